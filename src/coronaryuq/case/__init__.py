@@ -1,0 +1,1 @@
+"""The patient: reading, checking and completing a case."""

@@ -1,0 +1,1 @@
+"""What the model is missing: locate, name, add, verify."""

@@ -1,0 +1,1 @@
+"""Multi-fidelity estimates of the quantities of interest, with intervals."""

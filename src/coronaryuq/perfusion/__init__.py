@@ -1,0 +1,1 @@
+"""Perfusion territories and their flows under noise."""

@@ -1,0 +1,1 @@
+"""Stage two: the posterior of the outlet resistances."""

@@ -1,0 +1,1 @@
+"""The bundled patient: anatomy, perfusion and clinical targets made from a documented seed."""

@@ -1,0 +1,46 @@
+"""The only place where clinical units meet CGS.
+
+Inside the package everything is CGS: cm, g, s, dyn/cm2, poise. Each constant is what one clinical unit is in CGS:
+multiply to come in, divide to go out.
+"""
+
+MMHG = 1333.22
+"""dyn/cm2 per mmHg, the value that svZeroDSolver's own cases use."""
+
+ML_PER_MIN = 1.0 / 60.0
+"""mL/s per mL/min."""
+
+L_PER_MIN = 1000.0 / 60.0
+"""mL/s per L/min."""
+
+MM = 0.1
+"""cm per mm."""
+
+MBF_PER_MIN_PER_G = 1.0 / 60.0
+"""mL/s/g per mL/min/g."""
+
+TISSUE_DENSITY = 1.05
+"""Density of myocardium, g/mL (Vinnakota & Bassingthwaighte 2004)."""
+
+BLOOD_DENSITY = 1.06
+"""g/cm3 (paper, section 2.2)."""
+
+BLOOD_VISCOSITY = 0.04
+"""Poise (paper, section 2.2)."""
+
+LENGTHS = {"cm": 1.0, "mm": MM, "m": 100.0}
+PRESSURES = {"dyn/cm2": 1.0, "mmHg": MMHG, "Pa": 10.0, "kPa": 1e4}
+FLOWS = {"mL/s": 1.0, "cm3/s": 1.0, "mL/min": ML_PER_MIN, "L/min": L_PER_MIN}
+VOLUMES = {"mL": 1.0, "cm3": 1.0, "L": 1000.0}
+RATIOS = {"1": 1.0, "%": 0.01}
+
+
+def perfusions(tissue_density: float = TISSUE_DENSITY) -> dict[str, float]:
+    """Factor from each unit of myocardial blood flow to mL/s per g, for tissue of `tissue_density` (g/mL)."""
+    return {
+        "mL/s/g": 1.0,
+        "mL/min/g": MBF_PER_MIN_PER_G,
+        "mL/min/100g": MBF_PER_MIN_PER_G / 100.0,
+        "mL/min/mL": MBF_PER_MIN_PER_G / tissue_density,
+        "mL/min/100mL": MBF_PER_MIN_PER_G / 100.0 / tissue_density,
+    }

@@ -1,0 +1,1 @@
+"""0D models: svZeroDSolver networks, many parameter sets at a time."""
