@@ -1,5 +1,6 @@
 """Where a result comes from: code, libraries, machine, configuration."""
 
+import ast
 import hashlib
 import importlib.metadata
 import json
@@ -53,3 +54,42 @@ def stamp(**more: Any) -> dict[str, Any]:
         "machine": f"{platform.system()} {platform.machine()}",
         **more,
     }
+
+
+def sources(*modules: str) -> list[Path]:
+    """Every file of the package that the given modules import, directly or through others, themselves included.
+
+    A workflow names these as inputs of a rule, so that an edit anywhere behind the rule makes its results stale.
+    Imports inside functions count; so do the packages' `__init__` files.
+    """
+    found: dict[str, Path] = {}
+    waiting = list(modules)
+    while waiting:
+        name = waiting.pop()
+        path = _module_file(name)
+        if name in found or path is None:
+            continue
+        found[name] = path
+        waiting += _imported(path)
+        if "." in name:
+            waiting.append(name.rpartition(".")[0])
+    return sorted(found.values())
+
+
+def _module_file(name: str) -> Path | None:
+    base = Path(coronaryuq.__file__).parent.joinpath(*name.split(".")[1:])
+    for path in (base.with_suffix(".py"), base / "__init__.py"):
+        if path.is_file():
+            return path
+    return None
+
+
+@cache
+def _imported(path: Path) -> tuple[str, ...]:
+    names = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            names += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+    return tuple(name for name in names if name.split(".")[0] == "coronaryuq")

@@ -1,0 +1,45 @@
+# make run    environment, then the laptop campaign; the last line says where the report is
+# make test   environment, then the tests
+# make env    the environment alone, in .venv/
+
+CONFIG ?= laptop
+CORES ?= all
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
+  command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && { echo $$p; break; }; done)
+
+.PHONY: run test env lock lint dry-run
+.DEFAULT_GOAL := run
+
+run: env
+	@$(BIN)/snakemake --profile workflow/profiles/default --configfile config/$(CONFIG).yaml --cores $(CORES)
+	@echo "Report: results/$(CONFIG)/report.html"
+
+test: env
+	@$(BIN)/python -m pytest -m "not long"
+
+lint: env
+	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/snakefmt --check Snakefile workflow && $(BIN)/lint-imports
+
+dry-run: env
+	@for config in config/*.yaml; do echo "== $$config"; \
+	  $(BIN)/snakemake --profile workflow/profiles/default --configfile $$config --cores 2 -n --quiet all || exit 1; done
+
+env: $(READY)
+
+$(READY): envs/requirements.lock pyproject.toml
+	@test -n "$(PYTHON)" || { echo "make: Python 3.11, 3.12 or 3.13 is needed and none was found: apt-get install python3 (Debian 12, Ubuntu 24.04), or name one: make PYTHON=/path/to/python3.11"; exit 2; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "make: $(PYTHON) cannot make environments: apt-get install python3-venv"; exit 2; }
+	@echo "Making the environment in $(VENV)/ (a few minutes, once)"
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check "$$(grep '^torch==' envs/requirements.lock)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r envs/requirements.lock
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	@$(BIN)/coronaryuq doctor --environment
+	@touch $(READY)
+
+# After a change of envs/requirements.in, from an environment that has what it names.
+lock:
+	@$(BIN)/python workflow/scripts/lock.py envs/requirements.in envs/requirements.lock

@@ -1,0 +1,69 @@
+"""Files are whole or absent; records come back as they went, and broken ones are named."""
+
+import math
+
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from coronaryuq import files, records
+from coronaryuq.errors import InputError
+
+floats = st.floats(allow_nan=False, allow_infinity=False)
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path):
+    target = tmp_path / "table.json"
+    files.write_json(target, {"a": 1})
+    with pytest.raises(RuntimeError), files.replacing(target) as beside:
+        beside.write_text("half")
+        raise RuntimeError
+    assert files.read_json(target) == {"a": 1}
+    assert [path.name for path in tmp_path.iterdir()] == ["table.json"]
+
+
+@pytest.mark.parametrize("text", ["", "{", '{"a": 1', "\x00\xff"])
+def test_broken_json_is_named_on_one_line(tmp_path, text):
+    path = tmp_path / "case.json"
+    path.write_bytes(text.encode("latin-1"))
+    with pytest.raises(InputError) as caught:
+        files.read_json(path)
+    assert "case.json" in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_missing_column_is_named_with_those_present(tmp_path):
+    (tmp_path / "t.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(InputError, match="t.csv: c: column missing; the file has a, b"):
+        files.read_csv(tmp_path / "t.csv", columns=("c",))
+
+
+@given(value=floats, text=st.text(max_size=20))
+def test_records_survive_the_round_trip_to_the_bit(tmp_path_factory, value, text):
+    path = tmp_path_factory.mktemp("records") / "batch.jsonl"
+    written = [
+        records.Record("sample_0000", {"BC_lca1": value}, {"ffr_lad": value}, diagnostics={"note": text}),
+        records.Record.failed("sample_0001", {"BC_lca1": value}, "blew up\nat step 3"),
+    ]
+    records.write(path, written)
+    back = records.read(path)
+    assert back == written
+    assert back[0].ok and not back[1].ok and back[1].reason == "blew up at step 3"
+    assert math.copysign(1, back[0].outputs["ffr_lad"]) == math.copysign(1, value)
+
+
+@pytest.mark.parametrize(
+    "text", ["", '{"sample": "a"', '{"sample": "a"}\n', '{"sample": "a", "inputs": {}, "x": 1}\n', "[1]\n"]
+)
+def test_broken_records_are_named(tmp_path, text):
+    path = tmp_path / "batch_3.jsonl"
+    path.write_text(text)
+    with pytest.raises(InputError, match="batch_3.jsonl"):
+        records.read(path)
+
+
+@given(st.lists(floats, min_size=1, max_size=20))
+def test_csv_floats_survive_the_round_trip_to_the_bit(tmp_path_factory, values):
+    path = tmp_path_factory.mktemp("table") / "t.csv"
+    files.write_csv(path, pd.DataFrame({"a": values}))
+    assert files.read_csv(path)["a"].tolist() == values

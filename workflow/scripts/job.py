@@ -1,0 +1,118 @@
+"""What every script needs: its files and parameters from Snakemake or from the command line, a log, one-line errors.
+
+    with job(globals()) as this:
+        stage_function(this.input["case"], this.params["settings"], this.output["targets"])
+
+Under Snakemake the rule gives them. By hand:
+
+    python workflow/scripts/NAME.py --input case=PATH --output targets=PATH \
+        --params '{"seed": 1}' [--threads N] [--log PATH]
+
+A name that is given more than once is a list. Progress goes to the terminal and to the log alike.
+"""
+
+import argparse
+import json
+import os
+import sys
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from coronaryuq.errors import InputError
+
+
+@dataclass
+class Job:
+    """Inputs and outputs (name → path, or list of paths), parameters, threads, log."""
+
+    input: dict[str, Any]
+    output: dict[str, Any]
+    params: dict[str, Any]
+    threads: int
+    log: str | None
+
+
+class Tee:
+    """A text stream that writes to several."""
+
+    def __init__(self, *streams):
+        self.streams = streams
+
+    def write(self, text: str) -> int:
+        for stream in self.streams:
+            stream.write(text)
+            stream.flush()
+        return len(text)
+
+    def flush(self) -> None:
+        for stream in self.streams:
+            stream.flush()
+
+    def isatty(self) -> bool:
+        return False
+
+
+@contextmanager
+def job(script_globals: dict[str, Any]) -> Iterator[Job]:
+    this = _from_snakemake(script_globals["snakemake"]) if "snakemake" in script_globals else _from_command_line()
+    terminal = sys.stderr
+    log = None
+    if this.log:
+        Path(this.log).parent.mkdir(parents=True, exist_ok=True)
+        log = open(this.log, "w", encoding="utf-8")  # noqa: SIM115 (closed below, after the error has gone into it)
+        sys.stderr = Tee(terminal, log)
+    try:
+        yield this
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(InputError.EXIT_CODE)
+    except Exception:
+        traceback.print_exc()
+        sys.exit(1)
+    finally:
+        sys.stderr = terminal
+        if log:
+            log.close()
+
+
+def _from_snakemake(snakemake) -> Job:
+    # Threads of linear algebra are decided before numpy is imported by the stage.
+    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+        os.environ[variable] = str(snakemake.threads)
+    return Job(
+        input={name: _paths(value) for name, value in snakemake.input.items()},
+        output={name: _paths(value) for name, value in snakemake.output.items()},
+        params=dict(snakemake.params.items()),
+        threads=snakemake.threads,
+        log=snakemake.log[0] if len(snakemake.log) else None,
+    )
+
+
+def _paths(value) -> Any:
+    return str(value) if isinstance(value, str) else [str(path) for path in value]
+
+
+def _from_command_line() -> Job:
+    parser = argparse.ArgumentParser(formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    parser.add_argument("--input", action="append", default=[], metavar="NAME=PATH")
+    parser.add_argument("--output", action="append", default=[], metavar="NAME=PATH")
+    parser.add_argument("--params", default="{}", help="JSON object")
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--log")
+    given = parser.parse_args()
+    return Job(_pairs(given.input), _pairs(given.output), json.loads(given.params), given.threads, given.log)
+
+
+def _pairs(items: list[str]) -> dict[str, Any]:
+    pairs: dict[str, Any] = {}
+    for item in items:
+        name, _, path = item.partition("=")
+        if name in pairs:
+            pairs[name] = [*(pairs[name] if isinstance(pairs[name], list) else [pairs[name]]), path]
+        else:
+            pairs[name] = path
+    return pairs

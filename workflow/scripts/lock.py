@@ -1,0 +1,40 @@
+"""Pin what envs/requirements.in names, and all that comes with it, at the versions of this environment."""
+
+import sys
+from importlib import metadata
+from pathlib import Path
+
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+
+def closure(names: list[Requirement]) -> dict[str, str]:
+    """Version of every distribution that `names` need here, extras and environment markers heeded."""
+    pinned: dict[str, str] = {}
+    waiting = [(wanted, frozenset(wanted.extras)) for wanted in names]
+    seen = set()
+    while waiting:
+        wanted, extras = waiting.pop()
+        key = (canonicalize_name(wanted.name), extras)
+        if key in seen:
+            continue
+        seen.add(key)
+        found = metadata.distribution(wanted.name)
+        pinned[key[0]] = found.version.split("+")[0]
+        for line in found.requires or []:
+            needed = Requirement(line)
+            if needed.marker is None or any(needed.marker.evaluate({"extra": extra}) for extra in extras | {""}):
+                waiting.append((needed, frozenset(needed.extras)))
+    return pinned
+
+
+def main(source: str, target: str) -> None:
+    lines = [line.split("#")[0].strip() for line in Path(source).read_text().splitlines()]
+    pinned = closure([Requirement(line) for line in lines if line])
+    text = "# Made by `make lock` from requirements.in; do not edit.\n"
+    text += "".join(f"{name}=={version}\n" for name, version in sorted(pinned.items()))
+    Path(target).write_text(text)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
