@@ -1,0 +1,33 @@
+# One patient, from anatomy and noisy perfusion to quantities of interest with confidence intervals.
+#
+#   snakemake --profile workflow/profiles/default --configfile config/laptop.yaml            the whole campaign
+#   snakemake --profile workflow/profiles/default --configfile config/laptop.yaml figures    its figures alone
+#   snakemake --profile workflow/profiles/default --configfile config/laptop.yaml paper_table
+
+from snakemake.utils import min_version
+
+min_version("9.27")
+
+
+include: "workflow/rules/common.smk"
+include: "workflow/rules/patient.smk"
+include: "workflow/rules/perfusion.smk"
+include: "workflow/rules/calibration.smk"
+include: "workflow/rules/posterior.smk"
+include: "workflow/rules/flow3d.smk"
+include: "workflow/rules/zerod.smk"
+include: "workflow/rules/estimation.smk"
+include: "workflow/rules/report.smk"
+
+
+localrules:
+    all,
+    figures,
+    paper_table,
+
+
+rule all:
+    default_target: True
+    input:
+        report=results("report.html"),
+        table=results("estimation", "table.csv"),

@@ -1,0 +1,86 @@
+"""The console command `coronaryuq`: check a case, run a benchmark, look at a machine."""
+
+import argparse
+import importlib
+import json
+import sys
+from collections.abc import Sequence
+
+from coronaryuq import __version__
+from coronaryuq.errors import InputError
+
+BENCHMARKS = ("zerod", "perfusion", "dream", "flow3d", "table", "coverage", "discrepancy", "campaign")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; return its exit code. Wrong input is one line on standard error and exit code 2."""
+    parser = _parser()
+    chosen = parser.parse_args(arguments)
+    try:
+        return chosen.run(chosen)
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return InputError.EXIT_CODE
+    except KeyboardInterrupt:
+        return 130
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="coronaryuq", description=__doc__)
+    parser.add_argument("--version", action="version", version=f"coronaryuq {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    check = commands.add_parser("check", help="read a case file and all that it names; say what is wrong with it")
+    check.add_argument("case", metavar="CASE", help="path of a case.yaml")
+    check.set_defaults(run=_check)
+
+    bench = commands.add_parser("bench", help="run a benchmark; its result is one JSON object on standard output")
+    bench.add_argument("name", choices=BENCHMARKS, metavar="NAME", help=", ".join(BENCHMARKS))
+    bench.add_argument("--quick", action="store_true", help="a smaller size, within 50 s on two cores")
+    bench.add_argument("--json", action="store_true", help="one line of JSON (default: indented)")
+    bench.add_argument("--data", metavar="FOLDER", help="published runs (table, coverage)")
+    bench.add_argument("--rows", metavar="FILE", help="rows of the table: row, column_3d, column_0d (table)")
+    bench.add_argument("--network", metavar="FILE", help="svZeroDSolver JSON (zerod)")
+    bench.add_argument("--config", metavar="FILE", help="configuration (campaign)")
+    bench.set_defaults(run=_bench)
+
+    doctor = commands.add_parser("doctor", help="check this machine: libraries, MPI, pictures, space, solvers")
+    doctor.add_argument("--environment", action="store_true", help="the Python environment only")
+    doctor.set_defaults(run=_doctor)
+
+    discrepancy = commands.add_parser("discrepancy", help="find what a model of a case is missing", add_help=False)
+    discrepancy.set_defaults(run=None)
+    return parser
+
+
+def _check(chosen: argparse.Namespace) -> int:
+    from coronaryuq.case.check import check_case
+
+    findings, summary = check_case(chosen.case)
+    for line in summary:
+        print(line)
+    for line in findings:
+        print(f"error: {line}", file=sys.stderr)
+    return InputError.EXIT_CODE if findings else 0
+
+
+def _bench(chosen: argparse.Namespace) -> int:
+    module = importlib.import_module(f"coronaryuq.bench.{chosen.name}")
+    given = {name: getattr(chosen, name) for name in ("data", "rows", "network", "config") if getattr(chosen, name)}
+    result = {"benchmark": chosen.name, "quick": chosen.quick, **module.run(quick=chosen.quick, **given)}
+    print(json.dumps(result, indent=None if chosen.json else 1, default=lambda value: value.tolist()))
+    return 0
+
+
+def _doctor(chosen: argparse.Namespace) -> int:
+    from coronaryuq.doctor import examine
+
+    sound = True
+    for finding in examine(environment_only=chosen.environment):
+        print(finding)
+        sound &= finding.sound
+    return 0 if sound else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

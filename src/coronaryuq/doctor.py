@@ -1,0 +1,124 @@
+"""Look at a machine before a campaign does: libraries, MPI, pictures, space, solvers, scheduler."""
+
+import importlib.metadata
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+LIBRARIES = {
+    "numpy": "numpy", "scipy": "scipy", "numba": "numba", "torch": "torch", "pandas": "pandas", "pyarrow": "pyarrow",
+    "scikit-learn": "sklearn", "arviz": "arviz", "snakemake": "snakemake", "pydantic": "pydantic", "pyvista": "pyvista",
+    "tetgen": "tetgen", "manifold3d": "manifold3d", "mmgpy": "mmgpy", "SimpleITK": "SimpleITK", "mpi4py": "mpi4py",
+}  # fmt: skip
+EXTERNAL = {
+    "svzerodsolver": "0D backend `svzerod`",
+    "svsolver": "3D backend `svsolver`",
+    "svpre": "3D backend `svsolver`",
+    "svmultiphysics": "3D backend `svmultiphysics`",
+    "sbatch": "profile `slurm`",
+}
+
+
+@dataclass
+class Finding:
+    """One thing looked at: sound or not, and what to do when it is not."""
+
+    what: str
+    sound: bool
+    detail: str
+
+    def __str__(self) -> str:
+        return f"{'ok  ' if self.sound else 'FAIL'} {self.what}: {self.detail}"
+
+
+def examine(environment_only: bool = False) -> Iterator[Finding]:
+    """Examine this machine; findings come as they are made."""
+    yield _python()
+    yield from _libraries()
+    yield _pictures()
+    if environment_only:
+        return
+    yield _mpi()
+    yield _space()
+    yield _cache()
+    for program, purpose in EXTERNAL.items():
+        path = shutil.which(program)
+        yield Finding(program, True, path or f"not installed; only {purpose} needs it")
+
+
+def _python() -> Finding:
+    version = ".".join(map(str, sys.version_info[:3]))
+    return Finding("python", sys.version_info >= (3, 11), f"{version} ({sys.executable})")
+
+
+def _libraries() -> Iterator[Finding]:
+    for name, module in LIBRARIES.items():
+        try:
+            version = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            yield Finding(name, False, "not installed; run `make env`")
+            continue
+        # Each in its own process: a library whose system libraries are missing may take the process with it.
+        tried = _run([sys.executable, "-c", f"import {module}"], timeout=120)
+        yield Finding(name, tried is None, version if tried is None else f"{version} does not import: {tried}")
+
+
+def _pictures() -> Finding:
+    code = (
+        "import pyvista, sys; p = pyvista.Plotter(off_screen=True, window_size=(64, 64));"
+        "p.add_mesh(pyvista.Sphere(), color='red'); image = p.screenshot(None); sys.exit(int(image.std() < 1))"
+    )
+    failure = _run([sys.executable, "-c", code], timeout=120)
+    remedy = "3D pictures need an OpenGL library: apt-get install libgl1 libegl1 (or libosmesa6)"
+    return Finding(
+        "3D pictures", failure is None, "rendered off screen" if failure is None else f"{remedy} [{failure}]"
+    )
+
+
+def _mpi(ranks: int = 2) -> Finding:
+    launcher = shutil.which("mpiexec", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}")
+    if launcher is None:
+        return Finding("MPI", False, "no mpiexec; run `make env`")
+    code = f"from mpi4py import MPI; raise SystemExit(MPI.COMM_WORLD.allreduce(1) != {ranks})"
+    failure = _run([launcher, "-n", str(ranks), sys.executable, "-c", code], timeout=120)
+    detail = (
+        f"{launcher} starts {ranks} ranks" if failure is None else f"{launcher} does not start {ranks} ranks: {failure}"
+    )
+    return Finding("MPI", failure is None, detail)
+
+
+def _space(wanted: float = 5e9) -> Finding:
+    free = shutil.disk_usage(".").free
+    return Finding(
+        "disk", free >= wanted, f"{free / 1e9:.0f} GB free here" + ("" if free >= wanted else "; wanted 5 GB")
+    )
+
+
+def _cache() -> Finding:
+    folder = os.environ.get("SNAKEMAKE_OUTPUT_CACHE")
+    if not folder:
+        return Finding("cache", True, "SNAKEMAKE_OUTPUT_CACHE is not set: results are not shared between campaigns")
+    try:
+        with tempfile.NamedTemporaryFile(dir=folder):
+            return Finding("cache", True, f"{folder} is writeable")
+    except OSError as error:
+        return Finding("cache", False, f"SNAKEMAKE_OUTPUT_CACHE={folder} cannot be written: {error.strerror}")
+
+
+def _run(command: list[str], timeout: float) -> str | None:
+    """Run a command; None if it succeeds, else the last line that it printed, or how it ended."""
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=timeout)
+    except subprocess.TimeoutExpired:
+        return f"no answer within {timeout:.0f} s"
+    except OSError as error:
+        return str(error)
+    if done.returncode == 0:
+        return None
+    lines = [line for line in (done.stderr or done.stdout).splitlines() if line.strip()]
+    return lines[-1][:200] if lines else f"ended with code {done.returncode}"

@@ -1,0 +1,63 @@
+# What every rule uses: the validated configuration, paths, portions, and the source files behind a rule.
+
+import os
+import sys
+from pathlib import Path
+
+from coronaryuq import config as configuration
+from coronaryuq import provenance
+from coronaryuq.errors import InputError
+
+
+def read_campaign():
+    """The configuration named on the command line, validated; the laptop's where none is named."""
+    named = [str(path) for path in workflow.configfiles]
+    try:
+        if not config:
+            return configuration.load(Path(workflow.basedir, "config", "laptop.yaml"))
+        return configuration.validate(dict(config), ", ".join(named) or "--config")
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr, flush=True)
+        sys.exit(InputError.EXIT_CODE)
+
+
+campaign = read_campaign()
+
+
+def results(*parts):
+    """Path of a result of this campaign."""
+    return Path("results", campaign.name, *parts).as_posix()
+
+
+def log_of(*parts):
+    return results("logs", *parts)
+
+
+def block(name):
+    """Settings of one stage, as plain values that a changed setting changes and a changed count does not."""
+    return getattr(campaign, name).model_dump(mode="json")
+
+
+def script(name):
+    return Path(workflow.basedir, "workflow", "scripts", name).as_posix()
+
+
+def code(*modules):
+    """Source files behind a rule; as inputs they make its results stale when one of them is edited."""
+    return [Path(os.path.relpath(path)).as_posix() for path in provenance.sources(*modules)]
+
+
+def portions(total, size):
+    """Split `total` samples into portions of `size`: {index: (first, count)}; more samples add portions at the end."""
+    return {k: (k * size, min(size, total - k * size)) for k in range(-(-total // size))}
+
+
+REALISATIONS = portions(campaign.perfusion.realisations, campaign.samples.chunk_realisations)
+PILOT = portions(campaign.samples.n_3d, campaign.samples.batch_3d)
+PROPAGATION = portions(campaign.samples.n_0d, campaign.samples.chunk_0d)
+SETS = {"pilot": PILOT, "propagation": PROPAGATION}
+
+
+wildcard_constraints:
+    k=r"\d+",
+    set="pilot|propagation",

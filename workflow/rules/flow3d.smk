@@ -1,0 +1,49 @@
+# 3D: the mesh, then one job per batch of pilot samples.
+
+
+rule mesh:
+    input:
+        case=rules.case.output.case,
+        tree=rules.case.output.tree,
+        code=code("coronaryuq.flow3d.mesh.stage"),
+    output:
+        archive=results("mesh", "mesh-complete.zip"),
+        description=results("mesh", "mesh.json"),
+    params:
+        settings=block("mesh"),
+        seed=campaign.seed,
+    log:
+        log_of("mesh.log"),
+    script:
+        "../scripts/mesh.py"
+
+
+rule mesh_folder:
+    input:
+        archive=rules.mesh.output.archive,
+    output:
+        folder=directory(results("mesh", "mesh-complete")),
+    log:
+        log_of("mesh_folder.log"),
+    script:
+        "../scripts/mesh_folder.py"
+
+
+rule flow3d_batch:
+    input:
+        case=rules.case.output.case,
+        network=rules.calibration.output.hyperaemia,
+        archive=rules.mesh.output.archive,
+        mesh=rules.mesh.output.description,
+        samples=results("samples", "pilot_{k}.csv"),
+        code=code("coronaryuq.flow3d.stage"),
+    output:
+        records=results("flow3d", "batch_{k}.jsonl"),
+    params:
+        settings=block("flow3d"),
+        backend=campaign.backend,
+        portion=lambda wildcards: PILOT[int(wildcards.k)],
+    log:
+        log_of("flow3d", "batch_{k}.log"),
+    script:
+        "../scripts/flow3d_batch.py"

@@ -1,0 +1,35 @@
+# The patient: the bundled one is made, any other is read; both become the same checked case.
+
+PATIENT = results("patient", "case.yaml") if campaign.case == "bundled" else campaign.case
+
+
+rule bundled_patient:
+    input:
+        code=code("coronaryuq.synthetic.stage"),
+    output:
+        case=results("patient", "case.yaml"),
+        truth=results("patient", "truth.json"),
+    params:
+        settings=block("synthetic"),
+        seed=campaign.seed,
+    log:
+        log_of("bundled_patient.log"),
+    script:
+        "../scripts/bundled_patient.py"
+
+
+rule case:
+    input:
+        case=PATIENT,
+        code=code("coronaryuq.case.stage"),
+    output:
+        case=results("case", "case.json"),
+        tree=results("case", "tree.vtp"),
+        network=results("case", "network.json"),
+        lv=results("case", "lv.vtu"),
+    params:
+        settings=block("patient"),
+    log:
+        log_of("case.log"),
+    script:
+        "../scripts/case.py"
