@@ -14,7 +14,9 @@ A name that is given more than once is a list. Progress goes to the terminal and
 import argparse
 import json
 import os
+import resource
 import sys
+import time
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -65,8 +67,16 @@ def job(script_globals: dict[str, Any]) -> Iterator[Job]:
         Path(this.log).parent.mkdir(parents=True, exist_ok=True)
         log = open(this.log, "w", encoding="utf-8")  # noqa: SIM115 (closed below, after the error has gone into it)
         sys.stderr = Tee(terminal, log)
+    started = time.perf_counter()
     try:
         yield this
+        used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+        cpu = sum(usage.ru_utime + usage.ru_stime for usage in used)
+        peak = max(usage.ru_maxrss for usage in used) / 1024
+        # The report adds these lines up.
+        print(
+            f"cost: wall {time.perf_counter() - started:.2f} s, cpu {cpu:.2f} s, memory {peak:.0f} MB", file=sys.stderr
+        )
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(InputError.EXIT_CODE)
