@@ -1,0 +1,206 @@
+"""One time step of LANES samples: momentum, caps coupled implicitly to their 0D sides, projection.
+
+Second-order backward differences, convection linearised about the extrapolated velocity, incremental pressure
+correction (Guermond, Minev & Shen 2006) with pressure stabilised by orthogonal subscales (Codina 2000).
+Pressure is uniform on each cap and tangential velocity zero; Q_i is the flux that discrete continuity sees,
+Q_i = ∫∇g_i·u − stabilisation, so that the flows of a connected domain sum to zero to rounding.
+"""
+
+from typing import Protocol
+
+import numba as nb
+import numpy as np
+
+from coronaryuq.flow3d import momentum, projection
+from coronaryuq.flow3d.discretisation import Discretisation
+from coronaryuq.flow3d.inlet import InletProfile
+from coronaryuq.flow3d.lanes import LANES
+
+
+class Coupling(Protocol):
+    """The 0D side of the caps."""
+
+    def advance(self, flow: np.ndarray, admittance: np.ndarray, pressure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Cap flows Q (out of the domain, mL/s) and pressures P (dyn/cm2), both (caps, LANES), at the step's end.
+
+        They satisfy the domain's Q = flow − admittance (P − pressure) together with the 0D side's own equations.
+        """
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _extrapolate(now, old, dt, bar, rate):
+    for i in range(now.shape[0]):
+        for c in range(3):
+            for s in range(LANES):
+                difference = now[i, c, s] - old[i, c, s]
+                bar[i, c, s] = now[i, c, s] + difference
+                rate[i, c, s] = difference / dt
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _backflow(nodes, area, normal, strength, diagonal, u, r, matrix):
+    """Damp inflow through outlets (Esmaily Moghadam et al. 2011); returns how many lanes had any."""
+    lanes = np.zeros(LANES, np.int64)
+    for k in range(nodes.shape[0]):
+        i = nodes[k]
+        for s in range(LANES):
+            inflow = u[i, 0, s] * normal[0] + u[i, 1, s] * normal[1] + u[i, 2, s] * normal[2]
+            if inflow < 0.0:
+                lanes[s] = 1
+                weight = strength * area[k] * inflow
+                for c in range(3):
+                    r[i, c, s] += weight * u[i, c, s]
+                matrix[diagonal[i], s] -= weight
+    return lanes
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _add(u, delta):
+    for i in range(u.shape[0]):
+        for c in range(3):
+            for s in range(LANES):
+                u[i, c, s] += delta[i, c, s]
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _cap_flux(lift, b, flux):
+    flux[:] = 0.0
+    for i in range(lift.shape[0]):
+        for c in range(lift.shape[1]):
+            w = lift[i, c]
+            for s in range(LANES):
+                flux[c, s] += w * b[i, s]
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _impose(near, weight, cap_start, cap_node, change, b):
+    """Take the caps' known pressure change out of the right-hand side and put it on the caps' nodes."""
+    for k in range(near.shape[0]):
+        i = near[k]
+        for c in range(weight.shape[1]):
+            w = weight[k, c]
+            for s in range(LANES):
+                b[i, s] -= w * change[c, s]
+    for c in range(weight.shape[1]):
+        for k in range(cap_start[c], cap_start[c + 1]):
+            for s in range(LANES):
+                b[cap_node[k], s] = change[c, s]
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _add_pressure(p, phi):
+    for i in range(p.shape[0]):
+        for s in range(LANES):
+            p[i, s] += phi[i, s]
+
+
+class Stepper:
+    """State of LANES samples and the step that moves it.
+
+    velocity (n, 3, LANES) cm/s and pressure (n, LANES) dyn/cm2 in the solver's node order.
+    """
+
+    def __init__(
+        self,
+        space: Discretisation,
+        backflow: float = 0.5,
+        momentum_tolerance: float = 1e-2,
+        momentum_sweeps: int = 60,
+    ):
+        self.space = space
+        self.backflow = backflow
+        self.momentum_tolerance, self.momentum_sweeps = momentum_tolerance, momentum_sweeps
+        n = space.nodes
+        self.u, self.u_old, self._bar = (np.zeros((n, 3, LANES)) for _ in range(3))
+        self.kinematic_pressure = np.zeros((n, LANES))
+        self.projected_gradient = np.zeros((n, 3, LANES))
+        self.cap_pressure = np.zeros((len(space.caps), LANES))
+        self.cap_flow = np.zeros_like(self.cap_pressure)
+        self.inlets = [InletProfile(space, cap) if cap.inlet else None for cap in space.caps]
+        self._rate, self._r = np.zeros((n, 3, LANES)), np.zeros((n, 3, LANES))
+        self._matrix = np.zeros((len(space.column), LANES), np.float32)
+        self._delta = np.zeros((n, 3, LANES), np.float32)
+        self._b = np.zeros((n, LANES))
+        self._flux = np.zeros_like(self.cap_pressure)
+        self._cap_start = np.concatenate([[0], np.cumsum([len(k) for k in space.cap_nodes])]).astype(np.int64)
+        self._cap_node = np.concatenate(space.cap_nodes).astype(np.int64)
+        self._inverse_mass = 1.0 / space.mass
+        self.sweeps = np.zeros(LANES, np.int64)
+        self.backflow_lanes = np.zeros(LANES, np.int64)
+
+    @property
+    def pressure(self) -> np.ndarray:
+        return self.space.density * self.kinematic_pressure
+
+    def start(self, cap_pressure: np.ndarray, cap_flow: np.ndarray) -> None:
+        """Fluid at rest but for the inlets, pressure harmonic between the caps' pressures (caps, LANES)."""
+        space = self.space
+        self.u[:] = 0.0
+        self.cap_pressure[:] = cap_pressure
+        self.cap_flow[:] = cap_flow
+        for c, inlet in enumerate(self.inlets):
+            if inlet is not None:
+                inlet.start(-cap_flow[c])
+                self._set_inlet(inlet)
+        self.u_old[:] = self.u
+        kinematic = cap_pressure / space.density
+        self.kinematic_pressure[:] = 0.0
+        self.projected_gradient[:] = 0.0
+        self._b[:] = 0.0
+        for i in range(len(space.caps)):  # a fixed order of summation, whatever the number of samples
+            self._b += space.lift[:, i, None] * kinematic[i]
+        self._add_potential()
+
+    def step(self, coupling: Coupling) -> None:
+        space = self.space
+        _extrapolate(self.u, self.u_old, space.dt, self._bar, self._rate)
+        momentum.system(
+            space.tets, space.grad, space.volume, space.slot, space.tau_viscous, space.nu, space.mass_rate,
+            self._bar, self._rate, self.kinematic_pressure, space.constant, self._r, self._matrix,
+        )  # fmt: skip
+        self.backflow_lanes[:] = 0
+        for cap in space.caps:
+            if not cap.inlet:
+                self.backflow_lanes |= _backflow(
+                    cap.nodes, cap.nodal_area, cap.normal, self.backflow, space.diagonal, self._bar, self._r,
+                    self._matrix,
+                )  # fmt: skip
+        self._delta[:] = 0.0
+        active = np.ones(LANES)
+        self.sweeps = momentum.gauss_seidel(
+            space.start, space.column, space.diagonal, self._matrix, self._r, space.free_nodes, space.cap_of,
+            space.cap_normal, self._delta, active, self.momentum_tolerance, self.momentum_sweeps,
+        )  # fmt: skip
+        self.unconverged = active > 0
+        star = self._bar
+        _add(star, self._delta)
+        projection.divergence(
+            space.start, space.column, *space.divergence, space.spread, star, space.tau, self.projected_gradient,
+            self.kinematic_pressure, self._b,
+        )  # fmt: skip
+        _cap_flux(space.lift, self._b, self._flux)
+        admittance = space.admittance / space.density
+        flow, pressure = coupling.advance(self._flux, admittance, self.cap_pressure)
+        change = (pressure - self.cap_pressure) / space.density
+        _impose(space.near_caps, space.near_weight, self._cap_start, self._cap_node, change, self._b)
+        space.factor.solve(self._b)
+        self.cap_pressure[:] = pressure
+        self.cap_flow[:] = flow
+        self._bar, self.u_old, self.u = self.u_old, self.u, star
+        self._add_potential(factor=1.0 / space.mass_rate)
+        for c, inlet in enumerate(self.inlets):
+            if inlet is not None:
+                inlet.advance(-flow[c])
+                self._set_inlet(inlet)
+
+    def _add_potential(self, factor: float = 0.0) -> None:
+        space = self.space
+        _add_pressure(self.kinematic_pressure, self._b)
+        projection.correct(
+            space.start, space.column, *space.gradient, self._b, self._inverse_mass, space.free, space.cap_of,
+            space.cap_normal, factor, self.u, self.projected_gradient,
+        )  # fmt: skip
+
+    def _set_inlet(self, inlet: InletProfile) -> None:
+        cap = inlet.cap
+        self.u[cap.nodes] = -cap.normal[None, :, None] * inlet.now[:, None, :]
