@@ -29,6 +29,7 @@ class Samples(BaseModel):
     )
     batch_3d: int = Field(16, ge=1, description="3D samples per job; 1 for an external solver")
     chunk_0d: int = Field(500, ge=1, description="0D samples per job")
+    chunks_resampled: int = Field(8, ge=1, description="jobs that share the 0D runs at resampled inputs")
     chunk_realisations: int = Field(500, ge=1, description="noisy perfusion realisations per job")
 
 

@@ -1,5 +1,6 @@
 # What every rule uses: the validated configuration, paths, portions, and the source files behind a rule.
 
+import json
 import os
 import sys
 from pathlib import Path
@@ -52,10 +53,15 @@ def portions(total, size):
     return {k: (k * size, min(size, total - k * size)) for k in range(-(-total // size))}
 
 
+def as_json(**values):
+    """Parameters of a job that is started from the shell."""
+    return json.dumps(values, sort_keys=True)
+
+
 REALISATIONS = portions(campaign.perfusion.realisations, campaign.samples.chunk_realisations)
-PILOT = portions(campaign.samples.n_3d, campaign.samples.batch_3d)
-PROPAGATION = portions(campaign.samples.n_0d, campaign.samples.chunk_0d)
-SETS = {"pilot": PILOT, "propagation": PROPAGATION}
+BATCHES = portions(campaign.samples.n_3d, campaign.samples.batch_3d)
+COUNTS = {"pilot": campaign.samples.n_3d, "propagation": campaign.samples.n_0d}
+CHUNKS = {name: portions(count, campaign.samples.chunk_0d) for name, count in COUNTS.items()}
 
 
 wildcard_constraints:

@@ -35,14 +35,16 @@ rule flow3d_batch:
         network=rules.calibration.output.hyperaemia,
         archive=rules.mesh.output.archive,
         mesh=rules.mesh.output.description,
-        samples=results("samples", "pilot_{k}.csv"),
-        code=code("coronaryuq.flow3d.stage"),
+        draws=rules.posterior.output.draws,
+        code=code("coronaryuq.flow3d.stage", "coronaryuq.posterior.samples"),
     output:
         records=results("flow3d", "batch_{k}.jsonl"),
     params:
         settings=block("flow3d"),
+        posterior=block("posterior"),
         backend=campaign.backend,
-        portion=lambda wildcards: PILOT[int(wildcards.k)],
+        seed=campaign.seed,
+        portion=lambda wildcards: BATCHES[int(wildcards.k)],
     log:
         log_of("flow3d", "batch_{k}.log"),
     script:

@@ -11,13 +11,16 @@ rule posterior_chains:
     output:
         chains=results("posterior", "chains.npz"),
     params:
-        settings=block("posterior"),
-        seed=campaign.seed,
+        given=as_json(settings=block("posterior"), seed=campaign.seed),
     log:
         log_of("posterior", "chains.log"),
-    threads: 2
-    script:
-        "../scripts/posterior_chains.py"
+    resources:
+        mpi="mpiexec",
+        tasks=1,
+    shell:
+        "{resources.mpi} -n {resources.tasks} python {input.script:q}"
+        " --input case={input.case:q} network={input.network:q} targets={input.targets:q}"
+        " --output chains={output.chains:q} --params {params.given:q} --threads {threads} --log {log:q}"
 
 
 rule posterior:
@@ -45,13 +48,13 @@ rule samples:
         draws=rules.posterior.output.draws,
         code=code("coronaryuq.posterior.stage"),
     output:
-        samples=results("samples", "{set}_{k}.csv"),
+        samples=results("samples", "{set}.csv"),
     params:
         settings=block("posterior"),
         seed=campaign.seed,
         set=lambda wildcards: wildcards.set,
-        portion=lambda wildcards: SETS[wildcards.set][int(wildcards.k)],
+        total=lambda wildcards: COUNTS[wildcards.set],
     log:
-        log_of("samples", "{set}_{k}.log"),
+        log_of("samples", "{set}.log"),
     script:
         "../scripts/samples.py"

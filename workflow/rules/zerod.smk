@@ -5,13 +5,16 @@ rule zerod_chunk:
     input:
         case=rules.case.output.case,
         network=rules.calibration.output.hyperaemia,
-        samples=results("samples", "{set}_{k}.csv"),
-        code=code("coronaryuq.zerod.stage"),
+        draws=rules.posterior.output.draws,
+        code=code("coronaryuq.zerod.stage", "coronaryuq.posterior.samples"),
     output:
         runs=results("zerod", "{set}_{k}.parquet"),
     params:
         settings=block("zerod"),
-        portion=lambda wildcards: SETS[wildcards.set][int(wildcards.k)],
+        posterior=block("posterior"),
+        seed=campaign.seed,
+        set=lambda wildcards: wildcards.set,
+        portion=lambda wildcards: CHUNKS[wildcards.set][int(wildcards.k)],
     log:
         log_of("zerod", "{set}_{k}.log"),
     script:

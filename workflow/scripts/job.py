@@ -108,8 +108,8 @@ def _paths(value) -> Any:
 
 def _from_command_line() -> Job:
     parser = argparse.ArgumentParser(formatter_class=argparse.ArgumentDefaultsHelpFormatter)
-    parser.add_argument("--input", action="append", default=[], metavar="NAME=PATH")
-    parser.add_argument("--output", action="append", default=[], metavar="NAME=PATH")
+    parser.add_argument("--input", nargs="*", default=[], metavar="NAME=PATH")
+    parser.add_argument("--output", nargs="*", default=[], metavar="NAME=PATH")
     parser.add_argument("--params", default="{}", help="JSON object")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--log")

@@ -1,0 +1,84 @@
+# Estimates: runs gathered in the published format, shared space trained, 0D rerun at the resampled inputs, the table.
+
+RESAMPLED = range(campaign.samples.chunks_resampled)
+
+
+rule runs:
+    input:
+        case=rules.case.output.case,
+        pilot=results("samples", "pilot.csv"),
+        propagation=results("samples", "propagation.csv"),
+        records=expand(rules.flow3d_batch.output.records, k=BATCHES),
+        zerod_pilot=expand(results("zerod", "pilot_{k}.parquet"), k=CHUNKS["pilot"]),
+        zerod_propagation=expand(results("zerod", "propagation_{k}.parquet"), k=CHUNKS["propagation"]),
+        code=code("coronaryuq.estimation.gather"),
+    output:
+        params=results("runs", "params.csv"),
+        outputs_3d=results("runs", "outputs_3d.csv"),
+        outputs_0d=results("runs", "outputs_0d.csv"),
+        params_propagation=results("runs", "params_propagation.csv"),
+        outputs_0d_propagation=results("runs", "outputs_0d_propagation.csv"),
+        limits=results("runs", "param_limits.json"),
+        rows=results("runs", "rows.csv"),
+        failures=results("runs", "failures.json"),
+    params:
+        settings=block("estimation"),
+        posterior=block("posterior"),
+    log:
+        log_of("runs.log"),
+    script:
+        "../scripts/runs.py"
+
+
+rule estimation_train:
+    input:
+        **{name: path for name, path in rules.runs.output.items()},
+        code=code("coronaryuq.estimation.stage"),
+    output:
+        networks=results("estimation", "networks.npz"),
+        resampled=results("estimation", "resampled.parquet"),
+    params:
+        settings=block("estimation"),
+        seed=campaign.seed,
+    log:
+        log_of("estimation", "train.log"),
+    threads: 2
+    script:
+        "../scripts/estimation_train.py"
+
+
+rule zerod_resampled:
+    input:
+        case=rules.case.output.case,
+        network=rules.calibration.output.hyperaemia,
+        samples=rules.estimation_train.output.resampled,
+        code=code("coronaryuq.zerod.stage"),
+    output:
+        runs=results("zerod", "resampled_{k}.parquet"),
+    params:
+        settings=block("zerod"),
+        k=lambda wildcards: int(wildcards.k),
+        chunks=len(RESAMPLED),
+    log:
+        log_of("zerod", "resampled_{k}.log"),
+    script:
+        "../scripts/zerod_resampled.py"
+
+
+rule estimation:
+    input:
+        **{name: path for name, path in rules.runs.output.items()},
+        networks=rules.estimation_train.output.networks,
+        resampled=rules.estimation_train.output.resampled,
+        zerod=expand(rules.zerod_resampled.output.runs, k=RESAMPLED),
+        code=code("coronaryuq.estimation.stage"),
+    output:
+        estimates=results("estimation", "estimates.json"),
+        table=results("estimation", "table.csv"),
+    params:
+        settings=block("estimation"),
+        seed=campaign.seed,
+    log:
+        log_of("estimation", "estimates.log"),
+    script:
+        "../scripts/estimation.py"
