@@ -1,0 +1,36 @@
+"""Settings of the estimation stage."""
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class Settings(BaseModel):
+    """Estimators, their training, and the intervals that they give."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    level: float = Field(0.95, gt=0.5, lt=1, description="level of the calibrated intervals")
+    folds: int = Field(5, ge=2, le=50, description="folds of cross-fitting; pilots below 100 use twice as many")
+    ffr_threshold: float = Field(0.80, gt=0, lt=1, description="FFR at or below which a stenosis counts as significant")
+    cost_ratio: float = Field(
+        1e-5, gt=0, lt=1, description="cost of a 0D run in 3D runs, where the runs themselves do not tell"
+    )
+    known_scaling: str | None = Field(
+        "R_cor_scaling",
+        description="input with a known uniform law, independent of the others, that may be integrated exactly",
+    )
+    autoencoder: bool = Field(True, description="train MFMC-AE and run the 0D model at its resampled inputs")
+    epochs: tuple[int, int] = Field((2000, 1000), description="epochs of the first and second stage of training")
+    learning_rate: float = Field(5e-3, gt=0, description="Adam's first learning rate")
+    decay: float = Field(0.999, gt=0, le=1, description="factor on the learning rate per epoch")
+    restarts: int = Field(1, ge=1, le=20, description="trainings per row and fold; the one with the least loss is kept")
+    correlation: Literal["kernel", "literal"] = Field(
+        "kernel",
+        description="second-stage term: through a kernel distribution function, or the paper's empirical count",
+    )
+    trials: int = Field(200, ge=2, description="subsamples per size of the convergence study")
+    convergence_sizes: list[int] = Field(
+        [25, 50, 100, 150, 200, 250, 300, 400], description="3D runs per subsample of the convergence study"
+    )
+    min_3d: int = Field(20, ge=4, description="fewest usable 3D runs from which anything is estimated")

@@ -1,0 +1,60 @@
+"""What a folder of runs may hold, and what is refused."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from coronaryuq.errors import InputError
+from coronaryuq.estimation.runs import pair, read_rows, read_runs
+
+
+def test_reads_the_published_runs(menon):
+    runs = read_runs(menon)
+    assert len(runs) == 500 and len(runs.inputs) == 15 and runs.theta_more.shape == (10_000, 15)
+    assert runs.q_more is None and len(runs.theta_failed) == 0
+    assert runs.theta_more.min() > 0.4 and runs.theta_more[:, -1].max() <= 1.25
+    assert len(read_rows(menon / "table1.csv")) == 12
+
+
+def test_reads_a_campaign_and_aligns_by_sample_not_by_order(folder):
+    outputs = pd.read_csv(folder / "outputs_0d.csv")
+    outputs.iloc[::-1].to_csv(folder / "outputs_0d.csv", index=False)
+    runs = read_runs(folder)
+    (row,) = read_rows(folder / "rows.csv")
+    np.testing.assert_array_equal(pair(runs, row)[1], 1 / runs.theta[:, 0])
+    assert len(runs.q_more) == len(runs.theta_more) == 200
+
+
+def test_a_failed_3d_run_is_set_apart_not_read_as_zero(folder):
+    outputs = pd.read_csv(folder / "outputs_3d.csv")
+    outputs.loc[3, "osi"] = np.nan
+    outputs.drop(index=5).to_csv(folder / "outputs_3d.csv", index=False)
+    runs = read_runs(folder)
+    assert len(runs) == 38 and runs.theta_failed.shape == (2, 2)
+
+
+@pytest.mark.parametrize(
+    ("file", "spoil", "says"),
+    [
+        ("params.csv", lambda f: f.assign(BC_lca1=np.inf), "BC_lca1"),
+        ("params.csv", lambda f: pd.concat([f, f.iloc[:1]]), "twice"),
+        ("outputs_3d.csv", lambda f: f.assign(sample=["x"] * len(f)), "twice"),
+        ("outputs_3d.csv", lambda f: f.assign(osi="high"), "not a number"),
+        ("outputs_3d.csv", lambda f: f.iloc[:1], "at least 2"),
+        ("outputs_0d.csv", lambda f: f.iloc[:-1], "run the 0D model"),
+        ("outputs_0d.csv", lambda f: f.drop(columns="sample"), "sample"),
+        ("params_propagation.csv", lambda f: f.drop(columns="R_cor_scaling"), "R_cor_scaling"),
+        ("outputs_0d_propagation.csv", lambda f: f.assign(sample=f["sample"] + "x"), "propagation"),
+    ],
+)
+def test_bad_input_is_one_line_that_names_file_and_fault(folder, file, spoil, says):
+    spoil(pd.read_csv(folder / file)).to_csv(folder / file, index=False)
+    with pytest.raises(InputError) as caught:
+        read_runs(folder)
+    assert file in str(caught.value) and says in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_row_that_names_no_column_lists_the_columns(folder):
+    (folder / "rows.csv").write_text("row,column_3d,column_0d\n1,osi,flow\n")
+    with pytest.raises(InputError, match="flow.*ffr_lad"):
+        pair(read_runs(folder), read_rows(folder / "rows.csv")[0])
