@@ -34,9 +34,9 @@ def log_of(*parts):
     return results("logs", *parts)
 
 
-def block(name):
+def block(name, without=()):
     """Settings of one stage, as plain values that a changed setting changes and a changed count does not."""
-    return getattr(campaign, name).model_dump(mode="json")
+    return getattr(campaign, name).model_dump(mode="json", exclude=set(without))
 
 
 def script(name):

@@ -9,7 +9,7 @@ rule perfusion_chunk:
     output:
         chunk=results("perfusion", "chunk_{k}.npz"),
     params:
-        settings=block("perfusion"),
+        settings=block("perfusion", without=["realisations"]),
         seed=campaign.seed,
         portion=lambda wildcards: REALISATIONS[int(wildcards.k)],
     log:

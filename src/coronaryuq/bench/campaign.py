@@ -1,0 +1,101 @@
+"""Benchmark `campaign`: how long Snakemake plans, how much of a run is its own time, how many files there are."""
+
+import json
+import os
+import re
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from urllib.parse import unquote
+
+import coronaryuq
+from coronaryuq import config
+from coronaryuq.errors import InputError
+
+QUICK_TARGET = "perfusion/targets.json"
+"""How far a quick run goes: the patient, the case, the noise statistics."""
+
+
+def run(quick: bool, config: str | None = None) -> dict:
+    """Plan and run one campaign (default: `smoke`) in a temporary folder.
+
+    `snakemake_overhead_fraction` is the share of the wall time in which no job was running, by the start and end times
+    that Snakemake records. A quick run stops at the perfusion targets; planning is always of the whole campaign.
+    """
+    root = Path(coronaryuq.__file__).parents[2]
+    configuration = Path(config) if config else root / "config" / "smoke.yaml"
+    if not (root / "Snakefile").is_file():
+        raise InputError(root / "Snakefile", None, None, "not found; run this benchmark in a checkout of the project")
+    name = _name(configuration)
+    with tempfile.TemporaryDirectory(prefix="campaign-") as folder:
+        target = [f"results/{name}/{QUICK_TARGET}"] if quick else []
+        planned = _snakemake(root, configuration, folder, "--dry-run")
+        done = _snakemake(root, configuration, folder, *target)
+        intervals = _intervals(Path(folder))
+        files = sum(len(names) for _, _, names in os.walk(Path(folder, "results")))
+    return {
+        "config": configuration.name,
+        "jobs": _jobs(planned.output),
+        "jobs_run": len(intervals),
+        "dry_run_s": round(planned.wall_s, 2),
+        "wall_s": round(done.wall_s, 2),
+        "cpu_s": round(done.cpu_s, 2),
+        "snakemake_overhead_fraction": round(1 - _covered(intervals) / done.wall_s, 4),
+        "files": files,
+    }
+
+
+def _name(configuration: Path) -> str:
+    return config.load(configuration).name
+
+
+class _Run:
+    def __init__(self, output: str, wall_s: float, cpu_s: float):
+        self.output, self.wall_s, self.cpu_s = output, wall_s, cpu_s
+
+
+def _snakemake(root: Path, configuration: Path, folder: str, *arguments: str) -> _Run:
+    command = [
+        sys.executable, "-m", "snakemake", "--snakefile", str(root / "Snakefile"), "--directory", folder,
+        "--profile", str(root / "workflow" / "profiles" / "default"),
+        "--configfile", str(configuration.resolve()), *arguments,
+    ]  # fmt: skip
+    before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    lines = []
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+        for line in process.stdout:
+            lines.append(line)
+            if "--dry-run" not in arguments:
+                sys.stderr.write(line)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    if process.returncode:
+        raise RuntimeError(f"snakemake ended with code {process.returncode}: {''.join(lines[-20:])}")
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return _Run("".join(lines), time.perf_counter() - started, cpu)
+
+
+def _jobs(output: str) -> int:
+    return int(re.search(r"^total\s+(\d+)", output, re.MULTILINE).group(1))
+
+
+def _intervals(folder: Path) -> list[tuple[float, float]]:
+    """Start and end of every job, from Snakemake's records (one per output file; those of one job coincide)."""
+    found = set()
+    for path in (folder / ".snakemake" / "metadata").rglob("*"):
+        if path.is_file():
+            record = json.loads(unquote(path.read_text()))
+            if record.get("starttime") and record.get("endtime"):
+                found.add((record["starttime"], record["endtime"]))
+    return sorted(found)
+
+
+def _covered(intervals: list[tuple[float, float]]) -> float:
+    """Length of the union of intervals, s."""
+    total, reached = 0.0, float("-inf")
+    for start, end in intervals:
+        total += max(0.0, end - max(start, reached))
+        reached = max(reached, end)
+    return total

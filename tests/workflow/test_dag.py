@@ -1,0 +1,116 @@
+"""What Snakemake would run, and what a change makes stale: asked of the real workflow, without running it."""
+
+import copy
+
+import pytest
+
+pytestmark = pytest.mark.workflow
+
+ALWAYS = {"all"}
+ENDS = {"figure", "report", "all"}
+ESTIMATES = {"runs", "estimation_train", "zerod_resampled", "estimation"} | ENDS
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A campaign that has run, as far as Snakemake can tell."""
+    from conftest import Checkout
+
+    checkout = Checkout(tmp_path_factory.mktemp("finished"))
+    checkout.pretend_done()
+    return checkout
+
+
+def changed(checkout, **blocks):
+    settings = copy.deepcopy(checkout.settings)
+    for block, values in blocks.items():
+        if isinstance(values, dict):
+            settings.setdefault(block, {}).update(values)
+        else:
+            settings[block] = values
+    return settings
+
+
+def test_a_campaign_goes_through_every_stage(checkout):
+    jobs = checkout.dry_run()
+    assert jobs["flow3d_batch"] == 2 and jobs["zerod_chunk"] == 1 + 2
+    assert {"bundled_patient", "case", "mesh", "perfusion", "calibration", "posterior"} | ESTIMATES <= set(jobs)
+
+
+def test_nothing_runs_twice(finished):
+    assert finished.dry_run() == {}
+
+
+def test_more_samples_leave_the_old_ones_alone(finished):
+    jobs = finished.dry_run(settings=changed(finished, samples={"n_3d": 24, "n_0d": 96}))
+    assert jobs["flow3d_batch"] == 1, "one batch of eight more"
+    assert jobs["zerod_chunk"] == 1 + 1, "the pilot's only chunk has grown, the propagation sample has one more"
+    assert set(jobs) == {"flow3d_batch", "zerod_chunk", "samples"} | ESTIMATES
+
+
+def test_a_new_seed_keeps_the_patient_and_the_mesh(finished):
+    jobs = set(finished.dry_run(settings=changed(finished, seed=7)))
+    assert {"perfusion_chunk", "calibration", "posterior_chains", "flow3d_batch", "zerod_chunk"} <= jobs
+    assert not {"bundled_patient", "case", "mesh"} & jobs
+
+
+@pytest.mark.parametrize(
+    ("block", "values", "stale", "fresh"),
+    [
+        ("perfusion", {"mbf_noise": 0.1}, {"perfusion_chunk", "calibration", "flow3d_batch"}, {"case", "mesh"}),
+        ("flow3d", {"max_cycles": 3}, {"flow3d_batch"} | ESTIMATES, {"zerod_chunk", "posterior", "mesh"}),
+        ("estimation", {"folds": 3}, ESTIMATES, {"flow3d_batch", "zerod_chunk", "posterior"}),
+    ],
+)
+def test_a_changed_setting_makes_stale_what_depends_on_it(finished, block, values, stale, fresh):
+    jobs = set(finished.dry_run(settings=changed(finished, **{block: values})))
+    assert stale <= jobs
+    assert not fresh & jobs
+
+
+@pytest.mark.parametrize(
+    ("module", "stale", "fresh"),
+    [
+        ("posterior/dream.py", {"posterior_chains", "flow3d_batch"}, {"perfusion_chunk", "calibration", "mesh"}),
+        ("flow3d/wall_shear.py", {"flow3d_batch"} | ESTIMATES, {"zerod_chunk", "posterior"}),
+        ("report/page.py", {"report"}, {"figure", "estimation"}),
+        ("figures/style.py", {"figure"}, {"estimation", "flow3d_batch"}),
+    ],
+)
+def test_an_edit_of_an_imported_module_makes_stale_what_imports_it(tmp_path, module, stale, fresh):
+    from conftest import Checkout
+
+    checkout = Checkout(tmp_path)
+    checkout.pretend_done()
+    checkout.edit(module)
+    jobs = set(checkout.dry_run())
+    assert stale <= jobs
+    assert not fresh & jobs
+
+
+def test_figures_alone_compute_nothing_else(finished):
+    for figure in (finished.folder / "results" / "tiny" / "figures").iterdir():
+        figure.unlink()
+    try:
+        assert set(finished.dry_run("figures")) == {"figure", "figures"}
+    finally:
+        finished.run("figures", "--touch", "--force")
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"name": "../up"}, "name = '../up'"),
+        ({"name": "x", "seed": -1}, "seed = -1"),
+        ({"name": "x", "sampels": {}}, "sampels = {}: unknown setting; known here: name, seed"),
+        ({"name": "x", "samples": {"n_3d": "many"}}, "samples.n_3d = 'many'"),
+        ({"name": "x", "backend": "fluent"}, "backend = 'fluent'"),
+        ({"name": "x", "case": "nowhere/case.yaml"}, "nowhere/case.yaml: no such file"),
+    ],
+)
+def test_a_wrong_configuration_is_one_line_and_nothing_is_written(checkout, settings, said):
+    done = checkout.run("--dry-run", settings=settings)
+    lines = [line for line in done.stderr.splitlines() if line.strip()]
+    assert done.returncode == 2
+    assert len(lines) == 1 and said in lines[0], done.stderr
+    assert not (checkout.folder / "results").exists()
