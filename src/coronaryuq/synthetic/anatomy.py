@@ -1,0 +1,317 @@
+"""The bundled patient's vessels: a right-dominant coronary tree on an ellipsoidal heart, drawn from a seed.
+
+Courses follow the grooves and walls that the arteries are named after. Calibres follow the flow that a vessel
+carries, r ~ Q^(1/k) with k = 2.7 at bifurcations (Murray 1926; Kassab 2007 measured 2.3 to 2.7 in coronary trees),
+where an outlet carries the share of the left ventricular wall that is nearest to it.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.spatial import cKDTree
+
+from coronaryuq import seeds
+from coronaryuq.case.tree import AORTA, Stenosis, Tree, Vessel
+from coronaryuq.synthetic.ventricle import Ventricle
+
+SEED = 2024
+"""Seed of the bundled patient."""
+EXPONENT = 2.7
+"""Of Murray's law, r_parent^k = Σ r_child^k."""
+LEFT_MAIN_RADIUS, RIGHT_OSTIUM_RADIUS = 0.215, 0.19
+"""cm; CT normals are 4.0 to 4.5 mm and 3.5 to 4.0 mm in diameter (Dodge et al. 1992)."""
+TAPER = 0.93
+"""End radius over start radius of a vessel between bifurcations; outlets taper more, see OUTLET_TAPER."""
+OUTLET_TAPER = 0.85
+SMALLEST = 0.07
+"""cm: no vessel starts narrower unless its parent is; CT angiography resolves little below this."""
+SPACING = 0.05
+"""cm between centreline points."""
+
+AORTIC_AXIS = np.array([-0.30, 0.05, 0.95]) / np.linalg.norm([-0.30, 0.05, 0.95])
+ANNULUS = np.array([-1.34, 1.12, 0.2])
+OSTIAL_LEVEL, AORTIC_LENGTH = 1.5, 4.5
+"""cm above the annulus."""
+AORTIC_RADII = ([0.0, 0.9, 1.5, 2.2, 4.5], [1.20, 1.50, 1.55, 1.35, 1.45])
+"""cm above the annulus, and cm: annulus, sinuses, sinotubular junction, ascending aorta."""
+
+HEART_TO_PATIENT = np.array([[0.60, 0.48, 0.64], [-0.80, 0.36, 0.48], [0.0, -0.80, 0.60]]).T
+"""Rotation from the heart frame to left-posterior-superior body axes: the apex points left, forwards and down."""
+
+
+@dataclass(frozen=True)
+class Artery:
+    """An artery as anatomists draw it, from its origin to its end, side branches left out.
+
+    course: (φ in degrees, s, depth) places: depth 0 lies on the epicardium, more is inside the left ventricular wall.
+    origin: name of the artery that it leaves, at the share `at` of the origin's course places (linear between them).
+    """
+
+    name: str
+    branch: str
+    perfuses: str
+    origin: str
+    at: float
+    course: tuple[tuple[float, float, float], ...]
+    share: float = 0.0
+    """Of the coronary flow; 0 where it follows from the left ventricular territory."""
+
+
+ARTERIES = (
+    Artery("LAD", "LAD", "LV", AORTA, 0, (
+        (108, 0.00, 0), (117, 0.10, 0), (120, 0.22, 0), (121, 0.36, 0), (120, 0.48, 0), (120, 0.57, 0), (122, 0.64, 0),
+        (127, 0.72, 0))),
+    Artery("LCx", "LCx", "LV", "LAD", 0.0, (
+        (92, -0.015, 0), (76, 0.00, 0), (56, 0.01, 0), (36, 0.015, 0), (16, 0.02, 0), (-6, 0.03, 0), (-24, 0.06, 0),
+        (-38, 0.09, 0), (-46, 0.14, 0))),
+    Artery("D1", "LAD", "LV", "LAD", 1.6, (
+        (109, 0.21, 0), (101, 0.26, 0), (95, 0.32, 0), (92, 0.38, 0), (91, 0.45, 0))),
+    Artery("D1b", "LAD", "LV", "D1", 0.9, ((93, 0.26, 0), (84, 0.29, 0), (75, 0.33, 0), (68, 0.38, 0))),
+    Artery("S1", "LAD", "septum", "LAD", 2.1, ((130, 0.27, 0.25), (142, 0.33, 0.42), (156, 0.40, 0.45)), 0.04),
+    Artery("D2", "LAD", "LV", "LAD", 3.0, ((110, 0.43, 0), (102, 0.49, 0), (95, 0.54, 0), (88, 0.58, 0))),
+    Artery("S2", "LAD", "septum", "LAD", 3.7, ((131, 0.51, 0.25), (145, 0.57, 0.42), (158, 0.63, 0.45)), 0.03),
+    Artery("D3", "LAD", "LV", "LAD", 4.9, ((110, 0.62, 0), (92, 0.68, 0), (68, 0.71, 0))),
+    Artery("OM1", "LCx", "LV", "LCx", 2.15, (
+        (48, 0.10, 0), (44, 0.19, 0), (42, 0.26, 0), (41, 0.33, 0), (41, 0.40, 0))),
+    Artery("OM2", "LCx", "LV", "LCx", 3.9, ((13, 0.10, 0), (10, 0.19, 0), (14, 0.24, 0), (20, 0.29, 0))),
+    Artery("OM2b", "LCx", "LV", "OM2", 1.0, ((3, 0.28, 0), (-2, 0.38, 0), (-1, 0.48, 0), (2, 0.58, 0))),
+    Artery("OM3", "LCx", "LV", "LCx", 5.3, ((-15, 0.14, 0), (-18, 0.22, 0), (-21, 0.31, 0), (-24, 0.41, 0))),
+    Artery("PDA", "RCA", "LV", AORTA, 0, (
+        (149, -0.02, 0), (163, -0.01, 0), (178, 0.00, 0), (193, 0.01, 0), (207, 0.01, 0),
+        (220, 0.02, 0), (232, 0.03, 0), (240, 0.08, 0), (242, 0.18, 0), (241, 0.29, 0), (240, 0.38, 0), (239, 0.46, 0),
+        (237, 0.53, 0))),
+    Artery("conus", "RCA", "RV", "PDA", 0.5, ((149, 0.12, 0), (145, 0.22, 0), (141, 0.32, 0)), 0.03),
+    Artery("RV", "RCA", "RV", "PDA", 1.7, ((168, 0.12, 0), (163, 0.25, 0), (158, 0.38, 0)), 0.04),
+    Artery("AM", "RCA", "RV", "PDA", 4.0, ((202, 0.12, 0), (196, 0.25, 0), (190, 0.38, 0), (186, 0.50, 0)), 0.06),
+    Artery("PL", "RCA", "LV", "PDA", 6.6, (
+        (248, 0.04, 0), (260, 0.06, 0), (272, 0.09, 0), (281, 0.16, 0), (287, 0.22, 0),
+        (290, 0.28, 0), (292, 0.35, 0))),
+    Artery("PL1", "RCA", "LV", "PL", 0.6, ((255, 0.14, 0), (257, 0.20, 0), (257, 0.26, 0), (256, 0.31, 0))),
+    Artery("PL2", "RCA", "LV", "PL", 4.2, ((282, 0.29, 0), (279, 0.39, 0), (277, 0.49, 0), (276, 0.59, 0))),
+)  # fmt: skip
+"""The pattern before the seed moves it. The right coronary artery is drawn as one course that ends as its PDA."""
+
+STENOSES = {"LAD": ("LAD", 0.85, 1.2, 0.60), "LCx": ("LCx", 0.9, 1.0, 0.60), "RCA": ("PDA", 2.9, 1.4, 0.60)}
+"""Artery, place on its course, length (cm), diameter reduction at the throat."""
+
+
+@dataclass(frozen=True)
+class Outlet:
+    """Where a coronary vessel of the model ends: its vessel, label, what it perfuses (LV, RV or septum) and branch."""
+
+    vessel: str
+    label: str
+    perfuses: str
+    branch: str
+
+
+@dataclass(frozen=True)
+class Anatomy:
+    """The bundled patient's vessels and heart. The tree is in body axes, cm; `heart` turns them to the heart frame."""
+
+    tree: Tree
+    outlets: tuple[Outlet, ...]
+    stenoses: tuple[Stenosis, ...]
+    ventricle: Ventricle
+
+    @staticmethod
+    def heart(points: np.ndarray) -> np.ndarray:
+        """Body axes → heart frame, (..., 3) cm."""
+        return points @ HEART_TO_PATIENT
+
+    @staticmethod
+    def body(points: np.ndarray) -> np.ndarray:
+        """Heart frame → body axes, (..., 3) cm."""
+        return points @ HEART_TO_PATIENT.T
+
+    def wall(self, cells: int = 30_000):
+        """Tetrahedra of the left ventricular wall in body axes, cm."""
+        mesh = self.ventricle.mesh(cells)
+        mesh.points = self.body(np.asarray(mesh.points))
+        return mesh
+
+
+def patient_anatomy(seed: int = SEED) -> Anatomy:
+    """The bundled patient. Another seed moves the courses by degrees and millimetres: another patient of this kind."""
+    ventricle = Ventricle()
+    courses = _courses(ventricle, seeds.generator(seed, "patient", "anatomy"))
+    pieces = _pieces(courses)
+    shares = _shares(ventricle, courses)
+    tree, names = _tree(courses, pieces, shares)
+    ends = {p.artery: names[p.artery, p.number] for p in pieces}
+    outlets = tuple(Outlet(ends[a.name], a.name, a.perfuses, a.branch) for a in ARTERIES)
+    stenoses = tuple(_place(courses, pieces, names, name, *where[:3]) for name, where in STENOSES.items())
+    for stenosis, (_, _, _, reduction) in zip(stenoses, STENOSES.values(), strict=True):
+        tree = tree.with_vessels({stenosis.vessel: narrowed(tree[stenosis.vessel], stenosis, reduction)})
+    turned = [replace(v, points=Anatomy.body(v.points)) for v in tree]
+    return Anatomy(Tree(turned), outlets, stenoses, ventricle)
+
+
+def narrowed(vessel: Vessel, stenosis: Stenosis, reduction: float) -> Vessel:
+    """The vessel with a cosine-shaped narrowing whose throat loses the share `reduction` of its diameter."""
+    arc = np.union1d(vessel.arc, np.linspace(stenosis.start, stenosis.end, 41))
+    arc = arc[np.concatenate([[True], np.diff(arc) > 1e-6])]
+    middle, length = (stenosis.start + stenosis.end) / 2, stenosis.end - stenosis.start
+    shape = np.where(np.abs(arc - middle) < length / 2, (1 + np.cos(2 * np.pi * (arc - middle) / length)) / 2, 0.0)
+    return replace(vessel, points=vessel.position_at(arc), radii=vessel.radius_at(arc) * (1 - reduction * shape))
+
+
+@dataclass(frozen=True)
+class _Course:
+    """An artery's curve: dense points in the heart frame, and the arc length at each place of its description."""
+
+    artery: Artery
+    points: np.ndarray
+    arc: np.ndarray
+    knots: np.ndarray
+
+    def arc_of(self, place: float) -> float:
+        """Arc length at a place of the description: 0 is its first place, 1.5 half way from the second to the third."""
+        return float(np.interp(place, np.arange(len(self.knots)), self.knots))
+
+    def at(self, arc) -> np.ndarray:
+        return np.stack([np.interp(arc, self.arc, self.points[:, k]) for k in range(3)], axis=-1)
+
+
+def _courses(ventricle: Ventricle, random: np.random.Generator) -> dict[str, _Course]:
+    courses: dict[str, _Course] = {}
+    for artery in ARTERIES:
+        phi, s, depth = np.array(artery.course).T
+        # One shift per artery and a smaller one per place: whole arteries vary, single kinks do not appear.
+        phi = phi + random.normal(0, 1.0) + random.normal(0, 0.6, len(phi))
+        s = s + np.where(s > 0.1, random.normal(0, 0.008) + random.normal(0, 0.004, len(s)), 0.0)
+        on_heart = ventricle.epicardium(np.radians(phi), s)
+        lifted = on_heart + 0.2 * _outward(ventricle, np.radians(phi), s)
+        in_wall = ventricle.point(np.radians(phi), s, depth)
+        places = np.where(depth[:, None] > 0, in_wall, lifted)
+        if artery.origin == AORTA:
+            level = ANNULUS + OSTIAL_LEVEL * AORTIC_AXIS
+            toward = places[0] - level
+            toward = toward - 0.8 * (toward @ AORTIC_AXIS) * AORTIC_AXIS
+            toward /= np.linalg.norm(toward)
+            lead = np.array([level, level + 1.1 * toward, level + 1.9 * toward])
+        else:
+            origin = courses[artery.origin]
+            lead = origin.at(origin.arc_of(artery.at))[None]
+        through = np.concatenate([lead, places])
+        chord = np.concatenate([[0], np.cumsum(np.sqrt(np.linalg.norm(np.diff(through, axis=0), axis=1)))])
+        dense = CubicSpline(chord, through)(np.linspace(0, chord[-1], 4000))
+        arc = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(dense, axis=0), axis=1))])
+        knots = np.interp(chord[len(lead) :], np.linspace(0, chord[-1], 4000), arc)
+        courses[artery.name] = _Course(artery, dense, arc, knots)
+    return courses
+
+
+def _outward(ventricle: Ventricle, phi: np.ndarray, s: np.ndarray, step: float = 1e-4) -> np.ndarray:
+    """Unit outward normals (n, 3) of the epicardial surface."""
+    by_phi = ventricle.epicardium(phi + step, s) - ventricle.epicardium(phi - step, s)
+    by_s = ventricle.epicardium(phi, s + step) - ventricle.epicardium(phi, s - step)
+    normal = np.cross(by_s, by_phi)
+    return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """Part of an artery between two bifurcations: number along the artery, arc lengths, the piece that feeds it."""
+
+    artery: str
+    number: int
+    start: float
+    end: float
+    parent: tuple[str, int] | None
+
+
+def _pieces(courses: dict[str, _Course]) -> list[_Piece]:
+    pieces: list[_Piece] = []
+    for name, course in courses.items():
+        cuts = sorted(course.arc_of(c.artery.at) for c in courses.values() if c.artery.origin == name)
+        ends = [*cuts, course.arc[-1]]
+        for number, end in enumerate(ends):
+            if number > 0:
+                parent = (name, number - 1)
+            elif course.artery.origin == AORTA:
+                parent = None
+            else:
+                here = courses[course.artery.origin].arc_of(course.artery.at)
+                parent = next(
+                    (p.artery, p.number) for p in pieces if p.artery == course.artery.origin and p.end >= here
+                )
+            pieces.append(_Piece(name, number, 0.0 if number == 0 else ends[number - 1], end, parent))
+    return pieces
+
+
+def _shares(ventricle: Ventricle, courses: dict[str, _Course]) -> dict[str, float]:
+    """Share of coronary flow of each artery's end: the wall nearest to it, or what its description states."""
+    feeding = [c for c in courses.values() if c.artery.perfuses == "LV"]
+    wall = ventricle.mesh(12_000)
+    volumes = np.asarray(wall.compute_cell_sizes(length=False, area=False)["Volume"])
+    _, nearest = cKDTree([c.points[-1] for c in feeding]).query(np.asarray(wall.cell_centers().points, dtype=float))
+    territory = np.bincount(nearest, weights=volumes, minlength=len(feeding)) / volumes.sum()
+    stated = {a.name: a.share for a in ARTERIES if a.share}
+    left = 1.0 - sum(stated.values())
+    return stated | {c.artery.name: left * float(t) for c, t in zip(feeding, territory, strict=True)}
+
+
+def _tree(
+    courses: dict[str, _Course], pieces: list[_Piece], shares: dict[str, float]
+) -> tuple[Tree, dict[tuple[str, int], str]]:
+    """Vessels with calibres, named as published coronary models are: branchN inside, lcaN and rcaN at the ends."""
+    key = {(p.artery, p.number): p for p in pieces}
+    last = {name: max(p.number for p in pieces if p.artery == name) for name in courses}
+    flow = {
+        k: sum(shares[a] for a in courses if _passes(key, k, (a, last[a])))
+        for k in key
+    }  # fmt: skip
+    names: dict[tuple[str, int], str] = {}
+    ends = {"l": 0, "r": 0}
+    vessels = [_aorta("aorta", 0.0, OSTIAL_LEVEL, None)]
+    end_radius: dict[tuple[str, int], float] = {}
+    for k, piece in key.items():
+        course, artery = courses[piece.artery], courses[piece.artery].artery
+        if k == (piece.artery, last[piece.artery]):
+            side, taper = "r" if artery.branch == "RCA" else "l", OUTLET_TAPER
+            ends[side] += 1
+            names[k] = f"{side}ca{ends[side]}"
+        else:
+            names[k], taper = f"branch{len(vessels)}", TAPER
+        if piece.parent is None:
+            start = RIGHT_OSTIUM_RADIUS if artery.branch == "RCA" else LEFT_MAIN_RADIUS
+        else:
+            room = end_radius[piece.parent]
+            start = max(room * (flow[k] / flow[piece.parent]) ** (1 / EXPONENT), min(SMALLEST, room))
+        end_radius[k] = start * taper
+        arc = np.linspace(piece.start, piece.end, max(3, int(np.ceil((piece.end - piece.start) / SPACING)) + 1))
+        vessels.append(
+            Vessel(
+                names[k],
+                course.at(arc),
+                np.linspace(start, end_radius[k], len(arc)),
+                "aorta" if piece.parent is None else names[piece.parent],
+                "LM" if k == ("LAD", 0) else artery.branch,
+            )
+        )
+    vessels.append(_aorta("aorta_outlet", OSTIAL_LEVEL, AORTIC_LENGTH, "aorta"))
+    return Tree(vessels), names
+
+
+def _passes(key: dict[tuple[str, int], _Piece], through: tuple[str, int], end: tuple[str, int]) -> bool:
+    """Whether blood on its way to the piece `end` goes through the piece `through`."""
+    here: tuple[str, int] | None = end
+    while here is not None and here != through:
+        here = key[here].parent
+    return here is not None
+
+
+def _aorta(name: str, low: float, high: float, parent: str | None) -> Vessel:
+    height = np.linspace(low, high, int(np.ceil((high - low) / 0.1)) + 1)
+    return Vessel(name, ANNULUS + height[:, None] * AORTIC_AXIS, np.interp(height, *AORTIC_RADII), parent, AORTA)
+
+
+def _place(courses, pieces: list[_Piece], names, branch: str, artery: str, place: float, length: float) -> Stenosis:
+    arc = courses[artery].arc_of(place)
+    piece = next(p for p in pieces if p.artery == artery and p.start <= arc <= p.end)
+    start = arc - piece.start - length / 2
+    if start < 0 or start + length > piece.end - piece.start:
+        raise ValueError(f"the stenosis of {branch} does not fit between two bifurcations")
+    return Stenosis(branch, names[artery, piece.number], start, start + length)
