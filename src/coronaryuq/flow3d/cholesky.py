@@ -5,47 +5,34 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from coronaryuq.flow3d.lanes import LANES
+from coronaryuq.flow3d.lanes import LANES, fma, load, splat, store
 
 
 @nb.njit(cache=True, error_model="numpy")
 def _solve(order, low_start, low_row, low_value, up_start, up_row, up_value, diagonal, b, x):
     n = order.shape[0]
     for i in range(n):
-        source = order[i]
-        for s in range(LANES):
-            x[i, s] = b[source, s]
+        total, other = load(b, np.int64(order[i])), splat(0.0)
         k, end = low_start[i], low_start[i + 1]
-        while k + 4 <= end:
-            j0, j1, j2, j3 = low_row[k], low_row[k + 1], low_row[k + 2], low_row[k + 3]
-            v0, v1, v2, v3 = low_value[k], low_value[k + 1], low_value[k + 2], low_value[k + 3]
-            for s in range(LANES):
-                x[i, s] -= (v0 * x[j0, s] + v1 * x[j1, s]) + (v2 * x[j2, s] + v3 * x[j3, s])
-            k += 4
-        while k < end:
-            j0, v0 = low_row[k], low_value[k]
-            for s in range(LANES):
-                x[i, s] -= v0 * x[j0, s]
-            k += 1
+        while k + 2 <= end:
+            total = fma(-low_value[k], load(x, np.int64(low_row[k])), total)
+            other = fma(-low_value[k + 1], load(x, np.int64(low_row[k + 1])), other)
+            k += 2
+        if k < end:
+            total = fma(-low_value[k], load(x, np.int64(low_row[k])), total)
+        store(x, i, total + other)
     for i in range(n - 1, -1, -1):
-        d = diagonal[i]
-        for s in range(LANES):
-            x[i, s] *= d
+        total, other = diagonal[i] * load(x, i), splat(0.0)
         k, end = up_start[i], up_start[i + 1]
-        while k + 4 <= end:
-            j0, j1, j2, j3 = up_row[k], up_row[k + 1], up_row[k + 2], up_row[k + 3]
-            v0, v1, v2, v3 = up_value[k], up_value[k + 1], up_value[k + 2], up_value[k + 3]
-            for s in range(LANES):
-                x[i, s] -= (v0 * x[j0, s] + v1 * x[j1, s]) + (v2 * x[j2, s] + v3 * x[j3, s])
-            k += 4
-        while k < end:
-            j0, v0 = up_row[k], up_value[k]
-            for s in range(LANES):
-                x[i, s] -= v0 * x[j0, s]
-            k += 1
-        target = order[i]
-        for s in range(LANES):
-            b[target, s] = x[i, s]
+        while k + 2 <= end:
+            total = fma(-up_value[k], load(x, np.int64(up_row[k])), total)
+            other = fma(-up_value[k + 1], load(x, np.int64(up_row[k + 1])), other)
+            k += 2
+        if k < end:
+            total = fma(-up_value[k], load(x, np.int64(up_row[k])), total)
+        total = total + other
+        store(x, i, total)
+        store(b, np.int64(order[i]), total)
 
 
 class Cholesky:

@@ -17,7 +17,7 @@ BDF2 = (1.5, -2.0, 0.5)
 
 @dataclass(frozen=True)
 class Cap:
-    """A flat end: `area` cm2, outward unit `normal` (3,), `centre` (3,), `nodes` off the wall with their lumped area."""
+    """A flat end: `area` cm2, outward unit `normal`, `centre`, `nodes` off the wall with their lumped area."""
 
     name: str
     inlet: bool
@@ -93,9 +93,8 @@ class Discretisation:
 
         rate = BDF2[0] / dt
         self.mass_rate = rate
-        self.constant = (self.nu * stiffness.data).astype(np.float64)
+        self.constant = self.nu * stiffness.data
         self.constant[self.diagonal] += rate * self.mass
-        self.constant = self.constant.astype(np.float32)
         metric = np.einsum("eak,eak->e", grad, grad)
         self.tau_viscous = (3.0 * self.nu * metric) ** 2
         tau_element = 1.0 / np.sqrt((2.0 * rate) ** 2 + self.tau_viscous)

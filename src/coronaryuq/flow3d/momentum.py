@@ -7,7 +7,7 @@ kept in single precision, since δ is of the order of the time step squared and 
 import numba as nb
 import numpy as np
 
-from coronaryuq.flow3d.lanes import LANES
+from coronaryuq.flow3d.lanes import LANES, absolute, fma, load, splat, square_root, store
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -21,84 +21,94 @@ def system(tets, grad, volume, slot, tau_viscous, nu, mass_rate, u, rate, p, con
     """
     r[:] = 0.0
     for k in range(matrix.shape[0]):
-        start = constant[k]
-        for s in range(LANES):
-            matrix[k, s] = start
-    mean = np.empty((3, LANES))
-    slope = np.empty((3, 3, LANES))
-    along = np.empty((4, LANES))
-    force = np.empty((3, LANES))
-    convection = np.empty((3, LANES))
-    tau = np.empty(LANES)
-    half_divergence = np.empty(LANES)
-    node = np.empty(4, np.int64)
+        store(matrix, k, splat(constant[k]))
     inertia = (2.0 * mass_rate) ** 2
     for e in range(tets.shape[0]):
-        for a in range(4):
-            node[a] = tets[e, a]
-        i0, i1, i2, i3 = node[0], node[1], node[2], node[3]
+        i0, i1, i2, i3 = np.int64(tets[e, 0]), np.int64(tets[e, 1]), np.int64(tets[e, 2]), np.int64(tets[e, 3])
         v = volume[e]
-        tv = tau_viscous[e]
+        ax, ay, az = grad[e, 0, 0], grad[e, 0, 1], grad[e, 0, 2]
+        bx, by, bz = grad[e, 1, 0], grad[e, 1, 1], grad[e, 1, 2]
+        cx, cy, cz = grad[e, 2, 0], grad[e, 2, 1], grad[e, 2, 2]
+        dx, dy, dz = grad[e, 3, 0], grad[e, 3, 1], grad[e, 3, 2]
+        xa, ya, za = load(u, 3 * i0), load(u, 3 * i0 + 1), load(u, 3 * i0 + 2)
+        xb, yb, zb = load(u, 3 * i1), load(u, 3 * i1 + 1), load(u, 3 * i1 + 2)
+        xc, yc, zc = load(u, 3 * i2), load(u, 3 * i2 + 1), load(u, 3 * i2 + 2)
+        xd, yd, zd = load(u, 3 * i3), load(u, 3 * i3 + 1), load(u, 3 * i3 + 2)
+        mx, my, mz = 0.25 * ((xa + xb) + (xc + xd)), 0.25 * ((ya + yb) + (yc + yd)), 0.25 * ((za + zb) + (zc + zd))
+        along_a = fma(az, mz, fma(ay, my, ax * mx))
+        along_b = fma(bz, mz, fma(by, my, bx * mx))
+        along_c = fma(cz, mz, fma(cy, my, cx * mx))
+        along_d = fma(dz, mz, fma(dy, my, dx * mx))
+        speed = (absolute(along_a) + absolute(along_b)) + (absolute(along_c) + absolute(along_d))
+        tau = v / square_root(fma(speed, speed, splat(inertia + tau_viscous[e])))
+        divergence = (
+            fma(az, za, fma(ay, ya, ax * xa))
+            + fma(bz, zb, fma(by, yb, bx * xb))
+            + fma(cz, zc, fma(cy, yc, cx * xc))
+            + fma(dz, zd, fma(dy, yd, dx * xd))
+        )
+        half = 0.5 * divergence
+        w, quarter, nv = v / 20.0, 0.25 * v, nu * v
         for c in range(3):
-            g0, g1, g2, g3 = grad[e, 0, c], grad[e, 1, c], grad[e, 2, c], grad[e, 3, c]
-            for s in range(LANES):
-                mean[c, s] = 0.25 * ((u[i0, c, s] + u[i1, c, s]) + (u[i2, c, s] + u[i3, c, s]))
-                force[c, s] = (
-                    0.25 * ((rate[i0, c, s] + rate[i1, c, s]) + (rate[i2, c, s] + rate[i3, c, s]))
-                    + (g0 * p[i0, s] + g1 * p[i1, s])
-                    + (g2 * p[i2, s] + g3 * p[i3, s])
-                )
-            for k in range(3):
-                for s in range(LANES):
-                    slope[k, c, s] = (g0 * u[i0, k, s] + g1 * u[i1, k, s]) + (g2 * u[i2, k, s] + g3 * u[i3, k, s])
-        for s in range(LANES):
-            tau[s] = 0.0
-            half_divergence[s] = 0.5 * (slope[0, 0, s] + slope[1, 1, s] + slope[2, 2, s])
+            if c == 0:
+                qa, qb, qc, qd, mean = xa, xb, xc, xd, mx
+            elif c == 1:
+                qa, qb, qc, qd, mean = ya, yb, yc, yd, my
+            else:
+                qa, qb, qc, qd, mean = za, zb, zc, zd, mz
+            sx = fma(dx, qd, fma(cx, qc, fma(bx, qb, ax * qa)))
+            sy = fma(dy, qd, fma(cy, qc, fma(by, qb, ay * qa)))
+            sz = fma(dz, qd, fma(cz, qc, fma(bz, qb, az * qa)))
+            push = fma(
+                grad[e, 3, c],
+                load(p, i3),
+                fma(grad[e, 2, c], load(p, i2), fma(grad[e, 1, c], load(p, i1), grad[e, 0, c] * load(p, i0))),
+            )
+            ta, tb = load(rate, 3 * i0 + c), load(rate, 3 * i1 + c)
+            tc, td = load(rate, 3 * i2 + c), load(rate, 3 * i3 + c)
+            carried = fma(mz, sz, fma(my, sy, mx * sx))
+            force = tau * (0.25 * ((ta + tb) + (tc + td)) + (carried + push))
+            common = (4.0 * w) * fma(half, mean, carried) + quarter * push
+            own = w * fma(half, qa, fma(za, sz, fma(ya, sy, xa * sx)))
+            shear = nv * fma(az, sz, fma(ay, sy, ax * sx))
+            k = 3 * i0 + c
+            store(r, k, load(r, k) - ((common + own) + (shear + fma(along_a, force, quarter * ta))))
+            own = w * fma(half, qb, fma(zb, sz, fma(yb, sy, xb * sx)))
+            shear = nv * fma(bz, sz, fma(by, sy, bx * sx))
+            k = 3 * i1 + c
+            store(r, k, load(r, k) - ((common + own) + (shear + fma(along_b, force, quarter * tb))))
+            own = w * fma(half, qc, fma(zc, sz, fma(yc, sy, xc * sx)))
+            shear = nv * fma(cz, sz, fma(cy, sy, cx * sx))
+            k = 3 * i2 + c
+            store(r, k, load(r, k) - ((common + own) + (shear + fma(along_c, force, quarter * tc))))
+            own = w * fma(half, qd, fma(zd, sz, fma(yd, sy, xd * sx)))
+            shear = nv * fma(dz, sz, fma(dy, sy, dx * sx))
+            k = 3 * i3 + c
+            store(r, k, load(r, k) - ((common + own) + (shear + fma(along_d, force, quarter * td))))
+        constant_rate = 0.25 * mass_rate
+        swell = quarter * half
         for a in range(4):
-            g0, g1, g2 = grad[e, a, 0], grad[e, a, 1], grad[e, a, 2]
-            for s in range(LANES):
-                along[a, s] = g0 * mean[0, s] + g1 * mean[1, s] + g2 * mean[2, s]
-                tau[s] += abs(along[a, s])
-        for s in range(LANES):
-            tau[s] = v / np.sqrt(inertia + tau[s] * tau[s] + tv)
-        for c in range(3):
-            for s in range(LANES):
-                convection[c, s] = (
-                    mean[0, s] * slope[c, 0, s] + mean[1, s] * slope[c, 1, s] + mean[2, s] * slope[c, 2, s]
-                )
-                force[c, s] += convection[c, s]
-                convection[c, s] = 0.2 * v * (convection[c, s] + half_divergence[s] * mean[c, s])
-        w = v / 20.0
-        nv = nu * v
-        quarter = 0.25 * v
-        for a in range(4):
-            i = node[a]
-            g0, g1, g2 = grad[e, a, 0], grad[e, a, 1], grad[e, a, 2]
-            for c in range(3):
-                q0, q1, q2, q3 = grad[e, 0, c], grad[e, 1, c], grad[e, 2, c], grad[e, 3, c]
-                for s in range(LANES):
-                    r[i, c, s] -= (
-                        convection[c, s]
-                        + w
-                        * (
-                            u[i, 0, s] * slope[c, 0, s]
-                            + u[i, 1, s] * slope[c, 1, s]
-                            + u[i, 2, s] * slope[c, 2, s]
-                            + half_divergence[s] * u[i, c, s]
-                        )
-                        + nv * (g0 * slope[c, 0, s] + g1 * slope[c, 1, s] + g2 * slope[c, 2, s])
-                        + quarter * (rate[i, c, s] + (q0 * p[i0, s] + q1 * p[i1, s]) + (q2 * p[i2, s] + q3 * p[i3, s]))
-                        + tau[s] * along[a, s] * force[c, s]
-                    )
-            diagonal = slot[e, a, a]
-            for s in range(LANES):
-                matrix[diagonal, s] += quarter * half_divergence[s]
-            for b in range(4):
-                k = slot[e, a, b]
-                for s in range(LANES):
-                    matrix[k, s] += (quarter + tau[s] * along[a, s]) * along[b, s] + tau[s] * along[a, s] * (
-                        0.25 * mass_rate
-                    )
+            if a == 0:
+                along = along_a
+            elif a == 1:
+                along = along_b
+            elif a == 2:
+                along = along_c
+            else:
+                along = along_d
+            upwind = tau * along
+            weight = quarter + upwind
+            lump = constant_rate * upwind
+            k = slot[e, a, 0]
+            store(matrix, k, load(matrix, k) + fma(weight, along_a, lump))
+            k = slot[e, a, 1]
+            store(matrix, k, load(matrix, k) + fma(weight, along_b, lump))
+            k = slot[e, a, 2]
+            store(matrix, k, load(matrix, k) + fma(weight, along_c, lump))
+            k = slot[e, a, 3]
+            store(matrix, k, load(matrix, k) + fma(weight, along_d, lump))
+            k = slot[e, a, a]
+            store(matrix, k, load(matrix, k) + swell)
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -107,48 +117,47 @@ def gauss_seidel(start, column, diagonal, matrix, r, free, cap, normal, delta, a
 
     A lane stops when a sweep changes it by less than `tolerance` times its norm; the others go on without it, so that
     a sample's numbers do not depend on its neighbours. On cap nodes δ keeps its component along `normal` only.
+    active (1, LANES) is 1 for lanes to solve; those that remain 1 have not converged.
     """
     used = np.zeros(LANES, np.int64)
-    value = np.empty((3, LANES), np.float32)
-    change = np.empty(LANES)
-    norm = np.empty(LANES)
+    sums = np.empty((2, LANES))
     for sweep in range(sweeps):
-        change[:] = 0.0
-        norm[:] = 0.0
+        going = load(active, 0)
+        change, norm = splat(0.0), splat(0.0)
         for position in range(free.shape[0]):
-            i = free[position] if sweep % 2 == 0 else free[free.shape[0] - 1 - position]
-            for c in range(3):
-                for s in range(LANES):
-                    value[c, s] = r[i, c, s]
+            i = np.int64(free[position] if sweep % 2 == 0 else free[free.shape[0] - 1 - position])
+            x, y, z = load(r, 3 * i), load(r, 3 * i + 1), load(r, 3 * i + 2)
             d = diagonal[i]
-            for k in range(start[i], start[i + 1]):
-                if k == d:
-                    continue
-                j = column[k]
-                for c in range(3):
-                    for s in range(LANES):
-                        value[c, s] -= matrix[k, s] * delta[j, c, s]
-            for c in range(3):
-                for s in range(LANES):
-                    value[c, s] /= matrix[d, s]
+            for k in range(start[i], d):
+                j = 3 * np.int64(column[k])
+                m = -1.0 * load(matrix, k)
+                x, y, z = fma(m, load(delta, j), x), fma(m, load(delta, j + 1), y), fma(m, load(delta, j + 2), z)
+            for k in range(d + 1, start[i + 1]):
+                j = 3 * np.int64(column[k])
+                m = -1.0 * load(matrix, k)
+                x, y, z = fma(m, load(delta, j), x), fma(m, load(delta, j + 1), y), fma(m, load(delta, j + 2), z)
+            inverse = 1.0 / load(matrix, d)
+            x, y, z = x * inverse, y * inverse, z * inverse
             at = cap[i]
             if at >= 0:
-                for s in range(LANES):
-                    projected = value[0, s] * normal[at, 0] + value[1, s] * normal[at, 1] + value[2, s] * normal[at, 2]
-                    for c in range(3):
-                        value[c, s] = projected * normal[at, c]
-            for c in range(3):
-                for s in range(LANES):
-                    step = active[s] * (value[c, s] - delta[i, c, s])
-                    delta[i, c, s] += step
-                    change[s] += step * step
-                    norm[s] += value[c, s] * value[c, s]
+                nx, ny, nz = normal[at, 0], normal[at, 1], normal[at, 2]
+                projected = fma(nz, z, fma(ny, y, nx * x))
+                x, y, z = nx * projected, ny * projected, nz * projected
+            x0, y0, z0 = load(delta, 3 * i), load(delta, 3 * i + 1), load(delta, 3 * i + 2)
+            x1, y1, z1 = going * (x - x0), going * (y - y0), going * (z - z0)
+            store(delta, 3 * i, x0 + x1)
+            store(delta, 3 * i + 1, y0 + y1)
+            store(delta, 3 * i + 2, z0 + z1)
+            change = fma(x1, x1, fma(y1, y1, fma(z1, z1, change)))
+            norm = fma(x, x, fma(y, y, fma(z, z, norm)))
+        store(sums, 0, change)
+        store(sums, 1, norm)
         running = False
         for s in range(LANES):
-            if active[s] > 0:
+            if active[0, s] > 0:
                 used[s] += 1
-                if change[s] <= tolerance * tolerance * norm[s]:
-                    active[s] = 0.0
+                if sums[0, s] <= tolerance * tolerance * sums[1, s]:
+                    active[0, s] = 0.0
                 else:
                     running = True
         if not running:

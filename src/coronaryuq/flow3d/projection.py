@@ -3,7 +3,7 @@
 import numba as nb
 import numpy as np
 
-from coronaryuq.flow3d.lanes import LANES
+from coronaryuq.flow3d.lanes import fma, load, splat, store
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -14,60 +14,37 @@ def divergence(start, column, dx, dy, dz, spread, u, scale, pi, p, b):
     τ ∫∇q·(∇p − π) with π the projected pressure gradient (Codina 2000).
     """
     for i in range(start.shape[0] - 1):
-        for s in range(LANES):
-            b[i, s] = 0.0
+        total = splat(0.0)
         for k in range(start[i], start[i + 1]):
-            j = column[k]
-            gx, gy, gz, l, t = dx[k], dy[k], dz[k], spread[k], scale[j]
-            for s in range(LANES):
-                b[i, s] += (
-                    gx * (u[j, 0, s] + t * pi[j, 0, s])
-                    + gy * (u[j, 1, s] + t * pi[j, 1, s])
-                    + gz * (u[j, 2, s] + t * pi[j, 2, s])
-                ) - l * p[j, s]
+            j = np.int64(column[k])
+            t = scale[j]
+            total = fma(dx[k], fma(t, load(pi, 3 * j), load(u, 3 * j)), total)
+            total = fma(dy[k], fma(t, load(pi, 3 * j + 1), load(u, 3 * j + 1)), total)
+            total = fma(dz[k], fma(t, load(pi, 3 * j + 2), load(u, 3 * j + 2)), total)
+            total = fma(-spread[k], load(p, j), total)
+        store(b, i, total)
 
 
 @nb.njit(cache=True, error_model="numpy")
 def correct(start, column, gx, gy, gz, phi, inverse_mass, free, cap, normal, factor, u, pi):
     """Add M⁻¹∫N∇φ to π everywhere and take `factor` times it from u at free nodes (its normal part on caps)."""
-    t = np.empty((3, LANES))
     for i in range(start.shape[0] - 1):
-        t[:] = 0.0
+        x, y, z = splat(0.0), splat(0.0), splat(0.0)
         for k in range(start[i], start[i + 1]):
-            j = column[k]
-            a, b, c = gx[k], gy[k], gz[k]
-            for s in range(LANES):
-                q = phi[j, s]
-                t[0, s] += a * q
-                t[1, s] += b * q
-                t[2, s] += c * q
+            q = load(phi, np.int64(column[k]))
+            x, y, z = fma(gx[k], q, x), fma(gy[k], q, y), fma(gz[k], q, z)
         m = inverse_mass[i]
-        for c in range(3):
-            for s in range(LANES):
-                t[c, s] *= m
-                pi[i, c, s] += t[c, s]
+        x, y, z = m * x, m * y, m * z
+        store(pi, 3 * i, load(pi, 3 * i) + x)
+        store(pi, 3 * i + 1, load(pi, 3 * i + 1) + y)
+        store(pi, 3 * i + 2, load(pi, 3 * i + 2) + z)
         if not free[i]:
             continue
         at = cap[i]
         if at >= 0:
-            for s in range(LANES):
-                along = t[0, s] * normal[at, 0] + t[1, s] * normal[at, 1] + t[2, s] * normal[at, 2]
-                for c in range(3):
-                    u[i, c, s] -= factor * along * normal[at, c]
-        else:
-            for c in range(3):
-                for s in range(LANES):
-                    u[i, c, s] -= factor * t[c, s]
-
-
-@nb.njit(cache=True, error_model="numpy")
-def cap_sums(node, weight, field, total):
-    """total (caps, LANES) = Σ weight (caps, k) · field over the flattened rows listed in `node` (k,), in fixed order."""
-    total[:] = 0.0
-    for c in range(weight.shape[0]):
-        for k in range(node.shape[0]):
-            w = weight[c, k]
-            if w != 0.0:
-                i = node[k]
-                for s in range(LANES):
-                    total[c, s] += w * field[i, s]
+            nx, ny, nz = normal[at, 0], normal[at, 1], normal[at, 2]
+            along = fma(nz, z, fma(ny, y, nx * x))
+            x, y, z = nx * along, ny * along, nz * along
+        store(u, 3 * i, fma(-factor, x, load(u, 3 * i)))
+        store(u, 3 * i + 1, fma(-factor, y, load(u, 3 * i + 1)))
+        store(u, 3 * i + 2, fma(-factor, z, load(u, 3 * i + 2)))

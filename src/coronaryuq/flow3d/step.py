@@ -14,7 +14,7 @@ import numpy as np
 from coronaryuq.flow3d import momentum, projection
 from coronaryuq.flow3d.discretisation import Discretisation
 from coronaryuq.flow3d.inlet import InletProfile
-from coronaryuq.flow3d.lanes import LANES
+from coronaryuq.flow3d.lanes import LANES, fma, load, splat, store
 
 
 class Coupling(Protocol):
@@ -55,21 +55,12 @@ def _backflow(nodes, area, normal, strength, diagonal, u, r, matrix):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _add(u, delta):
-    for i in range(u.shape[0]):
-        for c in range(3):
-            for s in range(LANES):
-                u[i, c, s] += delta[i, c, s]
-
-
-@nb.njit(cache=True, error_model="numpy")
 def _cap_flux(lift, b, flux):
-    flux[:] = 0.0
-    for i in range(lift.shape[0]):
-        for c in range(lift.shape[1]):
-            w = lift[i, c]
-            for s in range(LANES):
-                flux[c, s] += w * b[i, s]
+    for c in range(lift.shape[1]):
+        total = splat(0.0)
+        for i in range(lift.shape[0]):
+            total = fma(lift[i, c], load(b, i), total)
+        store(flux, c, total)
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -85,13 +76,6 @@ def _impose(near, weight, cap_start, cap_node, change, b):
         for k in range(cap_start[c], cap_start[c + 1]):
             for s in range(LANES):
                 b[cap_node[k], s] = change[c, s]
-
-
-@nb.njit(cache=True, error_model="numpy")
-def _add_pressure(p, phi):
-    for i in range(p.shape[0]):
-        for s in range(LANES):
-            p[i, s] += phi[i, s]
 
 
 class Stepper:
@@ -166,14 +150,14 @@ class Stepper:
                     self._matrix,
                 )  # fmt: skip
         self._delta[:] = 0.0
-        active = np.ones(LANES)
+        active = np.ones((1, LANES))
         self.sweeps = momentum.gauss_seidel(
             space.start, space.column, space.diagonal, self._matrix, self._r, space.free_nodes, space.cap_of,
             space.cap_normal, self._delta, active, self.momentum_tolerance, self.momentum_sweeps,
         )  # fmt: skip
-        self.unconverged = active > 0
+        self.unconverged = active[0] > 0
         star = self._bar
-        _add(star, self._delta)
+        star += self._delta
         projection.divergence(
             space.start, space.column, *space.divergence, space.spread, star, space.tau, self.projected_gradient,
             self.kinematic_pressure, self._b,
@@ -195,7 +179,7 @@ class Stepper:
 
     def _add_potential(self, factor: float = 0.0) -> None:
         space = self.space
-        _add_pressure(self.kinematic_pressure, self._b)
+        self.kinematic_pressure += self._b
         projection.correct(
             space.start, space.column, *space.gradient, self._b, self._inverse_mass, space.free, space.cap_of,
             space.cap_normal, factor, self.u, self.projected_gradient,

@@ -1,4 +1,4 @@
-"""Structured tetrahedral meshes of straight tubes with any radius along the axis: verification cases with exact walls."""
+"""Structured tetrahedral meshes of straight tubes with any radius along the axis, for verification."""
 
 from collections.abc import Callable
 
