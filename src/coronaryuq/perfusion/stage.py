@@ -1,0 +1,130 @@
+"""The perfusion stage: chunks of noisy realisations, gathered to target flows and their covariance."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from coronaryuq.errors import InputError
+from coronaryuq.files import read_json, replacing, write_json
+from coronaryuq.perfusion.covariance import describe, scaled_to
+from coronaryuq.perfusion.realisations import Study
+from coronaryuq.perfusion.settings import Settings
+from coronaryuq.perfusion.territories import (
+    Ventricle,
+    distances_to_centrelines,
+    distances_to_outlets,
+    nearest,
+    perfusing_outlets,
+    weighted,
+)
+from coronaryuq.provenance import stamp
+
+
+def run_chunk(
+    case_json: str | Path, lv_vtu: str | Path, settings: Settings, seed: int, first: int, count: int,
+    out_npz: str | Path,
+) -> None:  # fmt: skip
+    """Simulate realisations `first` to `first + count - 1` of every noise model and write them.
+
+    The file holds `first`, and for each model NAME `flow_NAME` (count, outlets) in mL/s and `volume_NAME` in cm3.
+    A realisation's numbers depend on the seed and its index, not on the chunk.
+    """
+    case, outlets, ventricle, distances = _read(case_json, lv_vtu, settings)
+    nearest(distances, ventricle.volumes, outlets, case_json)
+    study = Study(ventricle, distances, settings.models, settings.correlation_length, seed)
+    realisations = [study.flows(index) for index in range(first, first + count)]
+    arrays = {"first": np.int64(first), "seed": np.int64(seed)}
+    for name in settings.models:
+        arrays[f"flow_{name}"] = np.array([r[name][0] for r in realisations])
+        arrays[f"volume_{name}"] = np.array([r[name][1] for r in realisations])
+    with replacing(out_npz) as beside:
+        np.savez(beside, **arrays)
+
+
+def gather(
+    chunks: Sequence[str | Path], case_json: str | Path, lv_vtu: str | Path, settings: Settings, out_json: str | Path
+) -> None:
+    """Join chunks to `targets.json`.
+
+    outlets, bc: names of outlets and of their boundary conditions. mean (mL/s) and covariance (mL2/s2): what the
+    posterior uses. volume (cm3): baseline territories. models: per noise model its mean, covariance, relative standard
+    deviation, correlations and territory volumes, as simulated. lv: mass and flow of the whole ventricle.
+    """
+    case, outlets, ventricle, distances = _read(case_json, lv_vtu, settings)
+    territory = nearest(distances, ventricle.volumes, outlets, case_json)
+    flows, volumes, seed = _join(chunks, settings)
+    baseline = np.bincount(territory, weights=ventricle.flows, minlength=len(outlets))
+    volume = np.bincount(territory, weights=ventricle.volumes, minlength=len(outlets))
+    models = {
+        name: {"noise": model.model_dump(), **describe(flows[name], volumes[name], baseline)}
+        for name, model in settings.models.items()
+    }
+    used = models[settings.use]
+    mean = baseline if settings.mean == "baseline" else np.array(used["mean"])
+    covariance = np.array(used["covariance"])
+    if settings.branch_sd is not None:
+        covariance = scaled_to(covariance, settings.branch_sd * mean)
+    write_json(
+        out_json,
+        {
+            "outlets": [outlet["name"] for outlet in outlets],
+            "bc": [outlet["bc"] for outlet in outlets],
+            "mean": mean,
+            "covariance": covariance,
+            "volume": volume,
+            "baseline": baseline,
+            "use": settings.use,
+            "branch_sd": settings.branch_sd,
+            "relative_sd": np.sqrt(np.diag(covariance)) / mean,
+            "realisations": settings.realisations,
+            "models": models,
+            "lv": {
+                "volume": ventricle.volumes.sum(),
+                "mass": ventricle.volumes.sum() * case["tissue_density"],
+                "tissue_density": case["tissue_density"],
+                "flow": ventricle.flows.sum(),
+                "points": len(ventricle.points),
+            },
+            "provenance": stamp(seed=seed, settings=settings.model_dump()),
+        },
+    )
+
+
+def _read(case_json, lv_vtu, settings):
+    case = read_json(case_json)
+    for field in ("outlets", "tissue_density"):
+        if field not in case:
+            raise InputError(case_json, field, None, "missing; make the case again")
+    outlets = perfusing_outlets(case, case_json)
+    ventricle = Ventricle.read(lv_vtu, case["tissue_density"])
+    if settings.distance_to == "outlet":
+        distances = distances_to_outlets(ventricle.points, outlets)
+    else:
+        distances = distances_to_centrelines(ventricle.points, outlets, Path(case_json).with_name("tree.vtp"))
+    return case, outlets, ventricle, weighted(distances, outlets, settings.radius_power)
+
+
+def _join(chunks, settings):
+    """Flows and volumes of all realisations in order of index, per model; gaps and foreign chunks are errors."""
+    parts = []
+    for path in chunks:
+        with np.load(path) as arrays:
+            parts.append((int(arrays["first"]), path, {name: arrays[name] for name in arrays.files}))
+    parts.sort(key=lambda part: part[0])
+    seeds = {int(arrays["seed"]) for _, _, arrays in parts}
+    if len(seeds) != 1:
+        raise InputError(chunks[0], "seed", sorted(seeds), "chunks of different seeds; delete them and run again")
+    expected = 0
+    for first, path, arrays in parts:
+        if first != expected:
+            raise InputError(path, "first", first, f"wanted realisation {expected}: a chunk is missing or doubled")
+        for name in settings.models:
+            if f"flow_{name}" not in arrays:
+                raise InputError(path, f"flow_{name}", None, "not in this chunk; delete it and run again")
+        expected += len(arrays[f"flow_{settings.use}"])
+    if expected != settings.realisations:
+        raise InputError(parts[-1][1], "realisations", expected, f"wanted {settings.realisations} in all chunks")
+    flows = {name: np.concatenate([arrays[f"flow_{name}"] for _, _, arrays in parts]) for name in settings.models}
+    volumes = {name: np.concatenate([arrays[f"volume_{name}"] for _, _, arrays in parts]) for name in settings.models}
+    return flows, volumes, seeds.pop()

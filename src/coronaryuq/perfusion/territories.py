@@ -1,0 +1,111 @@
+"""Perfusion territories: each LV point belongs to its nearest outlet among those that perfuse the LV."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from coronaryuq.errors import InputError
+
+
+@dataclass(frozen=True)
+class Ventricle:
+    """The LV wall: points (n, 3) in cm, volumes (n,) in cm3, baseline flow of each point (n,) in mL/s."""
+
+    points: np.ndarray
+    volumes: np.ndarray
+    flows: np.ndarray
+
+    @classmethod
+    def read(cls, lv_vtu: str | Path, tissue_density: float) -> "Ventricle":
+        """Read cells with `Volume` (cm3) and `MBF` (mL/s per g); flow = MBF x volume x tissue density (g/mL)."""
+        import pyvista
+
+        if not Path(lv_vtu).is_file():
+            raise InputError(lv_vtu, None, None, "no such file")
+        mesh = pyvista.read(lv_vtu)
+        for name in ("Volume", "MBF"):
+            if name not in mesh.cell_data:
+                raise InputError(
+                    lv_vtu, name, None, f"cell data missing; the file has {', '.join(mesh.cell_data.keys())}"
+                )
+        volumes = np.asarray(mesh.cell_data["Volume"], dtype=float)
+        mbf = np.asarray(mesh.cell_data["MBF"], dtype=float)
+        for name, values in (("Volume", volumes), ("MBF", mbf)):
+            wrong = np.flatnonzero(~(np.isfinite(values) & (values >= 0)))
+            if wrong.size:
+                raise InputError(
+                    lv_vtu, f"{name}[{wrong[0]}]", float(values[wrong[0]]),
+                    f"{wrong.size} cells are not finite and non-negative; make the LV again with the case stage",
+                )  # fmt: skip
+        points = np.ascontiguousarray(mesh.cell_centers().points, dtype=float)
+        return cls(points, volumes, mbf * volumes * tissue_density)
+
+
+def perfusing_outlets(case: dict, case_json: str | Path) -> list[dict]:
+    """Outlets of the case that perfuse the LV, in the case's order."""
+    outlets = [outlet for outlet in case["outlets"] if outlet["perfuses"] == "LV"]
+    if not outlets:
+        raise InputError(case_json, "outlets", None, "no outlet perfuses the LV; set `perfuses: LV` on those that do")
+    return outlets
+
+
+def distances_to_outlets(points: np.ndarray, outlets: list[dict]) -> np.ndarray:
+    """Distance (points, outlets), cm, of each point to each outlet's centre."""
+    from scipy.spatial.distance import cdist
+
+    return cdist(points, np.array([outlet["point"] for outlet in outlets], dtype=float))
+
+
+def distances_to_centrelines(points: np.ndarray, outlets: list[dict], tree_vtp: str | Path) -> np.ndarray:
+    """Distance (points, outlets), cm, of each point to the centreline of each outlet's own vessel.
+
+    The centreline is resampled so finely (0.02 cm) that its nearest sample stands for its nearest point.
+    """
+    from scipy.spatial import cKDTree
+
+    lines = _centrelines(tree_vtp)
+    columns = []
+    for outlet in outlets:
+        if outlet["vessel"] not in lines:
+            raise InputError(tree_vtp, "VesselName", outlet["vessel"], f"no centreline of outlet {outlet['name']}")
+        columns.append(cKDTree(_resampled(lines[outlet["vessel"]], 0.02)).query(points)[0])
+    return np.stack(columns, axis=1)
+
+
+def weighted(distances: np.ndarray, outlets: list[dict], radius_power: float) -> np.ndarray:
+    """Distances divided by (radius / mean radius)^power: a larger vessel reaches further (Di Gregorio et al. 2021)."""
+    radii = np.array([outlet["radius"] for outlet in outlets], dtype=float)
+    return distances / (radii / radii.mean()) ** radius_power
+
+
+def nearest(distances: np.ndarray, volumes: np.ndarray, outlets: list[dict], case_json: str | Path) -> np.ndarray:
+    """Index (points,) of the nearest outlet; an outlet without any volume is an error that names it."""
+    territory = np.argmin(distances, axis=1)
+    share = np.bincount(territory, weights=volumes, minlength=len(outlets))
+    for outlet, volume in zip(outlets, share, strict=True):
+        if volume <= 0:
+            raise InputError(
+                case_json, f"outlets.{outlet['name']}", outlet["point"],
+                "its perfusion territory is empty: no LV point is nearest to it; "
+                "check its place and unit, or set what it perfuses to RV or septum",
+            )  # fmt: skip
+    return territory
+
+
+def _centrelines(tree_vtp: str | Path) -> dict[str, np.ndarray]:
+    import pyvista
+
+    if not Path(tree_vtp).is_file():
+        raise InputError(tree_vtp, None, None, "no such file; distance to centrelines needs the case's tree")
+    tree = pyvista.read(tree_vtp)
+    if "VesselName" not in tree.cell_data:
+        raise InputError(tree_vtp, "VesselName", None, "cell data missing")
+    names = [str(name) for name in tree.cell_data["VesselName"]]
+    return {name: np.asarray(tree.get_cell(i).points, dtype=float) for i, name in enumerate(names)}
+
+
+def _resampled(line: np.ndarray, spacing: float) -> np.ndarray:
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    at = np.linspace(0.0, along[-1], max(2, int(np.ceil(along[-1] / spacing)) + 1))
+    return np.stack([np.interp(at, along, line[:, axis]) for axis in range(3)], axis=1)
