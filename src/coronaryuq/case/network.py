@@ -96,8 +96,8 @@ def segments(tree: Tree, stenoses: Sequence[Stenosis], shortest: float = 0.02) -
     """The 0D vessels of a tree, parents before children: one per vessel, cut at the two ends of every stenosis.
 
     Inner vessels become `NAME_seg0`, `NAME_seg1`, ...; a vessel that ends the tree keeps its plain name for its last
-    part, as the aortic root does. An ostial artery starts where it leaves the aorta. A part below `shortest` (cm) beside a
-    stenosis is left out. Raises ValueError for a stenosis outside its vessel, or two that overlap.
+    part, as the aortic root does. An ostial artery starts where it leaves the aorta. Beside a stenosis, a part below
+    `shortest` (cm) is left out. Raises ValueError for a stenosis outside its vessel, or two that overlap.
     """
     ends = {v.name for v in tree.leaves()} | {tree.root.name}
     result = []
