@@ -81,7 +81,8 @@ def _impose(near, weight, cap_start, cap_node, change, b):
 class Stepper:
     """State of LANES samples and the step that moves it.
 
-    velocity (n, 3, LANES) cm/s and pressure (n, LANES) dyn/cm2 in the solver's node order.
+    u, u_old, u_older: velocity (n, 3, LANES) cm/s now, one and two steps ago; pressure (n, LANES) dyn/cm2; both in the
+    solver's node order. cap_pressure, cap_flow (caps, LANES): dyn/cm2, and mL/s out of the domain.
     """
 
     def __init__(
@@ -95,7 +96,7 @@ class Stepper:
         self.backflow = backflow
         self.momentum_tolerance, self.momentum_sweeps = momentum_tolerance, momentum_sweeps
         n = space.nodes
-        self.u, self.u_old, self._bar = (np.zeros((n, 3, LANES)) for _ in range(3))
+        self.u, self.u_old, self.u_older = (np.zeros((n, 3, LANES)) for _ in range(3))
         self.kinematic_pressure = np.zeros((n, LANES))
         self.projected_gradient = np.zeros((n, 3, LANES))
         self.cap_pressure = np.zeros((len(space.caps), LANES))
@@ -137,16 +138,16 @@ class Stepper:
 
     def step(self, coupling: Coupling) -> None:
         space = self.space
-        _extrapolate(self.u, self.u_old, space.dt, self._bar, self._rate)
+        _extrapolate(self.u, self.u_old, space.dt, self.u_older, self._rate)
         momentum.system(
             space.tets, space.grad, space.volume, space.slot, space.tau_viscous, space.nu, space.mass_rate,
-            self._bar, self._rate, self.kinematic_pressure, space.constant, self._r, self._matrix,
+            self.u_older, self._rate, self.kinematic_pressure, space.constant, self._r, self._matrix,
         )  # fmt: skip
         self.backflow_lanes[:] = 0
         for cap in space.caps:
             if not cap.inlet:
                 self.backflow_lanes |= _backflow(
-                    cap.nodes, cap.nodal_area, cap.normal, self.backflow, space.diagonal, self._bar, self._r,
+                    cap.nodes, cap.nodal_area, cap.normal, self.backflow, space.diagonal, self.u_older, self._r,
                     self._matrix,
                 )  # fmt: skip
         self._delta[:] = 0.0
@@ -156,7 +157,7 @@ class Stepper:
             space.cap_normal, self._delta, active, self.momentum_tolerance, self.momentum_sweeps,
         )  # fmt: skip
         self.unconverged = active[0] > 0
-        star = self._bar
+        star = self.u_older
         star += self._delta
         projection.divergence(
             space.start, space.column, *space.divergence, space.spread, star, space.tau, self.projected_gradient,
@@ -170,7 +171,7 @@ class Stepper:
         space.factor.solve(self._b)
         self.cap_pressure[:] = pressure
         self.cap_flow[:] = flow
-        self._bar, self.u_old, self.u = self.u_old, self.u, star
+        self.u_older, self.u_old, self.u = self.u_old, self.u, star
         self._add_potential(factor=1.0 / space.mass_rate)
         for c, inlet in enumerate(self.inlets):
             if inlet is not None:

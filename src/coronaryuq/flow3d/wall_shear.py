@@ -1,0 +1,174 @@
+"""Wall shear stress from the consistent traction: the momentum equation's own residual on the wall's nodes.
+
+Testing the momentum equation with a hat function on the wall leaves ∮ N_i µ ∂u/∂n dA, which is as accurate as the
+solution's energy, while element gradients lose an order (Gresho et al. 1987; Melbø & Kvamsdal 2003).
+"""
+
+import numba as nb
+import numpy as np
+import scipy.sparse as sp
+
+from coronaryuq.flow3d.discretisation import BDF2, Discretisation
+from coronaryuq.flow3d.elements import face_vectors
+from coronaryuq.flow3d.lanes import LANES, absolute, fma, load, splat, square_root, store
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _wall_force(
+    tets, grad, volume, tau_viscous, nu, inertia, rate_now, rate_old, rate_older, u, old, older, p, at, force
+):
+    """−∫ of the momentum residual with hats on the wall, per unit density, into force (wall nodes, 3, LANES)."""
+    force[:] = 0.0
+    for e in range(tets.shape[0]):
+        i0, i1, i2, i3 = np.int64(tets[e, 0]), np.int64(tets[e, 1]), np.int64(tets[e, 2]), np.int64(tets[e, 3])
+        v = volume[e]
+        ax, ay, az = grad[e, 0, 0], grad[e, 0, 1], grad[e, 0, 2]
+        bx, by, bz = grad[e, 1, 0], grad[e, 1, 1], grad[e, 1, 2]
+        cx, cy, cz = grad[e, 2, 0], grad[e, 2, 1], grad[e, 2, 2]
+        dx, dy, dz = grad[e, 3, 0], grad[e, 3, 1], grad[e, 3, 2]
+        xa, ya, za = load(u, 3 * i0), load(u, 3 * i0 + 1), load(u, 3 * i0 + 2)
+        xb, yb, zb = load(u, 3 * i1), load(u, 3 * i1 + 1), load(u, 3 * i1 + 2)
+        xc, yc, zc = load(u, 3 * i2), load(u, 3 * i2 + 1), load(u, 3 * i2 + 2)
+        xd, yd, zd = load(u, 3 * i3), load(u, 3 * i3 + 1), load(u, 3 * i3 + 2)
+        mx, my, mz = 0.25 * ((xa + xb) + (xc + xd)), 0.25 * ((ya + yb) + (yc + yd)), 0.25 * ((za + zb) + (zc + zd))
+        along_a = fma(az, mz, fma(ay, my, ax * mx))
+        along_b = fma(bz, mz, fma(by, my, bx * mx))
+        along_c = fma(cz, mz, fma(cy, my, cx * mx))
+        along_d = fma(dz, mz, fma(dy, my, dx * mx))
+        speed = (absolute(along_a) + absolute(along_b)) + (absolute(along_c) + absolute(along_d))
+        tau = v / square_root(fma(speed, speed, splat(inertia + tau_viscous[e])))
+        w, quarter, nv = v / 20.0, 0.25 * v, nu * v
+        for c in range(3):
+            if c == 0:
+                qa, qb, qc, qd = xa, xb, xc, xd
+            elif c == 1:
+                qa, qb, qc, qd = ya, yb, yc, yd
+            else:
+                qa, qb, qc, qd = za, zb, zc, zd
+            sx = fma(dx, qd, fma(cx, qc, fma(bx, qb, ax * qa)))
+            sy = fma(dy, qd, fma(cy, qc, fma(by, qb, ay * qa)))
+            sz = fma(dz, qd, fma(cz, qc, fma(bz, qb, az * qa)))
+            push = fma(
+                grad[e, 3, c],
+                load(p, i3),
+                fma(grad[e, 2, c], load(p, i2), fma(grad[e, 1, c], load(p, i1), grad[e, 0, c] * load(p, i0))),
+            )
+            past = splat(0.0)
+            for a in range(4):
+                k = 3 * np.int64(tets[e, a]) + c
+                past = past + fma(rate_old, load(old, k), rate_older * load(older, k))
+            rate = 0.25 * fma(rate_now, (qa + qb) + (qc + qd), past)
+            carried = fma(mz, sz, fma(my, sy, mx * sx))
+            upwind = tau * (rate + (carried + push))
+            common = (4.0 * w) * carried + quarter * push
+            for a in range(4):
+                i = at[tets[e, a]]
+                if i < 0:
+                    continue
+                # On the wall the velocity is nought, so that its own part of the convection is too.
+                if a == 0:
+                    along = along_a
+                elif a == 1:
+                    along = along_b
+                elif a == 2:
+                    along = along_c
+                else:
+                    along = along_d
+                shear = nv * fma(grad[e, a, 2], sz, fma(grad[e, a, 1], sy, grad[e, a, 0] * sx))
+                k = 3 * i + c
+                store(force, k, load(force, k) - ((common + shear) + along * upwind))
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _tangential(force, normal, density, stress):
+    for i in range(force.shape[0]):
+        nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
+        x, y, z = load(force, 3 * i), load(force, 3 * i + 1), load(force, 3 * i + 2)
+        through = fma(nz, z, fma(ny, y, nx * x))
+        store(stress, 3 * i, density * fma(-nx, through, x))
+        store(stress, 3 * i + 1, density * fma(-ny, through, y))
+        store(stress, 3 * i + 2, density * fma(-nz, through, z))
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _accumulate(stress, weight, magnitude, vector):
+    for i in range(magnitude.shape[0]):
+        x, y, z = load(stress, 3 * i), load(stress, 3 * i + 1), load(stress, 3 * i + 2)
+        size = square_root(fma(z, z, fma(y, y, x * x)))
+        store(magnitude, i, fma(weight, size, load(magnitude, i)))
+        store(vector, 3 * i, fma(weight, x, load(vector, 3 * i)))
+        store(vector, 3 * i + 1, fma(weight, y, load(vector, 3 * i + 1)))
+        store(vector, 3 * i + 2, fma(weight, z, load(vector, 3 * i + 2)))
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _multiply(start, column, value, x, y):
+    """y = A x for x, y (n, 3, LANES)."""
+    for i in range(start.shape[0] - 1):
+        for c in range(3):
+            total = splat(0.0)
+            for k in range(start[i], start[i + 1]):
+                total = fma(value[k], load(x, 3 * np.int64(column[k]) + c), total)
+            store(y, 3 * i + c, total)
+
+
+class WallShear:
+    """Wall shear stress of LANES samples on the wall's nodes, and its integrals over time.
+
+    nodes: (w,) solver's node numbers; area: (w,) lumped, cm2; faces: (k, 3) into `nodes`.
+    """
+
+    def __init__(self, space: Discretisation):
+        self.space = space
+        self.nodes = np.flatnonzero(space.wall)
+        place = np.full(space.nodes, -1, np.int64)
+        place[self.nodes] = np.arange(len(self.nodes))
+        self._place = place
+        touching = (place[space.tets] >= 0).any(axis=1)
+        self._tets, self._volume = space.tets[touching], space.volume[touching]
+        self._grad = np.ascontiguousarray(space.grad[touching])
+        self._tau_viscous = space.tau_viscous[touching]
+        self.faces = place[space.wall_faces]
+        vector = face_vectors(space.points, space.wall_faces)
+        size = np.linalg.norm(vector, axis=1)
+        w = len(self.nodes)
+        self.area = np.bincount(self.faces.ravel(), np.repeat(size / 3.0, 3), w)
+        normal = np.stack([np.bincount(self.faces.ravel(), np.repeat(vector[:, c], 3), w) for c in range(3)], axis=1)
+        self.normal = normal / np.linalg.norm(normal, axis=1)[:, None]
+        rows, columns = np.repeat(self.faces, 3, axis=1).ravel(), np.tile(self.faces, (1, 3)).ravel()
+        local = size[:, None, None] * (np.ones((3, 3)) + np.eye(3)) / 12.0
+        mass = sp.csr_matrix((local.ravel(), (rows, columns)), shape=(w, w))
+        smoothing = sp.diags(1.0 / self.area) @ mass @ sp.diags(1.0 / self.area)
+        smoothing = smoothing.tocsr()
+        self._smooth = (smoothing.indptr.astype(np.int64), smoothing.indices.astype(np.int32), smoothing.data)
+        self._force, self._smoothed = np.zeros((w, 3, LANES)), np.zeros((w, 3, LANES))
+        self.stress = np.zeros((w, 3, LANES))
+        self.reset()
+
+    def reset(self) -> None:
+        """Start a cycle's integrals anew."""
+        self.time = 0.0
+        self.magnitude = np.zeros((len(self.nodes), LANES))
+        self.vector = np.zeros((len(self.nodes), 3, LANES))
+
+    def sample(self, stepper, weight: float) -> None:
+        """Stress of the stepper's present state, counted in the integrals for `weight` seconds."""
+        space = self.space
+        r0, r1, r2 = (b / space.dt for b in BDF2)
+        _wall_force(
+            self._tets, self._grad, self._volume, self._tau_viscous, space.nu, (2.0 * space.mass_rate) ** 2,
+            r0, r1, r2, stepper.u, stepper.u_old, stepper.u_older, stepper.kinematic_pressure, self._place, self._force,
+        )  # fmt: skip
+        _multiply(*self._smooth, self._force, self._smoothed)
+        _tangential(self._smoothed, self.normal, space.density, self.stress)
+        _accumulate(self.stress, weight, self.magnitude, self.vector)
+        self.time += weight
+
+    def tawss(self) -> np.ndarray:
+        """(1/T) ∫|τ| dt, (w, LANES), dyn/cm2."""
+        return self.magnitude / self.time
+
+    def osi(self) -> np.ndarray:
+        """½ (1 − |∫τ dt| / ∫|τ| dt), (w, LANES)."""
+        resultant = np.sqrt((self.vector**2).sum(axis=1))
+        return 0.5 * (1.0 - resultant / np.maximum(self.magnitude, np.finfo(float).tiny))
