@@ -47,5 +47,7 @@ rule flow3d_batch:
         portion=lambda wildcards: BATCHES[int(wildcards.k)],
     log:
         log_of("flow3d", "batch_{k}.log"),
+    resources:
+        **({} if campaign.backend == "ensemble" else {"mpi": "mpiexec", "tasks": 2}),
     script:
         "../scripts/flow3d_batch.py"

@@ -16,7 +16,7 @@ rule posterior_chains:
         log_of("posterior", "chains.log"),
     resources:
         mpi="mpiexec",
-        tasks=1,
+        tasks=2,
     shell:
         "{resources.mpi} -n {resources.tasks} python {input.script:q}"
         " --input case={input.case:q} network={input.network:q} targets={input.targets:q}"

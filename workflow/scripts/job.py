@@ -29,13 +29,15 @@ from coronaryuq.errors import InputError
 
 @dataclass
 class Job:
-    """Inputs and outputs (name → path, or list of paths), parameters, threads, log."""
+    """Inputs and outputs (name → path, or list of paths), parameters, threads, log; MPI launcher and tasks, if any."""
 
     input: dict[str, Any]
     output: dict[str, Any]
     params: dict[str, Any]
     threads: int
     log: str | None
+    mpi: str = "mpiexec"
+    tasks: int = 1
 
 
 class Tee:
@@ -99,6 +101,8 @@ def _from_snakemake(snakemake) -> Job:
         params=dict(snakemake.params.items()),
         threads=snakemake.threads,
         log=snakemake.log[0] if len(snakemake.log) else None,
+        mpi=snakemake.resources.get("mpi", "mpiexec"),
+        tasks=snakemake.resources.get("tasks", 1),
     )
 
 
