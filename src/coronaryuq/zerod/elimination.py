@@ -1,0 +1,150 @@
+"""Elimination order of a sparse system, found once and written out as flat lists of operations (a tape).
+
+Unknowns are split in two. The interior has equations and unknowns whose coefficients never change in time; it is
+eliminated first and once per sample, leaving its Schur complement on the border, where heart, valves, stenoses and
+whatever else changes live. Only the border is factorised and solved again in each Newton iteration.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+THRESHOLD = 1e-3
+"""Least size of a pivot against the largest entry of its scaled row, in every scenario (threshold pivoting)."""
+
+
+@dataclass(frozen=True)
+class Tape:
+    """Slots hold the matrix entries, original ones first, then fill-in; row numbers and columns are the system's own.
+
+    slot_row, slot_column: (slots,) where each slot sits.
+    divide: (·, 2) slots: entry, pivot. update: (·, 3) slots: target −= factor × entry.
+    Both are in order; `divide_first[k]` and `update_first[k]` say where pivot k's operations start.
+    forward: (·, 3): row, slot, pivot row: b[row] −= a[slot] b[pivot row].
+    backward: (·, 3): pivot row, slot, column: b[pivot row] −= a[slot] x[column].
+    pivots: (n, 3): row, column, slot, in order of elimination. interior: how many of them are interior.
+    """
+
+    slot_row: np.ndarray
+    slot_column: np.ndarray
+    pivots: np.ndarray
+    interior: int
+    divide: np.ndarray
+    divide_first: np.ndarray
+    update: np.ndarray
+    update_first: np.ndarray
+    forward: np.ndarray
+    forward_first: np.ndarray
+    backward: np.ndarray
+    backward_first: np.ndarray
+
+
+class Singular(ValueError):
+    """No admissible pivot is left; `row` is the equation that cannot be solved for."""
+
+    def __init__(self, row: int):
+        self.row = row
+        super().__init__(f"no pivot for equation {row}")
+
+
+def eliminate(scenarios: np.ndarray, pattern: np.ndarray, inner_rows: np.ndarray, inner_columns: np.ndarray) -> Tape:
+    """Order by Markowitz with threshold pivoting, interior before border.
+
+    scenarios: (k, n, n + m) matrices that the order must suit, all of them. pattern: (n, n + m) where entries may be
+    nonzero. The last m columns are carried through the interior's elimination and left alone by the border's.
+    inner_rows, inner_columns: (n,) which equations and unknowns may belong to the interior. Raises `Singular`.
+    """
+    n, width = pattern.shape
+    matrix, pattern = _equilibrated(scenarios), pattern.copy()
+    slots: dict[tuple[int, int], int] = {}
+    for row, column in zip(*np.nonzero(pattern), strict=True):
+        slots[int(row), int(column)] = len(slots)
+    rows, columns, carried = np.ones(n, bool), np.arange(width) < n, np.arange(width) >= n
+    inner_columns = np.append(inner_columns, np.zeros(width - n, bool))
+    pivots, divide, update, forward = [], [], [], []
+    firsts = {"divide": [0], "update": [0], "forward": [0]}
+    interior = 0
+    for step in range(n):
+        allowed = pattern & np.outer(rows, columns)
+        found = _pivot(matrix, allowed, inner_rows, inner_columns) if interior == step else None
+        if found is not None:
+            interior += 1
+        else:
+            found = _pivot(matrix, allowed, rows, columns)
+        if found is None:
+            raise Singular(int(np.nonzero(rows)[0][0]))
+        row, column = found
+        pivot = slots[row, column]
+        pivots.append((row, column, pivot))
+        rows[row] = columns[column] = False
+        below = np.nonzero(allowed[:, column] & rows)[0]
+        right = np.nonzero(pattern[row] & (columns | carried) if step < interior else allowed[row] & columns)[0]
+        for i in map(int, below):
+            divide.append((slots[i, column], pivot))
+            forward.append((i, slots[i, column], row))
+            for j in map(int, right):
+                target = slots.setdefault((i, j), len(slots))
+                update.append((target, slots[i, column], slots[row, j]))
+        pattern[np.ix_(below, right)] = True
+        factors = matrix[:, below, column] / matrix[:, row, column][:, None]
+        matrix[np.ix_(range(len(matrix)), below, right)] -= factors[:, :, None] * matrix[:, row, right][:, None, :]
+        for name, operations in (("divide", divide), ("update", update), ("forward", forward)):
+            firsts[name].append(len(operations))
+    order = {column: step for step, (_, column, _) in enumerate(pivots)}
+    of_row: dict[int, list[tuple[int, int]]] = {}
+    for (row, column), slot in slots.items():
+        of_row.setdefault(row, []).append((column, slot))
+    backward, backward_first = [], [0]
+    for step, (row, _, _) in enumerate(pivots):
+        # Carried columns count as eliminated last, and only by the interior.
+        last = n if step < interior else -1
+        places = [(order.get(column, last), column, slot) for column, slot in of_row[row]]
+        later = [place for place in places if place[0] > step]
+        backward += [(row, slot, column) for _, column, slot in sorted(later, reverse=True)]
+        backward_first.append(len(backward))
+    where = np.array(list(slots), dtype=np.int64).reshape(-1, 2)
+    return Tape(
+        where[:, 0],
+        where[:, 1],
+        np.array(pivots, dtype=np.int64),
+        interior,
+        _table(divide, 2),
+        np.array(firsts["divide"]),
+        _table(update, 3),
+        np.array(firsts["update"]),
+        _table(forward, 3),
+        np.array(firsts["forward"]),
+        _table(backward, 3),
+        np.array(backward_first),
+    )
+
+
+def _pivot(matrix, allowed, rows, columns) -> tuple[int, int] | None:
+    """The admissible entry that creates the least fill-in, ties by size, then by place."""
+    size = np.abs(matrix)
+    best_in_row = np.where(allowed, size, 0.0).max(axis=2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        worth = np.where(allowed, size / best_in_row[:, :, None], 0.0).min(axis=0)
+    worth = np.where(allowed & np.outer(rows, columns), worth, 0.0)
+    admissible = worth > THRESHOLD
+    if not admissible.any():
+        return None
+    cost = np.outer(allowed.sum(axis=1) - 1, allowed.sum(axis=0) - 1)
+    cost = np.where(admissible, cost, np.iinfo(cost.dtype).max)
+    candidates = np.argwhere(cost == cost.min())
+    row, column = max(candidates, key=lambda place: (worth[place[0], place[1]], -place[0], -place[1]))
+    return int(row), int(column)
+
+
+def _equilibrated(scenarios: np.ndarray, sweeps: int = 5) -> np.ndarray:
+    """Rows and columns scaled so that entries of different units can be compared."""
+    matrix = scenarios.astype(float).copy()
+    for _ in range(sweeps):
+        for axis in (2, 1):
+            largest = np.abs(matrix).max(axis=(0, axis), keepdims=True)
+            matrix /= np.sqrt(np.where(largest > 0, largest, 1.0))
+    return matrix
+
+
+def _table(operations: list[tuple[int, ...]], columns: int) -> np.ndarray:
+    return np.array(operations, dtype=np.int64).reshape(-1, columns)

@@ -1,0 +1,341 @@
+"""0D networks as svZeroDSolver JSON: reading, checking and writing them.
+
+A network is the plain dict that stands in the file. Checking names the file, the block and the key at fault, so that a
+network that passes can be solved; what an element means is in `zerod.elements`.
+"""
+
+import copy
+import math
+from collections.abc import Iterable
+from numbers import Real
+from pathlib import Path
+from typing import Any
+
+from coronaryuq import files
+from coronaryuq.errors import InputError
+from coronaryuq.zerod.parameters import BOUNDARIES, CLOSED_LOOP, COUPLINGS, JUNCTIONS, VESSELS, Parameters
+
+Network = dict[str, Any]
+
+HEART = "CLH"
+"""Name that svZeroDSolver gives the closed-loop heart block."""
+
+_TOP = {
+    "description",
+    "simulation_parameters",
+    "vessels",
+    "boundary_conditions",
+    "junctions",
+    "closed_loop_blocks",
+    "external_solver_coupling_blocks",
+    "initial_condition",
+    "initial_condition_d",
+    "valves",
+    "chambers",
+}
+_SIMULATION = {
+    "coupled_simulation": bool,
+    "number_of_cardiac_cycles": int,
+    "number_of_time_pts_per_cardiac_cycle": int,
+    "number_of_time_pts": int,
+    "external_step_size": float,
+    "use_cycle_to_cycle_error": bool,
+    "sim_cycle_to_cycle_percent_error": float,
+    "absolute_tolerance": float,
+    "maximum_nonlinear_iterations": int,
+    "steady_initial": bool,
+    "rho_infty": float,
+    "output_variable_based": bool,
+    "output_interval": int,
+    "output_mean_only": bool,
+    "output_derivative": bool,
+    "output_all_cycles": bool,
+    "cardiac_period": float,
+    # Written by SimVascular's front end and carried along unread by svZeroDSolver.
+    "model_name": str,
+    "density": float,
+    "viscosity": float,
+}
+_VESSEL = {"vessel_name", "vessel_id", "vessel_length", "boundary_conditions", "zero_d_element_type"}
+_VESSEL |= {"zero_d_element_values"}
+_BOUNDARY = {"bc_name", "bc_type", "bc_values"}
+_JUNCTION = {"junction_name", "junction_type", "junction_values", "areas"}
+_JUNCTION |= {"inlet_vessels", "outlet_vessels", "inlet_blocks", "outlet_blocks"}
+_LOOP = {"name", "outlet_blocks", "closed_loop_type", "cardiac_cycle_period", "parameters"}
+_COUPLING = {"name", "type", "location", "connected_block", "periodic", "values"}
+
+
+def read_network(path: str | Path) -> Network:
+    """Read an svZeroDSolver JSON file and check it; `InputError` names file, block, key and value."""
+    network = files.read_json(path)
+    check_network(network, path)
+    return network
+
+
+def write_network(path: str | Path, network: Network) -> None:
+    """Check a network and write it as svZeroDSolver JSON."""
+    check_network(network, path)
+    files.write_json(path, network)
+
+
+def check_network(network: Network, file: str | Path = "network") -> None:
+    """Raise `InputError` unless every block, key and value is one that the engine knows and the blocks fit together."""
+    if not isinstance(network, dict):
+        raise InputError(file, None, None, "want a JSON object with simulation_parameters, vessels, ...")
+    _keys(network, _TOP, file, "")
+    for unsupported in ("valves", "chambers"):
+        if network.get(unsupported):
+            entry = network[unsupported][0]
+            kind = entry.get("type") if isinstance(entry, dict) else entry
+            name = entry.get("name") if isinstance(entry, dict) else None
+            raise InputError(file, f"{unsupported}.{name}.type", kind, "unknown element; use closed_loop_blocks")
+    for required in ("simulation_parameters", "boundary_conditions"):
+        if required not in network:
+            raise InputError(file, required, None, "missing")
+    if not isinstance(network["simulation_parameters"], dict):
+        raise InputError(file, "simulation_parameters", network["simulation_parameters"], "want an object")
+    _check_simulation(network["simulation_parameters"], file)
+    names: dict[str, str] = {}
+    for vessel in _entries(network, "vessels", "vessel_name", file):
+        _check_vessel(vessel, names, file)
+    for block in _entries(network, "external_solver_coupling_blocks", "name", file):
+        _check_coupling(block, names, file)
+    for block in _entries(network, "boundary_conditions", "bc_name", file):
+        _check_boundary(block, names, file)
+    ids = {vessel["vessel_id"]: vessel["vessel_name"] for vessel in network.get("vessels", [])}
+    if len(ids) < len(network.get("vessels", [])):
+        raise InputError(file, "vessels", None, "two vessels share a vessel_id; number them apart")
+    for junction in _entries(network, "junctions", "junction_name", file):
+        _check_junction(junction, names, ids, file)
+    _check_closed_loop(network, names, file)
+    _check_references(network, names, file)
+
+
+def vessel_names(network: Network) -> dict[int, str]:
+    """Vessel id → vessel name."""
+    return {vessel["vessel_id"]: vessel["vessel_name"] for vessel in network.get("vessels", [])}
+
+
+def copy_of(network: Network) -> Network:
+    """A deep copy, so that a changed network never changes the one it came from."""
+    return copy.deepcopy(network)
+
+
+def _check_simulation(block: dict, file) -> None:
+    where = "simulation_parameters"
+    _keys(block, set(_SIMULATION), file, where)
+    for key, kind in _SIMULATION.items():
+        if key not in block:
+            continue
+        value = block[key]
+        fits = {
+            bool: isinstance(value, bool),
+            int: isinstance(value, Real) and not isinstance(value, bool) and float(value).is_integer(),
+            float: _finite(value),
+            str: isinstance(value, str),
+        }[kind]
+        if not fits:
+            raise InputError(file, f"{where}.{key}", value, f"want a {kind.__name__}")
+    needed = ("number_of_cardiac_cycles", "number_of_time_pts_per_cardiac_cycle")
+    if block.get("coupled_simulation", False):
+        needed = ("number_of_time_pts",)
+    for key in needed:
+        if key not in block:
+            raise InputError(file, f"{where}.{key}", None, "missing")
+        if block[key] < (2 if "time_pts" in key else 1):
+            raise InputError(file, f"{where}.{key}", block[key], "too small")
+    if not 0.0 <= block.get("rho_infty", 0.5) <= 1.0:
+        raise InputError(file, f"{where}.rho_infty", block["rho_infty"], "want a spectral radius from 0 to 1")
+    for key in ("absolute_tolerance", "maximum_nonlinear_iterations", "output_interval", "external_step_size"):
+        if key in block and block[key] <= 0:
+            raise InputError(file, f"{where}.{key}", block[key], "want a positive number")
+
+
+def _check_vessel(vessel: dict, names: dict[str, str], file) -> None:
+    name = _register(vessel, "vessel_name", "zero_d_element_type", VESSELS, names, file, "vessels")
+    where = f"vessels.{name}"
+    _keys(vessel, _VESSEL, file, where)
+    if not isinstance(vessel.get("vessel_id"), int) or isinstance(vessel.get("vessel_id"), bool):
+        raise InputError(file, f"{where}.vessel_id", vessel.get("vessel_id"), "want an integer")
+    _values(vessel, "zero_d_element_values", VESSELS[vessel["zero_d_element_type"]], file, where)
+    for side in vessel.get("boundary_conditions", {}):
+        if side not in ("inlet", "outlet"):
+            raise InputError(file, f"{where}.boundary_conditions", side, "want inlet or outlet")
+
+
+def _check_boundary(block: dict, names: dict[str, str], file) -> None:
+    name = _register(block, "bc_name", "bc_type", BOUNDARIES, names, file, "boundary_conditions")
+    _keys(block, _BOUNDARY, file, f"boundary_conditions.{name}")
+    _values(block, "bc_values", BOUNDARIES[block["bc_type"]], file, f"boundary_conditions.{name}")
+
+
+def _check_coupling(block: dict, names: dict[str, str], file) -> None:
+    name = _register(block, "name", "type", COUPLINGS, names, file, "external_solver_coupling_blocks")
+    where = f"external_solver_coupling_blocks.{name}"
+    _keys(block, _COUPLING, file, where)
+    _values(block, "values", COUPLINGS[block["type"]], file, where)
+    if block.get("location") not in ("inlet", "outlet"):
+        raise InputError(file, f"{where}.location", block.get("location"), "want inlet or outlet")
+    if not isinstance(block.get("connected_block"), str):
+        raise InputError(file, f"{where}.connected_block", block.get("connected_block"), "want a block's name")
+
+
+def _check_junction(block: dict, names: dict[str, str], ids: dict[int, str], file) -> None:
+    name = _register(block, "junction_name", "junction_type", JUNCTIONS, names, file, "junctions")
+    where = f"junctions.{name}"
+    _keys(block, _JUNCTION, file, where)
+    for side in ("inlet", "outlet"):
+        if f"{side}_vessels" in block:
+            for number in block[f"{side}_vessels"]:
+                if number not in ids:
+                    raise InputError(file, f"{where}.{side}_vessels", number, "no vessel has this vessel_id")
+        elif f"{side}_blocks" not in block:
+            raise InputError(file, f"{where}.{side}_vessels", None, "missing")
+    parameters = JUNCTIONS[block["junction_type"]]
+    if not parameters:
+        if block.get("junction_values"):
+            _keys(block["junction_values"], set(), file, f"{where}.junction_values")
+        return
+    inlets, outlets = junction_sides(block, ids)
+    if block["junction_type"] == "BloodVesselJunction" and len(inlets) != 1:
+        raise InputError(file, f"{where}.inlet_vessels", inlets, "a BloodVesselJunction has one inlet")
+    values = block.get("junction_values", {})
+    _keys(values, set(parameters), file, f"{where}.junction_values")
+    for key, spec in parameters.items():
+        if key not in values and not spec.required:
+            continue
+        numbers = values.get(key)
+        if not isinstance(numbers, list) or len(numbers) != len(outlets) or not all(map(_finite, numbers)):
+            raise InputError(
+                file,
+                f"{where}.junction_values.{key}",
+                numbers,
+                f"want a list of {len(outlets)} numbers, one per outlet",
+            )
+
+
+def _check_closed_loop(network: Network, names: dict[str, str], file) -> None:
+    blocks = network.get("closed_loop_blocks", [])
+    if len(blocks) > 1:
+        raise InputError(
+            file, "closed_loop_blocks", len(blocks), "only one ClosedLoopHeartAndPulmonary can be included"
+        )
+    for block in blocks:
+        where = f"closed_loop_blocks.{HEART}"
+        _keys(block, _LOOP, file, where)
+        kind = block.get("closed_loop_type")
+        if kind not in CLOSED_LOOP:
+            raise InputError(file, f"{where}.closed_loop_type", kind, f"unknown element; know {', '.join(CLOSED_LOOP)}")
+        _values(block, "parameters", CLOSED_LOOP[kind], file, where)
+        period = block.get("cardiac_cycle_period")
+        if not _finite(period) or period <= 0:
+            raise InputError(file, f"{where}.cardiac_cycle_period", period, "want a positive time in s")
+        if not isinstance(block.get("outlet_blocks"), list) or not block["outlet_blocks"]:
+            raise InputError(file, f"{where}.outlet_blocks", block.get("outlet_blocks"), "want a list of block names")
+        for name in (HEART, "J_heart_inlet", "J_heart_outlet"):
+            if name in names:
+                raise InputError(
+                    file, names[name], name, "this name belongs to the closed-loop heart; rename the block"
+                )
+            names[name] = where
+    if not blocks:
+        for block in network["boundary_conditions"]:
+            if block["bc_type"].startswith("ClosedLoop"):
+                where = f"boundary_conditions.{block['bc_name']}.bc_type"
+                raise InputError(file, where, block["bc_type"], "needs a ClosedLoopHeartAndPulmonary block")
+
+
+def _check_references(network: Network, names: dict[str, str], file) -> None:
+    for vessel in network.get("vessels", []):
+        for side, target in vessel.get("boundary_conditions", {}).items():
+            if target not in names:
+                where = f"vessels.{vessel['vessel_name']}.boundary_conditions.{side}"
+                raise InputError(file, where, target, "no block has this name")
+    for junction in network.get("junctions", []):
+        for side in ("inlet_blocks", "outlet_blocks"):
+            for target in junction.get(side, []):
+                if target not in names:
+                    raise InputError(
+                        file, f"junctions.{junction['junction_name']}.{side}", target, "no block has this name"
+                    )
+    for block in network.get("closed_loop_blocks", []):
+        for target in block["outlet_blocks"]:
+            if target not in names:
+                raise InputError(file, f"closed_loop_blocks.{HEART}.outlet_blocks", target, "no block has this name")
+    for block in network.get("external_solver_coupling_blocks", []):
+        target = block["connected_block"]
+        if target not in names and target != "ClosedLoopHeartAndPulmonary":
+            where = f"external_solver_coupling_blocks.{block['name']}.connected_block"
+            raise InputError(file, where, target, "no block has this name")
+    for part in ("initial_condition", "initial_condition_d"):
+        for key, value in network.get(part, {}).items():
+            if not key.startswith("_") and not _finite(value):
+                raise InputError(file, f"{part}.{key}", value, "want a number")
+
+
+def junction_sides(block: dict, ids: dict[int, str]) -> tuple[list[str], list[str]]:
+    """Names of the blocks at a junction's inlets and outlets, from vessel ids or block names."""
+    if "inlet_vessels" in block and "outlet_vessels" in block:
+        return [ids[i] for i in block["inlet_vessels"]], [ids[i] for i in block["outlet_vessels"]]
+    return list(block.get("inlet_blocks", [])), list(block.get("outlet_blocks", []))
+
+
+def _entries(network: Network, part: str, key: str, file) -> Iterable[dict]:
+    entries = network.get(part, [])
+    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+        raise InputError(file, part, None, "want a list of objects")
+    for number, entry in enumerate(entries):
+        if not isinstance(entry.get(key), str) or not entry[key]:
+            raise InputError(file, f"{part}[{number}].{key}", entry.get(key), "want a name")
+    return entries
+
+
+def _register(block: dict, name_key: str, type_key: str, known: dict, names: dict[str, str], file, part: str) -> str:
+    name, kind = block[name_key], block.get(type_key)
+    if kind not in known:
+        raise InputError(file, f"{part}.{name}.{type_key}", kind, f"unknown element; know {', '.join(known)}")
+    if name in names:
+        raise InputError(file, f"{part}.{name}", None, f"name already taken by {names[name]}; rename one")
+    names[name] = f"{part}.{name}"
+    return name
+
+
+def _keys(block: dict, known: set[str], file, where: str) -> None:
+    for key in block:
+        if key not in known and not key.startswith("_"):
+            field = f"{where}.{key}" if where else key
+            raise InputError(file, field, None, f"unknown key; know {', '.join(sorted(known))}")
+
+
+def _values(block: dict, key: str, parameters: Parameters, file, where: str) -> None:
+    values = block.get(key)
+    if not isinstance(values, dict):
+        raise InputError(file, f"{where}.{key}", values, "want an object")
+    _keys(values, set(parameters), file, f"{where}.{key}")
+    series = [name for name, spec in parameters.items() if spec.series]
+    for name, spec in parameters.items():
+        field = f"{where}.{key}.{name}"
+        if name not in values:
+            if spec.required:
+                raise InputError(file, field, None, "missing")
+            continue
+        value = values[name]
+        if spec.flag:
+            if not isinstance(value, bool):
+                raise InputError(file, field, value, "want true or false")
+        elif spec.series:
+            if not isinstance(value, list) or not value or not all(map(_finite, value)):
+                raise InputError(file, field, value, "want a list of numbers")
+            if len(value) > 1 and len(value) != len(values.get("t", [])):
+                raise InputError(file, field, len(value), f"has not as many entries as t ({len(values.get('t', []))})")
+        elif not _finite(value):
+            raise InputError(file, field, value, "want a number")
+        elif spec.positive and not value > 0:
+            raise InputError(file, field, value, "want a positive number")
+    times = values.get("t", [])
+    if series and any(later <= earlier for earlier, later in zip(times, times[1:], strict=False)):
+        raise InputError(file, f"{where}.{key}.t", None, "times must increase")
+
+
+def _finite(value: Any) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
