@@ -1,0 +1,124 @@
+"""From kept intervals of vessels to the paths, caps and element sizes of one piece of the mesh."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from coronaryuq.case.tree import Stenosis, Tree, Vessel
+from coronaryuq.flow3d.mesh.domain import Kept, continuation, daughters, starts_at_bifurcation
+from coronaryuq.flow3d.mesh.implicit import Implicit, Path
+
+SPACING = 0.25
+"""Spacing of centreline points in radii."""
+
+BLEND = 0.4
+"""Width of the blend at a bifurcation, in radii of the daughter."""
+
+
+@dataclass(frozen=True)
+class Cap:
+    """Where the vessel is cut: name, vessel, arc length, whether it is the vessel's proximal side, centre (3,), outward normal (3,), radius."""
+
+    name: str
+    vessel: str
+    arc: float
+    inlet: bool
+    centre: np.ndarray
+    normal: np.ndarray
+    radius: float
+
+
+def caps(tree: Tree, kept: Kept, piece: Sequence[str]) -> list[Cap]:
+    """Caps of a piece: inlets first, both in the order of the tree."""
+    inlets = [_cap(tree[n], kept[n][0], inlet=True) for n in piece if not starts_at_bifurcation(tree, kept, n)]
+    outlets = [_cap(tree[n], kept[n][1], inlet=False) for n in piece if not daughters(tree, kept, n)]
+    return inlets + outlets
+
+
+def _cap(vessel: Vessel, arc: float, inlet: bool) -> Cap:
+    tangent = vessel.tangent_at(arc)
+    return Cap(
+        name=f"{'inlet' if inlet else 'outlet'}_{vessel.name}",
+        vessel=vessel.name,
+        arc=float(arc),
+        inlet=inlet,
+        centre=vessel.position_at(arc),
+        normal=-tangent if inlet else tangent,
+        radius=float(vessel.radius_at(arc)),
+    )
+
+
+def paths(tree: Tree, kept: Kept, piece: Sequence[str]) -> list[Path]:
+    """Paths of a piece, mothers before daughters; each follows the artery through its bifurcations, and runs on past its caps."""
+    carried: set[str] = set()
+    found = []
+    for name in piece:
+        if name in carried:
+            continue
+        chain = [name]
+        while onward := daughters(tree, kept, chain[-1]):
+            chain.append(continuation(tree, chain[-1], onward))
+        carried.update(chain)
+        found.append(_path(tree, kept, chain))
+    return found
+
+
+def _path(tree: Tree, kept: Kept, chain: Sequence[str]) -> Path:
+    points, radii, owner, arc = [], [], [], []
+    for name in chain:
+        s, p, r = smooth(tree[name], *kept[name])
+        skip = 1 if points else 0
+        points.append(p[skip:])
+        radii.append(r[skip:])
+        owner.append(np.full(len(s) - skip, name))
+        arc.append(s[skip:])
+    p, r, owner, arc = np.vstack(points), np.concatenate(radii), np.concatenate(owner), np.concatenate(arc)
+    blend = BLEND * float(r[0])
+    if not starts_at_bifurcation(tree, kept, chain[0]):
+        p = np.vstack([p[0] - r[0] * tree[chain[0]].tangent_at(kept[chain[0]][0]), p])
+        r, owner, arc = np.r_[r[0], r], np.r_[owner[:1], owner], np.r_[arc[0], arc]
+    p = np.vstack([p, p[-1] + r[-1] * tree[chain[-1]].tangent_at(kept[chain[-1]][1])])
+    r, owner, arc = np.r_[r, r[-1]], np.r_[owner, owner[-1:]], np.r_[arc, arc[-1]]
+    return Path(p, r, owner, arc, blend)
+
+
+def smooth(vessel: Vessel, start: float, end: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Arc lengths (m,), points (m, 3) and radii (m,) between two arc lengths, a monotone cubic through the given points."""
+    spacing = SPACING * float(np.min(vessel.between(start, end).radii))
+    arc = np.linspace(start, end, max(2, int(np.ceil((end - start) / spacing)) + 1))
+    curve = PchipInterpolator(vessel.arc, np.column_stack([vessel.points, vessel.radii]), axis=0)(arc)
+    return arc, curve[:, :3], curve[:, 3]
+
+
+class Size:
+    """Element size by local radius: radius / (R/h) of the vessel that owns a point.
+
+    R/h is `resolution`, and rises within a stenosis with the narrowing, in proportion to the radius lost, to
+    `throat_resolution` at the throat.
+    """
+
+    def __init__(self, implicit: Implicit, stenoses: Sequence[Stenosis], throat_resolution: float, resolution: float):
+        self._implicit = implicit
+        self._sizes = []
+        for path in implicit.paths:
+            ratio = np.full(len(path.radii), resolution)
+            for stenosis in stenoses:
+                within = (path.vessel == stenosis.vessel) & (path.arc >= stenosis.start) & (path.arc <= stenosis.end)
+                if not within.any():
+                    continue
+                healthy = np.interp(path.arc[within], [stenosis.start, stenosis.end], path.radii[within][[0, -1]])
+                lost = np.clip(1.0 - path.radii[within] / healthy, 0.0, None)
+                share = lost / lost.max() if lost.max() > 0.0 else np.ones_like(lost)
+                ratio[within] = resolution + (throat_resolution - resolution) * share
+            self._sizes.append(path.radii / ratio)
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        """Wanted edge length (m,) at points (m, 3), cm."""
+        path, segment, along = self._implicit.nearest(points)
+        size = np.empty(len(points))
+        for index, values in enumerate(self._sizes):
+            own = path == index
+            size[own] = values[segment[own]] * (1.0 - along[own]) + values[segment[own] + 1] * along[own]
+        return size

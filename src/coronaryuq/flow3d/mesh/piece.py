@@ -1,0 +1,153 @@
+"""One piece of the mesh, from implicit surface or closed triangulated surface to checked tetrahedra."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from coronaryuq.flow3d.mesh import quality, volume
+from coronaryuq.flow3d.mesh.errors import MeshError
+from coronaryuq.flow3d.mesh.implicit import Implicit
+from coronaryuq.flow3d.mesh.paths import Cap
+from coronaryuq.flow3d.mesh.surface import WALL, surface
+
+WORST_DIHEDRAL = 3.0
+"""Degrees; a piece with a flatter tetrahedron is meshed again with other settings."""
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """What differs from try to try: grid spacing and surface deviation in smallest radii, shortest edge in smallest sizes,
+    angle (degrees) from which an edge of the surface is kept sharp, factor on the element size."""
+
+    spacing: float
+    deviation: float
+    shortest: float
+    sharp: float
+    scale: float
+
+
+ATTEMPTS = (
+    Attempt(0.45, 0.25, 0.40, 75.0, 1.0),
+    Attempt(0.40, 0.30, 0.70, 80.0, 0.97),
+    Attempt(0.36, 0.20, 0.25, 60.0, 0.94),
+    Attempt(0.31, 0.35, 0.50, 70.0, 0.91),
+    Attempt(0.27, 0.15, 0.30, 45.0, 0.88),
+)
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Points (n, 3) in cm, positively oriented tetrahedra (m, 4), outward boundary triangles (k, 3) and their references (k,):
+    1 for the wall, 2 + i for cap i."""
+
+    points: np.ndarray
+    tets: np.ndarray
+    triangles: np.ndarray
+    refs: np.ndarray
+
+
+def mesh_implicit(
+    implicit: Implicit, caps: Sequence[Cap], size: Callable, radius: float, gradation: float, attempt: Attempt
+) -> Piece:
+    """Mesh the inside of an implicit surface cut at `caps`; `radius` is the smallest of the piece, cm."""
+    points, triangles, refs = surface(implicit, caps, attempt.spacing * radius)
+
+    def project(nodes: np.ndarray) -> np.ndarray:
+        return implicit.project(nodes, 1e-3 * radius)
+
+    return mesh_surface(points, triangles, refs, caps, size, radius, gradation, attempt, project)
+
+
+def mesh_surface(
+    points: np.ndarray,
+    triangles: np.ndarray,
+    refs: np.ndarray,
+    caps: Sequence[Cap],
+    size: Callable,
+    radius: float,
+    gradation: float,
+    attempt: Attempt,
+    project: Callable | None = None,
+) -> Piece:
+    """Mesh the inside of a closed surface whose triangles carry references; `project` moves wall nodes onto the true surface."""
+
+    def wanted(nodes: np.ndarray) -> np.ndarray:
+        return attempt.scale * size(nodes)
+
+    enclosed = _enclosed(points, triangles)
+    knobs = (attempt.deviation * radius, gradation, attempt.shortest, attempt.sharp)
+    points, triangles, refs = volume.remesh_surface(points, triangles, refs, wanted, *knobs)
+    points, tets = volume.fill(points, triangles)
+    points, tets, triangles, refs = volume.remesh_volume(points, tets, triangles, refs, wanted, *knobs)
+    triangles, refs = volume.outer_references(tets, triangles, refs)
+    points = _fit(points, tets, triangles, refs, caps, project)
+    piece = _compact(Piece(points, tets, triangles, refs))
+    check(piece, caps, enclosed)
+    return piece
+
+
+def _fit(points, tets, triangles, refs, caps: Sequence[Cap], project: Callable | None) -> np.ndarray:
+    """Wall nodes onto the surface, cap nodes into the plane of their cap, rim nodes onto both."""
+    wall = np.unique(triangles[refs == WALL])
+    target = points.copy()
+    if project is not None:
+        target[wall] = project(points[wall])
+    for index, cap in enumerate(caps):
+        nodes = np.unique(triangles[refs == index + 2])
+        rim = np.intersect1d(nodes, wall)
+        for _ in range(3 if project is not None else 1):
+            if project is not None:
+                target[rim] = project(target[rim])
+            target[nodes] -= ((target[nodes] - cap.centre) @ cap.normal)[:, None] * cap.normal
+    nodes = np.unique(triangles)
+    return volume.fit_to_surface(points, tets, nodes, target[nodes], quality.radius_ratio)
+
+
+def _enclosed(points: np.ndarray, triangles: np.ndarray) -> float:
+    a, b, c = (points[triangles[:, i]] for i in range(3))
+    return float(np.einsum("ij,ij->i", np.cross(a, b), c).sum() / 6.0)
+
+
+def _compact(piece: Piece) -> Piece:
+    """Without points that no tetrahedron uses."""
+    used = np.unique(piece.tets)
+    new = np.full(len(piece.points), -1)
+    new[used] = np.arange(len(used))
+    return Piece(piece.points[used], new[piece.tets], new[piece.triangles], piece.refs)
+
+
+def check(piece: Piece, caps: Sequence[Cap], enclosed: float) -> None:
+    """Refuse a piece that lost volume, a cap or its shape; MeshError says which."""
+    volumes = quality.volumes(piece.points, piece.tets)
+    if volumes.min() <= 0.0:
+        raise MeshError(f"{int((volumes <= 0.0).sum())} inverted tetrahedra")
+    if abs(volumes.sum() / enclosed - 1.0) > 0.1:
+        raise MeshError(f"mesh volume is {volumes.sum() / enclosed:.3f} of the surface's")
+    flattest = float(quality.dihedral_angles(piece.points, piece.tets).min())
+    if flattest < WORST_DIHEDRAL:
+        raise MeshError(f"smallest dihedral angle {flattest:.1f} degrees")
+    for index, cap in enumerate(caps):
+        area = quality.areas(piece.points, piece.triangles[piece.refs == index + 2]).sum(axis=0)
+        if not 0.6 < float(area @ cap.normal) / (np.pi * cap.radius**2) < 1.5:
+            raise MeshError(f"cap {cap.name} lost its area")
+    _check_connected(piece)
+    _check_manifold(piece.triangles)
+
+
+def _check_connected(piece: Piece) -> None:
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    n = len(piece.points)
+    i, j = np.concatenate([piece.tets[:, pair] for pair in quality.EDGES]).T
+    count, _ = connected_components(coo_array((np.ones(len(i)), (i, j)), shape=(n, n)), directed=False)
+    if count != 1:
+        raise MeshError(f"falls into {count} parts")
+
+
+def _check_manifold(triangles: np.ndarray) -> None:
+    edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    _, count = np.unique(edges, axis=0, return_counts=True)
+    if np.any(count != 2):
+        raise MeshError(f"{int((count != 2).sum())} edges of the boundary do not belong to two triangles")

@@ -1,0 +1,53 @@
+"""Settings of the mesh: domain, resolution, regions, limits."""
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class Settings(BaseModel):
+    """What part of the anatomy is meshed, and how finely. Lengths in vessel diameters or as ratios, so that one set fits any patient."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    domain: Literal["segments", "trees", "whole"] = Field(
+        "segments",
+        description="Part of the anatomy in 3D, the rest stays 0D: `segments` (each stenosis with its neighbourhood), "
+        "`trees` (each coronary tree from its ostium), `whole` (with the aorta).",
+    )
+    throat_resolution: float = Field(
+        4.0, ge=2.0, le=20.0, description="Radius over element size (R/h) at the throat of a stenosis."
+    )
+    resolution: float = Field(2.0, ge=1.5, le=20.0, description="Local radius over element size (R/h) elsewhere.")
+    gradation: float = Field(
+        1.3, gt=1.0, le=2.0, description="Largest ratio of neighbouring edge lengths that the mesher may leave."
+    )
+    upstream_diameters: float = Field(
+        2.0, ge=1.0, le=50.0, description="`segments`: length kept upstream of the stenosis, in local diameters."
+    )
+    downstream_diameters: float = Field(
+        3.0, ge=1.5, le=50.0, description="`segments`: length kept downstream of the stenosis, in local diameters."
+    )
+    stub_diameters: float = Field(
+        1.5,
+        ge=1.0,
+        le=20.0,
+        description="`segments`: length of a side branch kept beyond its mother's wall, in its diameters.",
+    )
+    region_upstream_diameters: float = Field(
+        0.5,
+        ge=0.0,
+        le=10.0,
+        description="Stenosis region for wall shear: reach upstream of the stenosis, in local diameters.",
+    )
+    region_downstream_diameters: float = Field(
+        2.0, ge=0.0, le=10.0, description="Stenosis region for wall shear: reach downstream of it, in local diameters."
+    )
+    ffr_diameters: float = Field(
+        2.5,
+        ge=0.0,
+        le=50.0,
+        description="Distance of the plane for distal pressure beyond the stenosis, in local diameters.",
+    )
+    time_limit: float = Field(600.0, gt=0.0, description="Time limit of one meshing attempt of one piece, s.")
+    attempts: int = Field(4, ge=1, le=10, description="Meshing attempts per piece before the case is refused.")

@@ -1,0 +1,56 @@
+"""The mesh rule: a case and its settings in, `mesh-complete.zip`, `mesh-complete/` and `mesh.json` out."""
+
+import shutil
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from coronaryuq.case.tree import Stenosis, Tree, read_tree
+from coronaryuq.errors import InputError
+from coronaryuq.files import read_json, write_json
+from coronaryuq.flow3d.mesh import folder, regions
+from coronaryuq.flow3d.mesh.build import build
+from coronaryuq.flow3d.mesh.describe import describe
+from coronaryuq.flow3d.mesh.settings import Settings
+from coronaryuq.zerod.network import Network, read_network
+
+
+def make_mesh(case: Path, tree: Path, network: Path, settings: Settings, out: Path) -> dict:
+    """Mesh a case (`case.json`, `tree.vtp`, 0D network JSON) into the folder `out`; returns what `mesh.json` holds.
+
+    `mesh.json` is written last, so that its presence means a complete mesh.
+    """
+    stenoses = read_stenoses(case)
+    if settings.domain == "segments" and not stenoses:
+        raise InputError(case, "stenoses", [], "domain `segments` needs at least one; choose `trees` or `whole`")
+    return mesh_tree(read_tree(tree), stenoses, read_network(network), settings, out)
+
+
+def read_stenoses(case: Path) -> list[Stenosis]:
+    """Stenoses of a `case.json`, in its order."""
+    found = read_json(case)["stenoses"]
+    return [Stenosis(s["name"], s["vessel"], float(s["start"]), float(s["end"])) for s in found]
+
+
+def mesh_tree(tree: Tree, stenoses: Sequence[Stenosis], network: Network, settings: Settings, out: Path) -> dict:
+    """As `make_mesh`, from objects."""
+    built = build(tree, stenoses, settings)
+    present = [s for s in stenoses if s.vessel in built.kept]
+    mesh, said = regions.mark(
+        tree, present, built, settings.region_upstream_diameters, settings.region_downstream_diameters
+    )
+    built = replace(built, mesh=mesh)
+    planes = {s.name: regions.plane(tree, s, built, settings.ffr_diameters) for s in present}
+    content = describe(tree, present, network, built, said, planes, settings)
+    write_mesh(out, mesh, content)
+    return content
+
+
+def write_mesh(out: Path, mesh: folder.Mesh, content: dict) -> None:
+    """Write a mesh and its description into `out`, in place of what was there."""
+    out = Path(out)
+    (out / "mesh.json").unlink(missing_ok=True)
+    shutil.rmtree(out / "mesh-complete", ignore_errors=True)
+    folder.write(out / "mesh-complete", mesh)
+    folder.pack(out / "mesh-complete", out / "mesh-complete.zip")
+    write_json(out / "mesh.json", content)

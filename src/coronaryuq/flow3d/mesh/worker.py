@@ -1,0 +1,70 @@
+"""Meshing in a process of its own, because mmg may kill the process that calls it; with retries and a time limit."""
+
+import pickle
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from coronaryuq.flow3d.mesh.errors import MeshError
+from coronaryuq.flow3d.mesh.piece import ATTEMPTS, Attempt, Piece
+
+Job = tuple[Callable[..., Piece], dict]
+"""A module-level function of `piece` and its arguments, all but `attempt`."""
+
+
+def run(name: str, job: Job, time_limit: float, attempts: int) -> tuple[Piece, list[str]]:
+    """Mesh one piece; returns it with one line for every attempt that failed.
+
+    Raises MeshError with all of those lines when no attempt succeeded.
+    """
+    failures = []
+    for number, attempt in enumerate(ATTEMPTS[:attempts], start=1):
+        piece, reason = _once(job, attempt, time_limit)
+        if piece is not None:
+            return piece, failures
+        failures.append(f"attempt {number}: {reason}")
+    raise MeshError(f"piece {name} could not be meshed: {'; '.join(failures)}")
+
+
+def _once(job: Job, attempt: Attempt, time_limit: float) -> tuple[Piece | None, str]:
+    with tempfile.TemporaryDirectory(prefix="coronaryuq-mesh-") as folder:
+        given, made = Path(folder) / "job.pickle", Path(folder) / "piece.pickle"
+        given.write_bytes(pickle.dumps((job, attempt)))
+        try:
+            done = subprocess.run(
+                [sys.executable, "-m", __spec__.name, str(given), str(made)],
+                capture_output=True,
+                text=True,
+                timeout=time_limit,
+                check=False,
+            )
+        except subprocess.TimeoutExpired:
+            return None, f"not ready after {time_limit:g} s"
+        if done.returncode == 0 and made.exists():
+            return pickle.loads(made.read_bytes()), ""
+        return None, _reason(done)
+
+
+def _reason(done: subprocess.CompletedProcess) -> str:
+    if done.returncode < 0:
+        return f"the mesher was killed ({signal.Signals(-done.returncode).name})"
+    lines = [line for line in done.stderr.splitlines() if line.strip()]
+    return lines[-1].strip() if lines else f"the mesher left with code {done.returncode} and no word"
+
+
+def main(given: str, made: str) -> int:
+    (function, arguments), attempt = pickle.loads(Path(given).read_bytes())
+    try:
+        piece = function(**arguments, attempt=attempt)
+    except MeshError as error:
+        print(error, file=sys.stderr)
+        return 1
+    Path(made).write_bytes(pickle.dumps(piece))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))
