@@ -1,0 +1,166 @@
+"""Which effect is missing: every effect at every place, scored first by a score test, then by marginal likelihood."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from coronaryuq.discrepancy.forward import Acting
+from coronaryuq.discrepancy.inference import Fit
+from coronaryuq.discrepancy.problem import Problem
+from coronaryuq.zerod.effects.base import Effect
+from coronaryuq.zerod.effects.library import LIBRARY
+
+MANY = 20
+"""More collaterals than this are ranked by superposed leaks before any is run."""
+LEAST_SENSITIVITY = 0.3
+"""Whitened norm below which data cannot see an effect of the tested size."""
+PRIOR_NONE, PRIOR_NAMED, PRIOR_OUTSIDE = 0.45, 0.45, 0.10
+
+
+@dataclass
+class Candidate:
+    """One effect at one place on top of what is already there.
+
+    z_score: of the score test; fit: with full marginal likelihood, None while not on the shortlist.
+    log_prior: its share of `PRIOR_NAMED`: effects alike, then places alike.
+    """
+
+    effect: Effect
+    place: str
+    log_prior: float
+    z_score: float = 0.0
+    fit: Fit | None = None
+    probability: float = 0.0
+
+    @property
+    def acting(self) -> Acting:
+        return self.effect, self.place
+
+    @property
+    def log_weight(self) -> float:
+        return -np.inf if self.fit is None else self.fit.evidence + self.log_prior
+
+
+def all_candidates(problem: Problem, acting: list[Acting], library: tuple[Effect, ...] = LIBRARY) -> list[Candidate]:
+    """Every effect of the library at every place it may act, less what is already there."""
+    forward = problem.forward
+    used = {(effect.name, place) for effect, place in acting}
+    fitted = {forward.measured[i].condition for i in np.unique(problem.owner[problem.train])}
+    observed = [series for series in forward.measured if series.condition in fitted]
+    places = {effect.name: effect.places(forward.anatomy, observed) for effect in library}
+    possible = [effect for effect in library if places[effect.name]]
+    found = []
+    for effect in possible:
+        prior = np.log(PRIOR_NAMED / len(possible) / len(places[effect.name]))
+        found += [Candidate(effect, p, prior) for p in places[effect.name] if (effect.name, p) not in used]
+    return found
+
+
+def screen(problem: Problem, base: Fit, acting: list[Acting], candidates: list[Candidate]) -> None:
+    """Set `z_score` of all candidates: the score test of a small size, one run each and condition.
+
+    Statistic g'u / sqrt(g'Pg), u the score and P the marginal precision of the present model (Rao 1948); sizes that are
+    positive by nature count only in their own direction.
+    """
+    many = [c for c in candidates if c.effect.name == "collateral"]
+    direct = [c for c in candidates if len(many) <= MANY or c.effect.name != "collateral"]
+    columns = _columns(problem, base, acting, direct)
+    _score(base, direct, columns)
+    if len(many) > MANY:
+        likely = _likely_collaterals(problem, base, direct, columns, many)
+        _score(base, likely, _columns(problem, base, acting, likely))
+
+
+def _columns(problem, base, acting, candidates) -> np.ndarray:
+    """Whitened change (N, k) of the fitted predictions by a small size of each candidate."""
+    rows = [(base.z, list(acting))]
+    for candidate in candidates:
+        small = [-1.0 if parameter.kind == "lognormal" else 0.3 for parameter in candidate.effect.parameters]
+        rows.append((np.concatenate([base.z, small]), [*acting, candidate.acting]))
+    found = problem.whitened(rows)[:, problem.train]
+    return (found[0] - found[1:]).T
+
+
+def _score(base: Fit, candidates: list[Candidate], columns: np.ndarray) -> None:
+    usable = np.isfinite(columns).all(axis=0) if columns.size else np.zeros(0, dtype=bool)
+    safe = np.where(usable, columns, 0.0)
+    norm = np.sqrt(np.maximum(np.einsum("ij,ij->j", safe, base.project(safe)), 0.0)) if columns.size else []
+    along = safe.T @ base.score if columns.size else []
+    for candidate, ok, length, value in zip(candidates, usable, norm, along, strict=True):
+        z = value / length if ok and length > LEAST_SENSITIVITY else 0.0
+        one_sided = all(parameter.kind == "lognormal" for parameter in candidate.effect.parameters)
+        candidate.z_score = float(max(z, 0.0) if one_sided else abs(z))
+
+
+def _likely_collaterals(problem, base, direct, columns, many) -> list[Candidate]:
+    """The collaterals that superposed leaks, one end giving and the other taking, explain best."""
+    leaks = {c.place: columns[:, i] for i, c in enumerate(direct) if c.effect.name == "side_branch_leak"}
+    pressures = problem.forward.bed_pressures()
+    condition = problem.condition[problem.train]
+    anatomy = problem.forward.anatomy
+    guesses = np.zeros((len(base.residual), len(many)))
+    for number, candidate in enumerate(many):
+        one, other = candidate.place.split("~")
+        if one not in leaks or other not in leaks:
+            continue
+        per_flow = leaks[one] / anatomy.flow_scale(one) - leaks[other] / anatomy.flow_scale(other)
+        for name, at in pressures.items():
+            difference = at[anatomy.outlet_bc[one]] - at[anatomy.outlet_bc[other]]
+            guesses[condition == name, number] = difference * per_flow[condition == name]
+    norm = np.sqrt(np.maximum(np.einsum("ij,ij->j", guesses, base.project(guesses)), 1e-300))
+    order = np.argsort(-(guesses.T @ base.score) / norm, kind="stable")
+    return [many[i] for i in order[: MANY // 2]]
+
+
+def shortlist(candidates: list[Candidate], count: int) -> list[Candidate]:
+    """The best `count` by score, and the best place of every effect that the score test does not rule out."""
+    ranked = sorted(candidates, key=lambda c: -c.z_score)
+    chosen = [c for c in ranked[:count] if c.z_score > 2.0]
+    for name in dict.fromkeys(c.effect.name for c in ranked):
+        best = next(c for c in ranked if c.effect.name == name)
+        if best not in chosen and best.z_score > 3.0:
+            chosen.append(best)
+    return chosen
+
+
+def fit_shortlist(problem: Problem, base: Fit, acting: list[Acting], chosen: list[Candidate], exact: int = 3) -> None:
+    """Fit the shortlist with frozen nuisance sensitivities, then the best `exact` in full."""
+    for candidate, fit in zip(chosen, problem.fit_candidates(base, acting, [c.acting for c in chosen]), strict=True):
+        candidate.fit = fit
+    for candidate in sorted(chosen, key=lambda c: -c.log_weight)[:exact]:
+        if candidate.fit is not None:
+            try:
+                candidate.fit = problem.calibrate([*acting, candidate.acting], candidate.fit.z)
+            except FloatingPointError:
+                candidate.fit = None
+
+
+def posterior(base: Fit, chosen: list[Candidate], outside_gain: float) -> dict[str, float]:
+    """Set the candidates' probabilities; returns those of "none" and "outside the library".
+
+    outside_gain: log evidence of a flexible discrepancy over the present model.
+    """
+    weights = np.array(
+        [base.evidence + np.log(PRIOR_NONE), base.evidence + outside_gain + np.log(PRIOR_OUTSIDE)]
+        + [c.log_weight for c in chosen]
+    )
+    share = np.exp(weights - weights.max())
+    share /= share.sum()
+    for candidate, probability in zip(chosen, share[2:], strict=True):
+        candidate.probability = float(probability)
+    return {"none": float(share[0]), "outside": float(share[1])}
+
+
+LARGEST_CLASS_ODDS, LARGEST_CLASS_DISTANCE = 4.0, 3.0
+
+
+def indistinguishable(best: Candidate, chosen: list[Candidate]) -> list[Candidate]:
+    """Candidates that the data cannot tell from the best: log odds within 4, fitted predictions within 3 sd overall."""
+    found = [best]
+    for candidate in sorted(chosen, key=lambda c: -c.log_weight):
+        if candidate is best or candidate.fit is None:
+            continue
+        distance = np.linalg.norm(candidate.fit.residual - best.fit.residual)
+        if best.log_weight - candidate.log_weight < LARGEST_CLASS_ODDS and distance < LARGEST_CLASS_DISTANCE:
+            found.append(candidate)
+    return found

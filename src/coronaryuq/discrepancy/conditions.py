@@ -1,0 +1,172 @@
+"""Conditions under which the measurements were taken, and what each changes in the network."""
+
+import copy
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from coronaryuq.errors import InputError
+from coronaryuq.files import read_csv
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.beds import arteriolar
+
+HEART = "CLH"
+SERIES = {"PRESSURE": "P", "FLOW": "Q", "CORONARY": "Pim", "CORONARY_VAR_RES": "Pim"}
+"""The waveform that a drive replaces in each kind of boundary condition."""
+COVARIATES = ("LV",)
+"""Measured waveforms that a drive may name although they are no block: left ventricular pressure."""
+FREE = ("coronary_resistance_scale",)
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One condition of the YAML file; see docs/discrepancy.md for the keys."""
+
+    name: str
+    coronary_resistance_scale: float = 1.0
+    period_scale: float = 1.0
+    scale: dict[str, dict[str, float]] = field(default_factory=dict)
+    set: dict[str, dict[str, float]] = field(default_factory=dict)
+    drive: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    held_out: bool = False
+    free: tuple[str, ...] = ()
+
+    @property
+    def covariates(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        return {name: self.drive[name] for name in COVARIATES if name in self.drive}
+
+
+def read_conditions(path: str | Path) -> dict[str, Condition]:
+    """Read the conditions file: name → keys. Raises `InputError` for unknown keys, wrong types and missing drives."""
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+        content = yaml.safe_load(text)
+    except FileNotFoundError:
+        raise InputError(path, None, None, "no such file") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(path, None, None, f"not valid YAML ({error})") from None
+    if not isinstance(content, dict) or not content:
+        raise InputError(path, None, None, "want a mapping of condition names to what each changes")
+    return {str(name): _condition(path, str(name), keys or {}) for name, keys in content.items()}
+
+
+def _condition(path, name: str, keys: dict) -> Condition:
+    if not isinstance(keys, dict):
+        raise InputError(path, name, keys, "want a mapping, or nothing for the network as it is")
+    known = ("coronary_resistance_scale", "period_scale", "scale", "set", "drive", "held_out", "free")
+    for key in keys:
+        if key not in known:
+            raise InputError(path, f"{name}.{key}", None, f"unknown key; know {', '.join(known)}")
+    numbers = {}
+    for key in ("coronary_resistance_scale", "period_scale"):
+        value = keys.get(key, 1.0)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < np.inf:
+            raise InputError(path, f"{name}.{key}", value, "want a positive number")
+        numbers[key] = float(value)
+    if not isinstance(keys.get("held_out", False), bool):
+        raise InputError(path, f"{name}.held_out", keys["held_out"], "want true or false")
+    tables = {key: _table(path, f"{name}.{key}", keys.get(key) or {}) for key in ("scale", "set")}
+    free = tuple(keys.get("free") or ())
+    for entry in free:
+        if entry not in FREE:
+            raise InputError(path, f"{name}.free", entry, f"know {', '.join(FREE)}")
+    drive = keys.get("drive") or {}
+    if not isinstance(drive, dict):
+        raise InputError(path, f"{name}.drive", drive, "want a mapping of boundary conditions to CSV files")
+    waveforms = {bc: _drive(Path(path).parent / str(file)) for bc, file in drive.items()}
+    return Condition(name, **numbers, **tables, drive=waveforms, held_out=keys.get("held_out", False), free=free)
+
+
+def _table(path, where: str, table) -> dict[str, dict[str, float]]:
+    if not isinstance(table, dict) or not all(isinstance(entry, dict) for entry in table.values()):
+        raise InputError(path, where, table, "want {BLOCK: {parameter: number}}")
+    for block, entry in table.items():
+        for parameter, value in entry.items():
+            if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+                raise InputError(path, f"{where}.{block}.{parameter}", value, "want a number")
+    return table
+
+
+def _drive(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    frame = read_csv(path, ("t", "value"))
+    for column in ("t", "value"):
+        if not np.issubdtype(frame[column].dtype, np.number) or not np.isfinite(frame[column]).all():
+            raise InputError(path, column, None, "want finite numbers in every row")
+    time, value = frame["t"].to_numpy(float), frame["value"].to_numpy(float)
+    if len(time) < 5 or (np.diff(time) <= 0).any():
+        raise InputError(path, "t", None, "want at least 5 times, increasing, over one cycle")
+    return time - time[0], value
+
+
+def period_of(network: dict, default: float = 1.0) -> float:
+    """Cardiac period (s): the heart's, or that of the first waveform."""
+    for heart in network.get("closed_loop_blocks", []):
+        return float(heart["cardiac_cycle_period"])
+    pulsing = [b["bc_values"] for b in network["boundary_conditions"] if b["bc_type"] in SERIES]
+    for values in sorted(pulsing, key=lambda v: -len(v["t"])):
+        return float(values["t"][-1] - values["t"][0])
+    return float(network["simulation_parameters"].get("cardiac_period", default))
+
+
+def under(network: dict, condition: Condition, file: str | Path = "conditions") -> dict:
+    """The network under a condition; `file` names the conditions file in error messages."""
+    network = copy.deepcopy(network)
+    anatomy = Anatomy(network)
+    period = period_of(network)
+    factor = condition.coronary_resistance_scale
+    for bed in anatomy.beds:
+        anatomy.blocks[bed]["bc_values"].update({k: v * factor for k, v in arteriolar(network, bed).items()})
+    for key, combine in (("scale", lambda old, new: old * new), ("set", lambda old, new: new)):
+        for block, entry in getattr(condition, key).items():
+            for parameter, value in entry.items():
+                values = _values(network, block)
+                if values is None:
+                    raise InputError(file, f"{condition.name}.{key}.{block}", None, "the network has no such block")
+                if parameter not in values or isinstance(values[parameter], list):
+                    known = ", ".join(k for k, v in values.items() if isinstance(v, int | float))
+                    raise InputError(file, f"{condition.name}.{key}.{block}.{parameter}", None, f"know {known}")
+                values[parameter] = combine(values[parameter], value)
+    driven = {name: waveform for name, waveform in condition.drive.items() if name not in COVARIATES}
+    target = period * condition.period_scale
+    if condition.drive:
+        lengths = {name: waveform[0][-1] for name, waveform in condition.drive.items()}
+        target = next(iter(lengths.values())) * condition.period_scale
+        for name, length in lengths.items():
+            if abs(length * condition.period_scale - target) > 1e-9 * target:
+                raise InputError(file, f"{condition.name}.drive.{name}", float(length), "drives differ in length")
+    for name, (time, value) in driven.items():
+        block = anatomy.blocks.get(name)
+        if block is None or block["bc_type"] not in SERIES:
+            known = ", ".join([b for b, v in anatomy.blocks.items() if v["bc_type"] in SERIES] + list(COVARIATES))
+            raise InputError(file, f"{condition.name}.drive.{name}", None, f"no block with a waveform; know {known}")
+        block["bc_values"]["t"], block["bc_values"][SERIES[block["bc_type"]]] = time.tolist(), value.tolist()
+    _set_period(network, target)
+    return network
+
+
+def _set_period(network: dict, period: float) -> None:
+    for heart in network.get("closed_loop_blocks", []):
+        heart["cardiac_cycle_period"] = period
+    for block in network["boundary_conditions"]:
+        if block["bc_type"] in SERIES:
+            time = np.asarray(block["bc_values"]["t"], dtype=float)
+            if len(time) > 1:
+                time = (time - time[0]) / (time[-1] - time[0]) * period
+                time[-1] = period
+                block["bc_values"]["t"] = time.tolist()
+    if "cardiac_period" in network["simulation_parameters"]:
+        network["simulation_parameters"]["cardiac_period"] = period
+
+
+def _values(network: dict, block: str) -> dict | None:
+    if block == HEART and network.get("closed_loop_blocks"):
+        return network["closed_loop_blocks"][0]["parameters"]
+    for vessel in network["vessels"]:
+        if vessel["vessel_name"] == block:
+            return vessel["zero_d_element_values"]
+    for condition in network["boundary_conditions"]:
+        if condition["bc_name"] == block:
+            return condition["bc_values"]
+    return None

@@ -1,0 +1,130 @@
+"""Cases with a hidden effect: data made by other numerics than the analysis, nuisance parameters off as well."""
+
+import copy
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import yaml
+
+from coronaryuq import files
+from coronaryuq.discrepancy.conditions import Condition, period_of, under
+from coronaryuq.discrepancy.forward import Acting
+from coronaryuq.discrepancy.measurements import Measured
+from coronaryuq.discrepancy.model import make_problem
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.seeds import generator
+
+UNIT = {"flow": "mL/s", "pressure": "dyn/cm2", "volume": "mL", "perfusion": "mL/s/g", "ratio": "1"}
+TRUTH_STEPS = 1500
+"""Time steps per cycle of the runs behind the data, against 400 of the analysis."""
+TRUTH_RHO = 0.8
+"""Spectral radius of the truth's time integration, against 0.5 of the analysis."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is measured in every condition: (quantity, location, statistic, noise as a share of the series' size)."""
+
+    entries: tuple[tuple[str, str, str, float], ...]
+    points: int = 40
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What was hidden: effects with sizes in prior standard deviations, nuisance draws; the scorer's alone."""
+
+    acting: list[Acting]
+    sizes: np.ndarray
+    nuisance: np.ndarray
+
+
+def hide(
+    network: dict,
+    conditions: dict[str, Condition],
+    plan: Plan,
+    acting: list[Acting],
+    sizes: np.ndarray,
+    noise: float,
+    seed: int,
+    folder: Path,
+    outside: Callable[[dict, str], dict] | None = None,
+    nuisance_spread: float = 0.6,
+) -> Truth:
+    """Write `model.json`, `measurements.csv` and `conditions.yaml` of one case into `folder`; return what was hidden.
+
+    acting, sizes: effects and their sizes z in prior standard deviations. noise: multiple of the plan's noise.
+    outside: a change of a condition's network that no effect of the library expresses. nuisance_spread: standard
+    deviation of the true nuisance parameters over the analyst's prior.
+    """
+    network = copy.deepcopy(network)
+    random = generator(seed, "discrepancy", "hidden")
+    settings = Settings(steps_per_cycle=TRUTH_STEPS)
+    truth_network = copy.deepcopy(network)
+    truth_network["simulation_parameters"]["rho_infty"] = TRUTH_RHO
+    blank = _blank(truth_network, conditions, plan, random)
+    problem = make_problem(truth_network, conditions, blank, settings)
+    forward = problem.forward
+    forward.outside = outside
+    nuisance = nuisance_spread * random.standard_normal(len(forward.nuisances))
+    for column, entry in enumerate(forward.nuisances):
+        if entry.mass is not None:
+            nuisance[column] = 0.2 * random.standard_normal()
+    predicted = forward.predict(np.concatenate([nuisance, sizes]), acting)[0]
+    if not np.isfinite(predicted).all():
+        raise FloatingPointError("the hidden case does not run")
+    _write(network, conditions, plan, forward.measured, forward.split(predicted[None, :]), noise, random, folder)
+    return Truth(acting, np.asarray(sizes, dtype=float), nuisance)
+
+
+def _blank(network, conditions, plan, random) -> list[Measured]:
+    found = []
+    for name, condition in conditions.items():
+        period = period_of(under(network, condition))
+        for quantity, location, statistic, _ in plan.entries:
+            time = None
+            count = 1
+            if statistic == "waveform":
+                # Another grid than the analysis has, unevenly spaced.
+                count = plan.points
+                jitter = random.uniform(-0.3, 0.3, count)
+                time = np.sort((np.arange(count) + 0.5 + jitter) / count * period)
+            unit = 1.0 if quantity != "perfusion" else 1.0 / 60.0
+            found.append(
+                Measured(name, quantity, location, statistic, time, period, np.full(count, unit), np.full(count, 1.0))
+            )
+    return found
+
+
+def _write(network, conditions, plan, series, predicted, noise, random, folder) -> None:
+    shares = {entry[:3]: entry[3] for entry in plan.entries}
+    sizes: dict[tuple, float] = {}
+    for one, values in zip(series, predicted, strict=True):
+        key = (one.quantity, one.location, one.statistic)
+        sizes[key] = max(sizes.get(key, 0.0), float(np.abs(values).mean()))
+    rows = []
+    for one, values in zip(series, predicted, strict=True):
+        key = (one.quantity, one.location, one.statistic)
+        sd = noise * shares[key] * sizes[key]
+        read = values[0] + sd * random.standard_normal(values.shape[1])
+        for i, value in enumerate(read):
+            time = "" if one.time is None else float(one.time[i])
+            rows.append((one.condition, *key, time, float(value), sd, UNIT[one.quantity]))
+    columns = ["condition", "quantity", "location", "statistic", "time", "value", "sd", "unit"]
+    files.write_json(folder / "model.json", network)
+    files.write_csv(folder / "measurements.csv", pd.DataFrame(rows, columns=columns))
+    content = {}
+    for name, condition in conditions.items():
+        entry = {}
+        for key in ("coronary_resistance_scale", "period_scale"):
+            if getattr(condition, key) != 1.0:
+                entry[key] = getattr(condition, key)
+        for key in ("scale", "set"):
+            if getattr(condition, key):
+                entry[key] = getattr(condition, key)
+        if condition.held_out:
+            entry["held_out"] = True
+        content[name] = entry
+    files.write_text(folder / "conditions.yaml", yaml.safe_dump(content, sort_keys=False))

@@ -1,0 +1,149 @@
+"""Gaussian calibration: maximum a posteriori by Gauss-Newton, marginal likelihood by Laplace, all in whitened numbers.
+
+Data y (N,) with standard deviations sd; a model f(z) with z standard normal a priori. Whitened, the residual is
+e = (y - f) / sd and the sensitivity is G = (df/dz) / sd, so that for a linear model, with M = I + G'G and e0 the
+residual at z = 0, the marginal precision of the data is P = I - G M^-1 G' and
+
+    log Z = -1/2 (e0' P e0) - 1/2 log det M + const,
+
+where e0' P e0 is the least value of |e|^2 + |z|^2 (Rasmussen & Williams 2006, appendix A.3; MacKay 2003, chapter 27).
+The constant, -1/2 N log(2 pi) - sum log sd, is common to all models of the same data and is left out.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+STEP = 0.1
+"""Finite-difference step in prior standard deviations."""
+
+
+@dataclass
+class Fit:
+    """Maximum a posteriori of one model: z (p,), residual (N,) and sensitivities `jacobian` (N, p), whitened."""
+
+    z: np.ndarray
+    residual: np.ndarray
+    jacobian: np.ndarray
+
+    @property
+    def objective(self) -> float:
+        return float(self.residual @ self.residual + self.z @ self.z)
+
+    @property
+    def precision(self) -> np.ndarray:
+        """M = I + G'G, the posterior precision of z in the Laplace approximation."""
+        return np.eye(len(self.z)) + self.jacobian.T @ self.jacobian
+
+    @property
+    def covariance(self) -> np.ndarray:
+        return np.linalg.inv(self.precision)
+
+    @property
+    def evidence(self) -> float:
+        return -0.5 * self.objective - 0.5 * float(np.linalg.slogdet(self.precision)[1])
+
+    def project(self, vectors: np.ndarray) -> np.ndarray:
+        """P v for vectors (N,) or (N, k): what recalibration within the prior cannot explain of them."""
+        inner = cho_solve(cho_factor(self.precision), self.jacobian.T @ vectors)
+        return vectors - self.jacobian @ inner
+
+    @property
+    def score(self) -> np.ndarray:
+        """P e0, with covariance P under the model: at the maximum it equals the whitened residual."""
+        linear = self.residual + self.jacobian @ self.z
+        return self.project(linear)
+
+
+@dataclass
+class Search:
+    """One maximisation under way: where it is, which sensitivities it recomputes, and what it found.
+
+    label: what `evaluate` needs to know of the model; fresh: columns of z whose sensitivities are recomputed.
+    """
+
+    label: object
+    z: np.ndarray
+    fresh: list[int]
+    jacobian: np.ndarray | None = None
+    residual: np.ndarray | None = None
+    failed: bool = False
+    done: bool = False
+
+    @property
+    def fit(self) -> Fit:
+        return Fit(self.z, self.residual, self.jacobian)
+
+
+Evaluate = Callable[[list[tuple[np.ndarray, object]]], np.ndarray]
+"""Rows (z, label) → whitened residuals (n, N), NaN where a run failed."""
+
+
+def maximise(evaluate: Evaluate, searches: list[Search], iterations: int, tolerance: float = 0.02) -> list[Search]:
+    """Gauss-Newton with a step search, all `searches` in lockstep so that their runs share batches.
+
+    Sensitivities outside `fresh` stay as given. A search is done when its objective falls by less than `tolerance`,
+    or by less than a thousandth of itself.
+    """
+    for search in searches:
+        search.residual = None
+    for _ in range(iterations):
+        active = [search for search in searches if not search.done]
+        if not active:
+            break
+        _differentiate(evaluate, active)
+        active = [search for search in active if not search.done]
+        steps = {id(search): _step(search) for search in active}
+        trials = [(search, search.z + length * steps[id(search)]) for search in active for length in LENGTHS]
+        values = evaluate([(z, search.label) for search, z in trials])
+        for number, search in enumerate(active):
+            mine = slice(number * len(LENGTHS), (number + 1) * len(LENGTHS))
+            _advance(search, [z for _, z in trials[mine]], values[mine], tolerance)
+    return searches
+
+
+LENGTHS = (1.0, 0.4, 0.1)
+"""Shares of the Gauss-Newton step that are tried side by side."""
+
+
+def _differentiate(evaluate: Evaluate, active: list[Search]) -> None:
+    rows = []
+    for search in active:
+        rows.append((search.z, search.label))
+        for column in search.fresh:
+            moved = search.z.copy()
+            moved[column] += STEP
+            rows.append((moved, search.label))
+    found, first = evaluate(rows), 0
+    for search in active:
+        mine = found[first : first + 1 + len(search.fresh)]
+        first += len(mine)
+        if not np.isfinite(mine[0]).all():
+            search.failed = search.done = True
+            continue
+        search.residual = mine[0]
+        if search.jacobian is None:
+            search.jacobian = np.zeros((mine[0].size, len(search.z)))
+        for column, row in zip(search.fresh, mine[1:], strict=True):
+            if np.isfinite(row).all():
+                search.jacobian[:, column] = -(row - mine[0]) / STEP
+
+
+def _step(search: Search) -> np.ndarray:
+    hessian = np.eye(len(search.z)) + search.jacobian.T @ search.jacobian
+    step = np.linalg.solve(hessian, search.jacobian.T @ search.residual - search.z)
+    largest = np.abs(step).max(initial=0.0)
+    # Beyond three prior standard deviations the linear model is not to be believed.
+    return step * min(1.0, 3.0 / largest) if largest > 0 else step
+
+
+def _advance(search: Search, trials: list[np.ndarray], values: np.ndarray, tolerance: float) -> None:
+    present = search.fit.objective
+    objectives = [v @ v + z @ z if np.isfinite(v).all() else np.inf for v, z in zip(values, trials, strict=True)]
+    best = int(np.argmin(objectives))
+    gained = present - objectives[best]
+    if gained > 0:
+        search.z, search.residual = trials[best], values[best]
+    search.done = gained < max(tolerance, 1e-3 * present)

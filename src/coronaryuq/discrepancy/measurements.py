@@ -1,0 +1,109 @@
+"""The measurement table: read, checked against the model, and turned into series in the network's units."""
+
+import difflib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from coronaryuq import units
+from coronaryuq.errors import InputError
+from coronaryuq.files import read_csv
+from coronaryuq.zerod.effects.base import Series
+
+COLUMNS = ("condition", "quantity", "location", "statistic", "time", "value", "sd", "unit")
+STATISTICS = ("mean", "min", "max", "waveform")
+UNITS = {
+    "flow": units.FLOWS,
+    "pressure": units.PRESSURES,
+    "volume": units.VOLUMES,
+    "perfusion": units.perfusions(),
+    "ratio": units.RATIOS,
+}
+LEAST_POINTS = 8
+"""Fewest points of a waveform; with fewer its phase cannot be told."""
+WIDEST_GAP = 0.25
+"""Widest gap of a waveform over the period; a wider one leaves part of the cycle unmeasured."""
+
+
+@dataclass(frozen=True)
+class Measured(Series):
+    """One series with its measured values and their standard deviations, (k,), CGS."""
+
+    value: np.ndarray = None
+    sd: np.ndarray = None
+
+
+def read_measurements(path: str | Path, conditions, locations: dict[str, list[str]], periods: dict[str, float]):
+    """Read and check the table; returns a list of `Measured` in the order of its rows, CGS.
+
+    conditions: known names. locations: per quantity, the model's names. periods: s, per condition.
+    Raises `InputError` for an unknown condition, quantity, location, statistic or unit, a missing or non-positive
+    sd, and a waveform that does not cover a cycle.
+    """
+    frame = read_csv(path, COLUMNS)
+    if frame.empty:
+        raise InputError(path, None, None, "holds no measurement")
+    for number, row in enumerate(frame.itertuples(index=False), start=2):
+        _check_row(path, number, row, conditions, locations)
+    found = []
+    for key, rows in frame.groupby(["condition", "quantity", "location", "statistic"], sort=False, dropna=False):
+        condition, quantity, location, statistic = map(str, key)
+        factor = rows["unit"].astype(str).map(UNITS[quantity]).to_numpy(float)
+        value, sd = rows["value"].to_numpy(float) * factor, rows["sd"].to_numpy(float) * factor
+        time = None
+        if statistic == "waveform":
+            order = np.argsort(rows["time"].to_numpy(float), kind="stable")
+            time, value, sd = rows["time"].to_numpy(float)[order], value[order], sd[order]
+            _check_waveform(path, key, time, periods[condition])
+        elif len(rows) > 1:
+            raise InputError(path, "/".join(key), len(rows), "given more than once; keep one row")
+        found.append(Measured(condition, quantity, location, statistic, time, periods[condition], value, sd))
+    return found
+
+
+def _check_row(path, number: int, row, conditions, locations) -> None:
+    def fail(field, value, remedy):
+        raise InputError(path, f"line {number}: {field}", value, remedy)
+
+    if str(row.condition) not in conditions:
+        fail("condition", row.condition, f"not in the conditions file; know {', '.join(conditions)}")
+    if row.quantity not in UNITS:
+        fail("quantity", row.quantity, f"know {', '.join(UNITS)}")
+    if row.statistic not in STATISTICS:
+        fail("statistic", row.statistic, f"know {', '.join(STATISTICS)}")
+    if str(row.location) not in locations[row.quantity]:
+        near = difflib.get_close_matches(str(row.location), locations[row.quantity], n=3, cutoff=0.3)
+        hint = f"near: {', '.join(near)}" if near else f"such as {', '.join(locations[row.quantity][:3])}"
+        fail("location", row.location, f"the model has no such {row.quantity} location; {hint}")
+    if str(row.unit) not in UNITS[row.quantity]:
+        fail("unit", row.unit, f"not a unit of {row.quantity}; know {', '.join(UNITS[row.quantity])}")
+    if not _number(row.value):
+        fail("value", row.value, "want a number")
+    if not _number(row.sd) or row.sd <= 0:
+        fail("sd", row.sd, "want the standard deviation of the measurement, a positive number in the unit of the value")
+    if row.statistic == "waveform" and not _number(row.time):
+        fail("time", row.time, "want the time within the cycle, s")
+
+
+def _number(value) -> bool:
+    return isinstance(value, int | float | np.number) and bool(np.isfinite(value))
+
+
+def _check_waveform(path, key, time: np.ndarray, period: float) -> None:
+    where = "/".join(map(str, key))
+    if len(time) < LEAST_POINTS:
+        raise InputError(path, where, len(time), f"a waveform needs at least {LEAST_POINTS} points over the cycle")
+    phase = np.sort(time % period)
+    gap = float(max(np.diff(phase, append=phase[0] + period)) / period)
+    if gap > WIDEST_GAP:
+        raise InputError(
+            path,
+            where,
+            round(gap, 3),
+            f"waveform does not cover the cycle of {period:.4g} s: a gap of {gap:.0%}; give it whole",
+        )
+
+
+def measured_conditions(measured: list[Measured]) -> list[str]:
+    return list(dict.fromkeys(series.condition for series in measured))

@@ -1,0 +1,99 @@
+"""From files to a problem: network, conditions and measurements, checked against each other."""
+
+from pathlib import Path
+
+import numpy as np
+
+from coronaryuq import units
+from coronaryuq.discrepancy.conditions import Condition, period_of, under
+from coronaryuq.discrepancy.forward import Forward, pressure_factor
+from coronaryuq.discrepancy.measurements import Measured, measured_conditions, read_measurements
+from coronaryuq.discrepancy.nuisance import nuisances
+from coronaryuq.discrepancy.problem import Problem
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.errors import InputError
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.engine import Engine
+
+
+def locations(network: dict) -> dict[str, list[str]]:
+    """Names that measurements may use, per quantity."""
+    unknowns = Engine(network).unknowns
+    places = [name.split(":", 1)[1] for name in unknowns if name.startswith("flow:")]
+    internal = [name for name in unknowns if not name.startswith(("flow:", "pressure:"))]
+    return {
+        "flow": places + [n for n in internal if n.startswith("Q_")],
+        "pressure": places + [n for n in internal if n.startswith("P_")],
+        "volume": [n for n in internal if n.startswith("V_")],
+        "perfusion": list(Anatomy(network).beds),
+        "ratio": places,
+    }
+
+
+def read_problem(
+    network: dict, measurements: str | Path, conditions: dict[str, Condition], file: str | Path, settings: Settings
+) -> Problem:
+    """Check measurements and conditions against the network and join them. `file`: the conditions file, for messages.
+
+    Raises `InputError`: see `read_measurements`; also when fewer than two conditions were measured.
+    """
+    networks = {name: under(network, condition, file) for name, condition in conditions.items()}
+    periods = {name: period_of(changed) for name, changed in networks.items()}
+    measured = read_measurements(measurements, conditions, locations(network), periods)
+    used = measured_conditions(measured)
+    if len(used) < 2:
+        remedy = "measurements of one condition only; a second is needed, to be kept out of the fit"
+        raise InputError(measurements, "condition", used[0], remedy)
+    held = [name for name in used if conditions[name].held_out]
+    if len(held) == len(used):
+        raise InputError(file, "held_out", held, "every measured condition is held out; leave one to fit")
+    return make_problem(network, {name: conditions[name] for name in conditions if name in used}, measured, settings)
+
+
+def make_problem(
+    network: dict, conditions: dict[str, Condition], measured: list[Measured], settings: Settings
+) -> Problem:
+    """Join checked parts; runs the model once for the scales of the effects' priors."""
+    engine = Engine(network)
+    anatomy = Anatomy(network)
+    names = {vessel: f"mean_flow:{anatomy.inlet(vessel)}" for vessel in anatomy.vessels}
+    root = f"mean_pressure:{anatomy.inlet(anatomy.roots[0])}"
+    at_beds = {bed: f"mean_pressure:{vessel}:{bed}" for bed, vessel in anatomy.beds.items()}
+    reference = engine.run(
+        quantities=[*names.values(), root, *at_beds.values()], periodic=True, steps_per_cycle=settings.steps_per_cycle
+    )
+    if not reference.ok[0]:
+        raise InputError("model", None, None, f"the model does not run as it is: {reference.status[0]}")
+    values = {name: float(found[0]) for name, found in reference.values.items()}
+    anatomy.pressure = abs(values[root])
+    anatomy.flow = {vessel: values[name] for vessel, name in names.items()}
+    anatomy.period = period_of(network)
+    parameters = nuisances(network, conditions, measured, settings)
+    forward = Forward(
+        network,
+        conditions,
+        measured,
+        parameters,
+        anatomy,
+        pressure_factor(settings.pressure_unit, values[root]),
+        settings.steps_per_cycle,
+        settings.threads,
+        {series.condition: series.period for series in measured},
+        {bed: values[name] for bed, name in at_beds.items()},
+    )
+    forward.masses = {n.mass: _mass(n.mass, conditions, measured, anatomy) for n in parameters if n.mass is not None}
+    held = [name for name, condition in conditions.items() if condition.held_out]
+    problem = Problem(forward, settings, np.ones(forward.size, dtype=bool))
+    problem.train = ~np.isin(problem.condition, held)
+    for name in held:
+        if conditions[name].free:
+            means = np.array([s.statistic == "mean" for s in measured])[problem.owner]
+            problem.train |= (problem.condition == name) & means
+    return problem
+
+
+def _mass(territory: str, conditions, measured, anatomy) -> float:
+    """Tissue mass (g) that makes the first measured perfusion right in the model as it is."""
+    first = next(s for s in measured if s.quantity == "perfusion" and s.location == territory)
+    flow = anatomy.flow_scale(anatomy.beds[territory]) / conditions[first.condition].coronary_resistance_scale
+    return flow / max(abs(float(first.value[0])), 1e-3 * units.MBF_PER_MIN_PER_G)

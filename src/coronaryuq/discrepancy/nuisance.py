@@ -1,0 +1,75 @@
+"""What recalibration may move: factors on groups of the network's parameters, each with a log-normal prior."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from coronaryuq.discrepancy.conditions import Condition
+from coronaryuq.discrepancy.measurements import Measured
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.zerod.effects.anatomy import RESISTANCES, Anatomy
+from coronaryuq.zerod.effects.beds import arteriolar
+
+COMPLIANCES = ("Ca", "Cim", "Cc", "C")
+SD_MASS = 1.0
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """A factor exp(sd z), z standard normal, on `targets` ("BLOCK.parameter") in one condition, or in all (None).
+
+    `mass` names a territory whose tissue mass the factor scales instead: perfusion is flow over mass.
+    """
+
+    name: str
+    sd: float
+    targets: tuple[str, ...] = ()
+    condition: str | None = None
+    mass: str | None = None
+
+    def factor(self, z: np.ndarray) -> np.ndarray:
+        return np.exp(self.sd * np.asarray(z))
+
+
+def nuisances(
+    network: dict, conditions: dict[str, Condition], measured: list[Measured], settings: Settings
+) -> list[Nuisance]:
+    """The nuisance parameters of a network and its measurements.
+
+    All coronary beds together, each bed, coronary compliance; in closed loops systemic resistance and compliance and
+    left ventricular elastance; one factor for every condition but the first, whose coronary state is never known
+    exactly; the tissue mass of each territory with measured perfusion.
+    """
+    anatomy = Anatomy(network)
+    beds = list(anatomy.beds)
+
+    def of(bed, names):
+        return tuple(f"{bed}.{name}" for name in names if anatomy.blocks[bed]["bc_values"].get(name, 0.0) > 0.0)
+
+    resistances = {bed: of(bed, RESISTANCES) for bed in beds}
+    everywhere = tuple(key for keys in resistances.values() for key in keys)
+    found = [Nuisance("coronary resistance", settings.sd_coronary, everywhere)]
+    if len(beds) > 1:
+        found += [Nuisance(f"resistance of {bed}", settings.sd_bed, keys) for bed, keys in resistances.items()]
+    stores = tuple(key for bed in beds for key in of(bed, COMPLIANCES))
+    if stores:
+        found.append(Nuisance("coronary compliance", settings.sd_compliance, stores))
+    others = [bed for bed in anatomy.blocks if bed not in beds and bed in set(anatomy.outlet_bc.values())]
+    if others:
+        systemic = tuple(key for bed in others for key in of(bed, ("Rp", "Rd", "R")))
+        found.append(Nuisance("systemic resistance", settings.sd_systemic, systemic))
+        stores = tuple(key for bed in others for key in of(bed, ("C",)))
+        if stores:
+            found.append(Nuisance("systemic compliance", settings.sd_systemic, stores))
+    if anatomy.closed_loop:
+        found.append(Nuisance("left ventricular elastance", settings.sd_heart, ("CLH.Elv_s",)))
+    dilating = tuple(f"{bed}.{name}" for bed in beds for name in arteriolar(network, bed))
+    used = [name for name in conditions if any(series.condition == name for series in measured)]
+    for name in used:
+        wide = "coronary_resistance_scale" in conditions[name].free
+        if name != used[0] or wide:
+            sd = settings.sd_free if wide else settings.sd_condition
+            found.append(Nuisance(f"coronary state of {name}", sd, dilating, condition=name))
+    territories = dict.fromkeys(series.location for series in measured if series.quantity == "perfusion")
+    found += [Nuisance(f"mass of {place}", SD_MASS, mass=place) for place in territories]
+    return found

@@ -1,0 +1,157 @@
+"""The whole search on one case: locate, name, add, verify, until nothing is left to explain or nothing helps."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from coronaryuq.discrepancy import outside
+from coronaryuq.discrepancy.candidates import (
+    Candidate,
+    all_candidates,
+    fit_shortlist,
+    indistinguishable,
+    posterior,
+    screen,
+    shortlist,
+)
+from coronaryuq.discrepancy.forward import Acting
+from coronaryuq.discrepancy.inference import Fit
+from coronaryuq.discrepancy.locate import Located, locate
+from coronaryuq.discrepancy.problem import Problem
+from coronaryuq.discrepancy.verify import Gap, folds, gap, linearise
+from coronaryuq.zerod.effects.base import Effect
+from coronaryuq.zerod.effects.library import LIBRARY
+
+
+@dataclass
+class Round:
+    """One round of naming: everything on the shortlist, and what was accepted (None: nothing helped enough)."""
+
+    shortlist: list[Candidate]
+    probabilities: dict[str, float]
+    accepted: Candidate | None
+    members: list[Candidate] = field(default_factory=list)
+    """Accepted one and those that the data cannot tell from it."""
+
+
+@dataclass
+class Discovery:
+    """What a search found. acting: the named effects, in order; fit: their joint fit; base: the model without any."""
+
+    problem: Problem
+    base: Fit
+    located: Located
+    alarm: bool
+    rounds: list[Round]
+    acting: list[Acting]
+    fit: Fit
+    remaining: Located
+    outside_library: bool
+    before: Gap
+    after: Gap
+    flexible: Gap
+    folds: list
+    candidates_tested: int = 0
+
+    @property
+    def named(self) -> list[Round]:
+        return [] if self.outside_library else [r for r in self.rounds if r.accepted is not None]
+
+
+def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = LIBRARY) -> Discovery:
+    """Search one problem. `seed` only enters the bootstrap intervals of the gaps."""
+    settings = problem.settings
+    base = fit = problem.calibrate([])
+    located = remaining = locate(problem, base)
+    alarm = located.alarm(settings.alarm_level)
+    acting: list[Acting] = []
+    rounds: list[Round] = []
+    features = outside.features(problem)
+    tested = 0
+    while remaining.alarm(settings.alarm_level) and len(acting) < settings.max_effects:
+        found = name_one(problem, fit, acting, features, library)
+        tested += found.tested
+        rounds.append(found.round)
+        if found.round.accepted is None:
+            break
+        acting = [*acting, found.round.accepted.acting]
+        fit = found.round.accepted.fit
+        if len(acting) > 1:
+            acting, fit = look_back(problem, acting, fit, rounds)
+        remaining = locate(problem, fit)
+    parts = folds(problem, [name for name, c in problem.forward.conditions.items() if c.held_out])
+    plain = linearise(problem, base.z, [])
+    repaired = linearise(problem, fit.z, acting) if acting else plain
+    before, after = gap(problem, plain, parts, seed), gap(problem, repaired, parts, seed)
+    _, amplitude = outside.gain(base, features[problem.train])
+    flexible = gap(problem, plain.extended(amplitude * features), parts, seed)
+    abstained = alarm and _outside(remaining.alarm(settings.alarm_level), after, flexible)
+    return Discovery(
+        problem, base, located, alarm, rounds, acting, fit, remaining, abstained, before, after, flexible, parts, tested
+    )
+
+
+@dataclass(frozen=True)
+class Naming:
+    round: Round
+    tested: int
+
+
+def name_one(
+    problem: Problem, fit: Fit, acting: list[Acting], features: np.ndarray, library: tuple[Effect, ...] = LIBRARY
+) -> Naming:
+    """One round: screen all candidates, fit the shortlist, weigh; accept the best where the odds suffice."""
+    everything = all_candidates(problem, acting, library)
+    screen(problem, fit, acting, everything)
+    chosen = shortlist(everything, problem.settings.shortlist)
+    fit_shortlist(problem, fit, acting, chosen)
+    chosen = [c for c in chosen if c.fit is not None]
+    flexible, _ = outside.gain(fit, features[problem.train])
+    probabilities = posterior(fit, chosen, flexible)
+    chosen.sort(key=lambda c: -c.log_weight)
+    if not chosen or chosen[0].log_weight - fit.evidence < problem.settings.least_log_odds:
+        return Naming(Round(chosen, probabilities, None), len(everything))
+    return Naming(Round(chosen, probabilities, chosen[0], indistinguishable(chosen[0], chosen)), len(everything))
+
+
+def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Round]) -> tuple[list[Acting], Fit]:
+    """Ask again whether each earlier effect is needed, and whether a runner-up of its round would now do better."""
+    accepted = [r for r in rounds if r.accepted is not None]
+    for number in range(len(acting) - 1):
+        current = accepted[number]
+        others = acting[:number] + acting[number + 1 :]
+        rivals = [c for c in current.shortlist if c.acting not in acting][:3]
+        options: list[tuple[float, Candidate | None, Fit]] = [
+            (fit.evidence + current.accepted.log_prior, current.accepted, fit)
+        ]
+        without = problem.calibrate(others)
+        options.append((without.evidence, None, without))
+        for rival, trial in zip(
+            rivals, problem.fit_candidates(without, others, [r.acting for r in rivals]), strict=True
+        ):
+            if trial is not None and trial.evidence + rival.log_prior > options[0][0]:
+                exact = problem.calibrate([*others, rival.acting], trial.z)
+                options.append((exact.evidence + rival.log_prior, rival, exact))
+        _, best, found = max(options, key=lambda option: option[0])
+        if best is current.accepted:
+            continue
+        if best is None:
+            current.accepted = None
+            return others, without
+        current.accepted, current.members = best, indistinguishable(best, current.shortlist)
+        # The rival's sizes stand last in its fit; keep the order of places in step with it.
+        accepted.append(accepted.pop(number))
+        return [*others, best.acting], found
+    return acting, fit
+
+
+def _outside(still: bool, after: Gap, flexible: Gap) -> bool:
+    """True when the named effects leave something and a flexible discrepancy predicts held-out data clearly better.
+
+    Clearly: by more than 3 nats in all and by more than 2 standard errors of the difference, rows grouped in eights.
+    """
+    gained = flexible.total_lpd - after.total_lpd
+    difference = 0.5 * (after.residual**2 - flexible.residual**2)
+    blocks = np.array([part.sum() for part in np.array_split(difference, max(2, len(difference) // 8))])
+    error = np.sqrt(len(blocks) * blocks.var(ddof=1))
+    return still and gained > max(3.0, 0.5 * error)

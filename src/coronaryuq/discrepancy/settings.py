@@ -1,0 +1,36 @@
+"""Settings of the discrepancy search."""
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class Settings(BaseModel):
+    """How the search for a missing effect runs. Priors are standard deviations of logarithms unless said otherwise."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    pressure_unit: str = Field(
+        "auto", description="pressure unit of the network: dyn/cm2, mmHg, or auto (by its simulated root pressure)"
+    )
+    alarm_level: float = Field(0.01, gt=0, lt=1, description="significance level of the global test")
+    false_discovery_rate: float = Field(
+        0.05, gt=0, lt=1, description="false-discovery rate of the located disagreements"
+    )
+    model_floor: float = Field(
+        0.003, ge=0, description="numerical error of the model, as a share of each series' range, added to the sd"
+    )
+    shortlist: int = Field(10, ge=1, description="candidates fitted in full per round, after the score test of all")
+    max_effects: int = Field(3, ge=0, description="effects that may be added at most")
+    least_log_odds: float = Field(
+        3.0, ge=0, description="log posterior odds over the present model that an effect needs"
+    )
+    starts: int = Field(3, ge=1, description="starting sizes of an effect per fit")
+    iterations: int = Field(8, ge=1, description="Gauss-Newton iterations of a fit at most")
+    steps_per_cycle: int = Field(400, ge=50, description="time steps per cycle of the 0D runs")
+    threads: int = Field(1, ge=1, description="threads of the 0D engine")
+    sd_bed: float = Field(0.15, gt=0, description="resistance of each bed")
+    sd_coronary: float = Field(0.25, gt=0, description="resistance of all coronary beds together")
+    sd_compliance: float = Field(0.25, gt=0, description="compliance of all coronary beds together")
+    sd_systemic: float = Field(0.2, gt=0, description="systemic resistance, systemic compliance, each")
+    sd_heart: float = Field(0.15, gt=0, description="left ventricular elastance")
+    sd_condition: float = Field(0.1, gt=0, description="coronary resistance of a condition beside what it declares")
+    sd_free: float = Field(1.0, gt=0, description="coronary resistance of a condition that lists it under `free`")

@@ -1,0 +1,1 @@
+"""Physical effects that a 0D model may lack: one class per effect, one file each."""

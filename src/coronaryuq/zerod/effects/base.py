@@ -1,0 +1,128 @@
+"""What every effect is: formula and source, sizes with priors, places, a way into the network or the data."""
+
+import copy
+from abc import ABC
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from coronaryuq.zerod.effects.anatomy import Anatomy
+
+Values = dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One size of an effect. Zero always means that the effect is absent.
+
+    kind "lognormal": positive, median `centre`, standard deviation of its logarithm `spread`.
+    kind "normal": signed, mean `centre`, standard deviation `spread`.
+    """
+
+    name: str
+    unit: str
+    kind: str
+    centre: float
+    spread: float
+    meaning: str
+
+    def from_standard(self, z: np.ndarray) -> np.ndarray:
+        """The size from a standard normal number."""
+        z = np.asarray(z, dtype=float)
+        if self.kind == "lognormal":
+            return self.centre * np.exp(self.spread * z)
+        return self.centre + self.spread * z
+
+    def to_standard(self, size: np.ndarray) -> np.ndarray:
+        size = np.asarray(size, dtype=float)
+        if self.kind == "lognormal":
+            return np.log(size / self.centre) / self.spread
+        return (size - self.centre) / self.spread
+
+
+@dataclass(frozen=True)
+class Series:
+    """What one block of predictions stands for: one quantity at one location under one condition.
+
+    time: (k,) s within the cycle for waveforms, None for mean, min and max. period: s.
+    """
+
+    condition: str
+    quantity: str
+    location: str
+    statistic: str
+    time: np.ndarray | None
+    period: float
+
+
+class Effect(ABC):
+    """One physical effect that a model may lack; sizes in the units of `parameters`, places by the network's names.
+
+    Network effects override `changes` (and `insert`, `aliases` where the structure changes); effects on the
+    measuring side override `observe`. `native` says how the repaired network expresses it in svZeroDSolver's format.
+    """
+
+    name: ClassVar[str]
+    formula: ClassVar[str]
+    source: ClassVar[str]
+    signature: ClassVar[str]
+    native: ClassVar[str]
+    parameters: ClassVar[tuple[Parameter, ...]]
+    side: ClassVar[str] = "network"
+    feedback: ClassVar[bool] = False
+    """True when `changes` needs the mean pressures at the beds, found by running twice."""
+    series: ClassVar[bool] = False
+    """True when `changes` returns whole waveforms."""
+
+    def places(self, anatomy: Anatomy, observed: list[Series] = ()) -> list[str]:
+        """Where it may act; `observed` are the measured series, which effects on the measuring side act on."""
+        raise NotImplementedError
+
+    def insert(self, network: dict, place: str, anatomy: Anatomy) -> dict:
+        """The network with the elements that the effect needs, in a state that leaves the flow as it was."""
+        return copy.deepcopy(network)
+
+    def aliases(self, place: str, anatomy: Anatomy) -> dict[str, str]:
+        """Old name → new name of every location that `insert` renames."""
+        return {}
+
+    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: "Situation") -> Values:
+        """Engine changes `"BLOCK.parameter"` → (n,) for sizes (n,), from the values that `network` holds."""
+        return {}
+
+    def observe(self, place: str, sizes: Values, series: list[Series], predicted: list[np.ndarray]) -> list[np.ndarray]:
+        """What would be measured: predictions (n, k) of each series after the effect on the measuring side."""
+        return predicted
+
+    def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:
+        """The sizes in physical terms, in the network's units, for the report."""
+        return dict(sizes)
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What an effect may know of the condition under which it acts.
+
+    vasodilated: `coronary_resistance_scale` of the condition. period: s.
+    pressure: mean pressure (n,) at each bed, for effects with feedback.
+    resting: mean pressure (float) at each bed in the reference run of the model.
+    covariates: measured waveforms that are no boundary condition, such as `LV` → (t, value).
+    """
+
+    name: str
+    vasodilated: float
+    period: float
+    pressure: dict[str, np.ndarray]
+    resting: dict[str, float]
+    covariates: dict[str, tuple[np.ndarray, np.ndarray]]
+
+
+def bed_values(network: dict, bed: str) -> dict:
+    """The `bc_values` of one boundary condition."""
+    return next(b["bc_values"] for b in network["boundary_conditions"] if b["bc_name"] == bed)
+
+
+def vessel_values(network: dict, vessel: str) -> dict:
+    """The `zero_d_element_values` of one vessel."""
+    return next(v for v in network["vessels"] if v["vessel_name"] == vessel)["zero_d_element_values"]

@@ -1,0 +1,63 @@
+"""Adding vessels and junctions to a 0D network without disturbing the flow through it."""
+
+import copy
+
+from coronaryuq.zerod.effects.anatomy import Anatomy
+
+
+def open_end(network: dict, vessel: str, tag: str) -> tuple[dict, str, dict[str, str]]:
+    """Give a vessel's end a junction to which something can be attached.
+
+    Returns the new network, the junction's name and the renamed locations. A vessel that ends in a junction keeps it.
+    One that ends in a bed gets a junction and a lossless stub `VESSEL_TAG` to that bed; its location `VESSEL:BED`, the
+    flow into the bed, is from then on `VESSEL_TAG:BED`.
+    """
+    network = copy.deepcopy(network)
+    anatomy = Anatomy(network)
+    if vessel not in anatomy.outlet_bc:
+        return network, anatomy.downstream[vessel], {}
+    bed, stub, junction = anatomy.outlet_bc[vessel], f"{vessel}_{tag}", f"J_{vessel}_{tag}"
+    parent = next(v for v in network["vessels"] if v["vessel_name"] == vessel)
+    del parent["boundary_conditions"]["outlet"]
+    if not parent["boundary_conditions"]:
+        del parent["boundary_conditions"]
+    add_vessel(network, stub, {"R_poiseuille": 0.0}, outlet=bed)
+    network.setdefault("junctions", []).append(
+        {
+            "junction_name": junction,
+            "junction_type": "NORMAL_JUNCTION",
+            "inlet_vessels": [parent["vessel_id"]],
+            "outlet_vessels": [network["vessels"][-1]["vessel_id"]],
+        }
+    )
+    return network, junction, {f"{vessel}:{bed}": f"{stub}:{bed}"}
+
+
+def add_vessel(network: dict, name: str, values: dict[str, float], **ends: str) -> int:
+    """Append a vessel with the element `values` and boundary conditions `inlet=`, `outlet=`; returns its id."""
+    number = 1 + max(v["vessel_id"] for v in network["vessels"])
+    vessel = {
+        "vessel_id": number,
+        "vessel_name": name,
+        "vessel_length": 1.0,
+        "zero_d_element_type": "BloodVessel",
+        "zero_d_element_values": dict(values),
+    }
+    if ends:
+        vessel["boundary_conditions"] = dict(ends)
+    network["vessels"].append(vessel)
+    return number
+
+
+def attach(network: dict, junction: str, side: str, vessel_id: int) -> None:
+    """Connect a vessel to a junction: side "inlet" where it brings flow, "outlet" where it takes flow away.
+
+    A junction written by block names gets the name instead of the number.
+    """
+    found = next(j for j in network["junctions"] if j["junction_name"] == junction)
+    if f"{side}_blocks" in found:
+        found[f"{side}_blocks"].append(
+            next(v["vessel_name"] for v in network["vessels"] if v["vessel_id"] == vessel_id)
+        )
+    else:
+        found[f"{side}_vessels"].append(vessel_id)

@@ -1,0 +1,101 @@
+"""Compression of the intramyocardial vessels by the beating heart."""
+
+import numpy as np
+
+from coronaryuq.zerod.effects.base import Effect, Parameter, bed_values
+
+EJECTION = 0.35
+"""Systole's share of the cycle where no ventricular pressure was measured (Weissler, Circulation 37 (1968) 149)."""
+
+
+class IntramyocardialPressure(Effect):
+    """Intramyocardial pressure that the model lacks or has too little of: a share of left ventricular pressure."""
+
+    name = "intramyocardial_pressure"
+    formula = "P_im(t) = P_im,model(t) + s P_LV(t)"
+    source = "Spaan et al., Circ. Res. 49 (1981) 584; Kim et al., Ann. Biomed. Eng. 38 (2010) 3195"
+    signature = "flow impeded in systole and released in early diastole, with little change of the mean"
+    native = "Pim of open-loop CORONARY blocks; iml and imr of the closed-loop heart"
+    parameters = (Parameter("share", "1", "normal", 0.0, 0.75, "share of left ventricular pressure that is added"),)
+    series = True
+
+    def places(self, anatomy, observed=()):
+        if anatomy.closed_loop:
+            kinds = {anatomy.blocks[bed]["bc_type"] for bed in anatomy.beds}
+            return [
+                side
+                for side, kind in (("left", "ClosedLoopCoronaryLeft"), ("right", "ClosedLoopCoronaryRight"))
+                if kind in kinds
+            ]
+        return ["all beds"] if _open_beds(anatomy) else []
+
+    def changes(self, network, place, sizes, anatomy, condition):
+        share = np.asarray(sizes["share"], dtype=float)
+        if anatomy.closed_loop:
+            name = "iml" if place == "left" else "imr"
+            return {f"CLH.{name}": network["closed_loop_blocks"][0]["parameters"][name] * np.exp(share)}
+        found = {}
+        for bed in _open_beds(anatomy):
+            time, present = waveform(network, bed, condition.period)
+            pressure = ventricular_pressure(time, anatomy, condition)
+            found[f"{bed}.Pim"] = present + share[:, None] * pressure
+        return found
+
+    def physical(self, place, sizes, anatomy):
+        if anatomy.closed_loop:
+            return {"factor of the intramyocardial pressure": float(np.exp(sizes["share"]))}
+        return dict(sizes)
+
+
+class IntramyocardialDelay(Effect):
+    """Intramyocardial pressure that comes later (or earlier) than the model has it."""
+
+    name = "intramyocardial_delay"
+    formula = "P_im(t) = P_im,model(t - d T)"
+    source = "Spaan et al., Circ. Res. 49 (1981) 584"
+    signature = "the systolic dip of flow is shifted in time, its depth unchanged"
+    native = "Pim of open-loop CORONARY blocks (not expressible in the closed-loop heart)"
+    parameters = (Parameter("delay", "cycle", "normal", 0.0, 0.05, "delay over the period"),)
+    series = True
+
+    def places(self, anatomy, observed=()):
+        if anatomy.closed_loop:
+            return []
+        pulsing = [
+            b for b in _open_beds(anatomy) if np.ptp(anatomy.blocks[b]["bc_values"]["Pim"]) > 1e-3 * anatomy.pressure
+        ]
+        return ["all beds"] if pulsing else []
+
+    def changes(self, network, place, sizes, anatomy, condition):
+        found = {}
+        for bed in _open_beds(anatomy):
+            time, present = waveform(network, bed, condition.period)
+            shifted = (time[None, :] - np.asarray(sizes["delay"])[:, None] * condition.period) % condition.period
+            found[f"{bed}.Pim"] = np.interp(shifted, time, present)
+        return found
+
+
+def _open_beds(anatomy):
+    return [bed for bed in anatomy.beds if "Pim" in anatomy.blocks[bed]["bc_values"]]
+
+
+def waveform(network: dict, bed: str, period: float, points: int = 201) -> tuple[np.ndarray, np.ndarray]:
+    """Intramyocardial pressure of a bed over one cycle, on an even grid where the network holds only a constant."""
+    values = bed_values(network, bed)
+    time, pressure = np.asarray(values["t"], dtype=float), np.asarray(values["Pim"], dtype=float)
+    if np.ptp(pressure) == 0.0 or len(time) < points // 4:
+        grid = np.linspace(0.0, period, points)
+        return grid, np.interp(grid, time, pressure)
+    return time, pressure
+
+
+def ventricular_pressure(time: np.ndarray, anatomy, condition) -> np.ndarray:
+    """Left ventricular pressure at `time`: the measured one where there is one, else a half sine over systole.
+
+    The half sine reaches 1.25 times the model's mean pressure (a usual systolic over mean) and lasts `EJECTION`.
+    """
+    if "LV" in condition.covariates:
+        measured = condition.covariates["LV"]
+        return np.interp(time % condition.period, measured[0], measured[1], period=condition.period)
+    phase = (time / condition.period) % 1.0
+    return np.where(phase < EJECTION, 1.25 * anatomy.pressure * np.sin(np.pi * phase / EJECTION), 0.0)

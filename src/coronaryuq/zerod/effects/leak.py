@@ -1,0 +1,48 @@
+"""Side branch that the model does not have."""
+
+from coronaryuq.zerod.effects.base import Effect, Parameter
+from coronaryuq.zerod.effects.grafting import add_vessel, attach, open_end
+
+
+class SideBranchLeak(Effect):
+    """Flow lost to a side branch at the end of a vessel, into a resistance towards the veins."""
+
+    name = "side_branch_leak"
+    formula = "Q_leak = (P - P_v) / R_leak at the vessel's end"
+    source = "Gosling et al., J. Biomech. 103 (2020) 109698 (side-branch flow)"
+    signature = "flow into the vessel above the sum of what leaves it; distal pressures slightly lower"
+    native = "a BloodVessel with a RESISTANCE (open loop) or ClosedLoopRCR (closed loop) outlet"
+    parameters = (Parameter("share", "1", "lognormal", 0.2, 1.0, "leak over the vessel's mean flow in the model"),)
+
+    def places(self, anatomy, observed=()):
+        return anatomy.coronary_vessels
+
+    def insert(self, network, place, anatomy):
+        network, junction, _ = open_end(network, place, "leak")
+        weak = 1e9 * anatomy.pressure / anatomy.flow_scale(place)
+        bed = f"BC_leak_{place}"
+        if anatomy.closed_loop:
+            values = {"Rp": 0.1 * weak, "Rd": 0.9 * weak, "C": 0.0, "closed_loop_outlet": True}
+            block = {"bc_name": bed, "bc_type": "ClosedLoopRCR", "bc_values": values}
+        else:
+            block = {"bc_name": bed, "bc_type": "RESISTANCE", "bc_values": {"R": weak, "Pd": 0.0}}
+        network["boundary_conditions"].append(block)
+        attach(network, junction, "outlet", add_vessel(network, f"leak_{place}", {"R_poiseuille": 0.0}, outlet=bed))
+        return network
+
+    def aliases(self, place, anatomy):
+        bed = anatomy.outlet_bc.get(place)
+        return {f"{place}:{bed}": f"{place}_leak:{bed}"} if bed else {}
+
+    def changes(self, network, place, sizes, anatomy, condition):
+        resistance, bed = self._resistance(place, sizes["share"], anatomy), f"BC_leak_{place}"
+        if anatomy.closed_loop:
+            return {f"{bed}.Rp": 0.1 * resistance, f"{bed}.Rd": 0.9 * resistance}
+        return {f"{bed}.R": resistance}
+
+    def physical(self, place, sizes, anatomy):
+        return {"resistance of the leak": self._resistance(place, sizes["share"], anatomy)}
+
+    @staticmethod
+    def _resistance(place, share, anatomy):
+        return anatomy.pressure / (share * anatomy.flow_scale(place))

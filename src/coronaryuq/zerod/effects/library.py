@@ -1,0 +1,46 @@
+"""The library of effects, in the order in which they are reported."""
+
+from coronaryuq.zerod.effects.base import Effect
+from coronaryuq.zerod.effects.beds import Autoregulation, BackPressure, CompressedResistance, IncompleteHyperaemia
+from coronaryuq.zerod.effects.collateral import Collateral
+from coronaryuq.zerod.effects.intramyocardial import IntramyocardialDelay, IntramyocardialPressure
+from coronaryuq.zerod.effects.kinetic import BifurcationLoss, OstialLoss
+from coronaryuq.zerod.effects.leak import SideBranchLeak
+from coronaryuq.zerod.effects.narrowing import DiffuseNarrowing
+from coronaryuq.zerod.effects.perfusion import RenkinCrone, RotatedTerritories, ShiftedTerritories
+from coronaryuq.zerod.effects.sensors import FlowGain, PressureDelay, PressureGain, PressureOffset
+from coronaryuq.zerod.effects.stenosis import QuadraticStenosis
+from coronaryuq.zerod.effects.storage import EpicardialCompliance, Inertance
+from coronaryuq.zerod.effects.valve import AorticStenosis
+from coronaryuq.zerod.effects.viscosity import Haematocrit
+
+LIBRARY: tuple[Effect, ...] = (
+    QuadraticStenosis(),
+    DiffuseNarrowing(),
+    Collateral(),
+    SideBranchLeak(),
+    EpicardialCompliance(),
+    Inertance(),
+    IntramyocardialPressure(),
+    IntramyocardialDelay(),
+    CompressedResistance(),
+    BackPressure(),
+    Autoregulation(),
+    IncompleteHyperaemia(),
+    OstialLoss(),
+    BifurcationLoss(),
+    Haematocrit(),
+    AorticStenosis(),
+    RenkinCrone(),
+    ShiftedTerritories(),
+    RotatedTerritories(),
+    PressureOffset(),
+    PressureGain(),
+    PressureDelay(),
+    FlowGain(),
+)
+
+
+def effect(name: str) -> Effect:
+    """The effect of that name; KeyError where the library has none."""
+    return {one.name: one for one in LIBRARY}[name]
