@@ -17,8 +17,10 @@ from coronaryuq.flow3d.mesh.settings import Settings
 
 @dataclass(frozen=True)
 class Built:
-    """A mesh with what it was made from. caps: in the order of their ModelFaceIDs, 2, 3, ...; pieces: vessels of each;
-    implicit: the surface of each piece; failures: one line for every meshing attempt that failed before one succeeded."""
+    """A mesh with what it was made from. caps: in the order of their ModelFaceIDs, 2, 3, ...; pieces: vessels of
+    each; implicit: the surface of each piece; failures: one line for every meshing attempt that failed before one
+    succeeded.
+    """
 
     mesh: Mesh
     kept: Kept
@@ -68,7 +70,9 @@ def build(tree: Tree, stenoses: Sequence[Stenosis], settings: Settings) -> Built
 
 
 def assemble(made: Sequence[Piece], caps: Sequence[Sequence[str]]) -> Mesh:
-    """One mesh of disconnected pieces: a single wall (ModelFaceID 1), caps from 2 on, nodes in reverse Cuthill-McKee order."""
+    """One mesh of disconnected pieces: a single wall (ModelFaceID 1), caps from 2 on, nodes in reverse Cuthill-
+    McKee order.
+    """
     points = np.vstack([piece.points for piece in made])
     first = np.cumsum([0, *(len(piece.points) for piece in made)])
     tets = np.vstack([piece.tets + shift for piece, shift in zip(made, first, strict=False)])
@@ -77,7 +81,7 @@ def assemble(made: Sequence[Piece], caps: Sequence[Sequence[str]]) -> Mesh:
     face = np.concatenate(
         [np.where(piece.refs == 1, 1, piece.refs + shift) for piece, shift in zip(made, before, strict=False)]
     )
-    names = {1: WALL} | {number: name for number, name in enumerate((n for group in caps for n in group), start=2)}
+    names = {1: WALL} | dict(enumerate((n for group in caps for n in group), start=2))
     order = cuthill_mckee(tets, len(points))
     new = np.empty(len(points), np.int64)
     new[order] = np.arange(len(points))

@@ -8,7 +8,7 @@ from coronaryuq.case.tree import Stenosis, Tree
 from coronaryuq.errors import InputError
 from coronaryuq.flow3d.mesh.domain import Kept
 from coronaryuq.flow3d.mesh.paths import Cap
-from coronaryuq.zerod.network import HEART, Network, junction_sides, vessel_names
+from coronaryuq.zerod.network import Network, junction_sides, vessel_names
 
 TOLERANCE = 1e-6
 """cm; a cap nearer than this to the end of a 0D vessel cuts its connection rather than the vessel."""
@@ -30,7 +30,9 @@ def parts_of(tree: Tree, stenoses: Sequence[Stenosis], network: Network, file: s
 
 
 def upstream_block(network: Network, vessel: str) -> str:
-    """Name of the block before a vessel, as svZeroDSolver writes it: junction, boundary condition, or the heart's outlet."""
+    """Name of the block before a vessel, as svZeroDSolver writes it: junction, boundary condition, or the heart's
+    outlet.
+    """
     ids = vessel_names(network)
     for junction in network.get("junctions", []):
         if vessel in junction_sides(junction, ids)[1]:
@@ -84,7 +86,9 @@ def _inside(kept: Kept, part: Segment) -> bool:
 
 
 def _owner(tree: Tree, parts: Sequence[Segment], cap: Cap) -> tuple[Segment, dict[str, float] | None]:
-    """The 0D vessel that a cap touches, and the share of its elements that stays outside (None: the cap is at its end)."""
+    """The 0D vessel that a cap touches, and the share of its elements that stays outside (None: the cap is at its
+    end).
+    """
     here = [part for part in parts if part.vessel == cap.vessel]
     vessel = tree[cap.vessel]
     if cap.inlet:
@@ -104,7 +108,3 @@ def _share(tree: Tree, part: Segment, start: float, end: float) -> dict[str, flo
     full = elements(tree[part.vessel].between(part.start, part.end), physics)
     left = elements(tree[part.vessel].between(start, end), physics)
     return {name: left[name] / full[name] for name in ("R_poiseuille", "L", "C")} | {"stenosis_coefficient": 0.0}
-
-
-def is_heart(block: str) -> bool:
-    return block in (HEART, "J_heart_outlet")

@@ -50,9 +50,10 @@ def faces(mesh: Mesh, couples: dict) -> list[dict]:
     entries = []
     for number, name in mesh.names.items():
         kind = "cap" if number in mesh.caps else "wall"
-        entry = {"name": name, "kind": kind, "ModelFaceID": int(number), **face_geometry(mesh, number)}
+        geometry = face_geometry(mesh, number)
+        entry = {"name": name, "kind": kind, "ModelFaceID": int(number), "area": geometry["area"]}
         if kind == "cap":
-            entry["couples"] = couples[name]
+            entry |= geometry | {"couples": couples[name]}
         entries.append(entry)
     return entries
 
@@ -72,7 +73,9 @@ def shape(mesh: Mesh) -> dict:
 
 
 def resolution(tree: Tree, stenosis: Stenosis, mesh: Mesh) -> float:
-    """R/h at the throat: its radius over the mean edge of the tetrahedra within half a radius of it along the vessel."""
+    """R/h at the throat: its radius over the mean edge of the tetrahedra within half a radius of it along the
+    vessel.
+    """
     place, radius = throat(tree, stenosis)
     vessel = tree[stenosis.vessel]
     centre, tangent = vessel.position_at(place), vessel.tangent_at(place)

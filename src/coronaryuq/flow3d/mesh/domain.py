@@ -26,9 +26,10 @@ def segments(
 ) -> Kept:
     """Each stenosis with `upstream` and `downstream` diameters of its artery; overlapping neighbourhoods are joined.
 
-    A bifurcation inside the neighbourhood is kept whole, every vessel of it for at least `stub` of its own diameters beyond
-    the others' walls. A cut that would fall within a bifurcation is moved to this side of it when half of the length asked for
-    remains, and beyond it otherwise. A remainder shorter than one diameter at the end of a vessel goes into 3D as well.
+    A bifurcation inside the neighbourhood is kept whole, every vessel of it for at least `stub` of its own
+    diameters beyond the others' walls. A cut that would fall within a bifurcation is moved to this side of it when
+    half of the length asked for remains, and beyond it otherwise. A remainder shorter than one diameter at the end
+    of a vessel goes into 3D as well.
     """
     kept: Kept = {}
     for stenosis in stenoses:

@@ -24,9 +24,9 @@ _EPOCH = (1980, 1, 1, 0, 0, 0)
 class Mesh:
     """A tetrahedral mesh with named faces.
 
-    points (n, 3) cm; tets (m, 4), positively oriented; triangles (k, 3) outward, owner (k,) the tetrahedron behind each,
-    face (k,) the ModelFaceID of each; names: ModelFaceID → face name, walls starting with `wall`; region (k,) number of the
-    stenosis region that a wall triangle belongs to, 0 for none.
+    points (n, 3) cm; tets (m, 4), positively oriented; triangles (k, 3) outward, owner (k,) the tetrahedron behind
+    each, face (k,) the ModelFaceID of each; names: ModelFaceID → face name, walls starting with `wall`; region (k,)
+    number of the stenosis region that a wall triangle belongs to, 0 for none.
     """
 
     points: np.ndarray
@@ -83,7 +83,9 @@ def _save(data, path: Path) -> None:
 
 
 def pack(folder: str | Path, archive: str | Path) -> None:
-    """Store a mesh-complete folder in a zip: sorted names, no times, no compression, so that equal meshes are equal files."""
+    """Store a mesh-complete folder in a zip: sorted names, no times, no compression, so that equal meshes are equal
+    files.
+    """
     folder = Path(folder)
     with replacing(archive) as beside, zipfile.ZipFile(beside, "w", zipfile.ZIP_STORED) as packed:
         for path in sorted(p for p in folder.rglob("*") if p.is_file()):
@@ -106,8 +108,8 @@ def unpack(archive: str | Path, folder: str | Path) -> None:
 def read(folder: str | Path) -> Mesh:
     """Read and check a mesh-complete folder, from SimVascular or from here.
 
-    Raises InputError, naming the file, for a missing file or array, tetrahedra that are not tetrahedra, faces that do not
-    cover the boundary, or ids that do not match the volume mesh.
+    Raises InputError, naming the file, for a missing file or array, tetrahedra that are not tetrahedra, faces that
+    do not cover the boundary, or ids that do not match the volume mesh.
     """
     folder = Path(folder)
     grid = _load(folder / VOLUME)

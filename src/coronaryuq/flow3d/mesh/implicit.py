@@ -12,8 +12,9 @@ FAR = 1e9
 
 @dataclass(frozen=True)
 class Path:
-    """A centreline through consecutive vessels: points (n, 3), radii (n,), cm. `vessel` (n,) names each point's vessel, `arc` (n,)
-    is the arc length along it, `blend` the width in cm over which the path merges smoothly with those listed before it.
+    """A centreline through consecutive vessels: points (n, 3), radii (n,), cm. `vessel` (n,) names each point's
+    vessel, `arc` (n,) is the arc length along it, `blend` the width in cm over which the path merges smoothly with
+    those listed before it.
     """
 
     points: np.ndarray
@@ -24,9 +25,11 @@ class Path:
 
 
 class Implicit:
-    """Signed distance, negative inside, to the union of paths of tapered capsules; C1 blend of width `blend` (Quilez 2013).
+    """Signed distance, negative inside, to the union of paths of tapered capsules; C1 blend of width `blend`
+    (Quilez 2013).
 
-    A capsule's radius is taken at the foot of the perpendicular, so that on a straight axis the surface has exactly the radius given.
+    A capsule's radius is taken at the foot of the perpendicular, so that on a straight axis the surface has exactly
+    the radius given.
     """
 
     def __init__(self, paths: Sequence[Path]):
@@ -52,7 +55,9 @@ class Implicit:
         return _evaluate(np.ascontiguousarray(points, float), *self._arrays())[0]
 
     def nearest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Path index (m,), segment index within the path (m,) and position along the segment (m,) in [0, 1] that own each point."""
+        """Path index (m,), segment index within the path (m,) and position along the segment (m,) in [0, 1] that
+        own each point.
+        """
         _, segment, along = _evaluate(np.ascontiguousarray(points, float), *self._arrays())
         path = np.searchsorted(self.first, segment, side="right") - 1
         return path, segment - self.first[path], along

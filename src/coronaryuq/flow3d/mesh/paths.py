@@ -19,7 +19,9 @@ BLEND = 0.4
 
 @dataclass(frozen=True)
 class Cap:
-    """Where the vessel is cut: name, vessel, arc length, whether it is the vessel's proximal side, centre (3,), outward normal (3,), radius."""
+    """Where the vessel is cut: name, vessel, arc length, whether it is the vessel's proximal side, centre (3,),
+    outward normal (3,), radius.
+    """
 
     name: str
     vessel: str
@@ -51,7 +53,9 @@ def _cap(vessel: Vessel, arc: float, inlet: bool) -> Cap:
 
 
 def paths(tree: Tree, kept: Kept, piece: Sequence[str]) -> list[Path]:
-    """Paths of a piece, mothers before daughters; each follows the artery through its bifurcations, and runs on past its caps."""
+    """Paths of a piece, mothers before daughters; each follows the artery through its bifurcations, and runs on
+    past its caps.
+    """
     carried: set[str] = set()
     found = []
     for name in piece:
@@ -85,7 +89,9 @@ def _path(tree: Tree, kept: Kept, chain: Sequence[str]) -> Path:
 
 
 def smooth(vessel: Vessel, start: float, end: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Arc lengths (m,), points (m, 3) and radii (m,) between two arc lengths, a monotone cubic through the given points."""
+    """Arc lengths (m,), points (m, 3) and radii (m,) between two arc lengths, a monotone cubic through the given
+    points.
+    """
     spacing = SPACING * float(np.min(vessel.between(start, end).radii))
     arc = np.linspace(start, end, max(2, int(np.ceil((end - start) / spacing)) + 1))
     curve = PchipInterpolator(vessel.arc, np.column_stack([vessel.points, vessel.radii]), axis=0)(arc)

@@ -17,8 +17,9 @@ WORST_DIHEDRAL = 3.0
 
 @dataclass(frozen=True)
 class Attempt:
-    """What differs from try to try: grid spacing and surface deviation in smallest radii, shortest edge in smallest sizes,
-    angle (degrees) from which an edge of the surface is kept sharp, factor on the element size."""
+    """What differs from try to try: grid spacing and surface deviation in smallest radii, shortest edge in smallest
+    sizes, angle (degrees) from which an edge of the surface is kept sharp, factor on the element size.
+    """
 
     spacing: float
     deviation: float
@@ -38,8 +39,9 @@ ATTEMPTS = (
 
 @dataclass(frozen=True)
 class Piece:
-    """Points (n, 3) in cm, positively oriented tetrahedra (m, 4), outward boundary triangles (k, 3) and their references (k,):
-    1 for the wall, 2 + i for cap i."""
+    """Points (n, 3) in cm, positively oriented tetrahedra (m, 4), outward boundary triangles (k, 3) and their
+    references (k,): 1 for the wall, 2 + i for cap i.
+    """
 
     points: np.ndarray
     tets: np.ndarray
@@ -70,7 +72,9 @@ def mesh_surface(
     attempt: Attempt,
     project: Callable | None = None,
 ) -> Piece:
-    """Mesh the inside of a closed surface whose triangles carry references; `project` moves wall nodes onto the true surface."""
+    """Mesh the inside of a closed surface whose triangles carry references; `project` moves wall nodes onto the
+    true surface.
+    """
 
     def wanted(nodes: np.ndarray) -> np.ndarray:
         return attempt.scale * size(nodes)

@@ -15,7 +15,9 @@ def volumes(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
 
 
 def radius_ratio(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
-    """3 × inscribed over circumscribed radius (m,): 1 for the regular tetrahedron, 0 for a flat one, negative when inverted."""
+    """3 × inscribed over circumscribed radius (m,): 1 for the regular tetrahedron, 0 for a flat one, negative when
+    inverted.
+    """
     a, b, c, d = (points[tets[:, i]] for i in range(4))
     u, v, w = b - a, c - a, d - a
     volume = np.einsum("ij,ij->i", np.cross(u, v), w) / 6.0

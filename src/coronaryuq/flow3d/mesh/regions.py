@@ -12,7 +12,9 @@ from coronaryuq.flow3d.mesh.implicit import Path
 
 @dataclass(frozen=True)
 class Course:
-    """The path that runs through a stenosis: piece and path index, and distance from the throat (n,) cm, at every point."""
+    """The path that runs through a stenosis: piece and path index, and distance from the throat (n,) cm, at every
+    point.
+    """
 
     piece: int
     path: int
@@ -59,8 +61,8 @@ def _between_caps(path: Path, built: Built) -> slice:
 def mark(tree: Tree, stenoses: list[Stenosis], built: Built, upstream: float, downstream: float) -> tuple[Mesh, dict]:
     """The mesh with `region` set, and what `mesh.json` says of every region.
 
-    upstream, downstream: reach beyond the stenosis in local diameters. A region keeps half a diameter away from caps, and
-    leaves out the walls of side branches.
+    upstream, downstream: reach beyond the stenosis in local diameters. A region keeps half a diameter away from
+    caps, and leaves out the walls of side branches.
     """
     mesh = built.mesh
     region = np.zeros(len(mesh.triangles), np.int64)
@@ -107,7 +109,9 @@ def mark(tree: Tree, stenoses: list[Stenosis], built: Built, upstream: float, do
 
 
 def plane(tree: Tree, stenosis: Stenosis, built: Built, diameters: float) -> dict:
-    """Where distal pressure is read: `diameters` local diameters beyond the stenosis, or as far as the mesh goes less one radius."""
+    """Where distal pressure is read: `diameters` local diameters beyond the stenosis, or as far as the mesh goes
+    less one radius.
+    """
     line = course(tree, stenosis, built)
     place, _ = throat(tree, stenosis)
     radius = float(tree[stenosis.vessel].radius_at(stenosis.end))

@@ -6,7 +6,9 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class Settings(BaseModel):
-    """What part of the anatomy is meshed, and how finely. Lengths in vessel diameters or as ratios, so that one set fits any patient."""
+    """What part of the anatomy is meshed, and how finely. Lengths in vessel diameters or as ratios, so that one set
+    fits any patient.
+    """
 
     model_config = ConfigDict(extra="forbid")
 

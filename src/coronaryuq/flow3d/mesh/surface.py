@@ -20,7 +20,6 @@ def surface(implicit: Implicit, caps: Sequence[Cap], spacing: float) -> tuple[np
 
     spacing: of the grid, cm; half the smallest radius or less. Raises MeshError, naming the cap that could not be cut.
     """
-    import manifold3d
     from skimage.measure import marching_cubes
 
     try:
@@ -80,6 +79,7 @@ def references(points: np.ndarray, triangles: np.ndarray, caps: Sequence[Cap]) -
         ratio = area[mine].sum() / (np.pi * cap.radius**2)
         if not 0.7 < ratio < 1.4:
             raise MeshError(
-                f"cap {cap.name} has {ratio:.2f} times the area of its vessel: it touches another vessel, or the centreline bends there"
+                f"cap {cap.name} has {ratio:.2f} times the area of its vessel: "
+                "it touches another vessel, or the centreline bends there"
             )
     return found

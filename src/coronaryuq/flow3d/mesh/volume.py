@@ -98,7 +98,9 @@ def outer_references(tets: np.ndarray, triangles: np.ndarray, refs: np.ndarray) 
 def fit_to_surface(
     points: np.ndarray, tets: np.ndarray, nodes: np.ndarray, target: np.ndarray, quality: Callable
 ) -> np.ndarray:
-    """Move boundary `nodes` to `target`, less far where a tetrahedron would lose half of its quality, or fall below 0.2."""
+    """Move boundary `nodes` to `target`, less far where a tetrahedron would lose half of its quality, or fall below
+    0.2.
+    """
     shift = np.zeros_like(points)
     shift[nodes] = target - points[nodes]
     share = np.ones(len(points))
