@@ -55,7 +55,7 @@ def read(path: str | Path) -> list[Record]:
     if not text.endswith("\n"):
         raise InputError(path, None, None, "empty or truncated records; delete it and run again")
     records = []
-    for number, line in enumerate(text.splitlines(), start=1):
+    for number, line in enumerate(text[:-1].split("\n"), start=1):
         try:
             records.append(Record(**json.loads(line)))
         except (json.JSONDecodeError, TypeError) as error:

@@ -8,9 +8,9 @@ import matplotlib
 
 matplotlib.use("Agg")
 
-import matplotlib.pyplot as plt  # noqa: E402 (after the choice of a backend that needs no screen)
+import matplotlib.pyplot as plt
 
-from coronaryuq.files import replacing  # noqa: E402
+from coronaryuq.files import replacing
 
 # Okabe & Ito (2008): told apart with any colour vision, and in print.
 ESTIMATORS = {"MC": "#000000", "MFMC": "#0072B2", "MFMC-AE": "#D55E00", "best": "#009E73"}
