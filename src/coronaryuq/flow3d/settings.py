@@ -15,7 +15,7 @@ class Settings(BaseModel):
         0.25,
         ge=0.0,
         le=2.0,
-        description="Part of a cycle run before the first whole one, from fluid at rest in 3D and the periodic 0D state.",
+        description="Part of a cycle run before the first whole one, from fluid at rest and the periodic 0D state.",
     )
     min_cycles: int = Field(2, ge=2, le=50, description="Whole cycles run at least; two are needed to compare.")
     max_cycles: int = Field(
