@@ -1,0 +1,162 @@
+"""From the anatomy named in `case.yaml` to a labelled tree: its ends matched to outlets, its stenoses placed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from coronaryuq.case.description import Description, StenosisPlace
+from coronaryuq.case.narrowing import around, tightest
+from coronaryuq.case.settings import Settings
+from coronaryuq.case.tables import OutletRow
+from coronaryuq.case.tree import AORTA, Stenosis, Tree, read_tree
+from coronaryuq.errors import InputError
+from coronaryuq.units import LENGTHS
+
+FARTHEST = 0.5
+"""cm: an outlet's or stenosis's point must be this near to the tree, or twice the local radius if that is more."""
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Which end of the tree is which: outlet name → vessel, systemic boundary condition → vessel."""
+
+    rows: list[OutletRow]
+    vessels: dict[str, str]
+    systemic: dict[str, str]
+
+
+def read_anatomy(
+    file: Path, folder: Path, description: Description, rows: Sequence[OutletRow], settings: Settings
+) -> tuple[Tree, tuple[str, ...]]:
+    """The tree of a description's anatomy, cm, and notes on what was decided on the way."""
+    anatomy = description.anatomy
+    scale = LENGTHS[anatomy.unit]
+    path = folder / getattr(anatomy, anatomy.kind)
+    if anatomy.kind == "centrelines":
+        return read_tree(path, scale), ()
+    raise InputError(file, "anatomy", anatomy.kind, "cannot be read yet")
+
+
+def place_outlets(
+    file: Path, folder: Path, description: Description, tree: Tree, rows: list[OutletRow]
+) -> tuple[Tree, Placed]:
+    """Match outlets and systemic outlets to the tree's ends, and label every vessel with its branch."""
+    table, scale = folder / description.outlets, LENGTHS[description.anatomy.unit]
+    ends = [v.name for v in tree.leaves()]
+    vessels: dict[str, str] = {}
+    for row in rows:
+        taken = set(vessels.values())
+        if row.vessel is not None:
+            if row.vessel not in ends:
+                raise InputError(
+                    table, f"vessel of {row.name}", row.vessel, f"no end of the tree; ends: {', '.join(ends)}"
+                )
+            vessels[row.name] = row.vessel
+        elif row.point is not None:
+            vessels[row.name] = _nearest_end(table, f"x y z of {row.name}", tree, ends, np.array(row.point) * scale)
+        elif row.name in ends:
+            vessels[row.name] = row.name
+        else:
+            raise InputError(table, f"vessel of {row.name}", None, "give vessel, or x, y and z")
+        if vessels[row.name] in taken:
+            raise InputError(table, row.name, vessels[row.name], "another outlet has this end of the tree already")
+    left = [name for name in ends if name not in vessels.values()]
+    systemic = _systemic(file, description, tree, left)
+    missing = [name for name in left if name not in systemic.values()]
+    if missing:
+        raise InputError(table, "vessel", ", ".join(missing), "ends of the tree without an outlet; add them")
+    branches = {vessels[row.name]: row.branch for row in rows}
+    return labelled(tree, branches), Placed(rows, vessels, systemic)
+
+
+def labelled(tree: Tree, branches: dict[str, str]) -> Tree:
+    """The tree with every vessel's branch: of its outlets if they agree, LM before LAD and LCx part, else the aorta.
+
+    branches: coronary end vessel → LAD, LCx or RCA; other ends are aortic.
+    """
+    relabelled = []
+    for vessel in tree:
+        fed = {branches.get(v.name, AORTA) for v in tree.subtree(vessel.name) if not tree.children(v.name)}
+        branch = fed.pop() if len(fed) == 1 else "LM" if fed == {"LAD", "LCx"} else AORTA
+        relabelled.append(replace(vessel, branch=branch))
+    return Tree(relabelled)
+
+
+def _systemic(file: Path, description: Description, tree: Tree, left: list[str]) -> dict[str, str]:
+    if not description.systemic_outlets:
+        if not left:
+            raise InputError(file, "systemic_outlets", None, "no end of the tree is left for the aorta")
+        return {f"BC_RCR{k + 1}": name for k, name in enumerate(left)}
+    scale = LENGTHS[description.anatomy.unit]
+    systemic: dict[str, str] = {}
+    for outlet in description.systemic_outlets:
+        field = f"systemic_outlets.{outlet.name}"
+        if outlet.vessel is None and outlet.point is None:
+            raise InputError(file, field, None, "give vessel or point")
+        if outlet.vessel is not None and outlet.vessel not in left:
+            raise InputError(file, field, outlet.vessel, f"no free end of the tree; free: {', '.join(left) or 'none'}")
+        systemic[outlet.name] = outlet.vessel or _nearest_end(file, field, tree, left, np.array(outlet.point) * scale)
+    if len(set(systemic.values())) != len(systemic):
+        raise InputError(file, "systemic_outlets", None, "two of them name the same end of the tree")
+    return systemic
+
+
+def _nearest_end(file: Path, field: str, tree: Tree, ends: list[str], point: np.ndarray) -> str:
+    distances = {name: float(np.linalg.norm(tree[name].points[-1] - point)) for name in ends}
+    if not distances:
+        raise InputError(file, field, point.tolist(), "no end of the tree is left for it")
+    name = min(distances, key=distances.__getitem__)
+    if distances[name] > max(FARTHEST, 2 * tree[name].radii[-1]):
+        raise InputError(
+            file, field, point.tolist(), f"(cm) is {distances[name]:.2g} cm from the nearest end of the tree, {name}; "
+            "check the point and anatomy.unit",
+        )  # fmt: skip
+    return name
+
+
+def place_stenoses(
+    file: Path, description: Description, tree: Tree, settings: Settings
+) -> tuple[list[Stenosis], tuple[str, ...]]:
+    """Stenoses on the tree, from vessel and extent, from points, or found (`auto`), and notes on those found."""
+    if description.stenoses == "auto":
+        found = tightest(tree, settings.narrowing)
+        if not found:
+            raise InputError(
+                file, "stenoses", "auto", f"no narrowing below an area ratio of {settings.narrowing}; name them"
+            )
+        return found, tuple(f"stenosis {s.name}: found on {s.vessel}, {s.start:.2f} to {s.end:.2f} cm" for s in found)
+    placed = [_stenosis(file, description, tree, wanted) for wanted in description.stenoses if wanted.block is None]
+    return placed, ()
+
+
+def _stenosis(file: Path, description: Description, tree: Tree, wanted: StenosisPlace) -> Stenosis:
+    field = f"stenoses.{wanted.name}"
+    if wanted.vessel is not None:
+        if wanted.vessel not in tree:
+            raise InputError(
+                file, f"{field}.vessel", wanted.vessel, f"no vessel of the tree; it has {', '.join(tree.vessels)}"
+            )
+        vessel = tree[wanted.vessel]
+        if wanted.end > vessel.length + 1e-6 or wanted.start < tree.emergence(vessel.name) - 1e-6:
+            first = tree.emergence(vessel.name)
+            raise InputError(
+                file, f"{field}.end", wanted.end, f"the vessel runs from {first:.3g} to {vessel.length:.3g} cm"
+            )
+        stenosis = Stenosis(wanted.name, wanted.vessel, wanted.start, min(wanted.end, vessel.length))
+    else:
+        point = np.array(wanted.point) * LENGTHS[description.anatomy.unit]
+        name, arc, distance = tree.nearest(point, [v.name for v in tree if v.branch == wanted.name])
+        if distance > max(FARTHEST, 2 * float(tree[name].radius_at(arc))):
+            raise InputError(
+                file,
+                f"{field}.point",
+                wanted.point,
+                f"is {distance:.2g} cm from the nearest vessel of the {wanted.name}",
+            )
+        stenosis = around(tree, wanted.name, name, arc, wanted.length)
+    if tree[stenosis.vessel].branch != wanted.name:
+        belongs = tree[stenosis.vessel].branch
+        raise InputError(file, f"{field}.vessel", stenosis.vessel, f"belongs to the {belongs}, not the {wanted.name}")
+    return stenosis

@@ -1,0 +1,244 @@
+"""A whole case from its description: every file read, every name matched, the 0D network made or taken as given."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from coronaryuq.case.anatomy import Placed, place_outlets, place_stenoses, read_anatomy
+from coronaryuq.case.description import Description, read_description
+from coronaryuq.case.graph import CORONARY, SYSTEMIC, Graph, graph_of
+from coronaryuq.case.network import Bed, Physics, network_from_tree, segments
+from coronaryuq.case.perfusion_map import Wall, read_wall
+from coronaryuq.case.schematic import radius_from_inertance, schematic_tree
+from coronaryuq.case.settings import Settings
+from coronaryuq.case.tables import OutletRow, read_case_targets, read_outlets, read_territory_flows
+from coronaryuq.case.territories import wall_of_territories
+from coronaryuq.case.tree import Stenosis, Tree, area_ratio
+from coronaryuq.errors import InputError
+from coronaryuq.files import read_json
+from coronaryuq.units import MMHG, PRESSURES
+
+AORTIC_PRESSURE_WITHOUT_TARGET = 93.0 * MMHG
+DEFAULT_PERIOD = 1.0
+"""s."""
+MAIN_LABELS = {"LAD": ("LAD",), "LCx": ("LCx",), "RCA": ("RCA", "PDA")}
+"""Labels of the outlet in which each artery itself ends; a dominant right coronary ends as its PDA."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A checked case. Without anatomy the tree is a drawing of the given network, and stenoses is empty."""
+
+    description: Description
+    tree: Tree
+    stenoses: list[Stenosis]
+    network: dict[str, Any]
+    graph: Graph
+    summary: dict[str, Any]
+    wall: Wall
+    notes: tuple[str, ...]
+
+
+def assemble(case_yaml: str | Path, settings: Settings) -> Case:
+    """Read a case. Raises InputError (file, field, value, what is allowed) at the first thing that is wrong."""
+    path = Path(case_yaml)
+    description = read_description(path)
+    folder = path.parent
+    rows = read_outlets(folder / description.outlets)
+    targets = read_case_targets(folder / description.targets) if description.targets else {}
+    given = _given_network(path, folder, description)
+    period = description.period or (given[1].period if given else DEFAULT_PERIOD)
+    notes: tuple[str, ...] = ()
+    tree, placed, stenoses = None, None, []
+    if description.anatomy is not None:
+        tree, notes = read_anatomy(path, folder, description, rows, settings)
+        tree, placed = place_outlets(path, folder, description, tree, rows)
+        stenoses, found = place_stenoses(path, description, tree, settings)
+        notes += found
+    if given is None:
+        physics = _physics(description, settings, targets, period)
+        network = _made(path, tree, placed, stenoses, physics)
+        graph = graph_of(network, path)
+    else:
+        network, graph = given
+        network["closed_loop_blocks"][0]["cardiac_cycle_period"] = period
+        _match(path, folder, description, rows, graph)
+        if tree is None:
+            _no_map_without_places(path, folder, description, rows)
+            tree = schematic_tree(graph, description.density, {row.bc: row.branch for row in rows})
+            notes = ("no anatomy: tree.vtp is a drawing of the network, true in lengths and radii only",)
+    entries = _outlets(rows, placed, tree, graph)
+    if description.perfusion is not None:
+        wall = read_wall(path, description.perfusion, folder, description.tissue_density, settings.wall_cells)
+    else:
+        lv = [row.name for row in rows if row.perfuses == "LV"]
+        flows = read_territory_flows(path, description.territory_flows, folder, lv)
+        wall = wall_of_territories(entries, flows, description.tissue_density)
+    summary = {
+        "name": description.name,
+        "description": description.description,
+        "period": period,
+        "density": description.density,
+        "viscosity": description.viscosity,
+        "haematocrit": description.haematocrit,
+        "hyperaemia": description.hyperaemia,
+        "tissue_density": description.tissue_density,
+        "schematic": description.anatomy is None,
+        "aorta": {"pressure": graph.inlet(graph.root)},
+        "outlets": entries,
+        "systemic": [bc for bc in graph.bc.values() if graph.types[bc] == SYSTEMIC],
+        "stenoses": _stenoses(path, description, tree, stenoses, graph, entries),
+        "targets": targets,
+    }
+    return Case(description, tree, stenoses, network, graph, summary, wall, notes + wall.notes)
+
+
+def _given_network(path: Path, folder: Path, description: Description) -> tuple[dict, Graph] | None:
+    if description.network is None:
+        return None
+    network = read_json(folder / description.network)
+    return network, graph_of(network, folder / description.network)
+
+
+def _physics(description: Description, settings: Settings, targets: dict, period: float) -> Physics:
+    def target(name: str) -> float | None:
+        entry = targets.get(name)
+        return None if entry is None or entry["value"] is None else entry["value"] * PRESSURES.get(entry["unit"], 1.0)
+
+    stroke, split = target("AbsQin"), target("AorCorSplit")
+    return Physics(
+        density=description.density,
+        viscosity=description.viscosity,
+        stenosis_loss=settings.stenosis_loss,
+        elastic=settings.walls == "elastic",
+        young=settings.young,
+        thickness_ratio=settings.thickness_ratio,
+        murray_exponent=settings.murray_exponent,
+        pressure=target("PaoMean") or AORTIC_PRESSURE_WITHOUT_TARGET,
+        cardiac_output=stroke / period if stroke else Physics.cardiac_output,
+        coronary_share=split / 100.0 if split else settings.coronary_share,
+        period=period,
+    )
+
+
+def _made(path: Path, tree: Tree, placed: Placed, stenoses: list[Stenosis], physics: Physics) -> dict:
+    beds = [Bed(row.bc, placed.vessels[row.name], row.branch == "RCA") for row in placed.rows]
+    try:
+        return network_from_tree(tree, beds, placed.systemic, stenoses, physics)
+    except ValueError as error:
+        raise InputError(path, "anatomy", None, str(error)) from None
+
+
+def _match(path: Path, folder: Path, description: Description, rows: list[OutletRow], graph: Graph) -> None:
+    """Outlets table and given network must speak of the same coronary beds."""
+    table, network = folder / description.outlets, folder / description.network
+    coronary = {bc: CORONARY[graph.types[bc]] for bc in graph.bc.values() if graph.types[bc] in CORONARY}
+    for row in rows:
+        if row.bc not in coronary:
+            raise InputError(table, "bc", row.bc, f"no coronary bed of {network.name}; it has {', '.join(coronary)}")
+        if coronary[row.bc] != (row.branch == "RCA"):
+            side = "right" if coronary[row.bc] else "left"
+            raise InputError(table, f"branch of {row.name}", row.branch, f"{row.bc} is a {side} bed in {network.name}")
+    for bc in coronary:
+        if bc not in {row.bc for row in rows}:
+            raise InputError(table, "bc", bc, f"missing; {network.name} has this coronary bed")
+    for outlet in description.systemic_outlets:
+        if graph.types.get(outlet.name) != SYSTEMIC:
+            raise InputError(path, "systemic_outlets.name", outlet.name, f"no {SYSTEMIC} of {network.name}")
+
+
+def _no_map_without_places(path: Path, folder: Path, description: Description, rows: list[OutletRow]) -> None:
+    if description.perfusion is None:
+        return
+    for row in rows:
+        if row.perfuses == "LV" and row.point is None:
+            table = folder / description.outlets
+            raise InputError(table, f"x y z of {row.name}", None, "needed to find its territory in the perfusion map")
+
+
+def _outlets(rows: list[OutletRow], placed: Placed | None, tree: Tree, graph: Graph) -> list[dict]:
+    entries = []
+    for row in rows:
+        block = graph.at(row.bc)
+        vessel = tree[block if placed is None else placed.vessels[row.name]]
+        end = vessel.points[-1] if placed is not None or row.point is None else row.point
+        entries.append(
+            {
+                "name": row.name,
+                "label": row.label,
+                "bc": row.bc,
+                "vessel": vessel.name,
+                "block": block,
+                "perfuses": row.perfuses,
+                "branch": row.branch,
+                "point": [float(x) for x in end],
+                "radius": float(vessel.radii[-1]),
+            }
+        )
+    return entries
+
+
+def _stenoses(path: Path, description: Description, tree, stenoses, graph: Graph, entries) -> list[dict]:
+    if description.network is None:
+        narrow = {part.stenosis: part.name for part in segments(tree, stenoses) if part.stenosis}
+    else:
+        narrow = {}
+    by_name = {s.name: s for s in stenoses}
+    blocks = {s.name: s.block for s in description.stenoses if s.block} if description.stenoses != "auto" else {}
+    result = []
+    for name in [*by_name, *(n for n in blocks if n not in by_name)]:
+        block = narrow.get(name) or blocks.get(name)
+        if block is None or block not in graph.children:
+            raise InputError(path, f"stenoses.{name}.block", block, "wanted a vessel of the given network")
+        children = graph.children[block]
+        entry = {
+            "name": name,
+            "vessel": by_name[name].vessel if name in by_name else block,
+            "segment": block,
+            "proximal": graph.parent[block],
+            "distal": children[0] if children else None,
+        }
+        if name in by_name:
+            stenosis = by_name[name]
+            entry |= {"area_ratio": area_ratio(tree, stenosis), "start": stenosis.start, "end": stenosis.end}
+        else:
+            entry |= {"area_ratio": _area_ratio(graph, block, description.density), "start": None, "end": None}
+        entry |= {
+            "ffr": graph.outlet(block),
+            "flow": graph.inlet(block),
+            "root": graph.inlet(_branch_root(graph, block, name, entries)),
+            "outlet": _main_outlet(graph, block, name, entries),
+        }
+        result.append(entry)
+    order = ("LAD", "LCx", "RCA")
+    return sorted(result, key=lambda entry: order.index(entry["name"]))
+
+
+def _area_ratio(graph: Graph, block: str, density: float, loss: float = 1.52) -> float | None:
+    """A_s/A_0 of a 0D vessel, from its stenosis coefficient and the area that its inertance implies."""
+    radius = radius_from_inertance(graph, block, density)
+    coefficient = float(graph.values[block].get("stenosis_coefficient") or 0.0)
+    if coefficient <= 0 or radius is None:
+        return None
+    area = np.pi * radius**2
+    return float(1 / (1 + np.sqrt(2 * coefficient * area**2 / (loss * density))))
+
+
+def _branch_root(graph: Graph, block: str, branch: str, entries: list[dict]) -> str:
+    """The first vessel towards `block` that feeds only outlets of that branch."""
+    of_branch = {entry["bc"] for entry in entries if entry["branch"] == branch}
+    return next((v for v in graph.path(block) if set(graph.beds(v)) <= of_branch), block)
+
+
+def _main_outlet(graph: Graph, block: str, branch: str, entries: list[dict]) -> str:
+    """The artery's own end behind the stenosis: labelled as the artery is, or else the farthest along the vessels."""
+    fed = [entry for entry in entries if entry["bc"] in graph.beds(block)]
+    wanted = [entry for entry in fed if entry["perfuses"] == "LV"] or fed
+
+    def distance(entry: dict) -> float:
+        path = graph.path(entry["block"])
+        return sum(graph.lengths[v] for v in path[path.index(block) :])
+
+    return max(wanted, key=lambda entry: (entry["label"] in MAIN_LABELS[branch], distance(entry)))["bc"]

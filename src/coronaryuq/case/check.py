@@ -1,0 +1,42 @@
+"""`coronaryuq check CASE`: read a case and all that it names, say what is wrong with it or what it holds."""
+
+from collections import Counter
+from pathlib import Path
+
+from coronaryuq.case.assembly import Case, assemble
+from coronaryuq.case.settings import Settings
+from coronaryuq.errors import InputError
+from coronaryuq.units import MBF_PER_MIN_PER_G, ML_PER_MIN
+
+
+def check_case(case_yaml: str | Path, settings: Settings | None = None) -> tuple[list[str], list[str]]:
+    """Findings (one line each; none means that the case is sound) and a summary to read."""
+    try:
+        case = assemble(case_yaml, settings or Settings())
+    except InputError as error:
+        return [str(error)], []
+    return [], _summary(case)
+
+
+def _summary(case: Case) -> list[str]:
+    facts, wall = case.summary, case.wall
+    flow = wall.flow(facts["tissue_density"])
+    mass = wall.volume * facts["tissue_density"]
+    perfuses = Counter(outlet["perfuses"] for outlet in facts["outlets"])
+    lines = [
+        f"case {facts['name']}: period {facts['period']:.3g} s, "
+        f"blood {facts['density']:g} g/cm3, {facts['viscosity']:g} P",
+        f"network: {len(case.graph.children)} vessels, {len(facts['outlets'])} coronary outlets ("
+        + ", ".join(f"{n} {kind}" for kind, n in sorted(perfuses.items()))
+        + f"), {len(facts['systemic'])} systemic",
+        f"left ventricle: {wall.mesh.n_cells} cells, {wall.volume:.1f} mL of wall, {flow / ML_PER_MIN:.0f} mL/min, "
+        f"{flow / mass / MBF_PER_MIN_PER_G:.2f} mL/min/g on average",
+    ]
+    for stenosis in facts["stenoses"]:
+        ratio, start = stenosis["area_ratio"], stenosis["start"]
+        narrowing = "" if ratio is None else f", {1 - ratio:.0%} of the area, {1 - ratio**0.5:.0%} of the diameter"
+        extent = "" if start is None else f", {start:.2f} to {stenosis['end']:.2f} cm"
+        lines.append(f"stenosis {stenosis['name']}: vessel {stenosis['vessel']}{extent}{narrowing}")
+    given = [name for name, target in facts["targets"].items() if target["value"] is not None]
+    lines.append(f"targets: {', '.join(given) or 'none'}")
+    return lines + [f"note: {note}" for note in case.notes]

@@ -1,0 +1,152 @@
+"""Medical images (NIfTI, NRRD): reading, cutting out the wall, and the affine registration of one to another."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from coronaryuq.errors import InputError
+
+IMAGE_SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")
+LARGEST = 600_000_000
+"""Voxels."""
+
+
+@dataclass(frozen=True)
+class Image:
+    """A scalar volume. values: (i, j, k). matrix: (4, 4), from voxel index to position in the file's length unit."""
+
+    values: np.ndarray
+    matrix: np.ndarray
+
+
+def read_image(path: str | Path, like: Image | None = None, path_like: str | Path = "") -> Image:
+    """Read a volume; positions are LPS, as SimpleITK gives them for every format.
+
+    like: an image whose grid this one must share (else InputError). Raises InputError for a missing or foreign file, a
+    vector image, a 2D image and one of absurd size.
+    """
+    import SimpleITK as sitk
+
+    if not Path(path).is_file():
+        raise InputError(path, None, None, "no such file")
+    reader = sitk.ImageFileReader()
+    reader.SetFileName(str(path))
+    try:
+        reader.ReadImageInformation()
+        if int(np.prod(reader.GetSize(), dtype=float)) > LARGEST:
+            raise InputError(path, "size", reader.GetSize(), f"more than {LARGEST} voxels; crop the image")
+        image = reader.Execute()
+    except RuntimeError as error:
+        last = str(error).strip().splitlines()[-1]
+        raise InputError(path, None, None, f"not a readable image ({last})") from None
+    if image.GetDimension() != 3 or image.GetNumberOfComponentsPerPixel() != 1:
+        raise InputError(path, "size", image.GetSize(), "wanted a 3D image with one value per voxel")
+    values = np.asarray(sitk.GetArrayFromImage(image)).transpose(2, 1, 0)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.array(image.GetDirection()).reshape(3, 3) * np.array(image.GetSpacing())
+    matrix[:3, 3] = image.GetOrigin()
+    if like is not None and (values.shape != like.values.shape or not np.allclose(matrix, like.matrix, atol=1e-3)):
+        raise InputError(path, "grid", values.shape, f"differs from that of {path_like}; resample it onto that grid")
+    return Image(values, matrix)
+
+
+def as_cells(file, image: Image, label: np.ndarray | None, threshold: float | None, most_cells: int):
+    """The wall as a pyvista grid of voxels with cell data `value`, in the image's space and length unit.
+
+    label: (i, j, k) which voxels are wall; threshold: else the largest connected part above it; neither: every finite
+    value above 0. Voxels are merged in blocks of 2 x 2 x 2, 3 x 3 x 3, ... until at most `most_cells` remain; a block
+    has the mean of its wall voxels and is scaled to their volume, so that volume and flow are kept.
+    """
+    import pyvista as pv
+    from scipy import ndimage
+
+    values = np.asarray(image.values, dtype=float)
+    if label is not None:
+        inside, field = label, "perfusion.label.values"
+    elif threshold is not None:
+        above, count = ndimage.label(np.nan_to_num(values, nan=-np.inf) > threshold)
+        sizes = np.bincount(above.ravel())[1:] if count else np.zeros(0)
+        inside, field = (above == 1 + int(np.argmax(sizes)) if count else above > 0), "perfusion.threshold"
+    else:
+        inside, field = np.isfinite(values) & (values > 0), "perfusion.file"
+    if not inside.any():
+        raise InputError(file, field, threshold, "selects no voxel of the map")
+    factor = 1
+    while np.count_nonzero(_blocks(inside, factor, np.any)) > most_cells:
+        factor += 1
+    share = _blocks(inside.astype(float), factor, np.mean)
+    valid = inside & np.isfinite(values) & (values >= 0)
+    total = _blocks(np.where(valid, values, 0.0), factor, np.sum)
+    count = _blocks(valid.astype(float), factor, np.sum)
+    at = np.argwhere(share > 0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        merged = (total / count)[tuple(at.T)]
+    half = (share[tuple(at.T)] ** (1 / 3))[:, None, None] * np.array(
+        [[x, y, z] for z in (-0.5, 0.5) for y in (-0.5, 0.5) for x in (-0.5, 0.5)]
+    )
+    corners = (at[:, None, :] + 0.5 + half) * factor - 0.5
+    points = corners.reshape(-1, 3) @ image.matrix[:3, :3].T + image.matrix[:3, 3]
+    grid = pv.UnstructuredGrid({pv.CellType.VOXEL: np.arange(len(points)).reshape(-1, 8)}, points)
+    grid = pv.UnstructuredGrid(grid.cast_to_unstructured_grid())
+    grid.cell_data["value"] = merged
+    return grid
+
+
+def _blocks(values: np.ndarray, factor: int, reduce) -> np.ndarray:
+    if factor == 1:
+        return values
+    padded = np.pad(values, [(0, -n % factor) for n in values.shape])
+    i, j, k = (n // factor for n in padded.shape)
+    return reduce(padded.reshape(i, factor, j, factor, k, factor), axis=(1, 3, 5))
+
+
+def register(file, fixed: str | Path, moving: str | Path) -> np.ndarray:
+    """Matrix (4, 4) that takes a position in the moving image's space to the fixed image's, both in their length unit.
+
+    Affine, by mutual information (Mattes et al. 2003) over three resolutions after aligning centres of mass; sampled on
+    every voxel, so that the same images give the same matrix. Raises InputError when the images cannot be registered.
+    """
+    import SimpleITK as sitk
+
+    for path in (fixed, moving):
+        if not Path(path).is_file():
+            raise InputError(file, "perfusion.registration", str(path), "no such file")
+    target, source = (sitk.Cast(_finite(sitk.ReadImage(str(p))), sitk.sitkFloat32) for p in (fixed, moving))
+    start = sitk.CenteredTransformInitializer(
+        target, source, sitk.AffineTransform(3), sitk.CenteredTransformInitializerFilter.MOMENTS
+    )
+    method = sitk.ImageRegistrationMethod()
+    method.SetMetricAsMattesMutualInformation(numberOfHistogramBins=50)
+    method.SetMetricSamplingStrategy(method.NONE)
+    method.SetInterpolator(sitk.sitkLinear)
+    method.SetOptimizerAsRegularStepGradientDescent(
+        learningRate=1.0, minStep=1e-5, numberOfIterations=300, gradientMagnitudeTolerance=1e-9
+    )
+    method.SetOptimizerScalesFromPhysicalShift()
+    method.SetShrinkFactorsPerLevel([4, 2, 1])
+    method.SetSmoothingSigmasPerLevel([2, 1, 0])
+    method.SmoothingSigmasAreSpecifiedInPhysicalUnitsOff()
+    method.SetInitialTransform(start, inPlace=False)
+    method.SetGlobalDefaultNumberOfThreads(1)
+    try:
+        found = method.Execute(target, source)
+    except RuntimeError as error:
+        last = str(error).strip().splitlines()[-1]
+        raise InputError(file, "perfusion.registration", str(moving), f"the images do not register ({last})") from None
+    forward = np.array([found.TransformPoint(p) for p in np.vstack([np.zeros(3), np.eye(3)])])
+    # SimpleITK's transform takes fixed positions to moving ones; its inverse is what the map needs.
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = (forward[1:] - forward[0]).T, forward[0]
+    return np.linalg.inv(matrix)
+
+
+def _finite(image):
+    import SimpleITK as sitk
+
+    values = sitk.GetArrayFromImage(image)
+    if not np.issubdtype(values.dtype, np.floating) or np.isfinite(values).all():
+        return image
+    mended = sitk.GetImageFromArray(np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0))
+    mended.CopyInformation(image)
+    return mended

@@ -1,0 +1,232 @@
+"""The map of myocardial blood flow: read in the user's units, cut to the wall, checked, mended, in CGS."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from coronaryuq.case.description import Perfusion
+from coronaryuq.case.images import IMAGE_SUFFIXES, as_cells, read_image, register
+from coronaryuq.errors import InputError
+from coronaryuq.units import LENGTHS, MBF_PER_MIN_PER_G, perfusions
+
+VTK_SUFFIXES = (".vtu", ".vtk", ".vti", ".vtp", ".vts", ".vtr")
+PLAUSIBLE_FLOW = (0.1, 10.0)
+"""mL/min/g: median of a wall at rest or stress; outside it the unit is wrong."""
+PLAUSIBLE_EXTENT = (2.5, 20.0)
+"""cm: longest side of the wall's bounding box, from a small animal's heart to a dilated human one."""
+PLAUSIBLE_VOLUME = (5.0, 800.0)
+"""cm3 of wall."""
+MOST_INVALID = 0.2
+"""Share of the wall without a valid value above which filling would be invention."""
+
+
+@dataclass(frozen=True)
+class Wall:
+    """The left ventricular wall: a pyvista grid, cell data Volume (cm3) and MBF (mL/s per g); what was mended."""
+
+    mesh: object
+    notes: tuple[str, ...]
+
+    @property
+    def volume(self) -> float:
+        """cm3."""
+        return float(np.sum(self.mesh.cell_data["Volume"]))
+
+    def flow(self, tissue_density: float) -> float:
+        """Of the whole wall, mL/s."""
+        return float(np.sum(self.mesh.cell_data["Volume"] * self.mesh.cell_data["MBF"]) * tissue_density)
+
+
+def read_wall(file: str | Path, map_: Perfusion, folder: Path, tissue_density: float, most_cells: int) -> Wall:
+    """Read the map named in `case.yaml` (`file`, which errors name) with paths relative to `folder`.
+
+    Cells whose value is missing (NaN, infinite) or negative keep their volume and get the value of the nearest valid
+    cell; their number is noted. Raises InputError for wrong units (range checks on median flow, extent and volume), for
+    an empty wall and for a wall of which more than a fifth has no valid value.
+    """
+    path = folder / map_.file
+    if not path.is_file():
+        raise InputError(file, "perfusion.file", map_.file, "no such file")
+    grid = _cells(file, path, map_, folder, most_cells)
+    grid.points = _to_anatomy(file, np.asarray(grid.points, dtype=float), path, map_, folder)
+    sizes = grid.compute_cell_sizes(length=False, area=False, volume=True).cell_data["Volume"]
+    volumes = np.abs(np.asarray(sizes, dtype=float))
+    if not (volumes > 0).any():
+        raise InputError(path, "cells", grid.n_cells, "no cell has a volume; wanted tetrahedra, hexahedra or voxels")
+    values = np.asarray(grid.cell_data["value"], dtype=float)
+    _check_lengths(file, map_, grid, volumes)
+    values, notes = _mended(path, values, np.asarray(grid.cell_centers().points, dtype=float))
+    _check_unit(file, map_, values, volumes, tissue_density)
+    grid.clear_data()
+    grid.cell_data["Volume"] = volumes
+    grid.cell_data["MBF"] = values * perfusions(tissue_density)[map_.unit]
+    return Wall(grid, notes)
+
+
+def _cells(file, path: Path, map_: Perfusion, folder: Path, most_cells: int):
+    """The wall as an unstructured grid with cell data `value` in the map's unit, points in the map's length unit."""
+    name = path.name.lower()
+    if name.endswith(IMAGE_SUFFIXES):
+        image = read_image(path)
+        label = None
+        if map_.label is not None:
+            if map_.label.file is None:
+                raise InputError(
+                    file, "perfusion.label.file", None, "an image map needs its label in a file of its own"
+                )
+            label = np.isin(read_image(folder / map_.label.file, like=image, path_like=path).values, map_.label.values)
+        return as_cells(file, image, label, map_.threshold, most_cells)
+    if not name.endswith(VTK_SUFFIXES):
+        known = ", ".join((*VTK_SUFFIXES, *IMAGE_SUFFIXES))
+        raise InputError(file, "perfusion.file", map_.file, f"unknown kind of file; known: {known}")
+    return _from_vtk(file, path, map_)
+
+
+def _from_vtk(file, path: Path, map_: Perfusion):
+    import pyvista as pv
+
+    try:
+        mesh = pv.read(path)
+    except Exception as error:
+        raise InputError(path, None, None, f"not a readable VTK file ({error})") from None
+    if isinstance(mesh, pv.MultiBlock) or mesh.n_cells == 0:
+        raise InputError(path, "cells", mesh.n_cells, "wanted one mesh with volume cells")
+    arrays = sorted({*mesh.cell_data.keys(), *mesh.point_data.keys()} - {"vtkGhostType"})
+    array = map_.array
+    if array is None:
+        left = [a for a in arrays if map_.label is None or a != map_.label.array]
+        if len(left) != 1:
+            raise InputError(file, "perfusion.array", None, f"name it; the map has {', '.join(arrays) or 'no array'}")
+        array = left[0]
+    values = _on_cells(file, "perfusion.array", mesh, array, arrays)
+    keep = np.ones(mesh.n_cells, dtype=bool)
+    if map_.label is not None:
+        if map_.label.array is None:
+            raise InputError(
+                file, "perfusion.label.array", None, f"name the label array; the map has {', '.join(arrays)}"
+            )
+        keep = _label_on_cells(file, mesh, map_, arrays)
+    if map_.threshold is not None:
+        keep &= np.nan_to_num(values, nan=-np.inf) > map_.threshold
+    if not keep.any():
+        field = "perfusion.label" if map_.label is not None else "perfusion.threshold"
+        raise InputError(file, field, map_.threshold, "selects no cell of the map")
+    grid = pv.UnstructuredGrid(mesh.extract_cells(np.flatnonzero(keep)))
+    grid.clear_data()
+    grid.cell_data["value"] = values[keep]
+    if map_.threshold is not None:
+        grid = pv.UnstructuredGrid(grid.connectivity("largest"))
+    return grid
+
+
+def _on_cells(file, field: str, mesh, array: str, arrays: list[str]) -> np.ndarray:
+    """A cell value for every cell; from points by the mean over its valid points."""
+    if array in mesh.cell_data:
+        values = np.asarray(mesh.cell_data[array], dtype=float)
+    elif array in mesh.point_data:
+        at_points = np.asarray(mesh.point_data[array], dtype=float)
+        if at_points.ndim == 1:
+            valid = np.isfinite(at_points) & (at_points >= 0)
+            work = mesh.copy(deep=False)
+            work.clear_data()
+            work.point_data["sum"], work.point_data["share"] = np.where(valid, at_points, 0.0), valid.astype(float)
+            averaged = work.point_data_to_cell_data()
+            with np.errstate(invalid="ignore", divide="ignore"):
+                return np.asarray(averaged.cell_data["sum"]) / np.asarray(averaged.cell_data["share"])
+        values = at_points
+    else:
+        raise InputError(file, field, array, f"no such array; the map has {', '.join(arrays) or 'none'}")
+    if values.ndim != 1:
+        raise InputError(file, field, array, f"has {values.shape[1]} components; wanted one")
+    return values
+
+
+def _label_on_cells(file, mesh, map_: Perfusion, arrays: list[str]) -> np.ndarray:
+    name = map_.label.array
+    if name in mesh.cell_data:
+        return np.isin(np.asarray(mesh.cell_data[name]), map_.label.values)
+    if name in mesh.point_data:
+        inside = np.isin(np.asarray(mesh.point_data[name]), map_.label.values)
+        work = mesh.copy(deep=False)
+        work.clear_data()
+        work.point_data["share"] = inside.astype(float)
+        return np.asarray(work.point_data_to_cell_data().cell_data["share"]) >= 0.5
+    raise InputError(file, "perfusion.label.array", name, f"no such array; the map has {', '.join(arrays)}")
+
+
+def _to_anatomy(file, points: np.ndarray, path: Path, map_: Perfusion, folder: Path) -> np.ndarray:
+    scale = LENGTHS[map_.length_unit]
+    if map_.registration is not None:
+        fixed, moving = folder / map_.registration.fixed, folder / (map_.registration.moving or map_.file)
+        matrix = register(file, fixed, moving)
+        return (points @ matrix[:3, :3].T + matrix[:3, 3]) * scale
+    if map_.affine is not None:
+        matrix = np.array(map_.affine, dtype=float)
+        if not np.allclose(matrix[3], [0, 0, 0, 1]) or abs(np.linalg.det(matrix[:3, :3])) < 1e-12:
+            raise InputError(
+                file, "perfusion.affine", map_.affine, "last row must be 0 0 0 1 and the matrix invertible"
+            )
+        return points @ matrix[:3, :3].T + matrix[:3, 3]
+    return points * scale
+
+
+def _check_lengths(file, map_: Perfusion, grid, volumes: np.ndarray) -> None:
+    extent = float(np.ptp(np.asarray(grid.points), axis=0).max())
+    low, high = PLAUSIBLE_EXTENT
+    if not low <= extent <= high:
+        used = LENGTHS[map_.length_unit]
+        fits = [u for u, s in LENGTHS.items() if low <= extent / used * s <= high]
+        hint = f"; its points look like {fits[0]}" if len(fits) == 1 and map_.affine is None else ""
+        raise InputError(
+            file, "perfusion.length_unit", map_.length_unit, f"makes the wall {extent:.3g} cm long{hint}"
+        )  # fmt: skip
+    total = float(volumes.sum())
+    if not PLAUSIBLE_VOLUME[0] <= total <= PLAUSIBLE_VOLUME[1]:
+        raise InputError(
+            file, "perfusion", f"{total:.3g} cm3", "is no plausible wall volume; check label, threshold and length_unit"
+        )
+
+
+def _check_unit(file, map_: Perfusion, values: np.ndarray, volumes: np.ndarray, tissue_density: float) -> None:
+    units = perfusions(tissue_density)
+    order = np.argsort(values)
+    median = values[order][np.searchsorted(np.cumsum(volumes[order]), volumes.sum() / 2)]
+    low, high = PLAUSIBLE_FLOW
+
+    def plausible(unit: str) -> bool:
+        return low <= median * units[unit] / MBF_PER_MIN_PER_G <= high
+
+    if not plausible(map_.unit):
+        fits = [unit for unit in units if plausible(unit)]
+        hint = f"; the values would fit {' or '.join(fits)}" if fits else ""
+        shown = median * units[map_.unit] / MBF_PER_MIN_PER_G
+        raise InputError(
+            file,
+            "perfusion.unit",
+            map_.unit,
+            f"makes the median flow {shown:.3g} mL/min/g, outside {low} to {high}{hint}",
+        )
+
+
+def _mended(path: Path, values: np.ndarray, centres: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+    from scipy.spatial import cKDTree
+
+    missing, negative = ~np.isfinite(values), np.isfinite(values) & (values < 0)
+    invalid = missing | negative
+    if not invalid.any():
+        return values, ()
+    if invalid.mean() > MOST_INVALID:
+        raise InputError(
+            path,
+            "values",
+            f"{missing.sum()} missing and {negative.sum()} negative of {len(values)}",
+            f"more than {MOST_INVALID:.0%} invalid; repair the map or cut it to the wall",
+        )
+    _, nearest = cKDTree(centres[~invalid]).query(centres[invalid])
+    values = values.copy()
+    values[invalid] = values[~invalid][nearest]
+    note = (
+        f"{missing.sum()} missing and {negative.sum()} negative of {len(values)} cells took their nearest valid value"
+    )
+    return values, (note,)

@@ -1,0 +1,24 @@
+"""The case stage: `case.yaml` and what it names → case.json, tree.vtp, network.json, lv.vtu."""
+
+from pathlib import Path
+
+from coronaryuq.case.assembly import assemble
+from coronaryuq.case.settings import Settings
+from coronaryuq.case.tree import write_tree
+from coronaryuq.files import replacing, write_json
+from coronaryuq.provenance import stamp
+
+
+def prepare_case(case_yaml: str | Path, settings: Settings, out_dir: str | Path) -> None:
+    """Check a case and write its four files; nothing is written when anything is wrong (InputError)."""
+    case = assemble(case_yaml, settings)
+    out = Path(out_dir)
+    summary = case.summary | {
+        "notes": list(case.notes),
+        "provenance": stamp(case=Path(case_yaml).as_posix(), settings=settings.model_dump()),
+    }
+    write_tree(out / "tree.vtp", case.tree)
+    write_json(out / "network.json", case.network)
+    with replacing(out / "lv.vtu") as beside:
+        case.wall.mesh.save(beside)
+    write_json(out / "case.json", summary)

@@ -1,0 +1,238 @@
+"""The tables that `case.yaml` names: outlets, measured territory flows, clinical targets."""
+
+import csv
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+
+from coronaryuq.case.description import Branch, TerritoryFlows
+from coronaryuq.case.yamlfile import read_yaml
+from coronaryuq.errors import InputError
+from coronaryuq.files import read_csv
+from coronaryuq.units import FLOWS, PRESSURES
+
+BRANCHES = get_args(Branch)
+PERFUSES = ("LV", "RV", "septum")
+MOST_OUTLETS = 500
+LARGEST_TABLE = 10_000_000
+"""Bytes."""
+
+DESCRIPTIONS = {
+    "PaoMin": "Minimum aortic pressure",
+    "PaoMax": "Maximum aortic pressure",
+    "PaoMean": "Mean aortic pressure",
+    "AorCorSplit": "Coronary share of cardiac output",
+    "AbsQin": "Stroke volume",
+    "Qsystole_perc": "Share of aortic flow that passes in systole",
+    "PpulMean": "Mean pulmonary artery pressure",
+    "EFLV": "Left ventricular ejection fraction",
+    "ESV": "End-systolic volume of the left ventricle",
+    "EDV": "End-diastolic volume of the left ventricle",
+    "QlaRatio": "Early over late peak mitral flow",
+    "mitValveTime": "Fraction of the cycle with open mitral valve",
+    "aorValveTime": "Fraction of the cycle with open aortic valve",
+    "pulValveTime": "Fraction of the cycle with open pulmonary valve",
+    "PraMean": "Mean right atrial pressure",
+    "LCorMaxRatio": "Diastolic over systolic peak flow, left coronary",
+    "LCorTotRatio": "Diastolic over systolic volume of flow, left coronary",
+    "LThirdFF": "Left coronary flow fraction, third of a cycle",
+    "LHalfFF": "Left coronary flow fraction, half of a cycle",
+    "LGradOK": "Peaks and valleys of left coronary flow, out of five",
+    "RCorMaxRatio": "Diastolic over systolic peak flow, right coronary",
+    "RCorTotRatio": "Diastolic over systolic volume of flow, right coronary",
+    "RThirdFF": "Right coronary flow fraction, third of a cycle",
+    "RHalfFF": "Right coronary flow fraction, half of a cycle",
+    "RGradOK": "Peaks and valleys of right coronary flow, out of five",
+    "PaoMin_conv": "Change of minimum aortic pressure from cycle to cycle",
+    "PaoMax_conv": "Change of maximum aortic pressure from cycle to cycle",
+    "PaoMean_conv": "Change of mean aortic pressure from cycle to cycle",
+    "AbsQin_conv": "Change of stroke volume from cycle to cycle",
+}
+"""Clinical targets of the closed loop, by the names of the published examples."""
+_PRESSURES = ("PaoMin", "PaoMax", "PaoMean", "PpulMean", "PraMean", "PaoMin_conv", "PaoMax_conv", "PaoMean_conv")
+_VOLUMES = ("AbsQin", "ESV", "EDV", "AbsQin_conv")
+_UNITS = {name: tuple(PRESSURES) for name in _PRESSURES} | dict.fromkeys(_VOLUMES, ("mL",))
+_UNITS["AorCorSplit"] = ("%",)
+
+
+@dataclass(frozen=True)
+class OutletRow:
+    """One row of the outlets table; `point` in the anatomy's length unit; vessel or point may be None."""
+
+    name: str
+    bc: str
+    vessel: str | None
+    point: tuple[float, float, float] | None
+    perfuses: str
+    branch: str
+    label: str
+
+
+def read_outlets(path: Path) -> list[OutletRow]:
+    """Read the outlets table; a wrong cell is an `InputError` that names its row and column."""
+    _sane(path)
+    frame = read_csv(path, ("name", "perfuses", "branch"))
+    if not 1 <= len(frame) <= MOST_OUTLETS:
+        raise InputError(path, "rows", len(frame), f"wanted 1 to {MOST_OUTLETS} outlets")
+    known = {"name", "bc", "vessel", "x", "y", "z", "perfuses", "branch", "label"}
+    for column in frame.columns:
+        if column not in known:
+            raise InputError(path, str(column), None, f"unknown column; known: {', '.join(sorted(known))}")
+    rows = []
+    for number, record in enumerate(frame.astype(object).where(frame.notna(), None).to_dict("records"), start=1):
+        rows.append(_outlet(path, number, record))
+    for field in ("name", "bc"):
+        values = [getattr(row, field) for row in rows]
+        for value in values:
+            if values.count(value) > 1:
+                raise InputError(path, field, value, "occurs twice; every outlet needs its own")
+    if not any(row.perfuses == "LV" for row in rows):
+        raise InputError(path, "perfuses", None, "no outlet perfuses the LV; at least one must")
+    return rows
+
+
+def _outlet(path: Path, number: int, record: dict) -> OutletRow:
+    def text(column: str, default: str | None = None) -> str | None:
+        value = record.get(column)
+        return default if value is None else str(value).strip()
+
+    name = text("name")
+    if name is None or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_.-]{0,63}", name):
+        raise InputError(path, f"row {number}, name", name, "wanted letters, digits, _ . - with a letter first")
+    bc = text("bc", f"BC_{name}")
+    for column, allowed in (("perfuses", PERFUSES), ("branch", BRANCHES)):
+        if text(column) not in allowed:
+            raise InputError(path, f"row {number}, {column}", text(column), f"allowed: {', '.join(allowed)}")
+    given = [record.get(axis) is not None for axis in "xyz"]
+    point = None
+    if any(given):
+        if not all(given):
+            raise InputError(path, f"row {number}, x y z", None, "give all three or none")
+        try:
+            point = tuple(float(record[axis]) for axis in "xyz")
+        except ValueError:
+            raise InputError(path, f"row {number}, x y z", [record[a] for a in "xyz"], "wanted numbers") from None
+        if not all(map(math.isfinite, point)):
+            raise InputError(path, f"row {number}, x y z", point, "wanted finite numbers")
+    return OutletRow(name, bc, text("vessel"), point, text("perfuses"), text("branch"), text("label", name))
+
+
+def read_territory_flows(file: str | Path, flows: TerritoryFlows, folder: Path, lv: list[str]) -> dict[str, tuple]:
+    """Flow (mL/s) and territory volume (cm3, NaN where not given) of every LV-perfusing outlet in `lv`."""
+    path = folder / flows.file
+    _sane(path)
+    frame = read_csv(path, ("name", "flow"))
+    names = [str(n).strip() for n in frame["name"]]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(path, "name", name, "occurs twice")
+        if name not in lv:
+            raise InputError(path, "name", name, "is no outlet that perfuses the LV")
+    for name in lv:
+        if name not in names:
+            raise InputError(path, "name", name, "missing; every outlet that perfuses the LV needs a flow")
+    values = _numbers(path, frame, "flow")
+    if (values <= 0).any():
+        bad = names[int(np.argmin(values))]
+        raise InputError(path, f"flow of {bad}", float(values.min()), "must be positive")
+    if flows.unit == "fraction":
+        if abs(values.sum() - 1) > 0.02:
+            raise InputError(path, "flow", float(values.sum()), "fractions must add up to 1")
+        values = values / values.sum() * flows.total
+    else:
+        values = values * FLOWS[flows.unit]
+    total = float(values.sum())
+    if not 0.1 <= total <= 60.0:
+        raise InputError(
+            file, "territory_flows.unit", flows.unit, f"makes the LV flow {total:.3g} mL/s; check the unit"
+        )
+    volumes = _numbers(path, frame, "volume") if "volume" in frame else np.full(len(names), np.nan)
+    return {name: (float(q), float(v)) for name, q, v in zip(names, values, volumes, strict=True)}
+
+
+def read_case_targets(path: Path) -> dict[str, dict]:
+    """Clinical targets as `case.json` holds them: name → description, value or None, unit.
+
+    A CSV row is name, description, value or `none`; YAML is `NAME: value` or `NAME: {value, unit, description}`.
+    Without a unit, pressures are dyn/cm2 if the largest in the file is 1000 or more, else mmHg: no body has both.
+    """
+    _sane(path)
+    if path.suffix.lower() in (".yaml", ".yml"):
+        given = {name: _yaml_target(path, name, entry) for name, entry in read_yaml(path).items()}
+    else:
+        given = _csv_targets(path)
+    pressures = [abs(given[name][1]) for name in _PRESSURES if name in given and given[name][1] is not None]
+    pressure = "mmHg" if max(pressures, default=0.0) < 1000.0 else "dyn/cm2"
+    targets = {}
+    for name, (description, value, unit) in given.items():
+        if name not in DESCRIPTIONS:
+            raise InputError(path, name, None, f"unknown target; known: {', '.join(DESCRIPTIONS)}")
+        allowed = _UNITS.get(name, ("1",))
+        if unit is None:
+            unit = pressure if name in _PRESSURES else allowed[0]
+        if unit not in allowed:
+            raise InputError(path, f"{name}.unit", unit, f"allowed: {', '.join(allowed)}")
+        targets[name] = {"description": description or DESCRIPTIONS[name], "value": value, "unit": unit}
+    return targets
+
+
+def _csv_targets(path: Path) -> dict[str, tuple]:
+    given: dict[str, tuple] = {}
+    try:
+        lines = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
+    except UnicodeDecodeError:
+        raise InputError(path, None, None, "not a text file") from None
+    for number, row in enumerate(lines, start=1):
+        if not row or not any(cell.strip() for cell in row):
+            continue
+        if len(row) != 3:
+            raise InputError(path, f"line {number}", ",".join(row), "wanted name, description, value")
+        name, description, value = (cell.strip() for cell in row)
+        if number == 1 and (name, value) == ("name", "value"):
+            continue
+        if name in given:
+            raise InputError(path, name, value, "given twice")
+        given[name] = (description, _number(path, name, value), None)
+    return given
+
+
+def _yaml_target(path: Path, name: str, entry) -> tuple:
+    if not isinstance(entry, dict):
+        return None, _number(path, name, entry), None
+    for key in entry:
+        if key not in ("value", "unit", "description"):
+            raise InputError(path, f"{name}.{key}", None, "unknown field; known: value, unit, description")
+    return entry.get("description"), _number(path, name, entry.get("value")), entry.get("unit")
+
+
+def _number(path: Path, name: str, value) -> float | None:
+    if value is None or (isinstance(value, str) and value.lower() in ("none", "nan", "")):
+        return None
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if isinstance(value, bool) or not math.isfinite(number):
+        raise InputError(path, name, value, "wanted a number or none")
+    return number
+
+
+def _numbers(path: Path, frame, column: str) -> np.ndarray:
+    values = []
+    for number, cell in enumerate(frame[column], start=1):
+        value = _number(path, f"row {number}, {column}", cell if isinstance(cell, str) else float(cell))
+        if value is None:
+            raise InputError(path, f"row {number}, {column}", cell, "wanted a number")
+        values.append(value)
+    return np.array(values)
+
+
+def _sane(path: Path) -> None:
+    if not path.is_file():
+        raise InputError(path, None, None, "no such file")
+    if path.stat().st_size > LARGEST_TABLE:
+        raise InputError(path, None, f"{path.stat().st_size} bytes", f"more than {LARGEST_TABLE}; this is not a table")
