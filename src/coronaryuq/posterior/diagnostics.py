@@ -1,0 +1,33 @@
+"""Have the chains converged: rank-normalised split R-hat and effective sample sizes, and a verdict."""
+
+import arviz
+import numpy as np
+
+
+def diagnose(draws: np.ndarray, names: list[str], rhat_limit: float, ess_limit: float) -> dict:
+    """Verdict on `draws` (chains, n, N) of parameters `names` (Vehtari et al. 2021)."""
+    data = arviz.convert_to_dataset({"r": draws})
+    rhat = arviz.rhat(data, method="rank")["r"].to_numpy()
+    bulk = arviz.ess(data, method="bulk")["r"].to_numpy()
+    tail = arviz.ess(data, method="tail")["r"].to_numpy()
+    worst = int(np.argmax(np.where(np.isfinite(rhat), rhat, np.inf)))
+    poorest = int(np.argmin(np.minimum(bulk, tail)))
+    least = float(min(bulk[poorest], tail[poorest]))
+    converged = bool(np.all(rhat < rhat_limit) and least > ess_limit)
+    reasons = []
+    if not rhat[worst] < rhat_limit:
+        reasons.append(f"R-hat of {names[worst]} is {rhat[worst]:.3f}, wanted below {rhat_limit}")
+    if not least > ess_limit:
+        reasons.append(f"effective sample size of {names[poorest]} is {least:.0f}, wanted above {ess_limit:.0f}")
+    verdict = f"converged; worst is {names[worst]} with R-hat {rhat[worst]:.3f}"
+    return {
+        "converged": converged,
+        "verdict": verdict if converged else "not converged: " + "; ".join(reasons) + "; run more generations",
+        "worst_parameter": names[worst],
+        "rhat_max": rhat[worst],
+        "rhat": dict(zip(names, rhat, strict=True)),
+        "ess_bulk": dict(zip(names, bulk, strict=True)),
+        "ess_tail": dict(zip(names, tail, strict=True)),
+        "ess_bulk_min": bulk.min(),
+        "ess_tail_min": tail.min(),
+    }
