@@ -1,6 +1,6 @@
 """The 0D engine: many parameter sets of one network at once, with the numbers of svZeroDSolver."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,14 +13,14 @@ from coronaryuq.zerod.assembly import Context
 from coronaryuq.zerod.elements import coronary_offset
 from coronaryuq.zerod.kernels import Scheme, march
 from coronaryuq.zerod.lanes import LANES, table
-from coronaryuq.zerod.model import PERIOD, Model
+from coronaryuq.zerod.model import Model
 from coronaryuq.zerod.network import Network
 from coronaryuq.zerod.program import Group, Program, fill, make_program, write_elements
 
 OK = "ok"
 _STEADY_STEPS, _STEADY_STEPS_PER_CYCLE = 31, 10
 _REFINEMENTS = (1, 2, 4, 8)
-_MAX_CYCLES = 200
+_MAX_CYCLES = 100
 
 Changes = Mapping[str, "np.ndarray | float"]
 
@@ -49,6 +49,20 @@ class Result:
     @property
     def ok(self) -> np.ndarray:
         return self.status == OK
+
+    @classmethod
+    def blank(cls, samples: int, steps: int, period: float, width: int, quantities, waveforms) -> "Result":
+        """A result to be filled in: NaN values, no status."""
+        return cls(
+            values={name: np.full(samples, np.nan) for name in quantities},
+            waveforms={name: np.full((samples, steps + 1), np.nan) for name in waveforms},
+            time=period * np.arange(steps + 1) / steps,
+            status=np.full(samples, "", dtype=object),
+            state=np.full((samples, width), np.nan),
+            cycles=np.zeros(samples, int),
+            cycle_error=np.full(samples, np.inf),
+            refinement=np.ones(samples, int),
+        )
 
 
 @dataclass
@@ -101,12 +115,7 @@ class Engine:
     @property
     def parameters(self) -> dict[str, float]:
         """Every scalar that `changes` may name, with the network's own value."""
-        scalars = {
-            f"{block.name}.{name}": value
-            for block in self.model.blocks.values()
-            for name, value in block.scalars.items()
-        }
-        return {**scalars, PERIOD: self.model.period}
+        return self.model.parameters
 
     @property
     def state_names(self) -> list[str]:
@@ -130,7 +139,7 @@ class Engine:
 
         changes: "BLOCK.parameter" → (n,) or scalar; what it does not name keeps the network's value.
         quantities, waveforms: see `zerod.quantities`. periodic: march until the cycle error is below `tolerance`,
-        at most `cycles` (default 200) of them; otherwise march exactly `cycles` (default: the network's).
+        at most `cycles` (default 100) of them; otherwise march exactly `cycles` (default: the network's).
         start: (unknowns,) or (n, unknowns), a `Result.state`; by default the network's own initial condition, steady
         if it says so. threads: over groups of samples; results do not depend on it.
 
@@ -142,7 +151,7 @@ class Engine:
         steps = self.steps_per_cycle if steps_per_cycle is None else int(steps_per_cycle)
         wanted = [named.parse(name, self.model) for name in quantities]
         shown = [named.unknown(name, self.model) for name in waveforms]
-        result = _blank(samples, steps, self.model.period, len(self.state_names), quantities, waveforms)
+        result = Result.blank(samples, steps, self.model.period, len(self.state_names), quantities, waveforms)
         left = np.arange(samples)
         for refinement in _REFINEMENTS:
             part = {name: value[left] if np.ndim(value) else value for name, value in values.items()}
@@ -160,6 +169,20 @@ class Engine:
             if not left.size:
                 break
         return result
+
+    def histories(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """The network's own sample, cycle after cycle without end: y and ẏ at every step, (steps + 1, unknowns) each.
+
+        Raises `RuntimeError` when Newton's method does not converge.
+        """
+        n, steps = self.model.size, self.steps_per_cycle
+        batch = self._begin({}, 1, None, 1)
+        program = self._fill(batch, steps, steady=False)
+        while True:
+            self._cycle(program, batch, steps, steps, np.arange(2 * n), True, 1)
+            if batch.failed_at[0]:
+                raise RuntimeError(_not_converged(batch.failed_at[0], steps))
+            yield batch.waves[:, 0, :n], batch.waves[:, 0, n:]
 
     def _parameters(self, changes: Changes, start) -> tuple[dict[str, np.ndarray], int]:
         known = self.parameters
@@ -293,10 +316,7 @@ class Engine:
             means = batch.statistics[0]
             if periodic and np.all((error < tolerance) | (batch.failed_at > 0)):
                 break
-        reasons = [
-            OK if at == 0 else f"Newton did not converge at step {int(at)} of {times} in a cycle"
-            for at in batch.failed_at
-        ]
+        reasons = [_not_converged(at, times) if at else OK for at in batch.failed_at]
         if periodic:
             for k in range(samples):
                 if reasons[k] == OK and not error[k] < tolerance:
@@ -331,14 +351,5 @@ class Engine:
         result.cycle_error[left], result.refinement[left] = error, refinement
 
 
-def _blank(samples: int, steps: int, period: float, width: int, quantities, waveforms) -> Result:
-    return Result(
-        values={name: np.full(samples, np.nan) for name in quantities},
-        waveforms={name: np.full((samples, steps + 1), np.nan) for name in waveforms},
-        time=period * np.arange(steps + 1) / steps,
-        status=np.full(samples, "", dtype=object),
-        state=np.full((samples, width), np.nan),
-        cycles=np.zeros(samples, int),
-        cycle_error=np.full(samples, np.inf),
-        refinement=np.ones(samples, int),
-    )
+def _not_converged(step: float, steps: int) -> str:
+    return f"Newton's method did not converge at step {int(step)} of {steps} of a cycle"

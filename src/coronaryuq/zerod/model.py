@@ -104,6 +104,14 @@ class Model:
     def size(self) -> int:
         return len(self.variables)
 
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Every scalar parameter, "BLOCK.parameter" → value, and the period."""
+        scalars = {
+            f"{block.name}.{name}": value for block in self.blocks.values() for name, value in block.scalars.items()
+        }
+        return {**scalars, PERIOD: self.period}
+
     def _consistent_period(self) -> float:
         """The one period that parameters, waveforms and heart agree on; 1 s when none says any."""
         found: dict[str, float] = {}

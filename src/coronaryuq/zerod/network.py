@@ -88,7 +88,9 @@ def check_network(network: Network, file: str | Path = "network") -> None:
             entry = network[unsupported][0]
             kind = entry.get("type") if isinstance(entry, dict) else entry
             name = entry.get("name") if isinstance(entry, dict) else None
-            raise InputError(file, f"{unsupported}.{name}.type", kind, "unknown element; use closed_loop_blocks")
+            raise InputError(
+                file, f"{unsupported}.{name}.type", kind, "unknown element; use ClosedLoopHeartAndPulmonary"
+            )
     for required in ("simulation_parameters", "boundary_conditions"):
         if required not in network:
             raise InputError(file, required, None, "missing")

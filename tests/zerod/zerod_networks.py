@@ -1,0 +1,114 @@
+"""Small networks that tests are written about, in CGS units."""
+
+import copy
+
+MMHG = 1333.22
+
+
+def vessel(number: int, name: str, inlet: str | None = None, outlet: str | None = None, kind="BloodVessel", **values):
+    ends = {side: block for side, block in (("inlet", inlet), ("outlet", outlet)) if block}
+    entry = {"vessel_id": number, "vessel_name": name, "zero_d_element_type": kind, "zero_d_element_values": values}
+    return entry | ({"boundary_conditions": ends} if ends else {})
+
+
+def boundary(name: str, kind: str, **values):
+    return {"bc_name": name, "bc_type": kind, "bc_values": values}
+
+
+def network(vessels, boundaries, junctions=(), steps=100, cycles=5, **simulation):
+    return {
+        "simulation_parameters": {
+            "number_of_cardiac_cycles": cycles,
+            "number_of_time_pts_per_cardiac_cycle": steps + 1,
+            **simulation,
+        },
+        "vessels": list(vessels),
+        "boundary_conditions": list(boundaries),
+        "junctions": list(junctions),
+    }
+
+
+def pulse(mean: float = 5.0, amplitude: float = 2.0, points: int = 41) -> dict[str, list[float]]:
+    """A smooth flow waveform of period 1 s."""
+    from math import cos, pi
+
+    times = [k / (points - 1) for k in range(points)]
+    return {"t": times, "Q": [mean + amplitude * cos(2 * pi * time) for time in times]}
+
+
+def bifurcation(steps: int = 100) -> dict:
+    """Pulsatile flow into a vessel that splits in two, each with an RCR; linear."""
+    return network(
+        [
+            vessel(0, "trunk", inlet="INFLOW", R_poiseuille=20.0, C=1e-5, L=1.0),
+            vessel(1, "left", outlet="RCR_left", R_poiseuille=50.0, C=2e-5, L=2.0),
+            vessel(2, "right", outlet="RCR_right", R_poiseuille=80.0, C=1e-5, L=3.0),
+        ],
+        [
+            boundary("INFLOW", "FLOW", **pulse()),
+            boundary("RCR_left", "RCR", Rp=500.0, C=1e-4, Rd=8000.0, Pd=0.0),
+            boundary("RCR_right", "RCR", Rp=700.0, C=8e-5, Rd=12000.0, Pd=0.0),
+        ],
+        [{"junction_name": "J0", "junction_type": "NORMAL_JUNCTION", "inlet_vessels": [0], "outlet_vessels": [1, 2]}],
+        steps=steps,
+    )
+
+
+_HEART = {
+    **{"Tsa": 0.40742, "tpwave": 8.976868, "iml": 0.509365, "imr": 0.806369, "Vrv_u": 9.424629, "Vlv_u": 5.606007},
+    **{"Kxv_ra": 0.004837, "Kxv_la": 0.008067, "Vaso_ra": 4.848742, "Vaso_la": 9.355754},
+}
+_PRESSURE_LIKE = {
+    **{"Erv_s": 2.125279, "Elv_s": 3.125202, "Lrv_a": 0.000186865, "Rrv_a": 0.035061704, "Lra_v": 0.000217032},
+    **{"Rra_v": 0.007887459, "Lla_v": 0.000351787, "Rla_v": 0.005310825, "Rlv_ao": 0.034320234, "Llv_a": 0.000110776},
+    **{"Rpd": 0.098865401, "Kxp_ra": 9.22244, "Emax_ra": 0.208858, "Kxp_la": 9.194992, "Emax_la": 0.303119},
+}
+_COMPLIANCES = {"Cp": 1.090989, "Cpa": 0.556854}
+HEART = {
+    **_HEART,
+    **{name: value * MMHG for name, value in _PRESSURE_LIKE.items()},
+    **{name: value / MMHG for name, value in _COMPLIANCES.items()},
+}
+"""Heart parameters of svZeroDSolver's closed-loop cases (Menon et al. 2023), CGS."""
+
+
+def closed_loop(steps: int = 200, cycles: int = 4, stenosis: float = 2000.0) -> dict:
+    """Heart, aorta with windkessel, a stenosed left and a right coronary."""
+    coronary = {"Ra": 9.3 * MMHG, "Ram": 15.1 * MMHG, "Rv": 33.3 * MMHG, "Ca": 5.5e-4 / MMHG, "Cim": 3.7e-3 / MMHG}
+    loop = network(
+        [
+            vessel(0, "aorta", R_poiseuille=4.0, L=5.0, C=1e-4),
+            vessel(1, "systemic", outlet="RCR_aorta", R_poiseuille=1.0),
+            vessel(2, "left", outlet="BC_left", R_poiseuille=500.0, L=5.0, stenosis_coefficient=stenosis, C=1e-6),
+            vessel(3, "right", outlet="BC_right", R_poiseuille=400.0, L=5.0),
+        ],
+        [
+            boundary(
+                "RCR_aorta", "ClosedLoopRCR", Rp=0.13 * MMHG, Rd=1.36 * MMHG, C=0.24 / MMHG, closed_loop_outlet=True
+            ),
+            boundary("BC_left", "ClosedLoopCoronaryLeft", **coronary),
+            boundary("BC_right", "ClosedLoopCoronaryRight", **coronary),
+        ],
+        [
+            {
+                "junction_name": "J0",
+                "junction_type": "NORMAL_JUNCTION",
+                "inlet_vessels": [0],
+                "outlet_vessels": [1, 2, 3],
+            }
+        ],
+        steps=steps,
+        cycles=cycles,
+        steady_initial=False,
+    )
+    loop["closed_loop_blocks"] = [
+        {
+            "outlet_blocks": ["aorta"],
+            "closed_loop_type": "ClosedLoopHeartAndPulmonary",
+            "cardiac_cycle_period": 1.0169,
+            "parameters": copy.deepcopy(HEART),
+        }
+    ]
+    volumes = {"V_RA:CLH": 38.43, "V_RV:CLH": 96.07, "V_LA:CLH": 38.43, "V_LV:CLH": 96.07}
+    loop["initial_condition"] = {**volumes, "P_pul:CLH": 8.0 * MMHG, "pressure_all": 70.0 * MMHG}
+    return loop
