@@ -112,6 +112,8 @@ class Stepper:
         self._inverse_mass = 1.0 / space.mass
         self.sweeps = np.zeros(LANES, np.int64)
         self.backflow_lanes = np.zeros(LANES, np.int64)
+        self.unconverged = np.zeros(LANES, bool)
+        self.alive = np.ones((1, LANES))
 
     @property
     def pressure(self) -> np.ndarray:
@@ -151,7 +153,7 @@ class Stepper:
                     self._matrix,
                 )  # fmt: skip
         self._delta[:] = 0.0
-        active = np.ones((1, LANES))
+        active = self.alive.copy()
         self.sweeps = momentum.gauss_seidel(
             space.start, space.column, space.diagonal, self._matrix, self._r, space.free_nodes, space.cap_of,
             space.cap_normal, self._delta, active, self.momentum_tolerance, self.momentum_sweeps,
@@ -177,6 +179,33 @@ class Stepper:
             if inlet is not None:
                 inlet.advance(-flow[c])
                 self._set_inlet(inlet)
+
+    def drop(self, lane: int) -> None:
+        """Put a lane to rest, so that numbers that are none do not slow the others down."""
+        self.alive[0, lane] = 0.0
+        for array in self.state().values():
+            array[..., lane] = 0.0
+
+    def state(self) -> dict[str, np.ndarray]:
+        """The arrays that the next step depends on; views, not copies."""
+        arrays = {
+            "u": self.u,
+            "u_old": self.u_old,
+            "kinematic_pressure": self.kinematic_pressure,
+            "projected_gradient": self.projected_gradient,
+            "cap_pressure": self.cap_pressure,
+            "cap_flow": self.cap_flow,
+            "alive": self.alive,
+        }
+        for c, inlet in enumerate(self.inlets):
+            if inlet is not None:
+                arrays |= {f"inlet_{c}_now": inlet.now, f"inlet_{c}_old": inlet.old}
+        return arrays
+
+    def restore(self, kept: dict[str, np.ndarray]) -> None:
+        """Go on from what `state` gave."""
+        for name, array in self.state().items():
+            array[:] = kept[name]
 
     def _add_potential(self, factor: float = 0.0) -> None:
         space = self.space
