@@ -36,8 +36,12 @@ OSTIAL_LEVEL, AORTIC_LENGTH = 1.5, 4.5
 AORTIC_RADII = ([0.0, 0.9, 1.5, 2.2, 4.5], [1.20, 1.50, 1.55, 1.35, 1.45])
 """cm above the annulus, and cm: annulus, sinuses, sinotubular junction, ascending aorta."""
 
-HEART_TO_PATIENT = np.array([[0.60, 0.48, 0.64], [-0.80, 0.36, 0.48], [0.0, -0.80, 0.60]]).T
-"""Rotation from the heart frame to left-posterior-superior body axes: the apex points left, forwards and down."""
+HEART_TO_PATIENT = np.array([[0.80, 0.36, 0.48], [0.0, -0.80, 0.60], [-0.60, 0.48, 0.64]]).T
+"""From the heart frame to left-posterior-superior body axes: the apex points left, forwards and down.
+
+The heart frame (lateral, anterior, towards the base) is left-handed and the body's is right-handed, so this rotates and
+reflects.
+"""
 
 
 @dataclass(frozen=True)
@@ -127,9 +131,11 @@ class Anatomy:
 
     def wall(self, cells: int = 30_000):
         """Tetrahedra of the left ventricular wall in body axes, cm."""
+        import pyvista as pv
+
         mesh = self.ventricle.mesh(cells)
-        mesh.points = self.body(np.asarray(mesh.points))
-        return mesh
+        corners = mesh.cells_dict[pv.CellType.TETRA]
+        return pv.UnstructuredGrid({pv.CellType.TETRA: corners[:, [0, 1, 3, 2]]}, self.body(np.asarray(mesh.points)))
 
 
 def patient_anatomy(seed: int = SEED) -> Anatomy:

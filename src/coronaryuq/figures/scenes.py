@@ -1,0 +1,129 @@
+"""Three-dimensional pictures, drawn off screen: territories and perfusion, the tree by FFR, vessel walls by shear."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pyvista as pv
+
+from coronaryuq.case.tree import Tree, read_tree
+from coronaryuq.figures.style import BRANCHES
+from coronaryuq.files import read_csv, read_json, replacing
+from coronaryuq.units import MBF_PER_MIN_PER_G
+
+VIEW = (0.65, -1.0, 0.2)
+"""Direction from which the heart is seen, left-posterior-superior axes: from in front, from its left, a little above."""
+
+BAR = {"vertical": True, "position_x": 0.86, "position_y": 0.2, "height": 0.6, "width": 0.06, "fmt": "%.2f",
+       "title_font_size": 15, "label_font_size": 13, "n_labels": 5, "color": "black"}  # fmt: skip
+
+
+def territories(case: str, lv: str, tree: str, output: str) -> None:
+    """Left: myocardial blood flow; right: the territory of each LV-perfusing outlet; the coronary tree in both."""
+    outlets = [outlet for outlet in read_json(case)["outlets"] if outlet["perfuses"] == "LV"]
+    wall, vessels = pv.read(lv), read_tree(tree)
+    centres = wall.cell_centers().points
+    nearest = np.argmin([np.linalg.norm(centres - np.array(o["point"]), axis=1) for o in outlets], axis=0)
+    wall.cell_data["mL/min/g"] = wall.cell_data["MBF"] / MBF_PER_MIN_PER_G
+    wall.cell_data["territory"] = nearest
+    surface = wall.extract_surface(algorithm="dataset_surface")
+    with _picture(output, columns=2) as plotter:
+        plotter.add_mesh(surface, scalars="mL/min/g", cmap="viridis", scalar_bar_args=BAR, lighting=True)
+        _add_tree(plotter, vessels, color="#B22222")
+        plotter.add_text("Myocardial blood flow", font_size=10, color="black")
+        plotter.subplot(0, 1)
+        plotter.add_mesh(surface, scalars="territory", cmap=_shades(outlets), show_scalar_bar=False, lighting=True)
+        _add_tree(plotter, vessels, color="#444444")
+        points = np.array([outlet["point"] for outlet in outlets])
+        plotter.add_point_labels(
+            points, [outlet["name"] for outlet in outlets], font_size=13, shape_opacity=0.75, show_points=False,
+            always_visible=True, text_color="black", shape_color="white",
+        )  # fmt: skip
+        plotter.add_text("Perfusion territories", font_size=10, color="black")
+
+
+def tree_by_ffr(case: str, tree: str, pressures: str, output: str) -> None:
+    """The tree coloured by mean pressure over mean aortic pressure; `pressures`: vessel, position (0 to 1), ffr."""
+    vessels, table = read_tree(tree), read_csv(pressures, columns=("vessel", "position", "ffr"))
+    with _picture(output) as plotter:
+        for vessel in vessels:
+            along = table[table["vessel"] == vessel.name].sort_values("position")
+            if along.empty:
+                continue
+            values = np.interp(vessel.arc / vessel.length, along["position"], along["ffr"])
+            plotter.add_mesh(
+                _tube(vessel.points, vessel.radii, values), scalars="value", cmap="RdYlBu", clim=(0.6, 1.0),
+                scalar_bar_args=BAR | {"title": "FFR"},
+            )  # fmt: skip
+        _label_stenoses(plotter, read_json(case), vessels)
+        plotter.add_text("Fractional flow reserve, 0D, posterior mean", font_size=10, color="black")
+
+
+def walls(surface: str, case: str, output: str) -> None:
+    """The 3D vessel walls of one sample, by piece: time-averaged wall shear stress and oscillatory shear index."""
+    wall = pv.read(surface)
+    pieces = [piece.extract_surface(algorithm="dataset_surface") for piece in wall.connectivity().split_bodies()]
+    panels = [("TAWSS", "TAWSS (dyn/cm²)", "inferno", None), ("OSI", "OSI", "viridis", (0.0, 0.5))]
+    with _picture(output, rows=2, columns=len(pieces)) as plotter:
+        for row, (name, title, colours, limits) in enumerate(panels):
+            if limits is None:
+                limits = (0.0, float(np.quantile(wall[name], 0.99)))
+            for column, piece in enumerate(pieces):
+                plotter.subplot(row, column)
+                bar = {"show_scalar_bar": column == len(pieces) - 1, "scalar_bar_args": BAR | {"title": title}}
+                plotter.add_mesh(piece, scalars=name, cmap=colours, clim=limits, **bar)
+                plotter.view_vector(VIEW)
+
+
+@contextmanager
+def _picture(output: str, rows: int = 1, columns: int = 1) -> Iterator[pv.Plotter]:
+    """A plotter whose picture is written to `output` at the end, all panels seen from the same side."""
+    plotter = pv.Plotter(off_screen=True, shape=(rows, columns), window_size=(620 * columns, 620 * rows), border=False)
+    plotter.set_background("white")
+    try:
+        yield plotter
+        for row in range(rows):
+            for column in range(columns):
+                plotter.subplot(row, column)
+                plotter.view_vector(VIEW, viewup=(0, 0, 1))
+                plotter.camera.zoom(1.15)
+        with replacing(output) as beside:
+            plotter.screenshot(str(beside))
+    finally:
+        plotter.close()
+
+
+def _add_tree(plotter: pv.Plotter, tree: Tree, **look) -> None:
+    for vessel in tree:
+        plotter.add_mesh(_tube(vessel.points, vessel.radii), **look)
+
+
+def _tube(points: np.ndarray, radii: np.ndarray, values: np.ndarray | None = None) -> pv.PolyData:
+    line = pv.lines_from_points(points)
+    line["radius"] = radii
+    if values is not None:
+        line["value"] = values
+    return line.tube(scalars="radius", absolute=True, n_sides=16)
+
+
+def _label_stenoses(plotter: pv.Plotter, case: dict, tree: Tree) -> None:
+    names = {vessel.name for vessel in tree}
+    known = [s for s in case["stenoses"] if s["vessel"] in names]
+    middles = [tree[s["vessel"]].position_at(0.5 * (s["start"] + s["end"])) for s in known]
+    plotter.add_point_labels(
+        np.array(middles), [s["name"] for s in known], font_size=15, bold=True, show_points=False, always_visible=True,
+        shape_color="white", shape_opacity=0.8, text_color="black",
+    )  # fmt: skip
+
+
+def _shades(outlets: list[dict]) -> list[str]:
+    """A shade of its branch's colour for every outlet, so that neighbours differ and branches are recognised."""
+    from matplotlib.colors import to_hex, to_rgb
+
+    shades, seen = [], {}
+    for outlet in outlets:
+        number = seen[outlet["branch"]] = seen.get(outlet["branch"], -1) + 1
+        total = sum(other["branch"] == outlet["branch"] for other in outlets)
+        base = np.array(to_rgb(BRANCHES.get(outlet["branch"], "#777777")))
+        shades.append(to_hex(base + (1 - base) * 0.75 * ((number * 3) % max(total, 1)) / max(total, 1)))
+    return shades
