@@ -12,14 +12,16 @@ from coronaryuq.files import read_csv, read_json, replacing
 from coronaryuq.units import MBF_PER_MIN_PER_G
 
 VIEW = (0.65, -1.0, 0.2)
-"""Direction from which the heart is seen, left-posterior-superior axes: from in front, from its left, a little above."""
+"""Where the heart is seen from, in left-posterior-superior axes: from in front and its left, a little above."""
+BEHIND = (0.1, 0.75, -0.65)
+"""From behind and below: the territories of the right coronary and circumflex arteries."""
 
 BAR = {"vertical": True, "position_x": 0.86, "position_y": 0.2, "height": 0.6, "width": 0.06, "fmt": "%.2f",
        "title_font_size": 15, "label_font_size": 13, "n_labels": 5, "color": "black"}  # fmt: skip
 
 
 def territories(case: str, lv: str, tree: str, output: str) -> None:
-    """Left: myocardial blood flow; right: the territory of each LV-perfusing outlet; the coronary tree in both."""
+    """Myocardial blood flow, and the territory of each LV-perfusing outlet from in front and from behind."""
     outlets = [outlet for outlet in read_json(case)["outlets"] if outlet["perfuses"] == "LV"]
     wall, vessels = pv.read(lv), read_tree(tree)
     centres = wall.cell_centers().points
@@ -27,19 +29,20 @@ def territories(case: str, lv: str, tree: str, output: str) -> None:
     wall.cell_data["mL/min/g"] = wall.cell_data["MBF"] / MBF_PER_MIN_PER_G
     wall.cell_data["territory"] = nearest
     surface = wall.extract_surface(algorithm="dataset_surface")
-    with _picture(output, columns=2) as plotter:
-        plotter.add_mesh(surface, scalars="mL/min/g", cmap="viridis", scalar_bar_args=BAR, lighting=True)
+    with _picture(output, columns=3, views=(VIEW, VIEW, BEHIND)) as plotter:
+        plotter.add_mesh(surface, scalars="mL/min/g", cmap="viridis", scalar_bar_args=BAR)
         _add_tree(plotter, vessels, color="#B22222")
         plotter.add_text("Myocardial blood flow", font_size=10, color="black")
-        plotter.subplot(0, 1)
-        plotter.add_mesh(surface, scalars="territory", cmap=_shades(outlets), show_scalar_bar=False, lighting=True)
-        _add_tree(plotter, vessels, color="#444444")
-        points = np.array([outlet["point"] for outlet in outlets])
-        plotter.add_point_labels(
-            points, [outlet["name"] for outlet in outlets], font_size=13, shape_opacity=0.75, show_points=False,
-            always_visible=True, text_color="black", shape_color="white",
-        )  # fmt: skip
-        plotter.add_text("Perfusion territories", font_size=10, color="black")
+        for column, view, where in ((1, VIEW, "in front"), (2, BEHIND, "behind and below")):
+            plotter.subplot(0, column)
+            plotter.add_mesh(surface.copy(), scalars="territory", cmap=_shades(outlets), show_scalar_bar=False)
+            _add_tree(plotter, vessels, color="#444444")
+            facing = [o for o in outlets if (np.array(o["point"]) - centres.mean(axis=0)) @ np.array(view) > 0.5]
+            plotter.add_point_labels(
+                np.array([o["point"] for o in facing]), [o["name"] for o in facing], font_size=13, shape_opacity=0.75,
+                show_points=False, always_visible=True, text_color="black", shape_color="white",
+            )  # fmt: skip
+            plotter.add_text(f"Perfusion territories, from {where}", font_size=10, color="black")
 
 
 def tree_by_ffr(case: str, tree: str, pressures: str, output: str) -> None:
@@ -72,21 +75,20 @@ def walls(surface: str, case: str, output: str) -> None:
                 plotter.subplot(row, column)
                 bar = {"show_scalar_bar": column == len(pieces) - 1, "scalar_bar_args": BAR | {"title": title}}
                 plotter.add_mesh(piece, scalars=name, cmap=colours, clim=limits, **bar)
-                plotter.view_vector(VIEW)
 
 
 @contextmanager
-def _picture(output: str, rows: int = 1, columns: int = 1) -> Iterator[pv.Plotter]:
-    """A plotter whose picture is written to `output` at the end, all panels seen from the same side."""
-    plotter = pv.Plotter(off_screen=True, shape=(rows, columns), window_size=(620 * columns, 620 * rows), border=False)
+def _picture(output: str, rows: int = 1, columns: int = 1, views=None) -> Iterator[pv.Plotter]:
+    """A plotter whose picture is written to `output` at the end; `views`: where each column is seen from."""
+    plotter = pv.Plotter(off_screen=True, shape=(rows, columns), window_size=(600 * columns, 560 * rows), border=False)
     plotter.set_background("white")
     try:
         yield plotter
         for row in range(rows):
             for column in range(columns):
                 plotter.subplot(row, column)
-                plotter.view_vector(VIEW, viewup=(0, 0, 1))
-                plotter.camera.zoom(1.15)
+                plotter.view_vector(views[column] if views else VIEW, viewup=(0, 0, 1))
+                plotter.camera.zoom(1.25)
         with replacing(output) as beside:
             plotter.screenshot(str(beside))
     finally:
