@@ -39,7 +39,7 @@ def block(name, without=()):
     return getattr(campaign, name).model_dump(mode="json", exclude=set(without))
 
 
-def script(name):
+def script_path(name):
     return Path(workflow.basedir, "workflow", "scripts", name).as_posix()
 
 

@@ -5,13 +5,13 @@ rule mesh:
     input:
         case=rules.case.output.case,
         tree=rules.case.output.tree,
-        code=code("coronaryuq.flow3d.mesh.stage"),
+        network=rules.case.output.network,
+        code=code("coronaryuq.flow3d.mesh.stage", "coronaryuq.flow3d.mesh.worker"),
     output:
         archive=results("mesh", "mesh-complete.zip"),
         description=results("mesh", "mesh.json"),
     params:
         settings=block("mesh"),
-        seed=campaign.seed,
     log:
         log_of("mesh.log"),
     script:
@@ -19,6 +19,7 @@ rule mesh:
 
 
 rule mesh_folder:
+    # The archive is one file, which a cache can hold; the folder is what the flow solvers read.
     input:
         archive=rules.mesh.output.archive,
     output:
@@ -33,7 +34,7 @@ rule flow3d_batch:
     input:
         case=rules.case.output.case,
         network=rules.calibration.output.hyperaemia,
-        archive=rules.mesh.output.archive,
+        mesh_folder=rules.mesh_folder.output.folder,
         mesh=rules.mesh.output.description,
         draws=rules.posterior.output.draws,
         code=code("coronaryuq.flow3d.stage", "coronaryuq.posterior.samples"),

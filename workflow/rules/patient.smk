@@ -11,7 +11,8 @@ rule bundled_patient:
         truth=results("patient", "truth.json"),
     params:
         settings=block("synthetic"),
-        seed=campaign.seed,
+        # The patient's own seed: another seed of the campaign draws other noise for the same patient.
+        seed=campaign.synthetic.anatomy_seed,
     log:
         log_of("bundled_patient.log"),
     script:

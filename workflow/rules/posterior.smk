@@ -7,7 +7,7 @@ rule posterior_chains:
         network=rules.calibration.output.hyperaemia,
         targets=rules.perfusion.output.targets,
         code=code("coronaryuq.posterior.stage"),
-        script=script("posterior_chains.py"),
+        script=script_path("posterior_chains.py"),
     output:
         chains=results("posterior", "chains.npz"),
     params:

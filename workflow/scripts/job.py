@@ -13,7 +13,6 @@ A name that is given more than once is a list. Progress goes to the terminal and
 
 import argparse
 import json
-import os
 import resource
 import sys
 import time
@@ -23,6 +22,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from threadpoolctl import threadpool_limits
 
 from coronaryuq.errors import InputError
 
@@ -36,6 +37,7 @@ class Job:
     params: dict[str, Any]
     threads: int
     log: str | None
+    name: str = ""
     mpi: str = "mpiexec"
     tasks: int = 1
 
@@ -70,17 +72,18 @@ def job(script_globals: dict[str, Any]) -> Iterator[Job]:
         log = open(this.log, "w", encoding="utf-8")  # noqa: SIM115 (closed below, after the error has gone into it)
         sys.stderr = Tee(terminal, log)
     started = time.perf_counter()
+    print(f"{this.name}: started", file=sys.stderr)
     try:
-        yield this
+        with threadpool_limits(this.threads):  # linear algebra takes no more cores than the job was given
+            yield this
         used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
         cpu = sum(usage.ru_utime + usage.ru_stime for usage in used)
         peak = max(usage.ru_maxrss for usage in used) / 1024
         # The report adds these lines up.
-        print(
-            f"cost: wall {time.perf_counter() - started:.2f} s, cpu {cpu:.2f} s, memory {peak:.0f} MB", file=sys.stderr
-        )
+        spent = f"cost: wall {time.perf_counter() - started:.2f} s, cpu {cpu:.2f} s, memory {peak:.0f} MB"
+        print(f"{this.name}: done; {spent}", file=sys.stderr)
     except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"{this.name}: error: {error}", file=sys.stderr)
         sys.exit(InputError.EXIT_CODE)
     except Exception:
         traceback.print_exc()
@@ -92,15 +95,13 @@ def job(script_globals: dict[str, Any]) -> Iterator[Job]:
 
 
 def _from_snakemake(snakemake) -> Job:
-    # Threads of linear algebra are decided before numpy is imported by the stage.
-    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-        os.environ[variable] = str(snakemake.threads)
     return Job(
         input={name: _paths(value) for name, value in snakemake.input.items()},
         output={name: _paths(value) for name, value in snakemake.output.items()},
         params=dict(snakemake.params.items()),
         threads=snakemake.threads,
         log=snakemake.log[0] if len(snakemake.log) else None,
+        name=" ".join([snakemake.rule, *map(str, snakemake.wildcards)]),
         mpi=snakemake.resources.get("mpi", "mpiexec"),
         tasks=snakemake.resources.get("tasks", 1),
     )
@@ -118,7 +119,8 @@ def _from_command_line() -> Job:
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--log")
     given = parser.parse_args()
-    return Job(_pairs(given.input), _pairs(given.output), json.loads(given.params), given.threads, given.log)
+    name = Path(sys.argv[0]).stem
+    return Job(_pairs(given.input), _pairs(given.output), json.loads(given.params), given.threads, given.log, name)
 
 
 def _pairs(items: list[str]) -> dict[str, Any]:
