@@ -1,0 +1,107 @@
+"""The bundled patient as files, in the formats that a real case uses, with the truth beside them."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import pandas as pd
+
+from coronaryuq.case.tree import write_tree
+from coronaryuq.files import replacing, write_csv, write_json, write_text
+from coronaryuq.synthetic.truth import Patient, State, bed_name
+from coronaryuq.units import MMHG
+from coronaryuq.zerod.beds import distal_resistances
+
+CLINICAL = {
+    "PaoMin": ("Minimum Aortic Pressure", MMHG, 0),
+    "PaoMax": ("Maximum Aortic Pressure", MMHG, 0),
+    "PaoMean": ("Mean Aortic Pressure", MMHG, 0),
+    "AorCorSplit": ("Coronary Flow Split", 1.0, 1),
+    "AbsQin": ("Stroke Volume", 1.0, 0),
+    "Qsystole_perc": ("Percentage of cardiac output in systole", 1.0, 2),
+    "PpulMean": ("Mean Pulmonary Pressure", MMHG, 0),
+    "EFLV": ("Left Ventricular Ejection Fraction", 1.0, 2),
+    "ESV": ("End Systolic Volume", 1.0, 0),
+    "EDV": ("End Diastolic Volume", 1.0, 0),
+    "QlaRatio": ("Left atrioventricular early/late flow ratio", 1.0, 1),
+    "mitValveTime": ("Mitral Valve Opening Time", 1.0, None),
+    "aorValveTime": ("Aortic Valve Opening Time", 1.0, 2),
+    "pulValveTime": ("Pulmonary Valve Opening Time", 1.0, None),
+    "PraMean": ("Mean Right Atrial Pressure", MMHG, 0),
+    "LCorMaxRatio": ("Diastolic/Systolic maximum flow ratio in left coronary", 1.0, 1),
+    "LCorTotRatio": ("Diastolic/Systolic total flow ratio in left coronary", 1.0, 1),
+    "LThirdFF": ("Left coronary 1/3 flow fraction", 1.0, 2),
+    "LHalfFF": ("Left coronary 1/2 flow fraction", 1.0, 2),
+    "LGradOK": ("Checking amount of peaks/valleys in left coronary wave", 1.0, 0),
+    "RCorMaxRatio": ("Diastolic/Systolic maximum flow ratio in right coronary", 1.0, 1),
+    "RCorTotRatio": ("Diastolic/Systolic total flow ratio in right coronary", 1.0, 1),
+    "RThirdFF": ("Right coronary 1/3 flow fraction", 1.0, 2),
+    "RHalfFF": ("Right coronary 1/2 flow fraction", 1.0, 2),
+    "RGradOK": ("Checking amount of peaks/valleys in right coronary wave", 1.0, 0),
+}
+"""What the clinic reports: description, unit in CGS, decimals; no decimals means that nobody measured it."""
+
+
+def write_files(patient: Patient, folder: str | Path) -> None:
+    """Write tree.vtp, lv.vtu, outlets.csv, targets.csv, truth.json and, last, case.yaml."""
+    folder = Path(folder)
+    anatomy = patient.anatomy
+    write_tree(folder / "tree.vtp", anatomy.tree)
+    with replacing(folder / "lv.vtu") as beside:
+        patient.wall.save(beside)
+    outlets = [
+        {"name": o.vessel, "vessel": o.vessel, "perfuses": o.perfuses, "branch": o.branch, "label": o.label}
+        for o in anatomy.outlets
+    ]
+    write_csv(folder / "outlets.csv", pd.DataFrame(outlets))
+    write_text(folder / "targets.csv", clinical_targets(patient.rest.measures))
+    write_json(folder / "truth.json", truth(patient))
+    write_text(folder / "case.yaml", description(patient))
+
+
+def clinical_targets(measures: Mapping[str, float]) -> str:
+    """The targets table: name, description, value in mmHg and mL, rounded as clinics do, or `none`."""
+    lines = []
+    for name, (text, unit, decimals) in CLINICAL.items():
+        value = "none" if decimals is None else f"{measures[name] / unit:.{decimals}f}"
+        lines.append(f"{name},{text},{value}\n")
+    return "".join(lines)
+
+
+def description(patient: Patient) -> str:
+    """`case.yaml` of the patient."""
+    settings = patient.settings
+    stenoses = "".join(
+        f"  - {{name: {s.name}, vessel: {s.vessel}, start: {float(s.start)!r}, end: {float(s.end)!r}}}\n"
+        for s in patient.anatomy.stenoses
+    )
+    return (
+        f"name: {settings.name}\n"
+        "description: Synthetic right-dominant patient with one stenosis each in LAD, LCx and RCA.\n"
+        "anatomy: {centrelines: tree.vtp, unit: cm}\n"
+        "perfusion: {file: lv.vtu, array: MBF, unit: mL/min/g, length_unit: cm}\n"
+        "outlets: outlets.csv\n"
+        "targets: targets.csv\n"
+        f"period: {settings.period:.6g}\n"
+        f"hyperaemia: {settings.hyperaemia:.6g}\n"
+        f"stenoses:\n{stenoses}"
+    )
+
+
+def truth(patient: Patient) -> dict:
+    """What is true of the patient, CGS: what the campaign tries to find out, and the loop that it holds in."""
+    rest, hyperaemia = patient.rest, patient.hyperaemia
+    return {
+        "name": patient.settings.name,
+        "settings": patient.settings.model_dump(),
+        "heart": rest.network["closed_loop_blocks"][0]["parameters"],
+        "distal_resistance": distal_resistances(hyperaemia.network),
+        "territory_mass": patient.masses,
+        "lv_beds": [bed_name(o.vessel) for o in patient.anatomy.outlets if o.perfuses == "LV"],
+        "effects": [],
+        "rest": _condition(rest),
+        "hyperaemia": _condition(hyperaemia),
+    }
+
+
+def _condition(state: State) -> dict:
+    return {"flows": state.flows, "ffr": state.ffr, "measures": state.measures, "network": state.network}

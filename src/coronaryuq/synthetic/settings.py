@@ -1,0 +1,39 @@
+"""Settings of the bundled patient."""
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class Settings(BaseModel):
+    """The synthetic patient: heart rate, perfusion and disease of the microcirculation, resolution of the wall."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    name: str = Field("bundled", description="Name of the patient.")
+    anatomy_seed: int = Field(
+        2024, ge=0, description="Seed of the bundled anatomy; the stage's own seed draws the rest."
+    )
+    cells: int = Field(30_000, ge=1000, description="Cells of the left ventricular wall, about.")
+    period: float = Field(1.0, gt=0.3, lt=2.0, description="Cardiac period, s.")
+    mean_pressure: float = Field(94.0, gt=40, lt=160, description="Mean aortic pressure at rest, mmHg.")
+    stroke_volume: float = Field(68.0, gt=20, lt=160, description="Stroke volume at rest, mL.")
+    mbf: float = Field(2.35, gt=0.3, lt=6.0, description="Mean hyperaemic myocardial blood flow, mL/min/g.")
+    microvascular: dict[Literal["LAD", "LCx", "RCA"], float] = Field(
+        default_factory=lambda: {"LAD": 0.85, "LCx": 1.0, "RCA": 0.92},
+        description="Relative conductance per gram of each artery's beds: disease of the small vessels.",
+    )
+    bed_spread: float = Field(
+        0.10,
+        ge=0,
+        lt=0.5,
+        description="Spread of the beds' conductance per gram (standard deviation of its logarithm).",
+    )
+    texture: float = Field(
+        0.06, ge=0, lt=0.3, description="Relative standard deviation of perfusion inside a territory."
+    )
+    texture_length: float = Field(1.2, gt=0.1, description="Correlation length of that texture, cm.")
+    venous_share: float = Field(0.025, gt=0, lt=0.5, description="Share of Rv in a coronary bed's resistance at rest.")
+    hyperaemia: float = Field(
+        0.24, gt=0, le=1, description="Factor on Ra and Ram under hyperaemia (paper, section 2.2)."
+    )

@@ -1,0 +1,239 @@
+"""The bundled patient's ground truth: a closed loop at rest and under hyperaemia, and the perfusion that it makes."""
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from coronaryuq import seeds
+from coronaryuq.case.network import Bed, Physics, murray_shares, network_from_tree, segments
+from coronaryuq.synthetic.anatomy import Anatomy, patient_anatomy
+from coronaryuq.synthetic.perfusion_map import perfusion_map, territories, texture
+from coronaryuq.synthetic.settings import Settings
+from coronaryuq.units import MBF_PER_MIN_PER_G, MMHG, TISSUE_DENSITY
+from coronaryuq.zerod.beds import resistance_changes
+from coronaryuq.zerod.blood_volume import BloodVolume
+from coronaryuq.zerod.cardiac_function import measure, waveform_names
+from coronaryuq.zerod.changes import with_changes
+from coronaryuq.zerod.engine import Engine, Result
+
+SYSTEMIC = "BC_RCR1"
+RIGHT_ATRIUM = "V_RA:CLH"
+
+HEART = {
+    "Tsa": 0.41, "tpwave": 8.9, "Erv_s": 2.2 * MMHG, "Elv_s": 3.2 * MMHG, "iml": 0.9, "imr": 0.9,
+    "Lra_v": 0.3, "Rra_v": 10.0, "Lrv_a": 0.35, "Rrv_a": 46.0, "Lla_v": 0.45, "Rla_v": 8.0, "Llv_a": 0.2,
+    "Rlv_ao": 33.0, "Vrv_u": -2.0, "Vlv_u": -3.0, "Rpd": 80.0, "Cp": 1.1 / MMHG, "Cpa": 0.45 / MMHG,
+    "Kxp_ra": 8.6 * MMHG, "Kxv_ra": 0.0045, "Emax_ra": 0.33 * MMHG, "Vaso_ra": 3.0,
+    "Kxp_la": 8.2 * MMHG, "Kxv_la": 0.0080, "Emax_la": 0.32 * MMHG, "Vaso_la": 7.0,
+}  # fmt: skip
+"""Heart, valves and lungs in CGS: inside the ranges of Tran et al. (2017), off their middle."""
+
+SYSTEMIC_COMPLIANCE = 0.75 / MMHG
+"""cm5/dyn; with the proximal aorta's it makes a pulse pressure of about 50 mmHg."""
+
+ARTERIAL_TIME, MYOCARDIAL_TIME = 0.05, 3.0
+"""s: total resistance of a coronary side at rest times its arterial and its intramyocardial compliance."""
+
+FILLING = 300.0
+"""mL of blood that raise stroke volume about e-fold; only the speed of the fixed point depends on it."""
+
+SWEEPS, TOLERANCE = 40, 1e-5
+STEPS, PERIODIC = 500, 1e-5
+
+
+@dataclass(frozen=True)
+class State:
+    """The loop in one condition: network (periodic initial state), mean flow per bed, FFR, measures; all CGS."""
+
+    network: dict
+    flows: dict[str, float]
+    ffr: dict[str, float]
+    measures: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Patient:
+    """Anatomy, wall (pyvista grid with cell data MBF in mL/min/g), and what is true of it."""
+
+    anatomy: Anatomy
+    wall: object
+    rest: State
+    hyperaemia: State
+    masses: dict[str, float]
+    settings: Settings
+
+
+def bed_name(vessel: str) -> str:
+    """Boundary condition of the outlet that ends this vessel: what the case stage calls it by default."""
+    return f"BC_{vessel}"
+
+
+def make_patient(settings: Settings, seed: int) -> Patient:
+    """The patient of these settings. Over each territory the perfusion map integrates to that outlet's flow exactly."""
+    anatomy = patient_anatomy(settings.anatomy_seed)
+    wall = anatomy.wall(settings.cells)
+    centres = np.asarray(wall.cell_centers().points, float)
+    volumes = np.abs(np.asarray(wall.compute_cell_sizes(length=False, area=False)["Volume"], float))
+    feeding = [outlet for outlet in anatomy.outlets if outlet.perfuses == "LV"]
+    ends = np.array([anatomy.tree[outlet.vessel].points[-1] for outlet in feeding])
+    territory = territories(centres, ends)
+    masses = np.bincount(territory, weights=volumes, minlength=len(feeding)) * TISSUE_DENSITY
+    named_masses = {bed_name(o.vessel): float(m) for o, m in zip(feeding, masses, strict=True)}
+    rest, hyperaemia = _Loop(anatomy, named_masses, settings, seed).solve()
+    flows = np.array([hyperaemia.flows[bed_name(outlet.vessel)] for outlet in feeding])
+    pattern = texture(centres, settings.texture, settings.texture_length, seed)
+    perfusion = perfusion_map(centres, volumes * TISSUE_DENSITY, ends, flows, pattern)
+    wall.cell_data["MBF"] = perfusion / MBF_PER_MIN_PER_G
+    return Patient(anatomy, wall, rest, hyperaemia, named_masses, settings)
+
+
+class _Loop:
+    """The closed loop whose three free totals (systemic and coronary resistance, blood) follow from the settings."""
+
+    def __init__(self, anatomy: Anatomy, masses: Mapping[str, float], settings: Settings, seed: int):
+        self.settings, self.masses = settings, masses
+        self.network = _network(anatomy, masses, settings, seed)
+        self.engine = Engine(self.network)
+        self.blood = BloodVolume(self.engine.model)
+        self.right_atrium = self.engine.model.index[RIGHT_ATRIUM]
+        self.roles = waveform_names(self.network)
+        self.beds = {
+            vessel["boundary_conditions"]["outlet"]: vessel["vessel_name"]
+            for vessel in self.network["vessels"]
+            if vessel.get("boundary_conditions", {}).get("outlet", SYSTEMIC) != SYSTEMIC
+        }
+        narrow = {part.stenosis: part.name for part in segments(anatomy.tree, anatomy.stenoses) if part.stenosis}
+        self.distal = {
+            artery: next(name for name in self.engine.unknowns if name.startswith(f"pressure:{vessel}:"))
+            for artery, vessel in narrow.items()
+        }
+
+    def solve(self) -> tuple[State, State]:
+        """Fixed point: mean pressure, stroke volume at rest and mean hyperaemic perfusion are those of the settings."""
+        wanted_flow = self.settings.mbf * MBF_PER_MIN_PER_G * sum(self.masses.values())
+        rest = hyper = None
+        for _ in range(SWEEPS):
+            relaxed = hyperaemic(self.network, self.settings.hyperaemia)
+            rest = self._run(self.network, rest)
+            if hyper is None:
+                hyper = rest
+            # Both conditions are the same person: the same blood.
+            hyper.state[:, self.right_atrium] += self._blood(self.network, rest) - self._blood(relaxed, hyper)
+            hyper = self._run(relaxed, hyper)
+            measures = self._measures(rest)
+            pressure = measures["PaoMean"] / (self.settings.mean_pressure * MMHG)
+            stroke = measures["AbsQin"] / self.settings.stroke_volume
+            flow = sum(self._flow(hyper, bed) for bed in self.masses) / wanted_flow
+            if max(abs(pressure - 1.0), abs(stroke - 1.0), abs(flow - 1.0)) < TOLERANCE:
+                return self._state(self.network, rest), self._state(relaxed, hyper)
+            # Pressure follows resistance times output, output follows filling, perfusion follows coronary resistance.
+            _scale(self.network, systemic=stroke / pressure, coronary=flow)
+            rest.state[:, self.right_atrium] -= FILLING * np.log(stroke)
+        raise RuntimeError("the bundled patient's loop does not settle; its settings contradict one another")
+
+    def _run(self, network: Mapping, before: Result | None) -> Result:
+        waves = [name for names in self.roles.values() for name in names]
+        means = [f"mean_{name}" for name in [*self._flow_names().values(), *self.distal.values()]]
+        result = self.engine.run(
+            bed_values(network),
+            quantities=[*means, f"mean_{self.roles['aortic_pressure'][0]}"],
+            waveforms=waves,
+            periodic=True,
+            steps_per_cycle=STEPS,
+            tolerance=PERIODIC,
+            start=None if before is None else before.state,
+        )
+        if not result.ok.all():
+            raise RuntimeError(f"the bundled patient's loop has no periodic state: {result.status[0]}")
+        return result
+
+    def _flow_names(self) -> dict[str, str]:
+        return {bed: f"flow:{vessel}:{bed}" for bed, vessel in self.beds.items()}
+
+    def _flow(self, result: Result, bed: str) -> float:
+        return float(result.values[f"mean_{self._flow_names()[bed]}"][0])
+
+    def _blood(self, network: Mapping, result: Result) -> np.ndarray:
+        return self.blood.of(result.state, bed_values(network))
+
+    def _measures(self, result: Result) -> dict[str, float]:
+        waves = {role: sum(result.waveforms[name] for name in names) for role, names in self.roles.items()}
+        return {name: float(value[0]) for name, value in measure(result.time, waves).items()}
+
+    def _state(self, network: Mapping, result: Result) -> State:
+        network = copy.deepcopy(dict(network))
+        network["initial_condition"] = {
+            name: float(value) for name, value in zip(self.engine.unknowns, result.state[0], strict=False)
+        }
+        aorta = float(result.values[f"mean_{self.roles['aortic_pressure'][0]}"][0])
+        ffr = {artery: float(result.values[f"mean_{name}"][0]) / aorta for artery, name in self.distal.items()}
+        flows = {bed: self._flow(result, bed) for bed in self.beds}
+        return State(network, flows, ffr, self._measures(result))
+
+
+def _network(anatomy: Anatomy, masses: Mapping[str, float], settings: Settings, seed: int) -> dict:
+    """The loop before its totals are set: conductance of LV beds by mass and chance, the rest by Murray's law.
+
+    Murray's law over all outlets decides what the LV-perfusing beds have together, as the method assumes (paper, 2.3).
+    """
+    names = [bed_name(outlet.vessel) for outlet in anatomy.outlets]
+    right = [outlet.branch == "RCA" for outlet in anatomy.outlets]
+    physics = Physics(
+        pressure=settings.mean_pressure * MMHG,
+        cardiac_output=settings.stroke_volume / settings.period,
+        period=settings.period,
+        heart=dict(HEART),
+    )
+    beds = [Bed(name, o.vessel, side) for name, o, side in zip(names, anatomy.outlets, right, strict=True)]
+    network = network_from_tree(anatomy.tree, beds, {SYSTEMIC: "aorta_outlet"}, anatomy.stenoses, physics)
+    by_radius = murray_shares([anatomy.tree[outlet.vessel].radii[-1] for outlet in anatomy.outlets])
+    chance = np.exp(settings.bed_spread * seeds.generator(seed, "patient", "beds").standard_normal(len(names)))
+    disease = [settings.microvascular.get(outlet.branch, 1.0) for outlet in anatomy.outlets]
+    weights = {name: masses.get(name, 0.0) * c * d for name, c, d in zip(names, chance, disease, strict=True)}
+    together = sum(share for name, share in zip(names, by_radius, strict=True) if name in masses)
+    total = physics.pressure / (physics.cardiac_output * physics.coronary_share)
+    for bc in network["boundary_conditions"]:
+        values = bc["bc_values"]
+        if bc["bc_name"] == SYSTEMIC:
+            values["C"] = SYSTEMIC_COMPLIANCE
+            continue
+        name = bc["bc_name"]
+        share = by_radius[names.index(name)]
+        if name in masses:
+            share = together * weights[name] / sum(weights.values())
+        resistance = total / float(share)
+        arterial = resistance * (1.0 - settings.venous_share)
+        # Ra to Ram as in Kim et al. (2010): 0.32 to 0.52.
+        values |= {"Ra": arterial * 0.32 / 0.84, "Ram": arterial * 0.52 / 0.84, "Rv": resistance - arterial}
+        values |= {"Ca": ARTERIAL_TIME / resistance, "Cim": MYOCARDIAL_TIME / resistance}
+    return network
+
+
+def _scale(network: dict, systemic: float, coronary: float) -> None:
+    """Multiply total resistances in place; a coronary bed keeps its time constants."""
+    for bc in network["boundary_conditions"]:
+        values = bc["bc_values"]
+        if bc["bc_name"] == SYSTEMIC:
+            values["Rp"], values["Rd"] = values["Rp"] * systemic, values["Rd"] * systemic
+        else:
+            for member in ("Ra", "Ram", "Rv"):
+                values[member] *= coronary
+            for member in ("Ca", "Cim"):
+                values[member] /= coronary
+
+
+def hyperaemic(network: Mapping, scale: float) -> dict:
+    """A copy with Ra and Ram of every coronary bed times `scale` (paper, section 2.2)."""
+    return with_changes(network, resistance_changes(network, hyperaemia=scale))
+
+
+def bed_values(network: Mapping) -> dict[str, float]:
+    """All bed parameters as engine changes."""
+    return {
+        f"{bc['bc_name']}.{member}": value
+        for bc in network["boundary_conditions"]
+        for member, value in bc["bc_values"].items()
+        if not isinstance(value, bool)
+    }

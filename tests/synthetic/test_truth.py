@@ -1,0 +1,91 @@
+"""The bundled patient is consistent with itself and plausible as a patient."""
+
+import numpy as np
+import pytest
+
+from coronaryuq.synthetic.truth import bed_name
+from coronaryuq.units import MBF_PER_MIN_PER_G, MMHG, TISSUE_DENSITY
+from coronaryuq.zerod.beds import beds, distal_resistances
+from coronaryuq.zerod.engine import Engine
+
+
+def wall_of(patient):
+    volumes = np.abs(np.asarray(patient.wall.compute_cell_sizes(length=False, area=False)["Volume"]))
+    return np.asarray(patient.wall.cell_centers().points), volumes, np.asarray(patient.wall.cell_data["MBF"])
+
+
+def test_territory_integrals_are_the_outlets_hyperaemic_flows(patient):
+    centres, volumes, mbf = wall_of(patient)
+    feeding = [outlet for outlet in patient.anatomy.outlets if outlet.perfuses == "LV"]
+    ends = np.array([patient.anatomy.tree[outlet.vessel].points[-1] for outlet in feeding])
+    nearest = np.argmin(((centres[:, None] - ends) ** 2).sum(axis=2), axis=1)
+    flow = mbf * MBF_PER_MIN_PER_G * volumes * TISSUE_DENSITY
+    for place, outlet in enumerate(feeding):
+        expected = patient.hyperaemia.flows[bed_name(outlet.vessel)]
+        assert flow[nearest == place].sum() == pytest.approx(expected, rel=1e-9)
+
+
+def test_perfusion_is_that_of_a_patient_under_stress(patient):
+    _, volumes, mbf = wall_of(patient)
+    assert np.average(mbf, weights=volumes) == pytest.approx(patient.settings.mbf, rel=1e-4)
+    low, high = np.percentile(mbf, [1, 99])
+    assert low > 1.4
+    assert high < 3.5
+
+
+def test_a_relative_deficit_lies_behind_the_diseased_arteries(patient):
+    flow, mass = dict.fromkeys(("LAD", "LCx", "RCA"), 0.0), dict.fromkeys(("LAD", "LCx", "RCA"), 0.0)
+    for outlet in patient.anatomy.outlets:
+        name = bed_name(outlet.vessel)
+        if name in patient.masses:
+            flow[outlet.branch] += patient.hyperaemia.flows[name]
+            mass[outlet.branch] += patient.masses[name]
+    perfusion = {artery: flow[artery] / mass[artery] for artery in flow}
+    assert perfusion["LAD"] < 0.9 * perfusion["LCx"]
+    assert perfusion["RCA"] < 0.97 * perfusion["LCx"]
+
+
+def test_flows_follow_rest_and_hyperaemia(patient):
+    rest, stress = sum(patient.rest.flows.values()), sum(patient.hyperaemia.flows.values())
+    assert 2.5 < stress / rest < 4.0
+    assert 3.0 <= patient.rest.measures["AorCorSplit"] < 5.0
+    for artery, ffr in patient.hyperaemia.ffr.items():
+        assert 0.75 < ffr < 0.9, artery
+        assert patient.rest.ffr[artery] > ffr
+
+
+def test_heart_is_that_of_an_adult_at_rest(patient):
+    values = patient.rest.measures
+    assert values["PaoMean"] / MMHG == pytest.approx(patient.settings.mean_pressure, rel=1e-4)
+    assert values["AbsQin"] == pytest.approx(patient.settings.stroke_volume, rel=1e-4)
+    assert 55 < values["PaoMin"] / MMHG < 90 and 105 < values["PaoMax"] / MMHG < 145
+    assert 0.5 < values["EFLV"] < 0.75
+    assert 90 < values["EDV"] < 150
+    assert 10 < values["PpulMean"] / MMHG < 22
+    assert values["LCorMaxRatio"] > 1.2 and values["LCorTotRatio"] > 2.0  # the left coronary fills in diastole
+
+
+def test_hyperaemia_changes_arterial_resistance_and_nothing_else(patient):
+    rest = {bc["bc_name"]: bc["bc_values"] for bc in patient.rest.network["boundary_conditions"]}
+    stress = {bc["bc_name"]: bc["bc_values"] for bc in patient.hyperaemia.network["boundary_conditions"]}
+    coronary = beds(patient.rest.network)
+    for name in rest:
+        for member, value in rest[name].items():
+            factor = patient.settings.hyperaemia if name in coronary and member in ("Ra", "Ram") else 1.0
+            assert stress[name][member] == pytest.approx(value * factor, rel=1e-12)
+
+
+@pytest.mark.parametrize("condition", ["rest", "hyperaemia"])
+def test_the_written_state_is_periodic(patient, condition):
+    """The network alone, run for one cycle from its own initial condition, repeats the flows that the truth states."""
+    state = getattr(patient, condition)
+    names = {bed: f"mean_flow:{bed.removeprefix('BC_')}:{bed}" for bed in state.flows}
+    result = Engine(state.network).run(quantities=list(names.values()), cycles=1, steps_per_cycle=500)
+    for bed, name in names.items():
+        assert result.values[name][0] == pytest.approx(state.flows[bed], rel=2e-3), bed
+
+
+def test_beds_differ_by_more_than_their_mass(patient):
+    resistance = distal_resistances(patient.rest.network)
+    per_gram = [resistance[name] * mass for name, mass in patient.masses.items()]
+    assert 0.03 < np.std(np.log(per_gram)) < 0.3
