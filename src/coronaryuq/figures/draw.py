@@ -1,0 +1,34 @@
+"""Every figure of a campaign by its name."""
+
+from collections.abc import Callable, Mapping
+
+from coronaryuq.errors import InputError
+
+FIGURES: dict[str, str] = {
+    "cardiac_function": "coronaryuq.figures.calibration:cardiac_function",
+    "territories": "coronaryuq.figures.scenes:territories",
+    "marginals": "coronaryuq.figures.posterior:marginals",
+    "flows": "coronaryuq.figures.posterior:flows",
+    "flow_covariance": "coronaryuq.figures.posterior:flow_covariance",
+    "tree_ffr": "coronaryuq.figures.scenes:tree_by_ffr",
+    "walls": "coronaryuq.figures.scenes:walls",
+    "osi_scatter": "coronaryuq.figures.estimates:osi_scatter",
+    "intervals_wss": "coronaryuq.figures.estimates:intervals_wss",
+    "intervals_ffr": "coronaryuq.figures.estimates:intervals_ffr",
+    "convergence": "coronaryuq.figures.budget:convergence",
+    "budget": "coronaryuq.figures.budget:budget",
+}
+
+
+def draw(name: str, inputs: Mapping[str, str], output: str) -> None:
+    """Draw the figure `name` from its input files to `output` (PNG or SVG)."""
+    if name not in FIGURES:
+        raise InputError(output, "figure", name, f"unknown figure; there are {', '.join(FIGURES)}")
+    _function(FIGURES[name])(**inputs, output=output)
+
+
+def _function(where: str) -> Callable:
+    import importlib
+
+    module, _, function = where.partition(":")
+    return getattr(importlib.import_module(module), function)
