@@ -58,7 +58,7 @@ class Ensemble:
         self.geometry, self.network, self.settings = geometry, network, settings
         self.density, self.viscosity = density, viscosity
         self.engine = Engine(network)
-        self.case = couple(network, geometry.coupling)
+        self.case = couple(network, geometry.description)
         self.aorta = self.case.renamed(f"pressure:{aorta}")
         self._spaces: dict[int, Discretisation] = {}
 
@@ -87,7 +87,9 @@ class Ensemble:
                 stem = (
                     None if checkpoint is None else checkpoint.with_name(f"{checkpoint.name}_{refinement}_{block[0]}")
                 )
-                done = Block(self, part, len(block), refinement, stem, any(wanted[k] for k in block), report).run()
+                label = f"{block[0] + 1} to {block[-1] + 1} of {samples}"
+                keep = any(wanted[k] for k in block)
+                done = Block(self, part, len(block), refinement, stem, keep, report, label).run()
                 for k, outcome in zip(block, done, strict=True):
                     before = outcomes[k]
                     if before is not None:
@@ -122,7 +124,15 @@ class Block:
     """Up to LANES samples that advance together, from their periodic 0D states to their last cycle."""
 
     def __init__(
-        self, ensemble: Ensemble, changes, samples: int, refinement: int, checkpoint: Path | None, fields, report
+        self,
+        ensemble: Ensemble,
+        changes,
+        samples: int,
+        refinement: int,
+        checkpoint: Path | None,
+        fields,
+        report,
+        label="",
     ):
         self.ensemble, self.samples, self.checkpoint, self.report = ensemble, samples, checkpoint, report
         settings = self.settings = ensemble.settings
@@ -134,7 +144,8 @@ class Block:
             self.space, settings.backflow_stabilisation, settings.momentum_tolerance, settings.momentum_sweeps
         )
         self.observer = Observer(ensemble.geometry, self.space, bool(fields))
-        self.refinement = refinement
+        self.refinement, self.begun = refinement, time.perf_counter()
+        self.label = label
         self.key = provenance.digest(
             {
                 "settings": settings.model_dump(),

@@ -26,12 +26,6 @@ class Geometry:
     planes: dict[str, tuple[np.ndarray, np.ndarray]]
     description: dict
 
-    @property
-    def coupling(self) -> dict:
-        """`caps`, `replaces` and `cut`, as `coupled_network.couple` wants them."""
-        caps = {face["name"]: face["couples"] for face in self.description["faces"] if face["kind"] == "cap"}
-        return {"caps": caps, "replaces": self.description["replaces"], "cut": self.description["cut"]}
-
 
 def read_geometry(mesh_dir: str | Path, mesh_json: str | Path) -> Geometry:
     """Read a mesh folder and its description; `InputError` when one does not fit the other."""
