@@ -19,3 +19,18 @@ rule zerod_chunk:
         log_of("zerod", "{set}_{k}.log"),
     script:
         "../scripts/zerod_chunk.py"
+
+
+rule pressure_map:
+    input:
+        network=rules.calibration.output.hyperaemia,
+        case=rules.case.output.case,
+        tree=rules.case.output.tree,
+        draws=rules.posterior.output.draws,
+        code=code("coronaryuq.zerod.pressure_map"),
+    output:
+        pressures=results("zerod", "pressures.csv"),
+    log:
+        log_of("zerod", "pressure_map.log"),
+    script:
+        "../scripts/pressure_map.py"

@@ -77,7 +77,7 @@ def _read(posterior: str) -> tuple[list[str], np.ndarray, np.ndarray]:
 
 
 def _names(case: str) -> dict[str, str]:
-    return {outlet["bc"]: outlet["name"] for outlet in read_json(case)["outlets"]}
+    return {outlet["bc"]: outlet.get("label") or outlet["name"] for outlet in read_json(case)["outlets"]}
 
 
 def _targets(targets: str, summary: str) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,57 @@
+"""Mean pressure along every vessel of the tree at one θ, for pictures: what a pressure wire would read."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from coronaryuq.case.network import segments
+from coronaryuq.case.tree import Stenosis, read_tree
+from coronaryuq.files import read_csv, read_json, write_csv
+from coronaryuq.zerod.beds import beds, theta_changes
+from coronaryuq.zerod.engine import Engine
+from coronaryuq.zerod.network import read_network
+
+
+def write_map(
+    network_json: str | Path, case_json: str | Path, tree_vtp: str | Path, draws_csv: str | Path, out_csv: str | Path
+) -> None:
+    """Run the loop at the posterior mean of r with s = 1 and write the mean pressure along the tree.
+
+    Columns: vessel (of the tree), position (0 at its start, 1 at its end), pressure (dyn/cm2), ffr (mean pressure over
+    mean aortic pressure), flow (mL/s). One row per end of every 0D segment.
+    """
+    network, case, tree = read_network(network_json), read_json(case_json), read_tree(tree_vtp)
+    draws = read_csv(draws_csv)
+    theta = {bed: np.array([draws[bed].mean()]) for bed in beds(network) if bed in draws.columns}
+    stenoses = [Stenosis(s["name"], s["vessel"], s["start"], s["end"]) for s in case["stenoses"] if "start" in s]
+    parts = segments(tree, stenoses)
+    engine = Engine(network)
+    ends = _ends(engine.unknowns)
+    aorta = f"mean_pressure:{case['aorta']['pressure']}"
+    wanted = {place for part in parts for place in ends.get(part.name, ())}
+    quantities = [f"mean_{kind}:{place}" for place in sorted(wanted) for kind in ("pressure", "flow")]
+    result = engine.run(theta_changes(network, theta), [aorta, *quantities])
+    value = {name: float(values[0]) for name, values in result.values.items()}
+    rows = []
+    for part in parts:
+        for place, arc in zip(ends.get(part.name, ()), (part.start, part.end), strict=False):
+            pressure = value[f"mean_pressure:{place}"]
+            rows.append(
+                {
+                    "vessel": part.vessel,
+                    "position": arc / tree[part.vessel].length,
+                    "pressure": pressure,
+                    "ffr": pressure / value[aorta],
+                    "flow": value[f"mean_flow:{place}"],
+                }
+            )
+    write_csv(out_csv, pd.DataFrame(rows))
+
+
+def _ends(unknowns: list[str]) -> dict[str, tuple[str, str]]:
+    """Block → its upstream and downstream connection, for blocks that have both."""
+    places = [name.removeprefix("pressure:") for name in unknowns if name.startswith("pressure:")]
+    upstream = {place.split(":")[1]: place for place in places}
+    downstream = {place.split(":")[0]: place for place in places}
+    return {block: (upstream[block], downstream[block]) for block in upstream if block in downstream}
