@@ -40,6 +40,7 @@ rule flow3d_batch:
         code=code("coronaryuq.flow3d.stage", "coronaryuq.posterior.samples"),
     output:
         records=results("flow3d", "batch_{k}.jsonl"),
+        fields=results("flow3d", "fields_{k}.zip"),
     params:
         settings=block("flow3d"),
         posterior=block("posterior"),
