@@ -1,0 +1,44 @@
+"""Settings of stage one: how long, how finely and from how many places the 36 parameters are searched."""
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class Settings(BaseModel):
+    """Tuning of the closed loop by Nelder-Mead, from many starts at once, block after block of parameters."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    candidates: int = Field(64, ge=1, description="Random parameter sets that are tried first; the best become starts.")
+    spread: float = Field(
+        0.5, gt=0, le=1, description="Width of the candidates' box, as a fraction of each parameter's range."
+    )
+    starts: int = Field(
+        4, ge=1, description="Starts of the first round of Nelder-Mead searches; each round keeps half of them."
+    )
+    rounds: int = Field(2, ge=1, description="Rounds over the parameter blocks.")
+    evaluations_per_parameter: int = Field(
+        12, ge=2, description="Loop runs that one search may spend, per parameter of its block."
+    )
+    polish: int = Field(
+        12, ge=0, description="Loop runs per parameter of the last search, over all 36 at once; 0 leaves it out."
+    )
+    pull: float = Field(
+        0.2, ge=0, description="Cost of moving a parameter from its initial value over its whole range."
+    )
+    steps_per_cycle: int = Field(250, ge=50, description="Time steps per cycle of a loop run during the search.")
+    first_cycles: int = Field(12, ge=1, description="Cycles that a candidate runs from the initial condition.")
+    cycles: int = Field(
+        4, ge=1, description="Cycles that a run of the search takes, from the state of the best parameters so far."
+    )
+    final_steps_per_cycle: int = Field(1000, ge=100, description="Time steps per cycle of the tuned loop.")
+    periodicity: float = Field(1e-5, gt=0, description="Relative cycle-to-cycle error of the tuned loop.")
+    hyperaemic_total: bool = Field(
+        True,
+        description="Choose the venous share of coronary resistance so that the total hyperaemic flow of the "
+        "LV-perfusing outlets is that of the perfusion map; otherwise the waveform targets alone decide it.",
+    )
+    units: Literal["auto", "cgs", "mmHg"] = Field(
+        "auto", description="Pressure unit of a network given as it is: dyn/cm2 (cgs) or mmHg; auto: by range."
+    )
