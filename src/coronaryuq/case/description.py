@@ -206,8 +206,10 @@ def read_description(path: str | Path) -> Description:
 
 
 def _one_line(path: str | Path, errors: ValidationError) -> InputError:
-    first = errors.errors(include_url=False)[0]
-    # Of a field that may be one of several types, the location names the type tried: not the user's business.
+    # Of a field that may be a word or a list, every type is tried and named: only what fits the user's choice is told.
+    found = errors.errors(include_url=False)
+    found = [e for e in found if not ("literal['auto']" in e["loc"] and isinstance(e["input"], list))] or found
+    first = found[0]
     where = [str(part) for part in first["loc"] if not str(part).startswith(("literal[", "list[", "function-"))]
     field = ".".join(where) or None
     value = None if first["type"] in ("missing", "value_error") else first["input"]
@@ -216,7 +218,7 @@ def _one_line(path: str | Path, errors: ValidationError) -> InputError:
         message = f"unknown field; known here: {', '.join(_model_at(where[:-1]).model_fields)}"
     elif first["type"] == "missing":
         message = "required field is missing"
-    others = errors.error_count() - 1
+    others = len(found) - 1
     return InputError(
         path, field, value, message[0].lower() + message[1:] + (f" (and {others} more)" if others else "")
     )

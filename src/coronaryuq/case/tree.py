@@ -304,10 +304,10 @@ def _parents_first(path, names: list[str], parents: list[str | None]) -> list[in
     placed: list[int] = []
     done: set[str | None] = {None}
     while len(placed) < len(names):
-        ready = [i for i in range(len(names)) if i not in placed and parents[i] in done]
-        if not ready:
+        ready = next((i for i in range(len(names)) if i not in placed and parents[i] in done), None)
+        if ready is None:
             stuck = next(n for i, n in enumerate(names) if i not in placed)
             raise InputError(path, "Parent", stuck, "its parent is missing or the parents form a ring")
-        placed.extend(ready)
-        done.update(names[i] for i in ready)
+        placed.append(ready)
+        done.add(names[ready])
     return placed

@@ -29,19 +29,26 @@ SMALLEST = 0.07
 SPACING = 0.05
 """cm between centreline points."""
 
-AORTIC_AXIS = np.array([-0.30, 0.05, 0.95]) / np.linalg.norm([-0.30, 0.05, 0.95])
-ANNULUS = np.array([-1.34, 1.12, 0.2])
+AORTIC_AXIS = np.array([-0.30, -0.05, 0.95]) / np.linalg.norm([-0.30, -0.05, 0.95])
+ANNULUS = np.array([-1.34, -1.12, 0.2])
 OSTIAL_LEVEL, AORTIC_LENGTH = 1.5, 4.5
 """cm above the annulus."""
 AORTIC_RADII = ([0.0, 0.9, 1.5, 2.2, 4.5], [1.20, 1.50, 1.55, 1.35, 1.45])
 """cm above the annulus, and cm: annulus, sinuses, sinotubular junction, ascending aorta."""
 
-HEART_TO_PATIENT = np.array([[0.80, 0.36, 0.48], [0.0, -0.80, 0.60], [-0.60, 0.48, 0.64]]).T
-"""From the heart frame to left-posterior-superior body axes: the apex points left, forwards and down.
 
-The heart frame (lateral, anterior, towards the base) is left-handed and the body's is right-handed, so this rotates and
-reflects.
-"""
+def _body_axes() -> np.ndarray:
+    """Columns: the heart frame's x, y and z in left-posterior-superior body axes."""
+    base = np.array([-0.60, 0.53, 0.60])
+    base /= np.linalg.norm(base)
+    lateral = np.array([0.6, 0.8, 0.1])
+    lateral -= (lateral @ base) * base
+    lateral /= np.linalg.norm(lateral)
+    return np.stack([lateral, np.cross(base, lateral), base], axis=1)
+
+
+HEART_TO_PATIENT = _body_axes()
+"""The apex points left, forwards and down; the lateral wall left and backwards; the anterior wall forwards and up."""
 
 
 @dataclass(frozen=True)
@@ -70,16 +77,16 @@ ARTERIES = (
         (92, -0.015, 0), (76, 0.00, 0), (56, 0.01, 0), (36, 0.015, 0), (16, 0.02, 0), (-6, 0.03, 0), (-24, 0.06, 0),
         (-38, 0.09, 0), (-46, 0.14, 0))),
     Artery("D1", "LAD", "LV", "LAD", 1.6, (
-        (109, 0.21, 0), (101, 0.26, 0), (95, 0.32, 0), (92, 0.38, 0), (91, 0.45, 0))),
-    Artery("D1b", "LAD", "LV", "D1", 0.9, ((93, 0.26, 0), (84, 0.29, 0), (75, 0.33, 0), (68, 0.38, 0))),
+        (108, 0.20, 0), (100, 0.24, 0), (94, 0.29, 0), (90, 0.34, 0), (88, 0.40, 0))),
+    Artery("D1b", "LAD", "LV", "D1", 0.5, ((96, 0.20, 0), (86, 0.23, 0), (76, 0.29, 0), (69, 0.36, 0))),
     Artery("S1", "LAD", "septum", "LAD", 2.1, ((130, 0.27, 0.25), (142, 0.33, 0.42), (156, 0.40, 0.45)), 0.04),
-    Artery("D2", "LAD", "LV", "LAD", 3.0, ((110, 0.43, 0), (102, 0.49, 0), (95, 0.54, 0), (88, 0.58, 0))),
+    Artery("D2", "LAD", "LV", "LAD", 3.0, ((109, 0.40, 0), (101, 0.46, 0), (95, 0.52, 0), (89, 0.57, 0))),
     Artery("S2", "LAD", "septum", "LAD", 3.7, ((131, 0.51, 0.25), (145, 0.57, 0.42), (158, 0.63, 0.45)), 0.03),
-    Artery("D3", "LAD", "LV", "LAD", 4.9, ((110, 0.62, 0), (92, 0.68, 0), (68, 0.71, 0))),
+    Artery("D3", "LAD", "LV", "LAD", 4.9, ((108, 0.595, 0), (90, 0.64, 0), (68, 0.68, 0))),
     Artery("OM1", "LCx", "LV", "LCx", 2.15, (
         (48, 0.10, 0), (44, 0.19, 0), (42, 0.26, 0), (41, 0.33, 0), (41, 0.40, 0))),
     Artery("OM2", "LCx", "LV", "LCx", 3.9, ((13, 0.10, 0), (10, 0.19, 0), (14, 0.24, 0), (20, 0.29, 0))),
-    Artery("OM2b", "LCx", "LV", "OM2", 1.0, ((3, 0.28, 0), (-2, 0.38, 0), (-1, 0.48, 0), (2, 0.58, 0))),
+    Artery("OM2b", "LCx", "LV", "OM2", 0.6, ((3, 0.21, 0), (-4, 0.32, 0), (-3, 0.45, 0), (1, 0.57, 0))),
     Artery("OM3", "LCx", "LV", "LCx", 5.3, ((-15, 0.14, 0), (-18, 0.22, 0), (-21, 0.31, 0), (-24, 0.41, 0))),
     Artery("PDA", "RCA", "LV", AORTA, 0, (
         (149, -0.02, 0), (163, -0.01, 0), (178, 0.00, 0), (193, 0.01, 0), (207, 0.01, 0),
@@ -92,7 +99,7 @@ ARTERIES = (
         (248, 0.04, 0), (260, 0.06, 0), (272, 0.09, 0), (281, 0.16, 0), (287, 0.22, 0),
         (290, 0.28, 0), (292, 0.35, 0))),
     Artery("PL1", "RCA", "LV", "PL", 0.6, ((255, 0.14, 0), (257, 0.20, 0), (257, 0.26, 0), (256, 0.31, 0))),
-    Artery("PL2", "RCA", "LV", "PL", 4.2, ((282, 0.29, 0), (279, 0.39, 0), (277, 0.49, 0), (276, 0.59, 0))),
+    Artery("PL2", "RCA", "LV", "PL", 3.9, ((280, 0.26, 0), (275, 0.37, 0), (274, 0.48, 0), (275, 0.59, 0))),
 )  # fmt: skip
 """The pattern before the seed moves it. The right coronary artery is drawn as one course that ends as its PDA."""
 
@@ -213,7 +220,7 @@ def _outward(ventricle: Ventricle, phi: np.ndarray, s: np.ndarray, step: float =
     """Unit outward normals (n, 3) of the epicardial surface."""
     by_phi = ventricle.epicardium(phi + step, s) - ventricle.epicardium(phi - step, s)
     by_s = ventricle.epicardium(phi, s + step) - ventricle.epicardium(phi, s - step)
-    normal = np.cross(by_s, by_phi)
+    normal = np.cross(by_phi, by_s)
     return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
 
 

@@ -1,7 +1,8 @@
 """The bundled patient's heart: a left ventricular wall between truncated ellipsoids, the right ventricle beside it.
 
-Heart frame, cm: the origin is the centre of the left ventricle's base plane, z points to the atria, the apex lies at
-negative z. The angle φ runs round the long axis: 0 lateral, 90° anterior, 180° septal, 270° inferior.
+Heart frame, cm: the origin is the centre of the left ventricle's base plane, x points to its lateral wall, y to its
+inferior one and z to the atria; the apex lies at negative z. The angle φ runs round the long axis: 0 lateral,
+90° anterior, 180° septal, 270° inferior.
 """
 
 from dataclasses import dataclass, field
@@ -26,7 +27,7 @@ class Ellipsoid:
         polar = start + np.asarray(s) * (np.pi - start)
         ring = self.radius * np.sin(polar)
         phi, height = np.broadcast_arrays(phi, self.length * np.cos(polar) - self.cut)
-        return np.stack([ring * np.cos(phi), ring * np.sin(phi), height], axis=-1)
+        return np.stack([ring * np.cos(phi), -ring * np.sin(phi), height], axis=-1)
 
     @property
     def volume(self) -> float:
@@ -54,7 +55,7 @@ class Ventricle:
 
     def coordinates(self, points: np.ndarray, sweeps: int = 30) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """φ in [0, 2π), s and depth of points (n, 3) in the wall: the inverse of `point`, by Newton's method."""
-        phi = np.arctan2(points[:, 1], points[:, 0]) % (2 * np.pi)
+        phi = np.arctan2(-points[:, 1], points[:, 0]) % (2 * np.pi)
         ring, height = np.hypot(points[:, 0], points[:, 1]), points[:, 2]
         tip = -(self.outer.length + self.outer.cut)
         s, depth = np.clip(height / tip, 0.02, 0.98), np.full(len(points), 0.5)
@@ -75,7 +76,7 @@ class Ventricle:
         inside = np.where((across > 0) & (across < 1), np.sin(np.pi * np.clip(across, 0, 1)) ** 0.8, 0.0)
         bulge = 3.0 * inside * np.clip(1 - np.maximum(s, 0) / 0.9, 0, 1) ** 0.7
         point = self.outer.point(phi, s)
-        return point + bulge[..., None] * np.stack([np.cos(phi), np.sin(phi), np.zeros_like(phi)], axis=-1)
+        return point + bulge[..., None] * np.stack([np.cos(phi), -np.sin(phi), np.zeros_like(phi)], axis=-1)
 
     def mesh(self, cells: int = 30_000):
         """Tetrahedra of the wall as a pyvista UnstructuredGrid, points in cm; about `cells` of them.

@@ -1,0 +1,146 @@
+"""The case stage: four files that say the same as the case they were made from."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+import pyvista as pv
+from case_files import write_case
+
+from coronaryuq.case.check import check_case
+from coronaryuq.case.graph import graph_of
+from coronaryuq.case.settings import Settings
+from coronaryuq.case.stage import prepare_case
+from coronaryuq.case.tree import read_tree
+from coronaryuq.errors import InputError
+from coronaryuq.units import MBF_PER_MIN_PER_G
+
+
+def test_the_four_files_agree_with_one_another(small_tree, tmp_path):
+    prepare_case(write_case(tmp_path, small_tree, period="0.8"), Settings(), tmp_path / "case")
+    case = json.loads((tmp_path / "case/case.json").read_text())
+    network = json.loads((tmp_path / "case/network.json").read_text())
+    tree = read_tree(tmp_path / "case/tree.vtp")
+    wall = pv.read(tmp_path / "case/lv.vtu")
+    graph = graph_of(network, "network.json")
+    assert case["period"] == graph.period == 0.8
+    assert case["aorta"] == {"pressure": "J_heart_outlet:aorta"}
+    for outlet in case["outlets"]:
+        assert graph.bc[outlet["block"]] == outlet["bc"]
+        assert tree[outlet["vessel"]].points[-1].tolist() == outlet["point"]
+        assert tree[outlet["vessel"]].radii[-1] == outlet["radius"]
+    (stenosis,) = case["stenoses"]
+    assert stenosis["ffr"] == graph.outlet(stenosis["segment"]) == "lca1_seg1:J3"
+    assert stenosis["flow"] == graph.inlet("lca1_seg1")
+    assert stenosis["root"] == graph.inlet("lca1_seg0")
+    assert (stenosis["proximal"], stenosis["distal"], stenosis["outlet"]) == ("lca1_seg0", "lca1", "BC_lca1")
+    assert np.allclose(wall.cell_data["MBF"], 2.0 * MBF_PER_MIN_PER_G, rtol=1e-12)
+    assert wall.cell_data["Volume"].sum() == pytest.approx(wall.volume, rel=1e-6)
+    assert case["targets"]["PaoMean"] == {"description": "Mean Aortic Pressure", "value": 90.0, "unit": "mmHg"}
+    assert case["targets"]["QlaRatio"]["value"] is None
+
+
+def test_nothing_is_written_when_the_case_is_wrong(small_tree, tmp_path):
+    path = write_case(tmp_path, small_tree, targets="absent.csv")
+    with pytest.raises(InputError, match="absent.csv: no such file"):
+        prepare_case(path, Settings(), tmp_path / "case")
+    assert not (tmp_path / "case").exists()
+
+
+def test_the_same_case_gives_the_same_bytes(small_tree, tmp_path):
+    path = write_case(tmp_path, small_tree)
+    for folder in ("one", "two"):
+        prepare_case(path, Settings(), tmp_path / folder)
+    for name in ("case.json", "tree.vtp", "network.json", "lv.vtu"):
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes(), name
+
+
+def test_targets_may_be_yaml_with_units(small_tree, tmp_path):
+    path = write_case(tmp_path, small_tree, targets="targets.yaml")
+    (tmp_path / "targets.yaml").write_text("PaoMean: {value: 12, unit: kPa}\nAbsQin: 70\nEFLV: none\n")
+    prepare_case(path, Settings(), tmp_path / "case")
+    targets = json.loads((tmp_path / "case/case.json").read_text())["targets"]
+    assert targets["PaoMean"] == {"description": "Mean aortic pressure", "value": 12.0, "unit": "kPa"}
+    assert targets["AbsQin"]["value"] == 70.0 and targets["EFLV"]["value"] is None
+
+
+def test_measured_territory_flows_come_back_from_their_territories(small_tree, tmp_path):
+    path = write_case(
+        tmp_path, small_tree, perfusion=None, territory_flows="{file: flows.csv, unit: fraction, total: 4.0}"
+    )
+    (tmp_path / "flows.csv").write_text("name,flow,volume\nlca1,0.5,50\nlca2,0.3,30\nrca1,0.2,40\n")
+    prepare_case(path, Settings(), tmp_path / "case")
+    case = json.loads((tmp_path / "case/case.json").read_text())
+    wall = pv.read(tmp_path / "case/lv.vtu")
+    flows = wall.cell_data["MBF"] * wall.cell_data["Volume"] * case["tissue_density"]
+    assert flows == pytest.approx([2.0, 1.2, 0.8], rel=1e-12)
+    ends = np.array([outlet["point"] for outlet in case["outlets"]])
+    assert np.array_equal(wall.cell_centers().points, ends)
+
+
+def closed_loop_22(shared, folder):
+    """The real network with 22 outlets as a case without anatomy: 17 of them perfuse the LV, equal flows."""
+    folder.mkdir(parents=True, exist_ok=True)
+    data = shared / "data/closed-loop-22"
+    shutil.copy(data / "svzerod_tuning_cgs.json", folder / "network.json")
+    shutil.copy(data / "coronary_cgs.csv", folder / "targets.csv")
+    graph = graph_of(json.loads((folder / "network.json").read_text()), "network.json")
+    rows = []
+    for vessel, bc in graph.bc.items():
+        if "Coronary" in graph.types[bc]:
+            left = "LAD" if "branch8_seg0" in graph.path(vessel) else "LCx"
+            rows.append((vessel, "RCA" if graph.types[bc].endswith("Right") else left))
+    outside = {"rca1", "rca2", "rca3", "rca4", "rca10"}
+    (folder / "outlets.csv").write_text(
+        "name,perfuses,branch\n" + "".join(f"{n},{'RV' if n in outside else 'LV'},{b}\n" for n, b in rows)
+    )
+    lv = [n for n, _ in rows if n not in outside]
+    (folder / "flows.csv").write_text("name,flow\n" + "".join(f"{n},{1 / len(lv)}\n" for n in lv))
+    (folder / "case.yaml").write_text(
+        "name: closed-loop-22\nnetwork: network.json\noutlets: outlets.csv\ntargets: targets.csv\n"
+        "territory_flows: {file: flows.csv, unit: fraction, total: 3.0}\n"
+        "stenoses: [{name: LCx, block: branch20_seg0}]\n"
+    )
+    return folder / "case.yaml"
+
+
+def test_a_ready_network_needs_no_anatomy(shared, tmp_path):
+    path = closed_loop_22(shared, tmp_path)
+    findings, summary = check_case(path)
+    assert findings == []
+    assert "network: 49 vessels, 22 coronary outlets (17 LV, 5 RV), 5 systemic" in summary
+    prepare_case(path, Settings(), tmp_path / "case")
+    case = json.loads((tmp_path / "case/case.json").read_text())
+    given = json.loads((tmp_path / "network.json").read_text())
+    assert json.loads((tmp_path / "case/network.json").read_text()) == given
+    assert case["schematic"] and case["aorta"]["pressure"] == "J_heart_outlet:aorta"
+    assert case["period"] == 0.9231
+    assert case["stenoses"][0]["ffr"] == "branch20_seg0:J12"
+    radius = {outlet["name"]: outlet["radius"] for outlet in case["outlets"]}
+    # ρ l / (π r²) = L of lca1.
+    assert 1.06 * 3.33927399 / (np.pi * radius["lca1"] ** 2) == pytest.approx(126.25582734240001, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("lca1,LV,LAD", "lca99,LV,LAD", "bc = 'BC_lca99': no coronary bed of network.json"),
+        ("lca1,LV,LAD", "lca1,LV,RCA", "branch of lca1 = 'RCA': BC_lca1 is a left bed"),
+        ("lca1,LV,LAD\n", "", "bc = 'BC_lca1': missing; network.json has this coronary bed"),
+    ],
+)
+def test_a_table_that_does_not_fit_its_network_is_refused(shared, tmp_path, old, new, expected):
+    path = closed_loop_22(shared, tmp_path)
+    table = (tmp_path / "outlets.csv").read_text()
+    assert old in table
+    (tmp_path / "outlets.csv").write_text(table.replace(old, new))
+    assert expected in check_case(path)[0][0]
+
+
+def test_a_network_with_a_dangling_vessel_is_refused(shared, tmp_path):
+    path = closed_loop_22(shared, tmp_path)
+    network = json.loads((tmp_path / "network.json").read_text())
+    network["junctions"][3]["outlet_vessels"].pop()
+    (tmp_path / "network.json").write_text(json.dumps(network))
+    assert "vessel branch19_seg0: nothing feeds it" in check_case(path)[0][0]

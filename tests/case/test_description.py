@@ -1,0 +1,181 @@
+"""`case.yaml`: a sound one is read, each mistake is one line that says where and what is allowed."""
+
+import pytest
+from case_files import write_case
+
+from coronaryuq.case.check import check_case
+from coronaryuq.case.description import read_description, schema
+
+
+def test_a_sound_case_has_no_findings_and_says_what_it_holds(small_tree, tmp_path):
+    findings, summary = check_case(write_case(tmp_path, small_tree))
+    assert findings == []
+    text = "\n".join(summary)
+    assert "3 coronary outlets (3 LV), 1 systemic" in text
+    assert "2.00 mL/min/g" in text
+    assert "targets: PaoMean, AbsQin" in text
+
+
+MISTAKES = {
+    "unknown field": ({"heartrate": "60"}, "heartrate = 60: unknown field; known here: name, description"),
+    "unknown field inside": (
+        {"perfusion": "{file: lv.vtu, unit: mL/min/g, length_unit: cm, colour: red}"},
+        "perfusion.colour = 'red': unknown field; known here: file, array",
+    ),
+    "unit": (
+        {"perfusion": "{file: lv.vtu, array: MBF, unit: litres, length_unit: cm}"},
+        "perfusion.unit = 'litres': input should be 'mL/s/g', 'mL/min/g'",
+    ),
+    "no anatomy": ({"anatomy": None}, "give anatomy, or network, or both"),
+    "two anatomies": (
+        {"anatomy": "{centrelines: tree.vtp, surface: lumen.stl}"},
+        "anatomy: give exactly one of centrelines, surface, simvascular, mesh; given: centrelines, surface",
+    ),
+    "missing outlets": ({"outlets": None}, "outlets: required field is missing"),
+    "file absent": ({"outlets": "nowhere.csv"}, "nowhere.csv: no such file"),
+    "viscosity of SI": ({"viscosity": "0.0035"}, "viscosity = 0.0035: input should be greater than or equal to 0.005"),
+    "not a number": ({"period": "fast"}, "period = 'fast': input should be a valid number"),
+    "infinite": ({"density": ".inf"}, "density = inf: input should be a finite number"),
+    "stenosis twice": (
+        {
+            "stenoses": "[{name: LAD, vessel: lca1, start: 1, end: 2},"
+            " {name: LAD, vessel: lca2, start: 1, end: 2}]"
+        },
+        "stenoses names LAD twice",
+    ),
+    "stenosis on no vessel": (
+        {"stenoses": "[{name: LAD, vessel: lad9, start: 1, end: 2}]"},
+        "stenoses.LAD.vessel = 'lad9': no vessel of the tree; it has aorta, branch1, lca1",
+    ),
+    "stenosis beyond the end": (
+        {"stenoses": "[{name: LAD, vessel: lca1, start: 1, end: 5}]"},
+        "stenoses.LAD.end = 5.0: the vessel runs from 0 to 4 cm",
+    ),
+    "stenosis on the other artery": (
+        {"stenoses": "[{name: LAD, vessel: lca2, start: 1, end: 2}]"},
+        "stenoses.LAD.vessel = 'lca2': belongs to the LCx, not the LAD",
+    ),
+    "stenosis name": (
+        {"stenoses": "[{name: LM, vessel: branch1, start: 1.5, end: 2}]"},
+        "stenoses.0.name = 'LM': input should be 'LAD', 'LCx' or 'RCA'",
+    ),
+    "stenosis half given": (
+        {"stenoses": "[{name: LAD, vessel: lca1, start: 1}]"},
+        "start and end (cm along the vessel) go with vessel",
+    ),
+    "map and flows": (
+        {"territory_flows": "{file: flows.csv, unit: mL/s}"},
+        "give perfusion (a map) or territory_flows (a table), exactly one",
+    ),
+    "wrong array": (
+        {"perfusion": "{file: lv.vtu, array: flow, unit: mL/min/g, length_unit: cm}"},
+        "perfusion.array = 'flow': no such array; the map has MBF",
+    ),
+    "wrong perfusion unit": (
+        {"perfusion": "{file: lv.vtu, array: MBF, unit: mL/min/100g, length_unit: cm}"},
+        "perfusion.unit = 'mL/min/100g': makes the median flow 0.02 mL/min/g, outside 0.1 to 10.0; "
+        "the values would fit mL/min/g or mL/min/mL",
+    ),
+    "wrong length unit": (
+        {"perfusion": "{file: lv.vtu, array: MBF, unit: mL/min/g, length_unit: mm}"},
+        "perfusion.length_unit = 'mm': makes the wall 0.7 cm long; its points look like cm",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_is_one_line_with_file_field_value_and_remedy(small_tree, tmp_path, mistake):
+    changes, expected = MISTAKES[mistake]
+    path = write_case(tmp_path, small_tree, **changes)
+    findings, summary = check_case(path)
+    assert summary == [] and len(findings) == 1
+    assert "\n" not in findings[0] and findings[0].startswith(str(tmp_path))
+    assert expected in findings[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("name: [unclosed", "not valid YAML"),
+        ("just text", "wanted a mapping of fields"),
+        ("name: a\nname: b\n", "name is given twice"),
+        ("a: &x [1]\nb: *x\n", "aliases (*name) are not used here"),
+        ("name: !!python/object/apply:os.system ['true']\n", "not valid YAML"),
+        ("\x00", "not valid YAML"),
+    ],
+)
+def test_yaml_that_is_no_description_is_refused(tmp_path, text, expected):
+    path = tmp_path / "case.yaml"
+    path.write_text(text)
+    findings, _ = check_case(path)
+    assert len(findings) == 1 and expected in findings[0] and "\n" not in findings[0]
+
+
+TABLES = {
+    "unknown end": ("lca9,lca9,LV,LAD", "vessel of lca9 = 'lca9': no end of the tree; ends: lca1, lca2, rca1"),
+    "perfuses": ("lca1,lca1,left,LAD", "row 1, perfuses = 'left': allowed: LV, RV, septum"),
+    "branch": ("lca1,lca1,LV,LM", "row 1, branch = 'LM': allowed: LAD, LCx, RCA"),
+    "twice": ("lca1,lca1,LV,LAD\nlca1,lca2,LV,LCx", "name = 'lca1': occurs twice"),
+    "same end": ("a,lca1,LV,LAD\nb,lca1,LV,LCx", "b = 'lca1': another outlet has this end"),
+    "none for the LV": ("lca1,lca1,RV,LAD", "no outlet perfuses the LV"),
+    "name": ("1x,lca1,LV,LAD", "row 1, name = '1x': wanted letters"),
+}
+
+
+@pytest.mark.parametrize("mistake", TABLES)
+def test_a_wrong_outlets_table_is_named_by_row_and_column(small_tree, tmp_path, mistake):
+    rows, expected = TABLES[mistake]
+    path = write_case(tmp_path, small_tree)
+    (tmp_path / "outlets.csv").write_text("name,vessel,perfuses,branch\n" + rows + "\n")
+    findings, _ = check_case(path)
+    assert len(findings) == 1 and expected in findings[0] and "outlets.csv" in findings[0]
+
+
+def test_ends_without_an_outlet_are_named_when_the_aortic_outlet_is_given(small_tree, tmp_path):
+    path = write_case(tmp_path, small_tree, systemic_outlets="[{name: BC_RCR1, vessel: aorta_outlet}]")
+    (tmp_path / "outlets.csv").write_text("name,vessel,perfuses,branch\nlca1,lca1,LV,LAD\nrca1,rca1,LV,RCA\n")
+    findings, _ = check_case(path)
+    assert "vessel = 'lca2': ends of the tree without an outlet" in findings[0]
+
+
+def test_outlets_may_be_given_by_points_in_the_anatomys_unit(small_tree, tmp_path):
+    path = write_case(tmp_path, small_tree)
+    ends = [small_tree[name].points[-1] for name in ("lca1", "lca2", "rca1")]
+    (tmp_path / "outlets.csv").write_text(
+        "name,x,y,z,perfuses,branch\n"
+        + "".join(
+            f"{name},{x + 0.05},{y},{z},LV,{branch}\n"
+            for name, branch, (x, y, z) in zip("abc", ("LAD", "LCx", "RCA"), ends, strict=True)
+        )
+    )
+    assert check_case(path)[0] == []
+    far = (tmp_path / "outlets.csv").read_text().replace(f"{ends[0][0] + 0.05}", "9.0")
+    (tmp_path / "outlets.csv").write_text(far)
+    assert "cm from the nearest end of the tree" in check_case(path)[0][0]
+
+
+TARGETS = {
+    "unknown": ("PaoMedian,x,90", "PaoMedian: unknown target; known: PaoMin, PaoMax"),
+    "not a number": ("PaoMean,x,ninety", "PaoMean = 'ninety': wanted a number or none"),
+    "twice": ("PaoMean,x,90\nPaoMean,x,91", "PaoMean = '91': given twice"),
+    "columns": ("PaoMean,90", "line 1 = 'PaoMean,90': wanted name, description, value"),
+}
+
+
+@pytest.mark.parametrize("mistake", TARGETS)
+def test_a_wrong_target_is_named(small_tree, tmp_path, mistake):
+    text, expected = TARGETS[mistake]
+    path = write_case(tmp_path, small_tree)
+    (tmp_path / "targets.csv").write_text(text + "\n")
+    assert expected in check_case(path)[0][0]
+
+
+def test_the_schema_describes_every_field():
+    for name, field in schema()["properties"].items():
+        assert field.get("description"), name
+
+
+def test_the_description_of_the_small_case(small_tree, tmp_path):
+    description = read_description(write_case(tmp_path, small_tree))
+    assert description.anatomy.kind == "centrelines"
+    assert (description.density, description.viscosity, description.hyperaemia) == (1.06, 0.04, 0.24)

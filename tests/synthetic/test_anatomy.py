@@ -1,0 +1,117 @@
+"""The bundled patient's anatomy: what an anatomist and a mesher would ask of it."""
+
+import numpy as np
+import pytest
+
+from coronaryuq.case.tree import AORTA, area_ratio, distance_to
+from coronaryuq.synthetic.anatomy import EXPONENT, SMALLEST, Anatomy, patient_anatomy
+
+SEEDS = [2024, 1, 2, 3]
+
+
+@pytest.fixture(scope="module", params=SEEDS)
+def anatomy(request) -> Anatomy:
+    return patient_anatomy(request.param)
+
+
+def test_at_least_fourteen_outlets_perfuse_the_left_ventricle_and_some_do_not(anatomy):
+    perfuses = [outlet.perfuses for outlet in anatomy.outlets]
+    assert perfuses.count("LV") >= 14
+    assert perfuses.count("RV") >= 2 and perfuses.count("septum") >= 1
+    coronary = {v.name for v in anatomy.tree.leaves() if v.branch != AORTA}
+    assert {outlet.vessel for outlet in anatomy.outlets} == coronary
+
+
+def test_the_right_coronary_artery_gives_the_posterior_descending_one(anatomy):
+    vessel = next(o.vessel for o in anatomy.outlets if o.label == "PDA")
+    assert anatomy.tree[vessel].branch == "RCA"
+    assert anatomy.tree.path(vessel)[1].parent == "aorta"
+
+
+def test_two_ostial_arteries_arise_from_one_aorta(anatomy):
+    ostial = [v for v in anatomy.tree if anatomy.tree.ostial(v)]
+    assert [v.branch for v in ostial] == ["LM", "RCA"]
+    for vessel in ostial:
+        assert 1.2 < anatomy.tree.emergence(vessel.name) < vessel.length - 0.5
+
+
+def test_calibres_obey_murrays_law_where_none_is_at_the_floor(anatomy):
+    checked = 0
+    for vessel in anatomy.tree:
+        children = [c for c in anatomy.tree.children(vessel.name) if c.branch != AORTA]
+        if vessel.branch == AORTA or not children or min(c.radii[0] for c in children) <= SMALLEST:
+            continue
+        total = sum(c.radii[0] ** EXPONENT for c in children)
+        assert total == pytest.approx(vessel.radii[-1] ** EXPONENT, rel=1e-9)
+        checked += 1
+    assert checked >= 5
+
+
+def test_no_vessel_widens_and_none_is_thinner_than_ct_can_see(anatomy):
+    narrow = {s.vessel for s in anatomy.stenoses}
+    for vessel in anatomy.tree:
+        if vessel.branch != AORTA and vessel.name not in narrow:
+            assert (np.diff(vessel.radii) <= 1e-12).all()
+            assert vessel.radii[-1] > 0.05
+
+
+def test_vessels_that_do_not_meet_keep_clear_of_one_another(anatomy):
+    tree = anatomy.tree
+    for a in tree:
+        for b in tree:
+            related = a.name == b.name or a.parent == b.name or b.parent == a.name or a.parent == b.parent
+            if not related:
+                clearance = (distance_to(a, b.points) - b.radii).min()
+                assert clearance > 0.05, f"{a.name} and {b.name}: {clearance:.3f} cm"
+
+
+def test_siblings_part_within_a_few_radii(anatomy):
+    for a in anatomy.tree:
+        for b in anatomy.tree.children(a.parent) if a.parent else []:
+            if a.name != b.name and AORTA not in (a.branch, b.branch):
+                far = b.arc > 5 * b.radii[0]
+                assert (distance_to(a, b.points[far]) - b.radii[far]).min() > 0.02, f"{a.name} and {b.name}"
+
+
+def test_epicardial_arteries_lie_on_the_heart_and_septal_ones_in_it(anatomy):
+    for outlet in anatomy.outlets:
+        end = anatomy.heart(anatomy.tree[outlet.vessel].points[-1:])
+        _, s, depth = anatomy.ventricle.coordinates(end)
+        assert 0.0 < s[0] < 1.0
+        if outlet.perfuses == "LV":
+            assert -0.6 < depth[0] < 0.0
+        elif outlet.perfuses == "septum":
+            assert 0.2 < depth[0] < 0.8
+
+
+def test_each_artery_has_one_stenosis_of_the_stated_severity(anatomy):
+    assert [s.name for s in anatomy.stenoses] == ["LAD", "LCx", "RCA"]
+    for stenosis in anatomy.stenoses:
+        assert anatomy.tree[stenosis.vessel].branch == stenosis.name
+        assert 0.10 < area_ratio(anatomy.tree, stenosis) < 0.25
+
+
+def test_no_territory_is_tiny_or_takes_half_the_wall(anatomy):
+    from scipy.spatial import cKDTree
+
+    ends = [anatomy.tree[o.vessel].points[-1] for o in anatomy.outlets if o.perfuses == "LV"]
+    wall = anatomy.wall(20_000)
+    _, nearest = cKDTree(ends).query(np.asarray(wall.cell_centers().points))
+    share = np.bincount(nearest, minlength=len(ends)) / wall.n_cells
+    assert share.min() > 0.01 and share.max() < 0.25
+
+
+def test_the_seed_alone_decides(anatomy):
+    again = patient_anatomy(2024)
+    other = patient_anatomy(2025)
+    assert np.array_equal(patient_anatomy(2024).tree["lca1"].points, again.tree["lca1"].points)
+    assert np.linalg.norm(again.tree["lca1"].points[-1] - other.tree["lca1"].points[-1]) > 0.01
+
+
+def test_body_axes_are_a_rotation_that_points_the_apex_left_forwards_and_down():
+    turn = Anatomy.body(np.eye(3))
+    assert turn @ turn.T == pytest.approx(np.eye(3), abs=1e-12)
+    assert np.linalg.det(turn) == pytest.approx(1.0)
+    left, posterior, superior = Anatomy.body(np.array([0.0, 0.0, -1.0]))
+    assert left > 0 and posterior < 0 and superior < 0
+    assert Anatomy.heart(Anatomy.body(np.eye(3))) == pytest.approx(np.eye(3), abs=1e-12)
