@@ -5,10 +5,10 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-import arviz
 import numpy as np
 
 from coronaryuq.files import replacing
+from coronaryuq.posterior.diagnostics import split_rhat
 from coronaryuq.posterior.dream import Dream, State
 from coronaryuq.posterior.emulator import Emulator, design, design_size
 from coronaryuq.posterior.fit import Fit
@@ -148,8 +148,8 @@ def _progress(dream: Dream, state: State, recorder: Recorder, names: list[str], 
     worst = ""
     if len(half) >= 4:
         draws = multipliers(half.reshape(-1, half.shape[2])).reshape(*half.shape[:2], -1)
-        rhat = arviz.rhat(arviz.convert_to_dataset(draws.transpose(1, 0, 2)))["x"].to_numpy()
-        place = int(np.nanargmax(rhat)) if np.any(np.isfinite(rhat)) else 0
+        rhat = split_rhat(draws.transpose(1, 0, 2))
+        place = int(np.argmax(np.nan_to_num(rhat)))
         worst = f"  R-hat {rhat[place]:.3f} ({names[place]})"
     total = dream.decisions * dream.every
     acceptance = float(np.mean(state.accepted)) / max(int(state.proposed), 1)

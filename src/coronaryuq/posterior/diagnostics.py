@@ -1,15 +1,25 @@
 """Have the chains converged: rank-normalised split R-hat and effective sample sizes, and a verdict."""
 
-import arviz
 import numpy as np
+
+
+def split_rhat(draws: np.ndarray) -> np.ndarray:
+    """Rank-normalised split R-hat (N,) of `draws` (chains, n, N)."""
+    import arviz
+
+    return np.array([float(arviz.rhat(draws[:, :, i], method="rank")) for i in range(draws.shape[2])])
+
+
+def effective_size(draws: np.ndarray, kind: str) -> np.ndarray:
+    """Effective sample size (N,) of `draws` (chains, n, N), `kind` "bulk" or "tail"."""
+    import arviz
+
+    return np.array([float(arviz.ess(draws[:, :, i], method=kind)) for i in range(draws.shape[2])])
 
 
 def diagnose(draws: np.ndarray, names: list[str], rhat_limit: float, ess_limit: float) -> dict:
     """Verdict on `draws` (chains, n, N) of parameters `names` (Vehtari et al. 2021)."""
-    data = arviz.convert_to_dataset({"r": draws})
-    rhat = arviz.rhat(data, method="rank")["r"].to_numpy()
-    bulk = arviz.ess(data, method="bulk")["r"].to_numpy()
-    tail = arviz.ess(data, method="tail")["r"].to_numpy()
+    rhat, bulk, tail = split_rhat(draws), effective_size(draws, "bulk"), effective_size(draws, "tail")
     worst = int(np.argmax(np.where(np.isfinite(rhat), rhat, np.inf)))
     poorest = int(np.argmin(np.minimum(bulk, tail)))
     least = float(min(bulk[poorest], tail[poorest]))

@@ -172,18 +172,21 @@ class Dream:
 
     def _propose(self, position, pool, crossover, random) -> Proposal:
         proposal = differential_evolution(position, pool, crossover, self.settings, random)
-        by_snooker = random.uniform(size=len(position)) < self.settings.snooker
-        if np.any(by_snooker):
+        if self.settings.snooker > 0:
+            by_snooker = random.uniform(size=len(position)) < self.settings.snooker
             proposal = proposal.replaced(by_snooker, snooker(position, pool, random))
         if self.box is not None:
             proposal = into_box(proposal, self.box, self.settings.boundary)
         return proposal
 
     def _credit(self, state, proposal, step, spread) -> None:
+        if not self.settings.adapt_crossovers or int(state.generation) // self.every >= self.burn_in:
+            return
         jump = np.sum((step / np.where(spread > 0, spread, 1.0)) ** 2, axis=1)
         crossed = proposal.crossover >= 0
-        np.add.at(state.jumped, proposal.crossover[crossed], jump[crossed])
-        np.add.at(state.used, proposal.crossover[crossed], 1.0)
+        values = len(state.crossover)
+        state.jumped += np.bincount(proposal.crossover[crossed], weights=jump[crossed], minlength=values)
+        state.used += np.bincount(proposal.crossover[crossed], minlength=values)
 
     def _adapt(self, state: State, decision: int) -> None:
         if self.settings.adapt_crossovers and np.all(state.used > 0) and state.jumped.sum() > 0:

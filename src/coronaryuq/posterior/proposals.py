@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from coronaryuq.posterior.settings import DreamSettings
 
@@ -29,24 +30,48 @@ def differential_evolution(
 ) -> Proposal:
     """Proposal of step 2 of `Dream` for `position` (n, d) with partners from `pool` (m, d)."""
     n, d = position.shape
-    pairs = random.integers(1, settings.pairs + 1, size=n)
-    partners = np.argsort(random.uniform(size=(n, len(pool))), axis=1)[:, : 2 * settings.pairs]
-    difference = pool[partners[:, ::2]] - pool[partners[:, 1::2]]
-    counted = np.arange(settings.pairs) < pairs[:, None]
-    jump = np.sum(np.where(counted[:, :, None], difference, 0.0), axis=1)
+    uniforms = random.uniform(size=(n, 4 + 2 * d + len(pool)))
+    normals = random.standard_normal((n, d))
+    proposed, used = _differential_evolution(
+        position, pool, np.cumsum(crossover), uniforms, normals,
+        settings.pairs, settings.unit_jump, settings.spread, settings.jitter,
+    )  # fmt: skip
+    return Proposal(proposed, np.zeros(n), used)
 
-    used = np.searchsorted(np.cumsum(crossover)[:-1], random.uniform(size=n), side="right")
-    probability = (used + 1.0) / len(crossover)
-    update = random.uniform(size=(n, d)) < probability[:, None]
-    at_least_one = random.integers(0, d, size=n)
-    update[np.arange(n), at_least_one] |= ~update.any(axis=1)
 
-    rate = 2.38 / np.sqrt(2.0 * pairs * update.sum(axis=1))
-    rate = np.where(random.uniform(size=n) < settings.unit_jump, 1.0, rate)
-    factor = 1.0 + random.uniform(-settings.spread, settings.spread, size=(n, d))
-    jitter = settings.jitter * random.standard_normal((n, d))
-    step = factor * rate[:, None] * jump + jitter
-    return Proposal(position + np.where(update, step, 0.0), np.zeros(n), used)
+@njit(cache=True)
+def _differential_evolution(
+    position, pool, cumulative, uniforms, normals, most_pairs, unit_jump, half_width, jitter
+):  # fmt: skip
+    n, d = position.shape
+    proposed = position.copy()
+    used = np.empty(n, dtype=np.int64)
+    update = np.empty(d, dtype=np.bool_)
+    for row in range(n):
+        u = uniforms[row]
+        pairs = min(1 + int(u[0] * most_pairs), most_pairs)
+        choice = 0
+        while choice < cumulative.size - 1 and u[1] >= cumulative[choice]:
+            choice += 1
+        used[row] = choice
+        rate = (choice + 1.0) / cumulative.size
+        updates = 0
+        for k in range(d):
+            update[k] = u[4 + k] < rate
+            updates += update[k]
+        if updates == 0:
+            update[min(int(u[2] * d), d - 1)] = True
+            updates = 1
+        gamma = 1.0 if u[3] < unit_jump else 2.38 / np.sqrt(2.0 * pairs * updates)
+        partner = np.argsort(u[4 + 2 * d :])
+        for k in range(d):
+            if update[k]:
+                jump = 0.0
+                for pair in range(pairs):
+                    jump += pool[partner[2 * pair], k] - pool[partner[2 * pair + 1], k]
+                factor = 1.0 + half_width * (2.0 * u[4 + d + k] - 1.0)
+                proposed[row, k] += factor * gamma * jump + jitter * normals[row, k]
+    return proposed, used
 
 
 def snooker(position: np.ndarray, pool: np.ndarray, random: np.random.Generator) -> Proposal:

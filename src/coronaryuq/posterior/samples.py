@@ -1,13 +1,17 @@
 """Samples θ = (r, s): draws of the posterior beside a scaling of total coronary resistance (paper, section 2.3)."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import pandas as pd
 
 from coronaryuq.seeds import generator
 from coronaryuq.zerod.beds import SCALING
 
+if TYPE_CHECKING:
+    import pandas as pd
 
-def theta(draws: pd.DataFrame, beds: list[str], name: str, count: int, scaling: tuple[float, float], seed: int):
+
+def theta(draws: "pd.DataFrame", beds: list[str], name: str, count: int, scaling: tuple[float, float], seed: int):
     """Table of θ with `count` rows: `sample`, one column per bed, `R_cor_scaling`.
 
     Row k depends on seed, `name` of the set, k and the draws, not on `count`: a longer table begins with the shorter.

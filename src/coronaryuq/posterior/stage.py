@@ -2,6 +2,7 @@
 
 import json
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -119,13 +120,15 @@ def summarise(chains: dict, settings: Settings, seed: int, posterior_nc: str | P
     likelihood = Likelihood(chains["target_mean"], chains["target_covariance"])
     n, length = multipliers.shape[:2]
     flat = multipliers.reshape(-1, len(names))
-    data = arviz.from_dict(
-        posterior={"r": multipliers, "flow": flows},
-        sample_stats={"lp": chains["log_density"][:, kept]},
-        observed_data={"target_flow": likelihood.mean},
-        coords={"bed": names, "bed_": names},
-        dims={"r": ["bed"], "flow": ["bed"], "target_flow": ["bed"]},
-    )
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="More chains")
+        data = arviz.from_dict(
+            posterior={"r": multipliers, "flow": flows},
+            sample_stats={"lp": chains["log_density"][:, kept]},
+            observed_data={"target_flow": likelihood.mean},
+            coords={"bed": names},
+            dims={"r": ["bed"], "flow": ["bed"], "target_flow": ["bed"]},
+        )
     with replacing(posterior_nc) as beside:
         data.to_netcdf(str(beside))
     stride = max(1, -(-n * length // settings.draws))

@@ -1,0 +1,260 @@
+"""DREAM samples what it is asked to: moments, detailed balance, independence of chains, restarts."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from coronaryuq.posterior.dream import Dream
+from coronaryuq.posterior.settings import DreamSettings
+
+
+def no_output(log_density):
+    return lambda x: (log_density(x), np.zeros((len(x), 0)))
+
+
+def run(log_density, start, generations, seed=1, *, screen=None, every=1, box=None, **settings):
+    """Draws (decisions after burn-in, chains, d) and the sampler's last state."""
+    settings = DreamSettings(chains=len(start), generations=generations, **settings)
+    dream = Dream(no_output(log_density), settings, seed, screen=screen, every=every, box=box)
+    state, draws = dream.start(start), []
+    for _ in range(dream.decisions):
+        dream.advance(state)
+        draws.append(state.position.copy())
+    return np.array(draws[dream.burn_in :]), state
+
+
+def ess(draws):
+    import arviz
+
+    return arviz.ess(arviz.convert_to_dataset(draws.swapaxes(0, 1)))["x"].to_numpy()
+
+
+def assert_moments(draws, mean, covariance, sigmas=4.5):
+    """Mean and variances agree within their own standard errors, from effective sample sizes."""
+    flat = draws.reshape(-1, draws.shape[2])
+    variance = np.diag(covariance)
+    n = ess(draws)
+    assert np.all(np.abs(flat.mean(axis=0) - mean) < sigmas * np.sqrt(variance / n))
+    n_squared = ess((draws - mean) ** 2)
+    spread = np.var((flat - mean) ** 2, axis=0)
+    assert np.all(np.abs(np.mean((flat - mean) ** 2, axis=0) - variance) < sigmas * np.sqrt(spread / n_squared))
+
+
+def gaussian(d, correlation=0.5, seed=2):
+    random = np.random.default_rng(seed)
+    deviation = np.exp(random.uniform(-1, 1, size=d))
+    covariance = (correlation + (1 - correlation) * np.eye(d)) * np.outer(deviation, deviation)
+    mean = random.normal(size=d)
+    precision = np.linalg.inv(covariance)
+    return mean, covariance, lambda x: -0.5 * np.einsum("ni,ij,nj->n", x - mean, precision, x - mean)
+
+
+def overdispersed(mean, covariance, chains, seed=3):
+    return np.random.default_rng(seed).multivariate_normal(mean, 4 * covariance, size=chains)
+
+
+@pytest.mark.parametrize(
+    ("d", "chains", "generations", "options"),
+    [
+        (1, 12, 3000, {}),
+        (10, 24, 5000, {}),
+        (10, 24, 5000, {"snooker": 0.2}),
+        (10, 24, 4000, {"adapt_crossovers": False, "crossovers": 1, "unit_jump": 0.0}),
+        (40, 60, 5000, {}),
+        pytest.param(100, 100, 60_000, {}, marks=pytest.mark.long),
+    ],
+)
+def test_gaussian_moments(d, chains, generations, options):
+    mean, covariance, log_density = gaussian(d)
+    draws, _ = run(log_density, overdispersed(mean, covariance, chains), generations, **options)
+    assert ess(draws).min() > 100
+    assert_moments(draws, mean, covariance)
+
+
+def test_hundred_dimensions_from_the_target_itself():
+    """Started in the target, chains stay in it: what a run of this length can tell in 100 dimensions."""
+    mean, covariance, log_density = gaussian(100)
+    start = np.random.default_rng(0).multivariate_normal(mean, covariance, size=60)
+    draws, _ = run(log_density, start, 1500, burn_in=0.2)
+    assert_moments(draws, mean, covariance)
+
+
+def test_twisted_target():
+    """Haario's twist: x_2 + 0.1 x_1^2 - 10 and the others are normal, x_1 with standard deviation 10."""
+
+    def untwisted(x):
+        y = x.copy()
+        y[:, 1] += 0.1 * x[:, 0] ** 2 - 10.0
+        y[:, 0] /= 10.0
+        return y
+
+    draws, _ = run(
+        lambda x: -0.5 * np.sum(untwisted(x) ** 2, axis=1), np.random.default_rng(1).normal(size=(24, 5)) * 5, 24_000
+    )
+    normal = untwisted(draws.reshape(-1, 5)).reshape(draws.shape)
+    assert_moments(normal, np.zeros(5), np.eye(5))
+
+
+def test_bimodal_target_keeps_the_weights():
+    """Modes at -4 and 4 in every coordinate with weights 1/3 and 2/3; jump rate 1 leaps between them."""
+    d, chains = 5, 36
+
+    def log_density(x):
+        left, right = -0.5 * np.sum((x + 4) ** 2, axis=1), -0.5 * np.sum((x - 4) ** 2, axis=1)
+        return np.logaddexp(left, np.log(2) + right)
+
+    start = np.random.default_rng(1).normal(size=(chains, d)) + np.where(np.arange(chains) % 2, 4, -4)[:, None]
+    draws, _ = run(log_density, start, 20_000, remove_outliers=False)
+    right = (draws.mean(axis=2, keepdims=True) > 0).astype(float)
+    n = ess(right)[0]
+    assert n > 100
+    assert abs(right.mean() - 2 / 3) < 4.5 * np.sqrt(2 / 9 / n)
+    assert np.mean(right[1:] != right[:-1]) > 1e-3
+
+
+@pytest.mark.parametrize("boundary", ["reflect", "fold", "reject"])
+def test_box(boundary):
+    """An exponential on [0, 2] x [0, 1]: walls keep the stationary distribution."""
+    box = np.array([[0.0, 0.0], [2.0, 1.0]])
+
+    def log_density(x):
+        assert np.all((x >= box[0]) & (x <= box[1]))
+        return -x[:, 0]
+
+    start = np.random.default_rng(1).uniform(box[0], box[1], size=(24, 2))
+    draws, _ = run(log_density, start, 6000, box=box, boundary=boundary, snooker=0.1)
+    thinned = draws[::25].reshape(-1, 2)
+    assert stats.kstest(thinned[:, 0], stats.truncexpon(b=2).cdf).pvalue > 1e-3
+    assert stats.kstest(thinned[:, 1], "uniform").pvalue > 1e-3
+
+
+@pytest.mark.parametrize("every", [1, 15])
+def test_a_wrong_emulator_costs_time_and_no_correctness(every):
+    mean, covariance, log_density = gaussian(4)
+
+    def wrong(x):
+        return 0.6 * log_density(x) + 0.3 * x[:, 0] + 0.2 * np.sin(3 * x[:, 1])
+
+    draws, state = run(log_density, overdispersed(mean, covariance, 24), 6000 * every if every == 1 else 30_000,
+                       screen=wrong, every=every)  # fmt: skip
+    assert_moments(draws, mean, covariance)
+    emulated, _ = run(wrong, overdispersed(mean, covariance, 24), 6000)
+    with pytest.raises(AssertionError):
+        assert_moments(emulated, mean, covariance)
+    assert state.evaluations < state.generation * 24 or every == 1
+
+
+def exchange_asymmetry(settings, screen=None, every=1, repeats=300, d=3):
+    """z-scores of E[f(x) g(x') - g(x) f(x')] for one step x to x' from exact draws: zero under detailed balance."""
+    mean, covariance, log_density = gaussian(d)
+    random = np.random.default_rng(11)
+    functions = [lambda x: x[:, 0], lambda x: x[:, 0] ** 2, lambda x: x[:, 1] ** 3, lambda x: x[:, 0] > mean[0] + 0.5,
+                 lambda x: np.prod(x, axis=1), lambda x: np.sum(x**2, axis=1)]  # fmt: skip
+    values = []
+    for seed in range(repeats):
+        dream = Dream(no_output(log_density), settings, seed, screen=screen, every=every)
+        dream.burn_in = 0
+        state = dream.start(random.multivariate_normal(mean, covariance, size=settings.chains))
+        before = state.position.copy()
+        order = random.permutation(settings.chains)
+        half = settings.chains // 2
+        dream._move(state, order[:half], state.position[order[half:]], random)
+        x, after = before[order[:half]], state.position[order[:half]]
+        values.append([
+            np.mean(f(x) * g(after) - g(x) * f(after)) for i, f in enumerate(functions) for g in functions[:i]
+        ])  # fmt: skip
+    values = np.array(values)
+    return values.mean(axis=0) / (values.std(axis=0, ddof=1) / np.sqrt(repeats))
+
+
+@pytest.mark.parametrize("options", [
+    {"crossovers": 1, "unit_jump": 0.0}, {"crossovers": 3}, {"snooker": 0.9}, {"unit_jump": 0.9, "pairs": 1},
+])  # fmt: skip
+def test_detailed_balance_at_fixed_crossover(options):
+    settings = DreamSettings(chains=24, generations=10, adapt_crossovers=False, remove_outliers=False, **options)
+    assert np.all(np.abs(exchange_asymmetry(settings)) < 4.5)
+
+
+def test_detailed_balance_with_an_emulator():
+    _, _, log_density = gaussian(3)
+    settings = DreamSettings(chains=24, generations=10, adapt_crossovers=False, remove_outliers=False)
+    z = exchange_asymmetry(settings, screen=lambda x: 0.7 * log_density(x) + 0.2 * x[:, 0], every=5)
+    assert np.all(np.abs(z) < 4.5)
+
+
+def test_asymmetry_is_noticed():
+    """The statistic can fail: a snooker step without its Jacobian breaks detailed balance."""
+    from coronaryuq.posterior import dream as module
+
+    settings = DreamSettings(chains=24, generations=10, snooker=0.9)
+    correct = module.snooker
+    module.snooker = lambda *given: (lambda p: type(p)(p.position, 0 * p.log_ratio, p.crossover))(correct(*given))
+    try:
+        assert np.max(np.abs(exchange_asymmetry(settings, d=6))) > 6
+    finally:
+        module.snooker = correct
+
+
+def test_chains_stay_independent():
+    """From exact independent draws, six chains after some generations are still independent of each other.
+
+    Chains that moved all at once, with each other for partners, would not be.
+    """
+    settings = DreamSettings(chains=6, pairs=1, generations=10, adapt_crossovers=False, remove_outliers=False)
+    random, sums, squares = np.random.default_rng(5), [], []
+    for seed in range(1500):
+        dream = Dream(no_output(lambda x: -0.5 * np.sum(x**2, axis=1)), settings, seed)
+        dream.burn_in = 0
+        state = dream.start(random.normal(size=(6, 2)))
+        for _ in range(3):
+            dream.advance(state)
+        mean = state.position.mean(axis=0)
+        sums.append(6 * mean**2)
+        squares.append(np.sum((state.position - mean) ** 2, axis=0) / 5)
+    for values in (np.array(sums), np.array(squares)):
+        z = (values.mean(axis=0) - 1) / (values.std(axis=0, ddof=1) / np.sqrt(len(values)))
+        assert np.all(np.abs(z) < 4.5)
+
+
+def test_outlier_chain_is_restarted_only_during_burn_in():
+    def log_density(x):
+        return np.logaddexp(-0.5 * np.sum(x**2, axis=1), -60 - 0.5 * np.sum((x - 40) ** 2, axis=1))
+
+    start = np.random.default_rng(1).normal(size=(12, 3))
+    start[4] += 40.0
+    draws, state = run(log_density, start, 2000, unit_jump=0.0)
+    assert state.outliers >= 1
+    assert np.all(np.abs(draws[:, 4]).max(axis=0) < 10)
+
+
+def test_crossover_adapts_to_correlation():
+    """Where all coordinates move together, updating a few of them goes nowhere: CR = 1 gets more than its third."""
+    mean, covariance, log_density = gaussian(10, correlation=0.98)
+    _, state = run(log_density, overdispersed(mean, covariance, 24), 2000)
+    assert np.isclose(state.crossover.sum(), 1)
+    assert np.argmax(state.crossover) == 2
+    assert state.crossover[2] > 0.4
+
+
+def test_same_bits_from_a_saved_state():
+    mean, covariance, log_density = gaussian(4)
+    settings = DreamSettings(chains=12, generations=60)
+    dream = Dream(no_output(log_density), settings, 9)
+    whole = dream.start(overdispersed(mean, covariance, 12))
+    for _ in range(25):
+        dream.advance(whole)
+    saved = type(whole)(**{name: np.array(value) for name, value in whole.arrays().items()})
+    for _ in range(35):
+        dream.advance(whole)
+    other = Dream(no_output(log_density), settings, 9)
+    for _ in range(35):
+        other.advance(saved)
+    for name, value in whole.arrays().items():
+        assert np.array_equal(value, saved.arrays()[name]), name
+
+
+def test_settings_refuse_too_few_partners():
+    with pytest.raises(ValueError, match="even"):
+        DreamSettings(chains=13)
+    with pytest.raises(ValueError, match="at least 12 chains"):
+        DreamSettings(chains=10)

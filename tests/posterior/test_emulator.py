@@ -1,0 +1,58 @@
+"""Fit of flow fractions, design, emulator: accurate near the posterior, and the same density as the model's."""
+
+import numpy as np
+from resistor_tree import ResistorTree, targets_of
+
+from coronaryuq.posterior.emulator import Emulator, design, design_size
+from coronaryuq.posterior.fit import fit_fractions
+from coronaryuq.posterior.likelihood import Likelihood
+from coronaryuq.posterior.model import Posterior
+from coronaryuq.posterior.total_resistance import Conditioned
+
+
+def prepared(count=14):
+    tree = ResistorTree.of(count)
+    likelihood = Likelihood(*targets_of(tree))
+    space = Conditioned(tree.weights, (0.5, 2.0))
+    fit = fit_fractions(tree.flows, tree.weights, likelihood.mean)
+    random = np.random.default_rng(1)
+    y = design(space, likelihood, fit.multipliers, fit.flows, design_size(space.dimension), random)
+    return tree, likelihood, space, fit, Emulator.fit(y, space.multipliers(y), tree.flows(space.multipliers(y)))
+
+
+def test_fit_meets_target_fractions():
+    tree, likelihood, _, fit, _ = prepared(17)
+    wanted = likelihood.mean / likelihood.mean.sum()
+    assert np.max(np.abs(fit.flows / fit.flows.sum() / wanted - 1)) < 1e-4
+    assert np.isclose(np.sum(tree.weights / fit.multipliers), 1)
+    assert fit.runs < 15
+
+
+def test_fit_says_how_far_an_unreachable_target_is():
+    tree = ResistorTree.of(4)
+    greedy = np.array([50.0, 1.0, 1.0, 1.0]) * tree.flows(np.ones((1, 4)))[0]
+    fit = fit_fractions(tree.flows, tree.weights, greedy)
+    assert fit.error > 0.0
+
+
+def test_emulator_is_far_more_accurate_than_the_targets():
+    tree, likelihood, space, fit, emulator = prepared()
+    random = np.random.default_rng(2)
+    y = design(space, likelihood, fit.multipliers, fit.flows, 500, random, width=1.0)
+    m = space.multipliers(y)
+    error = np.abs(emulator.flows(y, m) / tree.flows(m) - 1)
+    assert error.max() < 0.005
+    assert np.all(emulator.error < 0.001)
+    posterior, screen = Posterior(tree, space, likelihood), emulator.screen(space, likelihood)
+    assert np.max(np.abs(screen(y) - posterior(y)[0])) < 0.05
+
+
+def test_emulated_density_is_that_of_emulated_flows():
+    _, likelihood, space, _, emulator = prepared(5)
+    y = space.draw(np.random.default_rng(0), 50)
+    expected = space.log_prior(y) + likelihood.log_density(emulator.flows(y, space.multipliers(y)))
+    screen = emulator.screen(space, likelihood)
+    assert np.allclose(screen(y), expected, rtol=1e-10)
+    outside = y + 5.0
+    assert np.all(np.isneginf(screen(outside)))
+    assert np.all(np.isneginf(space.log_prior(outside)))

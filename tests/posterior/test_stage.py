@@ -1,0 +1,201 @@
+"""The stage from files to files: the same bits however it is run, sound outputs, clear errors."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import arviz
+import numpy as np
+import pytest
+from resistor_tree import network_of
+
+from coronaryuq.errors import InputError
+from coronaryuq.files import read_csv, read_json, write_json
+from coronaryuq.posterior import stage
+from coronaryuq.posterior.bed_flows import BedFlows
+from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, Settings
+
+SMALL = Settings(
+    dream=DreamSettings(chains=24, generations=160), emulator=EmulatorSettings(generations=4), checkpoint=40
+)
+
+
+def sampled(campaign, folder, settings=SMALL, seed=3):
+    stage.sample(*campaign, settings, seed, folder / "chains.npz")
+    return folder / "chains.npz"
+
+
+def arrays(path):
+    with np.load(path) as file:
+        return {name: file[name] for name in file.files}
+
+
+def same(a, b, without=()):
+    a, b = arrays(a), arrays(b)
+    assert a.keys() == b.keys()
+    for name in a.keys() - set(without):
+        assert np.array_equal(a[name], b[name]), name
+
+
+def command(campaign, out, ranks=None):
+    launcher = [] if ranks is None else [str(Path(sys.executable).with_name("mpiexec")), "-n", str(ranks)]
+    run = [sys.executable, "-m", "coronaryuq.posterior", *map(str, campaign), str(out)]
+    return [*launcher, *run, "--seed", "3", "--settings", SMALL.model_dump_json()]
+
+
+def test_engine_flows_are_those_of_the_resistors(campaign, tree):
+    outlets = read_json(campaign[0])["outlets"]
+    model = BedFlows(campaign[1], outlets, tolerance=1e-6, steps_per_cycle=None)
+    m = np.random.default_rng(0).uniform(0.5, 2, size=(9, 6))
+    assert np.allclose(model.weights, tree.weights)
+    assert np.allclose(model.flows(m), tree.flows(m), rtol=1e-6)
+
+
+def test_from_files_to_files(campaign, tmp_path):
+    settings = SMALL.model_copy(deep=True)
+    settings.dream.generations, settings.emulator.generations = 6000, 50
+    chains = sampled(campaign, tmp_path, settings)
+    out = [tmp_path / name for name in ("posterior.nc", "draws.csv", "summary.json")]
+    stage.gather(*campaign, chains, settings, 3, *out)
+    summary, draws = read_json(out[2]), read_csv(out[1])
+    data = arviz.from_netcdf(out[0])
+    assert data.posterior["r"].shape == (24, 60, 6)
+    assert list(data.posterior["bed"].values) == [f"BC_{i}" for i in range(6)]
+    weights = arrays(chains)["weights"]
+    assert np.allclose((weights / draws[[f"BC_{i}" for i in range(6)]]).sum(axis=1), 1)
+    assert summary["emulator"]["acceptance"] is not None and summary["acceptance"] > 0.9
+    assert summary["model_runs"] < 24 * 6000 / 10
+    assert summary["rhat_max"] < 1.1 and summary["worst_parameter"] in summary["rhat"]
+    assert summary["verdict"].startswith("converged" if summary["converged"] else "not converged")
+    predictive = summary["predictive"]
+    assert predictive["coverage_95"] == 1.0
+    assert predictive["mahalanobis"] < 2 and 0.05 < predictive["p_value"] < 0.95
+    assert np.all(np.abs(np.array(predictive["sd_ratio"]) - 1) < 0.25)
+    assert predictive["correlation_of_correlations"] > 0.7
+    assert summary["fit"]["largest_fraction_error"] < 1e-3 and not summary["fit"]["outside_prior"]
+
+
+def test_samples_extend_without_changing(campaign, tmp_path):
+    chains = sampled(campaign, tmp_path)
+    stage.gather(*campaign, chains, SMALL, 3, *(tmp_path / n for n in ("p.nc", "draws.csv", "s.json")))
+    for count in (20, 50):
+        stage.draw_samples(tmp_path / "draws.csv", SMALL, 3, "pilot", count, tmp_path / f"{count}.csv")
+    stage.draw_samples(tmp_path / "draws.csv", SMALL, 3, "propagation", 20, tmp_path / "other.csv")
+    short, long, other = (read_csv(tmp_path / f"{n}.csv") for n in ("20", "50", "other"))
+    assert short.equals(long.iloc[:20])
+    assert list(short.columns) == ["sample", *(f"BC_{i}" for i in range(6)), "R_cor_scaling"]
+    assert not np.allclose(short["R_cor_scaling"], other["R_cor_scaling"])
+    assert long["R_cor_scaling"].between(0.7, 1.25).all()
+    assert long["sample"].is_unique
+
+
+def test_killed_run_continues_to_the_same_bits(campaign, tmp_path):
+    whole = sampled(campaign, tmp_path)
+    out = tmp_path / "killed" / "chains.npz"
+    process = subprocess.Popen(command(campaign, out), stderr=subprocess.DEVNULL)
+    checkpoint = out.with_suffix("") / "checkpoint.npz"
+    deadline = time.monotonic() + 120
+    while not checkpoint.exists() and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.002)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert checkpoint.exists()
+    subprocess.run(command(campaign, out), check=True, stderr=subprocess.DEVNULL)
+    same(whole, out)
+
+
+def test_resume_from_every_checkpoint_and_with_torn_chain_files(campaign, tmp_path, monkeypatch):
+    whole = sampled(campaign, tmp_path / "whole")
+
+    class Killed(Exception):
+        pass
+
+    from coronaryuq.posterior.chains import Recorder
+
+    save = Recorder.save
+    for stop in (1, 2, 3):
+        calls = []
+
+        def dying(self, state, calls=calls, stop=stop):
+            calls.append(1)
+            if len(calls) > stop:
+                for chain in range(5):
+                    values = {name: self.values[name][: self.done, chain] for name in self.NAMES}
+                    np.savez(self.folder / f"chain_{chain:03d}.npz", **values)
+                raise Killed
+            save(self, state)
+
+        monkeypatch.setattr(Recorder, "save", dying)
+        with pytest.raises(Killed):
+            sampled(campaign, tmp_path / str(stop))
+        monkeypatch.setattr(Recorder, "save", save)
+        evaluated, flows = [], BedFlows.flows
+
+        def counted(self, multipliers, evaluated=evaluated, flows=flows):
+            evaluated.append(len(multipliers))
+            return flows(self, multipliers)
+
+        monkeypatch.setattr(BedFlows, "flows", counted)
+        same(whole, sampled(campaign, tmp_path / str(stop)))
+        monkeypatch.setattr(BedFlows, "flows", flows)
+        assert sum(evaluated) < arrays(whole)["runs"]
+
+
+def test_checkpoint_of_other_inputs_is_not_continued(campaign, tmp_path):
+    first = sampled(campaign, tmp_path, seed=1)
+    one = arrays(first)
+    two = arrays(sampled(campaign, tmp_path, seed=2))
+    assert not np.array_equal(one["multipliers"], two["multipliers"])
+    fresh = sampled(campaign, tmp_path / "fresh", seed=2)
+    same(first, fresh)
+
+
+@pytest.mark.parametrize("ranks", [2, 3, 24])
+def test_same_bits_for_any_number_of_ranks(campaign, tmp_path, ranks):
+    alone = sampled(campaign, tmp_path / "alone")
+    together = tmp_path / f"ranks{ranks}.npz"
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+    subprocess.run(
+        command(campaign, together, ranks), check=True, stderr=subprocess.DEVNULL, env=environment, timeout=500
+    )
+    same(alone, together)
+    assert len(list(together.with_suffix("").glob("chain_*.npz"))) == 24
+
+
+def test_papers_rescaling_is_offered(campaign, tmp_path):
+    settings = SMALL.model_copy(update={"constraint": "rescaled"})
+    chains = arrays(sampled(campaign, tmp_path, settings))
+    assert not chains["emulated"]
+    moved = np.ptp(chains["multipliers"], axis=1).min(axis=1) > 0
+    assert moved.any()
+    assert np.allclose(np.sum(chains["weights"] / chains["multipliers"], axis=2), 1)
+
+
+def test_a_bed_that_the_loop_lacks_is_named(campaign, tmp_path):
+    case = read_json(campaign[0])
+    case["outlets"][2]["bc"] = "BC_other"
+    write_json(campaign[0], case)
+    with pytest.raises(InputError, match="bc = 'BC_2': no such outlet"):
+        sampled(campaign, tmp_path)
+
+
+def test_singular_covariance_is_refused(campaign, tmp_path):
+    targets = read_json(campaign[2])
+    targets["covariance"][0] = targets["covariance"][1]
+    write_json(campaign[2], targets)
+    with pytest.raises(InputError, match="covariance"):
+        sampled(campaign, tmp_path)
+
+
+def test_unreachable_targets_are_reported(campaign, tmp_path, capsys, tree):
+    targets = read_json(campaign[2])
+    targets["mean"][0] *= 6
+    write_json(campaign[2], targets)
+    write_json(campaign[1], network_of(tree))
+    chains = sampled(campaign, tmp_path)
+    assert "outside the prior" in capsys.readouterr().err
+    stage.gather(*campaign, chains, SMALL, 3, *(tmp_path / n for n in ("p.nc", "d.csv", "s.json")))
+    assert "BC_0" in read_json(tmp_path / "s.json")["fit"]["outside_prior"]
