@@ -1,6 +1,6 @@
 """Vessels as an implicit surface: signed distance to tapered capsules along paths, blended where paths meet."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numba
@@ -8,6 +8,8 @@ import numpy as np
 
 CHUNK = 8
 FAR = 1e9
+STEEPEST = 1.5
+"""Bound on the slope of the distance: 1 for a tube, more where the radius changes along it."""
 
 
 @dataclass(frozen=True)
@@ -76,22 +78,24 @@ class Implicit:
             points -= (self.distance(points) / steep)[:, None] * slope
         return points
 
-    def grid(self, spacing: float, limit: int) -> tuple[np.ndarray, np.ndarray]:
-        """Distance on a regular grid around the vessels, float32, and the grid's origin; far outside it is `FAR`.
-
-        Raises MemoryError when the grid has more than `limit` points.
+    def blocks(self, spacing: float, cells: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Cubes of `cells` grid cells that the surface may cross: index of the first grid point (3,) and the
+        distance at the (cells + 1)^3 points. Grid point (i, j, k) lies at `self.origin(spacing) + spacing (i, j,
+        k)`.
         """
-        pad = 3.0 * spacing
-        low = np.minimum(self.a - self.ra[:, None], self.b - self.rb[:, None]).min(axis=0) - pad
-        high = np.maximum(self.a + self.ra[:, None], self.b + self.rb[:, None]).max(axis=0) + pad
-        shape = np.ceil((high - low) / spacing).astype(np.int64) + 1
-        if np.prod(shape.astype(float)) > limit:
-            raise MemoryError(f"a grid of {' x '.join(map(str, shape))} points")
-        mark = np.zeros(tuple(shape), np.uint8)
-        _mark(mark, low, spacing, pad + float(self.blend.max()), self.a, self.b, self.ra, self.rb)
-        values = np.full(tuple(shape), FAR, np.float32)
-        _fill(values, mark, low, spacing, *self._arrays())
-        return values, low
+        low = self.origin(spacing)
+        high = np.maximum(self.a + self.ra[:, None], self.b + self.rb[:, None]).max(axis=0) + 3.0 * spacing
+        count = np.ceil((high - low) / (cells * spacing)).astype(int)
+        corners = cells * np.stack(np.meshgrid(*map(np.arange, count), indexing="ij"), axis=-1).reshape(-1, 3)
+        reach = 0.5 * np.sqrt(3.0) * cells * spacing
+        centres = low + spacing * (corners + 0.5 * cells)
+        crossed = np.abs(self.distance(centres)) < STEEPEST * reach + float(self.blend.max())
+        for corner, centre in zip(corners[crossed], centres[crossed], strict=True):
+            yield corner, _block(low + spacing * corner, spacing, cells + 1, centre, reach, *self._arrays())
+
+    def origin(self, spacing: float) -> np.ndarray:
+        """Lower corner of the grid (3,), cm."""
+        return np.minimum(self.a - self.ra[:, None], self.b - self.rb[:, None]).min(axis=0) - 3.0 * spacing
 
 
 def _bounds(a, b, ra, rb, first):
@@ -148,24 +152,30 @@ def _evaluate(points, a, b, ra, rb, first, blend, bounds, bound_first):
 
 
 @numba.njit(cache=True)
-def _mark(mark, low, spacing, pad, a, b, ra, rb):
-    for i in range(len(a)):
-        r = max(ra[i], rb[i]) + pad
-        start, stop = np.empty(3, np.int64), np.empty(3, np.int64)
-        for k in range(3):
-            start[k] = max(0, int(np.floor((min(a[i, k], b[i, k]) - r - low[k]) / spacing)))
-            stop[k] = min(mark.shape[k], int(np.ceil((max(a[i, k], b[i, k]) + r - low[k]) / spacing)) + 1)
-        mark[start[0] : stop[0], start[1] : stop[1], start[2] : stop[2]] = 1
-
-
-@numba.njit(cache=True)
-def _fill(values, mark, low, spacing, a, b, ra, rb, first, blend, bounds, bound_first):
-    nx, ny, nz = mark.shape
-    for i in range(nx):
-        for j in range(ny):
-            for k in range(nz):
-                if mark[i, j, k]:
-                    values[i, j, k] = _at(
-                        low[0] + spacing * i, low[1] + spacing * j, low[2] + spacing * k,
-                        a, b, ra, rb, first, blend, bounds, bound_first,
-                    )[0]  # fmt: skip
+def _block(low, spacing, n, centre, reach, a, b, ra, rb, first, blend, bounds, bound_first):
+    """Distance at n^3 grid points; runs of segments that cannot be nearest anywhere in the block are left out."""
+    near_bounds = np.empty_like(bounds)
+    near_first = np.zeros(len(bound_first), np.int64)
+    for path in range(len(first) - 1):
+        own = np.array([0, bound_first[path + 1] - bound_first[path]])
+        chunk = bounds[bound_first[path] : bound_first[path + 1]]
+        ends = np.array([0, 1])
+        here = _at(centre[0], centre[1], centre[2], a, b, ra, rb, ends, blend[path : path + 1], chunk, own)[0]
+        count = near_first[path]
+        for k in range(len(chunk)):
+            away = np.sqrt(
+                (centre[0] - chunk[k, 0]) ** 2 + (centre[1] - chunk[k, 1]) ** 2 + (centre[2] - chunk[k, 2]) ** 2
+            )
+            if away - chunk[k, 3] <= here + 3.0 * reach:
+                near_bounds[count] = chunk[k]
+                count += 1
+        near_first[path + 1] = count
+    values = np.empty((n, n, n))
+    for i in range(n):
+        for j in range(n):
+            for k in range(n):
+                values[i, j, k] = _at(
+                    low[0] + spacing * i, low[1] + spacing * j, low[2] + spacing * k,
+                    a, b, ra, rb, first, blend, near_bounds, near_first,
+                )[0]  # fmt: skip
+    return values

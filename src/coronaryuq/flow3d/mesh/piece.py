@@ -9,7 +9,7 @@ from coronaryuq.flow3d.mesh import quality, volume
 from coronaryuq.flow3d.mesh.errors import MeshError
 from coronaryuq.flow3d.mesh.implicit import Implicit
 from coronaryuq.flow3d.mesh.paths import Cap
-from coronaryuq.flow3d.mesh.surface import WALL, surface
+from coronaryuq.flow3d.mesh.surface import WALL, enclosed_volume, surface
 
 WORST_DIHEDRAL = 3.0
 """Degrees; a piece with a flatter tetrahedron is meshed again with other settings."""
@@ -18,7 +18,7 @@ WORST_DIHEDRAL = 3.0
 @dataclass(frozen=True)
 class Attempt:
     """What differs from try to try: grid spacing and surface deviation in smallest radii, shortest edge in smallest
-    sizes, angle (degrees) from which an edge of the surface is kept sharp, factor on the element size.
+    sizes, angle (degrees) from which an edge of the wall is kept sharp, factor on the element size.
     """
 
     spacing: float
@@ -29,11 +29,11 @@ class Attempt:
 
 
 ATTEMPTS = (
-    Attempt(0.45, 0.25, 0.40, 75.0, 1.0),
-    Attempt(0.40, 0.30, 0.70, 80.0, 0.97),
-    Attempt(0.36, 0.20, 0.25, 60.0, 0.94),
-    Attempt(0.31, 0.35, 0.50, 70.0, 0.91),
-    Attempt(0.27, 0.15, 0.30, 45.0, 0.88),
+    Attempt(0.60, 0.25, 0.40, 120.0, 1.0),
+    Attempt(0.50, 0.30, 0.70, 179.0, 0.97),
+    Attempt(0.43, 0.20, 0.25, 90.0, 0.94),
+    Attempt(0.37, 0.35, 0.50, 75.0, 0.91),
+    Attempt(0.30, 0.15, 0.30, 120.0, 0.88),
 )
 
 
@@ -79,7 +79,7 @@ def mesh_surface(
     def wanted(nodes: np.ndarray) -> np.ndarray:
         return attempt.scale * size(nodes)
 
-    enclosed = _enclosed(points, triangles)
+    enclosed = enclosed_volume(points, triangles)
     knobs = (attempt.deviation * radius, gradation, attempt.shortest, attempt.sharp)
     points, triangles, refs = volume.remesh_surface(points, triangles, refs, wanted, *knobs)
     points, tets = volume.fill(points, triangles)
@@ -106,11 +106,6 @@ def _fit(points, tets, triangles, refs, caps: Sequence[Cap], project: Callable |
             target[nodes] -= ((target[nodes] - cap.centre) @ cap.normal)[:, None] * cap.normal
     nodes = np.unique(triangles)
     return volume.fit_to_surface(points, tets, nodes, target[nodes], quality.radius_ratio)
-
-
-def _enclosed(points: np.ndarray, triangles: np.ndarray) -> float:
-    a, b, c = (points[triangles[:, i]] for i in range(3))
-    return float(np.einsum("ij,ij->i", np.cross(a, b), c).sum() / 6.0)
 
 
 def _compact(piece: Piece) -> Piece:

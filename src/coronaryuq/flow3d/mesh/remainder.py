@@ -9,11 +9,12 @@ STUB = {"R_poiseuille": 0.0, "L": 0.0, "C": 0.0, "stenosis_coefficient": 0.0}
 
 
 def remaining_network(network: Network, mesh: Mapping) -> Network:
-    """Remove what `mesh` (the content of `mesh.json`) replaces; caps become coupling blocks of type FLOW named as they are.
+    """Remove what `mesh` (the content of `mesh.json`) replaces; caps become coupling blocks of type FLOW named as
+    they are.
 
-    A cap that blood leaves 3D by is a coupling block at the "inlet" of what follows in 0D; one that it enters by is at the
-    "outlet" of what comes before. A cut vessel keeps its name for the part that stays; where both parts stay, the
-    downstream one is called NAME_downstream.
+    A cap that blood leaves 3D by is a coupling block at the "inlet" of what follows in 0D; one that it enters by is
+    at the "outlet" of what comes before. A cut vessel keeps its name for the part that stays; where both parts
+    stay, the downstream one is called NAME_downstream.
     """
     left = copy_of(network)
     names = vessel_names(network)

@@ -1,15 +1,23 @@
-"""Closed triangulated surface of one piece: marching cubes on the signed distance, caps cut flat."""
+"""Closed triangulated surface of one piece: marching cubes on the signed distance, cut flat at the caps."""
 
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from coronaryuq.flow3d.mesh.errors import MeshError
 from coronaryuq.flow3d.mesh.implicit import Implicit
 from coronaryuq.flow3d.mesh.paths import Cap
 
-GRID_LIMIT = 400_000_000
-"""Points of the largest grid, 1.6 GB."""
+BLOCK = 12
+"""Grid cells along the edge of a block."""
+
+SNAP = 0.3
+"""Vertices nearer to a cap's plane than this, in grid spacings, move into it, so that the cut leaves no tiny edges."""
+
+SHORT = 0.5
+"""Edges of a rim below this many grid spacings are collapsed."""
 
 WALL = 1
 """Reference of wall triangles; cap number i has i + 2."""
@@ -18,68 +26,194 @@ WALL = 1
 def surface(implicit: Implicit, caps: Sequence[Cap], spacing: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Vertices (n, 3), outward triangles (m, 3) and references (m,) of a closed surface cut at `caps`.
 
-    spacing: of the grid, cm; half the smallest radius or less. Raises MeshError, naming the cap that could not be cut.
+    spacing: of the grid, cm; below the smallest radius. Raises MeshError, naming the cap that could not be cut.
+    """
+    points, triangles = isosurface(implicit, spacing)
+    refs = np.full(len(triangles), WALL)
+    for index, cap in enumerate(caps):
+        points, triangles, refs = cut(points, triangles, refs, index + 2, cap, implicit, spacing)
+    points, triangles, refs = _largest(points, triangles, refs)
+    if enclosed_volume(points, triangles) < 0.0:
+        triangles = triangles[:, ::-1]
+    return points, triangles, refs
+
+
+def isosurface(implicit: Implicit, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+    """Marching cubes block by block, welded by the grid edge that each vertex lies on; vertices lie on the true
+    surface.
     """
     from skimage.measure import marching_cubes
 
-    try:
-        values, origin = implicit.grid(spacing, GRID_LIMIT)
-    except MemoryError as error:
-        raise MeshError(f"{error} is too large: mesh fewer or wider vessels (domain `segments`)") from None
-    points, triangles, _, _ = marching_cubes(values, 0.0, spacing=(spacing,) * 3, mask=values < 1e8)
-    points = implicit.project(points.astype(float) + origin, 0.01 * spacing, iterations=2)
-    del values
-    body = _solid(points, triangles)
-    for cap in caps:
-        body = body - _cutter(cap, spacing)
-    parts = sorted(body.decompose(), key=lambda part: -part.volume())
-    mesh = parts[0].to_mesh()
-    points = np.asarray(mesh.vert_properties, float)[:, :3]
-    triangles = np.asarray(mesh.tri_verts, np.int64)
-    return points, triangles, references(points, triangles, caps)
+    vertices, faces, keys = [], [], []
+    count = 0
+    for corner, values in implicit.blocks(spacing, BLOCK):
+        # A value of exactly zero would put vertices of several edges on one grid point.
+        values[np.abs(values) < 1e-6 * spacing] = 1e-6 * spacing
+        if values.min() > 0.0 or values.max() < 0.0:
+            continue
+        local, triangles, _, _ = marching_cubes(values, 0.0)
+        base = np.floor(local + 1e-6 * (local % 1.0 == 0.0)).astype(np.int64)
+        axis = np.argmax(local - base, axis=1)
+        vertices.append(local + corner)
+        faces.append(triangles.astype(np.int64) + count)
+        keys.append(np.column_stack([base + corner, axis]))
+        count += len(local)
+    if not vertices:
+        raise MeshError("the vessels enclose nothing on this grid")
+    _, first, new = np.unique(np.vstack(keys), axis=0, return_index=True, return_inverse=True)
+    points = implicit.origin(spacing) + spacing * np.vstack(vertices)[first]
+    triangles = new.reshape(-1)[np.vstack(faces)]
+    triangles = triangles[(np.diff(np.sort(triangles, axis=1), axis=1) > 0).all(axis=1)]
+    return implicit.project(points, 1e-2 * spacing, iterations=2), triangles
 
 
-def _solid(points: np.ndarray, triangles: np.ndarray):
-    import manifold3d
+def cut(points, triangles, refs, ref: int, cap: Cap, implicit: Implicit, spacing: float):
+    """The surface without what lies beyond a cap, closed by a fan of triangles with reference `ref`."""
+    height = (points - cap.centre) @ cap.normal
+    near = np.linalg.norm(points - cap.centre, axis=1) < 2.0 * cap.radius + 2.0 * spacing
+    snapped = near & (np.abs(height) < SNAP * spacing)
+    points = points.copy()
+    points[snapped] = _into_plane(points[snapped], cap, implicit, spacing)
+    height[snapped] = 0.0
+    beyond = _beyond(points, triangles, height, cap)
+    side = np.where(beyond, height, -1.0)
+    side[~beyond] = np.minimum(height[~beyond], 0.0)
+    above = (side > 0.0)[triangles]
+    stays = ~above.any(axis=1) & ~(snapped[triangles].all(axis=1))
+    kept, kept_refs, clipped, clipped_refs = triangles[stays], refs[stays], [], []
+    made: dict[tuple[int, int], int] = {}
+    fresh: list[np.ndarray] = []
 
-    body = manifold3d.Manifold(
-        manifold3d.Mesh(vert_properties=points.astype(np.float32), tri_verts=triangles.astype(np.uint32))
+    def crossing(low: int, high: int) -> int:
+        key = (low, high)
+        if key not in made:
+            share = height[low] / (height[low] - height[high])
+            made[key] = len(points) + len(fresh)
+            fresh.append(points[low] + share * (points[high] - points[low]))
+        return made[key]
+
+    mixed = above.any(axis=1) & ~(side >= 0.0)[triangles].all(axis=1)
+    for triangle, old in zip(triangles[mixed].tolist(), refs[mixed].tolist(), strict=True):
+        polygon = []
+        for here, onward in zip(triangle, triangle[1:] + triangle[:1], strict=True):
+            if side[here] <= 0.0:
+                polygon.append(here)
+            if side[here] * side[onward] < 0.0:
+                polygon.append(crossing(*sorted((here, onward), key=lambda v: side[v])))
+        for second, third in zip(polygon[1:-1], polygon[2:], strict=True):
+            clipped.append([polygon[0], second, third])
+            clipped_refs.append(old)
+    if fresh:
+        points = np.vstack([points, _into_plane(np.array(fresh), cap, implicit, spacing)])
+    open_triangles = np.vstack([kept, np.array(clipped, np.int64).reshape(-1, 3)])
+    open_refs = np.concatenate([kept_refs, np.array(clipped_refs, np.int64)])
+    open_triangles, open_refs = _without_short_rim(points, open_triangles, open_refs, cap, SHORT * spacing)
+    rim = _rim(open_triangles, cap)
+    centre = points[rim].mean(axis=0)
+    fan = np.column_stack([np.roll(rim, -1), rim, np.full(len(rim), len(points))])
+    _check_cap(points[rim], centre, cap)
+    return (
+        np.vstack([points, centre]),
+        np.vstack([open_triangles, fan]),
+        np.concatenate([open_refs, np.full(len(fan), ref)]),
     )
-    if body.status() != manifold3d.Error.NoError or body.is_empty():
-        raise MeshError(f"marching cubes left a surface that is not a solid ({body.status().name})")
-    if body.volume() < 0.0:
-        return _solid(points, triangles[:, ::-1])
-    return body
 
 
-def _cutter(cap: Cap, spacing: float):
-    """Cylinder that takes away what the path has beyond its cap."""
-    import manifold3d
+def _into_plane(points: np.ndarray, cap: Cap, implicit: Implicit, spacing: float) -> np.ndarray:
+    """Points moved into the cap's plane and, within it, onto the surface."""
+    points = points - ((points - cap.centre) @ cap.normal)[:, None] * cap.normal
+    for _ in range(3):
+        slope = implicit.gradient(points, 1e-2 * spacing)
+        slope -= (slope @ cap.normal)[:, None] * cap.normal
+        steep = np.maximum(np.einsum("ij,ij->i", slope, slope), 0.25)
+        points = points - (implicit.distance(points) / steep)[:, None] * slope
+    return points
 
-    side = np.cross(cap.normal, np.eye(3)[np.argmin(np.abs(cap.normal))])
-    side /= np.linalg.norm(side)
-    frame = np.column_stack([side, np.cross(cap.normal, side), cap.normal, cap.centre])
-    radius = 1.5 * cap.radius + spacing
-    return manifold3d.Manifold.cylinder(2.3 * cap.radius + spacing, radius, radius, 64).transform(frame)
+
+def _beyond(points, triangles, height, cap: Cap) -> np.ndarray:
+    """Vertices of the connected part of the surface that lies beyond the cap around its axis."""
+    above = height > 0.0
+    edges = np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    edges = edges[above[edges].all(axis=1)]
+    n = len(points)
+    _, label = connected_components(coo_array((np.ones(len(edges)), edges.T), shape=(n, n)), directed=False)
+    start = cap.centre + 0.5 * cap.radius * cap.normal
+    candidates = np.flatnonzero(above)
+    if not len(candidates):
+        raise MeshError(f"cap {cap.name} cuts nothing")
+    tip = candidates[np.argmin(np.linalg.norm(points[candidates] - start, axis=1))]
+    beyond = above & (label == label[tip])
+    if np.linalg.norm(points[beyond] - cap.centre, axis=1).max() > 4.0 * cap.radius:
+        raise MeshError(f"cap {cap.name} lies within reach of another vessel, or its centreline bends back there")
+    return beyond
 
 
-def references(points: np.ndarray, triangles: np.ndarray, caps: Sequence[Cap]) -> np.ndarray:
-    """Reference of every triangle (m,): `WALL`, or 2 + index of the cap in whose plane it lies."""
-    centre = points[triangles].mean(axis=1)
-    normal = np.cross(
-        points[triangles[:, 1]] - points[triangles[:, 0]], points[triangles[:, 2]] - points[triangles[:, 0]]
-    )
-    area = 0.5 * np.linalg.norm(normal, axis=1)
-    found = np.full(len(triangles), WALL)
-    for index, cap in enumerate(caps):
-        offset = np.abs((points[triangles] - cap.centre) @ cap.normal).max(axis=1)
-        near = np.linalg.norm(centre - cap.centre, axis=1) < 2.0 * cap.radius
-        mine = near & (offset < 1e-3 * cap.radius)
-        found[mine] = index + 2
-        ratio = area[mine].sum() / (np.pi * cap.radius**2)
-        if not 0.7 < ratio < 1.4:
-            raise MeshError(
-                f"cap {cap.name} has {ratio:.2f} times the area of its vessel: "
-                "it touches another vessel, or the centreline bends there"
-            )
-    return found
+def _rim(triangles: np.ndarray, cap: Cap) -> np.ndarray:
+    """The open edge of a surface as one loop of vertices, in the sense of the triangles along it."""
+    edges = np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    n = int(triangles.max()) + 1
+    unpaired = ~np.isin(edges[:, 0] * n + edges[:, 1], edges[:, 1] * n + edges[:, 0])
+    onward = dict(edges[unpaired].tolist())
+    if not onward:
+        raise MeshError(f"cap {cap.name} cuts nothing")
+    loop = [min(onward)]
+    while (following := onward.get(loop[-1])) not in (None, loop[0]):
+        loop.append(following)
+        if len(loop) > len(onward):
+            break
+    if len(loop) != len(onward):
+        raise MeshError(f"cap {cap.name} has a rim of more than one loop: another vessel is too near")
+    return np.array(loop)
+
+
+def _without_short_rim(points, triangles, refs, cap: Cap, shortest: float):
+    """Collapse edges of the rim below `shortest`, where the surface stays a surface: mmgs would keep them."""
+    rim = _rim(triangles, cap).tolist()
+    position = 0
+    touching = np.isin(triangles, rim).any(axis=1)
+    away, away_refs = triangles[~touching], refs[~touching]
+    triangles, refs = triangles[touching], refs[touching]
+    while position < len(rim) and len(rim) > 12:
+        stays, goes = rim[position], rim[(position + 1) % len(rim)]
+        if np.linalg.norm(points[stays] - points[goes]) >= shortest or not _may_collapse(triangles, stays, goes):
+            position += 1
+            continue
+        triangles = np.where(triangles == goes, stays, triangles)
+        whole = (np.diff(np.sort(triangles, axis=1), axis=1) > 0).all(axis=1)
+        triangles, refs = triangles[whole], refs[whole]
+        rim.remove(goes)
+        position -= position >= len(rim)
+    return np.vstack([away, triangles]), np.concatenate([away_refs, refs])
+
+
+def _may_collapse(triangles: np.ndarray, a: int, b: int) -> bool:
+    """Link condition for an edge of the rim: the two vertices share one neighbour, that of their one triangle."""
+    near_a = set(np.unique(triangles[(triangles == a).any(axis=1)]).tolist()) - {a, b}
+    near_b = set(np.unique(triangles[(triangles == b).any(axis=1)]).tolist()) - {a, b}
+    return len(near_a & near_b) == 1
+
+
+def _check_cap(rim: np.ndarray, centre: np.ndarray, cap: Cap) -> None:
+    area = 0.5 * np.linalg.norm(np.cross(rim - centre, np.roll(rim, -1, axis=0) - centre).sum(axis=0))
+    ratio = area / (np.pi * cap.radius**2)
+    if not 0.6 < ratio < 1.5:
+        raise MeshError(
+            f"cap {cap.name} has {ratio:.2f} times the area of its vessel: it touches another vessel, or the "
+            "centreline bends there"
+        )
+
+
+def _largest(points: np.ndarray, triangles: np.ndarray, refs: np.ndarray):
+    """The connected part with most triangles, renumbered."""
+    n = len(points)
+    edges = np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]]])
+    _, label = connected_components(coo_array((np.ones(len(edges)), edges.T), shape=(n, n)), directed=False)
+    mine = label[triangles[:, 0]] == np.bincount(label[triangles[:, 0]]).argmax()
+    used, new = np.unique(triangles[mine], return_inverse=True)
+    return points[used], new.reshape(-1, 3), refs[mine]
+
+
+def enclosed_volume(points: np.ndarray, triangles: np.ndarray) -> float:
+    """Volume inside a closed surface of outward triangles, cm3."""
+    a, b, c = (points[triangles[:, i]] for i in range(3))
+    return float(np.einsum("ij,ij->i", np.cross(a, b), c).sum() / 6.0)

@@ -29,9 +29,11 @@ def remesh_surface(
 
     wanted = size(points)
     mesh = mmgpy.MmgMeshS()
-    mesh.set_mesh_size(vertices=len(points), triangles=len(triangles))
+    rims = borders(triangles, refs)
+    mesh.set_mesh_size(vertices=len(points), triangles=len(triangles), edges=len(rims))
     mesh.set_vertices(points)
     mesh.set_triangles(triangles.astype(np.int32), refs.astype(np.int32))
+    _keep_sharp(mesh, rims)
     mesh.set_field("metric", wanted[:, None])
     mesh.remesh(hausd=deviation, hgrad=gradation, ar=sharp, hmin=float(wanted.min() * shortest), verbose=-1)
     triangles, refs = mesh.get_triangles_with_refs()
@@ -66,15 +68,31 @@ def remesh_volume(
 
     wanted = size(points)
     mesh = mmgpy.MmgMesh3D()
-    mesh.set_mesh_size(vertices=len(points), tetrahedra=len(tets), triangles=len(triangles))
+    rims = borders(triangles, refs)
+    mesh.set_mesh_size(vertices=len(points), tetrahedra=len(tets), triangles=len(triangles), edges=len(rims))
     mesh.set_vertices(points)
     mesh.set_tetrahedra(tets.astype(np.int32))
     mesh.set_triangles(triangles.astype(np.int32), refs.astype(np.int32))
+    _keep_sharp(mesh, rims)
     mesh.set_field("metric", wanted[:, None])
     mesh.remesh(hausd=deviation, hgrad=gradation, ar=sharp, hmin=float(wanted.min() * shortest), verbose=-1)
     triangles, refs = mesh.get_triangles_with_refs()
     points, tets = np.asarray(mesh.get_vertices(), float), np.asarray(mesh.get_tetrahedra(), np.int64)
     return points, oriented(points, tets), np.asarray(triangles, np.int64), np.asarray(refs, np.int64)
+
+
+def borders(triangles: np.ndarray, refs: np.ndarray) -> np.ndarray:
+    """Edges (k, 2) between triangles of different references."""
+    edges = np.sort(np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    order = np.lexsort(edges.T[::-1])
+    edges, side = edges[order], np.tile(refs, 3)[order]
+    return edges[::2][side[::2] != side[1::2]]
+
+
+def _keep_sharp(mesh, rims: np.ndarray) -> None:
+    if len(rims):
+        mesh.set_edges(rims.astype(np.int32), np.full(len(rims), 1, np.int32))
+        mesh.set_ridge_edges(np.arange(len(rims), dtype=np.int32))
 
 
 def oriented(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
