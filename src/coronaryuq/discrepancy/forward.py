@@ -172,6 +172,28 @@ class Forward:
             found.append(values)
         return found
 
+    def changes_at(self, network: dict, condition: Condition, z: np.ndarray, acting: list[Acting]) -> dict:
+        """Changes "BLOCK.parameter" → value that a point z (p,) means for a network under a condition.
+
+        `network` holds the elements of the acting effects. Feedback effects see the pressures of the fitted model.
+        """
+        pressure = dict(self.resting)
+        if any(effect.feedback for effect, _ in acting) and condition.name in self.periods:
+            pressure = self._felt(condition, z, acting)
+        return self._changes(network, condition, z, acting, self._sizes(z, acting), pressure)
+
+    def _felt(self, condition, z, acting) -> dict[str, float]:
+        """Mean pressures at the beds that a feedback effect settles at."""
+        prepared = self._engine(condition, acting)
+        beds = {bed: f"{v}:{bed}" for bed, v in self.anatomy.beds.items()}
+        names = {bed: f"pressure:{prepared.renamed.get(at, at)}" for bed, at in beds.items()}
+        pressure = dict(self.resting)
+        for _ in range(FEEDBACK_ROUNDS - 1):
+            table = self._changes(prepared.network, condition, z, acting, self._sizes(z, acting), pressure)
+            waveforms, _, _ = self._run(prepared, [table], list(names.values()))
+            pressure = {bed: float(waveforms[name][0, :-1].mean()) for bed, name in names.items()}
+        return pressure
+
     def _changes(self, network, condition, z, acting, sizes, pressure) -> dict[str, np.ndarray]:
         """Engine changes of one sample: nuisance factors and all effects on top of the network's own values.
 
@@ -181,7 +203,7 @@ class Forward:
         situation = Situation(
             condition.name,
             condition.coronary_resistance_scale,
-            self.periods[condition.name],
+            self.periods.get(condition.name, self.anatomy.period),
             felt,
             self.resting,
             condition.covariates,
@@ -219,7 +241,7 @@ class Forward:
         for own, numbers in groups.items():
             engine, scalars = prepared.engine, [tables[i] for i in numbers]
             if own:
-                engine = Engine(_with_waveforms(prepared.network, scalars[0]))
+                engine = Engine(with_waveforms(prepared.network, scalars[0]))
                 scalars = [{name: value for name, value in scalars[0].items() if not np.ndim(value)}]
             result = engine.run(
                 _stack(prepared.network, scalars),
@@ -323,7 +345,7 @@ def parameter_value(network: dict, name: str):
     return next(b["bc_values"] for b in network["boundary_conditions"] if b["bc_name"] == block).get(parameter, 0.0)
 
 
-def _with_waveforms(network: dict, table: dict) -> dict:
+def with_waveforms(network: dict, table: dict) -> dict:
     """The network with the waveforms of one sample, on an even grid over the cycle."""
     network = copy.deepcopy(network)
     for name, value in table.items():

@@ -1,0 +1,55 @@
+"""`coronaryuq discrepancy`: one search from files."""
+
+import argparse
+import json
+from pathlib import Path
+
+from coronaryuq.discrepancy import output, pairs
+from coronaryuq.discrepancy.conditions import read_conditions
+from coronaryuq.discrepancy.model import read_problem
+from coronaryuq.discrepancy.search import discover
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.errors import InputError
+from coronaryuq.zerod.network import read_network
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = "Find what a model is missing: locate, name, add, verify."
+    parser.add_argument("--model", metavar="NETWORK.json", help="0D network, svZeroDSolver JSON")
+    parser.add_argument("--measurements", metavar="M.csv", help="measurement table")
+    parser.add_argument("--conditions", metavar="C.yaml", help="conditions of the measurements")
+    parser.add_argument("--pairs", nargs=2, metavar=("SIMULATED.csv", "MEASURED.csv"), help="a table model instead")
+    parser.add_argument("--out", metavar="DIR", required=True, help="folder for results")
+    parser.add_argument("--seed", type=int, default=1, help="seed of folds and intervals (default 1)")
+    parser.add_argument("--threads", type=int, default=1, help="threads of the 0D engine (default 1)")
+    parser.add_argument("--json", action="store_true", help="print one JSON object instead of a paragraph")
+
+
+def main(args: argparse.Namespace) -> int:
+    """Run the command; returns the exit code. Raises `InputError` for bad input, before anything is written."""
+    out = Path(args.out)
+    if args.pairs:
+        answer = pairs.discover_pairs(*args.pairs, out=out, seed=getattr(args, "seed", 1))
+    else:
+        for name in ("model", "measurements", "conditions"):
+            if not getattr(args, name):
+                raise InputError(
+                    "command line", f"--{name}", None, "missing; or give --pairs SIMULATED.csv MEASURED.csv"
+                )
+        answer = from_files(
+            args.model,
+            args.measurements,
+            args.conditions,
+            out,
+            Settings(threads=getattr(args, "threads", 1)),
+            getattr(args, "seed", 1),
+        )
+    print(json.dumps(answer, default=float) if args.json else answer["paragraph"])
+    return 0
+
+
+def from_files(model, measurements, conditions, out: Path, settings: Settings, seed: int) -> dict:
+    """Search one case given by files; writes the results into `out` and returns the summary."""
+    network = read_network(model)
+    problem = read_problem(network, measurements, read_conditions(conditions), conditions, settings)
+    return output.write(discover(problem, seed), out)

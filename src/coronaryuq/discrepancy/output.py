@@ -1,0 +1,201 @@
+"""What a search leaves behind: one JSON for the command line, tables for figures, the repaired model."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from coronaryuq import files
+from coronaryuq.discrepancy.candidates import Candidate
+from coronaryuq.discrepancy.repair import write_repaired
+from coronaryuq.discrepancy.search import Discovery
+from coronaryuq.discrepancy.separate import separating
+from coronaryuq.discrepancy.verify import linearise
+from coronaryuq.discrepancy.words import paragraph
+
+Z_90 = 1.6448536269514722
+
+
+def summary(found: Discovery) -> dict:
+    """The object that `coronaryuq discrepancy --json` prints."""
+    held_out = [name for name, c in found.problem.forward.conditions.items() if c.held_out]
+    level = found.problem.settings.false_discovery_rate
+    return {
+        "alarm": found.alarm,
+        "global_test": {"p": found.located.p, **found.located.tests},
+        "located": [vars(group) | {"unit": "CGS"} for group in found.located.groups if group.q < level][:40],
+        "named": named(found),
+        "probabilities": [
+            {
+                "none": entry.probabilities["none"],
+                "outside": entry.probabilities["outside"],
+                "ranking": [
+                    {"effect": c.effect.name, "place": c.place, "probability": c.probability, "score": c.z_score}
+                    for c in entry.shortlist[:10]
+                ],
+            }
+            for entry in found.rounds
+        ],
+        "outside_library": found.outside_library,
+        "gap_before": found.before.misfit,
+        "gap_after": found.before.misfit if found.outside_library else found.after.misfit,
+        "gap_flexible": found.flexible.misfit,
+        "noise_floor": 1.0,
+        "held_out": {
+            "conditions": held_out or "each in turn",
+            "before": found.before.summary(),
+            "after": found.after.summary(),
+            "flexible": found.flexible.summary(),
+        },
+        "remaining": {"p": found.remaining.p, **found.remaining.tests},
+        "candidates_tested": found.candidates_tested,
+        "paragraph": paragraph(found, held_out),
+    }
+
+
+def named(found: Discovery) -> list[dict]:
+    """The named effects with probability, class, sizes and, for a class, the measurements that would split it."""
+    forward = found.problem.forward
+    spread = np.sqrt(np.diag(found.fit.covariance))
+    rounds = {entry.accepted.acting: entry for entry in found.named}
+    column, result = len(forward.nuisances), []
+    for effect, place in found.acting:
+        sizes = {}
+        for parameter in effect.parameters:
+            z, sd = found.fit.z[column], spread[column]
+            low, mid, high = (float(parameter.from_standard(z + k * sd)) for k in (-Z_90, 0.0, Z_90))
+            sizes[parameter.name] = {"value": mid, "interval_90": [low, high], "unit": parameter.unit}
+            column += 1
+        entry = rounds.get((effect, place))
+        if entry is None:
+            continue
+        mid = {name: size["value"] for name, size in sizes.items()}
+        result.append(
+            {
+                "effect": effect.name,
+                "place": place,
+                "probability": entry.accepted.probability,
+                "class": [_member(c) for c in entry.members],
+                "class_probability": float(sum(c.probability for c in entry.members)),
+                "sizes": sizes,
+                "physical": effect.physical(place, mid, forward.anatomy),
+                "formula": effect.formula,
+                "source": effect.source,
+                "written_as": effect.native,
+                "separate_by": separating(found, entry),
+            }
+        )
+    return result
+
+
+def _member(candidate: Candidate) -> dict:
+    return {
+        "effect": candidate.effect.name,
+        "place": candidate.place,
+        "probability": candidate.probability,
+    }
+
+
+def write(found: Discovery, folder: Path) -> dict:
+    """Write everything into `folder`; returns the summary.
+
+    discrepancy.json; located.csv; residuals.csv; ranking.csv; sizes.csv; tree.csv; gap.csv; paragraph.txt; and,
+    unless the effect is outside the library, repaired.json, conditions.yaml, difference.txt.
+    """
+    answer = summary(found)
+    files.write_json(folder / "discrepancy.json", answer)
+    files.write_text(folder / "paragraph.txt", answer["paragraph"] + "\n")
+    located = pd.DataFrame([vars(group) for group in found.located.groups])
+    files.write_csv(folder / "located.csv", located)
+    files.write_csv(folder / "residuals.csv", _residuals(found))
+    files.write_csv(folder / "ranking.csv", _ranking(found))
+    files.write_csv(folder / "sizes.csv", _sizes(found))
+    files.write_csv(folder / "tree.csv", _tree(found))
+    files.write_csv(folder / "gap.csv", _gaps(found))
+    if not found.outside_library:
+        write_repaired(found.problem.forward, found.acting, found.fit, folder)
+    return answer
+
+
+def _residuals(found: Discovery) -> pd.DataFrame:
+    problem = found.problem
+    series = [problem.forward.measured[i] for i in problem.owner]
+    plain = linearise(problem, found.base.z, []).residual
+    repaired = linearise(problem, found.fit.z, found.acting).residual if found.acting else plain
+    times = np.concatenate([np.full(1, np.nan) if s.time is None else s.time for s in problem.forward.measured])
+    return pd.DataFrame(
+        {
+            "condition": [s.condition for s in series],
+            "quantity": [s.quantity for s in series],
+            "location": [s.location for s in series],
+            "statistic": [s.statistic for s in series],
+            "time": times,
+            "phase": times / np.array([s.period for s in series]),
+            "measured": problem.y,
+            "sd": problem.sd,
+            "recalibrated": problem.y - plain * problem.sd,
+            "repaired": problem.y - repaired * problem.sd,
+            "fitted": problem.train,
+        }
+    )
+
+
+def _ranking(found: Discovery) -> pd.DataFrame:
+    rows = []
+    for number, entry in enumerate(found.rounds, start=1):
+        rows.append((number, "none", "", entry.probabilities["none"], 0.0, False))
+        rows.append((number, "outside the library", "", entry.probabilities["outside"], 0.0, False))
+        for c in entry.shortlist:
+            rows.append((number, c.effect.name, c.place, c.probability, c.z_score, c is entry.accepted))
+    return pd.DataFrame(rows, columns=["round", "effect", "place", "probability", "score", "accepted"])
+
+
+def _sizes(found: Discovery) -> pd.DataFrame:
+    """Posterior density of every size of the named effects, on a grid."""
+    rows, column = [], len(found.problem.forward.nuisances)
+    spread = np.sqrt(np.diag(found.fit.covariance))
+    for effect, place in found.acting:
+        for parameter in effect.parameters:
+            z = found.fit.z[column] + spread[column] * np.linspace(-4, 4, 161)
+            size = parameter.from_standard(z)
+            density = np.exp(-0.5 * ((z - found.fit.z[column]) / spread[column]) ** 2)
+            density = density / np.trapezoid(density, size)
+            prior = np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi) / np.abs(np.gradient(size, z))
+            rows += [
+                (effect.name, place, parameter.name, parameter.unit, *row)
+                for row in zip(size, density, prior, strict=True)
+            ]
+            column += 1
+    return pd.DataFrame(rows, columns=["effect", "place", "parameter", "unit", "size", "posterior", "prior"])
+
+
+def _tree(found: Discovery) -> pd.DataFrame:
+    """Vessels with their parent and the largest disagreement measured at either end (score in standard deviations)."""
+    anatomy = found.problem.forward.anatomy
+    worst: dict[str, float] = {}
+    for group in found.located.groups:
+        vessel = anatomy.beds.get(group.location) or anatomy.vessel_at(group.location)
+        if vessel:
+            worst[vessel] = max(worst.get(vessel, 0.0), abs(group.score))
+    rows = [
+        (
+            name,
+            anatomy.parents[name][0] if anatomy.parents[name] else "",
+            anatomy.flow_scale(name),
+            worst.get(name, np.nan),
+        )
+        for name in anatomy.vessels
+    ]
+    return pd.DataFrame(rows, columns=["vessel", "parent", "mean_flow", "disagreement"])
+
+
+def _gaps(found: Discovery) -> pd.DataFrame:
+    rows = []
+    models = (
+        ("recalibration alone", found.before),
+        ("with the named effects", found.after),
+        ("flexible discrepancy", found.flexible),
+    )
+    for name, gap in models:
+        rows.append((name, gap.misfit, *gap.interval, gap.lpd, 1.0))
+    return pd.DataFrame(rows, columns=["model", "misfit", "low", "high", "log_predictive_density", "noise_floor"])

@@ -1,0 +1,140 @@
+"""The repaired model: network and conditions with the named effects written in, and a diff that a person can read."""
+
+import copy
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from coronaryuq import files
+from coronaryuq.discrepancy.conditions import HEART, Condition, under
+from coronaryuq.discrepancy.forward import Acting, Forward, parameter_value, with_waveforms
+from coronaryuq.discrepancy.inference import Fit
+
+SAME = 1e-9
+
+
+def repaired_network(forward: Forward, acting: list[Acting], z: np.ndarray) -> dict:
+    """The network at rest with the elements and values of the acting effects, recalibrated to z (p,)."""
+    structure, _ = forward.structure(acting)
+    plain = Condition("the network as it is")
+    table = forward.changes_at(under(structure, plain), plain, z, acting)
+    return _written(structure, table)
+
+
+def repaired_conditions(forward: Forward, acting: list[Acting], z: np.ndarray, folder: Path) -> dict[str, dict]:
+    """Content of the conditions file that goes with the repaired network.
+
+    What an effect or the recalibration changes under one condition only is written as `set`, a waveform as a drive,
+    so that the repaired network under the new conditions is what was fitted.
+    """
+    structure, _ = forward.structure(acting)
+    network = repaired_network(forward, acting, z)
+    content = {}
+    for name, condition in forward.conditions.items():
+        entry = _entry(condition)
+        wanted = forward.changes_at(under(structure, condition), condition, z, acting)
+        given = under(network, condition)
+        drives = {bc: f"drives/{name}_{bc}.csv".replace(" ", "_") for bc in condition.drive}
+        for bc, (time, value) in condition.drive.items():
+            _write_drive(folder / drives[bc], time, value)
+        for parameter, value in wanted.items():
+            block, _, key = parameter.rpartition(".")
+            if np.ndim(value):
+                drives[block] = f"drives/{name}_{block}.csv".replace(" ", "_")
+                time = np.linspace(0.0, forward.periods[name], len(value))
+                _write_drive(folder / drives[block], time, np.asarray(value))
+            elif abs(parameter_value(given, parameter) - float(value)) > SAME * abs(float(value)):
+                entry.setdefault("set", {}).setdefault(block, {})[key] = float(value)
+        if drives:
+            entry["drive"] = drives
+        content[name] = entry
+    return content
+
+
+def _entry(condition: Condition) -> dict:
+    entry: dict = {}
+    for key in ("coronary_resistance_scale", "period_scale"):
+        if getattr(condition, key) != 1.0:
+            entry[key] = getattr(condition, key)
+    for key in ("scale", "set"):
+        if getattr(condition, key):
+            entry[key] = copy.deepcopy(getattr(condition, key))
+    if condition.held_out:
+        entry["held_out"] = True
+    if condition.free:
+        entry["free"] = list(condition.free)
+    return entry
+
+
+def _write_drive(path: Path, time: np.ndarray, value: np.ndarray) -> None:
+    import pandas as pd
+
+    files.write_csv(path, pd.DataFrame({"t": time, "value": value}))
+
+
+def _written(network: dict, table: dict) -> dict:
+    network = with_waveforms(network, table)
+    for name, value in table.items():
+        if np.ndim(value):
+            continue
+        block, _, parameter = name.rpartition(".")
+        if block == HEART:
+            network["closed_loop_blocks"][0]["parameters"][parameter] = float(value)
+            continue
+        for vessel in network["vessels"]:
+            if vessel["vessel_name"] == block:
+                vessel["zero_d_element_values"][parameter] = float(value)
+        for boundary in network["boundary_conditions"]:
+            if boundary["bc_name"] == block:
+                boundary["bc_values"][parameter] = float(value)
+    return network
+
+
+def difference(forward: Forward, acting: list[Acting], fit: Fit) -> str:
+    """What changed, in words and numbers: the effects, the elements added, recalibration factors, every value."""
+    lines = ["Effects"]
+    column = len(forward.nuisances)
+    for effect, place in acting:
+        sizes = {p.name: float(p.from_standard(fit.z[column + i])) for i, p in enumerate(effect.parameters)}
+        column += len(effect.parameters)
+        shown = ", ".join(f"{k} {v:.4g}" for k, v in effect.physical(place, sizes, forward.anatomy).items())
+        lines += [f"  {effect.name} at {place}: {shown}", f"    {effect.formula}", f"    written as: {effect.native}"]
+    if not acting:
+        lines.append("  none")
+    before, after = forward.network, repaired_network(forward, acting, fit.z)
+    lines += ["", "Recalibration (factors)"]
+    for nuisance, z in zip(forward.nuisances, fit.z, strict=False):
+        lines.append(f"  {nuisance.name}: {float(nuisance.factor(z)):.4f}")
+    for part, key in (("vessels", "vessel_name"), ("junctions", "junction_name"), ("boundary_conditions", "bc_name")):
+        old = {entry[key] for entry in before.get(part, [])}
+        added = [entry[key] for entry in after.get(part, []) if entry[key] not in old]
+        if added:
+            lines += ["", f"Added {part}: {', '.join(added)}"]
+    lines += ["", "Values (old -> new)"]
+    for part, key, values in (
+        ("vessels", "vessel_name", "zero_d_element_values"),
+        ("boundary_conditions", "bc_name", "bc_values"),
+    ):
+        old = {entry[key]: entry[values] for entry in before.get(part, [])}
+        for entry in after.get(part, []):
+            for name, value in entry[values].items():
+                was = old.get(entry[key], {}).get(name)
+                if isinstance(value, list):
+                    if was is not None and was != value:
+                        lines.append(f"  {entry[key]}.{name}: waveform replaced")
+                elif entry[key] in old and was != value:
+                    lines.append(f"  {entry[key]}.{name}: {was if was is not None else 0.0:g} -> {value:g}")
+    for old, new in zip(before.get("closed_loop_blocks", []), after.get("closed_loop_blocks", []), strict=True):
+        for name, value in new["parameters"].items():
+            if old["parameters"][name] != value:
+                lines.append(f"  {HEART}.{name}: {old['parameters'][name]:g} -> {value:g}")
+    return "\n".join(lines) + "\n"
+
+
+def write_repaired(forward: Forward, acting: list[Acting], fit: Fit, folder: Path) -> None:
+    """Write `repaired.json`, `conditions.yaml`, `drives/` and `difference.txt` into `folder`."""
+    files.write_json(folder / "repaired.json", repaired_network(forward, acting, fit.z))
+    content = repaired_conditions(forward, acting, fit.z, folder)
+    files.write_text(folder / "conditions.yaml", yaml.safe_dump(content, sort_keys=False))
+    files.write_text(folder / "difference.txt", difference(forward, acting, fit))

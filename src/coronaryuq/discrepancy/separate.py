@@ -1,0 +1,68 @@
+"""The measurement that would tell candidates of one class apart, chosen from a list of feasible ones."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from coronaryuq import units
+from coronaryuq.discrepancy.measurements import Measured
+from coronaryuq.discrepancy.search import Discovery, Round
+
+SD_PRESSURE = 2.0 * units.MMHG
+"""Standard deviation of a pressure wire's mean (drift included)."""
+SD_FLOW = 0.1
+"""Relative standard deviation of a mean flow (Doppler wire, phase-contrast MRI, perfusion map)."""
+BEST = 3
+
+
+def separating(found: Discovery, entry: Round) -> list[dict]:
+    """Mean pressures and flows ranked by the expected information (nats) on which of a class is true.
+
+    For two equally likely members with predictions a and b the information of one Gaussian measurement is at most
+    log 2 and, for small differences, (a - b)^2 / (8 sd^2) (Lindley 1956); for more members neighbours are summed.
+    Empty for a class of one.
+    """
+    members = [c for c in entry.members if c.fit is not None]
+    if len(members) < 2:
+        return []
+    forward = found.problem.forward
+    position = found.named.index(entry)
+    before = [e.accepted.acting for e in found.named[:position]]
+    feasible = _feasible(forward)
+    asked = replace(forward, measured=feasible, _engines={})
+    count = len(forward.nuisances)
+    rows = [(c.fit.z, [*before, c.acting]) for c in members if c.effect.side == "network"]
+    usable = [(z, acting) for z, acting in rows if len(z) == count + len(forward.parameters(acting))]
+    if len(usable) < 2:
+        return []
+    predicted = asked.predict_rows(usable)
+    scale = np.abs(predicted).mean(axis=0)
+    sd = np.array(
+        [SD_PRESSURE if s.quantity == "pressure" else SD_FLOW * q for s, q in zip(feasible, scale, strict=True)]
+    )
+    gained = sum(np.minimum(np.log(2.0), (a - b) ** 2 / (8.0 * sd**2)) for a, b in pairwise(predicted))
+    order = np.argsort(-np.nan_to_num(gained), kind="stable")[:BEST]
+    return [
+        {
+            "quantity": feasible[i].quantity,
+            "location": feasible[i].location,
+            "condition": feasible[i].condition,
+            "statistic": "mean",
+            "expected_information_nats": float(gained[i]),
+        }
+        for i in order
+    ]
+
+
+def _feasible(forward) -> list[Measured]:
+    """Mean flow and pressure at the start and end of every vessel under study, in every condition."""
+    anatomy = forward.anatomy
+    places = [f(v) for v in anatomy.coronary_vessels for f in (anatomy.inlet, anatomy.outlet)]
+    one = np.ones(1)
+    return [
+        Measured(name, quantity, place, "mean", None, forward.periods[name], one, one)
+        for name in forward.conditions
+        for quantity in ("pressure", "flow")
+        for place in dict.fromkeys(places)
+    ]

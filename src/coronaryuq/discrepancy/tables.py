@@ -1,0 +1,147 @@
+"""Table models: pairs of simulated and measured outputs without a network, joined and cut into branches."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from coronaryuq.errors import InputError
+from coronaryuq.files import read_csv
+
+EXACT = 1e-6
+
+
+@dataclass(frozen=True)
+class Branch:
+    """One stenosed branch: pressures at root, behind the stenosis and at the outlet; simulated (0), measured (3).
+
+    name: of the `ffr_NAME` column; place: 0D location of the distal pressure; all arrays (n,), the table's units.
+    flow_source: "measured", or how the measured flow was had from the pressures.
+    """
+
+    name: str
+    place: str
+    root0: np.ndarray
+    root3: np.ndarray
+    distal0: np.ndarray
+    distal3: np.ndarray
+    outlet0: np.ndarray
+    outlet3: np.ndarray
+    flow0: np.ndarray
+    flow3: np.ndarray
+    venous: float
+    flow_source: str
+
+    @property
+    def drop0(self) -> np.ndarray:
+        return self.root0 - self.distal0
+
+    @property
+    def drop3(self) -> np.ndarray:
+        return self.root3 - self.distal3
+
+
+def read_pairs(simulated: str | Path, measured: str | Path) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Both tables, rows joined by `sample` and in one order. Raises `InputError` where no samples are common."""
+    tables = [read_csv(path, ("sample",)).set_index("sample") for path in (simulated, measured)]
+    for path, table in zip((simulated, measured), tables, strict=True):
+        if table.index.has_duplicates:
+            raise InputError(path, "sample", table.index[table.index.duplicated()][0], "given twice; keep one row")
+    common = [name for name in tables[0].index if name in tables[1].index]
+    if len(common) < 20:
+        raise InputError(measured, "sample", len(common), f"samples in common with {simulated}; need at least 20")
+    first, second = (table.loc[common].apply(pd.to_numeric, errors="coerce") for table in tables)
+    return first, second
+
+
+def branches(simulated: pd.DataFrame, measured: pd.DataFrame, file: str | Path) -> list[Branch]:
+    """The branches that both tables describe by `ffr_NAME`.
+
+    The root's pressure is the highest mean pressure that both have. The distal location is the simulated pressure that
+    equals FFR times root pressure. Its outlet is the one there, or the one whose pressure follows it best; the
+    measured flow is that of the outlet, or scales as it does. `venous` is the zero-flow pressure that the
+    outlets' pairs agree on.
+    """
+    pairs = _pairs(simulated, measured)
+    pressures = {key: pair for key, pair in pairs.items() if key[0] == "mean_pressure"}
+    flows = {key: pair for key, pair in pairs.items() if key[0] == "mean_flow"}
+    names = [c[4:] for c in simulated.columns if c.startswith("ffr_") and c in measured.columns]
+    if not names:
+        raise InputError(file, "ffr_*", None, "no ffr_NAME column that both tables have")
+    if not pressures or not flows:
+        raise InputError(file, "mean_pressure:A:B, mean_flow:A:B", None, "no such column that both tables have")
+    root = max(pressures, key=lambda key: measured[pressures[key][1]].mean())
+    root0, root3 = (table[c].to_numpy() for table, c in zip((simulated, measured), pressures[root], strict=True))
+    venous = _zero_flow(simulated, measured, pressures, flows, root)
+    outlets = {key: pair for key, pair in pressures.items() if key != root}
+    found = []
+    for name in names:
+        distal0 = simulated[f"ffr_{name}"].to_numpy() * root0
+        distal3 = measured[f"ffr_{name}"].to_numpy() * root3
+        place = _same_pressure(simulated, distal0, file, name)
+        if f"mean_flow:{place}" not in simulated.columns:
+            raise InputError(file, f"mean_flow:{place}", None, f"column missing: the flow at the stenosis of {name}")
+        flow0 = simulated[f"mean_flow:{place}"].to_numpy()
+        outlet = _outlet(simulated, outlets, flows, root0, distal0, place)
+        (p0, p3), (q0, q3) = outlets["mean_pressure", outlet], flows["mean_flow", outlet]
+        flow3 = flow0 * measured[q3].to_numpy() / simulated[q0].to_numpy()
+        source = f"simulated flow times measured over simulated flow of outlet {outlet}"
+        if q0 == f"mean_flow:{place}":
+            source = "measured"
+        ends = (simulated[p0].to_numpy(), measured[p3].to_numpy())
+        parts = (root0, root3, distal0, distal3, *ends, flow0, flow3)
+        if not all(np.isfinite(part).all() for part in parts):
+            raise InputError(
+                file, f"ffr_{name}", "nan", "missing or not a number in some sample; leave that sample out"
+            )
+        found.append(Branch(name, place, *parts, venous, source))
+    return found
+
+
+def _pairs(simulated, measured) -> dict[tuple[str, str], tuple[str, str]]:
+    """(statistic_quantity, block downstream) → columns of both tables that mean the same."""
+
+    def key(column):
+        match = re.fullmatch(r"((?:mean|min|max)_(?:pressure|flow)):([^:]+):([^:]+)", column)
+        return (match[1], re.sub(r"^(inlet_|outlet_)", "", match[3])) if match else None
+
+    first = {key(c): c for c in simulated.columns if key(c)}
+    second = {key(c): c for c in measured.columns if key(c)}
+    return {k: (first[k], second[k]) for k in first if k in second}
+
+
+def _same_pressure(simulated, distal0, file, name) -> str:
+    columns = [c for c in simulated.columns if c.startswith("mean_pressure:")]
+    errors = [np.max(np.abs(simulated[c].to_numpy() / distal0 - 1.0)) for c in columns]
+    best = int(np.argmin(errors))
+    if not errors[best] < EXACT:
+        raise InputError(file, f"ffr_{name}", None, "no mean_pressure column equals FFR times the root's pressure")
+    return columns[best].split(":", 1)[1]
+
+
+def _outlet(simulated, outlets, flows, root0, distal0, place: str) -> str:
+    """The outlet at a place, or the one whose pressure over the root's follows that of the place best."""
+    shared = {block: pair for (_, block), pair in outlets.items() if ("mean_flow", block) in flows}
+    if place.split(":")[-1] in shared:
+        return place.split(":")[-1]
+    follows = {
+        block: abs(np.corrcoef(simulated[column] / root0, distal0 / root0)[0, 1])
+        for block, (column, _) in shared.items()
+    }
+    return max(follows, key=follows.get)
+
+
+def _zero_flow(simulated, measured, pressures, flows, root) -> float:
+    """Median over outlets and samples of the pressure at which a bed's simulated and measured line reaches no flow."""
+    found = []
+    for key, (p0, p3) in pressures.items():
+        pair = flows.get(("mean_flow", key[1]))
+        if key == root or pair is None:
+            continue
+        a, b = simulated[p0].to_numpy(), measured[p3].to_numpy()
+        q, r = simulated[pair[0]].to_numpy(), measured[pair[1]].to_numpy()
+        apart = np.abs(r - q) > 0.02 * np.abs(q)
+        found += list(((a * r - b * q) / np.where(r == q, np.nan, r - q))[apart])
+    return float(np.median(found)) if found else 0.0

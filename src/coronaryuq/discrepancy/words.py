@@ -1,0 +1,54 @@
+"""One paragraph in plain words about what was found, for the report."""
+
+from coronaryuq.discrepancy.search import Discovery
+
+
+def paragraph(found: Discovery, held_out: list[str]) -> str:
+    """What disagrees, what is missing, how sure, how far the gap shrinks; or that there is nothing to explain."""
+    count = len(found.base.residual)
+    if not found.alarm:
+        return (
+            f"The model, recalibrated within its priors, agrees with the {count} fitted measurements "
+            f"(global test p = {found.located.p:.2g}): there is nothing to explain. "
+            f"On {_kept(held_out)} its misfit is {found.before.misfit:.2f} standard deviations of the noise."
+        )
+    worst = found.located.groups[0]
+    text = (
+        f"The model disagrees with the {count} fitted measurements beyond what recalibration can mend "
+        f"(global test p = {found.located.p:.2g}), most in the {worst.quantity} at {worst.location} "
+        f"under {worst.condition}. "
+    )
+    if found.outside_library:
+        text += (
+            "No effect of the library explains it: a flexible discrepancy predicts measurements that no fit had seen "
+            f"clearly better than every named candidate (misfit {found.flexible.misfit:.2f} against "
+            f"{found.after.misfit:.2f}). "
+            "The residual waveforms show where it acts and its shape; it is not named."
+        )
+        return text
+    if not found.named:
+        text += "No effect of the library explains it well enough to be named. "
+    for number, entry in enumerate(found.named):
+        one = entry.accepted
+        text += f"{'Missing' if number == 0 else 'Also missing'} is {one.effect.name.replace('_', ' ')} at {one.place}"
+        share = sum(member.probability for member in entry.members)
+        text += f" (probability {share:.2f}"
+        if len(entry.members) > 1:
+            others = ", ".join(f"{m.effect.name.replace('_', ' ')} at {m.place}" for m in entry.members[1:])
+            text += f", together with what these data cannot tell from it: {others}"
+        text += "). "
+    text += (
+        f"On {_kept(held_out)} the misfit falls from {found.before.misfit:.2f} to {found.after.misfit:.2f} "
+        "standard deviations of the noise, whose floor is 1. "
+    )
+    if found.remaining.alarm(found.problem.settings.alarm_level):
+        text += f"Something remains unexplained (p = {found.remaining.p:.2g})."
+    else:
+        text += f"What remains is within the noise (p = {found.remaining.p:.2g})."
+    return text
+
+
+def _kept(held_out: list[str]) -> str:
+    if held_out:
+        return f"the conditions kept out of every fit ({', '.join(held_out)})"
+    return "each condition in turn, left out of the fit"
