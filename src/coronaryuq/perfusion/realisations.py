@@ -41,6 +41,8 @@ class Candidates:
 class Study:
     """All noise models on one LV: `flows(k)` gives realisation k of each, with common random numbers.
 
+    Models with the same noise of distances share their territories.
+
     ventricle: the LV. distances: (points, outlets), baseline. models: noise models by name. length: correlation length
     in cm. seed: the campaign's. Numbers of realisation k depend on seed and k only.
     """
@@ -51,9 +53,12 @@ class Study:
     ):  # fmt: skip
         self.ventricle, self.models, self.seed = ventricle, models, seed
         self.outlets = distances.shape[1]
+        self.alike: dict[tuple, list[str]] = {}
+        for name, model in models.items():
+            self.alike.setdefault(tuple(model.distance.model_dump().items()), []).append(name)
         self.candidates = {
-            name: Candidates.among(distances, _total(model.distance.model_dump().values()), sigmas)
-            for name, model in models.items()
+            noise: Candidates.among(distances, float(np.sqrt(sum(sd**2 for _, sd in noise))), sigmas)
+            for noise in self.alike
         }
         smooth = any(model.distance.correlated or model.mbf.correlated for model in models.values())
         self.grid = FieldGrid.around(ventricle.points, length) if smooth else None
@@ -71,21 +76,19 @@ class Study:
             nodes = self.grid.draw(random, self.outlets + 1)
             cell, weights = self.grid.cell, self.grid.weights
         result = {}
-        for name, model in self.models.items():
-            candidates = self.candidates[name]
-            result[name] = _realisation(
+        for noise, names in self.alike.items():
+            candidates, distance = self.candidates[noise], dict(noise)
+            mbf = [self.models[name].mbf for name in names]
+            flow, volume = _realisation(
                 self.ventricle.flows, self.ventricle.volumes,
                 candidates.start, candidates.outlet, candidates.distance,
-                model.distance.independent, np.float32(model.distance.correlated), model.distance.outlet * factors[0],
-                model.mbf.independent, np.float32(model.mbf.correlated),
-                model.mbf.outlet * factors[1] + model.mbf.scan * scan,
+                distance["independent"], np.float32(distance["correlated"]), distance["outlet"] * factors[0],
+                np.array([m.independent for m in mbf]), np.array([m.correlated for m in mbf], dtype=np.float32),
+                np.array([m.outlet * factors[1] + m.scan * scan for m in mbf]),
                 keys, nodes, cell, weights,
             )  # fmt: skip
-        return result
-
-
-def _total(deviations) -> float:
-    return float(np.sqrt(sum(sd**2 for sd in deviations)))
+            result.update((name, (flow[k], volume)) for k, name in enumerate(names))
+        return {name: result[name] for name in self.models}
 
 
 @njit(cache=True)
@@ -93,10 +96,11 @@ def _realisation(
     flows, volumes, start, outlet, distance, d_point, d_field, d_outlet, m_point, m_field, m_outlet, keys, nodes, cell,
     weights,
 ):  # fmt: skip
-    outlets = d_outlet.size
-    flow = np.zeros(outlets)
+    models, outlets = m_outlet.shape
+    flow = np.zeros((models, outlets))
     volume = np.zeros(outlets)
-    smooth = d_field > 0.0 or m_field > 0.0
+    smooth = d_field > 0.0 or m_field.max() > 0.0
+    rough = m_point.max() > 0.0
     field = np.zeros(nodes.shape[3], dtype=np.float32)
     for p in range(flows.size):
         if smooth:
@@ -118,11 +122,10 @@ def _realisation(
                 noisy = distance[c] * (1.0 + noise)
                 if noisy < best:
                     best, owner = noisy, j
-        noise = m_outlet[owner]
-        if m_field > 0.0:
-            noise += m_field * field[outlets]
-        if m_point > 0.0:
-            noise += m_point * quantile(uniform_at(keys[1], np.uint64(p)))
-        flow[owner] += flows[p] * (1.0 + noise)
         volume[owner] += volumes[p]
+        normal = quantile(uniform_at(keys[1], np.uint64(p))) if rough else 0.0
+        smoothly = np.float64(field[outlets]) if smooth else 0.0
+        for m in range(models):
+            noise = m_outlet[m, owner] + m_field[m] * smoothly + m_point[m] * normal
+            flow[m, owner] += flows[p] * (1.0 + noise)
     return flow, volume

@@ -39,7 +39,7 @@ def _default_models() -> dict[str, NoiseModel]:
     return {
         "independent": NoiseModel(distance=DistanceNoise(independent=0.1), mbf=FlowNoise(independent=0.2)),
         "correlated": NoiseModel(distance=DistanceNoise(correlated=0.1), mbf=FlowNoise(correlated=0.2)),
-        "outlet": NoiseModel(distance=DistanceNoise(outlet=0.1), mbf=FlowNoise(outlet=0.2)),
+        "outlet": NoiseModel(distance=DistanceNoise(correlated=0.1), mbf=FlowNoise(outlet=0.2)),
     }
 
 
