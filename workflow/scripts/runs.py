@@ -1,0 +1,20 @@
+"""Gather the campaign's runs into the published-runs format."""
+
+from pathlib import Path
+
+from coronaryuq.estimation.gather import gather
+from job import job
+
+with job(globals()) as this:
+    posterior = this.params["posterior"]
+    gather(
+        this.input["case"],
+        this.input["pilot"],
+        this.input["propagation"],
+        this.input["records"],
+        this.input["zerod_pilot"],
+        this.input["zerod_propagation"],
+        {"r": posterior["prior"], "R_cor_scaling": posterior["scaling"]},
+        this.params["settings"]["min_3d"],
+        Path(this.output["params"]).parent,
+    )

@@ -1,31 +1,43 @@
 """Cardiac function: what was measured against what the tuned loop gives (paper, Fig. A.1)."""
 
-from coronaryuq.figures.style import MEASURED, SIMULATED, saved
+import numpy as np
+
+from coronaryuq.figures.style import MEASURED, MUTED, SIMULATED, saved
 from coronaryuq.files import read_csv
+
+NARROW, WIDE = 5.0, 60.0
+"""Per cent: the band that counts as matched, and the axis' half width."""
 
 
 def cardiac_function(fit: str, output: str) -> None:
-    """One panel per unit; each target as a pair of bars with its misfit in per cent above."""
-    table = read_csv(fit, columns=("target", "description", "unit", "measured", "simulated"))
-    groups = list(table.groupby("unit", sort=False))
-    widths = [max(len(rows), 2) for _, rows in groups]
-    with saved(
-        output, ncols=len(groups), figsize=(1.5 + 0.9 * sum(widths), 3.4), width_ratios=widths, squeeze=False
-    ) as (
-        figure,
-        axes,
-    ):
-        for axis, (unit, rows) in zip(axes[0], groups, strict=True):
-            places = range(len(rows))
-            axis.bar([x - 0.2 for x in places], rows["measured"], 0.38, color=MEASURED, label="measured")
-            axis.bar([x + 0.2 for x in places], rows["simulated"], 0.38, color=SIMULATED, label="tuned model")
-            for x, (measured, simulated) in enumerate(zip(rows["measured"], rows["simulated"], strict=True)):
-                if measured:
-                    text = f"{100 * (simulated / measured - 1):+.1f} %"
-                    axis.annotate(text, (x, max(measured, simulated)), ha="center", va="bottom", fontsize=7)
-            axis.set_xticks(
-                list(places), rows["description"], rotation=40, ha="right", rotation_mode="anchor", fontsize=7
-            )
-            axis.set_ylabel("ratio" if unit in ("1", "") else unit)
-            axis.margins(y=0.12)
-        figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
+    """One line per target: how far the tuned model is from it in per cent, and both numbers with their unit.
+
+    Targets of this patient's clinic come first, those of the literature (flow shapes, valve times) below.
+    """
+    table = read_csv(fit, columns=("description", "unit", "measured", "simulated", "tuned", "clinical"))
+    table = table[table["tuned"]].sort_values("clinical", ascending=False, kind="stable")
+    off = 100 * (table["simulated"] / table["measured"].where(table["measured"] != 0) - 1)
+    y = np.arange(len(table))[::-1]
+    with saved(output, figsize=(7.6, 0.21 * len(table) + 1.0)) as (_, axis):
+        axis.axvspan(-NARROW, NARROW, color=MUTED, alpha=0.18, lw=0)
+        axis.axvline(0, color=MEASURED, lw=0.8)
+        clinical = table["clinical"].to_numpy(bool)
+        shown = np.clip(off, -WIDE, WIDE)
+        for chosen, colour, label in (
+            (clinical, SIMULATED, "measured in this patient"),
+            (~clinical, MUTED, "taken from the literature"),
+        ):
+            axis.hlines(y[chosen], 0, shown[chosen], color=colour, lw=1)
+            axis.plot(shown[chosen], y[chosen], "o", color=colour, ms=4, label=label)
+        for place, (_, row) in zip(y, table.iterrows(), strict=True):
+            unit = "" if row["unit"] == "1" else f" {row['unit']}"
+            axis.text(
+                1.01, place, f"{row['measured']:.3g} → {row['simulated']:.3g}{unit}", va="center", fontsize=7.5,
+                transform=axis.get_yaxis_transform(),
+            )  # fmt: skip
+        axis.set_yticks(y, table["description"], fontsize=7.5)
+        axis.set_xlim(-WIDE * 1.03, WIDE * 1.03)
+        axis.set_xlabel("tuned model against target (%); grey: within 5 %; numbers: target → model")
+        axis.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, fontsize=7.5)
+        axis.spines["left"].set_visible(False)
+        axis.tick_params(axis="y", length=0)

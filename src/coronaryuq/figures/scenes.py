@@ -38,9 +38,10 @@ def territories(case: str, lv: str, tree: str, output: str) -> None:
             plotter.add_mesh(surface.copy(), scalars="territory", cmap=_shades(outlets), show_scalar_bar=False)
             _add_tree(plotter, vessels, color="#444444")
             facing = [o for o in outlets if (np.array(o["point"]) - centres.mean(axis=0)) @ np.array(view) > 0.5]
+            points, labels = [o["point"] for o in facing], [o.get("label") or o["name"] for o in facing]
             plotter.add_point_labels(
-                np.array([o["point"] for o in facing]), [o.get("label") or o["name"] for o in facing], font_size=13, shape_opacity=0.75,
-                show_points=False, always_visible=True, text_color="black", shape_color="white",
+                np.array(points), labels, font_size=13, shape_opacity=0.75, show_points=False, always_visible=True,
+                text_color="black", shape_color="white",
             )  # fmt: skip
             plotter.add_text(f"Perfusion territories, from {where}", font_size=10, color="black")
 

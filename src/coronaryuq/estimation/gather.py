@@ -1,0 +1,135 @@
+"""Gathers a campaign's runs into the published-runs format, a folder that the estimators and anybody else can read."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from coronaryuq import records
+from coronaryuq.errors import InputError
+from coronaryuq.files import read_csv, read_json, write_csv, write_json
+
+BOOKKEEPING = ("status", "reason", "cpu_s", "cycles", "cycle_error", "refinement")
+"""Columns of 0D runs that are no outputs."""
+
+ROWS = (
+    ("osi_flow", "max OSI", "mean flow", "osi_max_{}", "mean_flow:{outlet}"),
+    ("tawss_flow", "min TAWSS", "mean flow", "tawss_min_{}", "mean_flow:{outlet}"),
+    ("ffr_ffr", "FFR", "FFR", "ffr_{}", "ffr_{}"),
+    ("ffr_flow", "FFR", "mean flow", "ffr_{}", "mean_flow:{outlet}"),
+)
+"""The paper's table: name, 3D and 0D quantity, and their columns for one branch (Table 1)."""
+
+
+def gather(
+    case_json: str | Path,
+    pilot_csv: str | Path,
+    propagation_csv: str | Path,
+    flow3d: Sequence[str | Path],
+    zerod_pilot: Sequence[str | Path],
+    zerod_propagation: Sequence[str | Path],
+    limits: dict[str, tuple[float, float]],
+    min_3d: int,
+    out: str | Path,
+) -> None:
+    """Write `params.csv`, `outputs_3d.csv`, `outputs_0d.csv`, `params_propagation.csv`, `outputs_0d_propagation.csv`,
+    `param_limits.json`, `rows.csv` and `failures.json` into `out`.
+
+    A pilot sample whose 3D run failed stays in `params.csv` without outputs, so that the estimators can ask whether
+    failures depend on θ. A sample whose 0D run failed is left out. Raises InputError if fewer than `min_3d` 3D runs
+    ended well, with the commonest reason. limits: bounds of θ by column, "r" standing for every bed.
+    """
+    out = Path(out)
+    pilot, propagation = read_csv(pilot_csv, ("sample",)), read_csv(propagation_csv, ("sample",))
+    runs = [record for path in flow3d for record in records.read(path)]
+    cheap, cheap_failed = _zerod(zerod_pilot)
+    more, more_failed = _zerod(zerod_propagation)
+    _complete("3D", pilot["sample"], [record.sample for record in runs], flow3d)
+    _complete("0D", pilot["sample"], [*cheap["sample"], *cheap_failed["sample"]], zerod_pilot)
+    _complete("0D", propagation["sample"], [*more["sample"], *more_failed["sample"]], zerod_propagation)
+    failed = [record for record in runs if not record.ok]
+    if len(runs) - len(failed) < min_3d:
+        reasons = pd.Series([record.reason for record in failed])
+        most = reasons.value_counts().index[0] if len(reasons) else "too few samples asked for"
+        said = f"{len(runs) - len(failed)} of {len(runs)}"
+        raise InputError(
+            flow3d[0], "3D runs that ended well", said, f"at least {min_3d} are needed; most often: {most}"
+        )
+    columns = [name for name in pilot.columns if name != "sample"]
+    kept = pilot[pilot["sample"].isin(cheap["sample"])]
+    outputs_3d = pd.DataFrame([{"sample": r.sample, **r.outputs} for r in runs if r.ok])
+    write_csv(out / "params.csv", kept)
+    write_csv(out / "outputs_3d.csv", outputs_3d[outputs_3d["sample"].isin(kept["sample"])])
+    write_csv(out / "outputs_0d.csv", cheap)
+    write_csv(out / "params_propagation.csv", propagation[propagation["sample"].isin(more["sample"])])
+    write_csv(out / "outputs_0d_propagation.csv", more)
+    bounds = {name: limits.get(name, limits["r"]) for name in columns}
+    ends = (("min", 0), ("max", 1))
+    write_json(out / "param_limits.json", {end: {name: bounds[name][k] for name in columns} for end, k in ends})
+    write_csv(out / "rows.csv", rows(read_json(case_json), cheap.columns))
+    write_json(
+        out / "failures.json",
+        {
+            "flow3d": {
+                "runs": len(runs),
+                "failed": [{"sample": r.sample, "reason": r.reason, "inputs": r.inputs} for r in failed],
+            },
+            "zerod": {
+                "runs": len(pilot) + len(propagation),
+                "failed": pd.concat([cheap_failed, more_failed])[["sample", "reason"]].to_dict("records"),
+            },
+            "cost": {
+                "flow3d_cpu_s": float(sum(r.cost.get("cpu_s", 0.0) for r in runs)),
+                "zerod_cpu_s": float(_cost(zerod_pilot) + _cost(zerod_propagation)),
+            },
+        },
+    )
+
+
+def rows(case: dict, columns_0d: Sequence[str]) -> pd.DataFrame:
+    """The paper's table for this case: one row per quantity and stenosis, in its order."""
+    lines = []
+    for name, qoi_3d, qoi_0d, column_3d, column_0d in ROWS:
+        for stenosis in case["stenoses"]:
+            branch = stenosis["name"].lower()
+            outlet = next((c.split(":", 1)[1] for c in columns_0d if c.endswith(f":{stenosis['outlet']}")), None)
+            lines.append(
+                {
+                    "row": f"{name}_{branch}",
+                    "qoi_3d": qoi_3d,
+                    "qoi_0d": qoi_0d,
+                    "branch": stenosis["name"],
+                    "column_3d": column_3d.format(branch),
+                    "column_0d": column_0d.format(branch, outlet=outlet),
+                }
+            )
+    return pd.DataFrame(lines)
+
+
+def _zerod(paths: Sequence[str | Path]) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Outputs of the runs that ended well, and the failed runs."""
+    table = pd.concat([_parquet(path) for path in paths], ignore_index=True)
+    ok = table["status"] == records.OK
+    return table[ok].drop(columns=[c for c in BOOKKEEPING if c in table]), table[~ok]
+
+
+def _cost(paths: Sequence[str | Path]) -> float:
+    return float(np.sum([_parquet(path)["cpu_s"].sum() for path in paths]))
+
+
+def _parquet(path: str | Path) -> pd.DataFrame:
+    try:
+        return pd.read_parquet(path)
+    except FileNotFoundError:
+        raise InputError(path, None, None, "no such file") from None
+    except (OSError, ValueError) as error:
+        raise InputError(path, None, None, f"not a readable Parquet file ({error}); delete it and run again") from None
+
+
+def _complete(kind: str, wanted: pd.Series, found: list[str], paths: Sequence[str | Path]) -> None:
+    missing = sorted(set(wanted) - set(found))
+    if missing or len(found) != len(set(found)):
+        what = missing[0] if missing else "a sample"
+        remedy = f"has no {kind} run; delete the files of this set and run again" if missing else "has two runs"
+        raise InputError(Path(paths[0]).parent, "sample", what, remedy)

@@ -1,0 +1,97 @@
+"""A campaign's runs end in one folder; what failed is said, and too few runs stop it."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from coronaryuq.errors import InputError
+from coronaryuq.estimation.gather import gather
+from coronaryuq.estimation.runs import read_rows, read_runs
+from coronaryuq.files import read_json, write_csv, write_json
+from coronaryuq.records import Record, write
+
+CASE = {"stenoses": [{"name": "LAD", "outlet": "BC_lca1"}, {"name": "RCA", "outlet": "BC_rca1"}]}
+LIMITS = {"r": (0.5, 2.0), "R_cor_scaling": (0.7, 1.25)}
+
+
+def theta(name, count):
+    random = np.random.default_rng(len(name))
+    columns = {bed: random.uniform(0.5, 2, count) for bed in ("BC_lca1", "BC_rca1")}
+    samples = [f"{name}_{k:05d}" for k in range(count)]
+    return pd.DataFrame({"sample": samples, **columns, "R_cor_scaling": random.uniform(0.7, 1.25, count)})
+
+
+def zerod(table, failed=()):
+    frame = pd.DataFrame({"sample": table["sample"], "status": "ok", "reason": "", "cpu_s": 0.5})
+    for column in ("mean_flow:lca1:BC_lca1", "mean_flow:rca1:BC_rca1", "ffr_lad", "ffr_rca"):
+        frame[column] = 1 / table["R_cor_scaling"]
+    frame.loc[frame["sample"].isin(failed), ["status", "reason"]] = "failed", "no convergence"
+    return frame
+
+
+def record(row, failed):
+    inputs = {name: float(row[name]) for name in ("BC_lca1", "BC_rca1", "R_cor_scaling")}
+    if row["sample"] in failed:
+        return Record.failed(row["sample"], inputs, "blew up", cost={"cpu_s": 2.0})
+    names = [f"{q}_{b}" for q in ("ffr", "osi_max", "tawss_min") for b in ("lad", "rca")]
+    return Record(row["sample"], inputs, dict.fromkeys(names, inputs["BC_lca1"]), cost={"cpu_s": 2.0})
+
+
+@pytest.fixture
+def campaign(tmp_path):
+    """Writes a campaign's files, with the named samples failed, and gathers them."""
+
+    def run(failed_3d=(), failed_0d=(), min_3d=4, lost=()):
+        pilot, propagation = theta("pilot", 12), theta("propagation", 20)
+        write_json(tmp_path / "case.json", CASE)
+        write_csv(tmp_path / "pilot.csv", pilot)
+        write_csv(tmp_path / "propagation.csv", propagation)
+        batches = []
+        for k in range(3):
+            rows = [row for _, row in pilot.iloc[4 * k : 4 * k + 4].iterrows() if row["sample"] not in lost]
+            batches.append(tmp_path / f"batch_{k}.jsonl")
+            write(batches[-1], [record(row, failed_3d) for row in rows])
+        zerod(pilot, failed_0d).to_parquet(tmp_path / "pilot_0.parquet")
+        zerod(propagation, failed_0d).to_parquet(tmp_path / "propagation_0.parquet")
+        gather(
+            tmp_path / "case.json", tmp_path / "pilot.csv", tmp_path / "propagation.csv", batches,
+            [tmp_path / "pilot_0.parquet"], [tmp_path / "propagation_0.parquet"], LIMITS, min_3d, tmp_path / "runs",
+        )  # fmt: skip
+        return tmp_path / "runs"
+
+    return run
+
+
+def test_the_estimators_read_what_was_gathered(campaign):
+    folder = campaign()
+    runs = read_runs(folder)
+    assert len(runs) == 12 and len(runs.theta_more) == 20 and runs.q_more is not None
+    assert runs.limits.tolist() == [[0.5, 2.0], [0.5, 2.0], [0.7, 1.25]]
+    rows = read_rows(folder / "rows.csv")
+    assert [row.name for row in rows[:2]] == ["osi_flow_lad", "osi_flow_rca"] and len(rows) == 8
+    for row in rows:
+        assert row.column_3d in runs.y and row.column_0d in runs.q
+
+
+def test_failed_3d_samples_keep_their_inputs(campaign):
+    folder = campaign(failed_3d=["pilot_00003", "pilot_00007"])
+    runs = read_runs(folder)
+    assert len(runs) == 10 and len(runs.theta_failed) == 2
+    failures = read_json(folder / "failures.json")
+    assert [f["sample"] for f in failures["flow3d"]["failed"]] == ["pilot_00003", "pilot_00007"]
+    assert failures["cost"]["flow3d_cpu_s"] == 24.0
+
+
+def test_samples_without_a_0d_run_are_left_out(campaign):
+    runs = read_runs(campaign(failed_0d=["pilot_00001", "propagation_00002"]))
+    assert len(runs) == 11 and len(runs.theta_more) == 19
+
+
+def test_too_few_3d_runs_stop_with_the_commonest_reason(campaign):
+    with pytest.raises(InputError, match="10 of 12.*at least 11 are needed; most often: blew up"):
+        campaign(failed_3d=["pilot_00003", "pilot_00007"], min_3d=11)
+
+
+def test_a_lost_sample_is_named(campaign):
+    with pytest.raises(InputError, match="pilot_00005.*has no 3D run"):
+        campaign(lost=["pilot_00005"])
