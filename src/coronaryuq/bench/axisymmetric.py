@@ -1,0 +1,178 @@
+"""Steady axisymmetric Navier-Stokes flow through a tube of any radius: an independent reference for the 3D solver.
+
+Taylor-Hood triangles (quadratic velocity, linear pressure) in the (z, r) half plane, Newton's method with continuation
+in density, direct solves. Nothing in it is shared with the 3D solver.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
+
+# Dunavant's rule of degree 6 with 12 points: barycentric coordinates and weights.
+_A, _B, _C, _D = 0.249286745170910, 0.063089014491502, 0.310352451033785, 0.053145049844816
+_POINTS = np.array(
+    [
+        *[(1 - 2 * _A, _A, _A), (_A, 1 - 2 * _A, _A), (_A, _A, 1 - 2 * _A)],
+        *[(1 - 2 * _B, _B, _B), (_B, 1 - 2 * _B, _B), (_B, _B, 1 - 2 * _B)],
+        *[(_C, _D, 1 - _C - _D), (_D, _C, 1 - _C - _D), (_C, 1 - _C - _D, _D)],
+        *[(_D, 1 - _C - _D, _C), (1 - _C - _D, _C, _D), (1 - _C - _D, _D, _C)],
+    ]
+)
+_WEIGHTS = np.repeat([0.116786275726379, 0.050844906370207, 0.082851075618374], [3, 3, 6])
+
+
+@dataclass(frozen=True)
+class AxisymmetricFlow:
+    """z (k,) levels of nodes; wall_shear (k,) dyn/cm2 along z at the wall; pressure (k,) dyn/cm2 mean over the
+    cross-section at each level; axial (k,) velocity on the axis, cm/s.
+    """
+
+    z: np.ndarray
+    wall_shear: np.ndarray
+    pressure: np.ndarray
+    axial: np.ndarray
+
+
+def solve(
+    radius: Callable[[np.ndarray], np.ndarray],
+    z: np.ndarray,
+    rings: int,
+    flow: float,
+    density: float,
+    viscosity: float,
+    continuation: tuple[float, ...] = (0.0, 0.1, 0.3, 0.6, 1.0),
+) -> AxisymmetricFlow:
+    """Flow (mL/s) through a tube along z (cm levels, increasing) of `radius`(z), developed at the inlet."""
+    eta = 1.0 - (1.0 - np.linspace(0.0, 1.0, rings + 1)) ** 1.4
+    nodes_z, nodes_r = np.repeat(z, rings + 1), np.outer(radius(z), eta).ravel()
+    number = np.arange(len(nodes_z)).reshape(len(z), rings + 1)
+    a, b, c, d = number[:-1, :-1].ravel(), number[1:, :-1].ravel(), number[1:, 1:].ravel(), number[:-1, 1:].ravel()
+    corners = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    pairs = np.sort(np.concatenate([corners[:, [1, 2]], corners[:, [2, 0]], corners[:, [0, 1]]]), axis=1)
+    edges, edge = np.unique(pairs, axis=0, return_inverse=True)
+    n, m, e = len(nodes_z), len(nodes_z) + len(edges), len(corners)
+    elements = np.concatenate([corners, n + edge.reshape(3, e).T], axis=1)
+    xz = np.concatenate([nodes_z, nodes_z[edges].mean(axis=1)])
+    xr = np.concatenate([nodes_r, nodes_r[edges].mean(axis=1)])
+
+    l1, l2, l3 = _POINTS.T
+    shape = np.stack(
+        [l1 * (2 * l1 - 1), l2 * (2 * l2 - 1), l3 * (2 * l3 - 1), 4 * l2 * l3, 4 * l3 * l1, 4 * l1 * l2], axis=1
+    )
+    zero = np.zeros_like(l1)
+    by_l = np.stack(
+        [
+            np.stack([4 * l1 - 1, zero, zero, zero, 4 * l3, 4 * l2], axis=1),
+            np.stack([zero, 4 * l2 - 1, zero, 4 * l3, zero, 4 * l1], axis=1),
+            np.stack([zero, zero, 4 * l3 - 1, 4 * l2, 4 * l1, zero], axis=1),
+        ],
+        axis=2,
+    )
+    cz, cr = nodes_z[corners], nodes_r[corners]
+    twice = (cz[:, 1] - cz[:, 0]) * (cr[:, 2] - cr[:, 0]) - (cz[:, 2] - cz[:, 0]) * (cr[:, 1] - cr[:, 0])
+    grad_l = np.stack(
+        [
+            np.stack([cr[:, 1] - cr[:, 2], cr[:, 2] - cr[:, 0], cr[:, 0] - cr[:, 1]], axis=1),
+            np.stack([cz[:, 2] - cz[:, 1], cz[:, 0] - cz[:, 2], cz[:, 1] - cz[:, 0]], axis=1),
+        ],
+        axis=2,
+    ) / twice[:, None, None]  # fmt: skip
+    grad = np.einsum("qil,elk->eqik", by_l, grad_l)
+    r = np.einsum("ql,el->eq", _POINTS, cr)
+    weight = 0.5 * np.abs(twice)[:, None] * _WEIGHTS[None] * r
+
+    wall = np.isclose(xr, radius(xz), rtol=0, atol=1e-12) | np.isin(
+        np.arange(m), n + np.flatnonzero(_both(edges, number[:, -1]))
+    )
+    axis, inlet = xr < 1e-14, xz <= z[0] + 1e-14
+    inflow = 2 * flow / (np.pi * radius(z[:1])[0] ** 2) * (1 - (xr / radius(z[:1])[0]) ** 2)
+    fixed = np.concatenate([wall | inlet, wall | inlet | axis, np.zeros(n, bool)])
+    solution = np.zeros(2 * m + n)
+    solution[:m][inlet & ~wall] = inflow[inlet & ~wall]
+    free = np.flatnonzero(~fixed)
+
+    def assemble(rho):
+        u = np.stack([solution[:m][elements], solution[m : 2 * m][elements]], axis=2)
+        p = solution[2 * m :][corners]
+        at = np.einsum("qi,eic->eqc", shape, u)
+        slope = np.einsum("eqik,eic->eqck", grad, u)
+        pressure = np.einsum("ql,el->eq", _POINTS, p)
+        hoop = at[:, :, 1] / r
+        through = slope[:, :, 0, 0] + slope[:, :, 1, 1] + hoop
+        carried = np.einsum("eqk,eqck->eqc", at, slope)
+        residual = np.einsum("eq,qi,eqc->eic", weight, shape, rho * carried)
+        residual += np.einsum("eq,eqik,eqck->eic", weight * viscosity, grad, slope)
+        residual -= np.einsum("eq,eqic->eic", weight * pressure, grad)
+        residual[:, :, 1] += np.einsum("eq,qi->ei", weight * (viscosity * hoop - pressure) / r, shape)
+        mass = -np.einsum("eq,ql->el", weight * through, _POINTS)
+        # Jacobian blocks [test, trial]
+        stiff = viscosity * np.einsum("eq,eqik,eqjk->eij", weight, grad, grad)
+        stiff += rho * np.einsum("eq,qi,eqk,eqjk->eij", weight, shape, at, grad)
+        block = {}
+        for x in range(2):
+            for y in range(2):
+                value = rho * np.einsum("eq,qi,qj->eij", weight * slope[:, :, x, y], shape, shape)
+                if x == y:
+                    value = value + stiff
+                if x == y == 1:
+                    value = value + np.einsum("eq,qi,qj->eij", weight * viscosity / r**2, shape, shape)
+                block[x, y] = value
+        divergence = [grad[..., 0], grad[..., 1] + shape[None] / r[:, :, None]]
+        parts = []
+        for (x, y), value in block.items():
+            parts.append((elements + x * m, elements + y * m, value))
+        for x in range(2):
+            value = -np.einsum("eq,eqi,ql->eil", weight, divergence[x], _POINTS)
+            parts.append((elements + x * m, corners + 2 * m, value))
+            parts.append((corners + 2 * m, elements + x * m, value.transpose(0, 2, 1)))
+        rows = np.concatenate([np.repeat(i, j.shape[1], axis=1).ravel() for i, j, _ in parts])
+        columns = np.concatenate([np.tile(j, (1, i.shape[1])).ravel() for i, j, _ in parts])
+        data = np.concatenate([value.ravel() for _, _, value in parts])
+        total = np.zeros(2 * m + n)
+        np.add.at(total, elements, residual[:, :, 0])
+        np.add.at(total, elements + m, residual[:, :, 1])
+        np.add.at(total, corners + 2 * m, mass)
+        return sp.csc_matrix((data, (rows, columns)), shape=(len(solution),) * 2), total
+
+    for share in continuation:
+        for _ in range(25):
+            matrix, residual = assemble(share * density)
+            step = splu(matrix[free][:, free].tocsc()).solve(residual[free])
+            solution[free] -= step
+            if np.abs(step[step.size // 2 :]).max() == 0 or np.linalg.norm(step) < 1e-9 * np.linalg.norm(solution):
+                break
+        else:
+            raise RuntimeError(f"Newton's method did not converge at {share} of the density")
+    _, force = assemble(density)
+    return _measure(z, number, nodes_r, edges, m, solution, force)
+
+
+def _both(edges, nodes):
+    inside = np.isin(edges, nodes)
+    return inside.all(axis=1)
+
+
+def _measure(z, number, nodes_r, edges, m, solution, force) -> AxisymmetricFlow:
+    """Wall shear from the consistent nodal forces on the wall, axial and radial together, spread over the arc."""
+    wall = number[:, -1]
+    n = len(nodes_r)
+    lookup = {tuple(edge): n + k for k, edge in enumerate(edges.tolist())}
+    between = np.array([lookup[tuple(sorted(pair))] for pair in zip(wall[:-1], wall[1:], strict=True)])
+    radii = nodes_r[wall]
+    dz, dr = np.diff(z), np.diff(radii)
+    length = np.hypot(dz, dr)
+    along = (dz * force[between] + dr * force[m + between]) / length
+    # A quadratic edge gives 2/3 of its length to its middle node; the ring's radius comes with the axisymmetric weight.
+    shear = np.abs(along) / (2.0 / 3.0 * length * 0.5 * (radii[1:] + radii[:-1]))
+    shear = np.interp(z, 0.5 * (z[1:] + z[:-1]), shear)
+    p = solution[2 * m :]
+    weight = np.zeros_like(nodes_r[number])
+    r = nodes_r[number]
+    step = np.diff(r, axis=1)
+    weight[:, :-1] += step * (2 * r[:, :-1] + r[:, 1:]) / 6
+    weight[:, 1:] += step * (r[:, :-1] + 2 * r[:, 1:]) / 6
+    pressure = (weight * p[number]).sum(axis=1) / weight.sum(axis=1)
+    return AxisymmetricFlow(z, shear, pressure, solution[number[:, 0]])
