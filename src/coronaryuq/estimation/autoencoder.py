@@ -1,8 +1,8 @@
 """Autoencoders with a one-dimensional latent space and a surrogate of one quantity, many of them trained as one batch.
 
-Architecture and losses as in the paper's appendix A and its equations for L_3D and the joint loss. A batch axis leads every
-tensor: model b has its own weights and its own training samples, so rows, folds and restarts differ in nothing but their
-place. Samples are the last axis, which is two to three times faster here than the first.
+Architecture and losses as in the paper's appendix A and its equations for L_3D and the joint loss. A batch axis leads
+every tensor: model b has its own weights and its own training samples, so rows, folds and restarts differ in nothing
+but their place. Samples are the last axis, which is two to three times faster here than the first.
 """
 
 from collections.abc import Iterator

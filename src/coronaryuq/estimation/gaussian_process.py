@@ -1,7 +1,8 @@
 """Gaussian process regression whose metric has a length scale per input and a few directions across inputs.
 
 Own code because scikit-learn knows no such metric and builds an (n, n, d) array for its gradient: at 400 points and 25
-inputs this one is some ten times cheaper. A test holds its predictions against scikit-learn where both can say the same.
+inputs this one is some ten times cheaper. A test holds its predictions against scikit-learn where both can say the
+same.
 """
 
 from dataclasses import dataclass
@@ -11,8 +12,9 @@ from scipy.linalg import cho_solve, cholesky
 from scipy.linalg.lapack import dpotri
 from scipy.optimize import minimize
 
-# Prior of a standardised problem, as (mean, standard deviation). Few inputs matter for one output, and the length scales of
-# the others must be able to grow out of sight: without it small pilots are overfitted. All but DIRECTION are of logarithms.
+# Prior of a standardised problem, as (mean, standard deviation). Few inputs matter for one output, and the length
+# scales of the others must be able to grow out of sight: without it small pilots are overfitted. All but DIRECTION
+# are of logarithms.
 LENGTH = (2.0, 1.5)
 SIGNAL = (0.0, 1.5)
 LINEAR = (-1.0, 2.0)
@@ -26,9 +28,10 @@ FEW = 120
 class GaussianProcess:
     """A fitted process: k = s² m(r²) + l² Σ x x' / L² plus noise, m the Matérn 5/2 correlation.
 
-    r² = Σ_j (x_j − x_j')² / L_j² + Σ_p (w_p · (x − x'))²: the directions w_p let it bend along a sum of inputs, such as a
-    total resistance, which no product of single inputs expresses. Inputs and outputs are standardised inside by the
-    training set's moments. `leave_one_out` (n,): y minus the prediction without that point, at the final parameters.
+    r² = Σ_j (x_j − x_j')² / L_j² + Σ_p (w_p · (x − x'))²: the directions w_p let it bend along a sum of inputs, such
+    as a total resistance, which no product of single inputs expresses. Inputs and outputs are standardised inside by
+    the training set's moments. `leave_one_out` (n,): y minus the prediction without that point, at the final
+    parameters.
     """
 
     x: np.ndarray

@@ -1,10 +1,10 @@
 """MFMC-AE: per row and fold, a curve of 0D inputs along which the 0D model follows the 3D quantity.
 
-Two phases, because the real 0D model runs between them: `train` gives networks and the 0D inputs that it wants, `low_fidelity`
-turns the 0D outputs into the control variate. As the latent space has one dimension, every resampled input of one network lies
-on one curve, decode(z); the 0D model runs at `nodes` places of that curve and the control variate interpolates between them.
-An interpolated function of θ is a control variate like any other, evaluated alike on pilot and propagation samples, so the
-estimator stays exactly unbiased, and its 0D cost no longer grows with N_0D.
+Two phases, because the real 0D model runs between them: `train` gives networks and the 0D inputs that it wants,
+`low_fidelity` turns the 0D outputs into the control variate. As the latent space has one dimension, every resampled
+input of one network lies on one curve, decode(z); the 0D model runs at `nodes` places of that curve and the control
+variate interpolates between them. An interpolated function of θ is a control variate like any other, evaluated alike
+on pilot and propagation samples, so the estimator stays exactly unbiased, and its 0D cost no longer grows with N_0D.
 """
 
 from dataclasses import dataclass
@@ -24,8 +24,9 @@ IN_SAMPLE = -1
 class Networks:
     """Trained networks of R rows and F fits (the folds, then all data), flat index b = row · F + fit.
 
-    high, low: weights of the 3D and 0D autoencoders, (R F, ...). knots_high, knots_low (R F, KNOTS): their latents' quantiles.
-    box (d, 2): θ at −1 and +1. fold (n,): fold of each pilot sample. loss (R F,): last value of the joint loss.
+    high, low: weights of the 3D and 0D autoencoders, (R F, ...). knots_high, knots_low (R F, KNOTS): their latents'
+    quantiles. box (d, 2): θ at −1 and +1. fold (n,): fold of each pilot sample. loss (R F,): last value of the joint
+    loss.
     """
 
     rows: tuple[str, ...]
@@ -65,7 +66,7 @@ class Networks:
 
 @dataclass(frozen=True)
 class Training:
-    """How to train: steps of Adam in both stages, samples per step, rate, decay per step, restarts, correlation term."""
+    """How to train: steps of both stages, samples per step, Adam's rate, its decay, restarts, correlation term."""
 
     steps: tuple[int, int]
     batch: int
@@ -78,8 +79,9 @@ class Training:
 def train(theta, box, pairs: dict[str, tuple], fold: np.ndarray, how: Training, seed: int) -> Networks:
     """Train both stages for every row and fit as one batch each.
 
-    theta (n, d); box (d, 2); pairs: row name → (3D column name, y (n,), 0D column name, q (n,)). The first stage trains one
-    autoencoder per distinct column and fit, because rows share columns; the second one couples a 3D and a 0D autoencoder.
+    theta (n, d); box (d, 2); pairs: row name → (3D column name, y (n,), 0D column name, q (n,)). The first stage
+    trains one autoencoder per distinct column and fit, because rows share columns; the second one couples a 3D and a
+    0D autoencoder.
     """
     folds = int(fold.max()) + 1
     fits = [np.flatnonzero(fold != f) for f in range(folds)] + [np.arange(len(fold))]
@@ -196,7 +198,8 @@ def _second_stage(weights, x, y, share, how: Training, seed: int):
     draw = _batches(x.shape[2], max(how.batch, 200), seed, "second")
 
     def term(z, high, outputs, part):
-        # ρ between the 3D outputs and the 0D surrogate at the places of the 0D latent axis that the shared space gives them.
+        # ρ between the 3D outputs and the 0D surrogate at the places of the 0D latent axis that the shared space
+        # gives them.
         at_high, at_low = shared_space.knots(z[:half], part[:half]), shared_space.knots(z[half:], part[half:])
         to = shared_space.to_uniform_kernel if how.correlation == "kernel" else shared_space.count
         low = {name: value[half:] for name, value in high.items()}

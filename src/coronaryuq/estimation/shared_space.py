@@ -1,4 +1,5 @@
-"""The shared space: a latent variable to uniform by its empirical distribution, and back in the other model's latent space.
+"""The shared space: a latent variable to uniform by its empirical distribution, and back in the other model's latent
+space.
 
 The paper goes on from the uniform to the standard normal; that map is the same for both models and cancels in the
 composition, so it never appears here. Each map is held by KNOTS quantiles of the training latents (B, KNOTS).
@@ -10,7 +11,8 @@ KNOTS = 65
 
 
 def knots(z: torch.Tensor, share: torch.Tensor) -> torch.Tensor:
-    """Quantiles (B, KNOTS) at equal probabilities, extremes included, of latents (B, 1, n); samples without share are left out.
+    """Quantiles (B, KNOTS) at equal probabilities, extremes included, of latents (B, 1, n); samples without share are
+    left out.
 
     Differentiable with respect to the latents.
     """

@@ -1,0 +1,106 @@
+"""Control variates: functions of θ and of 0D outputs that predict a 3D quantity. One interface: fit on a pilot,
+predict.
+
+A method is `fit(seen, y) -> Fitted`; `Fitted.predict(seen)` gives the control variate, `Fitted.leave_one_out` (n,)
+what it misses at its own training runs when each is left out, from which a choice among methods is made within a
+training set.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from coronaryuq.estimation import gaussian_process
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a control variate may see of m samples: log θ (m, d), a row's 0D output (m,), more of them (m, p)."""
+
+    log_theta: np.ndarray
+    row_output: np.ndarray
+    outputs: np.ndarray
+
+    def __getitem__(self, index) -> "Seen":
+        return Seen(self.log_theta[index], self.row_output[index], self.outputs[index])
+
+    def __len__(self) -> int:
+        return len(self.log_theta)
+
+    @property
+    def everything(self) -> np.ndarray:
+        return np.column_stack([self.log_theta, self.outputs])
+
+
+@dataclass(frozen=True)
+class Fitted:
+    method: str
+    predict: Callable[[Seen], np.ndarray]
+    leave_one_out: np.ndarray
+
+    @property
+    def missed(self) -> float:
+        """Mean square of the leave-one-out residuals."""
+        return float(np.mean(self.leave_one_out**2))
+
+
+Method = Callable[[Seen, np.ndarray], Fitted]
+
+
+def constant(seen: Seen, y: np.ndarray) -> Fitted:
+    """No control variate at all: plain Monte Carlo."""
+    return Fitted("constant", lambda new: np.full(len(new), y.mean()), (y - y.mean()) * len(y) / (len(y) - 1))
+
+
+def linear(name: str, columns: Callable[[Seen], np.ndarray]) -> Method:
+    """Least squares on columns (m, p) of what is seen. With the row's 0D output alone this is MFMC."""
+
+    def fit(seen: Seen, y: np.ndarray) -> Fitted:
+        design, back = _standardised(columns(seen))
+        u, s, vt = np.linalg.svd(design, full_matrices=False)
+        kept = s > 1e-7 * s[0]
+        u, inverse = u[:, kept], (vt[kept].T / s[kept])
+        coefficients = inverse @ (u.T @ y)
+        hat = np.minimum((u**2).sum(axis=1), 1 - 1e-9)
+        return Fitted(name, lambda new: back(columns(new)) @ coefficients, (y - u @ (u.T @ y)) / (1 - hat))
+
+    return fit
+
+
+def process(name: str, columns: Callable[[Seen], np.ndarray], directions: int = 0, evaluations: int = 60) -> Method:
+    """Gaussian process on columns (m, p) of what is seen."""
+
+    def fit(seen: Seen, y: np.ndarray) -> Fitted:
+        model = gaussian_process.fit(columns(seen), y, directions, evaluations)
+        return Fitted(name, lambda new: model.predict(columns(new)), model.leave_one_out)
+
+    return fit
+
+
+def quadratic(columns: np.ndarray) -> np.ndarray:
+    """Columns (m, p) with their squares and products, (m, p + p (p + 1) / 2)."""
+    first, second = np.triu_indices(columns.shape[1])
+    return np.column_stack([columns, columns[:, first] * columns[:, second]])
+
+
+def _standardised(columns: np.ndarray):
+    shift, scale = columns.mean(axis=0), columns.std(axis=0)
+    scale = np.where(scale > 1e-12 * (np.abs(shift) + 1e-300), scale, np.inf)
+
+    def back(new: np.ndarray) -> np.ndarray:
+        return np.column_stack([np.ones(len(new)), (new - shift) / scale])
+
+    return back(columns), back
+
+
+METHODS: dict[str, Method] = {
+    "constant": constant,
+    "linear 0D": linear("linear 0D", lambda s: s.row_output[:, None]),
+    "linear 0D outputs": linear("linear 0D outputs", lambda s: s.outputs),
+    "linear theta": linear("linear theta", lambda s: s.log_theta),
+    "quadratic 0D outputs": linear("quadratic 0D outputs", lambda s: quadratic(s.outputs[:, :5])),
+    "process theta": process("process theta", lambda s: s.log_theta),
+    "process theta and 0D": process("process theta and 0D", lambda s: s.everything),
+    "process with direction": process("process with direction", lambda s: s.everything, directions=1, evaluations=120),
+}

@@ -1,0 +1,81 @@
+"""Cross-fitted estimate of a mean: what is fitted on some folds is used on the others only, so the claimed variance
+is true.
+
+With folds k of n_k runs, g_k fitted without fold k, and a block B_k of propagation samples that belongs to fold k,
+
+    estimate = Σ_k n_k / n · [ mean_{i in k} (y_i − β g_k(θ_i)) + β mean_{j in B_k} g_k(θ_j) ]
+
+is unbiased whatever g_k is, because g_k knows neither the runs of fold k nor the samples of B_k. Its variance is
+estimated by var(residuals) / n + β² Σ_k (n_k / n)² var(g_k on B_k) / |B_k|. Each propagation sample serves one fold
+only, which costs nothing: K blocks of M / K samples have together the variance of M samples.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.stats import t as student
+
+from coronaryuq.estimation.montecarlo import Interval, correlation
+
+
+@dataclass(frozen=True)
+class Propagated:
+    """g_k on a block of propagation samples: values (m_k,) and the variance (before division by m_k) that counts.
+
+    `integrated`: predictions behind each value, 1 for a plain sample, more where a known input was integrated exactly.
+    """
+
+    values: np.ndarray
+    integrated: int = 1
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A mean with its claimed standard deviation and what is needed to judge it."""
+
+    method: str
+    mean: float
+    std: float
+    rho_held_out: float
+    n_3d: int
+    n_0d: int
+    predictions: int
+    beta: float
+    residual_share: float
+    interval: Interval
+    warnings: tuple[str, ...] = ()
+    residuals: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
+
+
+def combine(
+    method: str, y: np.ndarray, held_out: np.ndarray, blocks: list[Propagated], fold: np.ndarray,
+    n_0d: int, level: float = 0.95, beta: float | None = None, weights: np.ndarray | None = None,
+) -> Estimate:  # fmt: skip
+    """Cross-fitted estimate from y (n,), held-out g (n,), blocks of propagation values in fold order, fold (n,).
+
+    beta None takes the value that minimises the variance for a g that is the conditional mean of y: it depends on g
+    alone, not on y. weights (n,), mean one, correct a pilot whose inputs are not distributed as the propagation
+    samples.
+    """
+    n = len(y)
+    weights = np.ones(n) if weights is None else weights
+    share = np.array([weights[fold == k].sum() for k in range(len(blocks))]) / weights.sum()
+    from_blocks = sum(
+        s**2 * np.var(b.values, ddof=1) / len(b.values) for s, b in zip(share, blocks, strict=True) if len(b.values) > 1
+    )
+    spread = np.var(held_out, ddof=1) if n > 1 else 0.0
+    if beta is None:
+        beta = float(spread / n / (spread / n + from_blocks)) if spread > 0 else 0.0
+    residuals = y - beta * held_out
+    mean = float(np.average(residuals, weights=weights))
+    mean += beta * float(sum(s * b.values.mean() for s, b in zip(share, blocks, strict=True)))
+    centred = residuals - np.average(residuals, weights=weights)
+    variance = float(np.sum((weights * centred) ** 2) / weights.sum() ** 2 * n / (n - 1) + beta**2 * from_blocks)
+    std = variance**0.5
+    half = float(student.ppf((1 + level) / 2, n - 1)) * std
+    total = np.var(y)
+    return Estimate(
+        method, mean, std, correlation(y, held_out), n, n_0d, sum(len(b.values) * b.integrated for b in blocks), beta,
+        float(np.var(y - held_out) / total) if total > 0 else 0.0,
+        Interval(mean - half, mean + half, level), residuals=residuals,
+    )  # fmt: skip

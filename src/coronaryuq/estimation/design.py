@@ -1,0 +1,128 @@
+"""Folds, propagation blocks and emulated 0D outputs that all rows of one campaign share."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from coronaryuq.estimation import folds
+from coronaryuq.estimation.control_variates import Seen
+from coronaryuq.estimation.emulator import Emulator, informative
+from coronaryuq.estimation.runs import Row, Runs
+from coronaryuq.seeds import generator
+
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
+
+
+@dataclass(frozen=True)
+class Block:
+    """Propagation samples of one fold: indices (m,); log θ (m · s, d) at s values of the integrated input."""
+
+    index: np.ndarray
+    log_theta: np.ndarray
+    outputs: dict[str, np.ndarray]
+    repeats: int
+
+    def average(self, values: np.ndarray) -> np.ndarray:
+        """Values (m · s,) integrated over the known input: (m,)."""
+        if self.repeats == 1:
+            return values
+        return values.reshape(-1, self.repeats) @ (WEIGHTS / 2)
+
+
+@dataclass(frozen=True)
+class Design:
+    """Everything that is fixed before a 3D output is looked at.
+
+    fold (n,); blocks, one per fold; held_out: 0D output → (n,) emulated without the sample's own fold; shared: names
+    of the 0D outputs that every control variate may see, those of all rows among them; emulator_error: 0D output →
+    held-out mean square error over variance.
+    """
+
+    runs: Runs
+    fold: np.ndarray
+    blocks: list[Block]
+    held_out: dict[str, np.ndarray]
+    shared: list[str]
+    emulator_error: dict[str, float]
+    integrated: bool
+
+    @property
+    def log_theta(self) -> np.ndarray:
+        return np.log(self.runs.theta)
+
+    def training(self, row: Row, k: int) -> tuple[Seen, np.ndarray]:
+        """What the training runs of fold k show (their own 0D outputs), and their indices."""
+        index = np.flatnonzero(self.fold != k)
+        q = self.runs.q
+        seen = Seen(self.log_theta, q[row.column_0d].to_numpy(float), q[self.shared].to_numpy(float))
+        return seen[index], index
+
+    def held(self, row: Row, k: int) -> tuple[Seen, np.ndarray]:
+        """What the held-out runs of fold k show (emulated 0D outputs), and their indices."""
+        index = np.flatnonzero(self.fold == k)
+        outputs = np.column_stack([self.held_out[c] for c in self.shared])
+        return Seen(self.log_theta, self.held_out[row.column_0d], outputs)[index], index
+
+    def propagated(self, row: Row, k: int) -> Seen:
+        """What the propagation samples of fold k show."""
+        block = self.blocks[k]
+        outputs = np.column_stack([block.outputs[c] for c in self.shared])
+        return Seen(block.log_theta, block.outputs[row.column_0d], outputs)
+
+
+def make_design(runs: Runs, rows: list[Row], k: int, seed: int, scaling: str | None = None, most: int = 10) -> Design:
+    """Assign folds, share out propagation samples, emulate 0D outputs without each fold.
+
+    `scaling`: input whose law is known to be uniform within its limits and independent of the others; where the
+    propagation samples do not contradict that (`integrable`), control variates are integrated over it exactly at 8
+    Gauss nodes.
+    """
+    n, m = len(runs), len(runs.theta_more)
+    fold = folds.assign(n, k, seed)
+    integrated = scaling is not None and integrable(runs, scaling)
+    wanted = list(dict.fromkeys(row.column_0d for row in rows))
+    names = informative(runs.q, wanted, max(most, len(wanted)))
+    order = generator(seed, "estimation", "blocks").permutation(m) % k
+    log_theta, held_out, blocks = np.log(runs.theta), {name: np.empty(n) for name in names}, []
+    for j in range(k):
+        train, held = fold != j, fold == j
+        emulator = Emulator(log_theta[train], runs.q.loc[train, names])
+        for name, values in emulator.predict(log_theta[held]).items():
+            held_out[name][held] = values
+        index = np.flatnonzero(order == j)
+        spread, repeats = _spread(runs, index, scaling if integrated else None)
+        blocks.append(Block(index, spread, emulator.predict(spread), repeats))
+    error = {
+        name: float(np.mean((held_out[name] - runs.q[name]) ** 2) / (np.var(runs.q[name]) or 1.0)) for name in names
+    }
+    return Design(runs, fold, blocks, held_out, names, error, integrated)
+
+
+def integrable(runs: Runs, scaling: str) -> bool:
+    """Whether the propagation samples agree with a uniform, independent `scaling`, both tests at 0.1 %.
+
+    Kolmogorov-Smirnov against the limits; Spearman's rank correlation with every other input, Bonferroni-corrected.
+    """
+    if scaling not in runs.inputs or runs.limits is None or len(runs.theta_more) < 100:
+        return False
+    j = runs.inputs.index(scaling)
+    low, high = runs.limits[j]
+    s, others = runs.theta_more[:, j], np.delete(runs.theta_more, j, axis=1)
+    if s.min() < low or s.max() > high:
+        return False
+    uniform = stats.kstest(s, stats.uniform(low, high - low).cdf).pvalue
+    moving = [other for other in others.T if np.ptp(other) > 0]
+    independent = min((stats.spearmanr(s, other).pvalue for other in moving), default=1.0) * max(len(moving), 1)
+    return bool(uniform > 1e-3 and independent > 1e-3)
+
+
+def _spread(runs: Runs, index: np.ndarray, scaling: str | None) -> tuple[np.ndarray, int]:
+    theta = runs.theta_more[index]
+    if scaling is None:
+        return np.log(theta), 1
+    j = runs.inputs.index(scaling)
+    low, high = runs.limits[j]
+    repeated = np.repeat(theta, len(NODES), axis=0)
+    repeated[:, j] = np.tile(low + (NODES + 1) / 2 * (high - low), len(theta))
+    return np.log(repeated), len(NODES)

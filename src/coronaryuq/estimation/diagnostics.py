@@ -1,0 +1,132 @@
+"""Quietly wrong answers: each is looked for, said in words, and corrected or dropped by a stated rule."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from coronaryuq.estimation.runs import Runs
+
+# Tests are at 0.1 %, Bonferroni-corrected over inputs: one false warning in a thousand campaigns.
+SIGNIFICANCE = 1e-3
+OUTSIDE_SHARE = 0.05
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One warning: a short code, one line for the reader, and the rule that was applied."""
+
+    code: str
+    text: str
+    rule: str
+
+    def __str__(self) -> str:
+        return f"{self.text} ({self.rule})"
+
+
+def different_inputs(runs: Runs) -> Finding | None:
+    """Pilot against propagation inputs: Kolmogorov-Smirnov and Welch's t-test of log θ, input by input."""
+    if len(runs.theta_more) < 8:
+        return None
+    a, b = np.log(runs.theta), np.log(runs.theta_more)
+    moving = [j for j in range(a.shape[1]) if np.ptp(b[:, j]) > 0]
+    p = {
+        runs.inputs[j]: min(
+            stats.ks_2samp(a[:, j], b[:, j]).pvalue, stats.ttest_ind(a[:, j], b[:, j], equal_var=False).pvalue
+        )
+        for j in moving
+    }
+    low = {name: value for name, value in p.items() if value * 2 * len(p) < SIGNIFICANCE}
+    if not low:
+        return None
+    worst = min(low, key=low.get)
+    return Finding(
+        "inputs differ",
+        f"pilot and propagation inputs differ in law: {len(low)} of {len(p)}, most {worst} (p = {low[worst]:.1e})",
+        "the propagation sample is the target; pilot runs are reweighted to its means in every estimate",
+    )
+
+
+def balancing_weights(runs: Runs) -> np.ndarray:
+    """Weights (n,) of pilot runs, mean one, that give log θ the means of the propagation sample (entropy balancing).
+
+    Exponential tilting, Hainmueller 2012. All one where the dual does not converge or leaves fewer than half of the
+    runs in effect: then the two samples are too unlike to mend.
+    """
+    a, b = np.log(runs.theta), np.log(runs.theta_more)
+    n = len(a)
+    centred = (a - b.mean(axis=0)) / (a.std(axis=0) + 1e-12)
+    u, s, _ = np.linalg.svd(centred - centred.mean(axis=0), full_matrices=False)
+    kept = s > 1e-3 * s[0]
+    # Only directions in which the pilot moves can be balanced: the constrained one cannot.
+    vt = np.linalg.svd(centred - centred.mean(axis=0), full_matrices=False)[2][kept]
+    x = centred @ vt.T
+    dual = np.zeros(x.shape[1])
+    for _ in range(50):
+        w = np.exp(np.clip(x @ dual, -30, 30))
+        w /= w.sum()
+        gradient = x.T @ w
+        if np.abs(gradient).max() < 1e-10:
+            break
+        hessian = (x * w[:, None]).T @ x - np.outer(gradient, gradient) + 1e-12 * np.eye(len(dual))
+        dual -= np.linalg.solve(hessian, gradient)
+    weights = n * w
+    good = np.abs(x.T @ weights).max() / n < 1e-6 and weights.sum() ** 2 / (weights**2).sum() > n / 2
+    return weights if good else np.ones(n)
+
+
+def failed_not_at_random(runs: Runs) -> Finding | None:
+    """Failed 3D runs against those that ended: Mann-Whitney test of every input, and the share that failed."""
+    failed = len(runs.theta_failed)
+    if failed == 0:
+        return None
+    share = failed / (failed + len(runs))
+    p = {
+        name: stats.mannwhitneyu(runs.theta_failed[:, j], runs.theta[:, j]).pvalue
+        for j, name in enumerate(runs.inputs)
+        if np.ptp(runs.theta[:, j]) > 0
+    }
+    low = {name: value for name, value in p.items() if value * len(p) < 0.01}
+    if low:
+        worst = min(low, key=low.get)
+        return Finding(
+            "failures depend on inputs",
+            f"{failed} of {failed + len(runs)} 3D runs failed, not at random: {worst} differs (p = {low[worst]:.1e})",
+            "runs that ended are reweighted to the means of the propagation sample",
+        )
+    if share > 0.1:
+        return Finding(
+            "many failures",
+            f"{failed} of {failed + len(runs)} 3D runs failed ({share:.0%})",
+            "left out; no dependence on inputs was found, with so many a weak one may hide",
+        )
+    return None
+
+
+def outside_support(theta: np.ndarray, support: np.ndarray, inputs: tuple[str, ...]) -> Finding | None:
+    """Resampled 0D inputs (m, d) that leave the box of the training inputs (n, d)."""
+    low, high = support.min(axis=0), support.max(axis=0)
+    margin = 1e-9 * (high - low)
+    beyond = (theta < low - margin) | (theta > high + margin)
+    share = beyond.any(axis=1).mean()
+    if share <= OUTSIDE_SHARE:
+        return None
+    worst = inputs[int(beyond.mean(axis=0).argmax())]
+    return Finding(
+        "resampled outside training",
+        f"{share:.0%} of the resampled 0D inputs lie outside the training inputs, most in {worst}",
+        "kept: the estimate stays unbiased, but where an emulator stood in its ρ means little",
+    )
+
+
+def useless(rho_held_out: float, n: int, method: str) -> Finding | None:
+    """A control variate whose held-out correlation is not told from zero at 1 %, or has the wrong sign."""
+    if n < 4:
+        return None
+    if rho_held_out > np.tanh(stats.norm.ppf(0.99) / np.sqrt(n - 3)):
+        return None
+    return Finding(
+        "no help",
+        f"{method} does not help: held-out correlation {rho_held_out:.2f} of {n} runs",
+        "its estimate is shown, and plain Monte Carlo is to be used in its place",
+    )

@@ -1,0 +1,101 @@
+"""The estimators of one row: MC, MFMC, MFMC-AE and the best cross-fitted control variate, side by side."""
+
+from collections import Counter
+
+import numpy as np
+
+from coronaryuq.estimation import mfmc_ae, selector
+from coronaryuq.estimation.control_variates import METHODS
+from coronaryuq.estimation.crossfit import Estimate, Propagated, combine
+from coronaryuq.estimation.design import Design
+from coronaryuq.estimation.montecarlo import control_coefficient, correlation
+from coronaryuq.estimation.runs import Row, pair
+
+
+def monte_carlo(design: Design, row: Row, level: float, weights=None) -> Estimate:
+    """Plain Monte Carlo over the pilot."""
+    y, _ = pair(design.runs, row)
+    empty = [Propagated(np.zeros(1)) for _ in design.blocks]
+    return combine("MC", y, np.zeros(len(y)), empty, design.fold, len(y), level, beta=0.0, weights=weights)
+
+
+def mfmc(design: Design, row: Row, level: float, weights=None) -> Estimate:
+    """MFMC with α cross-fitted; 0D outputs at propagation samples are real where there are any, else emulated."""
+    y, q = pair(design.runs, row)
+    fits = [METHODS["linear 0D"](*_of(design.training(row, k), y)) for k in range(len(design.blocks))]
+    held, blocks = np.empty(len(y)), []
+    more = design.runs.q_more
+    for k, fitted in enumerate(fits):
+        seen, index = design.held(row, k)
+        block = design.blocks[k]
+        if more is not None:
+            own = more[row.column_0d].to_numpy(float)[block.index]
+            held[index] = fitted.predict(_only(seen, q[index]))
+            blocks.append(Propagated(fitted.predict(_only(design.propagated(row, k)[: len(own)], own))))
+        else:
+            held[index] = fitted.predict(seen)
+            middle = fitted.predict(design.propagated(row, k))
+            blocks.append(Propagated(block.average(middle), block.repeats))
+    n_0d = len(y) + (0 if more is None else len(more))
+    return combine("MFMC", y, held, blocks, design.fold, n_0d, level, weights=weights)
+
+
+def best(design: Design, row: Row, level: float, simple: bool = False, weights=None) -> Estimate:
+    """The control variate that the selector takes within each training set."""
+    y, _ = pair(design.runs, row)
+    held, blocks, taken = np.empty(len(y)), [], []
+    for k in range(len(design.blocks)):
+        fitted = selector.choose(*_of(design.training(row, k), y), simple=simple)
+        taken.append(fitted.method)
+        seen, index = design.held(row, k)
+        held[index] = fitted.predict(seen)
+        blocks.append(
+            Propagated(design.blocks[k].average(fitted.predict(design.propagated(row, k))), design.blocks[k].repeats)
+        )
+    name = "best: " + ", ".join(f"{name} {times}/{len(taken)}" for name, times in Counter(taken).most_common())
+    return combine(name, y, held, blocks, design.fold, len(y), level, weights=weights)
+
+
+def autoencoder(
+    design: Design, row: Row, networks: mfmc_ae.Networks, curves: dict, level: float, weights=None
+) -> Estimate:
+    """Cross-fitted MFMC-AE. `curves`: fold → (places (c,) on the 0D latent axis, 0D outputs there (c,))."""
+    y, _ = pair(design.runs, row)
+    folds = len(design.blocks)
+    held, raw = np.empty(len(y)), []
+    for k in range(folds):
+        train, index = np.flatnonzero(design.fold != k), np.flatnonzero(design.fold == k)
+        at_training = _along(networks, row, k, curves, design.runs.theta[train])
+        # Each network has its own sign and scale: both come from its training runs.
+        scale = np.sign(correlation(y[train], at_training) or 1.0) / (at_training.std() or 1.0)
+        shift = at_training.mean()
+        held[index] = scale * (_along(networks, row, k, curves, design.runs.theta[index]) - shift)
+        block = design.blocks[k]
+        theta = np.exp(block.log_theta)
+        raw.append(Propagated(block.average(scale * (_along(networks, row, k, curves, theta) - shift)), block.repeats))
+    # α of a fold from the held-out pairs of the others: from its own training runs it would be as over-fitted as they
+    # are.
+    alpha = np.array([control_coefficient(y[design.fold != k], held[design.fold != k]) for k in range(folds)])
+    blocks = [Propagated(a * b.values, b.integrated) for a, b in zip(alpha, raw, strict=True)]
+    n_0d = len(y) + sum(len(places) for k, (places, _) in curves.items() if k != mfmc_ae.IN_SAMPLE)
+    return combine("MFMC-AE", y, alpha[design.fold] * held, blocks, design.fold, n_0d, level, weights=weights)
+
+
+def autoencoder_in_sample(design: Design, row: Row, networks: mfmc_ae.Networks, curves: dict) -> float:
+    """|ρ| of the network that saw all runs, on those same runs: the paper's "modified" correlation, sign of y."""
+    y, _ = pair(design.runs, row)
+    return correlation(y, _along(networks, row, mfmc_ae.IN_SAMPLE, curves, design.runs.theta))
+
+
+def _along(networks, row: Row, k: int, curves: dict, theta: np.ndarray) -> np.ndarray:
+    places, outputs = curves[k]
+    return mfmc_ae.along_curve(places, outputs, mfmc_ae.latent(networks, row.name, k, theta))
+
+
+def _of(training, y):
+    seen, index = training
+    return seen, y[index]
+
+
+def _only(seen, row_output):
+    return type(seen)(seen.log_theta, row_output, seen.outputs)

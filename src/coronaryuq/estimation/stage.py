@@ -1,0 +1,87 @@
+"""Rule functions of the estimation stage: train, then, after the 0D model ran at the resampled inputs, estimate."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from coronaryuq import files
+from coronaryuq.errors import InputError
+from coronaryuq.estimation import analysis, report
+from coronaryuq.estimation.mfmc_ae import Networks
+from coronaryuq.estimation.runs import read_rows, read_runs
+from coronaryuq.estimation.settings import Settings
+from coronaryuq.provenance import stamp
+
+
+def train(
+    runs_folder: str | Path, settings: Settings, seed: int, networks_npz: str | Path, resampled_csv: str | Path,
+    rows_csv: str | Path | None = None,
+) -> None:  # fmt: skip
+    """Train MFMC-AE for all rows, folds and restarts; write the networks and the 0D inputs that they want.
+
+    `resampled_csv`: `sample` and one column per input of `params.csv`, (folds + 1) · curve_nodes lines per row; the 0D
+    stage runs them like any other table of θ. Without `settings.autoencoder` both files are written empty of rows.
+    """
+    runs, rows = _read(runs_folder, rows_csv, settings)
+    analysis.enough(runs, settings)
+    if not settings.autoencoder:
+        _write_npz(networks_npz, {"rows": np.array([], dtype=str)})
+        files.write_csv(resampled_csv, pd.DataFrame(columns=["sample", *runs.inputs]))
+        return
+    networks = analysis.train(runs, rows, settings, seed)
+    _write_npz(networks_npz, networks.arrays())
+    files.write_csv(resampled_csv, analysis.wanted_0d(networks, runs, settings.curve_nodes))
+
+
+def estimate(
+    runs_folder: str | Path, networks_npz: str | Path | None, zerod_tables: list[str | Path], settings: Settings,
+    seed: int, estimates_json: str | Path, table_csv: str | Path, rows_csv: str | Path | None = None,
+) -> None:  # fmt: skip
+    """Estimate every row; write all and the table. `zerod_tables`: 0D outputs at resampled inputs, any order."""
+    runs, rows = _read(runs_folder, rows_csv, settings)
+    networks = read_networks(networks_npz) if networks_npz else None
+    outputs = read_resampled(zerod_tables) if networks else None
+    results = analysis.analyse(runs, rows, settings, seed, networks, outputs)
+    files.write_json(
+        estimates_json,
+        {"rows": results, "settings": settings.model_dump(mode="json"), "provenance": stamp(seed=seed)},
+    )
+    files.write_csv(table_csv, report.table(results))
+
+
+def read_networks(path: str | Path) -> Networks | None:
+    """Networks from the `.npz`, without pickle; None where none were trained."""
+    try:
+        with np.load(path, allow_pickle=False) as held:
+            return Networks.from_arrays({name: held[name] for name in held}) if len(held["rows"]) else None
+    except FileNotFoundError:
+        raise InputError(path, None, None, "no such file") from None
+    except (ValueError, KeyError, OSError) as error:
+        raise InputError(path, None, None, f"not networks of this stage ({error}); train again") from None
+
+
+def read_resampled(paths: list[str | Path]) -> pd.DataFrame:
+    """0D outputs at the resampled inputs, index `sample`; Parquet or CSV; failed runs stay in as NaN."""
+    frames = []
+    for path in paths:
+        if Path(path).suffix == ".parquet":
+            frames.append(pd.read_parquet(path))
+        else:
+            frames.append(files.read_csv(path, ("sample",)))
+    frame = pd.concat(frames, ignore_index=True)
+    if frame["sample"].duplicated().any():
+        raise InputError(
+            paths[0], "sample", frame["sample"][frame["sample"].duplicated()].iloc[0], "twice among the 0D runs"
+        )
+    return frame.set_index(frame.pop("sample").astype(str))
+
+
+def _read(runs_folder, rows_csv, settings):
+    rows_csv = rows_csv or Path(runs_folder) / "rows.csv"
+    return read_runs(runs_folder), analysis.chosen_rows(read_rows(rows_csv), settings, rows_csv)
+
+
+def _write_npz(path: str | Path, arrays: dict) -> None:
+    with files.replacing(path) as beside, open(beside, "wb") as out:
+        np.savez(out, **arrays)
