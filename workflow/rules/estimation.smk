@@ -36,7 +36,7 @@ rule estimation_train:
         code=code("coronaryuq.estimation.stage"),
     output:
         networks=results("estimation", "networks.npz"),
-        resampled=results("estimation", "resampled.parquet"),
+        resampled=results("estimation", "resampled.csv"),
     params:
         settings=block("estimation"),
         seed=campaign.seed,
@@ -57,8 +57,8 @@ rule zerod_resampled:
         runs=results("zerod", "resampled_{k}.parquet"),
     params:
         settings=block("zerod"),
-        k=lambda wildcards: int(wildcards.k),
-        chunks=len(RESAMPLED),
+        # How many runs there are is known when the networks are trained; every job takes its share.
+        share=lambda wildcards: [int(wildcards.k), len(RESAMPLED)],
     log:
         log_of("zerod", "resampled_{k}.log"),
     script:
@@ -69,7 +69,6 @@ rule estimation:
     input:
         **{name: path for name, path in rules.runs.output.items()},
         networks=rules.estimation_train.output.networks,
-        resampled=rules.estimation_train.output.resampled,
         zerod=expand(rules.zerod_resampled.output.runs, k=RESAMPLED),
         code=code("coronaryuq.estimation.stage"),
     output:
