@@ -1,12 +1,16 @@
 """Three-dimensional pictures, drawn off screen: territories and perfusion, the tree by FFR, vessel walls by shear."""
 
+import tempfile
+import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import pyvista as pv
 
 from coronaryuq.case.tree import Tree, read_tree
+from coronaryuq.errors import InputError
 from coronaryuq.figures.style import BRANCHES
 from coronaryuq.files import read_csv, read_json, replacing
 from coronaryuq.units import MBF_PER_MIN_PER_G
@@ -63,19 +67,54 @@ def tree_by_ffr(case: str, tree: str, pressures: str, output: str) -> None:
         plotter.add_text("Fractional flow reserve, 0D, posterior mean", font_size=10, color="black")
 
 
-def walls(surface: str, case: str, output: str) -> None:
-    """The 3D vessel walls of one sample, by piece: time-averaged wall shear stress and oscillatory shear index."""
-    wall = pv.read(surface)
+def walls(fields: str, case: str, tree: str, output: str) -> None:
+    """The 3D vessel walls of the first sample, by piece: time-averaged wall shear stress and oscillatory shear index.
+
+    fields: the archive of a batch's fields. Stress is on a logarithmic scale, since the throat's is a hundred times
+    that of the region behind it, where the quantities of interest lie.
+    """
+    wall = _first_wall(fields)
+    vessels, stenoses = read_tree(tree), read_json(case)["stenoses"]
     pieces = [piece.extract_surface(algorithm="dataset_surface") for piece in wall.connectivity().split_bodies()]
-    panels = [("TAWSS", "TAWSS (dyn/cm²)", "inferno", None), ("OSI", "OSI", "viridis", (0.0, 0.5))]
+    highest = float(np.quantile(wall["TAWSS"], 0.999))
+    panels = (
+        (
+            "TAWSS",
+            {"cmap": "turbo", "clim": (5.0, highest), "log_scale": True},
+            {"title": "TAWSS dyn/cm2", "fmt": "%.0f"},
+        ),
+        ("OSI", {"cmap": "YlOrRd", "clim": (0.0, 0.3)}, {"title": "OSI"}),
+    )
     with _picture(output, rows=2, columns=len(pieces)) as plotter:
-        for row, (name, title, colours, limits) in enumerate(panels):
-            if limits is None:
-                limits = (0.0, float(np.quantile(wall[name], 0.99)))
+        for row, (name, look, bar) in enumerate(panels):
             for column, piece in enumerate(pieces):
                 plotter.subplot(row, column)
-                bar = {"show_scalar_bar": column == len(pieces) - 1, "scalar_bar_args": BAR | {"title": title}}
-                plotter.add_mesh(piece, scalars=name, cmap=colours, clim=limits, **bar)
+                shown = piece.copy()
+                shown[name] = np.maximum(shown[name], look["clim"][0])
+                plotter.add_mesh(
+                    shown, scalars=name, ambient=0.3, show_scalar_bar=column == len(pieces) - 1,
+                    scalar_bar_args=BAR | bar | {"fmt": "%.3g"}, **look,
+                )  # fmt: skip
+                _label_stenoses(plotter, {"stenoses": _within(piece, stenoses, vessels)}, vessels)
+        plotter.subplot(0, 0)
+        plotter.add_text("Wall shear of the first 3D sample", font_size=10, color="black")
+
+
+def _first_wall(fields: str) -> pv.PolyData:
+    with zipfile.ZipFile(fields) as archive, tempfile.TemporaryDirectory() as folder:
+        names = sorted(name for name in archive.namelist() if name.endswith("_wall.vtp"))
+        if not names:
+            raise InputError(fields, None, None, "holds no wall; keep fields of at least one sample (flow3d.fields)")
+        path = Path(folder, "wall.vtp")
+        path.write_bytes(archive.read(names[0]))
+        return pv.read(path)
+
+
+def _within(piece: pv.PolyData, stenoses: list[dict], tree: Tree) -> list[dict]:
+    """The stenoses whose middle lies inside the piece's bounding box."""
+    low, high = np.asarray(piece.bounds).reshape(3, 2).T
+    places = {s["name"]: tree[s["vessel"]].position_at(0.5 * (s["start"] + s["end"])) for s in stenoses}
+    return [s for s in stenoses if (places[s["name"]] > low).all() and (places[s["name"]] < high).all()]
 
 
 @contextmanager
