@@ -55,7 +55,7 @@ def train(runs: Runs, rows: list[Row], settings: Settings, seed: int) -> mfmc_ae
     for row in rows:
         y, q = pair(runs, row)
         pairs[row.name] = (row.column_3d, y, row.column_0d, q)
-    return mfmc_ae.train(runs.theta, box(runs), pairs, fold, how, seed)
+    return mfmc_ae.train(runs.theta, box(runs), pairs, mfmc_ae.fits_of(fold), how, seed)
 
 
 def wanted_0d(networks: mfmc_ae.Networks, runs: Runs, nodes: int) -> pd.DataFrame:

@@ -130,3 +130,19 @@ def useless(rho_held_out: float, n: int, method: str) -> Finding | None:
         f"{method} does not help: held-out correlation {rho_held_out:.2f} of {n} runs",
         "its estimate is shown, and plain Monte Carlo is to be used in its place",
     )
+
+
+# Fewest 3D runs from which the coverage benchmark holds for a method: spread within 15 %, coverage 93 to 97 %.
+VERIFIED_FROM = {"MC": 25, "MFMC": 25, "MFMC-AE": 100, "best": 50}
+
+
+def unverified(method: str, n_3d: int) -> Finding | None:
+    """A method on fewer 3D runs than the coverage benchmark has verified it for."""
+    least = VERIFIED_FROM[method]
+    if n_3d >= least:
+        return None
+    return Finding(
+        "unverified",
+        f"the interval of {method} is not verified below {least} 3D runs, and there are {n_3d}",
+        "shown, not recommended",
+    )

@@ -25,7 +25,7 @@ class Networks:
     """Trained networks of R rows and F fits (the folds, then all data), flat index b = row · F + fit.
 
     high, low: weights of the 3D and 0D autoencoders, (R F, ...). knots_high, knots_low (R F, KNOTS): their latents'
-    quantiles. box (d, 2): θ at −1 and +1. fold (n,): fold of each pilot sample. loss (R F,): last value of the joint
+    quantiles. box (d, 2): θ at −1 and +1. loss (R F,): last value of the joint
     loss.
     """
 
@@ -36,7 +36,6 @@ class Networks:
     knots_high: torch.Tensor
     knots_low: torch.Tensor
     box: np.ndarray
-    fold: np.ndarray
     loss: np.ndarray
 
     def index(self, row: str, fold: int) -> int:
@@ -45,7 +44,7 @@ class Networks:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Everything as named numpy arrays, for an `.npz` without pickle."""
-        named = {"rows": np.array(self.rows), "folds": np.array(self.folds), "box": self.box, "fold": self.fold}
+        named = {"rows": np.array(self.rows), "folds": np.array(self.folds), "box": self.box}
         named |= {"loss": self.loss, "knots.high": self.knots_high.numpy(), "knots.low": self.knots_low.numpy()}
         for kind, weights in (("high", self.high), ("low", self.low)):
             named |= {f"{kind}.{name}": value.numpy() for name, value in weights.items()}
@@ -60,7 +59,7 @@ class Networks:
         return cls(
             tuple(str(row) for row in named["rows"]), int(named["folds"]), weights("high"), weights("low"),
             torch.from_numpy(named["knots.high"]), torch.from_numpy(named["knots.low"]),
-            named["box"], named["fold"], named["loss"],
+            named["box"], named["loss"],
         )  # fmt: skip
 
 
@@ -76,15 +75,18 @@ class Training:
     correlation: str
 
 
-def train(theta, box, pairs: dict[str, tuple], fold: np.ndarray, how: Training, seed: int) -> Networks:
-    """Train both stages for every row and fit as one batch each.
+def fits_of(fold: np.ndarray) -> list[np.ndarray]:
+    """Training sets of cross-fitting: all runs but those of fold k, for every k, then all runs."""
+    return [np.flatnonzero(fold != k) for k in range(int(fold.max()) + 1)] + [np.arange(len(fold))]
 
-    theta (n, d); box (d, 2); pairs: row name → (3D column name, y (n,), 0D column name, q (n,)). The first stage
-    trains one autoencoder per distinct column and fit, because rows share columns; the second one couples a 3D and a
-    0D autoencoder.
+
+def train(theta, box, pairs: dict[str, tuple], fits: list[np.ndarray], how: Training, seed: int) -> Networks:
+    """Train both stages for every row and training set as one batch each.
+
+    theta (n, d); box (d, 2); pairs: row name → (3D column name, y (n,), 0D column name, q (n,)); fits: indices of the
+    runs of each training set. The first stage trains one autoencoder per distinct column and fit, because rows share
+    columns; the second one couples a 3D and a 0D autoencoder.
     """
-    folds = int(fold.max()) + 1
-    fits = [np.flatnonzero(fold != f) for f in range(folds)] + [np.arange(len(fold))]
     with ae.one_thread():
         inputs, share = _training_inputs(scale(theta, box), fits)
         columns = {("3d", c): y for c, y, _, _ in pairs.values()} | {("0d", c): q for _, _, c, q in pairs.values()}
@@ -101,7 +103,7 @@ def train(theta, box, pairs: dict[str, tuple], fold: np.ndarray, how: Training, 
         weights = [{name: value[s] for name, value in both.items()} for s in (slice(0, half), slice(half, None))]
         with torch.no_grad():
             at = [shared_space.knots(ae.encode(w, x), part) for w in weights]
-    return Networks(tuple(pairs), folds, *weights, *at, box, fold, loss.numpy())
+    return Networks(tuple(pairs), len(fits) - 1, *weights, *at, box, loss.numpy())
 
 
 def scale(theta: np.ndarray, box: np.ndarray) -> torch.Tensor:
@@ -166,7 +168,7 @@ def _outputs(columns, names, inputs, fits) -> torch.Tensor:
 
 
 def _first_stage(columns, inputs, share, fits, how: Training, seed: int):
-    """One autoencoder per column and fit, the restart with the least loss; weights and (kind, column, fit) → place."""
+    """One autoencoder per column and fit, of the best restart; weights and (kind, column, fit) → place."""
     names = list(columns)
     slots = [(name, f) for name in names for f in range(len(fits))]
     rngs = [
@@ -185,7 +187,11 @@ def _first_stage(columns, inputs, share, fits, how: Training, seed: int):
 
     weights = ae.adam(weights, loss, how.steps[0], how.rate, how.decay)
     with torch.no_grad():
-        last = ae.reconstruction_loss(weights, x, y, part)[0].reshape(how.restarts, -1)
+        last, z = ae.reconstruction_loss(weights, x, y, part)
+        # The shared space is monotone, so a latent axis along which the quantity goes up and down again is of no use
+        # there, however well its surrogate fits: among restarts, one that orders the quantity is preferred.
+        orders = correlation(y, shared_space.to_uniform(z, shared_space.knots(z, part))[:, None], part).abs()
+        last = (last - orders).reshape(how.restarts, -1)
     best = last.nan_to_num(torch.inf).argmin(dim=0) * len(slots) + torch.arange(len(slots))
     place = {(*name, f): i for i, (name, f) in enumerate(slots)}
     return {name: value[best] for name, value in weights.items()}, place

@@ -18,15 +18,16 @@ PRINTED = ("rho_original", "rho_modified", "std_mc", "std_mfmc", "std_mfmc_ae")
 
 
 def paper_table(
-    data: str | Path, rows_csv: str | Path, settings: Settings, seed: int, out_csv: str | Path | None = None,
-    out_md: str | Path | None = None,
+    data: str | Path, rows_csv: str | Path, settings: Settings, seed: int,
+    out_csv: str | Path | None = None, out_md: str | Path | None = None,
 ) -> tuple[list[dict], dict[str, float]]:  # fmt: skip
-    """Rows (keys as benchmark `table` fixes them, and more) and CPU seconds by part; CSV and Markdown if asked.
+    """Rows (keys as benchmark `table` fixes them, and more) and CPU seconds by part; files if asked.
 
     Columns `rho_original, std_mc, std_mfmc` follow the paper's conventions and equal its printed digits on its data.
-    `rho_ae_in_sample` is what the paper prints as modified correlation, `rho_ae_held_out` the same method on runs that it
-    was not fitted on. Where the rows file carries the paper's columns they come back as `paper_...`. The 0D model at
-    resampled inputs is a Gaussian-process emulator; `emulator_error` is its held-out mean square error over variance.
+    `rho_ae_in_sample` is what the paper prints as modified correlation, `rho_ae_held_out` the same method on runs
+    that it was not fitted on. Where the rows file carries the paper's columns they come back as `paper_...`. The 0D
+    model at resampled inputs is a Gaussian-process emulator; `emulator_error` is its held-out mean square error over
+    variance.
     """
     runs, rows = read_runs(data), analysis.chosen_rows(read_rows(rows_csv), settings, rows_csv)
     analysis.enough(runs, settings)

@@ -21,12 +21,12 @@ class Settings(BaseModel):
         description="input with a known uniform law, independent of the others, that may be integrated exactly",
     )
     autoencoder: bool = Field(True, description="train MFMC-AE and run the 0D model at its resampled inputs")
-    steps: tuple[int, int] = Field((3000, 2000), description="steps of Adam in the first and second stage of training")
+    steps: tuple[int, int] = Field((1200, 1500), description="steps of Adam in the first and second stage of training")
     batch: int = Field(128, ge=0, description="runs per step of training; 0 for all of them")
     curve_nodes: int = Field(65, ge=9, description="0D runs along the curve of resampled inputs, per row and fold")
     learning_rate: float = Field(5e-3, gt=0, description="Adam's first learning rate")
     decay: float = Field(0.999, gt=0, le=1, description="factor on the learning rate per step")
-    restarts: int = Field(1, ge=1, le=20, description="trainings per row and fold; the one with the least loss is kept")
+    restarts: int = Field(3, ge=1, le=20, description="trainings per row and fold; the one with the least loss is kept")
     correlation: Literal["kernel", "literal"] = Field(
         "kernel",
         description="second-stage term: through a kernel distribution function, or the paper's empirical count",

@@ -1,0 +1,41 @@
+"""Pairs of 3D and 0D outputs, before and after the shared space: the data behind the scatter figure (Fig. 3)."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from coronaryuq.estimation import mfmc_ae
+from coronaryuq.estimation.analysis import chosen_rows, curves_of
+from coronaryuq.estimation.folds import assign, count
+from coronaryuq.estimation.runs import pair, read_rows, read_runs
+from coronaryuq.estimation.settings import Settings
+from coronaryuq.estimation.stage import read_networks, read_resampled
+from coronaryuq.files import write_csv
+
+
+def write_pairs(
+    runs_folder: str | Path, networks_npz: str | Path, zerod_tables: list[str | Path], settings: Settings, seed: int,
+    out_csv: str | Path,
+) -> None:  # fmt: skip
+    """Columns: row, label, sample, y (3D), q (0D at the same θ), q_resampled (0D at the input that the shared space
+    pairs with it).
+
+    Every resampled value comes from the network that did not see its sample, so the figure shows what a new sample
+    would show. Without networks the column is empty.
+    """
+    runs, rows_csv = read_runs(runs_folder), Path(runs_folder) / "rows.csv"
+    networks = read_networks(networks_npz)
+    outputs = read_resampled(zerod_tables) if networks else None
+    fold = assign(len(runs), count(len(runs), settings.folds), seed)
+    frames = []
+    for row in chosen_rows(read_rows(rows_csv), settings, rows_csv):
+        y, q = pair(runs, row)
+        again = np.full(len(y), np.nan)
+        curves = curves_of(networks, row, outputs[row.column_0d], settings.curve_nodes) if networks else {}
+        for k in (k for k in curves if k != mfmc_ae.IN_SAMPLE):
+            held = np.flatnonzero(fold == k)
+            again[held] = mfmc_ae.along_curve(*curves[k], mfmc_ae.latent(networks, row.name, k, runs.theta[held]))
+        frame = {"row": row.name, "label": row.label, "sample": runs.samples, "y": y, "q": q, "q_resampled": again}
+        frames.append(pd.DataFrame(frame))
+    write_csv(out_csv, pd.concat(frames, ignore_index=True))
