@@ -70,10 +70,11 @@ rule estimation:
         **{name: path for name, path in rules.runs.output.items()},
         networks=rules.estimation_train.output.networks,
         zerod=expand(rules.zerod_resampled.output.runs, k=RESAMPLED),
-        code=code("coronaryuq.estimation.stage"),
+        code=code("coronaryuq.estimation.stage", "coronaryuq.estimation.scatter"),
     output:
         estimates=results("estimation", "estimates.json"),
         table=results("estimation", "table.csv"),
+        pairs=results("estimation", "pairs.csv"),
     params:
         settings=block("estimation"),
         seed=campaign.seed,

@@ -1,19 +1,43 @@
 # Figures and report, from result files alone.
 
+from coronaryuq.figures.draw import FIGURES as DRAWN
+
 FIGURES = {
-    "cardiac_function.png": {"fit": rules.calibration.output.fit},
-    "flows.png": {"summary": rules.posterior.output.summary, "targets": rules.perfusion.output.targets},
+    "territories": {"case": rules.case.output.case, "lv": rules.case.output.lv, "tree": rules.case.output.tree},
+    "cardiac_function": {"fit": rules.calibration.output.fit},
+    "marginals": {"posterior": rules.posterior.output.posterior, "case": rules.case.output.case},
+    "tree_ffr": {
+        "case": rules.case.output.case,
+        "tree": rules.case.output.tree,
+        "pressures": rules.pressure_map.output.pressures,
+    },
+    "osi_scatter": {"pairs": rules.estimation.output.pairs},
+    "intervals_wss": {"estimates": rules.estimation.output.estimates},
+    "intervals_ffr": {"estimates": rules.estimation.output.estimates},
 }
+for name in ("flows", "flow_covariance"):
+    FIGURES[name] = {
+        "posterior": rules.posterior.output.posterior,
+        "case": rules.case.output.case,
+        "targets": rules.perfusion.output.targets,
+        "summary": rules.posterior.output.summary,
+    }
+if campaign.backend == "ensemble" and campaign.flow3d.fields:
+    FIGURES["walls"] = {
+        "fields": results("flow3d", "fields_0.zip"),
+        "case": rules.case.output.case,
+        "tree": rules.case.output.tree,
+    }
 
 
 rule figure:
     input:
         unpack(lambda wildcards: FIGURES[wildcards.figure]),
-        code=code("coronaryuq.figures.draw"),
+        code=lambda wildcards: code("coronaryuq.figures.draw", DRAWN[wildcards.figure].split(":")[0]),
     output:
-        figure=results("figures", "{figure}"),
+        figure=results("figures", "{figure}.png"),
     params:
-        name=lambda wildcards: Path(wildcards.figure).stem,
+        name=lambda wildcards: wildcards.figure,
     log:
         log_of("figures", "{figure}.log"),
     script:
@@ -27,10 +51,16 @@ rule figures:
 
 rule report:
     input:
-        figures=expand(rules.figure.output.figure, figure=FIGURES),
+        case=rules.case.output.case,
+        fit=rules.calibration.output.fit,
+        targets=rules.perfusion.output.targets,
+        summary=rules.posterior.output.summary,
+        mesh=rules.mesh.output.description,
+        failures=rules.runs.output.failures,
         estimates=rules.estimation.output.estimates,
-        table=rules.estimation.output.table,
+        figures=expand(rules.figure.output.figure, figure=FIGURES),
         code=code("coronaryuq.report.page"),
+        template=Path(workflow.basedir, "src", "coronaryuq", "report", "template.html").as_posix(),
     output:
         report=results("report.html"),
     params:
@@ -43,11 +73,13 @@ rule report:
 
 rule paper_table:
     input:
-        code=code("coronaryuq.estimation.stage"),
+        code=code("coronaryuq.estimation.paper_table"),
     output:
         table=results("paper_table.csv"),
     params:
         data=campaign.paper_data,
+        settings=block("estimation"),
+        seed=campaign.seed,
     log:
         log_of("paper_table.log"),
     script:

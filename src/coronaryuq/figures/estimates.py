@@ -1,0 +1,82 @@
+"""Estimates: what the shared space does to a pair of outputs (Fig. 3), and every estimator's intervals (Figs. 4, 5)."""
+
+import numpy as np
+
+from coronaryuq.figures.style import ESTIMATORS, MUTED, SIMULATED, colour, saved
+from coronaryuq.files import read_csv, read_json
+
+UNITS = {"max OSI": "1", "min TAWSS": "dyn/cm²", "FFR": "1"}
+
+STYLES = (("chebyshev_99", (0, (3, 2)), 0.9), ("chebyshev_95", "-", 1.2), ("calibrated", "-", 3.5))
+"""Interval, line style, line width."""
+WARNING = "#B3261E"
+
+
+def osi_scatter(pairs: str, output: str) -> None:
+    """3D maximum OSI against 0D mean flow, at the same θ and resampled through the shared space, branch by branch."""
+    table = read_csv(pairs, columns=("row", "label", "y", "q", "q_resampled"))
+    rows = [row for row, part in table.groupby("row", sort=False) if "OSI" in part["label"].iloc[0]]
+    with saved(output, ncols=max(len(rows), 1), figsize=(3.2 * max(len(rows), 1), 3.1), squeeze=False) as (_, axes):
+        for axis, row in zip(axes[0], rows, strict=False):
+            part = table[table["row"] == row]
+            for column, ink, word in (("q", MUTED, "same θ"), ("q_resampled", SIMULATED, "resampled, held out")):
+                seen = part[column].notna()
+                if not seen.any():
+                    continue
+                rho = np.corrcoef(part["y"][seen], part[column][seen])[0, 1]
+                axis.plot(part[column], part["y"], "o", ms=3, alpha=0.7, color=ink, label=f"{word}: ρ = {rho:.3f}")
+            axis.set_xlabel("0D mean outlet flow (mL/s)")
+            axis.set_title(part["label"].iloc[0].split(", ")[-1], fontsize=9)
+            axis.legend(fontsize=7.5, loc="best")
+        axes[0][0].set_ylabel("3D maximum OSI (1)")
+
+
+def intervals_wss(estimates: str, output: str) -> None:
+    """Maximum OSI and minimum TAWSS: mean with 95 % (solid) and 99 % (dashed) intervals of every estimator (Fig. 4)."""
+    _intervals(estimates, output, ("osi_flow", "tawss_flow"))
+
+
+def intervals_ffr(estimates: str, output: str) -> None:
+    """FFR, estimated with 0D FFR and with 0D mean flow (Fig. 5)."""
+    _intervals(estimates, output, ("ffr_ffr", "ffr_flow"))
+
+
+def _intervals(estimates: str, output: str, kinds: tuple[str, ...]) -> None:
+    rows = [[row for row in read_json(estimates)["rows"] if row["row"].startswith(kind)] for kind in kinds]
+    columns = max(len(line) for line in rows)
+    with saved(output, nrows=len(rows), ncols=columns, figsize=(3.3 * columns, 2.5 * len(rows)), squeeze=False) as (
+        figure,
+        axes,
+    ):
+        for line, axes_of_line in zip(rows, axes, strict=True):
+            for row, axis in zip(line, axes_of_line, strict=False):
+                _one_row(axis, row)
+            for axis in axes_of_line[len(line) :]:
+                axis.set_axis_off()
+        figure.supxlabel("solid: Chebyshev 95 %, dashed: Chebyshev 99 %, thick: calibrated 95 %", fontsize=8)
+
+
+def _one_row(axis, row: dict) -> None:
+    names = list(row["estimators"])
+    for place, name in enumerate(names):
+        value, ink = row["estimators"][name], ESTIMATORS[name]
+        y = len(names) - 1 - place
+        for key, style, width in (
+            ("chebyshev_99", (0, (3, 2)), 0.9),
+            ("chebyshev_95", "-", 1.2),
+            ("calibrated", "-", 3.5),
+        ):
+            interval = value[key]
+            axis.plot([interval["low"], interval["high"]], [y, y], ls=style, lw=width, color=ink, alpha=0.85)
+        axis.plot(value["mean"], y, "o", color="white", mec=ink, ms=5, zorder=5)
+        if value["warnings"] or row["warnings"]:
+            axis.annotate(
+                "!", (value["mean"], y), xytext=(0, 5), textcoords="offset points", ha="center", color="#B3261E"
+            )
+    quantity, paired, branch = row["label"].split(", ")
+    axis.set_yticks(range(len(names))[::-1], names)
+    axis.set_ylim(-0.6, len(names) - 0.4)
+    axis.set_title(
+        f"{branch}: {quantity} ({UNITS.get(quantity, '')}) with 0D {paired}", fontsize=8, color=colour(branch)
+    )
+    axis.tick_params(labelsize=7)

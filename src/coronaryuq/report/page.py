@@ -1,0 +1,259 @@
+"""Puts a campaign's results on one page for a cardiologist and an engineer: `report.html`, pictures included."""
+
+import base64
+import json
+import re
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import yaml
+from jinja2 import Environment, StrictUndefined
+
+from coronaryuq import provenance
+from coronaryuq.files import read_csv, read_json, write_text
+
+TEMPLATE = Path(__file__).with_name("template.html")
+ESTIMATORS = ("MC", "MFMC", "MFMC-AE", "best")
+QUANTITIES = ("ffr", "tawss_min", "osi_max")
+CAPTIONS = {
+    "intervals_wss": "Maximum OSI and minimum TAWSS by estimator. An exclamation mark means a warning in the table.",
+    "intervals_ffr": "FFR by estimator, with 0D FFR and with 0D mean flow as low-fidelity model.",
+    "osi_scatter": "3D maximum OSI against 0D mean flow, at the same θ and at the input that the shared space pairs "
+    "with it. Resampled values come from networks that did not see their sample.",
+    "convergence": "Correlation and mean against the number of 3D runs; one dot a random subsample.",
+    "budget": "What a further 3D or 0D run buys.",
+    "cardiac_function": "The tuned loop at rest against its targets.",
+    "marginals": "Posterior of every outlet's resistance as a multiple of r̂: histogram, mean, 95 % interval.",
+    "flows": "Simulated outlet flows against the perfusion targets and their noise.",
+    "flow_covariance": "Simulated flows of every pair of outlets; the ellipse holds 95 % of the targets' noise.",
+    "territories": "Myocardial blood flow and the perfusion territory of every outlet.",
+    "tree_ffr": "Mean pressure over mean aortic pressure along the tree, 0D, at the posterior mean.",
+    "walls": "Time-averaged wall shear stress and oscillatory shear index of the first 3D sample.",
+}
+PLACES = {
+    "estimates": ("intervals_ffr", "intervals_wss", "osi_scatter", "convergence", "budget"),
+    "matched": ("cardiac_function", "flows", "marginals", "flow_covariance"),
+    "pictures": ("territories", "tree_ffr", "walls"),
+}
+COST = re.compile(r"cost: wall ([\d.]+) s, cpu ([\d.]+) s, memory (\d+) MB")
+
+
+def write_report(
+    files: Mapping[str, str],
+    figures: Sequence[str],
+    logs: str | Path,
+    configuration: dict,
+    out: str | Path,
+) -> None:
+    """Write the page. files: case, fit, summary, targets, failures, estimates, mesh → path. figures: PNG files.
+
+    logs: folder whose job logs end in a line of costs.
+    """
+    case, summary, targets = (read_json(files[name]) for name in ("case", "summary", "targets"))
+    failures, estimates = read_json(files["failures"]), read_json(files["estimates"])
+    rows = estimates["rows"]
+    context = {
+        "case": case,
+        "campaign": configuration["name"],
+        "backend": configuration["backend"],
+        "threshold": f"{configuration['estimation']['ffr_threshold']:.2f}",
+        "level": f"{100 * configuration['estimation']['level']:.0f} %",
+        "counts": _counts(failures, rows),
+        "vessels": [_vessel(stenosis, rows) for stenosis in case["stenoses"]],
+        "table": [line for row in rows for line in _lines(row)],
+        "warnings": sorted({warning for row in rows for warning in row["warnings"]}),
+        "matched": _matched(read_csv(files["fit"]), summary),
+        "noise": _noise(targets),
+        "figures": _figures(figures),
+        "failed": _failed(failures),
+        "costs": _costs(Path(logs)),
+        "provenance": _provenance(estimates, files),
+        "configuration": yaml.safe_dump(configuration, sort_keys=False),
+    }
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    write_text(out, environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(context))
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """A number for a reader: three significant digits, a dash where there is none."""
+    if value is None or not np.isfinite(value):
+        return "–"
+    return f"{value:.{digits}g}"
+
+
+def interval(low: float, high: float) -> tuple[str, str]:
+    """Both ends with as many decimals as their distance deserves."""
+    decimals = max(0, min(6, 2 - int(np.floor(np.log10(high - low))))) if high > low else 3
+    return f"{low:.{decimals}f}", f"{high:.{decimals}f}"
+
+
+def _vessel(stenosis: dict, rows: list[dict]) -> dict:
+    branch = stenosis["name"].lower()
+    of_quantity = {q: _recommended(rows, f"{q}_{branch}") for q in QUANTITIES}
+    ffr_row, ffr = of_quantity["ffr"]
+    probability = ffr_row.get("beyond_mean", {}).get("probability_below_threshold")
+    return {
+        "name": stenosis["name"],
+        "ffr": _quantity(ffr),
+        "quantities": [_quantity(value) for _, value in of_quantity.values()],
+        "significant": _probability(probability),
+        "spread": number(np.sqrt(ffr_row["variance_3d"])),
+        **_verdict(probability),
+    }
+
+
+def _recommended(rows: list[dict], column: str) -> tuple[dict, dict]:
+    """Among the rows of one 3D column, the one whose recommended estimator claims the least error."""
+    candidates = [(row, row["estimators"][row["recommended"]]) for row in rows if row["column_3d"] == column]
+    return min(candidates, key=lambda pair: pair[1]["std"])
+
+
+def _quantity(value: dict) -> dict:
+    low, high = interval(value["calibrated"]["low"], value["calibrated"]["high"])
+    decimals = len(low.partition(".")[2])
+    level = f"{100 * value['calibrated']['level']:.0f} % interval"
+    return {"value": f"{value['mean']:.{decimals}f}", "low": low, "high": high, "level": level}
+
+
+def _probability(found: dict | None) -> dict:
+    if found is None:
+        return {"value": "–", "low": "–", "high": "–"}
+    ends = {end: f"{100 * min(max(found[end], 0.0), 1.0):.0f} %" for end in ("low", "high")}
+    return {"value": f"{100 * min(max(found['value'], 0.0), 1.0):.0f} %", **ends}
+
+
+def _verdict(found: dict | None) -> dict:
+    if found is None:
+        return {"class": "muted", "verdict": ""}
+    if found["low"] > 0.5:
+        return {"class": "bad", "verdict": "More likely than not flow-limiting."}
+    if found["high"] < 0.5:
+        return {"class": "good", "verdict": "More likely than not not flow-limiting."}
+    return {"class": "warn", "verdict": "The runs do not decide it."}
+
+
+def _lines(row: dict) -> list[dict]:
+    quantity, paired, branch = (row["label"].split(", ") + ["", ""])[:3]
+    lines = []
+    for name in ESTIMATORS:
+        if name not in row["estimators"]:
+            continue
+        value = row["estimators"][name]
+        lines.append(
+            {
+                "quantity": f"{quantity} (0D {paired})",
+                "branch": branch,
+                "estimator": value["method"] + (" ✓" if name == row["recommended"] else ""),
+                "mean": number(value["mean"], 4),
+                "std": number(value["std"]),
+                "chebyshev": " to ".join(interval(value["chebyshev_95"]["low"], value["chebyshev_95"]["high"])),
+                "calibrated": " to ".join(interval(value["calibrated"]["low"], value["calibrated"]["high"])),
+                "rho_in": number(value.get("rho_in_sample")),
+                "rho_out": number(value["rho_held_out"]),
+                "n_3d": value["n_3d"],
+                "n_0d": value["n_0d"],
+                "warnings": "; ".join(value["warnings"]),
+            }
+        )
+    return lines
+
+
+def _counts(failures: dict, rows: list[dict]) -> dict:
+    flow3d, zerod = failures["flow3d"], failures["zerod"]
+    resampled = sum(
+        value["n_0d"] - value["n_3d"] for row in rows for name, value in row["estimators"].items() if name == "MFMC-AE"
+    )
+    per_3d = failures["cost"]["flow3d_cpu_s"] / max(flow3d["runs"], 1)
+    per_0d = failures["cost"]["zerod_cpu_s"] / max(zerod["runs"], 1)
+    return {
+        "n_3d": flow3d["runs"],
+        "n_3d_ok": flow3d["runs"] - len(flow3d["failed"]),
+        "n_0d": zerod["runs"] + resampled,
+        "note": f"One 3D run took {per_3d:.1f} CPU-s, one 0D run {per_0d:.4f} CPU-s on average: "
+        f"a ratio of {per_3d / max(per_0d, 1e-12):.0f}.",
+    }
+
+
+def _matched(fit, summary: dict) -> dict:
+    clinical = fit[fit["clinical"] & fit["tuned"]]
+    off = (clinical["simulated"] / clinical["measured"] - 1).abs()
+    worst = clinical.loc[off.idxmax(), "description"].lower()
+    check = summary["predictive"]
+    return {
+        "calibration": f"The tuned loop meets the {len(clinical)} measured targets within {100 * off.max():.1f} % "
+        f"(furthest: {worst}).",
+        "posterior": f"Chains: {summary['verdict']}; largest R-hat {summary['rhat_max']:.3f}, smallest bulk effective "
+        f"sample size {summary['ess_bulk_min']:.0f}.",
+        "predictive": f"{100 * check['coverage_95']:.0f} % of the target flows lie in the central 95 % of what the "
+        f"posterior predicts; Mahalanobis distance of the mean flows {check['mahalanobis']:.2f}; "
+        f"probability of data further off {check['p_value']:.2f}.",
+    }
+
+
+def _noise(targets: dict) -> list[dict]:
+    lines = []
+    for name, model in targets["models"].items():
+        correlation = np.array(model["correlation"], dtype=float)
+        pairs = correlation[np.triu_indices(len(correlation), 1)]
+        spread = 100 * np.array(model["relative_sd"])
+        lines.append(
+            {
+                "name": name,
+                "sd": f"{spread.min():.1f} to {spread.max():.1f}",
+                "lowest": number(pairs.min(), 2),
+                "highest": number(pairs.max(), 2),
+                "used": "its correlations" if name == targets["use"] else "",
+            }
+        )
+    return lines
+
+
+def _figures(paths: Sequence[str]) -> dict:
+    by_name = {Path(path).stem: path for path in paths}
+    return {
+        place: [
+            {"caption": CAPTIONS[name], "data": _embedded(by_name[name])} for name in names if name in by_name
+        ]
+        for place, names in PLACES.items()
+    }  # fmt: skip
+
+
+def _embedded(path: str) -> str:
+    return "data:image/png;base64," + base64.b64encode(Path(path).read_bytes()).decode()
+
+
+def _failed(failures: dict) -> list[dict]:
+    stages = (("3D", failures["flow3d"]["failed"]), ("0D", failures["zerod"]["failed"]))
+    return [{"sample": f["sample"], "stage": stage, "reason": f["reason"]} for stage, failed in stages for f in failed]
+
+
+def _costs(logs: Path) -> list[dict]:
+    """Costs by rule, from the last line of every job's log."""
+    found = defaultdict(lambda: {"jobs": 0, "wall": 0.0, "cpu": 0.0, "memory": 0.0})
+    for path in sorted(logs.rglob("*.log")):
+        costs = COST.findall(path.read_text(encoding="utf-8", errors="replace"))
+        if not costs:
+            continue
+        name = path.relative_to(logs).parts[0].removesuffix(".log")
+        wall, cpu, memory = map(float, costs[-1])
+        line = found[name]
+        line["jobs"] += 1
+        line["wall"] += wall
+        line["cpu"] += cpu
+        line["memory"] = max(line["memory"], memory)
+    total = {"name": "all", "jobs": sum(v["jobs"] for v in found.values())}
+    total |= {"wall": sum(v["wall"] for v in found.values()), "cpu": sum(v["cpu"] for v in found.values())}
+    total["memory"] = max((v["memory"] for v in found.values()), default=0.0)
+    lines = [{"name": name, **value} for name, value in found.items()] + [total]
+    return [
+        line | {"wall": f"{line['wall']:.0f}", "cpu": f"{line['cpu']:.0f}", "memory": f"{line['memory']:.0f}"}
+        for line in lines
+    ]
+
+
+def _provenance(estimates: dict, files: Mapping[str, str]) -> list[tuple[str, str]]:
+    given = estimates["provenance"]
+    lines = [(key, json.dumps(value) if isinstance(value, dict) else str(value)) for key, value in given.items()]
+    return lines + [(f"SHA-256 of {Path(path).name}", provenance.checksum(path)) for path in files.values()]
