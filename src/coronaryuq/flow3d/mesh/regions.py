@@ -36,6 +36,12 @@ class Course:
             float(self.along.arc[nearest]),
         )
 
+    def at_bifurcation(self, offset: float) -> bool:
+        """Whether a cross-section there, one radius before to two and a half behind, meets a bifurcation."""
+        meets = np.flatnonzero(self.along.vessel[1:] != self.along.vessel[:-1])
+        since = (offset - self.offset[meets]) / self.along.radii[meets]
+        return bool(np.any((since > -1.0) & (since < 2.5)))
+
 
 def course(tree: Tree, stenosis: Stenosis, built: Built) -> Course:
     """The path through a stenosis, without the stretches beyond its caps."""
@@ -110,12 +116,17 @@ def mark(tree: Tree, stenoses: list[Stenosis], built: Built, upstream: float, do
 
 def plane(tree: Tree, stenosis: Stenosis, built: Built, diameters: float) -> dict:
     """Where distal pressure is read: `diameters` local diameters beyond the stenosis, or as far as the mesh goes
-    less one radius.
+    less one radius; moved along the artery where it would cut a bifurcation.
     """
     line = course(tree, stenosis, built)
     place, _ = throat(tree, stenosis)
     radius = float(tree[stenosis.vessel].radius_at(stenosis.end))
-    offset = min(stenosis.end - place + 2.0 * diameters * radius, float(line.offset[-1] - line.along.radii[-1]))
+    end = stenosis.end - place
+    last = float(line.offset[-1] - line.along.radii[-1])
+    wanted = min(end + 2.0 * diameters * radius, last)
+    places = np.linspace(min(end + radius, last), last, 200)
+    clear = places[[not line.at_bifurcation(offset) for offset in places]]
+    offset = wanted if len(clear) == 0 else float(clear[np.argmin(np.abs(clear - wanted))])
     point, normal, radius, vessel, arc = line.at(offset)
     return {
         "point": point.tolist(),
