@@ -14,7 +14,7 @@ from coronaryuq.errors import InputError
 from coronaryuq.zerod.assembly import Assembly, Context
 from coronaryuq.zerod.elements import ELEMENTS
 from coronaryuq.zerod.engine import Engine
-from coronaryuq.zerod.kernels import march
+from coronaryuq.zerod.kernels import Record, march
 from coronaryuq.zerod.lanes import LANES, table
 from coronaryuq.zerod.model import Block
 from coronaryuq.zerod.network import Network, copy_of
@@ -62,7 +62,7 @@ class CoupledNetwork:
         simulation.setdefault("number_of_cardiac_cycles", 1)
         simulation.setdefault("number_of_time_pts_per_cardiac_cycle", steps_per_cycle + 1)
         engine = Engine(network, file)
-        self.model, self.scheme, self.steps = engine.model, engine.scheme, steps_per_cycle
+        self.model, self.scheme, self.steps = (engine.model, engine.scheme, steps_per_cycle)
         if engine.coronaries:
             raise InputError(file, engine.coronaries[0].name, None, "open-loop coronaries cannot be coupled to 3D flow")
         known = engine.parameters
@@ -101,9 +101,8 @@ class CoupledNetwork:
         self._values = group.values._replace(shapes=table(self._shapes.shape[1]))
         self.state = table(2 * self.model.size)
         self.failed = table(1)
-        self._recorded = np.empty(0, np.int64)
-        self._scratch = [table(1) for _ in range(3)]
-        self._waves = np.empty((0, 0, LANES))
+        nothing = [table(0) for _ in range(5)]
+        self._record = Record(np.empty(0, np.uint32), *nothing[:3], np.empty((0, 0, LANES)), *nothing[3:])
         self._counts = np.zeros(1, np.int64)
         self.position = 0
 
@@ -143,7 +142,7 @@ class CoupledNetwork:
         self._values.shapes[:] = self._shapes[self.position]
         march(
             *(self._structure, self._values, self._work, self.state, self.scheme, 1, 1),
-            *(self.failed, self._recorded, *self._scratch, self._waves, self._counts),
+            *(self.failed, self._record, self._counts),
         )
         self.position = (self.position + 1) % self.steps
         new_pressure, new_flow = self.cap_values()

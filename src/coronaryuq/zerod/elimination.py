@@ -23,12 +23,14 @@ class Tape:
     forward: (·, 3): row, slot, pivot row: b[row] −= a[slot] b[pivot row].
     backward: (·, 3): pivot row, slot, column: b[pivot row] −= a[slot] x[column].
     pivots: (n, 3): row, column, slot, in order of elimination. interior: how many of them are interior.
+    inner_slots: how many slots there are once the interior is eliminated; later ones are the border's own fill-in.
     """
 
     slot_row: np.ndarray
     slot_column: np.ndarray
     pivots: np.ndarray
     interior: int
+    inner_slots: int
     divide: np.ndarray
     divide_first: np.ndarray
     update: np.ndarray
@@ -59,17 +61,18 @@ def eliminate(scenarios: np.ndarray, pattern: np.ndarray, inner_rows: np.ndarray
     slots: dict[tuple[int, int], int] = {}
     for row, column in zip(*np.nonzero(pattern), strict=True):
         slots[int(row), int(column)] = len(slots)
-    rows, columns, carried = np.ones(n, bool), np.arange(width) < n, np.arange(width) >= n
+    rows, columns, carried = (np.ones(n, bool), np.arange(width) < n, np.arange(width) >= n)
     inner_columns = np.append(inner_columns, np.zeros(width - n, bool))
     pivots, divide, update, forward = [], [], [], []
     firsts = {"divide": [0], "update": [0], "forward": [0]}
-    interior = 0
+    interior, inner_slots = 0, 0
     for step in range(n):
         allowed = pattern & np.outer(rows, columns)
         found = _pivot(matrix, allowed, inner_rows, inner_columns) if interior == step else None
         if found is not None:
             interior += 1
         else:
+            inner_slots = inner_slots or len(slots)
             found = _pivot(matrix, allowed, rows, columns)
         if found is None:
             raise Singular(int(np.nonzero(rows)[0][0]))
@@ -108,6 +111,7 @@ def eliminate(scenarios: np.ndarray, pattern: np.ndarray, inner_rows: np.ndarray
         where[:, 1],
         np.array(pivots, dtype=np.int64),
         interior,
+        inner_slots or len(slots),
         _table(divide, 2),
         np.array(firsts["divide"]),
         _table(update, 3),

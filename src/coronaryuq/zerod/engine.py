@@ -11,10 +11,11 @@ from coronaryuq.errors import InputError
 from coronaryuq.zerod import quantities as named
 from coronaryuq.zerod.assembly import Context
 from coronaryuq.zerod.elements import coronary_offset
-from coronaryuq.zerod.kernels import Scheme, march
+from coronaryuq.zerod.kernels import Record, Scheme, march
 from coronaryuq.zerod.lanes import LANES, table
 from coronaryuq.zerod.model import Model
 from coronaryuq.zerod.network import Network
+from coronaryuq.zerod.periodic import Anderson, drift
 from coronaryuq.zerod.program import Group, Program, fill, make_program, write_elements
 
 OK = "ok"
@@ -67,15 +68,27 @@ class Result:
 
 @dataclass
 class _Batch:
-    """Samples that march together: their tables, their state y, ẏ (n, 2 unknowns) and what the last cycle left."""
+    """Samples that march together: their state y, ẏ (n, 2 unknowns), tables of their groups, and their last cycle.
+
+    failed_at: (n,) step at which a sample failed in its last cycle, or nought. statistics: mean, least and greatest of
+    the recorded unknowns, (n, ·) each; floor, ceiling: range of every y; waves: (steps + 1, n, ·) or empty.
+    """
 
     parameters: dict[str, np.ndarray]
     offsets: np.ndarray
     state: np.ndarray
+    failed_at: np.ndarray
     groups: list[Group] = field(default_factory=list)
-    failed_at: np.ndarray = None
     statistics: tuple[np.ndarray, ...] = ()
+    floor: np.ndarray | None = None
+    ceiling: np.ndarray | None = None
     waves: np.ndarray | None = None
+
+    def make_room(self, recorded: int, steps: int, waves: bool) -> None:
+        samples, size = len(self.state), self.state.shape[1] // 2
+        self.statistics = tuple(np.full((samples, recorded), np.nan) for _ in range(3))
+        self.floor, self.ceiling = np.zeros((samples, size)), np.zeros((samples, size))
+        self.waves = np.empty((steps + 1 if waves else 0, samples, recorded))
 
 
 class Engine:
@@ -90,9 +103,8 @@ class Engine:
         self.model = Model(network, file)
         simulation = self.model.simulation
         if simulation.get("coupled_simulation", False):
-            raise InputError(
-                file, "simulation_parameters.coupled_simulation", True, "is driven by a 3D solver; set false"
-            )
+            remedy = "is driven by a 3D solver; set false"
+            raise InputError(file, "simulation_parameters.coupled_simulation", True, remedy)
         rho = simulation.get("rho_infty", 0.5)
         alpha_m, alpha_f = 0.5 * (3.0 - rho) / (1.0 + rho), 1.0 / (1.0 + rho)
         self.scheme = Scheme(
@@ -134,38 +146,52 @@ class Engine:
         tolerance: float = 1e-4,
         start: np.ndarray | None = None,
         threads: int = 1,
+        accelerate: bool = True,
     ) -> Result:
         """Run a batch and measure its last cycle.
 
         changes: "BLOCK.parameter" → (n,) or scalar; what it does not name keeps the network's value.
-        quantities, waveforms: see `zerod.quantities`. periodic: march until the cycle error is below `tolerance`,
-        at most `cycles` (default 100) of them; otherwise march exactly `cycles` (default: the network's).
-        start: (unknowns,) or (n, unknowns), a `Result.state`; by default the network's own initial condition, steady
-        if it says so. threads: over groups of samples; results do not depend on it.
+        quantities, waveforms: see `zerod.quantities`. periodic: go on until a sample's cycle error is below
+        `tolerance`, at most `cycles` (default 100) of them, by Anderson acceleration unless `accelerate` is false;
+        otherwise march exactly `cycles` (default: the network's). start: (unknowns,) or (n, unknowns), a
+        `Result.state`; by default the network's own initial condition, steady if it says so. A closed loop keeps the
+        blood volume that it starts with. threads: over groups of samples; results do not depend on it.
 
-        cycle error: the largest relative change from one cycle to the next of mean flow and mean pressure at the
-        network's caps (svZeroDSolver's cycle-to-cycle error), and of every unknown's value at the cycle's start,
-        relative to that unknown's range over the cycle.
+        cycle error: the largest change of any unknown from the start of the last cycle to its end, over that unknown's
+        range during the cycle (`zerod.periodic.drift`).
         """
         values, samples = self._parameters(changes or {}, start)
         steps = self.steps_per_cycle if steps_per_cycle is None else int(steps_per_cycle)
         wanted = [named.parse(name, self.model) for name in quantities]
         shown = [named.unknown(name, self.model) for name in waveforms]
+        recorded = np.unique(np.array([q.unknown for q in wanted] + shown, dtype=np.int64))
         result = Result.blank(samples, steps, self.model.period, len(self.state_names), quantities, waveforms)
+        whole = None if start is None else self._whole(start, samples)
+        limit = cycles or (_MAX_CYCLES if periodic else self.cycles)
         left = np.arange(samples)
         for refinement in _REFINEMENTS:
             part = {name: value[left] if np.ndim(value) else value for name, value in values.items()}
-            begin = (
-                None
-                if start is None
-                else np.broadcast_to(np.asarray(start, float), (samples, result.state.shape[1]))[left]
-            )
-            batch = self._begin(part, len(left), begin, threads)
-            outcome = self._march(batch, periodic, cycles, steps * refinement, tolerance, shown, threads)
-            spent, error, reasons, solves = outcome
+            batch = self._begin(part, len(left), None if whole is None else whole[left], threads)
+            batch.make_room(len(recorded), steps * refinement, bool(shown))
+            mixer = Anderson(len(left), batch.state.shape[1]) if periodic and accelerate else None
+            until = tolerance if periodic else None
+            spent, error, solves = self._march(batch, steps * refinement, recorded, limit, until, mixer, threads)
+            statuses = [_status(*of) for of in zip(batch.failed_at, error, spent, strict=True)]
+            if periodic:
+                statuses = [_status(*of, until) for of in zip(batch.failed_at, error, spent, strict=True)]
+            good = np.array([status == OK for status in statuses])
+            statistics = dict(zip(named.STATISTICS, batch.statistics, strict=True))
+            for name, quantity in zip(quantities, wanted, strict=True):
+                found = statistics[quantity.statistic][:, np.searchsorted(recorded, quantity.unknown)]
+                result.values[name][left] = np.where(good, found, np.nan)
+            for name, unknown in zip(waveforms, shown, strict=True):
+                wave = batch.waves[::refinement, :, np.searchsorted(recorded, unknown)].T
+                result.waveforms[name][left] = np.where(good[:, None], wave, np.nan)
+            result.state[left] = np.concatenate([batch.state, batch.offsets], axis=1)
+            result.status[left], result.refinement[left] = statuses, refinement
+            result.cycles[left], result.cycle_error[left] = spent, error
             result.solves += solves
-            self._collect(result, batch, left, spent, error, reasons, refinement, wanted, quantities, waveforms, steps)
-            left = left[[reason != OK for reason in reasons]]
+            left = left[batch.failed_at > 0]
             if not left.size:
                 break
         return result
@@ -179,9 +205,10 @@ class Engine:
         batch = self._begin({}, 1, None, 1)
         program = self._fill(batch, steps, steady=False)
         while True:
-            self._cycle(program, batch, steps, steps, np.arange(2 * n), True, 1)
+            batch.make_room(2 * n, steps, True)
+            self._cycle(program, batch, np.ones(1, bool), steps, steps, np.arange(2 * n), 1)
             if batch.failed_at[0]:
-                raise RuntimeError(_not_converged(batch.failed_at[0], steps))
+                raise RuntimeError(_status(batch.failed_at[0], 0.0, 1))
             yield batch.waves[:, 0, :n], batch.waves[:, 0, n:]
 
     def _parameters(self, changes: Changes, start) -> tuple[dict[str, np.ndarray], int]:
@@ -201,6 +228,13 @@ class Engine:
             values[name] = value
         return values, sizes.pop() if sizes else 1
 
+    def _whole(self, start: np.ndarray, samples: int) -> np.ndarray:
+        start = np.atleast_2d(np.asarray(start, float))
+        width = len(self.state_names)
+        if start.shape[1] != width:
+            raise InputError(self.model.file, "start", start.shape[1], f"want {width} columns, a state of this network")
+        return np.broadcast_to(start, (samples, width))
+
     def _program(self, changed: Mapping, times: int, steady: bool) -> Program:
         nominal = self.parameters
         zero = frozenset(name for name in changed if nominal[name] == 0.0)
@@ -214,6 +248,7 @@ class Engine:
         return (np.arange(times) + self.scheme.alpha_f) / times
 
     def _fill(self, batch: _Batch, times: int, steady: bool) -> Program:
+        """Tables of the batch's groups, each filled from its own samples only."""
         samples = len(batch.state)
         program = self._program(batch.parameters, times, steady)
         batch.groups = []
@@ -229,18 +264,18 @@ class Engine:
 
     def _begin(self, parameters: dict, samples: int, start: np.ndarray | None, threads: int) -> _Batch:
         n = self.model.size
-        batch = _Batch(parameters, np.ones((samples, len(self.coronaries))), np.zeros((samples, 2 * n)))
-        batch.failed_at = np.zeros(samples)
+        offsets, state = (np.ones((samples, len(self.coronaries))), np.zeros((samples, 2 * n)))
+        batch = _Batch(parameters, offsets, state, np.zeros(samples))
         if start is not None:
-            if start.shape[1] != len(self.state_names):
-                raise InputError(self.model.file, "start", start.shape[1], f"want {len(self.state_names)} columns")
-            batch.state, batch.offsets = start[:, : 2 * n].copy(), start[:, 2 * n :].copy()
+            batch.state, batch.offsets = (start[:, : 2 * n].copy(), start[:, 2 * n :].copy())
             return batch
         batch.state[:] = self._initial_condition()
         steady = self.model.simulation.get("steady_initial", True)
         if steady:
             program = self._fill(batch, _STEADY_STEPS_PER_CYCLE, steady=True)
-            self._cycle(program, batch, _STEADY_STEPS, _STEADY_STEPS_PER_CYCLE, np.empty(0, np.int64), False, threads)
+            batch.make_room(0, _STEADY_STEPS, False)
+            everyone, nothing = np.ones(samples, bool), np.empty(0, np.int64)
+            self._cycle(program, batch, everyone, _STEADY_STEPS, _STEADY_STEPS_PER_CYCLE, nothing, threads)
         at = Context(self.model, parameters, samples, np.zeros(1))
         for k, block in enumerate(self.coronaries):
             batch.offsets[:, k] = coronary_offset(block, at, batch.state[:, :n], batch.state[:, n:], steady)
@@ -260,96 +295,87 @@ class Engine:
         return state
 
     def _cycle(
-        self, program: Program, batch: _Batch, steps: int, times: int, recorded, waves: bool, threads: int
+        self, program: Program, batch: _Batch, live: np.ndarray, steps: int, times: int, recorded, threads: int
     ) -> int:
-        """March all groups; failed samples keep still. Returns the Newton solves of groups."""
-        samples = len(batch.state)
-        statistics = [np.empty((samples, len(recorded))) for _ in range(3)]
-        shown = np.empty((steps + 1 if waves else 0, samples, len(recorded)))
+        """March the samples of `live` (n,) through `steps` steps; returns Newton solves, summed over groups."""
+        samples, size = len(batch.state), self.model.size
+        waves = batch.waves.shape[0] > 0
 
         def advance(number: int) -> int:
             group, first = batch.groups[number], number * LANES
             lanes = np.arange(first, first + LANES)
             real = lanes < samples
             lanes = np.where(real, lanes, first)
-            state, failed = table(2 * self.model.size), table(1)
+            real &= live[lanes]
+            state, failed, counts = table(2 * size), table(1), np.zeros(1, np.int64)
             state[:] = batch.state[lanes].T
-            failed[0] = batch.failed_at[lanes]
-            tables = [table(max(len(recorded), 1)) for _ in range(3)]
-            waves_here = np.empty((steps + 1 if waves else 0, len(recorded), LANES))
-            counts = np.zeros(1, np.int64)
-            march(
-                *(program.structure, group.values, group.work, state, self.scheme, steps, times),
-                *(failed, recorded, *tables, waves_here, counts),
+            failed[0] = np.where(live[lanes], batch.failed_at[lanes], 1.0)
+            record = Record(
+                recorded.astype(np.uint32),
+                *(table(len(recorded)) for _ in range(3)),
+                np.empty((steps + 1 if waves else 0, len(recorded), LANES)),
+                table(size),
+                table(size),
             )
+            march(program.structure, group.values, group.work, state, self.scheme, steps, times, failed, record, counts)
             mine = lanes[real]
             batch.state[mine] = state.T[real]
             batch.failed_at[mine] = failed[0, real]
-            for kept, found in zip(statistics, tables, strict=True):
-                kept[mine] = found[: len(recorded)].T[real]
+            batch.floor[mine], batch.ceiling[mine] = (record.floor.T[real], record.ceiling.T[real])
+            for kept, found in zip(batch.statistics, (record.mean, record.least, record.greatest), strict=True):
+                kept[mine] = found.T[real]
             if waves:
-                shown[:, mine] = waves_here.transpose(0, 2, 1)[:, real]
+                batch.waves[:, mine] = record.waves.transpose(0, 2, 1)[:, real]
             return int(counts[0])
 
-        if threads > 1 and len(batch.groups) > 1:
+        numbers = [k for k in range(len(batch.groups)) if live[k * LANES : (k + 1) * LANES].any()]
+        if threads > 1 and len(numbers) > 1:
             with ThreadPoolExecutor(threads) as pool:
-                solves = sum(pool.map(advance, range(len(batch.groups))))
-        else:
-            solves = sum(map(advance, range(len(batch.groups))))
-        batch.statistics, batch.waves = tuple(statistics), shown
-        return solves
+                return sum(pool.map(advance, numbers))
+        return sum(map(advance, numbers))
 
-    def _march(self, batch, periodic, cycles, times, tolerance, shown, threads):
+    def _march(
+        self,
+        batch: _Batch,
+        times: int,
+        recorded,
+        limit: int,
+        tolerance: float | None,
+        mixer: Anderson | None,
+        threads: int,
+    ) -> tuple[np.ndarray, np.ndarray, int]:
+        """March cycles until `limit`, or until every sample's cycle error is below `tolerance` if that is given.
+
+        Returns cycles spent and cycle error of each sample, (n,), and Newton solves. A sample that is done, or has
+        failed, keeps what its last cycle left.
+        """
         n, samples = self.model.size, len(batch.state)
-        recorded = np.arange(n, dtype=np.int64)
         program = self._fill(batch, times, steady=False)
-        limit = cycles or (_MAX_CYCLES if periodic else self.cycles)
-        spent, error = np.zeros(samples, int), np.full(samples, np.inf)
-        solves = 0
-        means = None
+        live = batch.failed_at == 0
+        spent, error, solves = np.zeros(samples, int), np.full(samples, np.inf), 0
         for cycle in range(limit):
-            before = batch.state.copy()
-            last = cycle == limit - 1
-            solves += self._cycle(program, batch, times, times, recorded, bool(shown) and (last or periodic), threads)
-            spent += 1
-            error = self._cycle_error(before, batch, means)
-            means = batch.statistics[0]
-            if periodic and np.all((error < tolerance) | (batch.failed_at > 0)):
+            who = np.nonzero(live)[0]
+            before = batch.state[who]
+            solves += self._cycle(program, batch, live, times, times, recorded, threads)
+            spent[who] += 1
+            error[who], scale = drift(before[:, :n], batch.state[who, :n], batch.floor[who], batch.ceiling[who])
+            live &= batch.failed_at == 0
+            if tolerance is not None:
+                live &= ~(error < tolerance)
+            if not live.any():
                 break
-        reasons = [_not_converged(at, times) if at else OK for at in batch.failed_at]
-        if periodic:
-            for k in range(samples):
-                if reasons[k] == OK and not error[k] < tolerance:
-                    reasons[k] = f"not periodic after {spent[k]} cycles (cycle error {error[k]:.2g})"
-        return spent, error, reasons, solves
-
-    def _cycle_error(self, before: np.ndarray, batch: _Batch, means: np.ndarray | None) -> np.ndarray:
-        n = self.model.size
-        new, low, high = batch.statistics
-        span = high - low
-        scale = np.maximum(span, 1e-6 * np.maximum(np.abs(low), np.abs(high)))
-        change = np.abs(batch.state[:, :n] - before[:, :n])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            error = np.where(scale > 0, change / scale, 0.0).max(axis=1)
-            if means is not None:
-                caps = [unknown for cap in self.model.caps for unknown in cap]
-                drift = np.abs(new[:, caps] - means[:, caps]) / np.abs(means[:, caps])
-                error = np.maximum(error, np.nan_to_num(drift, nan=0.0).max(axis=1, initial=0.0))
-        return error
-
-    def _collect(self, result, batch, left, spent, error, reasons, refinement, wanted, quantities, waveforms, steps):
-        good = np.array([reason == OK for reason in reasons])
-        statistics = dict(zip(("mean", "min", "max"), batch.statistics, strict=True))
-        for name, quantity in zip(quantities, wanted, strict=True):
-            found = statistics[quantity.statistic][:, quantity.unknown]
-            result.values[name][left] = np.where(good, found, np.nan)
-        for name in waveforms:
-            wave = batch.waves[::refinement, :, named.unknown(name, self.model)].T
-            result.waveforms[name][left] = np.where(good[:, None], wave, np.nan)
-        result.state[left] = np.concatenate([batch.state, batch.offsets], axis=1)
-        result.status[left], result.cycles[left] = reasons, spent
-        result.cycle_error[left], result.refinement[left] = error, refinement
+            if mixer is not None and cycle < limit - 1:
+                going = live[who]
+                after = batch.state[who[going]]
+                batch.state[who[going]] = mixer.propose(
+                    who[going], before[going], after, scale[going], error[who[going]]
+                )
+        return spent, error, solves
 
 
-def _not_converged(step: float, steps: int) -> str:
-    return f"Newton's method did not converge at step {int(step)} of {steps} of a cycle"
+def _status(failed_at: float, error: float, cycles: int, tolerance: float | None = None) -> str:
+    if failed_at:
+        return f"Newton's method did not converge at step {int(failed_at)} of a cycle"
+    if tolerance is not None and not error < tolerance:
+        return f"not periodic after {cycles} cycles: cycle error {error:.2g}, wanted {tolerance:g}"
+    return OK

@@ -27,37 +27,42 @@ from coronaryuq.zerod.lanes import (
 
 
 class Structure(NamedTuple):
-    """Integer tables of one network, (·, columns) int64; rows and columns number equations and unknowns.
+    """Index tables of one network, uint32; rows and columns number equations and unknowns, pivots the elimination.
 
-    stacked unknowns: y first, then ẏ, so that column n + j is ẏ_j.
+    Stacked unknowns are y, then ẏ, so that n + j is ẏ_j. A list "of x" has its ends in `x_first`, one more than there
+    are x. The border's matrix of one step is one table: its entries as they stand at the start of the step, then those
+    entries that depend on the solution, then the entries of its factors.
     """
 
-    linear: np.ndarray  # row starts of `terms`, (n + 1,)
-    terms: np.ndarray  # stacked column, sorted by row
-    assemble: np.ndarray  # slot, number of constant entry, 1 if it multiplies ẏ
-    constant_time: np.ndarray  # row, shape
-    matrix_time: np.ndarray  # row, stacked column, shape, slot
+    pivots: np.ndarray  # (n, 2) row, column, interior first
+    terms_first: np.ndarray
+    terms: np.ndarray  # stacked unknown of each term, of pivots' rows
+    constant_rows: np.ndarray  # rows whose constant changes in time
+    constant_first: np.ndarray
+    constant_shape: np.ndarray
+    matrix_time: np.ndarray  # row, stacked column, shape, border entry
+    forward_first: np.ndarray
+    forward: np.ndarray  # slot, pivot: interior pivots that a pivot's row needs
+    backward_first: np.ndarray
+    backward: np.ndarray  # slot, column, of interior pivots
+    border: np.ndarray  # slot of each border entry
+    product_first: np.ndarray
+    product: np.ndarray  # border entry, column, of border rows
     lagged: np.ndarray  # unknowns whose increments some rows see one iteration late
-    lagged_border: np.ndarray  # slot in whole matrix, row, number in `lagged`
-    square: np.ndarray  # row, column, slot
-    square_rate: np.ndarray  # row, column, slot
-    exponential: np.ndarray  # row, column, shape, slot
+    lagged_border: np.ndarray  # slot, border row, number in `lagged`
+    square: np.ndarray  # border row, column, entry, place in table
+    square_rate: np.ndarray
+    exponential: np.ndarray  # border row, column, entry, place in table, shape
     valve: np.ndarray  # upstream pressure, downstream pressure, flow
-    valve_term: np.ndarray  # row, column, valve, slot
-    pivots: np.ndarray  # row, column, slot
-    inner_divide: np.ndarray  # slot, pivot number
-    inner_order: np.ndarray  # for each interior pivot: first division, first update (with an end row)
-    inner_update: np.ndarray  # target, factor, entry
-    inner_forward: np.ndarray  # row, slot, pivot row
-    inner_backward: np.ndarray  # slot, column; interior pivots last to first
-    inner_backward_first: np.ndarray  # start of each interior pivot's entries, same order
-    border: np.ndarray  # slots of the border in use: slot in whole matrix, row, column
-    border_divide: np.ndarray  # border slot, pivot number
-    border_order: np.ndarray
-    border_update: np.ndarray
-    border_forward: np.ndarray
-    border_backward: np.ndarray
+    valve_term: np.ndarray  # border row, column, entry, place in table, valve
+    factor_first: np.ndarray  # (pivots + 1, 2): first upper and first lower target of each border pivot
+    factor: np.ndarray  # source, destination of each target, in order: pivot, upper row, lower column
+    pairs_first: np.ndarray
+    pairs: np.ndarray  # lower, upper: what each target subtracts
+    border_forward_first: np.ndarray
+    border_forward: np.ndarray  # place, border pivot
     border_backward_first: np.ndarray
+    border_backward: np.ndarray  # place, column
 
 
 class Values(NamedTuple):
@@ -81,16 +86,39 @@ class Values(NamedTuple):
 class Work(NamedTuple):
     """Scratch tables of one group, (·, LANES)."""
 
-    residual: np.ndarray
-    nonlinear: np.ndarray
+    constant: np.ndarray  # c of each row at the step
+    reduced: np.ndarray  # right-hand side of each pivot, interior eliminated
+    linear: np.ndarray  # border rows: residual without the solution-dependent terms
+    residual: np.ndarray  # border rows: residual, then right-hand side of the solve
     increment: np.ndarray
     total: np.ndarray  # sums of increments; after the unknowns, those of the lagged ones that have been seen
-    new: np.ndarray  # stacked, border unknowns only in use
-    border: np.ndarray  # border matrix of the step
-    factor: np.ndarray  # the same, factorised
-    inverse: np.ndarray
-    slope: np.ndarray  # derivatives of the nonlinear terms, in order
+    matrix: np.ndarray  # see `Structure`
+    inverse: np.ndarray  # one over each border pivot
+    slope: np.ndarray  # derivatives of the solution-dependent terms, in order
     open: np.ndarray  # valve positions
+    factored: np.ndarray  # valve positions when the border was factorised
+    flow: np.ndarray  # valve flows at the end of the step
+
+
+class Record(NamedTuple):
+    """What is kept of the steps: of `unknowns` (stacked) the trapezoidal mean, least and greatest, and the waveform.
+
+    waves is (steps + 1, unknowns, LANES), or empty. floor and ceiling are the least and greatest of every y, looked at
+    every `STRIDE` steps.
+    """
+
+    unknowns: np.ndarray
+    mean: np.ndarray
+    least: np.ndarray
+    greatest: np.ndarray
+    waves: np.ndarray
+    floor: np.ndarray
+    ceiling: np.ndarray
+
+
+STRIDE = 8
+_FRESH = 2
+"""Newton solves of a step that factorise the border anew; later ones do so only in samples where a valve has moved."""
 
 
 class Scheme(NamedTuple):
@@ -125,290 +153,313 @@ def _exponential(x):
     return (p * r + 1.0) * power_of_two(k)
 
 
-@numba.njit(cache=True, nogil=True)
-def condense(s, matrix, inverse):
-    """Eliminate the interior from `matrix` (slots, LANES) in place; fills `inverse` with one over each pivot."""
-    interior = inverse.shape[0]
-    for p in range(interior):
-        reciprocal = 1.0 / load(matrix, s.pivots[p, 2])
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def condense(pivots, divide, update, first, matrix, inverse):
+    """Eliminate the interior from `matrix` (slots, LANES) in place; `inverse` gets one over each interior pivot.
+
+    pivots: slots. divide: slots. update: target, factor, entry. first: (pivots + 1, 2) where each pivot's begin.
+    """
+    for p in range(inverse.shape[0]):
+        reciprocal = 1.0 / load(matrix, pivots[p])
         store(inverse, p, reciprocal)
-        for k in range(s.inner_order[p, 0], s.inner_order[p + 1, 0]):
-            slot = s.inner_divide[k, 0]
-            store(matrix, slot, load(matrix, slot) * reciprocal)
-        for k in range(s.inner_order[p, 1], s.inner_order[p + 1, 1]):
-            target = s.inner_update[k, 0]
-            product = load(matrix, s.inner_update[k, 1]) * load(matrix, s.inner_update[k, 2])
-            store(matrix, target, load(matrix, target) - product)
+        for k in range(first[p, 0], first[p + 1, 0]):
+            store(matrix, divide[k], load(matrix, divide[k]) * reciprocal)
+        for k in range(first[p, 1], first[p + 1, 1]):
+            product = load(matrix, update[k, 1]) * load(matrix, update[k, 2])
+            store(matrix, update[k, 0], load(matrix, update[k, 0]) - product)
 
 
-@numba.njit(inline="always")
-def _midpoint(old, new, weight):
-    return old + (new - old) * weight
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def _predict(s, v, w, state, scheme, time, times):
+    """Residuals at the predictor without solution-dependent terms, interior eliminated; their largest in the interior.
 
-
-@numba.njit(cache=True, nogil=True)
-def _nonlinear(s, v, w, state, scheme, time, times):
-    """Solution-dependent terms at the present iterate into w.nonlinear, their Jacobian into w.slope."""
-    n = v.constant.shape[0]
-    to_y = load(v.step, 0) * scheme.alpha_f
+    Also the border's matrix of the step.
+    """
+    n, interior = v.constant.shape[0], v.inverse.shape[0]
+    for k in range(s.constant_rows.shape[0]):
+        row = s.constant_rows[k]
+        sum_ = load(v.constant, row)
+        for j in range(s.constant_first[k], s.constant_first[k + 1]):
+            sum_ = sum_ + load(v.constant_time, j) * load(v.shapes, s.constant_shape[j] * times + time)
+        store(w.constant, row, sum_)
+    largest, poison = spread(0.0), spread(0.0)
+    for p in range(n):
+        sum_ = spread(0.0) - load(w.constant, s.pivots[p, 0])
+        for k in range(s.terms_first[p], s.terms_first[p + 1]):
+            sum_ = sum_ - load(v.terms, k) * load(state, s.terms[k])
+        if p < interior:
+            # Maxima forget NaN; nought times the value does not.
+            poison = poison + sum_ * 0.0
+            size = magnitude(sum_)
+            largest = choose(less(largest, size), size, largest)
+        else:
+            store(w.residual, p - interior, sum_)
+        for k in range(s.forward_first[p], s.forward_first[p + 1]):
+            sum_ = sum_ - load(v.matrix, s.forward[k, 0]) * load(w.reduced, s.forward[k, 1])
+        store(w.reduced, p, sum_)
     for k in range(s.border.shape[0]):
-        store(w.nonlinear, s.border[k, 1], spread(0.0))
+        store(w.matrix, k, load(v.matrix, s.border[k]))
+    to_y, to_rate = (load(v.step, 0) * scheme.alpha_f, 1.0 - scheme.alpha_m / scheme.gamma)
+    for k in range(s.matrix_time.shape[0]):
+        row, column, entry = (s.matrix_time[k, 0], s.matrix_time[k, 1], s.matrix_time[k, 3])
+        coefficient = load(v.matrix_time, k) * load(v.shapes, s.matrix_time[k, 2] * times + time)
+        if column >= n:
+            product = coefficient * load(state, column) * to_rate
+            store(w.matrix, entry, load(w.matrix, entry) + coefficient * scheme.alpha_m)
+        else:
+            product = coefficient * load(state, column)
+            store(w.matrix, entry, load(w.matrix, entry) + coefficient * to_y)
+        store(w.residual, row, load(w.residual, row) - product)
+        store(w.reduced, interior + row, load(w.reduced, interior + row) - product)
+    return largest + poison
+
+
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def _subtract_solution_dependent(s, v, w, state, scheme, time, times):
+    """Take the solution-dependent terms at the present iterate from w.residual; their derivatives into w.slope."""
+    n = v.constant.shape[0]
+    to_y, to_rate = (load(v.step, 0) * scheme.alpha_f, 1.0 - scheme.alpha_m / scheme.gamma)
     slope = 0
     for k in range(s.valve.shape[0]):
-        up = _midpoint(load(state, s.valve[k, 0]), load(w.new, s.valve[k, 0]), scheme.alpha_f)
-        down = _midpoint(load(state, s.valve[k, 1]), load(w.new, s.valve[k, 1]), scheme.alpha_f)
-        flow = _midpoint(load(state, s.valve[k, 2]), load(w.new, s.valve[k, 2]), scheme.alpha_f)
+        up = load(state, s.valve[k, 0]) + load(w.total, s.valve[k, 0]) * to_y
+        down = load(state, s.valve[k, 1]) + load(w.total, s.valve[k, 1]) * to_y
+        old = load(state, s.valve[k, 2])
+        flow = old + (load(w.flow, k) - old) * scheme.alpha_f
         shut = both(less_equal(up, down), less_equal(flow, spread(0.0)))
         store(w.open, k, choose(shut, spread(0.0), spread(1.0)))
     for k in range(s.valve_term.shape[0]):
-        row, column = s.valve_term[k, 0], s.valve_term[k, 1]
-        y = _midpoint(load(state, column), load(w.new, column), scheme.alpha_f)
-        coefficient = load(v.valve_term, k) * load(w.open, s.valve_term[k, 2])
-        store(w.nonlinear, row, load(w.nonlinear, row) + coefficient * y)
+        row, valve = s.valve_term[k, 0], s.valve_term[k, 4]
+        old = load(state, s.valve_term[k, 1])
+        flow = old + (load(w.flow, valve) - old) * scheme.alpha_f
+        coefficient = load(v.valve_term, k) * load(w.open, valve)
+        store(w.residual, row, load(w.residual, row) - coefficient * flow)
         store(w.slope, slope, coefficient * to_y)
         slope += 1
     for k in range(s.square.shape[0]):
         row, column = s.square[k, 0], s.square[k, 1]
-        y = _midpoint(load(state, column), load(w.new, column), scheme.alpha_f)
+        y = load(state, column) + load(w.total, column) * to_y
         product = load(v.square, k) * magnitude(y)
-        store(w.nonlinear, row, load(w.nonlinear, row) + product * y)
+        store(w.residual, row, load(w.residual, row) - product * y)
         store(w.slope, slope, product * 2.0 * to_y)
         slope += 1
     for k in range(s.square_rate.shape[0]):
         row, column = s.square_rate[k, 0], s.square_rate[k, 1]
-        y = _midpoint(load(state, column), load(w.new, column), scheme.alpha_f)
-        rate = _midpoint(load(state, n + column), load(w.new, n + column), scheme.alpha_m)
+        y = load(state, column) + load(w.total, column) * to_y
+        rate = load(state, n + column) * to_rate + load(w.total, column) * scheme.alpha_m
         coefficient = load(v.square_rate, k)
-        store(w.nonlinear, row, load(w.nonlinear, row) + coefficient * magnitude(y) * rate)
+        store(w.residual, row, load(w.residual, row) - coefficient * magnitude(y) * rate)
         sign = choose(less(y, spread(0.0)), spread(-1.0), spread(1.0))
         store(w.slope, slope, coefficient * (sign * rate * to_y + magnitude(y) * scheme.alpha_m))
         slope += 1
     for k in range(s.exponential.shape[0]):
         row, column = s.exponential[k, 0], s.exponential[k, 1]
-        y = _midpoint(load(state, column), load(w.new, column), scheme.alpha_f)
-        scale = load(v.exponential, 3 * k) * load(v.shapes, s.exponential[k, 2] * times + time)
+        y = load(state, column) + load(w.total, column) * to_y
+        scale = load(v.exponential, 3 * k) * load(v.shapes, s.exponential[k, 4] * times + time)
         rate = load(v.exponential, 3 * k + 1)
         grown = _exponential(rate * (y - load(v.exponential, 3 * k + 2)))
-        store(w.nonlinear, row, load(w.nonlinear, row) + scale * (grown - 1.0))
+        store(w.residual, row, load(w.residual, row) - scale * (grown - 1.0))
         store(w.slope, slope, scale * grown * rate * to_y)
         slope += 1
 
 
-@numba.njit(cache=True, nogil=True)
-def _predictor_residual(s, v, w, state, time, times, scheme):
-    """−(E ẏ + F y + c) of every row at the predictor, solution-dependent terms left out."""
-    n = v.constant.shape[0]
-    for row in range(n):
-        sum_ = spread(0.0) - load(v.constant, row)
-        for k in range(s.linear[row], s.linear[row + 1]):
-            sum_ = sum_ - load(v.terms, k) * load(state, s.terms[k])
-        store(w.residual, row, sum_)
-    for k in range(s.constant_time.shape[0]):
-        row = s.constant_time[k, 0]
-        shape = load(v.shapes, s.constant_time[k, 1] * times + time)
-        store(w.residual, row, load(w.residual, row) - load(v.constant_time, k) * shape)
-    to_rate = 1.0 - scheme.alpha_m / scheme.gamma
-    for k in range(s.matrix_time.shape[0]):
-        row, column = s.matrix_time[k, 0], s.matrix_time[k, 1]
-        coefficient = load(v.matrix_time, k) * load(v.shapes, s.matrix_time[k, 2] * times + time)
-        value = load(state, column)
-        if column >= n:
-            value = value * to_rate
-        store(w.residual, row, load(w.residual, row) - coefficient * value)
+@numba.njit(inline="always")
+def _put(table, row, value, which, everywhere):
+    if everywhere:
+        store(table, row, value)
+    else:
+        store(table, row, choose(which, value, load(table, row)))
 
 
-@numba.njit(cache=True, nogil=True)
-def _border_of_step(s, v, w, time, times, scheme):
-    """Border matrix with the entries that change in time, but not with the solution."""
-    n = v.constant.shape[0]
-    for k in range(s.border.shape[0]):
-        store(w.border, k, load(v.matrix, s.border[k, 0]))
-    to_y = load(v.step, 0) * scheme.alpha_f
-    for k in range(s.matrix_time.shape[0]):
-        slot = s.matrix_time[k, 3]
-        coefficient = load(v.matrix_time, k) * load(v.shapes, s.matrix_time[k, 2] * times + time)
-        if s.matrix_time[k, 1] >= n:
-            store(w.border, slot, load(w.border, slot) + coefficient * scheme.alpha_m)
-        else:
-            store(w.border, slot, load(w.border, slot) + coefficient * to_y)
+@numba.njit(inline="always")
+def _put_slopes(terms, w, first, which, everywhere):
+    """Entries that one kind of term adds its derivative to; the program gives every such entry to one term."""
+    for k in range(terms.shape[0]):
+        value = load(w.matrix, terms[k, 2]) + load(w.slope, first + k)
+        _put(w.matrix, terms[k, 3], value, which, everywhere)
+    return first + terms.shape[0]
 
 
-@numba.njit(cache=True, nogil=True)
-def _factorise(s, w, interior):
-    """Border matrix with the present slopes, factorised."""
-    for k in range(s.border.shape[0]):
-        store(w.factor, k, load(w.border, k))
-    slope = 0
-    for k in range(s.valve_term.shape[0]):
-        slot = s.valve_term[k, 3]
-        store(w.factor, slot, load(w.factor, slot) + load(w.slope, slope))
-        slope += 1
-    for k in range(s.square.shape[0]):
-        slot = s.square[k, 2]
-        store(w.factor, slot, load(w.factor, slot) + load(w.slope, slope))
-        slope += 1
-    for k in range(s.square_rate.shape[0]):
-        slot = s.square_rate[k, 2]
-        store(w.factor, slot, load(w.factor, slot) + load(w.slope, slope))
-        slope += 1
-    for k in range(s.exponential.shape[0]):
-        slot = s.exponential[k, 3]
-        store(w.factor, slot, load(w.factor, slot) + load(w.slope, slope))
-        slope += 1
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def _factorise(s, w, which, everywhere):
+    """Factors of the border's matrix at the present slopes (Crout's order), in the lanes of `which` or everywhere."""
+    slope = _put_slopes(s.valve_term, w, 0, which, everywhere)
+    slope = _put_slopes(s.square, w, slope, which, everywhere)
+    slope = _put_slopes(s.square_rate, w, slope, which, everywhere)
+    slope = _put_slopes(s.exponential, w, slope, which, everywhere)
     for p in range(w.inverse.shape[0]):
-        reciprocal = 1.0 / load(w.factor, s.pivots[interior + p, 2])
-        store(w.inverse, p, reciprocal)
-        for k in range(s.border_order[p, 0], s.border_order[p + 1, 0]):
-            slot = s.border_divide[k, 0]
-            store(w.factor, slot, load(w.factor, slot) * reciprocal)
-        for k in range(s.border_order[p, 1], s.border_order[p + 1, 1]):
-            target = s.border_update[k, 0]
-            product = load(w.factor, s.border_update[k, 1]) * load(w.factor, s.border_update[k, 2])
-            store(w.factor, target, load(w.factor, target) - product)
+        upper, lower, end = (s.factor_first[p, 0], s.factor_first[p, 1], s.factor_first[p + 1, 0])
+        reciprocal = spread(0.0)
+        for k in range(upper, end):
+            sum_ = load(w.matrix, s.factor[k, 0])
+            for j in range(s.pairs_first[k], s.pairs_first[k + 1]):
+                sum_ = sum_ - load(w.matrix, s.pairs[j, 0]) * load(w.matrix, s.pairs[j, 1])
+            if k == upper:
+                reciprocal = 1.0 / sum_
+                _put(w.inverse, p, reciprocal, which, everywhere)
+            elif k < lower:
+                _put(w.matrix, s.factor[k, 1], sum_, which, everywhere)
+            else:
+                _put(w.matrix, s.factor[k, 1], sum_ * reciprocal, which, everywhere)
 
 
-@numba.njit(cache=True, nogil=True)
-def _solve_border(s, w, interior):
-    """w.increment of the border unknowns from the border rows of w.nonlinear, which hold the residual."""
-    for k in range(s.border_forward.shape[0]):
-        row = s.border_forward[k, 0]
-        product = load(w.factor, s.border_forward[k, 1]) * load(w.nonlinear, s.border_forward[k, 2])
-        store(w.nonlinear, row, load(w.nonlinear, row) - product)
-    for p in range(w.inverse.shape[0] - 1, -1, -1):
-        sum_ = load(w.nonlinear, s.pivots[interior + p, 0])
-        place = w.inverse.shape[0] - 1 - p
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def _solve_border(s, w, interior, going):
+    """Solve the border for w.residual; increments of lanes that are `going`, and their totals."""
+    size = w.inverse.shape[0]
+    for p in range(size):
+        sum_ = load(w.residual, p)
+        for k in range(s.border_forward_first[p], s.border_forward_first[p + 1]):
+            sum_ = sum_ - load(w.matrix, s.border_forward[k, 0]) * load(w.residual, s.border_forward[k, 1])
+        store(w.residual, p, sum_)
+    for place in range(size):
+        p = size - 1 - place
+        sum_ = load(w.residual, p)
         for k in range(s.border_backward_first[place], s.border_backward_first[place + 1]):
-            sum_ = sum_ - load(w.factor, s.border_backward[k, 0]) * load(w.increment, s.border_backward[k, 1])
-        store(w.increment, s.pivots[interior + p, 1], sum_ * load(w.inverse, p))
+            sum_ = sum_ - load(w.matrix, s.border_backward[k, 0]) * load(w.increment, s.border_backward[k, 1])
+        column = s.pivots[interior + p, 1]
+        increment = choose(going, sum_ * load(w.inverse, p), spread(0.0))
+        store(w.increment, column, increment)
+        store(w.total, column, load(w.total, column) + increment)
 
 
-@numba.njit(cache=True, nogil=True)
-def _recover_interior(s, v, w, state, scheme, moving):
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def _finish(s, v, w, state, scheme, moving):
     """Interior increments from those of the border, and the new state of both."""
     n, interior = v.constant.shape[0], v.inverse.shape[0]
     to_y, keep = load(v.step, 0), 1.0 - 1.0 / scheme.gamma
-    for p in range(interior - 1, -1, -1):
-        sum_ = load(w.residual, s.pivots[p, 0])
-        place = interior - 1 - p
-        for k in range(s.inner_backward_first[place], s.inner_backward_first[place + 1]):
-            sum_ = sum_ - load(v.matrix, s.inner_backward[k, 0]) * load(w.total, s.inner_backward[k, 1])
+    for place in range(interior):
+        p = interior - 1 - place
+        sum_ = load(w.reduced, p)
+        for k in range(s.backward_first[place], s.backward_first[place + 1]):
+            sum_ = sum_ - load(v.matrix, s.backward[k, 0]) * load(w.total, s.backward[k, 1])
         column = s.pivots[p, 1]
-        increment = choose(moving, sum_ * load(v.inverse, p), spread(0.0))
-        store(w.total, column, increment)
+        store(w.total, column, choose(moving, sum_ * load(v.inverse, p), spread(0.0)))
+    for column in range(n):
+        increment = load(w.total, column)
         store(state, column, load(state, column) + increment * to_y)
         store(state, n + column, load(state, n + column) * keep + increment)
-    for p in range(interior, n):
-        column = s.pivots[p, 1]
-        store(state, column, load(w.new, column))
-        store(state, n + column, load(w.new, n + column))
+    for k in range(s.valve.shape[0]):
+        store(state, s.valve[k, 2], load(w.flow, k))
 
 
-@numba.njit(cache=True, nogil=True)
-def march(s, v, w, state, scheme, steps, times, failed, recorded, means, lows, highs, waves, counts):
-    """Advance `state` (2n, LANES) by `steps` steps from the start of a cycle; `times` steps make a cycle.
-
-    failed: (1, LANES), nonzero in lanes that did not converge and are no longer advanced; it takes the number of the
-    step (from 1) at which a lane failed. recorded: stacked unknowns of which means (trapezoidal), lows and highs over
-    the steps are kept, (·, LANES). waves: (steps + 1, ·, LANES) of the same unknowns, or empty.
-    counts: [solves]: lane-group Newton solves, added to.
-    """
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def _step(s, v, w, state, scheme, time, times, sound):
+    """One time step; returns the number of solves, and marks lanes that did not converge."""
     n, interior = v.constant.shape[0], v.inverse.shape[0]
-    to_y, keep = load(v.step, 0), 1.0 - 1.0 / scheme.gamma
-    share = 1.0 / steps
-    for k in range(recorded.shape[0]):
-        value = load(state, recorded[k])
-        store(means, k, value * (0.5 * share))
-        store(lows, k, value)
-        store(highs, k, value)
-        if waves.shape[0] > 0:
-            store(waves[0], k, value)
-    for step in range(steps):
-        time = step % times
-        sound = less_equal(load(failed, 0), spread(0.0))
-        _predictor_residual(s, v, w, state, time, times, scheme)
-        _border_of_step(s, v, w, time, times, scheme)
-        for p in range(interior, n):
-            column = s.pivots[p, 1]
-            store(w.new, column, load(state, column))
-            store(w.new, n + column, load(state, n + column) * keep)
-            store(w.total, column, spread(0.0))
-        for k in range(s.lagged.shape[0]):
-            store(w.total, n + k, spread(0.0))
-        _nonlinear(s, v, w, state, scheme, time, times)
+    size = n - interior
+    to_y = load(v.step, 0)
+    largest = _predict(s, v, w, state, scheme, time, times)
+    for p in range(interior, n):
+        store(w.total, s.pivots[p, 1], spread(0.0))
+    for k in range(s.lagged.shape[0]):
+        store(w.total, n + k, spread(0.0))
+    for k in range(s.valve.shape[0]):
+        store(w.flow, k, load(state, s.valve[k, 2]))
+    for p in range(size):
+        store(w.linear, p, load(w.residual, p))
+    _subtract_solution_dependent(s, v, w, state, scheme, time, times)
+    poison = spread(0.0)
+    for p in range(size):
+        # The residual before the interior is eliminated decides whether to move at all.
+        value, without = load(w.residual, p), load(w.linear, p)
+        poison = poison + value * 0.0
+        size_ = magnitude(value)
+        largest = choose(less(largest, size_), size_, largest)
+        reduced = load(w.reduced, interior + p)
+        store(w.linear, p, reduced)
+        store(w.residual, p, reduced + (value - without))
+    settled = choose(less(largest + poison, spread(scheme.tolerance)), spread(0.0), spread(1.0))
+    going = less(spread(0.5), choose(sound, settled, spread(0.0)))
+    moving = going
+    solves = 0
+    while solves < scheme.iterations - 1 and any_lane(going):
+        if solves < _FRESH:
+            _factorise(s, w, going, True)
+            for k in range(s.valve.shape[0]):
+                store(w.factored, k, load(w.open, k))
+        else:
+            moved = spread(0.0)
+            for k in range(s.valve.shape[0]):
+                moved = moved + magnitude(load(w.open, k) - load(w.factored, k))
+            which = both(less(spread(0.5), moved), going)
+            if any_lane(which):
+                _factorise(s, w, which, False)
+                for k in range(s.valve.shape[0]):
+                    store(w.factored, k, choose(which, load(w.open, k), load(w.factored, k)))
+        _solve_border(s, w, interior, going)
+        solves += 1
+        for k in range(s.valve.shape[0]):
+            shut = both(less(load(w.open, k), spread(0.5)), going)
+            flow = choose(shut, spread(0.0), load(w.flow, k))
+            store(w.flow, k, flow + load(w.increment, s.valve[k, 2]) * to_y)
+        for p in range(size):
+            sum_ = load(w.linear, p)
+            for k in range(s.product_first[p], s.product_first[p + 1]):
+                sum_ = sum_ - load(w.matrix, s.product[k, 0]) * load(w.increment, s.product[k, 1])
+            store(w.linear, p, sum_)
+            store(w.residual, p, sum_)
+        _subtract_solution_dependent(s, v, w, state, scheme, time, times)
         largest, poison = spread(0.0), spread(0.0)
-        for p in range(n):
-            row = s.pivots[p, 0]
-            value = load(w.residual, row)
-            if p >= interior:
-                value = value - load(w.nonlinear, row)
-            # Maxima forget NaN; nought times the value does not.
+        for p in range(size):
+            value = load(w.residual, p)
             poison = poison + value * 0.0
             value = magnitude(value)
             largest = choose(less(largest, value), value, largest)
+        for k in range(s.lagged.shape[0]):
+            increment = load(w.increment, s.lagged[k])
+            value = magnitude(load(v.lagged, k) * increment)
+            largest = choose(less(largest, value), value, largest)
+            store(w.total, n + k, load(w.total, s.lagged[k]) - increment)
         settled = choose(less(largest + poison, spread(scheme.tolerance)), spread(0.0), spread(1.0))
-        active = choose(sound, settled, spread(0.0))
-        moving = less(spread(0.5), active)
-        for k in range(s.inner_forward.shape[0]):
-            row = s.inner_forward[k, 0]
-            product = load(v.matrix, s.inner_forward[k, 1]) * load(w.residual, s.inner_forward[k, 2])
+        going = less(spread(0.5), choose(going, settled, spread(0.0)))
+        for k in range(s.lagged_border.shape[0]):
+            row = s.lagged_border[k, 1]
+            seen = load(w.increment, s.lagged[s.lagged_border[k, 2]])
+            product = load(v.matrix, s.lagged_border[k, 0]) * seen
+            store(w.linear, row, load(w.linear, row) - product)
             store(w.residual, row, load(w.residual, row) - product)
-        for p in range(interior, n):
-            row = s.pivots[p, 0]
-            store(w.nonlinear, row, load(w.residual, row) - load(w.nonlinear, row))
-        going = moving
-        for _ in range(scheme.iterations - 1):
-            if not any_lane(going):
-                break
-            counts[0] += 1
-            _factorise(s, w, interior)
-            _solve_border(s, w, interior)
-            for k in range(s.valve.shape[0]):
-                flow = s.valve[k, 2]
-                shut = both(less(load(w.open, k), spread(0.5)), going)
-                store(w.new, flow, choose(shut, spread(0.0), load(w.new, flow)))
-            for p in range(interior, n):
-                column = s.pivots[p, 1]
-                increment = choose(going, load(w.increment, column), spread(0.0))
-                store(w.increment, column, increment)
-                store(w.total, column, load(w.total, column) + increment)
-                store(w.new, column, load(w.new, column) + increment * to_y)
-                store(w.new, n + column, load(w.new, n + column) + increment)
-            for k in range(s.border.shape[0]):
-                row = s.border[k, 1]
-                product = load(w.border, k) * load(w.increment, s.border[k, 2])
-                store(w.residual, row, load(w.residual, row) - product)
-            _nonlinear(s, v, w, state, scheme, time, times)
-            largest, poison = spread(0.0), spread(0.0)
-            for p in range(interior, n):
-                row = s.pivots[p, 0]
-                value = load(w.residual, row) - load(w.nonlinear, row)
-                store(w.nonlinear, row, value)
-                poison = poison + value * 0.0
-                value = magnitude(value)
-                largest = choose(less(largest, value), value, largest)
-            for k in range(s.lagged.shape[0]):
-                increment = load(w.increment, s.lagged[k])
-                value = magnitude(load(v.lagged, k) * increment)
-                largest = choose(less(largest, value), value, largest)
-                store(w.total, n + k, load(w.total, s.lagged[k]) - increment)
-            settled = choose(less(largest + poison, spread(scheme.tolerance)), spread(0.0), spread(1.0))
-            active = choose(going, settled, spread(0.0))
-            going = less(spread(0.5), active)
-            for k in range(s.lagged_border.shape[0]):
-                row = s.lagged_border[k, 1]
-                seen = load(w.increment, s.lagged[s.lagged_border[k, 2]])
-                product = load(v.matrix, s.lagged_border[k, 0]) * seen
-                store(w.residual, row, load(w.residual, row) - product)
-                store(w.nonlinear, row, load(w.nonlinear, row) - product)
-        if any_lane(going):
-            store(failed, 0, choose(going, spread(step + 1.0), load(failed, 0)))
-        _recover_interior(s, v, w, state, scheme, moving)
+    _finish(s, v, w, state, scheme, moving)
+    return solves, going
+
+
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def march(s, v, w, state, scheme, steps, times, failed, record, counts):
+    """Advance `state` (2n, LANES) by `steps` steps from the start of a cycle; `times` steps make a cycle.
+
+    failed: (1, LANES), nonzero in lanes that did not converge and are no longer advanced; it takes the number of the
+    step (from 1) at which a lane failed. counts: [solves] of this group, added to.
+    """
+    share = 1.0 / steps
+    for row in range(v.constant.shape[0]):
+        store(w.constant, row, load(v.constant, row))
+    for k in range(record.unknowns.shape[0]):
+        value = load(state, record.unknowns[k])
+        store(record.mean, k, value * (0.5 * share))
+        store(record.least, k, value)
+        store(record.greatest, k, value)
+        if record.waves.shape[0] > 0:
+            store(record.waves[0], k, value)
+    for k in range(record.floor.shape[0]):
+        store(record.floor, k, load(state, k))
+        store(record.ceiling, k, load(state, k))
+    for step in range(steps):
+        sound = less_equal(load(failed, 0), spread(0.0))
+        solves, astray = _step(s, v, w, state, scheme, step % times, times, sound)
+        counts[0] += solves
+        if any_lane(astray):
+            store(failed, 0, choose(astray, spread(step + 1.0), load(failed, 0)))
         weight = share if step < steps - 1 else 0.5 * share
-        for k in range(recorded.shape[0]):
-            value = load(state, recorded[k])
-            store(means, k, load(means, k) + value * weight)
-            low, high = load(lows, k), load(highs, k)
-            store(lows, k, choose(less(value, low), value, low))
-            store(highs, k, choose(less(high, value), value, high))
-            if waves.shape[0] > 0:
-                store(waves[step + 1], k, value)
+        for k in range(record.unknowns.shape[0]):
+            value = load(state, record.unknowns[k])
+            store(record.mean, k, load(record.mean, k) + value * weight)
+            low, high = load(record.least, k), load(record.greatest, k)
+            store(record.least, k, choose(less(value, low), value, low))
+            store(record.greatest, k, choose(less(high, value), value, high))
+            if record.waves.shape[0] > 0:
+                store(record.waves[step + 1], k, value)
+        if (step + 1) % STRIDE == 0:
+            for k in range(record.floor.shape[0]):
+                value = load(state, k)
+                low, high = load(record.floor, k), load(record.ceiling, k)
+                store(record.floor, k, choose(less(value, low), value, low))
+                store(record.ceiling, k, choose(less(high, value), value, high))

@@ -27,14 +27,17 @@ def write_elements(model: Model, at: Context) -> Assembly:
 class Program:
     """Structure of one network, for parameters whose zeros are known.
 
-    kept: for each kind of term, which of the elements' terms are not identically zero.
+    kept: for each kind of term, which of the elements' terms are not identically zero. order: of the linear terms
+    (f, e, f_lagged) in the structure. slots: of the same in the matrix. border_rows: length of the border's table.
     """
 
     size: int
     structure: Structure
     kept: dict[str, np.ndarray]
     order: np.ndarray
+    slots: np.ndarray
     tape: Tape
+    border_rows: int
 
 
 _KINDS = (
@@ -89,8 +92,11 @@ def make_program(model: Model, at: Context, scheme: Scheme, step: float) -> Prog
     except Singular as error:
         block = model.equations[error.row]
         raise InputError(model.file, block, None, "system is singular; check its connections and parameters") from None
-    structure, order = _structure(n, tape, lagged, system, rows)
-    return Program(n, structure, kept, order, tape)
+    structure, order = _structure(n, tape, lagged, system, kept, rows)
+    place = {(int(r), int(c)): k for k, (r, c) in enumerate(zip(tape.slot_row, tape.slot_column, strict=True))}
+    late = np.stack([f_lagged[:, 0], n + np.searchsorted(lagged, f_lagged[:, 1])], axis=1)
+    slots = np.array([place[int(r), int(c)] for r, c in np.concatenate([f, e, late])], dtype=np.int64)
+    return Program(n, structure, kept, order, slots, tape, _Border(tape, rows).size)
 
 
 def _scenarios(n: int, lagged: np.ndarray, system: Assembly, kept, scheme: Scheme, step: float) -> np.ndarray:
@@ -131,99 +137,183 @@ def _first(value) -> float:
     return float(np.ravel(value)[0])
 
 
-def _structure(n: int, tape: Tape, lagged: np.ndarray, system: Assembly, rows) -> tuple[Structure, np.ndarray]:
-    slots = {(int(r), int(c)): k for k, (r, c) in enumerate(zip(tape.slot_row, tape.slot_column, strict=True))}
-    e, f, f_lagged = rows("e", 2), rows("f", 2), rows("f_lagged", 2)
-    entries = np.concatenate([f, e + np.array([0, n]), f_lagged])
-    order = np.argsort(entries[:, 0], kind="stable")
-    starts = np.searchsorted(entries[order, 0], np.arange(n + 1))
-    assemble = [(slots[int(r), int(c)], k, 0) for k, (r, c) in enumerate(f)]
-    assemble += [(slots[int(r), int(c)], len(f) + k, 1) for k, (r, c) in enumerate(e)]
-    assemble += [
-        (slots[int(r), n + int(np.searchsorted(lagged, c))], len(f) + len(e) + k, 0)
-        for k, (r, c) in enumerate(f_lagged)
-    ]
-    border_rows = {int(row) for row in tape.pivots[tape.interior :, 0]}
-    border_columns = {int(column) for column in tape.pivots[tape.interior :, 1]}
-    border = [
-        (slot, row, column) for (row, column), slot in slots.items() if row in border_rows and column in border_columns
-    ]
+def _structure(n: int, tape: Tape, lagged: np.ndarray, system: Assembly, kept, rows) -> tuple[Structure, np.ndarray]:
+    """Index tables for the kernels, and in which order the linear terms (f, e, f_lagged) stand in them."""
+    border = _Border(tape, rows)
+    position = np.empty(n, dtype=np.int64)
+    position[tape.pivots[:, 0]] = np.arange(n)
+    entries = np.concatenate([rows("f", 2), rows("e", 2) + np.array([0, n]), rows("f_lagged", 2)])
+    order = np.argsort(position[entries[:, 0]], kind="stable")
+    constant_time = rows("constant_time", 2)[_by_row(kept, system)]
+    constant_rows, constant_first = np.unique(constant_time[:, 0], return_index=True)
+    f_time, e_time = rows("f_time", 3), rows("e_time", 3)
+    matrix_time = np.concatenate([f_time, e_time + np.array([0, n, 0])])
+    time_entries = [border.entry(r, c) for r, c in np.concatenate([f_time, e_time])[:, :2]]
+    matrix_time = np.column_stack([position[matrix_time[:, 0]] - tape.interior, matrix_time[:, 1:], time_entries])
+    forward, forward_first = _lists(
+        [[(slot, position[pivot_row]) for slot, pivot_row in found] for found in _forward_of(tape, 0, tape.interior)], 2
+    )
+    backward, backward_first = _lists([_backward_of(tape, p) for p in range(tape.interior - 1, -1, -1)], 2)
     lagged_border = [
-        (slot, row, column - n) for (row, column), slot in slots.items() if row in border_rows and column >= n
+        (slot, position[row] - tape.interior, column - n)
+        for slot, (row, column) in enumerate(zip(tape.slot_row, tape.slot_column, strict=True))
+        if column >= n and position[row] >= tape.interior
     ]
-    number = {slot: k for k, (slot, _, _) in enumerate(border)}
 
-    def with_slot(part: np.ndarray) -> np.ndarray:
-        return _column(part, [number[slots[int(r), int(c)]] for r, c in part[:, :2]])
+    def dependent(kind: str, columns: int) -> np.ndarray:
+        part = rows(kind, columns)
+        found = [
+            (position[r] - tape.interior, c, border.entry(r, c), border.sloped[int(r), int(c)], *rest)
+            for r, c, *rest in part
+        ]
+        return np.array(found, dtype=np.int64).reshape(-1, columns + 2)
 
-    def time_terms() -> np.ndarray:
-        f_time, e_time = rows("f_time", 3), rows("e_time", 3)
-        both = np.concatenate([with_slot(f_time), with_slot(e_time)])
-        both[len(f_time) :, 1] += n
-        return both
-
-    m = tape.interior
-
-    def backward(first: int, last: int, renumber) -> tuple[np.ndarray, np.ndarray]:
-        found, starts = [], [0]
-        for p in range(last - 1, first - 1, -1):
-            for _, slot, column in tape.backward[tape.backward_first[p] : tape.backward_first[p + 1]]:
-                found.append((renumber(int(slot)), int(column)))
-            starts.append(len(found))
-        return np.array(found, dtype=np.int64).reshape(-1, 2), np.array(starts, dtype=np.int64)
-
-    def operations(name: str, first: int, last: int) -> np.ndarray:
-        starts = getattr(tape, f"{name}_first")
-        return getattr(tape, name)[starts[first] : starts[last]]
-
-    def starts_of(first: int, last: int) -> np.ndarray:
-        divide, update = tape.divide_first[first : last + 1], tape.update_first[first : last + 1]
-        return np.stack([divide - divide[0], update - update[0]], axis=1)
-
-    renumbered = np.vectorize(lambda slot: number[int(slot)], otypes=[np.int64])
-    inner_backward, inner_backward_first = backward(0, m, lambda slot: slot)
-    border_backward, border_backward_first = backward(m, n, number.__getitem__)
-    border_update, border_divide = operations("update", m, n), operations("divide", m, n)
-    border_forward = operations("forward", m, n).copy()
-    border_forward[:, 1] = _apply(renumbered, border_forward[:, 1])
     structure = Structure(
-        linear=starts,
+        pivots=tape.pivots[:, :2],
+        terms_first=np.searchsorted(position[entries[order, 0]], np.arange(n + 1)),
         terms=entries[order, 1],
-        assemble=np.array(assemble, dtype=np.int64).reshape(-1, 3),
-        constant_time=rows("constant_time", 2),
-        matrix_time=time_terms(),
+        constant_rows=constant_rows,
+        constant_first=np.append(constant_first, len(constant_time)),
+        constant_shape=constant_time[:, 1],
+        matrix_time=matrix_time,
+        forward_first=forward_first,
+        forward=forward,
+        backward_first=backward_first,
+        backward=backward,
+        border=border.slots,
+        product_first=border.product_first,
+        product=border.product,
         lagged=lagged,
         lagged_border=np.array(lagged_border, dtype=np.int64).reshape(-1, 3),
-        square=with_slot(rows("square", 2)),
-        square_rate=with_slot(rows("square_rate", 2)),
-        exponential=with_slot(rows("exponentials", 3)),
+        square=dependent("square", 2),
+        square_rate=dependent("square_rate", 2),
+        exponential=dependent("exponentials", 3),
         valve=np.array(system.valves, dtype=np.int64).reshape(-1, 3),
-        valve_term=with_slot(rows("f_valve", 3)),
-        pivots=tape.pivots.copy(),
-        inner_divide=operations("divide", 0, m),
-        inner_order=starts_of(0, m),
-        inner_update=operations("update", 0, m),
-        inner_forward=operations("forward", 0, m),
-        inner_backward=inner_backward,
-        inner_backward_first=inner_backward_first,
-        border=np.array(border, dtype=np.int64).reshape(-1, 3),
-        border_divide=_apply(renumbered, border_divide),
-        border_order=starts_of(m, n),
-        border_update=_apply(renumbered, border_update),
-        border_forward=border_forward,
-        border_backward=border_backward,
-        border_backward_first=border_backward_first,
+        valve_term=dependent("f_valve", 3),
+        factor_first=border.factor_first,
+        factor=border.factor,
+        pairs_first=border.pairs_first,
+        pairs=border.pairs,
+        border_forward_first=border.forward_first,
+        border_forward=border.forward,
+        border_backward_first=border.backward_first,
+        border_backward=border.backward,
     )
-    structure.pivots[m:, 2] = _apply(renumbered, structure.pivots[m:, 2])
-    return Structure(*(np.ascontiguousarray(part, dtype=np.int64) for part in structure)), order
+    return Structure(*(np.ascontiguousarray(part, dtype=np.uint32) for part in structure)), order
 
 
-def _apply(function, values: np.ndarray) -> np.ndarray:
-    return function(values) if values.size else values
+def _by_row(kept: dict[str, np.ndarray], system: Assembly) -> np.ndarray:
+    """Order in which the constants that change in time stand in the structure: those of one row side by side."""
+    return np.argsort([system.constant_time.where[k][0] for k in kept["constant_time"]], kind="stable").astype(np.int64)
 
 
-def _column(part: np.ndarray, extra: list[int]) -> np.ndarray:
-    return np.column_stack([part, np.array(extra, dtype=np.int64)]).astype(np.int64)
+def _forward_of(tape: Tape, first: int, last: int) -> list[list[tuple[int, int]]]:
+    """For each pivot's row, the (slot, pivot row) that pivots `first` to `last` subtract from its right-hand side."""
+    position = {int(row): p for p, row in enumerate(tape.pivots[:, 0])}
+    found = [[] for _ in tape.pivots]
+    for row, slot, pivot_row in tape.forward[tape.forward_first[first] : tape.forward_first[last]]:
+        found[position[int(row)]].append((int(slot), int(pivot_row)))
+    return found
+
+
+def _backward_of(tape: Tape, p: int) -> list[tuple[int, int]]:
+    """(slot, column) of pivot p's row to the right of its pivot."""
+    part = tape.backward[tape.backward_first[p] : tape.backward_first[p + 1]]
+    return [(int(slot), int(column)) for _, slot, column in part]
+
+
+def _lists(lists: list[list[tuple[int, ...]]], columns: int) -> tuple[np.ndarray, np.ndarray]:
+    """Lists of tuples as one table and the place where each list begins (one more than there are lists)."""
+    flat = np.array([item for found in lists for item in found], dtype=np.int64).reshape(-1, columns)
+    return flat, np.concatenate([[0], np.cumsum([len(found) for found in lists], dtype=np.int64)]).astype(np.int64)
+
+
+class _Border:
+    """The border's part of a tape, as tables for Crout's factorisation.
+
+    Its matrix of one step is one table of rows: `size` entries as they stand at the start of a step, one row of
+    noughts, the `sloped` entries that get derivatives added, and what the factorisation computes.
+    """
+
+    def __init__(self, tape: Tape, rows):
+        self._position = {int(row): p - tape.interior for p, row in enumerate(tape.pivots[:, 0])}
+        self._tape = tape
+        m, n = tape.interior, len(tape.pivots)
+        columns = {int(column) for column in tape.pivots[m:, 1]}
+        places = [(int(r), int(c)) for r, c in zip(tape.slot_row, tape.slot_column, strict=True)]
+        inner = [
+            slot
+            for slot in range(tape.inner_slots)
+            if self._position[places[slot][0]] >= 0 and places[slot][1] in columns
+        ]
+        self.slots = np.array(inner, dtype=np.int64)
+        self._entry = {places[slot]: k for k, slot in enumerate(inner)}
+        nought = len(inner)
+        dependent = [
+            tuple(map(int, place))
+            for kind, width in (("f_valve", 3), ("square", 2), ("square_rate", 2), ("exponentials", 3))
+            for place in rows(kind, width)[:, :2]
+        ]
+        if len(set(dependent)) < len(dependent):
+            raise ValueError("two solution-dependent terms share an entry of the Jacobian")
+        self.sloped = {place: nought + 1 + k for k, place in enumerate(dependent)}
+        updates: dict[int, list[tuple[int, int]]] = {}
+        for target, factor, entry in tape.update[tape.update_first[m] : tape.update_first[n]]:
+            updates.setdefault(int(target), []).append((int(factor), int(entry)))
+        first_free = nought + 1 + len(dependent)
+        computed: dict[int, int] = {}
+
+        def source(slot: int) -> int:
+            place = places[slot]
+            return self.sloped[place] if place in self.sloped else self._entry.get(place, nought)
+
+        def place_of(slot: int) -> int:
+            return computed[slot] if slot in computed else source(slot)
+
+        factor, pairs, factor_first = [], [], []
+        for p in range(m, n):
+            upper = [slot for slot, _ in _backward_of(tape, p)]
+            lower = [int(slot) for slot, _ in tape.divide[tape.divide_first[p] : tape.divide_first[p + 1]]]
+            upper = [slot for slot in upper if slot in updates]
+            factor_first.append((len(factor), len(factor) + 1 + len(upper)))
+            for slot in (int(tape.pivots[p, 2]), *upper, *lower):
+                pairs.append([(place_of(left), place_of(right)) for left, right in updates.get(slot, [])])
+                destination = first_free + len(computed)
+                if slot != tape.pivots[p, 2]:
+                    computed[slot] = destination
+                factor.append((source(slot), destination))
+        factor_first.append((len(factor), len(factor)))
+        self.factor_first = np.array(factor_first, dtype=np.int64)
+        self.factor = np.array(factor, dtype=np.int64).reshape(-1, 2)
+        self.pairs, self.pairs_first = _lists(pairs, 2)
+        self.size = first_free + len(computed)
+        pivot = {int(row): p for p, row in enumerate(tape.pivots[m:, 0])}
+        self.forward, self.forward_first = _lists(
+            [[(place_of(slot), pivot[row]) for slot, row in found] for found in _forward_of(tape, m, n)[m:]], 2
+        )
+        self.backward, self.backward_first = _lists(
+            [[(place_of(slot), column) for slot, column in _backward_of(tape, p)] for p in range(n - 1, m - 1, -1)], 2
+        )
+        self.product, self.product_first = self._product(rows, places, n - m)
+
+    def entry(self, row: int, column: int) -> int:
+        """Number of a border entry."""
+        return self._entry[int(row), int(column)]
+
+    def _product(self, rows, places, size: int) -> tuple[np.ndarray, np.ndarray]:
+        """Entries that are not nought before the solution-dependent terms are added, row by row."""
+        tape = self._tape
+        filled = {
+            tuple(map(int, place))
+            for kind, width in (("e", 2), ("f", 2), ("e_time", 3), ("f_time", 3))
+            for place in rows(kind, width)[:, :2]
+        }
+        filled |= {places[int(slot)] for slot in tape.update[: tape.update_first[tape.interior], 0]}
+        found = [[] for _ in range(size)]
+        for (row, column), entry in self._entry.items():
+            if (row, column) in filled:
+                found[self._position[row]].append((entry, column))
+        return _lists(found, 2)
 
 
 @dataclass(frozen=True)
@@ -249,12 +339,13 @@ def fill(program: Program, system: Assembly, periods: np.ndarray, times: int, sc
 
     step = table(1)
     step[0] = scheme.gamma * periods[lanes] / times
-    linear = np.concatenate([rows("f"), rows("e"), rows("f_lagged")])
+    f, e, f_lagged = rows("f"), rows("e"), rows("f_lagged")
+    to_y = scheme.alpha_f * step[0]
     matrix = table(len(program.tape.slot_row))
-    for slot, k, rate in s.assemble:
-        matrix[slot] += linear[k] * (scheme.alpha_m if rate else scheme.alpha_f * step[0])
+    np.add.at(matrix, program.slots, np.concatenate([f * to_y, e * scheme.alpha_m, f_lagged * to_y]))
     inverse = table(program.tape.interior)
-    condense(s, matrix, inverse)
+    condense(*_interior(program.tape), matrix, inverse)
+    linear = np.concatenate([f, e, f_lagged])
     terms = table(len(linear))
     terms[:] = linear[program.order]
     rates = s.terms >= n
@@ -278,7 +369,7 @@ def fill(program: Program, system: Assembly, periods: np.ndarray, times: int, sc
         matrix=matrix,
         inverse=inverse,
         constant=constant,
-        constant_time=_aligned(rows("constant_time")),
+        constant_time=_aligned(rows("constant_time")[_by_row(program.kept, system)]),
         matrix_time=_aligned(np.concatenate([rows("f_time"), rows("e_time")])),
         shapes=shapes,
         square=_aligned(rows("square")),
@@ -288,20 +379,32 @@ def fill(program: Program, system: Assembly, periods: np.ndarray, times: int, sc
         lagged=lagged,
         step=step,
     )
-    slopes = len(s.valve_term) + len(s.square) + len(s.square_rate) + len(s.exponential)
+    border = n - program.tape.interior
     work = Work(
-        residual=table(n),
-        nonlinear=table(n),
+        constant=table(n),
+        reduced=table(n),
+        linear=table(border),
+        residual=table(border),
         increment=table(n),
         total=table(n + len(s.lagged)),
-        new=table(2 * n),
-        border=table(len(s.border)),
-        factor=table(len(s.border)),
-        inverse=table(n - program.tape.interior),
-        slope=table(slopes),
-        open=table(max(len(s.valve), 1)),
+        matrix=table(program.border_rows),
+        inverse=table(border),
+        slope=table(len(s.valve_term) + len(s.square) + len(s.square_rate) + len(s.exponential)),
+        open=table(len(s.valve)),
+        factored=table(len(s.valve)),
+        flow=table(len(s.valve)),
     )
     return Group(values, work)
+
+
+def _interior(tape: Tape) -> tuple[np.ndarray, ...]:
+    """What `condense` needs of a tape."""
+    m = tape.interior
+    first = np.stack([tape.divide_first[: m + 1], tape.update_first[: m + 1]], axis=1)
+    return tuple(
+        np.ascontiguousarray(part, dtype=np.uint32)
+        for part in (tape.pivots[:m, 2], tape.divide[: first[-1, 0], 0], tape.update[: first[-1, 1]], first)
+    )
 
 
 def _lanes_of(value, lanes: np.ndarray) -> np.ndarray:

@@ -1,0 +1,109 @@
+"""Periodic states faster than by waiting: Anderson acceleration of the map from one cycle's start to the next's.
+
+Anderson (1965); Walker & Ni, SIAM J. Numer. Anal. 49 (2011), type II. An accelerated state is an affine combination of
+states that the network reached, so that linear constraints and the loop's total blood volume stay as they are.
+"""
+
+import numba
+import numpy as np
+
+DEPTH = 5
+"""Differences of earlier cycles that a step combines."""
+
+_RANK = 1e-8
+_GROWTH = 3.0
+
+
+def drift(before: np.ndarray, after: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Cycle error of each sample (samples,), and the scale of each unknown (samples, unknowns) that it refers to.
+
+    before, after: unknowns at the cycle's start and end; low, high: their range in between; all (samples, unknowns).
+    The error is the largest |after − before| of any unknown over its range. An unknown that hardly moves (range below
+    1e-6 of its size) is compared with that instead, and one that stays nought is left out.
+    """
+    scale = np.maximum(high - low, 1e-6 * np.maximum(np.abs(low), np.abs(high)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(scale > 0, np.abs(after - before) / scale, 0.0).max(axis=1), scale
+
+
+class Anderson:
+    """Remembers the last cycles of each sample of a batch and proposes where to start the next one."""
+
+    def __init__(self, samples: int, width: int):
+        self._ends = np.zeros((samples, DEPTH + 1, width))
+        self._steps = np.zeros((samples, DEPTH + 1, width))
+        self._known = np.zeros(samples, dtype=np.int64)
+        self._error = np.full(samples, np.inf)
+
+    def propose(
+        self, who: np.ndarray, start: np.ndarray, end: np.ndarray, scale: np.ndarray, error: np.ndarray
+    ) -> np.ndarray:
+        """Next start (k, width) for the samples numbered `who` (k,), from what their last cycle did.
+
+        start, end: (k, width) whole states; scale: (k, unknowns), of their first `unknowns` columns; error: (k,).
+        A sample whose error grew much begins anew, with a plain cycle.
+        """
+        proposed = np.empty_like(end)
+        for k, sample in enumerate(who):
+            if error[k] > _GROWTH * self._error[sample]:
+                self._known[sample] = 0
+            self._error[sample] = error[k]
+            self._known[sample] = _propose(
+                self._ends[sample], self._steps[sample], self._known[sample], start[k], end[k], scale[k], proposed[k]
+            )
+        return proposed
+
+
+@numba.njit(cache=True, nogil=True)
+def _propose(ends, steps, known, start, end, scale, proposed):
+    """Record one cycle and combine; returns how many cycles are known now. Plain sums, so that bits never vary."""
+    depth, width = ends.shape
+    for k in range(min(known, depth - 1), 0, -1):
+        ends[k] = ends[k - 1]
+        steps[k] = steps[k - 1]
+    for j in range(width):
+        ends[0, j] = end[j]
+        steps[0, j] = end[j] - start[j]
+        proposed[j] = end[j]
+    known = min(known + 1, depth)
+    columns = known - 1
+    size = scale.shape[0]
+    basis = np.zeros((columns, size))
+    upper = np.zeros((columns, columns))
+    right = np.zeros(size)
+    for j in range(size):
+        right[j] = steps[0, j] / scale[j] if scale[j] > 0.0 else 0.0
+    kept = 0
+    for c in range(columns):
+        for j in range(size):
+            basis[c, j] = (steps[c, j] - steps[c + 1, j]) / scale[j] if scale[j] > 0.0 else 0.0
+        before = np.sqrt(_dot(basis[c], basis[c]))
+        for b in range(kept):
+            upper[b, c] = _dot(basis[b], basis[c])
+            for j in range(size):
+                basis[c, j] -= upper[b, c] * basis[b, j]
+        norm = np.sqrt(_dot(basis[c], basis[c]))
+        if not norm > _RANK * before:
+            break
+        upper[c, c] = norm
+        for j in range(size):
+            basis[c, j] /= norm
+        kept += 1
+    weights = np.zeros(kept)
+    for c in range(kept - 1, -1, -1):
+        total = _dot(basis[c], right)
+        for b in range(c + 1, kept):
+            total -= upper[c, b] * weights[b]
+        weights[c] = total / upper[c, c]
+    for c in range(kept):
+        for j in range(width):
+            proposed[j] -= weights[c] * (ends[c, j] - ends[c + 1, j])
+    return known
+
+
+@numba.njit(inline="always")
+def _dot(left, right):
+    total = 0.0
+    for j in range(left.shape[0]):
+        total += left[j] * right[j]
+    return total
