@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from coronaryuq.errors import InputError
-from coronaryuq.estimation import diagnostics, estimators, mfmc_ae, report
+from coronaryuq.estimation import beyond, diagnostics, estimators, mfmc_ae, report
 from coronaryuq.estimation.design import Design, make_design
 from coronaryuq.estimation.folds import assign, count
 from coronaryuq.estimation.montecarlo import correlation, mfmc_variance
@@ -102,11 +102,15 @@ def analyse(
         y, q = pair(runs, row)
         level = settings.level
         if row.column_3d not in best:
-            best[row.column_3d] = estimators.best(design, row, level, weights=weights)
+            made_best = estimators.predict(design, row)
+            best[row.column_3d] = (
+                estimators.best(design, row, made_best, level, weights),
+                beyond.everything(design, row, made_best, settings, seed),
+            )
         made = {
             "MC": estimators.monte_carlo(design, row, level, weights),
             "MFMC": estimators.mfmc(design, row, level, weights),
-            "best": best[row.column_3d],
+            "best": best[row.column_3d][0],
         }
         more = {"MFMC": {"rho_in_sample": correlation(y, q)}}
         row_findings = list(findings)
@@ -119,6 +123,10 @@ def analyse(
                 more["MFMC-AE"] = {"rho_in_sample": in_sample, "std_in_sample": float(claimed**0.5)}
                 theta = np.vstack([mfmc_ae.resampled(networks, row.name, j, curves[j][0]) for j in range(k)])
                 row_findings += [diagnostics.outside_support(theta, runs.theta, runs.inputs)]
+        for name in made:
+            finding = diagnostics.unverified(name, len(y))
+            if finding:
+                made[name] = replace(made[name], warnings=(*made[name].warnings, str(finding)))
         for name in [name for name in made if name != "MC"]:
             finding = diagnostics.useless(made[name].rho_held_out, len(y), name)
             if finding:
@@ -133,6 +141,7 @@ def analyse(
             "paper": {"rho_original": printed.rho_original, "std_mc": printed.std_mc, "std_mfmc": printed.std_mfmc},
             "estimators": {name: report.estimate(made[name]) | more.get(name, {}) for name in order},
             "recommended": recommended(made),
+            "beyond_the_mean": best[row.column_3d][1],
             "emulator_error": design.emulator_error[row.column_0d],
             "integrated_exactly": settings.known_scaling if design.integrated else None,
             "warnings": [str(f) for f in row_findings if f],

@@ -1,6 +1,7 @@
 """The estimators of one row: MC, MFMC, MFMC-AE and the best cross-fitted control variate, side by side."""
 
 from collections import Counter
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -40,20 +41,41 @@ def mfmc(design: Design, row: Row, level: float, weights=None) -> Estimate:
     return combine("MFMC", y, held, blocks, design.fold, n_0d, level, weights=weights)
 
 
-def best(design: Design, row: Row, level: float, simple: bool = False, weights=None) -> Estimate:
-    """The control variate that the selector takes within each training set."""
+@dataclass(frozen=True)
+class Predictions:
+    """Cross-fitted predictions of one 3D quantity.
+
+    held (n,): at each pilot run, by the fold that did not see it. raw: per fold, at its propagation samples and the
+    nodes of an integrated input (m_k · s,). noise (n,): leave-one-out standard deviation of the fit that made `held`.
+    methods: what the selector took, fold by fold.
+    """
+
+    held: np.ndarray
+    raw: list[np.ndarray]
+    noise: np.ndarray
+    methods: tuple[str, ...]
+
+
+def predict(design: Design, row: Row, simple: bool = False) -> Predictions:
+    """Fit the selector's choice within each training set and predict its held-out runs and propagation samples."""
     y, _ = pair(design.runs, row)
-    held, blocks, taken = np.empty(len(y)), [], []
+    held, noise, raw, taken = np.empty(len(y)), np.empty(len(y)), [], []
     for k in range(len(design.blocks)):
         fitted = selector.choose(*_of(design.training(row, k), y), simple=simple)
-        taken.append(fitted.method)
         seen, index = design.held(row, k)
-        held[index] = fitted.predict(seen)
-        blocks.append(
-            Propagated(design.blocks[k].average(fitted.predict(design.propagated(row, k))), design.blocks[k].repeats)
-        )
-    name = "best: " + ", ".join(f"{name} {times}/{len(taken)}" for name, times in Counter(taken).most_common())
-    return combine(name, y, held, blocks, design.fold, len(y), level, weights=weights)
+        held[index], noise[index] = fitted.predict(seen), fitted.missed**0.5
+        raw.append(fitted.predict(design.propagated(row, k)))
+        taken.append(fitted.method)
+    return Predictions(held, raw, noise, tuple(taken))
+
+
+def best(design: Design, row: Row, made: Predictions, level: float, weights=None) -> Estimate:
+    """Mean by the control variate that the selector took within each training set."""
+    y, _ = pair(design.runs, row)
+    blocks = [Propagated(b.average(v), b.repeats) for b, v in zip(design.blocks, made.raw, strict=True)]
+    counted = Counter(made.methods).most_common()
+    name = "best: " + ", ".join(f"{method} {times}/{len(made.methods)}" for method, times in counted)
+    return combine(name, y, made.held, blocks, design.fold, len(y), level, weights=weights)
 
 
 def autoencoder(

@@ -1,0 +1,73 @@
+"""Probabilities, quantiles, variance and Sobol indices against known values, over repeated trials."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import norm
+
+from coronaryuq.estimation import beyond
+from coronaryuq.estimation.design import make_design
+from coronaryuq.estimation.estimators import predict
+from coronaryuq.estimation.runs import Row, Runs
+from coronaryuq.seeds import generator
+
+TRIALS, N, M = 120, 60, 1500
+ROW = Row("1", "ffr_lad", "q", "")
+
+
+@pytest.fixture(scope="module")
+def trials():
+    """Y = log θ_1 + log θ_2 / 2 + noise, a normal with variance 1 + 1/4 + 1/16; linear control variates."""
+    made = []
+    for trial in range(TRIALS):
+        rng = generator(5, "beyond", trial)
+        x, more = rng.normal(size=(N, 2)), rng.normal(size=(M, 2))
+        y = x[:, 0] + 0.5 * x[:, 1] + 0.25 * rng.normal(size=N)
+        runs = Runs(
+            Path("."), ("a", "b"), tuple(map(str, range(N))), np.exp(x), pd.DataFrame({"ffr_lad": y}),
+            pd.DataFrame({"q": x[:, 0]}), np.exp(more), None, np.empty((0, 2)),
+        )  # fmt: skip
+        design = make_design(runs, [ROW], 10, trial)
+        made.append((design, y, predict(design, ROW, simple=True)))
+    return made
+
+
+def held_share(found, truth):
+    return np.mean([interval.holds(truth) for _, _, interval in found])
+
+
+def check(found, truth):
+    """Coverage within three binomial standard errors of 95 %; claimed spread within 25 % (four standard errors)."""
+    values = np.array([value for value, _, _ in found])
+    claimed = np.sqrt(np.mean([std**2 for _, std, _ in found]))
+    assert held_share(found, truth) >= 0.95 - 3 * np.sqrt(0.95 * 0.05 / TRIALS)
+    assert claimed / values.std() == pytest.approx(1, abs=0.25)
+    assert abs(values.mean() - truth) < 4 * values.std() / np.sqrt(TRIALS)
+
+
+@pytest.mark.parametrize("at", [0.0, -1.5])
+def test_probability(trials, at):
+    check([beyond.probability(d, y, p, at) for d, y, p in trials], norm.cdf(at / np.sqrt(1.3125)))
+
+
+@pytest.mark.parametrize("share", [0.5, 0.95])
+def test_quantile(trials, share):
+    found = [beyond.quantile(d, y, p, share) for d, y, p in trials]
+    truth = norm.ppf(share) * np.sqrt(1.3125)
+    assert held_share(found, truth) >= 0.95 - 3 * np.sqrt(0.95 * 0.05 / TRIALS)
+    assert abs(np.mean([v for v, _, _ in found]) - truth) < 0.05
+
+
+def test_variance(trials):
+    check([beyond.variance(d, y, p) for d, y, p in trials], 1.3125)
+
+
+def test_sobol_indices_of_an_additive_model(trials):
+    found = [beyond.sobol(d, y, p, 0.95, 1) for d, y, p in trials[:40]]
+    for name, truth in (("a", 1 / 1.3125), ("b", 0.25 / 1.3125)):
+        values = np.array([f[name]["value"] for f in found])
+        assert values.mean() == pytest.approx(truth, abs=0.03)
+        holds = np.mean([f[name]["low"] <= truth <= f[name]["high"] for f in found])
+        assert holds >= 0.95 - 3 * np.sqrt(0.95 * 0.05 / 40)
