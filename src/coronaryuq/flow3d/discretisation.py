@@ -34,6 +34,7 @@ class Discretisation:
 
     points: (n, 3) cm; tets: (m, 4); caps: name → triangles (k, 3); the other boundary faces are wall. inlets: names of
     the caps where blood enters and the velocity profile is prescribed by its flow. density g/cm3, viscosity P, dt s.
+    reference_speed: cm/s, sets the pressure stabilisation, h / (2 speed) where convection rules; one for all samples.
     `node_of[i]` is the node in the mesh that the solver's node i stands for.
     """
 
@@ -46,6 +47,7 @@ class Discretisation:
         dt: float,
         density: float,
         viscosity: float,
+        reference_speed: float = 100.0,
     ):
         for name in inlets:
             if name not in caps:
@@ -97,7 +99,7 @@ class Discretisation:
         self.constant[self.diagonal] += rate * self.mass
         metric = np.einsum("eak,eak->e", grad, grad)
         self.tau_viscous = (3.0 * self.nu * metric) ** 2
-        tau_element = 1.0 / np.sqrt((2.0 * rate) ** 2 + self.tau_viscous)
+        tau_element = 1.0 / np.sqrt(reference_speed**2 * metric / 1.5 + self.tau_viscous)
         self.tau = np.bincount(tets.ravel(), np.repeat(tau_element * volume / 4.0, 4), n) / self.mass
         tau_element = self.tau[tets].mean(axis=1)
         self.spread = elements.laplacian(tets, volume, grad, n, tau_element).data

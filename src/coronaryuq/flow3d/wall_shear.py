@@ -14,9 +14,7 @@ from coronaryuq.flow3d.lanes import LANES, absolute, fma, load, splat, square_ro
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _wall_force(
-    tets, grad, volume, tau_viscous, nu, inertia, rate_now, rate_old, rate_older, u, old, older, p, at, force
-):
+def _wall_force(tets, grad, volume, tau_viscous, nu, rate_now, rate_old, rate_older, u, old, older, p, at, force):
     """−∫ of the momentum residual with hats on the wall, per unit density, into force (wall nodes, 3, LANES)."""
     force[:] = 0.0
     for e in range(tets.shape[0]):
@@ -36,7 +34,7 @@ def _wall_force(
         along_c = fma(cz, mz, fma(cy, my, cx * mx))
         along_d = fma(dz, mz, fma(dy, my, dx * mx))
         speed = (absolute(along_a) + absolute(along_b)) + (absolute(along_c) + absolute(along_d))
-        tau = v / square_root(fma(speed, speed, splat(inertia + tau_viscous[e])))
+        tau = v / square_root(fma(speed, speed, splat(tau_viscous[e])))
         w, quarter, nv = v / 20.0, 0.25 * v, nu * v
         for c in range(3):
             if c == 0:
@@ -156,7 +154,7 @@ class WallShear:
         space = self.space
         r0, r1, r2 = (b / space.dt for b in BDF2)
         _wall_force(
-            self._tets, self._grad, self._volume, self._tau_viscous, space.nu, (2.0 * space.mass_rate) ** 2,
+            self._tets, self._grad, self._volume, self._tau_viscous, space.nu,
             r0, r1, r2, stepper.u, stepper.u_old, stepper.u_older, stepper.kinematic_pressure, self._place, self._force,
         )  # fmt: skip
         _multiply(*self._smooth, self._force, self._smoothed)
