@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
 from coronaryuq.discrepancy.forward import Acting
 from coronaryuq.discrepancy.inference import Fit
@@ -14,6 +15,10 @@ MANY = 20
 """More collaterals than this are ranked by superposed leaks before any is run."""
 LEAST_SENSITIVITY = 0.3
 """Whitened norm below which data cannot see an effect of the tested size."""
+CONTENDER = 15.0
+"""Log weight behind the best within which a candidate is fitted in full."""
+SMALL, SMALL_SIGNED = -1.0, 0.3
+"""Sizes of the score test, in prior standard deviations: of positive and of signed sizes."""
 PRIOR_NONE, PRIOR_NAMED, PRIOR_OUTSIDE = 0.45, 0.45, 0.10
 
 
@@ -21,7 +26,8 @@ PRIOR_NONE, PRIOR_NAMED, PRIOR_OUTSIDE = 0.45, 0.45, 0.10
 class Candidate:
     """One effect at one place on top of what is already there.
 
-    z_score: of the score test; fit: with full marginal likelihood, None while not on the shortlist.
+    z_score: of the score test; guess: sizes z that its linear model would fit;
+    fit: with full marginal likelihood, None while not on the shortlist.
     log_prior: its share of `PRIOR_NAMED`: effects alike, then places alike.
     """
 
@@ -29,12 +35,23 @@ class Candidate:
     place: str
     log_prior: float
     z_score: float = 0.0
+    guess: np.ndarray | None = None
     fit: Fit | None = None
     probability: float = 0.0
 
     @property
     def acting(self) -> Acting:
         return self.effect, self.place
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether all sizes are positive by nature."""
+        return all(parameter.kind == "lognormal" for parameter in self.effect.parameters)
+
+    @property
+    def p_value(self) -> float:
+        """Of the score test alone."""
+        return float(stats.norm.sf(self.z_score)) * (1.0 if self.one_sided else 2.0) if self.z_score > 0 else 1.0
 
     @property
     def log_weight(self) -> float:
@@ -75,7 +92,7 @@ def _columns(problem, base, acting, candidates) -> np.ndarray:
     """Whitened change (N, k) of the fitted predictions by a small size of each candidate."""
     rows = [(base.z, list(acting))]
     for candidate in candidates:
-        small = [-1.0 if parameter.kind == "lognormal" else 0.3 for parameter in candidate.effect.parameters]
+        small = [SMALL if parameter.kind == "lognormal" else SMALL_SIGNED for parameter in candidate.effect.parameters]
         rows.append((np.concatenate([base.z, small]), [*acting, candidate.acting]))
     found = problem.whitened(rows)[:, problem.train]
     return (found[0] - found[1:]).T
@@ -88,8 +105,19 @@ def _score(base: Fit, candidates: list[Candidate], columns: np.ndarray) -> None:
     along = safe.T @ base.score if columns.size else []
     for candidate, ok, length, value in zip(candidates, usable, norm, along, strict=True):
         z = value / length if ok and length > LEAST_SENSITIVITY else 0.0
-        one_sided = all(parameter.kind == "lognormal" for parameter in candidate.effect.parameters)
-        candidate.z_score = float(max(z, 0.0) if one_sided else abs(z))
+        candidate.guess = _guess(candidate.effect, value / length**2 if length > LEAST_SENSITIVITY else 0.0)
+        candidate.z_score = float(max(z, 0.0) if candidate.one_sided else abs(z))
+
+
+def _guess(effect: Effect, multiple: float) -> np.ndarray:
+    """Sizes z for a multiple of the tested small sizes, kept within two and a half prior standard deviations."""
+    guess = []
+    for parameter in effect.parameters:
+        if parameter.kind == "lognormal":
+            guess.append(SMALL + np.log(max(multiple, 1e-3)) / parameter.spread)
+        else:
+            guess.append(SMALL_SIGNED * multiple)
+    return np.clip(guess, -2.5, 2.5)
 
 
 def _likely_collaterals(problem, base, direct, columns, many) -> list[Candidate]:
@@ -125,10 +153,13 @@ def shortlist(candidates: list[Candidate], count: int) -> list[Candidate]:
 
 def fit_shortlist(problem: Problem, base: Fit, acting: list[Acting], chosen: list[Candidate], exact: int = 3) -> None:
     """Fit the shortlist with frozen nuisance sensitivities, then the best `exact` in full."""
-    for candidate, fit in zip(chosen, problem.fit_candidates(base, acting, [c.acting for c in chosen]), strict=True):
+    for candidate, fit in zip(
+        chosen, problem.fit_candidates(base, acting, [c.acting for c in chosen], [c.guess for c in chosen]), strict=True
+    ):
         candidate.fit = fit
-    for candidate in sorted(chosen, key=lambda c: -c.log_weight)[:exact]:
-        if candidate.fit is not None:
+    ranked = sorted(chosen, key=lambda c: -c.log_weight)
+    for candidate in ranked[:exact]:
+        if candidate.fit is not None and candidate.log_weight > ranked[0].log_weight - CONTENDER:
             try:
                 candidate.fit = problem.calibrate([*acting, candidate.acting], candidate.fit.z)
             except FloatingPointError:
@@ -151,16 +182,11 @@ def posterior(base: Fit, chosen: list[Candidate], outside_gain: float) -> dict[s
     return {"none": float(share[0]), "outside": float(share[1])}
 
 
-LARGEST_CLASS_ODDS, LARGEST_CLASS_DISTANCE = 4.0, 3.0
+LARGEST_CLASS_ODDS = 3.0
+"""Log odds up to which the data cannot tell two candidates apart: 20 to 1."""
 
 
 def indistinguishable(best: Candidate, chosen: list[Candidate]) -> list[Candidate]:
-    """Candidates that the data cannot tell from the best: log odds within 4, fitted predictions within 3 sd overall."""
-    found = [best]
-    for candidate in sorted(chosen, key=lambda c: -c.log_weight):
-        if candidate is best or candidate.fit is None:
-            continue
-        distance = np.linalg.norm(candidate.fit.residual - best.fit.residual)
-        if best.log_weight - candidate.log_weight < LARGEST_CLASS_ODDS and distance < LARGEST_CLASS_DISTANCE:
-            found.append(candidate)
-    return found
+    """The best candidate and those whose posterior odds against it are below 20 to 1, most probable first."""
+    rivals = [c for c in chosen if c is not best and best.log_weight - c.log_weight < LARGEST_CLASS_ODDS]
+    return [best, *sorted(rivals, key=lambda c: -c.log_weight)]

@@ -12,6 +12,7 @@ import yaml
 from coronaryuq import files
 from coronaryuq.discrepancy.conditions import Condition, period_of, under
 from coronaryuq.discrepancy.forward import Acting
+from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.measurements import Measured
 from coronaryuq.discrepancy.model import make_problem
 from coronaryuq.discrepancy.settings import Settings
@@ -19,7 +20,7 @@ from coronaryuq.seeds import generator
 
 UNIT = {"flow": "mL/s", "pressure": "dyn/cm2", "volume": "mL", "perfusion": "mL/s/g", "ratio": "1"}
 TRUTH_STEPS = 1500
-"""Time steps per cycle of the runs behind the data, against 400 of the analysis."""
+"""Time steps per cycle of the runs behind the data, against 300 of the analysis."""
 TRUTH_RHO = 0.8
 """Spectral radius of the truth's time integration, against 0.5 of the analysis."""
 
@@ -34,11 +35,13 @@ class Plan:
 
 @dataclass(frozen=True)
 class Truth:
-    """What was hidden: effects with sizes in prior standard deviations, nuisance draws; the scorer's alone."""
+    """What was hidden: effects with sizes in prior standard deviations, nuisance draws; for the scorer alone."""
 
     acting: list[Acting]
     sizes: np.ndarray
     nuisance: np.ndarray
+    visible: float
+    """Norm of the effect in the fitted data, in noise sd, that recalibration cannot absorb."""
 
 
 def hide(
@@ -67,16 +70,34 @@ def hide(
     blank = _blank(truth_network, conditions, plan, random)
     problem = make_problem(truth_network, conditions, blank, settings)
     forward = problem.forward
-    forward.outside = outside
+    forward.alter = outside
     nuisance = nuisance_spread * random.standard_normal(len(forward.nuisances))
     for column, entry in enumerate(forward.nuisances):
         if entry.mass is not None:
             nuisance[column] = 0.2 * random.standard_normal()
-    predicted = forward.predict(np.concatenate([nuisance, sizes]), acting)[0]
+    rows = [(np.concatenate([nuisance, sizes]), acting), (nuisance, [])]
+    predicted, unaffected = forward.predict_rows(rows) if acting else (forward.predict(nuisance)[0],) * 2
     if not np.isfinite(predicted).all():
         raise FloatingPointError("the hidden case does not run")
-    _write(network, conditions, plan, forward.measured, forward.split(predicted[None, :]), noise, random, folder)
-    return Truth(acting, np.asarray(sizes, dtype=float), nuisance)
+    if outside is not None:
+        forward.alter = None
+        forward._engines.clear()
+        unaffected = forward.predict(nuisance)[0]
+    sd = _write(network, conditions, plan, forward.measured, forward.split(predicted[None, :]), noise, random, folder)
+    forward.steps_per_cycle = Settings().steps_per_cycle
+    forward._engines.clear()
+    return Truth(
+        acting, np.asarray(sizes, dtype=float), nuisance, _visible(problem, nuisance, predicted - unaffected, sd)
+    )
+
+
+def _visible(problem, nuisance: np.ndarray, signal: np.ndarray, sd: np.ndarray) -> float:
+    """Norm in noise sd of what the effect does to the fitted data that recalibration within the prior cannot absorb."""
+    problem.sd = sd
+    train = problem.train
+    fit = Fit(nuisance, (signal / sd)[train], problem.sensitivity(nuisance, [])[train])
+    whitened = (signal / sd)[train]
+    return float(np.sqrt(max(whitened @ fit.project(whitened), 0.0)))
 
 
 def _blank(network, conditions, plan, random) -> list[Measured]:
@@ -98,7 +119,8 @@ def _blank(network, conditions, plan, random) -> list[Measured]:
     return found
 
 
-def _write(network, conditions, plan, series, predicted, noise, random, folder) -> None:
+def _write(network, conditions, plan, series, predicted, noise, random, folder) -> np.ndarray:
+    """Write the case's three files; returns the standard deviations (N,) of the measurements."""
     shares = {entry[:3]: entry[3] for entry in plan.entries}
     sizes: dict[tuple, float] = {}
     for one, values in zip(series, predicted, strict=True):
@@ -128,3 +150,4 @@ def _write(network, conditions, plan, series, predicted, noise, random, folder) 
             entry["held_out"] = True
         content[name] = entry
     files.write_text(folder / "conditions.yaml", yaml.safe_dump(content, sort_keys=False))
+    return np.array([row[6] for row in rows])

@@ -8,8 +8,10 @@ from coronaryuq.discrepancy.forward import Acting, Forward
 from coronaryuq.discrepancy.inference import Fit, Search, maximise
 from coronaryuq.discrepancy.settings import Settings
 
-START_SIZES = (-1.0, 0.0, 1.0, -2.0, 2.0)
-"""Starting points of an effect's sizes, in prior standard deviations."""
+OTHER_STARTS = (-1.0, 1.0, -2.0, 2.0, 0.0)
+"""Further starting points of an effect's sizes, in prior standard deviations."""
+FAR_BEHIND = 40.0
+"""Log evidence behind the best after two iterations at which a candidate is not fitted further."""
 
 
 @dataclass
@@ -46,27 +48,40 @@ class Problem:
             raise FloatingPointError("the model could not be run")
         return search.fit
 
-    def fit_candidates(self, base: Fit, acting: list[Acting], candidates: list[Acting]) -> list[Fit | None]:
-        """Fit one more effect each, from several sizes; sensitivities to what is already there stay those of `base`.
+    def fit_candidates(
+        self, base: Fit, acting: list[Acting], candidates: list[Acting], guesses: list[np.ndarray]
+    ) -> list[Fit | None]:
+        """Fit one more effect each; sensitivities to what is already there stay those of `base`.
 
-        Returns the best fit of each candidate, None where no run succeeded.
+        guesses: a starting point of the sizes for each. All take two iterations from there; those not far behind the
+        best go on to the end, also from `starts - 1` other points. Returns the best fit of each, None where no run
+        succeeded.
         """
-        searches, owners = [], []
-        for number, candidate in enumerate(candidates):
-            extra = len(candidate[0].parameters)
-            for size in START_SIZES[: self.settings.starts]:
-                z = np.concatenate([base.z, np.full(extra, size)])
-                jacobian = np.hstack([base.jacobian, np.zeros((len(base.residual), extra))])
-                fresh = list(range(len(base.z), len(z)))
-                searches.append(Search([*acting, candidate], z, fresh, jacobian))
-                owners.append(number)
-        maximise(self._fitted, searches, self.settings.iterations)
         found: list[Fit | None] = [None] * len(candidates)
-        for owner, search in zip(owners, searches, strict=True):
-            if not search.failed and search.residual is not None:
-                best = found[owner]
-                if best is None or search.fit.evidence > best.evidence:
-                    found[owner] = search.fit
+
+        def search(numbers_and_sizes, iterations):
+            searches = []
+            for number, sizes in numbers_and_sizes:
+                z = np.concatenate([base.z, sizes])
+                jacobian = np.hstack([base.jacobian, np.zeros((len(base.residual), len(sizes)))])
+                earlier = found[number]
+                if earlier is not None and sizes is guesses[number]:
+                    z, jacobian = earlier.z, earlier.jacobian
+                searches.append(Search([*acting, candidates[number]], z, list(range(len(base.z), len(z))), jacobian))
+            maximise(self._fitted, searches, iterations)
+            for (number, _), one in zip(numbers_and_sizes, searches, strict=True):
+                if not one.failed and one.residual is not None:
+                    best = found[number]
+                    if best is None or one.fit.evidence > best.evidence:
+                        found[number] = one.fit
+
+        search(list(enumerate(guesses)), 2)
+        leading = max((fit.evidence for fit in found if fit is not None), default=0.0)
+        close = [i for i, fit in enumerate(found) if fit is not None and fit.evidence > leading - FAR_BEHIND]
+        again = [(i, guesses[i]) for i in close]
+        for size in OTHER_STARTS[: self.settings.starts - 1]:
+            again += [(i, np.full(len(guesses[i]), size)) for i in close]
+        search(again, self.settings.iterations)
         return found
 
     def sensitivity(self, z: np.ndarray, acting: list[Acting]) -> np.ndarray:

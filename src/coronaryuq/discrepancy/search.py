@@ -62,23 +62,23 @@ def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = LIBRARY)
     """Search one problem. `seed` only enters the bootstrap intervals of the gaps."""
     settings = problem.settings
     base = fit = problem.calibrate([])
-    located = remaining = locate(problem, base)
-    alarm = located.alarm(settings.alarm_level)
     acting: list[Acting] = []
+    located, everything = assess(problem, fit, acting, library)
+    remaining, alarm = located, located.alarm(settings.alarm_level)
     rounds: list[Round] = []
     features = outside.features(problem)
-    tested = 0
+    tested = len(everything)
     while remaining.alarm(settings.alarm_level) and len(acting) < settings.max_effects:
-        found = name_one(problem, fit, acting, features, library)
-        tested += found.tested
-        rounds.append(found.round)
-        if found.round.accepted is None:
+        found = name_one(problem, fit, acting, features, everything)
+        rounds.append(found)
+        if found.accepted is None:
             break
-        acting = [*acting, found.round.accepted.acting]
-        fit = found.round.accepted.fit
+        acting = [*acting, found.accepted.acting]
+        fit = found.accepted.fit
         if len(acting) > 1:
             acting, fit = look_back(problem, acting, fit, rounds)
-        remaining = locate(problem, fit)
+        remaining, everything = assess(problem, fit, acting, library)
+        tested += len(everything)
     parts = folds(problem, [name for name, c in problem.forward.conditions.items() if c.held_out])
     plain = linearise(problem, base.z, [])
     repaired = linearise(problem, fit.z, acting) if acting else plain
@@ -91,18 +91,21 @@ def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = LIBRARY)
     )
 
 
-@dataclass(frozen=True)
-class Naming:
-    round: Round
-    tested: int
+def assess(
+    problem: Problem, fit: Fit, acting: list[Acting], library: tuple[Effect, ...] = LIBRARY
+) -> tuple[Located, list[Candidate]]:
+    """Locate what disagrees and score every candidate; the global test counts the best of them (Bonferroni)."""
+    everything = all_candidates(problem, acting, library)
+    screen(problem, fit, acting, everything)
+    located = locate(problem, fit)
+    directed = min((c.p_value for c in everything), default=1.0) * max(len(everything), 1)
+    return located.with_test("best candidate", directed), everything
 
 
 def name_one(
-    problem: Problem, fit: Fit, acting: list[Acting], features: np.ndarray, library: tuple[Effect, ...] = LIBRARY
-) -> Naming:
-    """One round: screen all candidates, fit the shortlist, weigh; accept the best where the odds suffice."""
-    everything = all_candidates(problem, acting, library)
-    screen(problem, fit, acting, everything)
+    problem: Problem, fit: Fit, acting: list[Acting], features: np.ndarray, everything: list[Candidate]
+) -> Round:
+    """One round: fit the shortlist of scored candidates, weigh, accept the best where the odds suffice."""
     chosen = shortlist(everything, problem.settings.shortlist)
     fit_shortlist(problem, fit, acting, chosen)
     chosen = [c for c in chosen if c.fit is not None]
@@ -110,8 +113,8 @@ def name_one(
     probabilities = posterior(fit, chosen, flexible)
     chosen.sort(key=lambda c: -c.log_weight)
     if not chosen or chosen[0].log_weight - fit.evidence < problem.settings.least_log_odds:
-        return Naming(Round(chosen, probabilities, None), len(everything))
-    return Naming(Round(chosen, probabilities, chosen[0], indistinguishable(chosen[0], chosen)), len(everything))
+        return Round(chosen, probabilities, None)
+    return Round(chosen, probabilities, chosen[0], indistinguishable(chosen[0], chosen))
 
 
 def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Round]) -> tuple[list[Acting], Fit]:
@@ -127,7 +130,9 @@ def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Rou
         without = problem.calibrate(others)
         options.append((without.evidence, None, without))
         for rival, trial in zip(
-            rivals, problem.fit_candidates(without, others, [r.acting for r in rivals]), strict=True
+            rivals,
+            problem.fit_candidates(without, others, [r.acting for r in rivals], [r.guess for r in rivals]),
+            strict=True,
         ):
             if trial is not None and trial.evidence + rival.log_prior > options[0][0]:
                 exact = problem.calibrate([*others, rival.acting], trial.z)

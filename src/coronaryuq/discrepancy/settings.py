@@ -25,7 +25,7 @@ class Settings(BaseModel):
     )
     starts: int = Field(3, ge=1, description="starting sizes of an effect per fit")
     iterations: int = Field(8, ge=1, description="Gauss-Newton iterations of a fit at most")
-    steps_per_cycle: int = Field(400, ge=50, description="time steps per cycle of the 0D runs")
+    steps_per_cycle: int = Field(300, ge=50, description="time steps per cycle of the 0D runs")
     threads: int = Field(1, ge=1, description="threads of the 0D engine")
     sd_bed: float = Field(0.15, gt=0, description="resistance of each bed")
     sd_coronary: float = Field(0.25, gt=0, description="resistance of all coronary beds together")
