@@ -61,27 +61,27 @@ def eliminate(scenarios: np.ndarray, pattern: np.ndarray, inner_rows: np.ndarray
     slots: dict[tuple[int, int], int] = {}
     for row, column in zip(*np.nonzero(pattern), strict=True):
         slots[int(row), int(column)] = len(slots)
-    rows, columns, carried = (np.ones(n, bool), np.arange(width) < n, np.arange(width) >= n)
-    inner_columns = np.append(inner_columns, np.zeros(width - n, bool))
+    carried = np.arange(n, width)
+    candidates = _Candidates(matrix[:, :, :n], pattern[:, :n])
+    inner = np.outer(inner_rows, inner_columns)
     pivots, divide, update, forward = [], [], [], []
     firsts = {"divide": [0], "update": [0], "forward": [0]}
     interior, inner_slots = 0, 0
     for step in range(n):
-        allowed = pattern & np.outer(rows, columns)
-        found = _pivot(matrix, allowed, inner_rows, inner_columns) if interior == step else None
+        found = candidates.best(inner) if interior == step else None
         if found is not None:
             interior += 1
         else:
             inner_slots = inner_slots or len(slots)
-            found = _pivot(matrix, allowed, rows, columns)
+            found = candidates.best()
         if found is None:
-            raise Singular(int(np.nonzero(rows)[0][0]))
+            raise Singular(int(np.nonzero(candidates.rows)[0][0]))
         row, column = found
         pivot = slots[row, column]
         pivots.append((row, column, pivot))
-        rows[row] = columns[column] = False
-        below = np.nonzero(allowed[:, column] & rows)[0]
-        right = np.nonzero(pattern[row] & (columns | carried) if step < interior else allowed[row] & columns)[0]
+        below, right = candidates.take(row, column)
+        if step < interior:
+            right = np.append(right, carried[pattern[row, carried]])
         for i in map(int, below):
             divide.append((slots[i, column], pivot))
             forward.append((i, slots[i, column], row))
@@ -91,6 +91,7 @@ def eliminate(scenarios: np.ndarray, pattern: np.ndarray, inner_rows: np.ndarray
         pattern[np.ix_(below, right)] = True
         factors = matrix[:, below, column] / matrix[:, row, column][:, None]
         matrix[np.ix_(range(len(matrix)), below, right)] -= factors[:, :, None] * matrix[:, row, right][:, None, :]
+        candidates.refresh(below, right[right < n])
         for name, operations in (("divide", divide), ("update", update), ("forward", forward)):
             firsts[name].append(len(operations))
     order = {column: step for step, (_, column, _) in enumerate(pivots)}
@@ -123,21 +124,47 @@ def eliminate(scenarios: np.ndarray, pattern: np.ndarray, inner_rows: np.ndarray
     )
 
 
-def _pivot(matrix, allowed, rows, columns) -> tuple[int, int] | None:
-    """The admissible entry that creates the least fill-in, ties by size, then by place."""
-    size = np.abs(matrix)
-    best_in_row = np.where(allowed, size, 0.0).max(axis=2)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        worth = np.where(allowed, size / best_in_row[:, :, None], 0.0).min(axis=0)
-    worth = np.where(allowed & np.outer(rows, columns), worth, 0.0)
-    admissible = worth > THRESHOLD
-    if not admissible.any():
-        return None
-    cost = np.outer(allowed.sum(axis=1) - 1, allowed.sum(axis=0) - 1)
-    cost = np.where(admissible, cost, np.iinfo(cost.dtype).max)
-    candidates = np.argwhere(cost == cost.min())
-    row, column = max(candidates, key=lambda place: (worth[place[0], place[1]], -place[0], -place[1]))
-    return int(row), int(column)
+class _Candidates:
+    """Entries of the rows and columns that are left, and what each is worth as a pivot.
+
+    worth: (n, n) least size over the largest entry of its row, over all scenarios; nought where there is no entry.
+    """
+
+    def __init__(self, matrix: np.ndarray, pattern: np.ndarray):
+        self._matrix, self._left = matrix, pattern.copy()
+        self._worth = np.zeros(pattern.shape)
+        self.rows = np.ones(len(pattern), bool)
+        self.refresh(np.arange(len(pattern)), np.empty(0, dtype=np.int64))
+
+    def refresh(self, rows: np.ndarray, filled: np.ndarray) -> None:
+        """Judge `rows` anew; their entries in columns `filled` exist from now on."""
+        self._left[np.ix_(rows, filled)] = True
+        size = np.where(self._left[rows], np.abs(self._matrix[:, rows]), 0.0)
+        largest = size.max(axis=2, keepdims=True)
+        self._worth[rows] = np.where(largest > 0, size / np.where(largest > 0, largest, 1.0), 0.0).min(axis=0)
+
+    def best(self, among: np.ndarray | None = None) -> tuple[int, int] | None:
+        """The admissible entry (of `among`, (n, n)) that creates the least fill-in, ties by worth, then by place."""
+        admissible = self._worth > THRESHOLD
+        if among is not None:
+            admissible &= among
+        places = np.argwhere(admissible)
+        if not len(places):
+            return None
+        in_row, in_column = self._left.sum(axis=1) - 1, self._left.sum(axis=0) - 1
+        cost = in_row[places[:, 0]] * in_column[places[:, 1]]
+        places = places[cost == cost.min()]
+        row, column = places[np.argmax(self._worth[places[:, 0], places[:, 1]])]
+        return int(row), int(column)
+
+    def take(self, row: int, column: int) -> tuple[np.ndarray, np.ndarray]:
+        """Remove a pivot's row and column; rows below it and columns right of it."""
+        self._left[row, column] = False
+        below, right = np.nonzero(self._left[:, column])[0], np.nonzero(self._left[row])[0]
+        self._left[row] = self._left[:, column] = False
+        self._worth[row] = self._worth[:, column] = 0.0
+        self.rows[row] = False
+        return below, right
 
 
 def _equilibrated(scenarios: np.ndarray, sweeps: int = 5) -> np.ndarray:

@@ -409,7 +409,8 @@ def _step(s, v, w, state, scheme, time, times, sound):
             increment = load(w.increment, s.lagged[k])
             value = magnitude(load(v.lagged, k) * increment)
             largest = choose(less(largest, value), value, largest)
-            store(w.total, n + k, load(w.total, s.lagged[k]) - increment)
+            seen = load(w.total, s.lagged[k]) - increment
+            store(w.total, n + k, choose(going, seen, load(w.total, n + k)))
         settled = choose(less(largest + poison, spread(scheme.tolerance)), spread(0.0), spread(1.0))
         going = less(spread(0.5), choose(going, settled, spread(0.0)))
         for k in range(s.lagged_border.shape[0]):
