@@ -6,9 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from coronaryuq.case.centrelines import centreline_tree
 from coronaryuq.case.description import Description, StenosisPlace
 from coronaryuq.case.narrowing import around, tightest
 from coronaryuq.case.settings import Settings
+from coronaryuq.case.simvascular import read_project
+from coronaryuq.case.surface import Cap, Surface, read_surface
 from coronaryuq.case.tables import OutletRow
 from coronaryuq.case.tree import AORTA, Stenosis, Tree, read_tree
 from coronaryuq.errors import InputError
@@ -36,7 +39,57 @@ def read_anatomy(
     path = folder / getattr(anatomy, anatomy.kind)
     if anatomy.kind == "centrelines":
         return read_tree(path, scale), ()
-    raise InputError(file, "anatomy", anatomy.kind, "cannot be read yet")
+    if anatomy.kind == "simvascular":
+        return read_project(path, scale), ()
+    if anatomy.kind == "mesh":
+        path = path / "mesh-complete.exterior.vtp"
+    surface = read_surface(path, scale)
+    inlet, ends = _name_caps(file, folder, description, surface, rows)
+    return centreline_tree(path, surface, inlet, ends, settings.surface_spacing), surface.notes
+
+
+def _name_caps(
+    file: Path, folder: Path, description: Description, surface: Surface, rows: Sequence[OutletRow]
+) -> tuple[Cap, dict[str, Cap]]:
+    """The aortic inlet's cap, and name of the vessel that ends there → cap for every other one.
+
+    Coronary caps are those nearest to the outlets' points, systemic ones likewise; of the caps that are left the inlet
+    is the one nearest to `anatomy.inlet`, or the largest, and the rest are systemic.
+    """
+    table, scale = folder / description.outlets, LENGTHS[description.anatomy.unit]
+    free = list(surface.caps)
+    ends: dict[str, Cap] = {}
+
+    def take(where: Path, field: str, point) -> Cap:
+        place = np.array(point) * scale
+        cap = min(free, key=lambda cap: float(np.linalg.norm(cap.centre - place)), default=None)
+        if cap is None or np.linalg.norm(cap.centre - place) > max(FARTHEST, 2 * cap.radius):
+            shown = "; ".join(str(c) for c in free)
+            raise InputError(where, field, list(point), f"no free cap of the surface there; caps: {shown or 'none'}")
+        free.remove(cap)
+        return cap
+
+    for row in rows:
+        if row.point is None:
+            shown = "; ".join(str(cap) for cap in surface.caps)
+            raise InputError(table, f"x y z of {row.name}", None, f"needed with a surface; its caps: {shown}")
+        ends[row.name] = take(table, f"x y z of {row.name}", row.point)
+    for outlet in description.systemic_outlets:
+        if outlet.point is not None:
+            ends[outlet.vessel or outlet.name.removeprefix("BC_")] = take(
+                file, f"systemic_outlets.{outlet.name}.point", outlet.point
+            )
+    if description.anatomy.inlet is not None:
+        inlet = take(file, "anatomy.inlet", description.anatomy.inlet)
+    elif free:
+        inlet = free.pop(0)
+    else:
+        raise InputError(file, "anatomy.inlet", None, "no cap is left for the aortic inlet")
+    for k, cap in enumerate(free):
+        if cap.radius < 2 * max(ends[row.name].radius for row in rows):
+            raise InputError(table, "name", str(cap), "a cap as small as the coronary ones is no row's; add it")
+        ends["aorta_outlet" if k == 0 else f"aorta_outlet{k + 1}"] = cap
+    return inlet, ends
 
 
 def place_outlets(
@@ -54,10 +107,10 @@ def place_outlets(
                     table, f"vessel of {row.name}", row.vessel, f"no end of the tree; ends: {', '.join(ends)}"
                 )
             vessels[row.name] = row.vessel
-        elif row.point is not None:
-            vessels[row.name] = _nearest_end(table, f"x y z of {row.name}", tree, ends, np.array(row.point) * scale)
         elif row.name in ends:
             vessels[row.name] = row.name
+        elif row.point is not None:
+            vessels[row.name] = _nearest_end(table, f"x y z of {row.name}", tree, ends, np.array(row.point) * scale)
         else:
             raise InputError(table, f"vessel of {row.name}", None, "give vessel, or x, y and z")
         if vessels[row.name] in taken:

@@ -8,6 +8,8 @@ REACH = (0.3, 0.5, 0.75, 1.0, 1.5)
 """cm either way within which the healthy calibre is looked for."""
 SHORTEST = 0.2
 """cm."""
+SMALLEST = 0.075
+"""cm: narrowings of thinner vessels are not looked for; trials treat vessels of 1.5 mm diameter and more (SYNTAX)."""
 
 
 def relative_area(vessel: Vessel, first: float, spacing: float = 0.02) -> tuple[np.ndarray, np.ndarray]:
@@ -52,6 +54,7 @@ def tightest(tree: Tree, below: float) -> list[Stenosis]:
             if vessel.branch != branch or vessel.length - tree.emergence(vessel.name) < 2 * SHORTEST:
                 continue
             arc, ratio = relative_area(vessel, tree.emergence(vessel.name))
+            ratio = np.where(vessel.radius_at(arc) / np.sqrt(ratio) < SMALLEST, np.inf, ratio)
             k = int(np.argmin(ratio))
             if ratio[k] < below and (best is None or ratio[k] < best[0]):
                 start, end = _shoulders(arc, vessel.radius_at(arc), k)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from coronaryuq.case.cells import turnable
 from coronaryuq.case.description import Perfusion
 from coronaryuq.case.images import IMAGE_SUFFIXES, as_cells, read_image, register
 from coronaryuq.errors import InputError
@@ -48,7 +49,7 @@ def read_wall(file: str | Path, map_: Perfusion, folder: Path, tissue_density: f
     path = folder / map_.file
     if not path.is_file():
         raise InputError(file, "perfusion.file", map_.file, "no such file")
-    grid = _cells(file, path, map_, folder, most_cells)
+    grid = turnable(_cells(file, path, map_, folder, most_cells))
     grid.points = _to_anatomy(file, np.asarray(grid.points, dtype=float), path, map_, folder)
     sizes = grid.compute_cell_sizes(length=False, area=False, volume=True).cell_data["Volume"]
     volumes = np.abs(np.asarray(sizes, dtype=float))

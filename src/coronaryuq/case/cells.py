@@ -1,0 +1,24 @@
+"""Voxel cells as hexahedra: VTK takes its voxels to lie along the axes, so a turned one has a wrong volume."""
+
+import numpy as np
+
+AROUND = [0, 1, 3, 2, 4, 5, 7, 6]
+"""Corners of a VTK voxel in the order of a hexahedron's."""
+
+
+def turnable(grid):
+    """The same pyvista grid with every voxel written as a hexahedron; data and all other cells as they are."""
+    import pyvista as pv
+
+    grid = pv.UnstructuredGrid(grid)
+    kinds, connectivity = np.array(grid.celltypes), np.array(grid.cell_connectivity)
+    starts = np.asarray(grid.offset)[:-1][kinds == pv.CellType.VOXEL]
+    corners = starts[:, None] + np.arange(8)
+    connectivity[corners] = connectivity[corners][:, AROUND]
+    kinds[kinds == pv.CellType.VOXEL] = pv.CellType.HEXAHEDRON
+    sizes = np.diff(np.asarray(grid.offset))
+    cells = np.insert(connectivity, np.asarray(grid.offset)[:-1], sizes)
+    turned = pv.UnstructuredGrid(cells, kinds, np.asarray(grid.points, dtype=float))
+    turned.point_data.update(grid.point_data)
+    turned.cell_data.update(grid.cell_data)
+    return turned
