@@ -5,7 +5,7 @@ solver.
 import shutil
 from pathlib import Path
 
-from coronaryuq import files, records
+from coronaryuq import files, provenance, records
 from coronaryuq.errors import InputError
 from coronaryuq.flow3d.backend import Backend, Sample, run_sample
 from coronaryuq.flow3d.simvascular import Case, read_case
@@ -39,7 +39,8 @@ def run_external(
     """
     case = read_case(case_json, network_json, mesh_dir, mesh_json, settings)
     solver = make_backend(backend, case)
-    work, kept = Path(work), Path(work) / f"batch_{first}.jsonl"
+    work = Path(work) / _key(backend, case)
+    kept = work / f"batch_{first}.jsonl"
     done = {record.sample: record for record in records.read(kept)} if kept.is_file() else {}
     rows = []
     for sample in read_samples(samples_csv, first, count, case):
@@ -52,6 +53,17 @@ def run_external(
             shutil.rmtree(work / sample.name, ignore_errors=True)
     records.write(out_jsonl, rows)
     kept.unlink()
+
+
+def _key(backend: str, case: Case) -> str:
+    """What a kept record must agree with beside θ."""
+    described = {
+        "network": case.network,
+        "mesh": case.geometry.description,
+        "fluid": [case.density, case.viscosity],
+        "settings": case.settings.model_dump(exclude={"mpi", "time_limit", "keep"}),
+    }
+    return f"{backend}-{provenance.digest(described)}"
 
 
 def make_backend(name: str, case: Case) -> Backend:

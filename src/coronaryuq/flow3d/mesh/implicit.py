@@ -27,11 +27,11 @@ class Path:
 
 
 class Implicit:
-    """Signed distance, negative inside, to the union of paths of tapered capsules; C1 blend of width `blend`
-    (Quilez 2013).
+    """Signed distance, negative inside, to the union of paths of tapered tubes; C1 blend of width `blend` (Quilez
+    2013).
 
-    A capsule's radius is taken at the foot of the perpendicular, so that on a straight axis the surface has exactly
-    the radius given.
+    On each path the distance is that to the nearest place of the axis less the radius there, so that a straight axis
+    gives exactly the radii; where the path folds back, the fold that holds the point deepest counts.
     """
 
     def __init__(self, paths: Sequence[Path]):
@@ -113,24 +113,43 @@ def _bounds(a, b, ra, rb, first):
 
 
 @numba.njit(cache=True)
+def _foot(x, y, z, a, b):
+    """Distance from a point to a segment, and the place of the foot along it."""
+    ex, ey, ez = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    px, py, pz = x - a[0], y - a[1], z - a[2]
+    t = (px * ex + py * ey + pz * ez) / (ex * ex + ey * ey + ez * ez)
+    t = min(1.0, max(0.0, t))
+    qx, qy, qz = px - t * ex, py - t * ey, pz - t * ez
+    return np.sqrt(qx * qx + qy * qy + qz * qz), t
+
+
+@numba.njit(cache=True)
 def _at(x, y, z, a, b, ra, rb, first, blend, bounds, bound_first):
     """Distance at one point, the segment that owns it, and where along that segment."""
     total, owner, owner_along = FAR, -1, 0.0
     for path in range(len(first) - 1):
-        best, segment, along = FAR, -1, 0.0
+        best, segment = FAR, -1
         for k in range(bound_first[path], bound_first[path + 1]):
             dx, dy, dz = x - bounds[k, 0], y - bounds[k, 1], z - bounds[k, 2]
             if np.sqrt(dx * dx + dy * dy + dz * dz) - bounds[k, 3] >= best:
                 continue
             for i in range(int(bounds[k, 4]), int(bounds[k, 5])):
-                ex, ey, ez = b[i, 0] - a[i, 0], b[i, 1] - a[i, 1], b[i, 2] - a[i, 2]
-                px, py, pz = x - a[i, 0], y - a[i, 1], z - a[i, 2]
-                t = (px * ex + py * ey + pz * ez) / (ex * ex + ey * ey + ez * ez)
-                t = min(1.0, max(0.0, t))
-                qx, qy, qz = px - t * ex, py - t * ey, pz - t * ez
-                d = np.sqrt(qx * qx + qy * qy + qz * qz) - (ra[i] + t * (rb[i] - ra[i]))
+                away, t = _foot(x, y, z, a[i], b[i])
+                d = away - (ra[i] + t * (rb[i] - ra[i]))
                 if d < best:
-                    best, segment, along = d, i, t
+                    best, segment = d, i
+        if segment < 0:
+            continue
+        away, along = _foot(x, y, z, a[segment], b[segment])
+        for step in (-1, 1):
+            i = segment + step
+            while first[path] <= i < first[path + 1]:
+                nearer, t = _foot(x, y, z, a[i], b[i])
+                if nearer >= away:
+                    break
+                away, along, segment = nearer, t, i
+                i += step
+        best = away - (ra[segment] + along * (rb[segment] - ra[segment]))
         if best < total:
             owner, owner_along = segment, along
         overlap = max(0.0, blend[path] - abs(total - best))

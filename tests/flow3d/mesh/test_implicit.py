@@ -1,0 +1,101 @@
+"""Signed distance of vessels and the surface cut from it, against bodies whose shape is known."""
+
+import numpy as np
+import pytest
+from random_trees import tube
+
+from coronaryuq.flow3d.mesh import implicit, paths
+from coronaryuq.flow3d.mesh.domain import trees
+from coronaryuq.flow3d.mesh.errors import MeshError
+from coronaryuq.flow3d.mesh.implicit import Implicit, Path
+from coronaryuq.flow3d.mesh.surface import cut, enclosed_volume, isosurface, surface
+from coronaryuq.flow3d.mesh.volume import borders
+from coronaryuq.seeds import generator
+
+
+def path(points, radii, blend=0.05) -> Path:
+    points = np.asarray(points, float)
+    return Path(points, np.asarray(radii, float), np.full(len(points), "v"), np.arange(len(points), dtype=float), blend)
+
+
+@pytest.fixture(scope="module")
+def pipe():
+    tree, _ = tube(length=1.5, radius=0.2)
+    kept = trees(tree)
+    return Implicit(paths.paths(tree, kept, ["LAD"])), paths.caps(tree, kept, ["LAD"])
+
+
+def test_distance_to_a_straight_tube_is_exact(pipe):
+    tube, _ = pipe
+    rng = generator(1, "points")
+    points = np.column_stack([rng.uniform(0.2, 1.3, 200), rng.uniform(-0.5, 0.5, (200, 2))])
+    expected = np.hypot(points[:, 1], points[:, 2]) - 0.2
+    np.testing.assert_allclose(tube.distance(points), expected, atol=1e-12)
+
+
+def test_skipping_far_runs_of_segments_changes_nothing(monkeypatch):
+    rng = generator(2, "knots")
+    lines = [path(np.cumsum(rng.normal(scale=0.1, size=(60, 3)), axis=0), rng.uniform(0.05, 0.2, 60)) for _ in range(2)]
+    points = rng.normal(size=(300, 3))
+    skipping = Implicit(lines)
+    monkeypatch.setattr(implicit, "CHUNK", 1000)
+    np.testing.assert_array_equal(skipping.distance(points), Implicit(lines).distance(points))
+
+
+def test_radius_of_a_tapered_tube_is_the_one_given():
+    x = np.linspace(0.0, 2.0, 81)
+    radii = 0.2 - 0.1 * np.exp(-(((x - 1.0) / 0.3) ** 2))
+    tapered = Implicit([path(np.column_stack([x, 0 * x, 0 * x]), radii)])
+    points = np.column_stack([x, radii, 0 * x])
+    np.testing.assert_allclose(tapered.distance(points), 0.0, atol=1e-12)
+
+
+def test_blend_of_two_tubes():
+    one, two = path([(-1, 0, 0), (1, 0, 0)], [0.2, 0.2]), path([(0, 0, 0), (0, 1, 0)], [0.15, 0.15], blend=0.1)
+    points = generator(4, "blend").uniform(-0.4, 0.4, (200, 3))
+    first, second = Implicit([one]).distance(points), Implicit([two]).distance(points)
+    overlap = np.clip(0.1 - np.abs(first - second), 0.0, None)
+    expected = np.minimum(first, second) - overlap**2 / 0.4
+    np.testing.assert_allclose(Implicit([one, two]).distance(points), expected, atol=1e-12)
+
+
+def test_blocks_agree_with_single_points(pipe):
+    tube, _ = pipe
+    corner, values = next(iter(tube.blocks(0.05, 6)))
+    index = np.stack(np.meshgrid(*[np.arange(7)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    points = tube.origin(0.05) + 0.05 * (corner + index)
+    np.testing.assert_allclose(values.ravel(), tube.distance(points), atol=1e-12)
+
+
+def test_isosurface_is_closed_and_on_the_surface(pipe):
+    tube, _ = pipe
+    points, triangles = isosurface(tube, 0.06)
+    assert len(borders(triangles, np.arange(len(triangles)))) == 1.5 * len(triangles)
+    assert np.abs(tube.distance(points)).max() < 1e-8
+
+
+def test_cut_tube_has_flat_caps_and_the_volume_of_its_polygon(pipe):
+    tube, caps = pipe
+    volumes = []
+    for spacing in (0.06, 0.03):
+        points, triangles, refs = surface(tube, caps, spacing)
+        volumes.append(enclosed_volume(points, triangles))
+        for index, cap in enumerate(caps):
+            flat = points[triangles[refs == index + 2]]
+            assert np.abs((flat - cap.centre) @ cap.normal).max() < 1e-12
+        rim = points[borders(triangles, refs)]
+        assert np.linalg.norm(rim[:, 0] - rim[:, 1], axis=1).min() > 0.25 * spacing
+    errors = 1.0 - np.array(volumes) / (np.pi * 0.2**2 * 1.5)
+    assert errors[1] < 0.006
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.35)
+
+
+def test_a_cap_within_another_vessel_is_named():
+    tree, _ = tube(length=1.5, radius=0.2)
+    kept = trees(tree)
+    other = path([(1.5, 0.3, -1.0), (1.5, 0.3, 1.0)], [0.25, 0.25])
+    crossing = Implicit([*paths.paths(tree, kept, ["LAD"]), other])
+    outlet = paths.caps(tree, kept, ["LAD"])[1]
+    points, triangles = isosurface(crossing, 0.06)
+    with pytest.raises(MeshError, match="outlet_LAD"):
+        cut(points, triangles, np.ones(len(triangles), int), 2, outlet, crossing, 0.06)

@@ -1,0 +1,187 @@
+"""Meshes of known bodies: geometry, quality, faces, regions, determinism; and the 0D network that they leave."""
+
+import numpy as np
+import pytest
+from random_trees import network_of, random_tree, tube
+
+from coronaryuq.errors import InputError
+from coronaryuq.files import read_json
+from coronaryuq.flow3d.mesh import folder, paths, quality
+from coronaryuq.flow3d.mesh.build import cuthill_mckee, kept_vessels
+from coronaryuq.flow3d.mesh.coupling import couple, parts_of
+from coronaryuq.flow3d.mesh.remainder import remaining_network
+from coronaryuq.flow3d.mesh.settings import Settings
+from coronaryuq.flow3d.mesh.stage import make_mesh, mesh_tree
+from coronaryuq.zerod.engine import Engine
+from coronaryuq.zerod.model import Model
+from coronaryuq.zerod.network import check_network, copy_of
+
+
+def test_volume_and_caps_of_a_stenosed_tube(stenosed):
+    _, content, tree, _, _ = stenosed
+    vessel = tree["LAD"]
+    exact = np.pi * np.trapezoid(vessel.radii**2, vessel.arc)
+    assert content["volume"] == pytest.approx(exact, rel=0.05)
+    assert content["volume"] < exact
+    caps = [face for face in content["faces"] if face["kind"] == "cap"]
+    assert [cap["name"] for cap in caps] == ["inlet_LAD", "outlet_LAD"]
+    for cap, x, sense in zip(caps, (0.0, 2.4), (-1.0, 1.0), strict=True):
+        assert cap["centroid"] == pytest.approx([x, 0.0, 0.0], abs=0.01)
+        assert cap["normal"] == pytest.approx([sense, 0.0, 0.0], abs=1e-6)
+        assert cap["radius"] == pytest.approx(0.15, rel=0.04)
+
+
+def test_resolution_at_the_throat_is_the_one_asked_for(stenosed):
+    _, content, *_ = stenosed
+    assert content["quality"]["throat_resolution"]["LAD"] == pytest.approx(3.0, rel=0.15)
+
+
+def test_quality_is_what_the_elements_have(stenosed):
+    out, content, *_ = stenosed
+    mesh = folder.read(out / "mesh-complete")
+    ratio = quality.radius_ratio(mesh.points, mesh.tets)
+    assert content["quality"]["radius_ratio_min"] == pytest.approx(ratio.min())
+    assert ratio.min() > 0.1
+    assert content["quality"]["dihedral_min"] > 8.0
+    assert content["nodes"] == len(mesh.points)
+    assert content["volume"] == pytest.approx(quality.volumes(mesh.points, mesh.tets).sum())
+
+
+def test_wall_nodes_lie_on_the_true_surface(stenosed):
+    out, _, tree, *_ = stenosed
+    mesh = folder.read(out / "mesh-complete")
+    wall = mesh.points[np.unique(mesh.triangles[mesh.wall_triangles()])]
+    radius = np.hypot(wall[:, 1], wall[:, 2])
+    assert np.abs(radius / tree["LAD"].radius_at(wall[:, 0]) - 1.0).max() < 0.01
+
+
+def test_region_is_the_wall_around_the_throat(stenosed):
+    out, content, tree, *_ = stenosed
+    mesh = folder.read(out / "mesh-complete")
+    region = content["regions"]["LAD"]
+    centres = mesh.points[mesh.triangles[mesh.region == region["id"]]].mean(axis=1)
+    assert region["throat"] == pytest.approx(1.2, abs=0.02)
+    assert centres[:, 0].min() == pytest.approx(1.2 + region["from"], abs=0.05)
+    assert centres[:, 0].max() == pytest.approx(1.2 + region["to"], abs=0.05)
+    vector = quality.areas(mesh.points, mesh.triangles[mesh.region == region["id"]])
+    assert region["area"] == pytest.approx(np.linalg.norm(vector, axis=1).sum())
+    length = region["to"] - region["from"]
+    assert region["area"] < 2.0 * np.pi * 0.15 * length * 1.1
+
+
+def test_plane_lies_on_the_axis_distal_to_the_stenosis(stenosed):
+    _, content, _, stenoses, _ = stenosed
+    plane = content["planes"]["LAD"]
+    assert plane["point"][1:] == pytest.approx([0.0, 0.0], abs=1e-6)
+    assert plane["normal"] == pytest.approx([1.0, 0.0, 0.0], abs=1e-6)
+    assert plane["point"][0] > stenoses[0].end
+
+
+def test_equal_input_gives_equal_bytes(stenosed, coarse, tmp_path):
+    out, _, tree, stenoses, network = stenosed
+    mesh_tree(tree, stenoses, network, coarse, tmp_path)
+    for name in ("mesh-complete.zip", "mesh.json"):
+        assert (tmp_path / name).read_bytes() == (out / name).read_bytes()
+
+
+def test_reverse_cuthill_mckee_narrows_the_band(stenosed):
+    out, *_ = stenosed
+    mesh = folder.read(out / "mesh-complete")
+    order = cuthill_mckee(mesh.tets, len(mesh.points))
+    assert sorted(order) == list(range(len(mesh.points)))
+    assert np.ptp(mesh.tets, axis=1).max() < len(mesh.points) / 4
+
+
+def test_several_pieces_are_one_mesh_and_couple_to_a_closed_loop(tmp_path):
+    tree, stenoses = next(
+        (tree, found) for tree, found in map(random_tree, range(100)) if len(found) == 2 and len(tree) < 12
+    )
+    network = network_of(tree, stenoses)
+    settings = Settings(
+        throat_resolution=2.5, resolution=1.6, upstream_diameters=1.0, downstream_diameters=1.5, stub_diameters=1.0
+    )
+    content = mesh_tree(tree, stenoses, network, settings, tmp_path)
+    mesh = folder.read(tmp_path / "mesh-complete")
+    caps = [face for face in content["faces"] if face["kind"] == "cap"]
+    assert len(mesh.caps) == len(caps) >= 2 * len(content["pieces"])
+    assert set(content["regions"]) == {"LAD", "LCx"} == set(content["planes"])
+    for name in content["replaces"]:
+        assert name not in content["cut"]
+    assert any(name.endswith("_seg1") for name in content["replaces"])
+    left = remaining_network(network, content)
+    check_network(left)
+    model = Model(left)
+    assert len(model.variables) == len(model.equations)
+    assert [b["name"] for b in left["external_solver_coupling_blocks"]] == [cap["name"] for cap in caps]
+
+
+@pytest.fixture(scope="module")
+def segment():
+    """A stenosed tube of 4 cm, cut 0.9 cm before and after the stenosis: network, what the cut says, kept interval."""
+    tree, stenoses = tube(length=4.0, radius=0.15, severity=0.5)
+    network = network_of(tree, stenoses)
+    kept = kept_vessels(tree, stenoses, Settings(upstream_diameters=3.0, downstream_diameters=3.0))
+    caps = paths.caps(tree, kept, ["LAD"])
+    coupled = couple(tree, kept, parts_of(tree, stenoses, network), network, caps)
+    faces = [{"name": cap.name, "kind": "cap", "couples": coupled["caps"][cap.name]} for cap in caps]
+    return network, {"faces": faces, **coupled}, kept["LAD"]
+
+
+def test_shares_of_a_cut_vessel_are_those_of_its_length(segment):
+    network, content, (start, end) = segment
+    values = {v["vessel_name"]: v["zero_d_element_values"] for v in network["vessels"]}
+    assert content["replaces"] == ["LAD_seg1"]
+    for name, side, outside in (("LAD_seg0", "upstream", start), ("LAD", "downstream", 4.0 - end)):
+        share = content["cut"][name][side]
+        expected = 8.0 * 0.04 * outside / (np.pi * 0.15**4)
+        assert share["R_poiseuille"] * values[name]["R_poiseuille"] == pytest.approx(expected, rel=1e-3)
+        assert share["stenosis_coefficient"] == 0.0
+
+
+def test_replaced_part_put_between_the_caps_gives_the_full_network_again(segment):
+    network, content, _ = segment
+    left = remaining_network(network, content)
+    before, after = (block["connected_block"] for block in left.pop("external_solver_coupling_blocks"))
+    ids = {v["vessel_name"]: v["vessel_id"] for v in left["vessels"]}
+    left["vessels"].append(_inside(network, content) | {"vessel_id": 99})
+    for name, a, b in (("joint0", ids[before], 99), ("joint1", 99, ids[after])):
+        left["junctions"].append(
+            {"junction_name": name, "junction_type": "NORMAL_JUNCTION", "inlet_vessels": [a], "outlet_vessels": [b]}
+        )
+    name = "mean_flow:LAD:BC_LAD"
+    one = Engine(network).run(quantities=[name], periodic=True, tolerance=1e-7)
+    two = Engine(left).run(quantities=[name], periodic=True, tolerance=1e-7)
+    assert two.values[name][0] == pytest.approx(one.values[name][0], rel=1e-6)
+
+
+def _inside(network, coupled) -> dict:
+    """One vessel with everything that 3D takes over."""
+    total = dict.fromkeys(("R_poiseuille", "L", "C", "stenosis_coefficient"), 0.0)
+    for vessel in network["vessels"]:
+        values, name = vessel["zero_d_element_values"], vessel["vessel_name"]
+        for key in total:
+            outside = sum(part[key] for part in coupled["cut"].get(name, {}).values())
+            if name in coupled["replaces"] or name in coupled["cut"]:
+                total[key] += (1.0 - outside) * values[key]
+    return {"vessel_name": "inside", "zero_d_element_type": "BloodVessel", "zero_d_element_values": total}
+
+
+def test_network_of_other_names_is_refused(stenosed):
+    _, _, tree, stenoses, network = stenosed
+    other = copy_of(network)
+    for vessel in other["vessels"]:
+        vessel["vessel_name"] += "_x"
+    with pytest.raises(InputError, match="same names"):
+        parts_of(tree, stenoses, other)
+
+
+def test_segments_without_stenosis_are_refused(tmp_path):
+    (tmp_path / "case.json").write_text('{"stenoses": []}')
+    with pytest.raises(InputError, match="stenoses"):
+        make_mesh(tmp_path / "case.json", tmp_path / "t.vtp", tmp_path / "n.json", Settings(), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_mesh_json_is_as_it_was_returned(stenosed):
+    out, content, *_ = stenosed
+    assert read_json(out / "mesh.json") == content

@@ -1,0 +1,37 @@
+"""Random trees are meshed: a few always, sixty by hand (`pytest -m long tests/flow3d/mesh`)."""
+
+import pytest
+from random_trees import network_of, random_tree
+
+from coronaryuq.flow3d.mesh import folder
+from coronaryuq.flow3d.mesh.settings import Settings
+from coronaryuq.flow3d.mesh.stage import mesh_tree
+
+
+def meshes(seed: int, settings: Settings, out) -> None:
+    tree, stenoses = random_tree(seed)
+    content = mesh_tree(tree, stenoses, network_of(tree, stenoses), settings, out)
+    mesh = folder.read(out / "mesh-complete")
+    assert len(mesh.points) == content["nodes"]
+    assert content["quality"]["dihedral_min"] > 3.0
+    for stenosis in stenoses:
+        asked = settings.throat_resolution
+        assert content["quality"]["throat_resolution"][stenosis.name] == pytest.approx(asked, rel=0.25)
+        assert content["regions"][stenosis.name]["triangles"] > 0
+
+
+@pytest.mark.parametrize("seed", [3, 26])
+def test_random_segments(seed, tmp_path):
+    meshes(seed, Settings(throat_resolution=2.5, resolution=1.6), tmp_path)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(60))
+def test_sixty_random_segments(seed, tmp_path):
+    meshes(seed, Settings(), tmp_path)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(20))
+def test_twenty_random_trees(seed, tmp_path):
+    meshes(seed, Settings(domain="trees"), tmp_path)
