@@ -142,6 +142,7 @@ def analyse(
             "estimators": {name: report.estimate(made[name]) | more.get(name, {}) for name in order},
             "recommended": recommended(made),
             "beyond_the_mean": best[row.column_3d][1],
+            "n_propagation": len(runs.theta_more),
             "emulator_error": design.emulator_error[row.column_0d],
             "integrated_exactly": settings.known_scaling if design.integrated else None,
             "warnings": [str(f) for f in row_findings if f],

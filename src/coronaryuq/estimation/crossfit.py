@@ -44,6 +44,8 @@ class Estimate:
     residual_share: float
     interval: Interval
     warnings: tuple[str, ...] = ()
+    residual_variance: float = 0.0
+    propagation_variance: float = 0.0
     residuals: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
 
 
@@ -70,12 +72,13 @@ def combine(
     mean = float(np.average(residuals, weights=weights))
     mean += beta * float(sum(s * b.values.mean() for s, b in zip(share, blocks, strict=True)))
     centred = residuals - np.average(residuals, weights=weights)
-    variance = float(np.sum((weights * centred) ** 2) / weights.sum() ** 2 * n / (n - 1) + beta**2 * from_blocks)
-    std = variance**0.5
+    from_residuals = float(np.sum((weights * centred) ** 2) / weights.sum() ** 2 * n / (n - 1))
+    std = (from_residuals + beta**2 * float(from_blocks)) ** 0.5
     half = float(student.ppf((1 + level) / 2, n - 1)) * std
     total = np.var(y)
     return Estimate(
         method, mean, std, correlation(y, held_out), n, n_0d, sum(len(b.values) * b.integrated for b in blocks), beta,
         float(np.var(y - held_out) / total) if total > 0 else 0.0,
-        Interval(mean - half, mean + half, level), residuals=residuals,
+        Interval(mean - half, mean + half, level), residual_variance=from_residuals,
+        propagation_variance=beta**2 * float(from_blocks), residuals=residuals,
     )  # fmt: skip

@@ -25,6 +25,8 @@ def estimate(value: Estimate) -> dict:
         "n_0d": value.n_0d,
         "predictions": value.predictions,
         "beta": value.beta,
+        "residual_variance": value.residual_variance,
+        "propagation_variance": value.propagation_variance,
         "warnings": list(value.warnings),
     }
 

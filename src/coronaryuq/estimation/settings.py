@@ -33,6 +33,13 @@ class Settings(BaseModel):
     )
     rows: list[str] = Field([], description="rows to estimate, by name; empty for all in rows.csv")
     trials: int = Field(200, ge=2, description="subsamples per size of the convergence study")
+    trials_fitted: int = Field(
+        20, ge=0, description="of those subsamples, how many train networks and control variates (paper: all 200)"
+    )
+    wanted: dict[str, float] = Field({}, description="row name: half-width of its calibrated interval to be reached")
+    convergence_rows: list[str] = Field(
+        [], description="rows of the convergence study; empty for those whose 3D column names an OSI"
+    )
     convergence_sizes: list[int] = Field(
         [25, 50, 100, 150, 200, 250, 300, 400], description="3D runs per subsample of the convergence study"
     )

@@ -1,5 +1,6 @@
 """Rule functions of the estimation stage: train, then, after the 0D model ran at the resampled inputs, estimate."""
 
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,7 @@ import pandas as pd
 
 from coronaryuq import files
 from coronaryuq.errors import InputError
-from coronaryuq.estimation import analysis, report
+from coronaryuq.estimation import analysis, report, studies
 from coronaryuq.estimation.mfmc_ae import Networks
 from coronaryuq.estimation.runs import read_rows, read_runs
 from coronaryuq.estimation.settings import Settings
@@ -48,6 +49,38 @@ def estimate(
         {"rows": results, "settings": settings.model_dump(mode="json"), "provenance": stamp(seed=seed)},
     )
     files.write_csv(table_csv, report.table(results))
+
+
+def convergence(
+    runs_folder: str | Path, settings: Settings, seed: int, out_json: str | Path, rows_csv: str | Path | None = None
+) -> None:
+    """Write the convergence study, {"convergence": [...]}; entries as in `studies.convergence`."""
+    runs, rows = _read(runs_folder, rows_csv, settings)
+    named = settings.convergence_rows
+    chosen = [row for row in rows if (row.name in named if named else "osi" in row.column_3d.lower())]
+    files.write_json(out_json, {"convergence": studies.convergence(runs, chosen, settings, seed)})
+
+
+def budget(
+    estimates_json: str | Path, settings: Settings, out_json: str | Path, failures_json: str | Path | None = None
+):
+    """Write the curves of both budget figures, {"budget": [...], "plan": [...]}.
+
+    The cost of a 0D run in 3D runs comes from `failures_json` (its `cost`, CPU seconds) where given, else from
+    settings.
+    """
+    results = files.read_json(estimates_json)["rows"]
+    ratio = settings.cost_ratio
+    if failures_json:
+        held = files.read_json(failures_json)
+        high = held["cost"]["flow3d_cpu_s"] / max(held["flow3d"]["runs"], 1)
+        low = held["cost"]["zerod_cpu_s"] / max(held["zerod"]["runs"], 1)
+        ratio = low / high if high > 0 and 0 < low < high else ratio
+    for name in settings.wanted:
+        if name not in {result["row"] for result in results}:
+            raise InputError("estimation.wanted", name, settings.wanted[name], "no such row among the estimates")
+    plan = [asdict(want) for want in studies.plan(results, settings.wanted, ratio)]
+    files.write_json(out_json, {"budget": studies.budget(results, ratio), "plan": plan})
 
 
 def read_networks(path: str | Path) -> Networks | None:

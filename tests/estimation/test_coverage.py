@@ -1,0 +1,70 @@
+"""Claims that hold: spread, coverage and bias over repeated trials of analytic pairs, at a size for every run of the tests."""
+
+import numpy as np
+import pytest
+
+from coronaryuq.bench.coverage import _from_pair, cell, run
+from coronaryuq.bench.pairs import PAIRS
+from coronaryuq.seeds import generator
+
+TRIALS = 400
+
+
+@pytest.mark.parametrize("name", PAIRS)
+def test_means_that_the_pairs_state_are_theirs(name):
+    pair = PAIRS[name]
+    y = pair.high(pair.draw(generator(1, "pairs", name), 400_000))
+    assert y.mean() == pytest.approx(pair.mean, abs=4.5 * y.std() / np.sqrt(len(y)))
+
+
+@pytest.mark.parametrize("method", ["MC", "MFMC"])
+@pytest.mark.parametrize("name", PAIRS)
+def test_linear_methods_keep_their_claims_at_25_runs(name, method):
+    """Bounds: 15 % and three binomial standard errors of 95 %."""
+    got = cell(*_from_pair(PAIRS[name]), 25, method, TRIALS)
+    assert got["claimed_over_empirical"] == pytest.approx(1, abs=0.15)
+    assert got["coverage_95"] >= 0.95 - 3 * np.sqrt(0.95 * 0.05 / TRIALS)
+    assert abs(got["bias_z"]) < 4
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("n", [25, 50, 100])
+@pytest.mark.parametrize("name", PAIRS)
+def test_the_selector_keeps_its_claims_or_is_reported_with_a_warning(name, n):
+    got = cell(*_from_pair(PAIRS[name]), n, "best", TRIALS)
+    sound = abs(got["claimed_over_empirical"] - 1) < 0.15 and got["coverage_95"] > 0.93
+    assert sound or got["warned"]
+
+
+def test_in_sample_control_variates_fail_where_cross_fitted_ones_hold():
+    """Fourteen regressors on 25 runs: the in-sample claim is far too small, which is why nothing here is in-sample."""
+    ratio = []
+    for fitted_out_of_sample in (False, True):
+        errors, claims = [], []
+        for trial in range(200):
+            rng = generator(9, "in-sample", trial)
+            x, y = rng.normal(size=(25, 14)), rng.normal(size=25)
+            fold = np.arange(25) % 5 if fitted_out_of_sample else None
+            error, claim = _regression(x, y, fold)
+            errors.append(error)
+            claims.append(claim)
+        ratio.append(np.sqrt(np.mean(claims)) / np.std(errors))
+    assert ratio[0] < 0.6 < 0.8 < ratio[1]
+
+
+def _regression(x, y, fold):
+    held = np.empty(len(y))
+    parts = [(np.ones(len(y), bool),) * 2] if fold is None else [(fold != k, fold == k) for k in range(5)]
+    mean = 0.0
+    for train, test in parts:
+        design = np.column_stack([np.ones(train.sum()), x[train]])
+        coefficients = np.linalg.lstsq(design, y[train], rcond=None)[0]
+        held[test] = coefficients[0] + x[test] @ coefficients[1:]
+        mean += test.mean() * (np.mean(y[test] - held[test]) + coefficients[0])
+    return mean, np.var(y - held, ddof=1) / len(y)
+
+
+def test_benchmark_has_the_fixed_keys():
+    got = run(trials=3, sizes=(25,), methods=("MFMC",), problems=("smooth",))
+    fixed = {"problem", "method", "n_3d", "trials", "claimed_over_empirical", "coverage_95", "bias_z", "warned"}
+    assert fixed <= got["cells"][0].keys()

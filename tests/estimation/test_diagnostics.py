@@ -1,0 +1,78 @@
+"""Quietly wrong answers are found, and their correction corrects."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from coronaryuq.estimation import diagnostics
+from coronaryuq.estimation.runs import Runs, read_runs
+from coronaryuq.seeds import generator
+
+
+def runs(shift=0.0, failed=None, n=200, m=2000):
+    rng = generator(3, "diagnostics", str(shift))
+    x, more = rng.normal(shift, 0.3, (n, 3)), rng.normal(0, 0.3, (m, 3))
+    y = x.sum(axis=1)
+    empty = np.empty((0, 3)) if failed is None else failed
+    names = tuple(map(str, range(n)))
+    frames = pd.DataFrame({"y": y}), pd.DataFrame({"q": x[:, 0]})
+    return Runs(Path("."), ("a", "b", "c"), names, np.exp(x), *frames, np.exp(more), None, empty)
+
+
+def test_inputs_of_one_distribution_pass_and_shifted_ones_do_not():
+    assert diagnostics.different_inputs(runs()) is None
+    assert diagnostics.different_inputs(runs(0.15)).code == "inputs differ"
+
+
+def test_false_alarms_are_rare():
+    alarms = 0
+    for trial in range(200):
+        rng = generator(3, "alarm", trial)
+        base = runs()
+        base = replace(
+            base, theta=np.exp(rng.normal(0, 0.3, (200, 3))), theta_more=np.exp(rng.normal(0, 0.3, (500, 3)))
+        )
+        alarms += diagnostics.different_inputs(base) is not None
+    assert alarms <= 3
+
+
+def test_the_published_pilot_and_propagation_inputs_differ(menon):
+    assert diagnostics.different_inputs(read_runs(menon)) is not None
+
+
+def test_balancing_weights_move_the_pilot_onto_the_propagation_means():
+    shifted = runs(0.1)
+    weights = diagnostics.balancing_weights(shifted)
+    assert weights.mean() == pytest.approx(1)
+    moved = np.average(np.log(shifted.theta), axis=0, weights=weights)
+    np.testing.assert_allclose(moved, np.log(shifted.theta_more).mean(axis=0), atol=1e-6)
+
+
+def test_samples_too_unlike_are_not_mended():
+    assert (diagnostics.balancing_weights(runs(3.0)) == 1).all()
+
+
+def test_failures_that_depend_on_an_input_are_told_from_those_at_random():
+    rng = generator(3, "failures")
+    at_random, at_low = np.exp(rng.normal(0, 0.3, (12, 3))), np.exp(rng.normal(0, 0.3, (12, 3)))
+    at_low[:, 1] = np.exp(rng.normal(-0.6, 0.1, 12))
+    assert diagnostics.failed_not_at_random(runs(failed=at_random)) is None
+    assert diagnostics.failed_not_at_random(runs(failed=at_low)).text.split(": ")[1].startswith("b differs")
+    assert diagnostics.failed_not_at_random(runs(failed=np.repeat(at_random, 4, axis=0))).code == "many failures"
+
+
+def test_resampled_inputs_outside_the_training_box():
+    inside = runs().theta
+    assert diagnostics.outside_support(inside, inside, ("a", "b", "c")) is None
+    beyond = inside.copy()
+    beyond[:40, 2] = 10
+    assert "most in c" in diagnostics.outside_support(beyond, inside, ("a", "b", "c")).text
+
+
+def test_a_useless_model_is_named_and_a_useful_one_is_not():
+    assert diagnostics.useless(0.05, 100, "MFMC") is not None
+    assert diagnostics.useless(0.5, 100, "MFMC") is None
+    assert diagnostics.useless(-0.9, 100, "best") is not None

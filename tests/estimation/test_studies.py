@@ -1,0 +1,62 @@
+"""Convergence, budget and plan from files to files."""
+
+import json
+
+import numpy as np
+import pytest
+
+from coronaryuq.errors import InputError
+from coronaryuq.estimation import stage, studies
+from coronaryuq.estimation.montecarlo import mfmc_variance
+from coronaryuq.estimation.settings import Settings
+
+SETTINGS = Settings(autoencoder=False, trials=6, trials_fitted=2, convergence_sizes=[20, 400], min_3d=20)
+
+
+def result(rho=0.99, n=100, m=900):
+    spread = 4.0
+    made = {
+        "MC": {"n_3d": n}, "MFMC": {},
+        "best": {
+            "rho_held_out": rho, "n_3d": n, "std": mfmc_variance(spread, rho, n, n + m) ** 0.5,
+            "calibrated": {"low": -0.1, "high": 0.1}, "residual_variance": spread * (1 - rho**2) / n,
+            "propagation_variance": spread * rho**2 / (n + m),
+        },
+    }  # fmt: skip
+    return {
+        "row": "1", "label": "a, b, c", "variance_3d": spread, "n_propagation": m, "recommended": "best",
+        "paper": {"rho_original": 0.5}, "estimators": made,
+    }  # fmt: skip
+
+
+def test_convergence_leaves_out_sizes_that_leave_nothing_out(folder):
+    stage.convergence(folder, SETTINGS, 3, folder / "convergence.json")
+    (entry,) = json.loads((folder / "convergence.json").read_text())["convergence"]
+    assert entry["n_3d"] == 20 and len(entry["rho_original"]) == 6 and len(entry["rho_best_held_out"]) == 2
+    assert min(entry["rho_best_held_out"]) > 0.9
+
+
+def test_budget_curves_begin_at_today_and_fall():
+    (row,) = studies.budget([result()], 1e-3)
+    for curve in row["estimators"].values():
+        assert curve["additional_cost"][0] == pytest.approx(0, abs=1e-9)
+        assert np.all(np.diff(curve["additional_cost"]) >= 0) and np.all(np.diff(curve["optimal_variance"]) < 0)
+    assert row["estimators"]["best"]["additional_cost"][-1] < row["estimators"]["MC"]["additional_cost"][-1]
+
+
+def test_a_plan_that_is_carried_out_meets_the_wanted_width():
+    (want,) = studies.plan([result()], {"1": 0.05}, 1e-3)
+    n, m = 100 + want.more_3d, 1000 + want.more_0d
+    assert mfmc_variance(4.0, 0.99, n, m) <= mfmc_variance(4.0, 0.99, 100, 1000) * 0.25 * (1 + 1e-9)
+    assert want.cost_of_half > want.cost > 0
+
+
+def test_a_width_that_is_met_costs_nothing():
+    (want,) = studies.plan([result()], {"1": 0.2}, 1e-3)
+    assert want.more_3d == want.more_0d == 0
+
+
+def test_a_wanted_row_that_is_not_there_is_named(tmp_path):
+    (tmp_path / "e.json").write_text(json.dumps({"rows": [result()]}))
+    with pytest.raises(InputError, match="no such row"):
+        stage.budget(tmp_path / "e.json", Settings(wanted={"9": 1.0}), tmp_path / "b.json")
