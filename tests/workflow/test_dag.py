@@ -57,7 +57,12 @@ def test_a_new_seed_keeps_the_patient_and_the_mesh(finished):
 @pytest.mark.parametrize(
     ("block", "values", "stale", "fresh"),
     [
-        ("perfusion", {"mbf_noise": 0.1}, {"perfusion_chunk", "calibration", "flow3d_batch"}, {"case", "mesh"}),
+        (
+            "perfusion",
+            {"correlation_length": 2.0},
+            {"perfusion_chunk", "calibration", "flow3d_batch"},
+            {"case", "mesh"},
+        ),
         ("flow3d", {"max_cycles": 3}, {"flow3d_batch"} | ESTIMATES, {"zerod_chunk", "posterior", "mesh"}),
         ("estimation", {"folds": 3}, ESTIMATES, {"flow3d_batch", "zerod_chunk", "posterior"}),
     ],

@@ -7,16 +7,25 @@ from pathlib import Path
 
 from coronaryuq import config as configuration
 from coronaryuq import provenance
+from coronaryuq.case.description import read_description
 from coronaryuq.errors import InputError
+
+
+# Jobs started from the shell find this environment's python and mpiexec, whether or not it has been activated.
+os.environ["PATH"] = os.pathsep.join([Path(sys.executable).parent.as_posix(), os.environ.get("PATH", "")])
 
 
 def read_campaign():
     """The configuration named on the command line, validated; the laptop's where none is named."""
     named = [str(path) for path in workflow.configfiles]
     try:
-        if not config:
-            return configuration.load(Path(workflow.basedir, "config", "laptop.yaml"))
-        return configuration.validate(dict(config), ", ".join(named) or "--config")
+        if config:
+            chosen = configuration.validate(dict(config), ", ".join(named) or "--config")
+        else:
+            chosen = configuration.load(Path(workflow.basedir, "config", "laptop.yaml"))
+        if chosen.case != "bundled":
+            read_description(Path(chosen.case))
+        return chosen
     except InputError as error:
         print(f"error: {error}", file=sys.stderr, flush=True)
         sys.exit(InputError.EXIT_CODE)
