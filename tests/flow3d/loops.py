@@ -1,12 +1,13 @@
 """A small pulsating network with one vessel in three dimensions: source, vessel A, the tube B, vessel C, Windkessel."""
 
 import numpy as np
-from channels import DENSITY, VISCOSITY
 
 from coronaryuq.flow3d.ensemble import Ensemble
 from coronaryuq.flow3d.geometry import Geometry
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.flow3d.tube import tube
+from coronaryuq.units import BLOOD_DENSITY as DENSITY
+from coronaryuq.units import BLOOD_VISCOSITY as VISCOSITY
 
 RADIUS, LENGTH, PERIOD = 0.15, 0.8, 0.5
 RESISTANCE = 8 * VISCOSITY * LENGTH / (np.pi * RADIUS**4)

@@ -82,7 +82,8 @@ class Stepper:
     """State of LANES samples and the step that moves it.
 
     u, u_old, u_older: velocity (n, 3, LANES) cm/s now, one and two steps ago; pressure (n, LANES) dyn/cm2; both in the
-    solver's node order. cap_pressure, cap_flow (caps, LANES): dyn/cm2, and mL/s out of the domain.
+    solver's node order. cap_pressure, cap_flow (caps, LANES): dyn/cm2, and mL/s out of the domain. force: body
+    force per unit mass (n, 3, LANES), cm/s2, or None.
     """
 
     def __init__(
@@ -110,6 +111,7 @@ class Stepper:
         self._cap_start = np.concatenate([[0], np.cumsum([len(k) for k in space.cap_nodes])]).astype(np.int64)
         self._cap_node = np.concatenate(space.cap_nodes).astype(np.int64)
         self._inverse_mass = 1.0 / space.mass
+        self.force: np.ndarray | None = None
         self.sweeps = np.zeros(LANES, np.int64)
         self.backflow_lanes = np.zeros(LANES, np.int64)
         self.unconverged = np.zeros(LANES, bool)
@@ -141,6 +143,8 @@ class Stepper:
     def step(self, coupling: Coupling) -> None:
         space = self.space
         _extrapolate(self.u, self.u_old, space.dt, self.u_older, self._rate)
+        if self.force is not None:
+            self._rate -= self.force
         momentum.system(
             space.tets, space.grad, space.volume, space.slot, space.tau_viscous, space.nu, space.mass_rate,
             self.u_older, self._rate, self.kinematic_pressure, space.constant, self._r, self._matrix,

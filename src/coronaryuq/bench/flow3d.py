@@ -1,0 +1,163 @@
+"""Benchmark `flow3d`: cost per sample and cycle, verification against exact solutions, mesh convergence."""
+
+import resource
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from coronaryuq import records
+from coronaryuq.bench import axisymmetric, tubes
+from coronaryuq.files import read_json
+from coronaryuq.flow3d.lanes import LANES
+from coronaryuq.flow3d.section import section_weights
+from coronaryuq.units import BLOOD_DENSITY, BLOOD_VISCOSITY
+
+MESHES = ((5, 75), (8, 90), (13, 127))
+"""Cells over the radius and along the axis: about 7, 20 and 70 thousand nodes."""
+PEAK, STEPS_PER_CYCLE, PERIOD = 100.0, 800, 0.9
+MEASURED_STEPS = 12
+QUANTITIES = ("ffr", "tawss_min", "tawss_q01", "osi_max", "osi_q99")
+
+
+def run(quick: bool, runs: Sequence[tuple[str, str]] = ()) -> dict:
+    """Costs at three mesh sizes with 1 and 16 samples (quick: the smallest, 8), verification, and convergence.
+
+    runs: (mesh.json, batch_K.jsonl) of one patient's same samples on meshes from coarse to fine; without them
+    `convergence` is empty. The nozzle's error is null: the structured tubes cannot carry its sudden expansion.
+    """
+    meshes = []
+    for rings, levels in MESHES[: 1 if quick else 3]:
+        for samples in (LANES,) if quick else (1, 16):
+            meshes.append(cost(rings, levels, samples))
+            print(f"cost: {meshes[-1]}", file=sys.stderr, flush=True)
+    return {
+        "quick": quick,
+        "meshes": meshes,
+        "verification": verification(quick),
+        "convergence": convergence(runs) if runs else [],
+    }
+
+
+def cost(rings: int, levels: int, samples: int) -> dict:
+    """CPU per sample and cycle of the solver's steps in a tube at 100 cm/s; blocks of LANES one after the other.
+
+    A few steps are timed, compiled, and scaled to a cycle.
+    """
+    length = 5.0 * tubes.RADIUS
+    space = tubes.discretised(length, tubes.RADIUS, rings, levels, PERIOD / STEPS_PER_CYCLE)
+    flow = np.full(LANES, PEAK / 2 * np.pi * tubes.RADIUS**2)
+    blocks = [tubes.driven(space, lambda t: flow) for _ in range(-(-samples // LANES))]
+    for stepper, caps in blocks:
+        for _ in range(3):
+            stepper.step(caps)
+    begun = time.process_time()
+    for _ in range(MEASURED_STEPS):
+        for stepper, caps in blocks:
+            stepper.step(caps)
+    spent = (time.process_time() - begun) / MEASURED_STEPS / samples
+    return {
+        "nodes": space.nodes,
+        "tets": len(space.tets),
+        "samples": samples,
+        "steps_per_cycle": STEPS_PER_CYCLE,
+        "cpu_s_per_sample_cycle": round(spent * STEPS_PER_CYCLE, 3),
+        "peak_rss_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1),
+        "factor_nonzeros": space.factor.nonzeros,
+    }
+
+
+def verification(quick: bool) -> dict:
+    """Errors against exact solutions on the finest mesh tried, and observed orders."""
+    coarse, fine = (3, 5) if quick else (4, 8)
+    steps = 80 if quick else 240
+    flow = np.linspace(0.5, 2.0, LANES)
+    tube = tubes.poiseuille(fine, flow)
+    print(f"poiseuille: {np.abs(tube['drop']).max():.4f}", file=sys.stderr, flush=True)
+    pulse = [tubes.womersley(fine, steps, alpha) for alpha in (2.0, 4.0)]
+    ratios = np.concatenate([np.concatenate([p["gradient"], p["shear"]]) for p in pulse])
+    print(f"womersley: {np.abs(np.abs(ratios) - 1).max():.4f}", file=sys.stderr, flush=True)
+    errors = [tubes.manufactured(rings) for rings in (coarse, fine)]
+    print(f"manufactured: {errors}", file=sys.stderr, flush=True)
+    found = {
+        "rings": fine,
+        "poiseuille_dp_error": float(np.abs(tube["drop"]).max()),
+        "poiseuille_wss_rms": float(tube["shear_rms"].max()),
+        "womersley_amplitude_error": float(np.abs(np.abs(ratios) - 1).max()),
+        "womersley_phase_error_deg": float(np.abs(np.degrees(np.angle(ratios))).max()),
+        "mms_velocity_order": float(np.log(errors[0] / errors[1]) / np.log(fine / coarse)),
+        "mass_balance": float(tube["imbalance"].max()),
+        "nozzle_axial_velocity_error": None,
+    }
+    if not quick:
+        found["stenosis"] = stenosis()
+    return found
+
+
+def narrowing(z: np.ndarray) -> np.ndarray:
+    """Radius (cm) of a tube with a cosine stenosis of 60 % in diameter and 1 cm length, its throat at z = 1 cm."""
+    shape = np.where(np.abs(z - 1.0) < 0.5, 0.5 * (1 + np.cos(2 * np.pi * (z - 1.0))), 0.0)
+    return tubes.RADIUS * (1 - 0.6 * shape)
+
+
+def stenosis(
+    rings: Sequence[int] = (4, 6, 8), flows: Sequence[float] = (0.4, 0.8, 1.6), levels: int = 120, cells: int = 12
+) -> list[dict]:
+    """Relative error of a stenosis' pressure drop against the axisymmetric reference, per flow (mL/s) and mesh."""
+    length = 2.4
+    exact = []
+    for flow in flows:
+        reference = axisymmetric.solve(
+            narrowing, np.linspace(0, length, levels + 1), cells, flow, BLOOD_DENSITY, BLOOD_VISCOSITY
+        )
+        at = [float(np.interp(z, reference.z, reference.pressure)) for z in (0.4, 1.8)]
+        exact.append(at[0] - at[1])
+    rows = []
+    for count in rings:
+        space = tubes.discretised(length, narrowing, count, 20 * count, dt=1e-3)
+        flow = np.resize(np.asarray(flows, float), LANES)
+        stepper = tubes.steady(space, flow, time=0.25)
+        drop = [mean_pressure(space, stepper, z) for z in (0.4, 1.8)]
+        error = (drop[0] - drop[1])[: len(flows)] / np.array(exact) - 1.0
+        rows.append({"rings": count, "nodes": space.nodes, "flow": list(flows), "drop_error": error.tolist()})
+        print(f"stenosis: {rows[-1]}", file=sys.stderr, flush=True)
+    return rows
+
+
+def mean_pressure(space, stepper, z: float) -> np.ndarray:
+    """Mean pressure (LANES,) over the cross-section at z."""
+    nodes, weight, _ = section_weights(space.points, space.tets, np.array([0.0, 0.0, z]), np.array([0.0, 0.0, 1.0]))
+    return (weight[:, None] * stepper.pressure[nodes]).sum(axis=0)
+
+
+def convergence(runs: Sequence[tuple[str | Path, str | Path]]) -> list[dict]:
+    """Quantities of interest on several meshes, and Richardson's extrapolation with order two in nodes^(-1/3).
+
+    Means over the samples that every run has. default_error: of the second mesh but last in order of nodes, against
+    the extrapolation from the two finest.
+    """
+    read = sorted(
+        (read_json(mesh)["nodes"], {r.sample: r.outputs for r in records.read(batch) if r.ok}) for mesh, batch in runs
+    )
+    common = sorted(set.intersection(*(set(found) for _, found in read)))
+    size = np.array([nodes for nodes, _ in read], float) ** (-1 / 3)
+    branches = sorted({name.removeprefix("ffr_") for name in read[0][1][common[0]] if name.startswith("ffr_")})
+    rows = []
+    for quantity in QUANTITIES:
+        for branch in branches:
+            values = [float(np.mean([found[s][f"{quantity}_{branch}"] for s in common])) for _, found in read]
+            share = (size[-1] / size[-2]) ** 2
+            extrapolated = (values[-1] - share * values[-2]) / (1 - share)
+            rows.append(
+                {
+                    "quantity": quantity,
+                    "branch": branch,
+                    "nodes": [nodes for nodes, _ in read],
+                    "values": values,
+                    "extrapolated": extrapolated,
+                    "default_error": values[-2] - extrapolated,
+                }
+            )
+    return rows

@@ -1,0 +1,11 @@
+"""A swirling flow kept up by a body force: velocity converges with second order."""
+
+import numpy as np
+
+from coronaryuq.bench.tubes import manufactured
+
+
+def test_velocity_converges_with_second_order():
+    errors = [manufactured(rings) for rings in (3, 5)]
+    assert errors[1] < 0.04
+    assert np.log(errors[0] / errors[1]) / np.log(5 / 3) > 1.8
