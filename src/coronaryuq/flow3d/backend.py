@@ -55,7 +55,7 @@ def run_sample(backend: Backend, sample: Sample, folder: Path, tasks: int, time_
         record = Record.failed(sample.name, dict(sample.theta), str(error), solver=dict(backend.solver))
     after = os.times()
     record.cost |= {
-        "cpu_s": after.children_user + after.children_system - before.children_user - before.children_system,
+        "cpu_s": (after.children_user - before.children_user) + (after.children_system - before.children_system),
         "wall_s": time.perf_counter() - begun,
     }
     return record

@@ -1,0 +1,45 @@
+"""A stenosed tube in a closed loop, as a case for the SimVascular codes."""
+
+from pathlib import Path
+
+import numpy as np
+
+from coronaryuq.case.network import Bed, network_from_tree
+from coronaryuq.case.tree import Stenosis, Tree, Vessel
+from coronaryuq.files import write_json
+from coronaryuq.flow3d.mesh.settings import Settings
+from coronaryuq.flow3d.mesh.stage import mesh_tree
+from coronaryuq.flow3d.simvascular import Case, read_case
+from coronaryuq.flow3d.simvascular_settings import SimVascularSettings
+from coronaryuq.zerod.network import write_network
+
+
+def make_case(folder: Path, **settings) -> Case:
+    """An artery of 3 cm with half of its radius lost in the middle, off an aorta that has a Windkessel of its own."""
+    arc = np.linspace(0.0, 3.0, 121)
+    points = np.column_stack([np.zeros_like(arc), arc, np.zeros_like(arc)])
+    inside = np.abs(arc - 1.5) < 0.4
+    narrowed = 0.15 * (1.0 - 0.25 * (1.0 + np.cos(2.0 * np.pi * (arc - 1.5) / 0.8)) * inside)
+    up = np.column_stack([np.zeros(5), np.zeros(5), np.linspace(-1.0, 0.0, 5)])
+    tree = Tree(
+        [
+            Vessel("aorta", up, np.full(5, 0.3), None, "aorta"),
+            Vessel("arch", up + [0.0, 0.0, 1.0], np.full(5, 0.3), "aorta", "aorta"),
+            Vessel("LAD", points, narrowed, "aorta", "LAD"),
+        ]
+    )
+    stenoses = [Stenosis("LAD", "LAD", 1.1, 1.9)]
+    network = network_from_tree(tree, [Bed("BC_LAD", "LAD", right=False)], {"BC_RCR": "arch"}, stenoses)
+    coarse = Settings(throat_resolution=2.0, resolution=1.5, upstream_diameters=1.0, downstream_diameters=2.0)
+    mesh_tree(tree, stenoses, network, coarse, folder / "mesh")
+    write_network(folder / "network.json", network)
+    case = {"name": "tube", "aorta": {"pressure": "J_heart_outlet:aorta"}, "density": 1.06, "viscosity": 0.04}
+    write_json(folder / "case.json", case)
+    given = {"steps_per_cycle": 100, "cycles": 1, "frames_per_cycle": 20} | settings
+    return read_case(
+        folder / "case.json",
+        folder / "network.json",
+        folder / "mesh" / "mesh-complete",
+        folder / "mesh" / "mesh.json",
+        SimVascularSettings(**given),
+    )

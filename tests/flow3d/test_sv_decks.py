@@ -1,0 +1,162 @@
+"""Decks for svSolver and svMultiPhysics against the formats that they read, without the programs."""
+
+import json
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import pyvista as pv
+from sv_case import make_case
+
+from coronaryuq.errors import InputError
+from coronaryuq.flow3d import simvascular, svsolver
+from coronaryuq.flow3d.backend import Sample
+from coronaryuq.flow3d.svmultiphysics import SvMultiPhysics
+from coronaryuq.flow3d.svsolver import SvSolver
+from coronaryuq.zerod.model import Model
+from coronaryuq.zerod.network import check_network, read_network
+
+SAMPLE = Sample("s7", {"BC_LAD": 1.3, "R_cor_scaling": 0.9})
+
+
+@pytest.fixture(scope="session")
+def case(tmp_path_factory):
+    return make_case(tmp_path_factory.mktemp("case"))
+
+
+@pytest.fixture(scope="session")
+def run(case, tmp_path_factory):
+    return SvSolver(case).prepare(SAMPLE, tmp_path_factory.mktemp("runs") / "s7")
+
+
+@pytest.fixture(scope="session")
+def xml(case, tmp_path_factory):
+    folder = SvMultiPhysics(case).prepare(SAMPLE, tmp_path_factory.mktemp("runs") / "s7")
+    return folder, ElementTree.parse(folder / "solver.xml").getroot()
+
+
+def test_coupled_network_has_a_flow_block_for_every_cap_and_this_samples_resistances(case, run):
+    network = read_network(run / simvascular.NETWORK)
+    check_network(network)
+    blocks = {block["name"]: block for block in network["external_solver_coupling_blocks"]}
+    assert set(blocks) == {"inlet_LAD", "outlet_LAD"}
+    assert blocks["inlet_LAD"]["location"] == "outlet"
+    assert blocks["outlet_LAD"] | {} == {
+        "name": "outlet_LAD", "type": "FLOW", "location": "inlet", "connected_block": "LAD", "periodic": False,
+        "values": {"t": [0.0, 1.0], "Q": [1.0, 1.0]},
+    }  # fmt: skip
+    simulation = network["simulation_parameters"]
+    assert simulation["coupled_simulation"] and simulation["output_all_cycles"] and not simulation["steady_initial"]
+    given = next(b for b in case.network["boundary_conditions"] if b["bc_name"] == "BC_LAD")["bc_values"]
+    here = next(b for b in network["boundary_conditions"] if b["bc_name"] == "BC_LAD")["bc_values"]
+    for name in ("Ra", "Ram", "Rv"):
+        assert here[name] == pytest.approx(1.3 * 0.9 * given[name])
+    for name in ("Ca", "Cim"):
+        assert here[name] == given[name]
+
+
+def test_coupled_network_starts_from_the_samples_periodic_state(case, run):
+    network = json.loads((run / simvascular.NETWORK).read_text())
+    start = network["initial_condition"]
+    assert set(start) == set(Model(network).variables)
+    assert start["flow:LAD_seg0:inlet_LAD"] == pytest.approx(start["flow:outlet_LAD:LAD"], rel=0.05, abs=0.05)
+    assert 30.0 < start["pressure:LAD_seg0:inlet_LAD"] / 1333.22 < 140.0
+    assert start["pressure:LAD_seg0:inlet_LAD"] != start["pressure:outlet_LAD:LAD"]
+    assert start["V_LV:CLH"] > 0.0
+
+
+def test_initial_field_is_the_mean_cap_pressure(case, run):
+    field = pv.read(run / simvascular.INITIAL)
+    start = json.loads((run / simvascular.NETWORK).read_text())["initial_condition"]
+    mean = 0.5 * (start["pressure:LAD_seg0:inlet_LAD"] + start["pressure:outlet_LAD:LAD"])
+    for name in ("pressure", "Pressure"):
+        np.testing.assert_allclose(field.point_data[name], mean)
+    assert not field.point_data["velocity"].any()
+
+
+def test_preprocessor_script_names_files_that_exist_and_known_commands(run):
+    known = {
+        "mesh_and_adjncy_vtu", "set_surface_id_vtp", "fluid_density", "fluid_viscosity", "read_pressure_velocity_vtu",
+        "pressure_vtp", "noslip_vtp", "write_numstart", "write_geombc", "write_restart",
+    }  # fmt: skip
+    ids = {}
+    for line in (run / svsolver.PREPROCESSOR).read_text().splitlines():
+        command, *arguments = line.split()
+        assert command in known
+        if arguments[0].endswith((".vtp", ".vtu")):
+            assert (run / arguments[0]).is_file()
+        if command == "set_surface_id_vtp":
+            ids[arguments[0].rsplit("/", 1)[1]] = int(arguments[1])
+    assert ids == {"mesh-complete.exterior.vtp": 1, "inlet_LAD.vtp": 2, "outlet_LAD.vtp": 3}
+    assert command == "write_restart"
+
+
+def test_solver_inp(case, run):
+    entries = dict(line.split(": ", 1) for line in (run / svsolver.DECK).read_text().splitlines())
+    assert entries["Number of Neumann Surfaces"] == entries["Number of Coupled Surfaces"] == "2"
+    assert entries["List of Neumann Surfaces"] == "2 3"
+    assert entries["Pressure Coupling"] == "P-Implicit"
+    assert entries["Use svZeroD for Boundary Conditions"] == "True"
+    assert float(entries["Residual Tolerance"]) == 1e12
+    assert float(entries["Time Step Size"]) * int(entries["Number of Timesteps"]) == pytest.approx(
+        case.period * case.settings.cycles
+    )
+    assert case.settings.steps_per_cycle % int(entries["Number of Timesteps between Restarts"]) == 0
+
+
+def test_interface_file_is_read_as_svsolver_reads_it(case, run):
+    """Header, value, blank line; in this order and to the last blank line."""
+    lines = (run / svsolver.INTERFACE).read_text().split("\n")
+    items, at = [], 0
+    for count in (1, 1, 2, 1, 1, 1, 1):
+        assert lines[at].strip()
+        items.append(lines[at + 1 : at + 1 + count])
+        assert lines[at + 1 + count] == ""
+        at += count + 2
+    assert items[0] == [case.settings.zerod_library]
+    assert items[1] == [str(run / simvascular.NETWORK)]
+    assert [line.split() for line in items[2]] == [["inlet_LAD", "2"], ["outlet_LAD", "3"]]
+    assert items[3] == items[5] == ["0"]
+    assert (run / svsolver.INTERFACE).read_text().endswith("0.0\n\n")
+
+
+def test_solver_xml(case, xml):
+    folder, root = xml
+    general = root.find("GeneralSimulationParameters")
+    assert float(general.findtext("Time_step_size")) == pytest.approx(case.time_step)
+    assert int(general.findtext("Number_of_time_steps")) == case.steps
+    mesh = root.find("Add_mesh")
+    assert (folder / mesh.findtext("Mesh_file_path").strip()).is_file()
+    faces = {face.get("name"): face.findtext("Face_file_path").strip() for face in mesh.findall("Add_face")}
+    assert set(faces) == {"wall", "inlet_LAD", "outlet_LAD"}
+    assert all((folder / path).is_file() for path in faces.values())
+    assert (folder / mesh.findtext("Initial_pressures_file_path").strip()).is_file()
+    equation = root.find("Add_equation")
+    assert equation.get("type") == "fluid"
+    interface = equation.find("svZeroDSolver_interface")
+    assert interface.findtext("Coupling_type").strip() == "semi-implicit"
+    assert (folder / interface.findtext("Configuration_file").strip()).is_file()
+    # Left out, so that the library starts from the JSON's own state.
+    assert interface.find("Initial_flows") is None and interface.find("Initial_pressures") is None
+    conditions = {bc.get("name"): bc for bc in equation.findall("Add_BC")}
+    assert set(conditions) == set(faces)
+    for name in ("inlet_LAD", "outlet_LAD"):
+        assert conditions[name].findtext("Type").strip() == "Neu"
+        assert conditions[name].findtext("Time_dependence").strip() == "Coupled"
+        assert conditions[name].find("Coupling_interface").findtext("svZeroDSolver_block").strip() == name
+    assert conditions["wall"].findtext("Type").strip() == "Dir"
+
+
+def test_launch_lines(case, run):
+    pre, solve, post = SvSolver(case).command(run, 96)
+    assert pre == ["svpre", "case.svpre"]
+    assert solve == ["mpiexec", "-n", "96", "svsolver", "solver.inp"]
+    assert post[post.index("-indir") + 1] == "96-procs_case"
+    assert SvMultiPhysics(case).command(run, 4) == [["mpiexec", "-n", "4", "svmultiphysics", "solver.xml"]]
+
+
+def test_path_too_long_for_fortran_is_refused(case, tmp_path):
+    far = replace(case, settings=case.settings.model_copy(update={"zerod_library": "/" + "x" * 200}))
+    with pytest.raises(InputError, match="160 characters"):
+        SvSolver(far).prepare(SAMPLE, tmp_path / "run")
