@@ -52,7 +52,7 @@ def uniformity(ranks, chains):
 
 
 SHORT = Settings(
-    dream=DreamSettings(chains=12, generations=400), emulator=EmulatorSettings(generations=20),
+    dream=DreamSettings(chains=12, generations=300), emulator=EmulatorSettings(generations=20),
     scale_targets=False, checkpoint=10_000,
 )  # fmt: skip
 
@@ -69,7 +69,7 @@ def test_calibration_notices_a_wrong_covariance(tmp_path, capsys):
     original = stage.Likelihood
     stage.Likelihood = lambda mean, covariance, source: original(mean, 4 * covariance, source)
     try:
-        ranks = ranks_of_truth(60, SHORT, tmp_path)
+        ranks = ranks_of_truth(40, SHORT, tmp_path)
     finally:
         stage.Likelihood = original
     assert uniformity(ranks, 12).min() < 1e-6
@@ -102,8 +102,8 @@ def test_agrees_with_emcee_through_the_0d_engine(campaign, tmp_path, capsys):
         moves=[(emcee.moves.DEMove(), 0.8), (emcee.moves.StretchMove(), 0.2)],
     )  # fmt: skip
     sampler.random_state = np.random.RandomState(5).get_state()
-    sampler.run_mcmc(start, 2500)
-    theirs = sampler.get_chain(discard=500)
+    sampler.run_mcmc(start, 1600)
+    theirs = sampler.get_chain(discard=300)
     theirs = np.log(posterior.space.multipliers(theirs.reshape(-1, theirs.shape[2]))).reshape(*theirs.shape[:2], -1)
     theirs = theirs.swapaxes(0, 1)
     n = 1 / (1 / effective_size(ours, "bulk") + 1 / effective_size(theirs, "bulk"))

@@ -41,7 +41,7 @@ class EmulatorSettings(BaseModel):
 
     use: bool = Field(True, description="screen with an emulator; the posterior stays that of the 0D model")
     generations: int = Field(
-        20, ge=1, description="generations on the emulator between two decisions of the 0D model; 1 is Christen & Fox"
+        50, ge=1, description="generations on the emulator between two decisions of the 0D model; 1 is Christen & Fox"
     )
     design: int = Field(0, ge=0, description="0D runs that the emulator is fitted to; 0: twice its coefficients")
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+import coronaryuq
 from coronaryuq.errors import InputError
 from coronaryuq.files import read_csv, read_json, replacing, write_csv, write_json
 from coronaryuq.posterior import chains as carried
@@ -43,7 +44,7 @@ def sample(
         hyperaemia_json, targets["outlets"],
         tolerance=settings.cycle_tolerance, steps_per_cycle=settings.steps_per_cycle, threads=threads,
     )  # fmt: skip
-    key = digest([checksum(hyperaemia_json), checksum(targets_json), _deciding(settings), seed])
+    key = digest([checksum(hyperaemia_json), checksum(targets_json), _deciding(settings), seed, _code()])
     run_chains(model, model.weights, targets["mean"], targets["covariance"], settings, seed, out_npz,
                names=model.beds, key=key, ranks=ranks, source=targets_json)  # fmt: skip
 
@@ -228,6 +229,12 @@ def _deciding(settings: Settings) -> str:
     """Settings that decide the chains' numbers, as text."""
     late = ("checkpoint", "rhat_limit", "ess_limit", "draws", "scaling")
     return json.dumps(settings.model_dump(exclude=set(late)), sort_keys=True)
+
+
+def _code() -> list[str]:
+    """Checksums of the sources that the chains' numbers come from: a checkpoint of other code is not continued."""
+    root = Path(coronaryuq.__file__).parent
+    return [checksum(path) for part in ("posterior", "zerod") for path in sorted((root / part).rglob("*.py"))]
 
 
 def _targets(targets_json: str | Path, case_json: str | Path) -> dict:

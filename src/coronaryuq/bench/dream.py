@@ -1,0 +1,131 @@
+"""Benchmark `dream`: posterior of the bundled patient at the paper's size, beside a sampler from a library."""
+
+import resource
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from coronaryuq.calibration.beds import share_out, shares
+from coronaryuq.case.settings import Settings as CaseSettings
+from coronaryuq.case.stage import prepare_case
+from coronaryuq.files import read_json
+from coronaryuq.perfusion import stage as perfusion
+from coronaryuq.perfusion.settings import Settings as PerfusionSettings
+from coronaryuq.posterior import stage as posterior
+from coronaryuq.posterior.bed_flows import BedFlows
+from coronaryuq.posterior.diagnostics import effective_size, split_rhat
+from coronaryuq.posterior.emulator import Emulator, design, design_size
+from coronaryuq.posterior.likelihood import Likelihood
+from coronaryuq.posterior.model import Posterior
+from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, Settings
+from coronaryuq.posterior.total_resistance import Conditioned
+from coronaryuq.synthetic.patient import write_files
+from coronaryuq.synthetic.settings import Settings as SyntheticSettings
+from coronaryuq.synthetic.truth import make_patient
+from coronaryuq.zerod.network import write_network
+
+SEED = 20241117
+WALKERS = 32
+
+
+def run(quick: bool) -> dict:
+    """24 chains of 10,000 generations (quick: 1000), emulator screening as by default.
+
+    The loop is the bundled patient's true one with resistances shared by the target flows, so nothing has to be tuned.
+    `library_ess_per_cpu_s`: emcee on the same posterior through the same engine. Its autocorrelation time comes from
+    this run; a quick one takes it from a long run on the emulated posterior, and only the cost from the engine.
+    """
+    settings = Settings(
+        dream=DreamSettings(generations=1000 if quick else 10_000),
+        emulator=EmulatorSettings(generations=50),
+        checkpoint=500 if quick else 1000,
+    )
+    with tempfile.TemporaryDirectory(prefix="dream-") as folder:
+        files = _patient(Path(folder), realisations=100 if quick else 500)
+        model, likelihood = _problem(files, settings)
+        wall, cpu = time.perf_counter(), time.process_time()
+        posterior.sample(*files, settings, SEED, Path(folder) / "chains.npz")
+        wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+        with np.load(Path(folder) / "chains.npz") as arrays:
+            chains = {name: arrays[name] for name in arrays.files}
+    draws = chains["multipliers"][:, int(chains["burn_in"]) :]
+    ess = effective_size(draws, "bulk").min()
+    library = _library(model, likelihood, chains, settings, quick)
+    return {
+        "chains": settings.dream.chains,
+        "generations": int(chains["generations"]),
+        "evaluations": settings.dream.chains * int(chains["generations"]),
+        "model_evaluations": int(chains["runs"]),
+        "cpu_s": round(cpu, 2),
+        "wall_s": round(wall, 2),
+        "rhat_max": round(float(split_rhat(draws).max()), 4),
+        "ess_bulk_min": round(float(ess), 1),
+        "ess_per_cpu_s": round(float(ess) / cpu, 3),
+        **library,
+        "acceptance": round(float(np.mean(chains["accepted"]) / chains["proposed"]), 4),
+        "emulator_error": float(np.max(chains["emulator_error"])),
+        "peak_rss_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1),
+    }
+
+
+def _patient(folder: Path, realisations: int) -> tuple[Path, Path, Path]:
+    """Paths of case.json, hyperaemia.json, targets.json."""
+    patient = make_patient(SyntheticSettings(), SEED)
+    write_files(patient, folder / "patient")
+    prepare_case(folder / "patient" / "case.yaml", CaseSettings(), folder)
+    case, targets = folder / "case.json", folder / "targets.json"
+    noise = PerfusionSettings(realisations=realisations)
+    noise.models = {noise.use: noise.models[noise.use]}
+    perfusion.run_chunk(case, folder / "lv.vtu", noise, SEED, 0, realisations, folder / "chunk.npz")
+    perfusion.gather([folder / "chunk.npz"], case, folder / "lv.vtu", noise, targets)
+    network, wanted = patient.hyperaemia.network, read_json(targets)
+    outlets = read_json(case)["outlets"]
+    share_out(network, shares(outlets, dict(zip(wanted["bc"], wanted["mean"], strict=True))))
+    write_network(folder / "hyperaemia.json", network)
+    print("the bundled patient is ready", file=sys.stderr, flush=True)
+    return case, folder / "hyperaemia.json", targets
+
+
+def _problem(files: tuple[Path, Path, Path], settings: Settings) -> tuple[BedFlows, Likelihood]:
+    outlets = {outlet["bc"]: outlet for outlet in read_json(files[0])["outlets"]}
+    targets = read_json(files[2])
+    model = BedFlows(
+        files[1], [outlets[bc] for bc in targets["bc"]],
+        tolerance=settings.cycle_tolerance, steps_per_cycle=settings.steps_per_cycle,
+    )  # fmt: skip
+    mean = np.array(targets["mean"])
+    factor = model.flows(np.ones((1, len(mean)))).sum() / mean.sum()
+    return model, Likelihood(mean * factor, np.array(targets["covariance"]) * factor**2)
+
+
+def _library(model: BedFlows, likelihood: Likelihood, chains: dict, settings: Settings, quick: bool) -> dict:
+    import emcee
+
+    space = Conditioned(model.weights, settings.prior)
+    exact = Posterior(model, space, likelihood)
+    start = space.coordinates(chains["multipliers"][:, -2:].reshape(-1, len(model.beds))[:WALKERS])
+
+    def ensemble(log_density, steps):
+        sampler = emcee.EnsembleSampler(WALKERS, space.dimension, log_density, vectorize=True)
+        sampler.random_state = np.random.RandomState(SEED).get_state()
+        started = time.process_time()
+        sampler.run_mcmc(start, steps)
+        cpu = time.process_time() - started
+        draws = space.multipliers(sampler.get_chain(flat=True)).reshape(steps, WALKERS, -1).swapaxes(0, 1)
+        return effective_size(draws, "bulk").min() / steps, cpu / steps
+
+    per_step, cost = ensemble(lambda y: exact(y)[0], 10 if quick else 1000)
+    if quick:
+        random = np.random.default_rng(SEED)
+        count = design_size(space.dimension)
+        y = design(space, likelihood, chains["fit_multipliers"], chains["fit_flows"], count, random)
+        emulator = Emulator.fit(y, space.multipliers(y), model.flows(space.multipliers(y)))
+        per_step, _ = ensemble(emulator.screen(space, likelihood), 10_000)
+    return {
+        "library": f"emcee {emcee.__version__}, {WALKERS} walkers, stretch move",
+        "library_ess_per_cpu_s": round(float(per_step / cost), 4),
+        "library_ess_from": "emulated posterior, cost from the engine" if quick else "the engine",
+    }
