@@ -10,6 +10,13 @@ import numpy as np
 DEPTH = 5
 """Differences of earlier cycles that a step combines."""
 
+PATIENCE = 6
+"""Accelerated cycles in which a sample's least error must halve; else it goes on plainly.
+
+Valves open and close between two time steps, so on a coarse grid the map has small jumps. Acceleration may leap back and
+forth across one for ever, where plain cycles settle on one side.
+"""
+
 _RANK = 1e-8
 _GROWTH = 3.0
 
@@ -34,6 +41,8 @@ class Anderson:
         self._steps = np.zeros((samples, DEPTH + 1, width))
         self._known = np.zeros(samples, dtype=np.int64)
         self._error = np.full(samples, np.inf)
+        self._least = np.full(samples, np.inf)
+        self._waited = np.zeros(samples, dtype=np.int64)
 
     def propose(
         self, who: np.ndarray, start: np.ndarray, end: np.ndarray, scale: np.ndarray, error: np.ndarray
@@ -45,6 +54,13 @@ class Anderson:
         """
         proposed = np.empty_like(end)
         for k, sample in enumerate(who):
+            self._waited[sample] += 1
+            if error[k] < 0.5 * self._least[sample]:
+                self._least[sample], self._waited[sample] = error[k], 0
+            if self._waited[sample] > PATIENCE:
+                proposed[k] = end[k]
+                self._waited[sample] = PATIENCE + 1
+                continue
             if error[k] > _GROWTH * self._error[sample]:
                 self._known[sample] = 0
             self._error[sample] = error[k]
