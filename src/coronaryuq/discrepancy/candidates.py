@@ -169,6 +169,9 @@ def fit_shortlist(problem: Problem, base: Fit, acting: list[Acting], chosen: lis
 def posterior(base: Fit, chosen: list[Candidate], outside_gain: float) -> dict[str, float]:
     """Set the candidates' probabilities; returns those of "none" and "outside the library".
 
+    Candidates and "none" share 1 among them, given that the truth is in the library; "outside" is the probability that
+    it is not. The second is by evidence alone, and says yes to any small misfit of a model to many data: whether to
+    abstain is decided by prediction of held-out data (`search`).
     outside_gain: log evidence of a flexible discrepancy over the present model.
     """
     weights = np.array(
@@ -177,9 +180,11 @@ def posterior(base: Fit, chosen: list[Candidate], outside_gain: float) -> dict[s
     )
     share = np.exp(weights - weights.max())
     share /= share.sum()
-    for candidate, probability in zip(chosen, share[2:], strict=True):
+    inside = np.exp(np.delete(weights, 1) - np.delete(weights, 1).max())
+    inside /= inside.sum()
+    for candidate, probability in zip(chosen, inside[1:], strict=True):
         candidate.probability = float(probability)
-    return {"none": float(share[0]), "outside": float(share[1])}
+    return {"none": float(inside[0]), "outside": float(share[1])}
 
 
 LARGEST_CLASS_ODDS = 3.0

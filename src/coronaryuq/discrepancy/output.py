@@ -85,7 +85,8 @@ def named(found: Discovery) -> list[dict]:
                 "separate_by": separating(found, entry),
             }
         )
-    return result
+    order = [entry.accepted.acting for entry in found.named]
+    return sorted(result, key=lambda one: [(e.name, p) for e, p in order].index((one["effect"], one["place"])))
 
 
 def _member(candidate: Candidate) -> dict:

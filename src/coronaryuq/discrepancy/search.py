@@ -32,6 +32,8 @@ class Round:
     accepted: Candidate | None
     members: list[Candidate] = field(default_factory=list)
     """Accepted one and those that the data cannot tell from it."""
+    worth: float = np.inf
+    """Log evidence that the accepted effect adds to all the others."""
 
 
 @dataclass
@@ -55,7 +57,9 @@ class Discovery:
 
     @property
     def named(self) -> list[Round]:
-        return [] if self.outside_library else [r for r in self.rounds if r.accepted is not None]
+        """Rounds that named an effect, the one worth most first; none where the effect is outside the library."""
+        kept = [] if self.outside_library else [r for r in self.rounds if r.accepted is not None]
+        return sorted(kept, key=lambda r: -r.worth)
 
 
 def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = LIBRARY) -> Discovery:
@@ -79,6 +83,10 @@ def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = LIBRARY)
             acting, fit = look_back(problem, acting, fit, rounds)
         remaining, everything = assess(problem, fit, acting, library)
         tested += len(everything)
+    if len(acting) > 1:
+        for entry in (r for r in rounds if r.accepted is not None):
+            others = [one for one in acting if one != entry.accepted.acting]
+            entry.worth = fit.evidence - problem.calibrate(others).evidence
     parts = folds(problem, [name for name, c in problem.forward.conditions.items() if c.held_out])
     plain = linearise(problem, base.z, [])
     repaired = linearise(problem, fit.z, acting) if acting else plain

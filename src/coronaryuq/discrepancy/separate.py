@@ -27,8 +27,8 @@ def separating(found: Discovery, entry: Round) -> list[dict]:
     if len(members) < 2:
         return []
     forward = found.problem.forward
-    position = found.named.index(entry)
-    before = [e.accepted.acting for e in found.named[:position]]
+    position = found.rounds.index(entry)
+    before = [e.accepted.acting for e in found.rounds[:position] if e.accepted is not None]
     feasible = _feasible(forward)
     asked = replace(forward, measured=feasible, _engines={})
     count = len(forward.nuisances)

@@ -8,6 +8,15 @@ class Settings(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
+    model: str | None = Field(
+        None, description="network to examine, svZeroDSolver JSON; none: the tuned loop of this campaign"
+    )
+    measurements: str | None = Field(
+        None, description="measurement table; none: made here, with `hidden_effect` somewhere in the tuned loop"
+    )
+    conditions: str | None = Field(None, description="conditions file that goes with `measurements`")
+    hidden_effect: str = Field("quadratic_stenosis", description="effect hidden where no measurements are given")
+    hidden_size: float = Field(1.0, description="its size, in prior standard deviations")
     pressure_unit: str = Field(
         "auto", description="pressure unit of the network: dyn/cm2, mmHg, or auto (by its simulated root pressure)"
     )

@@ -1,0 +1,81 @@
+"""The rules of the discrepancy campaign: one function each, paths and settings to files."""
+
+from pathlib import Path
+
+import numpy as np
+
+from coronaryuq import files
+from coronaryuq.discrepancy import hidden
+from coronaryuq.discrepancy.command import from_files
+from coronaryuq.discrepancy.conditions import Condition
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.errors import InputError
+from coronaryuq.seeds import generator
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.library import effect
+from coronaryuq.zerod.engine import Engine
+from coronaryuq.zerod.network import read_network
+
+HYPERAEMIA = 0.24
+LARGEST = 3
+
+
+def hide_in_loop(rest: str | Path, settings: Settings, seed: int, folder: str | Path) -> None:
+    """Make a case with a hidden effect from a tuned loop: three files of the case, and `truth.json` for the reader.
+
+    Measured in rest, hyperaemia, pacing and (held out) half dilatation: pressure at the root and before the three
+    largest coronary beds, flow into each coronary artery, perfusion of every bed.
+    """
+    folder, network = Path(folder), read_network(rest)
+    try:
+        one = effect(settings.hidden_effect)
+    except KeyError:
+        raise InputError(
+            "configuration", "discrepancy.hidden_effect", settings.hidden_effect, "not in the library"
+        ) from None
+    conditions = [
+        Condition("rest"),
+        Condition("hyperaemia", coronary_resistance_scale=HYPERAEMIA),
+        Condition("pacing", period_scale=0.75),
+        Condition("half dilated", coronary_resistance_scale=0.5, held_out=True),
+    ]
+    plan, place = plan_of(network), ""
+    random = generator(seed, "discrepancy", "place")
+    inside = [e for e in plan.entries if e[0] == "pressure"][1:]
+    fed = [location.split(":")[0] for _, location, _, _ in inside]
+    if one.side == "network" and set(fed) & set(one.places(Anatomy(network))):
+        place = fed[int(random.integers(len(fed)))]
+    else:
+        places = one.places(Anatomy(network), [])
+        if not places:
+            raise InputError("configuration", "discrepancy.hidden_effect", one.name, "has no place in this loop")
+        place = places[int(random.integers(len(places)))]
+    sizes = np.full(len(one.parameters), settings.hidden_size)
+    truth = hidden.hide(network, {c.name: c for c in conditions}, plan, [(one, place)], sizes, 1.0, seed, folder)
+    files.write_json(
+        folder / "truth.json",
+        {"effect": one.name, "place": place, "size_z": settings.hidden_size, "visible_sd": truth.visible},
+    )
+
+
+def plan_of(network: dict) -> hidden.Plan:
+    """What a catheter laboratory and a perfusion scan would measure on any network."""
+    anatomy = Anatomy(network)
+    beds = anatomy.beds
+    names = {bed: f"mean_flow:{vessel}:{bed}" for bed, vessel in beds.items()}
+    found = Engine(network).run(quantities=list(names.values()), periodic=True, steps_per_cycle=300)
+    if not found.ok[0]:
+        raise InputError("model", None, None, f"the loop does not run: {found.status[0]}")
+    order = sorted(beds, key=lambda bed: -float(found.values[names[bed]][0]))
+    entries = [("pressure", anatomy.inlet(anatomy.roots[0]), "waveform", 0.02)]
+    entries += [("pressure", f"{beds[bed]}:{bed}", "waveform", 0.02) for bed in order[:LARGEST]]
+    entries += [("flow", anatomy.inlet(vessel), "waveform", 0.05) for vessel in anatomy.ostia]
+    entries += [("perfusion", bed, "mean", 0.08) for bed in beds]
+    return hidden.Plan(tuple(entries))
+
+
+def search(
+    model, measurements, conditions, settings: Settings, seed: int, folder: str | Path, threads: int = 1
+) -> None:
+    """Search one case and write the results into `folder`."""
+    from_files(model, measurements, conditions, Path(folder), settings.model_copy(update={"threads": threads}), seed)

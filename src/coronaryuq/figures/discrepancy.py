@@ -1,0 +1,161 @@
+"""Figures of the discrepancy search: where, what, how much, and how far the gap shrinks. Files in, one file out."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib import colormaps
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+
+from coronaryuq.figures.style import MUTED, saved
+from coronaryuq.files import read_csv
+
+MEASURED, BEFORE, AFTER, FLEXIBLE = "#000000", "#0072B2", "#D55E00", "#009E73"
+MOST_PANELS = 6
+
+
+def tree(table: str | Path, figure: str | Path) -> None:
+    """Vessels from left to right as they divide, coloured by the largest disagreement measured there (sd); grey: none."""
+    frame = read_csv(table, ("vessel", "parent", "disagreement"))
+    children: dict[str, list[str]] = {}
+    for row in frame.itertuples(index=False):
+        children.setdefault(row.parent if isinstance(row.parent, str) else "", []).append(row.vessel)
+    place: dict[str, tuple[float, float]] = {}
+
+    def lay(name: str, depth: int, leaf: int) -> int:
+        below = children.get(name, [])
+        first = leaf
+        for child in below:
+            leaf = lay(child, depth + 1, leaf)
+        if not below:
+            leaf += 1
+        heights = [place[child][1] for child in below]
+        place[name] = (depth, float(np.mean(heights)) if heights else float(first))
+        return leaf
+
+    leaves = 0
+    for root in children.get("", []):
+        leaves = lay(root, 0, leaves)
+    worst = dict(zip(frame.vessel, frame.disagreement, strict=True))
+    norm = Normalize(0.0, max(4.0, np.nanmax(frame.disagreement.to_numpy(), initial=0.0)))
+    colours = colormaps["viridis_r"]
+    parents = dict(zip(frame.vessel, frame.parent, strict=True))
+    with saved(figure, figsize=(7.0, max(2.0, 0.28 * leaves + 1.0))) as (canvas, axes):
+        for name, (depth, height) in place.items():
+            parent = parents[name]
+            start = place[parent][1] if isinstance(parent, str) and parent in place else height
+            known = np.isfinite(worst[name])
+            colour = colours(norm(worst[name])) if known else MUTED
+            axes.plot([depth, depth, depth + 0.8], [start, height, height], color=colour, lw=3 if known else 1.5)
+            if leaves <= 12 or known:
+                axes.text(depth + 0.05, height + 0.12, name, fontsize=6, va="bottom")
+        axes.set_axis_off()
+        axes.set_title("Largest disagreement after recalibration (sd of what chance gives); grey: not measured")
+        canvas.colorbar(ScalarMappable(norm, colours), ax=axes, shrink=0.7)
+
+
+def residuals(table: str | Path, figure: str | Path) -> None:
+    """The series with the largest misfit: measured with its noise, recalibrated, repaired, over the cycle."""
+    frame = read_csv(
+        table, ("condition", "quantity", "location", "statistic", "phase", "measured", "sd", "recalibrated")
+    )
+    waves = frame[frame.statistic == "waveform"]
+    groups = list(waves.groupby(["quantity", "location", "condition"], sort=False))
+    groups.sort(key=lambda item: -float(np.mean(((item[1].measured - item[1].recalibrated) / item[1].sd) ** 2)))
+    groups = groups[:MOST_PANELS]
+    if not groups:
+        groups = [(("mean values", "", ""), frame.assign(phase=np.arange(len(frame))))]
+    rows = -(-len(groups) // 2)
+    with saved(figure, nrows=rows, ncols=2, figsize=(8.0, 2.3 * rows), squeeze=False) as (_, axes):
+        for axis, ((quantity, location, condition), part) in zip(axes.flat, groups, strict=False):
+            part = part.sort_values("phase")
+            phase = part.phase.to_numpy() % 1.0 if part.phase.max() <= 2 else part.phase.to_numpy()
+            axis.errorbar(phase, part.measured, part.sd, fmt=".", ms=3, lw=0.6, color=MEASURED, label="measured, sd")
+            axis.plot(phase, part.recalibrated, color=BEFORE, lw=1.2, label="recalibrated")
+            axis.plot(phase, part.repaired, color=AFTER, lw=1.2, label="with the named effects")
+            held = "" if bool(part.fitted.all()) else ", kept out of the fit"
+            axis.set_title(f"{quantity} at {location}\n{condition}{held}", fontsize=7)
+            axis.set_xlabel("phase of the cycle")
+            axis.set_ylabel({"pressure": "dyn/cm²", "flow": "mL/s", "volume": "mL"}.get(quantity, ""))
+        for axis in axes.flat[len(groups) :]:
+            axis.set_axis_off()
+        axes.flat[0].legend(fontsize=6)
+
+
+def ranking(table: str | Path, figure: str | Path) -> None:
+    """Candidates of every round with their probability; the accepted one filled."""
+    frame = read_csv(table, ("round", "effect", "place", "probability", "accepted"))
+    frame = frame[frame.effect != "outside the library"]
+    rounds = sorted(frame["round"].unique()) or [1]
+    with saved(figure, ncols=len(rounds), figsize=(4.2 * len(rounds), 3.0), squeeze=False) as (_, axes):
+        for axis, number in zip(axes.flat, rounds, strict=True):
+            part = frame[frame["round"] == number].nlargest(8, "probability").iloc[::-1]
+            names = [
+                f"{e.replace('_', ' ')}\n{p}" if isinstance(p, str) else e
+                for e, p in zip(part.effect, part.place, strict=True)
+            ]
+            colours = [AFTER if accepted else MUTED for accepted in part.accepted]
+            axis.barh(range(len(part)), part.probability, color=colours)
+            axis.set_yticks(range(len(part)), names, fontsize=6)
+            axis.set_xlim(0, 1)
+            axis.set_xlabel("probability, given the library")
+            axis.set_title(f"round {number}")
+
+
+def sizes(table: str | Path, figure: str | Path) -> None:
+    """Posterior and prior density of every size of the named effects."""
+    frame = read_csv(table, ("effect", "place", "parameter", "size", "posterior", "prior"))
+    groups = list(frame.groupby(["effect", "place", "parameter"], sort=False))
+    with saved(figure, ncols=max(1, len(groups)), figsize=(3.4 * max(1, len(groups)), 2.6), squeeze=False) as (_, axes):
+        if not groups:
+            axes.flat[0].text(0.5, 0.5, "no effect was named", ha="center")
+            axes.flat[0].set_axis_off()
+        for axis, ((effect, place, parameter), part) in zip(axes.flat, groups, strict=False):
+            axis.plot(part["size"], part.posterior, color=AFTER, label="posterior")
+            axis.plot(part["size"], part.prior, color=MUTED, ls="--", label="prior")
+            axis.set_title(f"{effect.replace('_', ' ')}\n{place}", fontsize=7)
+            axis.set_xlabel(parameter)
+            axis.set_ylabel("density")
+            axis.legend(fontsize=6)
+
+
+def gap(table: str | Path, figure: str | Path) -> None:
+    """Misfit on data kept out of every fit, with 90 % intervals, beside the noise floor."""
+    frame: pd.DataFrame = read_csv(table, ("model", "misfit", "low", "high", "noise_floor"))
+    with saved(figure, figsize=(5.5, 2.2)) as (_, axes):
+        at = np.arange(len(frame))[::-1]
+        colours = [BEFORE, AFTER, FLEXIBLE][: len(frame)]
+        low, high = (np.clip(d, 0, None) for d in (frame.misfit - frame.low, frame.high - frame.misfit))
+        for y, row, colour, a, b in zip(at, frame.itertuples(), colours, low, high, strict=True):
+            axes.errorbar(row.misfit, y, xerr=[[a], [b]], fmt="o", color=colour, capsize=3)
+        axes.axvline(1.0, color=MUTED, ls="--", lw=1)
+        axes.text(1.0, len(frame) - 0.55, "noise floor", fontsize=7, color=MUTED)
+        axes.set_yticks(at, frame.model)
+        axes.set_ylim(-0.6, len(frame) - 0.3)
+        axes.set_xlim(left=0)
+        axes.set_xlabel("misfit on data kept out of every fit (noise sd)")
+
+
+def pairs(table: str | Path, figure: str | Path) -> None:
+    """A table model: pressure drop against flow, and FFR measured against simulated before and after, per branch."""
+    frame = read_csv(table, ("branch", "flow", "drop_measured", "drop_model_at_flow", "ffr_measured", "ffr_simulated"))
+    names = list(dict.fromkeys(frame.branch))
+    with saved(figure, nrows=2, ncols=len(names), figsize=(3.0 * len(names), 5.4), squeeze=False) as (_, axes):
+        for column, name in enumerate(names):
+            part = frame[frame.branch == name]
+            top, bottom = axes[:, column]
+            top.plot(part.flow, part.drop_measured, ".", ms=2, color=MEASURED, label="measured")
+            top.plot(part.flow, part.drop_model_at_flow, ".", ms=2, color=BEFORE, label="model at that flow")
+            top.set(title=name.upper(), xlabel="flow", ylabel="pressure drop")
+            for key, colour, label in (
+                ("ffr_simulated", BEFORE, "as it is"),
+                ("ffr_recalibrated", FLEXIBLE, "recalibrated"),
+                ("ffr_repaired", AFTER, "repaired"),
+            ):
+                bottom.plot(part.ffr_measured, part[key], ".", ms=2, color=colour, label=label)
+            ends = [part.ffr_measured.min(), part.ffr_measured.max()]
+            bottom.plot(ends, ends, color=MUTED, lw=1)
+            bottom.set(xlabel="FFR measured", ylabel="FFR, held-out samples")
+        axes[0, 0].legend(fontsize=7, markerscale=4)
+        axes[1, 0].legend(fontsize=7, markerscale=4)

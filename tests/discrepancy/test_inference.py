@@ -1,0 +1,98 @@
+"""Calibration, evidence and tests against exact Gaussian results and repeated trials."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from coronaryuq.discrepancy.inference import Fit, Search, maximise
+from coronaryuq.discrepancy.locate import false_discovery
+from coronaryuq.discrepancy.outside import AMPLITUDES, gain
+from coronaryuq.seeds import generator
+
+
+def linear_case(seed, rows=40, columns=5):
+    random = generator(seed, "test", "linear")
+    g = random.standard_normal((rows, columns))
+    z = random.standard_normal(columns)
+    return g, g @ z + random.standard_normal(rows)
+
+
+def fit_of(g, y):
+    z = np.linalg.solve(np.eye(g.shape[1]) + g.T @ g, g.T @ y)
+    return Fit(z, y - g @ z, g)
+
+
+def test_evidence_is_the_exact_gaussian_one():
+    """For a linear model log Z is the density of y under N(0, I + GG'), constant left out."""
+    g, y = linear_case(1)
+    exact = stats.multivariate_normal(np.zeros(len(y)), np.eye(len(y)) + g @ g.T).logpdf(y)
+    assert fit_of(g, y).evidence - 0.5 * len(y) * np.log(2 * np.pi) == pytest.approx(exact)
+
+
+def test_gauss_newton_finds_the_linear_optimum_at_once():
+    g, y = linear_case(2)
+    search = Search(None, np.zeros(5), list(range(5)))
+    maximise(lambda rows: np.array([y - g @ z for z, _ in rows]), [search], 4)
+    assert search.fit.z == pytest.approx(fit_of(g, y).z, abs=1e-8)
+
+
+def test_gauss_newton_solves_a_curved_problem():
+    """y = exp(z) with tight noise: the optimum is log y up to the prior's pull."""
+    search = Search(None, np.zeros(1), [0])
+    maximise(lambda rows: np.array([(2.0 - np.exp(z)) / 1e-3 for z, _ in rows]), [search], 20, tolerance=1e-9)
+    assert search.fit.z[0] == pytest.approx(np.log(2.0), abs=1e-5)
+
+
+def test_a_failed_run_is_reported_not_raised():
+    search = Search(None, np.zeros(1), [0])
+    maximise(lambda rows: np.full((len(rows), 3), np.nan), [search], 3)
+    assert search.failed
+
+
+def test_score_has_covariance_p():
+    """Over repeated trials the score test's statistic is standard normal: level 5 % within its binomial error."""
+    trials, rejected = 2000, 0
+    random = generator(3, "test", "score")
+    g = random.standard_normal((30, 4))
+    direction = random.standard_normal(30)
+    for _ in range(trials):
+        fit = fit_of(g, g @ random.standard_normal(4) + random.standard_normal(30))
+        z = direction @ fit.score / np.sqrt(direction @ fit.project(direction))
+        rejected += abs(z) > 1.959963984540054
+    error = np.sqrt(0.05 * 0.95 / trials)
+    assert rejected / trials == pytest.approx(0.05, abs=4 * error)
+
+
+def test_objective_is_chi_squared_under_the_model():
+    trials = 1000
+    random = generator(4, "test", "chi2")
+    g = random.standard_normal((30, 4))
+    values = [fit_of(g, g @ random.standard_normal(4) + random.standard_normal(30)).objective for _ in range(trials)]
+    assert stats.kstest(values, stats.chi2(30).cdf).pvalue > 1e-3
+
+
+def test_false_discovery_is_controlled_under_the_null():
+    random = generator(5, "test", "fdr")
+    found = sum((false_discovery(random.uniform(size=50)) < 0.05).any() for _ in range(500))
+    assert found / 500 < 0.05 + 4 * np.sqrt(0.05 * 0.95 / 500)
+
+
+def test_false_discovery_agrees_with_scipy():
+    p = generator(6, "test", "by").uniform(size=20) ** 2
+    assert false_discovery(p) == pytest.approx(stats.false_discovery_control(p, method="by"))
+
+
+def test_flexible_gain_is_the_exact_ratio_of_evidences():
+    """Gain averages N(0, I + GG' + a^2 FF') over N(0, I + GG') with equal weights over the amplitudes."""
+    g, y = linear_case(7)
+    features = generator(7, "test", "features").standard_normal((len(y), 6))
+    plain = np.eye(len(y)) + g @ g.T
+    zero = np.zeros(len(y))
+    ratios = [
+        np.exp(
+            stats.multivariate_normal(zero, plain + a**2 * features @ features.T).logpdf(y)
+            - stats.multivariate_normal(zero, plain).logpdf(y)
+        )
+        for a in AMPLITUDES
+    ]
+    assert gain(fit_of(g, y), features)[0] == pytest.approx(np.log(np.mean(ratios)))

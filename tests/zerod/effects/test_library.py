@@ -1,0 +1,169 @@
+"""Every effect: none leaves the flow alone, sizes do what the formula says, a changed network runs as it should."""
+
+import copy
+
+import numpy as np
+import pytest
+
+from coronaryuq.discrepancy.openloop import left_coronary
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.base import Series, Situation
+from coronaryuq.zerod.effects.library import LIBRARY, effect
+from coronaryuq.zerod.engine import Engine
+
+NETWORK_SIDE = [one for one in LIBRARY if one.side == "network" and one.name != "aortic_stenosis"]
+
+
+def anatomy_of(network):
+    anatomy = Anatomy(network)
+    found = Engine(network).run(
+        quantities=[f"mean_flow:{anatomy.inlet(v)}" for v in anatomy.vessels], periodic=True, steps_per_cycle=200
+    )
+    flows = {v: float(found.values[f"mean_flow:{anatomy.inlet(v)}"][0]) for v in anatomy.vessels}
+    return Anatomy(network, 1.2e5, flows, 0.85)
+
+
+@pytest.fixture(scope="module")
+def tree():
+    network = left_coronary()
+    return network, anatomy_of(network)
+
+
+def situation(anatomy, vasodilated=0.5):
+    beds = dict.fromkeys(anatomy.beds, 1.1e5)
+    felt = {bed: np.array([0.9e5]) for bed in beds}
+    return Situation("hyperaemia", vasodilated, anatomy.period, felt, beds, {})
+
+
+def flows(network, anatomy, one=None, place=None, sizes=None):
+    """Mean flow into every bed with (or without) an effect."""
+    renamed, changes = {}, {}
+    if one is not None:
+        renamed = one.aliases(place, anatomy)
+        network = one.insert(network, place, anatomy)
+        changes = one.changes(network, place, sizes, anatomy, situation(anatomy))
+        for name, value in list(changes.items()):
+            if np.ndim(value) == 2:
+                block = next(b for b in network["boundary_conditions"] if b["bc_name"] == name.split(".")[0])
+                block["bc_values"]["t"] = np.linspace(0, anatomy.period, value.shape[1]).tolist()
+                block["bc_values"]["Pim"] = value[0].tolist()
+                del changes[name]
+    names = [renamed.get(f"{v}:{bed}", f"{v}:{bed}") for bed, v in anatomy.beds.items()]
+    found = Engine(network).run(changes, [f"mean_flow:{n}" for n in names], periodic=True, steps_per_cycle=200)
+    assert found.ok.all(), found.status
+    return np.array([found.values[f"mean_flow:{n}"][0] for n in names])
+
+
+@pytest.mark.parametrize("one", NETWORK_SIDE, ids=lambda one: one.name)
+def test_vanishing_effect_leaves_every_flow_alone(one, tree):
+    network, anatomy = tree
+    sizes = {p.name: np.array([1e-7]) for p in one.parameters}
+    plain = flows(network, anatomy)
+    for place in one.places(anatomy)[:3]:
+        assert flows(network, anatomy, one, place, sizes) == pytest.approx(plain, rel=2e-4)
+
+
+@pytest.mark.parametrize("one", NETWORK_SIDE, ids=lambda one: one.name)
+def test_insertion_keeps_the_network_it_was_given(one, tree):
+    network, anatomy = tree
+    before = copy.deepcopy(network)
+    one.insert(network, one.places(anatomy)[0], anatomy)
+    assert network == before
+
+
+def test_every_effect_says_what_it_is():
+    names = [one.name for one in LIBRARY]
+    assert len(set(names)) == len(names)
+    for one in LIBRARY:
+        assert one.formula and one.source and one.signature and one.native and one.parameters
+
+
+@pytest.mark.parametrize("one", LIBRARY, ids=lambda one: one.name)
+def test_standard_numbers_and_sizes_are_inverse(one):
+    z = np.linspace(-2, 2, 5)
+    for parameter in one.parameters:
+        assert parameter.to_standard(parameter.from_standard(z)) == pytest.approx(z)
+
+
+def test_stenosis_takes_its_share_of_pressure_at_the_models_flow(tree):
+    """At the reference flow Q the added drop S Q^2 is the stated share of the mean pressure."""
+    network, anatomy = tree
+    found = effect("quadratic_stenosis").changes(network, "lcx", {"loss": np.array([0.2])}, anatomy, situation(anatomy))
+    drop = found["lcx.stenosis_coefficient"] * anatomy.flow["lcx"] ** 2
+    assert drop == pytest.approx(0.2 * anatomy.pressure)
+
+
+def test_narrowing_follows_poiseuille(tree):
+    """R ~ r^-4, L ~ r^-2, C ~ r^3 of one and the same radius."""
+    network, anatomy = tree
+    old = anatomy.vessels["lad"]["zero_d_element_values"]
+    new = effect("diffuse_narrowing").changes(network, "lad", {"loss": np.array([0.1])}, anatomy, situation(anatomy))
+    radius = (old["R_poiseuille"] / new["lad.R_poiseuille"]) ** 0.25
+    assert new["lad.L"] == pytest.approx(old["L"] / radius**2)
+    assert new["lad.C"] == pytest.approx(old["C"] * radius**3)
+
+
+def test_collateral_feeds_the_bed_with_the_lower_pressure():
+    """Behind a tight stenosis of the LAD a collateral from the circumflex raises the LAD bed's flow."""
+    network = left_coronary()
+    lad = next(v for v in network["vessels"] if v["vessel_name"] == "lad")
+    lad["zero_d_element_values"]["R_poiseuille"] = 8e4
+    anatomy = anatomy_of(network)
+    plain = flows(network, anatomy)
+    fed = flows(network, anatomy, effect("collateral"), "lad~lcx", {"conductance": np.array([1.0])})
+    lad_bed, lcx_bed = (list(anatomy.beds).index(f"BC_{name}") for name in ("lad", "lcx"))
+    assert fed[lad_bed] > 1.1 * plain[lad_bed]
+    assert fed[lcx_bed] < plain[lcx_bed]
+
+
+def test_leak_takes_its_share():
+    network = left_coronary()
+    anatomy = anatomy_of(network)
+    one, sizes = effect("side_branch_leak"), {"share": np.array([0.5])}
+    leaking = one.insert(network, "lcx", anatomy)
+    changes = one.changes(leaking, "lcx", sizes, anatomy, situation(anatomy))
+    names = ["mean_flow:lcx:J_lcx_leak", "mean_flow:lcx_leak:BC_lcx", "mean_flow:leak_lcx:BC_leak_lcx"]
+    found = Engine(leaking).run(changes, names, periodic=True, steps_per_cycle=200).values
+    above, below, leak = (found[name][0] for name in names)
+    assert above == pytest.approx(below + leak, rel=1e-6)
+    # The leak is rated at the mean pressure of the root; the drop on the way there takes a little.
+    assert leak == pytest.approx(0.5 * anatomy.flow["lcx"], rel=0.2)
+
+
+def test_incomplete_hyperaemia_is_silent_at_rest(tree):
+    network, anatomy = tree
+    one = effect("incomplete_hyperaemia")
+    assert one.changes(network, "all beds", {"share": np.array([0.3])}, anatomy, situation(anatomy, 1.0)) == {}
+    found = one.changes(network, "all beds", {"share": np.array([1.0])}, anatomy, situation(anatomy, 0.25))
+    # All dilatation kept out: the network under the condition (0.25) is back at rest (1).
+    own = anatomy.blocks["BC_lad"]["bc_values"]["Ra1"]
+    assert found["BC_lad.Ra1"] == pytest.approx(4.0 * own)
+
+
+def perfusion_series():
+    places = ("BC_a", "BC_b", "BC_c")
+    return [Series(c, "perfusion", p, "mean", None, 1.0) for c in ("rest", "stress") for p in places]
+
+
+def test_underestimated_perfusion_follows_renkin_and_crone():
+    """MBF over F is (1 - exp(-PS/F)) over its value at the least flow, so rest is right and stress too low."""
+    series = perfusion_series()
+    true = [np.array([[value]]) for value in (1.0, 1.1, 1.2, 3.0, 3.3, 4.0)]
+    seen = effect("mbf_underestimation").observe("perfusion map", {"saturation": np.array([0.5])}, series, true)
+    expected = [f * (1 - np.exp(-2.0 / f)) / (1 - np.exp(-2.0)) for f in (1.0, 1.1, 1.2, 3.0, 3.3, 4.0)]
+    assert np.ravel(seen) == pytest.approx(expected)
+
+
+def test_rotation_by_a_whole_territory_is_a_permutation():
+    series = perfusion_series()
+    true = [np.array([[value]]) for value in (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)]
+    seen = effect("rotated_territories").observe("perfusion map", {"share": np.array([1.0])}, series, true)
+    assert np.ravel(seen) == pytest.approx([2.0, 3.0, 1.0, 5.0, 6.0, 4.0])
+
+
+def test_delay_shifts_a_sine_by_its_phase():
+    time = np.linspace(0.0, 1.0, 400, endpoint=False)
+    series = [Series("rest", "pressure", "a:b", "waveform", time, 1.0)]
+    wave = [np.sin(2 * np.pi * time)[None, :]]
+    seen = effect("pressure_delay").observe("a:b", {"delay": np.array([0.1])}, series, wave)
+    assert seen[0][0] == pytest.approx(np.sin(2 * np.pi * (time - 0.1)), abs=1e-4)
