@@ -13,8 +13,8 @@ DEPTH = 5
 PATIENCE = 6
 """Accelerated cycles in which a sample's least error must halve; else it goes on plainly.
 
-Valves open and close between two time steps, so on a coarse grid the map has small jumps. Acceleration may leap back and
-forth across one for ever, where plain cycles settle on one side.
+Valves open and close between two time steps, so on a coarse grid the map has small jumps. Acceleration may leap back
+and forth across one for ever, where plain cycles settle on one side.
 """
 
 _RANK = 1e-8
