@@ -1,0 +1,87 @@
+"""The smallest campaign from end to end: every stage real, the report whole, the truth recovered within its error."""
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from coronaryuq.files import read_csv, read_json
+from coronaryuq.records import read as read_records
+
+pytestmark = pytest.mark.workflow
+
+ROOT = Path(__file__).parents[2]
+
+
+def campaign(folder: Path, *arguments: str) -> Path:
+    """Run `config/smoke.yaml` in a folder; return its results."""
+    command = [
+        sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"), "--directory", str(folder),
+        "--profile", str(ROOT / "workflow" / "profiles" / "default"),
+        "--configfile", str(ROOT / "config" / "smoke.yaml"), *arguments,
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, timeout=1800)
+    assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]
+    return folder / "results" / "smoke"
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    return campaign(tmp_path_factory.mktemp("smoke"))
+
+
+def test_the_table_has_every_row_and_estimator(results):
+    table = read_csv(results / "estimation" / "table.csv")
+    assert table["row"].nunique() == 12
+    assert set(table["estimator"]) == {"MC", "MFMC", "MFMC-AE", "best"}
+    assert np.isfinite(table[["mean", "std"]]).all(axis=None) and (table["std"] > 0).all()
+
+
+def test_flows_of_the_posterior_are_the_patients(results):
+    truth = read_json(results / "patient" / "truth.json")["hyperaemia"]["flows"]
+    predictive = read_json(results / "posterior" / "summary.json")["predictive"]
+    targets = read_json(results / "perfusion" / "targets.json")
+    flows = np.array([truth[bed] for bed in targets["bc"]])
+    spread = np.sqrt(np.diag(np.array(targets["covariance"])))
+    assert (np.abs(np.array(predictive["flow_mean"]) - flows) < 2 * spread).all()
+    assert np.abs(np.array(predictive["flow_mean"]).sum() / flows.sum() - 1) < 0.1
+
+
+def test_3d_and_0d_agree_on_what_both_know(results):
+    records = [r for k in range(3) for r in read_records(results / "flow3d" / f"batch_{k}.jsonl")]
+    assert len(records) == 24 and all(record.ok for record in records)
+    for record in records:
+        for branch in ("lad", "lcx", "rca"):
+            assert 0.4 < record.outputs[f"ffr_{branch}"] < 1.0
+            assert 0.0 <= record.outputs[f"osi_max_{branch}"] <= 0.5
+            assert record.outputs[f"tawss_min_{branch}"] > 0
+    outputs_3d, outputs_0d = (read_csv(results / "runs" / f"outputs_{kind}.csv") for kind in ("3d", "0d"))
+    for branch in ("lad", "lcx", "rca"):
+        assert np.corrcoef(outputs_3d[f"ffr_{branch}"], outputs_0d[f"ffr_{branch}"])[0, 1] > 0.8
+
+
+def test_the_report_holds_its_pictures_and_no_loose_ends(results):
+    page = (results / "report.html").read_text()
+    assert page.count("data:image/png;base64,") >= 9
+    assert not re.search(r"\b(nan|None|undefined)\b", re.sub(r"base64,[^\"]*|<pre>.*</pre>", "", page, flags=re.S))
+    assert "http://" not in page and "https://" not in page
+
+
+def test_figures_are_redrawn_to_the_same_bytes(results):
+    figures = sorted((results / "figures").glob("*.png"))
+    before = [path.read_bytes() for path in figures]
+    shutil.rmtree(results / "figures")
+    campaign(results.parents[1], "figures")
+    assert [path.read_bytes() for path in figures] == before
+
+
+@pytest.mark.long
+def test_one_core_gives_the_same_bits_as_two(results, tmp_path):
+    alone = campaign(tmp_path, "--cores", "1", "--set-resources", "posterior_chains:tasks=1")
+    names = ("estimation/table.csv", "posterior/draws.csv", "runs/outputs_3d.csv", "runs/outputs_0d.csv")
+    for name in (*names, *(f"figures/{path.name}" for path in (results / "figures").glob("*.png"))):
+        assert (alone / name).read_bytes() == (results / name).read_bytes(), name
