@@ -79,7 +79,7 @@ def test_hundred_dimensions_stay_the_target():
     start = np.random.default_rng(0).multivariate_normal(mean, covariance, size=chains)
     draws, state = run(log_density, start, 100, adapt_crossovers=False, remove_outliers=False)
     assert np.mean(np.linalg.norm((draws[-1] - start) / np.sqrt(np.diag(covariance)), axis=1)) > 3
-    assert state.accepted.min() > 0
+    assert state.accepted.mean() > 5
     z = (draws[-1] - mean) / np.sqrt(np.diag(covariance))
     assert np.all(np.abs(z.mean(axis=0)) < 4.5 / np.sqrt(chains))
     assert np.all(np.abs(np.mean(z**2, axis=0) - 1) < 4.5 * np.sqrt(2 / chains))
