@@ -117,7 +117,7 @@ def _library(model: BedFlows, likelihood: Likelihood, chains: dict, settings: Se
         draws = space.multipliers(sampler.get_chain(flat=True)).reshape(steps, WALKERS, -1).swapaxes(0, 1)
         return effective_size(draws, "bulk").min() / steps, cpu / steps
 
-    per_step, cost = ensemble(lambda y: exact(y)[0], 10 if quick else 1000)
+    per_step, cost = ensemble(lambda y: exact(y)[0], 10 if quick else 400)
     if quick:
         random = np.random.default_rng(SEED)
         count = design_size(space.dimension)
