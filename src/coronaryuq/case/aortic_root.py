@@ -24,7 +24,7 @@ OUTLETS = (
     ("rca3", "AM", "RV", "RCA", (71.24, 99.05, 110.46)),
 )
 """Name, label, what it perfuses, branch and the centre of its cap in `coronarytree.stl`, cm: read off the courses."""
-INLET = (78.42, 106.21, 110.19)
+INLET = (76.47, 105.96, 111.20)
 PERFUSION = 2.0
 """mL/min/g of the healthy wall under hyperaemia."""
 ANY = 1.0

@@ -11,13 +11,14 @@ def turnable(grid):
     import pyvista as pv
 
     grid = pv.UnstructuredGrid(grid)
+    offsets = np.array(grid.cell_offsets)
     kinds, connectivity = np.array(grid.celltypes), np.array(grid.cell_connectivity)
-    starts = np.asarray(grid.offset)[:-1][kinds == pv.CellType.VOXEL]
+    starts = offsets[:-1][kinds == pv.CellType.VOXEL]
     corners = starts[:, None] + np.arange(8)
     connectivity[corners] = connectivity[corners][:, AROUND]
     kinds[kinds == pv.CellType.VOXEL] = pv.CellType.HEXAHEDRON
-    sizes = np.diff(np.asarray(grid.offset))
-    cells = np.insert(connectivity, np.asarray(grid.offset)[:-1], sizes)
+    sizes = np.diff(offsets)
+    cells = np.insert(connectivity, offsets[:-1], sizes)
     turned = pv.UnstructuredGrid(cells, kinds, np.asarray(grid.points, dtype=float))
     turned.point_data.update(grid.point_data)
     turned.cell_data.update(grid.cell_data)

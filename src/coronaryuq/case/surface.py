@@ -15,6 +15,8 @@ FLAT = np.cos(np.radians(10.0))
 """Area of a cap's projection along its normal over its area, at least."""
 SHARP = (40.0, 25.0, 15.0)
 """Degrees between the normals of neighbours at which the surface is cut, in turn."""
+SLIVER = 1e-3
+"""Area over longest edge squared."""
 FEWEST = 4
 """Triangles of a cap."""
 SPURIOUS_RIM = 4
@@ -111,9 +113,12 @@ def find_caps(points: np.ndarray, triangles: np.ndarray) -> list[Cap]:
     """
     normals, areas = _normals(points, triangles)
     pairs, edges = _neighbours(triangles)
+    normals = _without_slivers(points, triangles, normals, areas, pairs, edges)
     turn = (normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1)
     centroids = points[triangles].mean(axis=1)
-    convex = ((centroids[pairs[:, 1]] - centroids[pairs[:, 0]]) * normals[pairs[:, 0]]).sum(axis=1) < 0
+    across = centroids[pairs[:, 1]] - centroids[pairs[:, 0]]
+    # Thin triangles lie in both planes: only what clearly rises is concave.
+    convex = (across * normals[pairs[:, 0]]).sum(axis=1) < 0.02 * np.linalg.norm(across, axis=1)
     length = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
     n = len(triangles)
     caps: list[Cap] = []
@@ -137,6 +142,25 @@ def find_caps(points: np.ndarray, triangles: np.ndarray) -> list[Cap]:
                 caps.append(cap)
                 taken[faces] = True
     return sorted(caps, key=lambda cap: -cap.radius)
+
+
+def _without_slivers(points, triangles, normals, areas, pairs, edges, passes: int = 20) -> np.ndarray:
+    """Normals in which a sliver, whose own means nothing, has that of its neighbour across its longest edge."""
+    corners = points[triangles]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    sliver = areas < SLIVER * longest**2
+    length = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
+    takers, givers = [], []
+    for side in (0, 1):
+        taker = pairs[:, side]
+        take = sliver[taker] & (length > 0.999 * longest[taker])
+        takers.append(taker[take])
+        givers.append(pairs[take, 1 - side])
+    taker, giver = np.concatenate(takers), np.concatenate(givers)
+    normals = normals.copy()
+    for _ in range(passes):
+        normals[taker] = normals[giver]
+    return normals
 
 
 def _cap(points, triangles, faces: np.ndarray, normals, areas, rim: float) -> Cap | None:
