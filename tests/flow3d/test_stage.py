@@ -1,0 +1,140 @@
+"""The rule function on a small closed loop: mesh folder, table of θ and network in, records and fields out."""
+
+import numpy as np
+import pandas as pd
+import pytest
+import pyvista as pv
+
+from coronaryuq import files, records
+from coronaryuq.case.network import Bed, network_from_tree, segments
+from coronaryuq.case.tree import Stenosis, Tree, Vessel
+from coronaryuq.errors import InputError
+from coronaryuq.flow3d.mesh import folder
+from coronaryuq.flow3d.mesh.coupling import downstream_block, upstream_block
+from coronaryuq.flow3d.mesh.quality import boundary
+from coronaryuq.flow3d.settings import Settings
+from coronaryuq.flow3d.stage import run_batch
+from coronaryuq.flow3d.tube import tube
+from coronaryuq.zerod.engine import Engine
+
+SETTINGS = Settings(steps_per_cycle=300, max_cycles=3, wall_samples_per_cycle=50)
+
+
+def loop():
+    """Aorta and one artery with a stenosis: tree, stenosis, network."""
+    line = np.linspace(0, 1, 41)[:, None]
+    radii = np.where(np.abs(line[:, 0] - 0.5) < 0.15, 0.09, 0.16)
+    tree = Tree(
+        [
+            Vessel("aorta", 2.0 * line * [0, 0, 1.0], np.full(41, 1.2), None, "aorta"),
+            Vessel("lca1", [0, 0, 2.0] + 5.0 * line * [1.0, 0, 0], radii, "aorta", "LAD"),
+            Vessel("aorta_outlet", [0, 0, 2.0] + 2.0 * line * [0, 0, 1.0], np.full(41, 1.2), "aorta", "aorta"),
+        ]
+    )
+    stenosis = Stenosis("LAD", "lca1", 1.7, 3.3)
+    network = network_from_tree(tree, [Bed("BC_lca1", "lca1", False)], {"BC_RCR1": "aorta_outlet"}, [stenosis])
+    return tree, stenosis, network
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory):
+    """Folder with everything that the stage reads."""
+    here = tmp_path_factory.mktemp("flow3d")
+    tree, stenosis, network = loop()
+    part = next(p for p in segments(tree, [stenosis]) if p.stenosis).name
+    length = 1.6
+
+    def radius(z):
+        return 0.16 - 0.06 * np.exp(-(((z - 0.8) / 0.2) ** 2))
+
+    points, tets, faces = tube(length, radius, 3, 24)
+    triangles, owner = boundary(tets)
+    height = points[triangles][:, :, 2]
+    face = np.where((height == 0).all(axis=1), 2, np.where((height == length).all(axis=1), 3, 1))
+    region = ((face == 1) & (np.abs(height.mean(axis=1) - 0.9) < 0.5)).astype(int)
+    names = {1: "wall", 2: "inlet", 3: "outlet"}
+    folder.write(here / "mesh-complete", folder.Mesh(points, tets, triangles, owner, face, names, region))
+    upstream, downstream = upstream_block(network, part), downstream_block(network, part)
+    caps = [("inlet", upstream, part, "in"), ("outlet", part, downstream, "out")]
+    files.write_json(
+        here / "mesh.json",
+        {
+            "nodes": len(points),
+            "faces": [{"name": "wall", "kind": "wall"}]
+            + [
+                {"name": name, "kind": "cap", "couples": {"upstream": a, "downstream": b, "flow": way}}
+                for name, a, b, way in caps
+            ],
+            "replaces": [part],
+            "cut": {},
+            "regions": {"LAD": {"id": 1}},
+            "planes": {"LAD": {"point": [0.0, 0.0, 1.4], "normal": [0.0, 0.0, 1.0]}},
+        },
+    )
+    files.write_json(here / "network.json", network)
+    aorta = next(name for name in Engine(network).unknowns if name.startswith("pressure:J_heart_outlet:"))
+    case = {"density": 1.06, "viscosity": 0.04, "aorta": {"pressure": aorta.split(":", 1)[1]}}
+    files.write_json(here / "case.json", case)
+    table = {"sample": ["a", "b", "c"], "BC_lca1": [0.7, 1.0, 1.5], "R_cor_scaling": [0.9, 1.0, 1.1]}
+    files.write_csv(here / "samples.csv", pd.DataFrame(table))
+    return here
+
+
+def run(here, first, count, settings=SETTINGS, fields=None, table="samples.csv"):
+    out = here / f"batch_{first}_{count}.jsonl"
+    run_batch(
+        *(here / "case.json", here / "network.json", here / "mesh-complete", here / "mesh.json", here / table),
+        *(first, count, settings, out, here / "checkpoints", fields),
+    )
+    return records.read(out)
+
+
+@pytest.fixture(scope="module")
+def rows(campaign):
+    return run(campaign, 0, 3, fields=campaign / "fields")
+
+
+def test_every_sample_has_a_record_with_the_named_outputs(rows):
+    assert [row.sample for row in rows] == ["a", "b", "c"]
+    for row in rows:
+        assert row.ok and row.solver["name"] == "ensemble" and "monolithic" in row.solver["coupling"]
+        for name in ("ffr", "tawss_min", "osi_max", "tawss_q01", "osi_q99"):
+            assert np.isfinite(row.outputs[f"{name}_lad"])
+        assert {"cfl", "mass_balance", "backflow_steps", "cycles", "change"} <= set(row.diagnostics)
+        assert row.diagnostics["mass_balance"] < 1e-6
+
+
+def test_more_resistance_means_less_flow_and_more_pressure_behind_the_stenosis(rows):
+    ffr = [row.outputs["ffr_lad"] for row in rows]
+    shear = [row.outputs["tawss_mean_lad"] for row in rows]
+    assert 0.5 < ffr[0] < ffr[1] < ffr[2] < 1.0
+    assert shear[0] > shear[1] > shear[2] > 0
+
+
+def test_numbers_do_not_depend_on_the_batch_in_a_closed_loop(campaign, rows):
+    (alone,) = run(campaign, 2, 1)
+    assert alone.outputs == rows[2].outputs
+
+
+def test_fields_of_the_first_sample_are_kept(campaign, rows):
+    wall, lumen = pv.read(campaign / "fields" / "a_wall.vtp"), pv.read(campaign / "fields" / "a.vtu")
+    region = np.abs(np.asarray(wall.points)[:, 2] - 0.9) < 0.4
+    assert np.asarray(wall["TAWSS"])[region].min() >= rows[0].outputs["tawss_min_lad"]
+    assert np.isfinite(lumen["mean_pressure"]).all()
+    assert len(list((campaign / "fields").iterdir())) == 2
+
+
+def test_a_failed_sample_is_a_record(campaign):
+    (row,) = run(campaign, 0, 1, SETTINGS.model_copy(update={"speed_limit": 1.0, "refinements": 0}))
+    assert not row.ok and not row.outputs and "blew up" in row.reason
+
+
+def test_a_foreign_column_is_refused(campaign):
+    files.write_csv(campaign / "wrong.csv", pd.DataFrame({"sample": ["a"], "BC_other": [1.0]}))
+    with pytest.raises(InputError, match="BC_other"):
+        run(campaign, 0, 1, table="wrong.csv")
+
+
+def test_too_short_a_table_is_refused(campaign):
+    with pytest.raises(InputError, match="at least 5 rows"):
+        run(campaign, 2, 3)
