@@ -109,6 +109,15 @@ def test_systole_may_pass_the_end_of_the_cycle():
     assert start == pytest.approx((EJECTION[0] - 0.3) % PERIOD, abs=0.003)
 
 
+def test_a_valve_that_flutters_does_not_end_systole():
+    flow = half_sine(*EJECTION, 70.0)
+    flow[(TIME > 0.3) & (TIME < 0.3 + 0.05 * PERIOD)] = 0.0
+    start, end = open_interval(TIME, flow)
+    assert (start, end) == pytest.approx(EJECTION, abs=0.004)
+    flow[(TIME > 0.25) & (TIME < 0.25 + 0.1 * PERIOD)] = 0.0
+    assert open_interval(TIME, flow)[1] == pytest.approx(0.25, abs=0.004)
+
+
 @pytest.mark.parametrize(
     "wave, score",
     [

@@ -69,6 +69,7 @@ class Loop:
         start: np.ndarray | None = None,
         cycles: int | None = None,
         tolerance: float = 1e-5,
+        steps_per_cycle: int | None = None,
         extra: Mapping[str, np.ndarray | float] | None = None,
         waveforms: Sequence[str] = (),
     ) -> Evaluation:
@@ -88,7 +89,7 @@ class Loop:
             waveforms=names,
             periodic=cycles is None,
             cycles=cycles,
-            steps_per_cycle=self.steps_per_cycle,
+            steps_per_cycle=steps_per_cycle or self.steps_per_cycle,
             tolerance=tolerance,
             start=state,
             threads=self.threads,

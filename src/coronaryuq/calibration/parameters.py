@@ -27,8 +27,8 @@ class Parameter:
     """One parameter: `initial`, `lower` and `upper` in `unit`; `logarithmic` parameters are searched by their
     logarithm.
 
-    `block` says which search owns it (see `calibration.tune`); `writes` says what it is in the network: a parameter
-    of the heart block, or `beds`: a factor on that parameter of every bed of the named types.
+    `block` says which search owns it (see `calibration.search`); `heart` names a parameter of the heart block, `beds` a
+    factor on that parameter of every bed of the named types.
     """
 
     name: str
@@ -70,12 +70,12 @@ PARAMETERS = (
     _heart("Rrv_a", "Resistance of the pulmonary valve", "dyn s/cm5", 48.0, 32.0, 68.0, "right"),
     _heart("Lla_v", "Inertance of the mitral valve", "dyn s2/cm5", 0.5, 0.2, 1.2, "timing"),
     _heart("Rla_v", "Resistance of the mitral valve", "dyn s/cm5", 8.5, 4.78, 12.0, "timing"),
-    _heart("Llv_a", "Inertance of the aortic valve", "dyn s2/cm5", 0.2, 0.1, 0.72, "timing"),
-    _heart("Rlv_ao", "Resistance of the aortic valve", "dyn s/cm5", 36.0, 20.0, 61.0, "timing"),
+    _heart("Llv_a", "Inertance of the aortic valve", "dyn s2/cm5", 0.3, 0.03, 0.72, "timing"),
+    _heart("Rlv_ao", "Resistance of the aortic valve", "dyn s/cm5", 24.0, 6.0, 61.0, "timing"),
     # Lungs and aorta
     _heart("Rpd", "Pulmonary resistance", "dyn s/cm5", 100.0, 40.0, 240.0, "circulation"),
     _heart("Cp", "Pulmonary compliance", "mL/mmHg", 1.08, 0.8, 2.0, "right"),
-    _heart("Cpa", "Compliance of the proximal aorta", "mL/mmHg", 0.35, 0.05, 1.32, "circulation"),
+    _heart("Cpa", "Compliance of the proximal aorta", "mL/mmHg", 0.2, 0.03, 1.32, "circulation"),
     # Atria: passive pressure Kxp (exp(Kxv (V - Vaso)) - 1), active Emax (V - Vaso)
     _heart("Kxp_ra", "Passive pressure scale of the right atrium", "mmHg", 8.5, 1.0, 10.0, "right"),
     _heart("Kxv_ra", "Passive volume exponent of the right atrium", "1/mL", 0.0046, 0.003, 0.0051, "right"),
@@ -100,8 +100,8 @@ PARAMETERS = (
     Parameter("V_blood", "Stressed blood volume, over the initial scaling's", "1", 1.0, 0.6, 1.8, "circulation"),
 )  # fmt: skip
 """Initial values and ranges of the heart and lungs: Tran et al. 2017 and Menon et al. 2023, as the public
-svZeroDEstimator example has them, widened for the aortic pulse (Cpa, C_sys) and for right atrial volume. The bed
-totals count from the analytic initial scaling (`calibration.scaling`); R_cor to C_sys are that example's eight,
+svZeroDEstimator example has them, widened for the aortic pulse (Cpa, Llv_a, Rlv_ao) and for right atrial volume. The
+bed totals count from the analytic initial scaling (`calibration.scaling`); R_cor to C_sys are that example's eight,
 V_blood is ours: a closed loop keeps the blood that its initial condition gives it, so that amount is a parameter
 whether it is named or not."""
 

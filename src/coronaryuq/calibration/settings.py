@@ -14,15 +14,17 @@ class Settings(BaseModel):
     spread: float = Field(
         0.5, gt=0, le=1, description="Width of the candidates' box, as a fraction of each parameter's range."
     )
-    starts: int = Field(
-        4, ge=1, description="Starts of the first round of Nelder-Mead searches; each round keeps half of them."
+    starts: int = Field(4, ge=1, description="Nelder-Mead searches side by side; eight are one batch of the engine.")
+    approach: int = Field(
+        6, ge=0, description="Least-squares steps of every start at the beginning of a round; 0 leaves them out."
     )
+    approach_cycles: int = Field(6, ge=1, description="Cycles of a run of those steps.")
     rounds: int = Field(2, ge=1, description="Rounds over the parameter blocks.")
     evaluations_per_parameter: int = Field(
         12, ge=2, description="Loop runs that one search may spend, per parameter of its block."
     )
     polish: int = Field(
-        12, ge=0, description="Loop runs per parameter of the last search, over all 36 at once; 0 leaves it out."
+        0, ge=0, description="Loop runs per parameter of the last search, over all 36 at once; 0 leaves it out."
     )
     pull: float = Field(
         0.2, ge=0, description="Cost of moving a parameter from its initial value over its whole range."

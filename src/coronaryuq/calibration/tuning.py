@@ -1,7 +1,7 @@
 """Stage one as a whole: initial scaling, search, flow reserve, and the tuned loop at rest and under hyperaemia."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -59,10 +59,12 @@ def tune_loop(
     if reserve is None:
         best = search.descend_from(found)
     else:
-        for one in found:
-            one.point = meet_reserve(loop, one.point, one.state, split, reserve, settings.cycles)
+        found = [
+            replace(one, point=meet_reserve(loop, one.point, one.state, split, reserve, settings.cycles))
+            for one in found
+        ]
         best = search.descend_from(found, frozen=("Rv_cor",))
-        best.point = meet_reserve(loop, best.point, best.state, split, reserve, settings.cycles)
+        best = replace(best, point=meet_reserve(loop, best.point, best.state, split, reserve, settings.cycles))
     report(f"{loop.evaluations} loop runs")
     return _tuned(loop, best.point, best.state, targets, settings, hyperaemia, reserve)
 

@@ -4,8 +4,8 @@ The names are those of the public svZeroDEstimator's target files (Menon et al. 
 such a file can be read as it is. Each is a number per sample of a batch, in the units of the network.
 
 Systole is the interval in which the aortic valve passes flow: from the peak of aortic valve flow outwards to where it
-falls below `VALVE_OPEN` of the peak, crossing times interpolated linearly, so that a measure changes smoothly with
-the parameters and little with the time step. Diastole is the rest of the cycle.
+falls below `VALVE_OPEN` of the peak for longer than a flutter, crossing times interpolated linearly, so that a
+measure changes smoothly with the parameters and little with the time step. Diastole is the rest of the cycle.
 """
 
 from collections.abc import Mapping
@@ -17,6 +17,9 @@ VALVE_OPEN = 0.01
 
 CLOSURE = 0.1
 """Fraction of a cycle after valve closure that is left out of the diastolic maximum: the closing transient."""
+
+FLUTTER = 0.06
+"""Fraction of a cycle: a valve that shuts for less, and opens again, is still open (it flutters in the 0D model)."""
 
 PROMINENCE = 0.02
 """A turning point of a coronary flow waveform counts if it stands out by this fraction of the waveform's range."""
@@ -130,13 +133,22 @@ def open_interval(time: np.ndarray, flow: np.ndarray) -> tuple[float, float] | N
     if not flow[peak] > 0.0 or flow.min() >= level:
         return None
     around = np.roll(flow[:-1], -peak)
-    forward = int(np.argmax(around < level))
-    backward = int(np.argmax(around[::-1] < level)) + 1
+    forward, backward = _shut(around, level), _shut(around[::-1], level) + 1
     after = _crossing(time, flow, peak + forward - 1, level, cycle)
     before = _crossing(time, flow, peak - backward, level, cycle)
     while before < time[0]:
         before, after = before + period, after + period
     return before, after
+
+
+def _shut(flow: np.ndarray, level: float) -> int:
+    """First place from which the flow stays below `level` for more than a `FLUTTER`; if none, the first below it."""
+    longest, below = round(FLUTTER * len(flow)), 0
+    for place, value in enumerate(flow):
+        below = below + 1 if value < level else 0
+        if below > longest:
+            return place - below + 1
+    return int(np.argmax(flow < level))
 
 
 def _crossing(time: np.ndarray, flow: np.ndarray, index: int, level: float, cycle: int) -> float:

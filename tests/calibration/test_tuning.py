@@ -1,0 +1,163 @@
+"""Tuning finds a loop that it can know: targets made by the model itself, then the real ones."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from coronaryuq.calibration import parameters
+from coronaryuq.calibration.loop import Loop
+from coronaryuq.calibration.reserve import Reserve, hyperaemic_flow, meet_reserve
+from coronaryuq.calibration.scaling import scaled
+from coronaryuq.calibration.search import cost
+from coronaryuq.calibration.settings import Settings
+from coronaryuq.calibration.stage import tune, tune_files
+from coronaryuq.calibration.targets import BY_NAME, TUNED
+from coronaryuq.errors import InputError
+from coronaryuq.files import read_csv, write_json
+from coronaryuq.zerod.beds import beds, distal_resistances
+from coronaryuq.zerod.engine import Engine
+from coronaryuq.zerod.network import read_network
+
+QUICK = Settings(candidates=16, starts=2, approach=5, rounds=1, evaluations_per_parameter=4, final_steps_per_cycle=500)
+LV = ("BC_lca1", "BC_lca2")
+
+
+@pytest.fixture
+def loop(small_loop, adult):
+    return Loop(scaled(small_loop, adult, 1.0), 250)
+
+
+@pytest.fixture(scope="module")
+def patient(loop_network, adult, tmp_path_factory):
+    """A patient who is the loop itself with moved parameters: files for the stage, and true flows."""
+    folder = tmp_path_factory.mktemp("patient")
+    network = scaled(loop_network, adult, 1.0)
+    loop = Loop(network, 500)
+    width = 0.4 * (parameters.UPPER - parameters.LOWER)
+    shift = np.random.default_rng(5).uniform(-0.5, 0.5, len(parameters.NAMES))
+    point = np.clip(parameters.INITIAL + width * shift, parameters.LOWER, parameters.UPPER)
+    truth = loop.evaluate(point, tolerance=1e-5)
+    reserve = Reserve(1.0, LV, 0.24)
+    stress = float(hyperaemic_flow(loop, point[None], truth.state, reserve, None)[0])
+    targets = {name: {"value": float(truth.measures[name][0]), "unit": BY_NAME[name].unit} for name in TUNED}
+    radii = {"BC_lca1": 0.08, "BC_lca2": 0.08 * 0.5 ** (1 / 2.6), "BC_rca1": 0.08}
+    outlets = [{"name": bc, "bc": bc, "perfuses": "LV" if bc in LV else "RV", "radius": radii[bc]} for bc in radii]
+    write_json(folder / "case.json", {"targets": targets, "outlets": outlets, "hyperaemia": 0.24})
+    write_json(folder / "network.json", loop_network)
+    write_json(folder / "targets.json", {"bc": list(LV), "mean": [stress * 2 / 3, stress / 3]})
+    return folder, targets, stress
+
+
+def tuned(folder, out, settings=QUICK, seed=1, **options):
+    files = (folder / name for name in ("case.json", "network.json", "targets.json"))
+    tune(*files, settings, seed, folder / out, report=lambda line: None, **options)
+    return folder / out
+
+
+@pytest.fixture(scope="module")
+def out(patient):
+    return tuned(patient[0], "out")
+
+
+def test_tuning_recovers_what_a_known_loop_showed(patient, out):
+    _, targets, stress = patient
+    fit = pd.read_csv(out / "fit.csv").set_index("target")
+    for name in ("PaoMin", "PaoMax", "PaoMean", "AbsQin", "EFLV", "ESV", "EDV", "AorCorSplit"):
+        assert fit.relative[name] == pytest.approx(0.0, abs=0.05), name
+        assert fit.measured[name] == pytest.approx(targets[name]["value"])
+    assert fit.simulated["QLVHyper"] * (1 / 60) == pytest.approx(stress, rel=0.05)
+    assert (fit.misfit**2).mean() < 2.0
+
+
+def test_written_loops_are_periodic_and_hyperaemia_is_rest_with_wider_arterioles(out):
+    rest, stress = (read_network(out / f"{name}.json") for name in ("rest", "hyperaemia"))
+    values = {name: {bc["bc_name"]: bc["bc_values"] for bc in n["boundary_conditions"]}
+              for name, n in (("rest", rest), ("stress", stress))}  # fmt: skip
+    for bed in beds(rest):
+        assert values["stress"][bed]["Ra"] == pytest.approx(0.24 * values["rest"][bed]["Ra"])
+        assert values["stress"][bed]["Ram"] == pytest.approx(0.24 * values["rest"][bed]["Ram"])
+        assert values["stress"][bed]["Rv"] == values["rest"][bed]["Rv"]
+    fit = pd.read_csv(out / "fit.csv").set_index("target")
+    for network in (rest, stress):
+        result = Engine(network).run(quantities=["mean_pressure:J_heart_outlet:aorta"], cycles=3, steps_per_cycle=500)
+        assert result.cycle_error[0] < 1e-3
+    mean = Engine(rest).run(quantities=["mean_pressure:J_heart_outlet:aorta"], cycles=1, steps_per_cycle=500)
+    mean = mean.values["mean_pressure:J_heart_outlet:aorta"][0] / 1333.22
+    assert mean == pytest.approx(fit.simulated["PaoMean"], rel=1e-3)
+
+
+def test_beds_come_out_shared_by_perfusion(out):
+    resistance = distal_resistances(read_network(out / "rest.json"))
+    assert resistance["BC_lca2"] / resistance["BC_lca1"] == pytest.approx(2.0)
+    assert resistance["BC_rca1"] == pytest.approx(resistance["BC_lca1"], rel=1e-6)
+
+
+def test_the_tables_say_what_the_parameters_are(out):
+    table = read_csv(out / "parameters.csv", ("name", "unit", "value", "initial", "lower", "upper"))
+    assert list(table.name) == list(parameters.NAMES)
+    assert ((table.value >= table.lower * (1 - 1e-9) - 1e-9) | (table.lower < 0)).all()
+    assert (table.value <= table.upper * (1 + 1e-9) + 1e-9).all()
+
+
+def test_flow_reserve_fixes_the_venous_share(loop):
+    state = loop.evaluate(parameters.INITIAL, cycles=12).state[0]
+    split = float(loop.evaluate(parameters.INITIAL, state[None], 4).measures["AorCorSplit"][0])
+    reserve = Reserve(1.0, LV, 0.24)
+    now = float(hyperaemic_flow(loop, parameters.INITIAL[None], state[None], reserve, 8)[0])
+    for wanted in (0.85 * now, 1.15 * now):
+        point = meet_reserve(loop, parameters.INITIAL, state, split, Reserve(wanted, LV, 0.24), 6)
+        after = loop.evaluate(point, state[None], 10)
+        assert after.measures["AorCorSplit"][0] == pytest.approx(split, rel=0.01)
+        assert hyperaemic_flow(loop, point[None], after.state, reserve, 10)[0] == pytest.approx(wanted, rel=0.01)
+
+
+def test_a_reserve_out_of_reach_leaves_the_resting_split_met(loop):
+    state = loop.evaluate(parameters.INITIAL, cycles=12).state[0]
+    split = float(loop.evaluate(parameters.INITIAL, state[None], 4).measures["AorCorSplit"][0])
+    point = meet_reserve(loop, parameters.INITIAL, state, split, Reserve(50.0, LV, 0.24), 6)
+    venous = parameters.NAMES.index("Rv_cor")
+    assert point[venous] == parameters.LOWER[venous]
+    assert loop.evaluate(point, state[None], 10).measures["AorCorSplit"][0] == pytest.approx(split, rel=0.05)
+
+
+def test_cost_grows_steeply_where_a_clinical_target_is_missed_by_more_than_the_limit():
+    point = parameters.INITIAL[None]
+
+    def at(misfit, name):
+        target = BY_NAME[name]
+        size = target.tolerance * (100.0 if target.relative else 1.0)
+        return cost({name: np.array([100.0 + misfit * size])}, point, {name: 100.0}, 0.0)[0]
+
+    assert at(2.0, "PaoMean") == pytest.approx(4.0)
+    assert at(3.0, "PaoMean") == pytest.approx(19.0)
+    assert at(3.0, "PpulMean") == pytest.approx(9.0)
+
+
+def test_missing_targets_and_foreign_beds_are_named(patient, tmp_path):
+    folder, targets, _ = patient
+    case = json.loads((folder / "case.json").read_text())
+    for name in ("network.json", "targets.json"):
+        (tmp_path / name).write_text((folder / name).read_text())
+    folder = tmp_path
+    write_json(folder / "case.json", case | {"targets": {"PaoMean": targets["PaoMean"]}})
+    with pytest.raises(InputError, match="AbsQin"):
+        tuned(folder, "out")
+    write_json(folder / "case.json", case)
+    write_json(folder / "targets.json", {"bc": ["BC_lca1", "BC_lca9"], "mean": [1.0, 1.0]})
+    with pytest.raises(InputError, match="BC_lca9"):
+        tuned(folder, "out")
+    assert not (folder / "out").exists()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_real_network_meets_its_clinical_targets(shared, tmp_path, seed):
+    """Within 5 %, where the published fit of this network misses by up to 18 % (pressures) and 14 % (stroke volume)."""
+    data = shared / "data/closed-loop-22"
+    tuned = tune_files(
+        data / "svzerod_tuning_cgs.json", data / "coronary_cgs.csv", Settings(), seed, tmp_path, report=print
+    )
+    fit = tuned.fit.set_index("target")
+    assert (fit.relative[fit.clinical].abs() < 0.05).all(), fit.to_string()
