@@ -108,3 +108,16 @@ def test_stride_divides_the_cycle():
     assert module._stride(800, 200) == 4
     assert module._stride(1000, 300) == 2
     assert module._stride(210, 200) == 1
+
+
+def test_a_network_runs_as_it_is(outcomes):
+    (outcome,) = ensemble().run({}, 1)
+    assert outcome.ok
+    assert outcomes[0].values["mean_pressure:B:J1"] < outcome.values["mean_pressure:B:J1"]
+
+
+def test_every_sample_may_lack_a_periodic_start():
+    loop = network()
+    loop["simulation_parameters"]["maximum_nonlinear_iterations"] = 1
+    (outcome,) = ensemble(loop=loop).run({"OUT.Rd": RESISTANCES[:1]}, 1)
+    assert not outcome.ok and outcome.reason.startswith("0D start")

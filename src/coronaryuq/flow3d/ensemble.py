@@ -159,7 +159,8 @@ class Block:
     def run(self) -> list[Outcome]:
         cpu, wall = time.process_time(), time.perf_counter()
         result = self.ensemble.engine.run(self.changes, periodic=True, tolerance=1e-5)
-        self.reasons = ["" if status == "ok" else f"0D start: {status}" for status in result.status]
+        status = np.broadcast_to(result.status, (LANES,))
+        self.reasons = ["" if one == "ok" else f"0D start: {one}" for one in status]
         self.zerod = CoupledNetwork(
             self.ensemble.case.network,
             self.ensemble.case.caps,
