@@ -5,6 +5,7 @@ import zipfile
 from pathlib import Path
 
 from coronaryuq.files import replacing
+from coronaryuq.flow3d.external import run_external
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.flow3d.stage import run_batch
 from coronaryuq.posterior.settings import Settings as PosteriorSettings
@@ -25,7 +26,8 @@ with job(globals()) as this, tempfile.TemporaryDirectory() as scratch:
     fields.mkdir()
     posterior = PosteriorSettings(**this.params["posterior"])
     draw_samples(this.input["draws"], posterior, this.params["seed"], "pilot", first + count, samples)
-    run_batch(
+    settings = Settings(**this.params["settings"])
+    common = (
         this.input["case"],
         this.input["network"],
         this.input["mesh_folder"],
@@ -33,9 +35,17 @@ with job(globals()) as this, tempfile.TemporaryDirectory() as scratch:
         samples,
         first,
         count,
-        Settings(**this.params["settings"]),
-        this.output["records"],
-        Path(this.output["records"]).parent / "checkpoints",
-        fields,
     )
+    checkpoints = Path(this.output["records"]).parent / "checkpoints"
+    if this.params["backend"] == "ensemble":
+        run_batch(*common, settings, this.output["records"], checkpoints, fields)
+    else:
+        run_external(
+            this.params["backend"],
+            *common,
+            settings.simvascular.model_copy(update={"mpi": this.mpi}),
+            this.tasks,
+            this.output["records"],
+            checkpoints,
+        )
     pack(fields, this.output["fields"])

@@ -2,6 +2,8 @@
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from coronaryuq.flow3d.simvascular_settings import SimVascularSettings
+
 
 class Settings(BaseModel):
     """How the 3D samples are run. Step counts are per cardiac cycle, so that one set fits any heart rate."""
@@ -55,4 +57,7 @@ class Settings(BaseModel):
         1,
         ge=0,
         description="For how many samples of the campaign, the first ones, fields are kept for pictures (VTU, VTP).",
+    )
+    simvascular: SimVascularSettings = Field(
+        default_factory=SimVascularSettings, description="svSolver and svMultiPhysics, where they run the samples."
     )
