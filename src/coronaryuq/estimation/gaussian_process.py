@@ -72,9 +72,12 @@ def fit(x: np.ndarray, y: np.ndarray, directions: int = 0, evaluations: int = 60
     if len(few) < len(a):
         parameters = _search(parameters, a, b, evaluations // 2)
     k, _, _ = _kernel(parameters, a, a)
-    k[np.diag_indices_from(k)] += np.exp(2 * parameters[d + 2]) + JITTER
-    inverse = _inverse(cholesky(k, lower=True))
-    weights = inverse @ b
+    k[np.diag_indices_from(k)] += np.exp(2 * parameters[d + 2]) + JITTER * (1 + np.exp(2 * parameters[d]))
+    factor = cholesky(k, lower=True)
+    inverse = _inverse(factor)
+    weights = cho_solve((factor, True), b)
+    # Once more for what rounding left: a smooth function makes the kernel matrix close to singular.
+    weights = weights + cho_solve((factor, True), b - k @ weights)
     return GaussianProcess(a, shift, scale, weights, parameters, mean, spread, spread * weights / np.diag(inverse))
 
 
@@ -84,9 +87,9 @@ def negative_log_posterior(parameters: np.ndarray, a: np.ndarray, b: np.ndarray)
     `parameters`: logarithms of d length scales, signal, linear and noise, then the directions (d, p) flat.
     """
     n, d = a.shape
-    lengths, (_, linear, noise) = parameters[:d], np.exp(2 * parameters[d : d + 3])
+    lengths, (signal, linear, noise) = parameters[:d], np.exp(2 * parameters[d : d + 3])
     k, stationary, slope = _kernel(parameters, a, a)
-    k[np.diag_indices_from(k)] += noise + JITTER
+    k[np.diag_indices_from(k)] += noise + JITTER * (1 + signal)
     try:
         factor = cholesky(k, lower=True, check_finite=False)
     except np.linalg.LinAlgError:
@@ -103,7 +106,11 @@ def negative_log_posterior(parameters: np.ndarray, a: np.ndarray, b: np.ndarray)
     by_linear = linear * np.einsum("ij,ij->j", scaled, outer @ scaled)
     gradient = np.empty_like(parameters)
     gradient[:d] = 0.5 * np.diag(by_metric[:, :d]) * np.exp(-lengths) + by_linear
-    gradient[d : d + 3] = -np.sum(outer * stationary), -by_linear.sum(), -noise * np.trace(outer)
+    gradient[d : d + 3] = (
+        -np.sum(outer * stationary) - JITTER * signal * np.trace(outer),
+        -by_linear.sum(),
+        -noise * np.trace(outer),
+    )
     gradient[d + 3 :] = -0.5 * by_metric[:, d:].ravel()
     ahead = len(parameters) - d - 3
     centre, width = (
@@ -115,7 +122,7 @@ def negative_log_posterior(parameters: np.ndarray, a: np.ndarray, b: np.ndarray)
 
 def _search(parameters, a, b, evaluations):
     d = a.shape[1]
-    bounds = [(-4.0, 12.0)] * d + [(-6.0, 6.0), (-12.0, 6.0), (-13.0, 1.0)]
+    bounds = [(-4.0, 12.0)] * d + [(-6.0, 2.5), (-12.0, 2.5), (-13.0, 1.0)]
     bounds += [(-5.0, 5.0)] * (len(parameters) - len(bounds))
     options = {"maxfun": evaluations, "maxiter": evaluations}
     found = minimize(
