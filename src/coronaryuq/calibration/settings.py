@@ -35,7 +35,7 @@ class Settings(BaseModel):
         4, ge=1, description="Cycles that a run of the search takes, from the state of the best parameters so far."
     )
     final_steps_per_cycle: int = Field(1000, ge=100, description="Time steps per cycle of the tuned loop.")
-    periodicity: float = Field(1e-5, gt=0, description="Relative cycle-to-cycle error of the tuned loop.")
+    periodicity: float = Field(1e-4, gt=0, description="Relative cycle-to-cycle error of the tuned loop.")
     hyperaemic_total: bool = Field(
         True,
         description="Choose the venous share of coronary resistance so that the total hyperaemic flow of the "

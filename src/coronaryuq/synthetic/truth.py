@@ -39,8 +39,8 @@ ARTERIAL_TIME, MYOCARDIAL_TIME = 0.05, 3.0
 FILLING = 300.0
 """mL of blood that raise stroke volume about e-fold; only the speed of the fixed point depends on it."""
 
-SWEEPS, TOLERANCE = 40, 1e-5
-STEPS, PERIODIC = 500, 1e-5
+SWEEPS, TOLERANCE = 40, 2e-4
+STEPS, PERIODIC = 500, 1e-4
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ import numpy as np
 DEPTH = 5
 """Differences of earlier cycles that a step combines."""
 
-PATIENCE = 6
-"""Accelerated cycles in which a sample's least error must halve; else it goes on plainly.
+PATIENCE, REST = 6, 8
+"""Accelerated cycles in which a sample's least error must halve; else so many plain cycles before it begins anew.
 
 Valves open and close between two time steps, so on a coarse grid the map has small jumps. Acceleration may leap back
 and forth across one for ever, where plain cycles settle on one side.
@@ -57,9 +57,10 @@ class Anderson:
             self._waited[sample] += 1
             if error[k] < 0.5 * self._least[sample]:
                 self._least[sample], self._waited[sample] = error[k], 0
-            if self._waited[sample] > PATIENCE:
+            if self._waited[sample] > PATIENCE + REST:
+                self._least[sample], self._waited[sample], self._known[sample] = error[k], 0, 0
+            elif self._waited[sample] > PATIENCE:
                 proposed[k] = end[k]
-                self._waited[sample] = PATIENCE + 1
                 continue
             if error[k] > _GROWTH * self._error[sample]:
                 self._known[sample] = 0
