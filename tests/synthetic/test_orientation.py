@@ -8,8 +8,8 @@ from coronaryuq.synthetic.anatomy import patient_anatomy
 def test_apex_points_left_forwards_and_down():
     wall = patient_anatomy().wall(3000)
     points = np.asarray(wall.points)
-    base = points[np.argsort(points @ [0.6, -0.48, -0.64])[: len(points) // 20]].mean(axis=0)
-    apex = points[np.argmax(points @ [0.6, -0.48, -0.64])]
+    base = points[np.argsort(points @ [0.6, -0.53, -0.6])[: len(points) // 20]].mean(axis=0)
+    apex = points[np.argmax(points @ [0.6, -0.53, -0.6])]
     assert (np.sign(apex - base) == [1, -1, -1]).all()
 
 

@@ -138,11 +138,9 @@ class Anatomy:
 
     def wall(self, cells: int = 30_000):
         """Tetrahedra of the left ventricular wall in body axes, cm."""
-        import pyvista as pv
-
         mesh = self.ventricle.mesh(cells)
-        corners = mesh.cells_dict[pv.CellType.TETRA]
-        return pv.UnstructuredGrid({pv.CellType.TETRA: corners[:, [0, 1, 3, 2]]}, self.body(np.asarray(mesh.points)))
+        mesh.points = self.body(np.asarray(mesh.points))
+        return mesh
 
 
 def patient_anatomy(seed: int = SEED) -> Anatomy:
