@@ -10,6 +10,7 @@ import numpy as np
 
 from coronaryuq import records
 from coronaryuq.bench import axisymmetric, tubes
+from coronaryuq.errors import InputError
 from coronaryuq.files import read_json
 from coronaryuq.flow3d.lanes import LANES
 from coronaryuq.flow3d.section import section_weights
@@ -22,11 +23,12 @@ MEASURED_STEPS = 12
 QUANTITIES = ("ffr", "tawss_min", "tawss_q01", "osi_max", "osi_q99")
 
 
-def run(quick: bool, runs: Sequence[tuple[str, str]] = ()) -> dict:
+def run(quick: bool, data: str | None = None) -> dict:
     """Costs at three mesh sizes with 1 and 16 samples (quick: the smallest, 8), verification, and convergence.
 
-    runs: (mesh.json, batch_K.jsonl) of one patient's same samples on meshes from coarse to fine; without them
-    `convergence` is empty. The nozzle's error is null: the structured tubes cannot carry its sudden expansion.
+    data: a folder with one folder per mesh of the same patient, each with `mesh.json` and `batch_*.jsonl` of the same
+    samples; without it `convergence` is empty. The nozzle's error is null: the structured tubes that verification uses
+    cannot carry its sudden expansion.
     """
     meshes = []
     for rings, levels in MESHES[: 1 if quick else 3]:
@@ -37,7 +39,7 @@ def run(quick: bool, runs: Sequence[tuple[str, str]] = ()) -> dict:
         "quick": quick,
         "meshes": meshes,
         "verification": verification(quick),
-        "convergence": convergence(runs) if runs else [],
+        "convergence": convergence(data) if data else [],
     }
 
 
@@ -132,22 +134,29 @@ def mean_pressure(space, stepper, z: float) -> np.ndarray:
     return (weight[:, None] * stepper.pressure[nodes]).sum(axis=0)
 
 
-def convergence(runs: Sequence[tuple[str | Path, str | Path]]) -> list[dict]:
+def convergence(data: str | Path) -> list[dict]:
     """Quantities of interest on several meshes, and Richardson's extrapolation with order two in nodes^(-1/3).
 
-    Means over the samples that every run has. default_error: of the second mesh but last in order of nodes, against
-    the extrapolation from the two finest.
+    Means over the samples that every mesh has. default_error: of the finest mesh but one against the extrapolation from
+    the two finest. `spread` is the standard deviation of the difference between these two over the samples.
     """
-    read = sorted(
-        (read_json(mesh)["nodes"], {r.sample: r.outputs for r in records.read(batch) if r.ok}) for mesh, batch in runs
-    )
+    read = []
+    for mesh in sorted(Path(data).glob("*/mesh.json")):
+        rows = [row for batch in sorted(mesh.parent.glob("batch_*.jsonl")) for row in records.read(batch) if row.ok]
+        read.append((read_json(mesh)["nodes"], {row.sample: row.outputs for row in rows}))
+    if len(read) < 2:
+        raise InputError(data, None, None, "want at least two folders with mesh.json and batch_*.jsonl")
+    read.sort(key=lambda entry: entry[0])
     common = sorted(set.intersection(*(set(found) for _, found in read)))
+    if not common:
+        raise InputError(data, None, None, "the meshes have no finished sample in common")
     size = np.array([nodes for nodes, _ in read], float) ** (-1 / 3)
     branches = sorted({name.removeprefix("ffr_") for name in read[0][1][common[0]] if name.startswith("ffr_")})
     rows = []
     for quantity in QUANTITIES:
         for branch in branches:
-            values = [float(np.mean([found[s][f"{quantity}_{branch}"] for s in common])) for _, found in read]
+            every = np.array([[found[s][f"{quantity}_{branch}"] for s in common] for _, found in read])
+            values = every.mean(axis=1).tolist()
             share = (size[-1] / size[-2]) ** 2
             extrapolated = (values[-1] - share * values[-2]) / (1 - share)
             rows.append(
@@ -158,6 +167,7 @@ def convergence(runs: Sequence[tuple[str | Path, str | Path]]) -> list[dict]:
                     "values": values,
                     "extrapolated": extrapolated,
                     "default_error": values[-2] - extrapolated,
+                    "spread": float(np.std(every[-1] - every[-2])),
                 }
             )
     return rows

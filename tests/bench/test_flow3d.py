@@ -1,0 +1,48 @@
+"""Benchmark of the 3D solver: its fixed keys, and mesh convergence on quantities with a known limit."""
+
+import numpy as np
+import pytest
+
+from coronaryuq import files, records
+from coronaryuq.bench.flow3d import QUANTITIES, convergence, cost
+from coronaryuq.errors import InputError
+from coronaryuq.records import Record
+
+
+@pytest.fixture
+def meshes(tmp_path):
+    """Three meshes whose quantities are 1 + h² (samples differ by a factor)."""
+    for name, nodes in (("a", 1000), ("b", 8000), ("c", 64000)):
+        error = 10.0 * nodes ** (-2 / 3)
+        rows = [
+            Record(f"s{k}", {}, {f"{quantity}_lad": (1 + error) * (1 + 0.1 * k) for quantity in QUANTITIES})
+            for k in range(3)
+        ]
+        rows.append(Record.failed("s9", {}, "blew up"))
+        records.write(tmp_path / name / "batch_0.jsonl", rows)
+        files.write_json(tmp_path / name / "mesh.json", {"nodes": nodes})
+    return tmp_path
+
+
+def test_richardson_finds_the_limit(meshes):
+    rows = convergence(meshes)
+    assert {row["quantity"] for row in rows} == set(QUANTITIES)
+    for row in rows:
+        assert row["nodes"] == [1000, 8000, 64000]
+        assert row["extrapolated"] == pytest.approx(1.1)
+        assert row["default_error"] == pytest.approx(row["values"][1] - 1.1)
+        assert row["spread"] == pytest.approx(np.std([1, 1.1, 1.2]) * (0.025 - 0.00625))
+
+
+def test_one_mesh_is_no_convergence(meshes):
+    for name in ("a", "b"):
+        (meshes / name / "mesh.json").unlink()
+    with pytest.raises(InputError, match="at least two"):
+        convergence(meshes)
+
+
+def test_cost_has_the_fixed_keys():
+    found = cost(3, 10, 1)
+    keys = {"nodes", "tets", "samples", "steps_per_cycle", "cpu_s_per_sample_cycle", "peak_rss_mb"}
+    assert keys <= set(found)
+    assert found["cpu_s_per_sample_cycle"] > 0
