@@ -231,6 +231,8 @@ def _scored(case: Case, truth: hidden.Truth, answer: Discovery) -> dict:
         "remaining": answer.remaining.p,
     }
     rows = len(answer.before.residual)
+    entry["held_out_lpd_gain"] = 0.0 if answer.outside_library else answer.after.total_lpd - answer.before.total_lpd
+    # The mean square of m whitened residuals varies by sqrt(2 / m) by chance alone.
     entry["worse"] = bool(entry["after"] ** 2 > answer.before.misfit**2 + 2.0 * np.sqrt(2.0 / rows))
     if wanted:
         oracle = problem.calibrate(truth.acting, np.concatenate([np.zeros(problem.count), truth.sizes]))

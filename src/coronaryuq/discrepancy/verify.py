@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from coronaryuq.discrepancy.forward import Acting
 from coronaryuq.discrepancy.problem import Problem
@@ -47,7 +47,8 @@ def predict(model: Linear, train: np.ndarray, test: np.ndarray) -> tuple[np.ndar
 class Gap:
     """Misfit of one model on held-out rows.
 
-    misfit: root mean square residual over the noise's standard deviation (noise floor 1), with a 90 % interval;
+    misfit: root mean square of the residuals whitened by noise and predictive spread (noise floor 1), with a 90 %
+    interval; residual: those residuals, (m,) for `rows` (m,);
     rmse: per quantity, CGS; lpd: log predictive density per row, nats, CGS.
     """
 
@@ -70,17 +71,18 @@ class Gap:
 
 def gap(problem: Problem, model: Linear, folds: list[tuple[np.ndarray, np.ndarray]], seed: int) -> Gap:
     """Gap over all folds (train rows, test rows), whose test rows do not overlap."""
-    residuals, rows, density = [], [], 0.0
+    residuals, raw, rows, density = [], [], [], 0.0
     for train, test in folds:
         residual, covariance = predict(model, train, test)
         factor = cho_factor(covariance, lower=True)
-        density += -0.5 * float(residual @ cho_solve(factor, residual)) - float(np.log(np.diag(factor[0])).sum())
+        independent = solve_triangular(factor[0], residual, lower=True)
+        density += -0.5 * float(independent @ independent) - float(np.log(np.diag(factor[0])).sum())
         density -= float(np.log(problem.sd[test]).sum()) + 0.5 * len(residual) * np.log(2 * np.pi)
-        residuals.append(residual)
+        raw.append(residual * problem.sd[test])
+        residuals.append(independent)
         rows.append(np.flatnonzero(test))
-    residual, rows = np.concatenate(residuals), np.concatenate(rows)
+    residual, raw, rows = np.concatenate(residuals), np.concatenate(raw), np.concatenate(rows)
     quantities = np.array([s.quantity for s in problem.forward.measured])[problem.owner[rows]]
-    raw = residual * problem.sd[rows]
     rmse = {q: float(np.sqrt(np.mean(raw[quantities == q] ** 2))) for q in dict.fromkeys(quantities)}
     return Gap(
         float(np.sqrt(np.mean(residual**2))),
