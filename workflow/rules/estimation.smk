@@ -82,3 +82,33 @@ rule estimation:
         log_of("estimation", "estimates.log"),
     script:
         "../scripts/estimation.py"
+
+
+rule convergence:
+    input:
+        **{name: path for name, path in rules.runs.output.items()},
+        code=code("coronaryuq.estimation.stage"),
+    output:
+        convergence=results("estimation", "convergence.json"),
+    params:
+        settings=block("estimation"),
+        seed=campaign.seed,
+    log:
+        log_of("estimation", "convergence.log"),
+    script:
+        "../scripts/convergence.py"
+
+
+rule budget:
+    input:
+        estimates=rules.estimation.output.estimates,
+        failures=rules.runs.output.failures,
+        code=code("coronaryuq.estimation.stage"),
+    output:
+        budget=results("estimation", "budget.json"),
+    params:
+        settings=block("estimation"),
+    log:
+        log_of("estimation", "budget.log"),
+    script:
+        "../scripts/budget.py"

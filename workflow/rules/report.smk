@@ -2,6 +2,8 @@
 
 from coronaryuq.figures.draw import FIGURES as DRAWN
 
+HELD_BACK = 20  # 3D runs that the convergence study keeps to judge a subsample by
+
 FIGURES = {
     "territories": {"case": rules.case.output.case, "lv": rules.case.output.lv, "tree": rules.case.output.tree},
     "cardiac_function": {"fit": rules.calibration.output.fit},
@@ -14,6 +16,7 @@ FIGURES = {
     "osi_scatter": {"pairs": rules.estimation.output.pairs},
     "intervals_wss": {"estimates": rules.estimation.output.estimates},
     "intervals_ffr": {"estimates": rules.estimation.output.estimates},
+    "budget": {"budget": rules.budget.output.budget},
 }
 for name in ("flows", "flow_covariance"):
     FIGURES[name] = {
@@ -22,6 +25,8 @@ for name in ("flows", "flow_covariance"):
         "targets": rules.perfusion.output.targets,
         "summary": rules.posterior.output.summary,
     }
+if min(campaign.estimation.convergence_sizes, default=0) <= campaign.samples.n_3d - HELD_BACK:
+    FIGURES["convergence"] = {"convergence": rules.convergence.output.convergence}
 if campaign.backend == "ensemble" and campaign.flow3d.fields:
     FIGURES["walls"] = {
         "fields": results("flow3d", "fields_0.zip"),

@@ -93,7 +93,7 @@ def _vessel(stenosis: dict, rows: list[dict]) -> dict:
     branch = stenosis["name"].lower()
     of_quantity = {q: _recommended(rows, f"{q}_{branch}") for q in QUANTITIES}
     ffr_row, ffr = of_quantity["ffr"]
-    probability = ffr_row.get("beyond_mean", {}).get("probability_below_threshold")
+    probability = ffr_row["beyond_the_mean"].get("probability_at_or_below")
     return {
         "name": stenosis["name"],
         "ffr": _quantity(ffr),

@@ -1,0 +1,71 @@
+"""What runs buy: convergence with the number of 3D runs (Fig. 6) and both budget curves (Fig. 7)."""
+
+import numpy as np
+
+from coronaryuq.figures.style import ESTIMATORS, MUTED, saved
+from coronaryuq.files import read_json
+
+SHOWN = "max OSI"
+"""The paper's example for both figures, and the hardest quantity."""
+SERIES = (
+    ("rho_original", "3D against 0D, same θ", MUTED),
+    ("rho_ae_in_sample", "MFMC-AE, in-sample", "#E7B394"),
+    ("rho_ae_held_out", "MFMC-AE, held out", ESTIMATORS["MFMC-AE"]),
+    ("rho_best_held_out", "best, held out", ESTIMATORS["best"]),
+)
+
+
+def convergence(convergence: str, output: str) -> None:
+    """Correlations and the Monte Carlo mean of maximum OSI over random subsamples; one dot a subsample (Fig. 6)."""
+    entries = [entry for entry in read_json(convergence)["convergence"] if entry["label"].startswith(SHOWN)]
+    rows = list(dict.fromkeys(entry["row"] for entry in entries))
+    columns = max(len(rows), 1)
+    with saved(output, nrows=2, ncols=columns, figsize=(3.4 * columns, 5), squeeze=False, sharex="col") as (
+        figure,
+        axes,
+    ):
+        for column, row in enumerate(rows):
+            of_row = [entry for entry in entries if entry["row"] == row]
+            sizes = [entry["n_3d"] for entry in of_row]
+            step = min(np.diff(sizes), default=max(sizes))
+            for k, (key, label, ink) in enumerate(SERIES):
+                for entry in of_row:
+                    values = np.abs(entry.get(key, []))
+                    place = entry["n_3d"] + (k - 1.5) * 0.16 * step
+                    axes[0][column].plot(np.full(len(values), place), values, ".", ms=3, alpha=0.5, color=ink)
+                    if len(values):
+                        axes[0][column].plot(place, np.mean(values), "_", ms=9, mew=2, color=ink)
+                axes[0][column].plot([], [], "o", ms=4, color=ink, label=label)
+            for entry in of_row:
+                means = entry["mean_mc"]
+                axes[1][column].plot(np.full(len(means), entry["n_3d"]), means, ".", ms=3, alpha=0.5, color="black")
+            axes[0][column].set_ylim(0, 1.03)
+            axes[0][column].set_title(of_row[0]["label"].split(", ")[-1], fontsize=9)
+            axes[1][column].set_xlabel("3D runs")
+        axes[0][0].set_ylabel("|ρ|")
+        axes[1][0].set_ylabel("Monte Carlo mean of max OSI (1)")
+        if rows:
+            figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside upper center", ncols=4, fontsize=8)
+
+
+def budget(budget: str, output: str) -> None:
+    """Optimal variance against the budget, and what a smaller variance than today's still costs (Fig. 7)."""
+    found = [entry for entry in read_json(budget)["budget"] if entry["label"].startswith(SHOWN)]
+    columns = max(len(found), 1)
+    with saved(output, nrows=2, ncols=columns, figsize=(3.4 * columns, 5.4), squeeze=False) as (figure, axes):
+        for column, entry in enumerate(found):
+            for name, curve in entry["estimators"].items():
+                base = name.removesuffix(" in-sample")
+                look = {"color": ESTIMATORS[base], "ls": "-" if base == name else ":", "lw": 1.4, "label": name}
+                axes[0][column].loglog(entry["budget_3d_runs"], curve["optimal_variance"], **look)
+                cost = np.array(curve["additional_cost"], dtype=float)
+                reached = np.isfinite(cost) & (cost > 0)
+                axes[1][column].loglog(np.array(entry["variance_factor"])[reached], cost[reached], **look)
+            axes[0][column].set_title(entry["label"].split(", ")[-1], fontsize=9)
+            axes[0][column].set_xlabel("budget (3D runs)")
+            axes[1][column].set_xlabel("wanted variance / today's")
+            axes[1][column].invert_xaxis()
+        axes[0][0].set_ylabel("optimal variance of the mean of max OSI")
+        axes[1][0].set_ylabel("additional cost (3D runs)")
+        if found:
+            figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside upper center", ncols=5, fontsize=8)
