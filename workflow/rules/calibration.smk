@@ -12,11 +12,11 @@ rule calibration:
         hyperaemia=results("calibration", "hyperaemia.json"),
         parameters=results("calibration", "parameters.csv"),
         fit=results("calibration", "fit.csv"),
-    params:
-        settings=block("calibration"),
-        seed=campaign.seed,
     log:
         log_of("calibration.log"),
     threads: 2
+    params:
+        settings=block("calibration"),
+        seed=campaign.seed,
     script:
         "../scripts/calibration.py"

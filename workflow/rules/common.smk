@@ -10,7 +10,6 @@ from coronaryuq import provenance
 from coronaryuq.case.description import read_description
 from coronaryuq.errors import InputError
 
-
 # Jobs started from the shell find this environment's python and mpiexec, whether or not it has been activated.
 os.environ["PATH"] = os.pathsep.join([Path(sys.executable).parent.as_posix(), os.environ.get("PATH", "")])
 

@@ -18,11 +18,11 @@ if not DISCREPANCY.measurements:
             measurements=results("discrepancy", "case", "measurements.csv"),
             conditions=results("discrepancy", "case", "conditions.yaml"),
             truth=results("discrepancy", "case", "truth.json"),
+        log:
+            log_of("discrepancy_case.log"),
         params:
             settings=block("discrepancy"),
             seed=campaign.seed,
-        log:
-            log_of("discrepancy_case.log"),
         script:
             "../scripts/discrepancy_case.py"
 
@@ -40,12 +40,12 @@ rule discrepancy_search:
         tree=results("discrepancy", "found", "tree.csv"),
         gap=results("discrepancy", "found", "gap.csv"),
         paragraph=results("discrepancy", "found", "paragraph.txt"),
+    log:
+        log_of("discrepancy.log"),
+    threads: 2
     params:
         settings=block("discrepancy"),
         seed=campaign.seed,
-    threads: 2
-    log:
-        log_of("discrepancy.log"),
     script:
         "../scripts/discrepancy_search.py"
 

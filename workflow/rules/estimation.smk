@@ -21,11 +21,11 @@ rule runs:
         limits=results("runs", "param_limits.json"),
         rows=results("runs", "rows.csv"),
         failures=results("runs", "failures.json"),
+    log:
+        log_of("runs.log"),
     params:
         settings=block("estimation"),
         posterior=block("posterior"),
-    log:
-        log_of("runs.log"),
     script:
         "../scripts/runs.py"
 
@@ -37,12 +37,12 @@ rule estimation_train:
     output:
         networks=results("estimation", "networks.npz"),
         resampled=results("estimation", "resampled.csv"),
-    params:
-        settings=block("estimation"),
-        seed=campaign.seed,
     log:
         log_of("estimation", "train.log"),
     threads: 2
+    params:
+        settings=block("estimation"),
+        seed=campaign.seed,
     script:
         "../scripts/estimation_train.py"
 
@@ -55,12 +55,12 @@ rule zerod_resampled:
         code=code("coronaryuq.zerod.stage"),
     output:
         runs=results("zerod", "resampled_{k}.parquet"),
+    log:
+        log_of("zerod", "resampled_{k}.log"),
     params:
         settings=block("zerod"),
         # How many runs there are is known when the networks are trained; every job takes its share.
         share=lambda wildcards: [int(wildcards.k), len(RESAMPLED)],
-    log:
-        log_of("zerod", "resampled_{k}.log"),
     script:
         "../scripts/zerod_resampled.py"
 
@@ -75,11 +75,11 @@ rule estimation:
         estimates=results("estimation", "estimates.json"),
         table=results("estimation", "table.csv"),
         pairs=results("estimation", "pairs.csv"),
+    log:
+        log_of("estimation", "estimates.log"),
     params:
         settings=block("estimation"),
         seed=campaign.seed,
-    log:
-        log_of("estimation", "estimates.log"),
     script:
         "../scripts/estimation.py"
 
@@ -90,11 +90,11 @@ rule convergence:
         code=code("coronaryuq.estimation.stage"),
     output:
         convergence=results("estimation", "convergence.json"),
+    log:
+        log_of("estimation", "convergence.log"),
     params:
         settings=block("estimation"),
         seed=campaign.seed,
-    log:
-        log_of("estimation", "convergence.log"),
     script:
         "../scripts/convergence.py"
 
@@ -106,9 +106,9 @@ rule budget:
         code=code("coronaryuq.estimation.stage"),
     output:
         budget=results("estimation", "budget.json"),
-    params:
-        settings=block("estimation"),
     log:
         log_of("estimation", "budget.log"),
+    params:
+        settings=block("estimation"),
     script:
         "../scripts/budget.py"

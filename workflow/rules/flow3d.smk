@@ -10,10 +10,10 @@ rule mesh:
     output:
         archive=results("mesh", "mesh-complete.zip"),
         description=results("mesh", "mesh.json"),
-    params:
-        settings=block("mesh"),
     log:
         log_of("mesh.log"),
+    params:
+        settings=block("mesh"),
     script:
         "../scripts/mesh.py"
 
@@ -41,15 +41,15 @@ rule flow3d_batch:
     output:
         records=results("flow3d", "batch_{k}.jsonl"),
         fields=results("flow3d", "fields_{k}.zip"),
+    log:
+        log_of("flow3d", "batch_{k}.log"),
+    resources:
+        **({} if campaign.backend == "ensemble" else {"mpi": "mpiexec", "tasks": 2}),
     params:
         settings=block("flow3d"),
         posterior=block("posterior"),
         backend=campaign.backend,
         seed=campaign.seed,
         portion=lambda wildcards: BATCHES[int(wildcards.k)],
-    log:
-        log_of("flow3d", "batch_{k}.log"),
-    resources:
-        **({} if campaign.backend == "ensemble" else {"mpi": "mpiexec", "tasks": 2}),
     script:
         "../scripts/flow3d_batch.py"

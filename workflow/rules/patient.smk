@@ -9,12 +9,12 @@ rule bundled_patient:
     output:
         case=results("patient", "case.yaml"),
         truth=results("patient", "truth.json"),
+    log:
+        log_of("bundled_patient.log"),
     params:
         settings=block("synthetic"),
         # The patient's own seed: another seed of the campaign draws other noise for the same patient.
         seed=campaign.synthetic.anatomy_seed,
-    log:
-        log_of("bundled_patient.log"),
     script:
         "../scripts/bundled_patient.py"
 
@@ -28,9 +28,9 @@ rule case:
         tree=results("case", "tree.vtp"),
         network=results("case", "network.json"),
         lv=results("case", "lv.vtu"),
-    params:
-        settings=block("patient"),
     log:
         log_of("case.log"),
+    params:
+        settings=block("patient"),
     script:
         "../scripts/case.py"

@@ -8,12 +8,12 @@ rule perfusion_chunk:
         code=code("coronaryuq.perfusion.stage"),
     output:
         chunk=results("perfusion", "chunk_{k}.npz"),
+    log:
+        log_of("perfusion", "chunk_{k}.log"),
     params:
         settings=block("perfusion", without=["realisations"]),
         seed=campaign.seed,
         portion=lambda wildcards: REALISATIONS[int(wildcards.k)],
-    log:
-        log_of("perfusion", "chunk_{k}.log"),
     script:
         "../scripts/perfusion_chunk.py"
 
@@ -26,9 +26,9 @@ rule perfusion:
         code=code("coronaryuq.perfusion.stage"),
     output:
         targets=results("perfusion", "targets.json"),
-    params:
-        settings=block("perfusion"),
     log:
         log_of("perfusion", "gather.log"),
+    params:
+        settings=block("perfusion"),
     script:
         "../scripts/perfusion_gather.py"

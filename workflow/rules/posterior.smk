@@ -10,13 +10,13 @@ rule posterior_chains:
         script=script_path("posterior_chains.py"),
     output:
         chains=results("posterior", "chains.npz"),
-    params:
-        given=as_json(settings=block("posterior"), seed=campaign.seed),
     log:
         log_of("posterior", "chains.log"),
     resources:
         mpi="mpiexec",
         tasks=2,
+    params:
+        given=as_json(settings=block("posterior"), seed=campaign.seed),
     shell:
         "{resources.mpi} -n {resources.tasks} python {input.script:q}"
         " --input case={input.case:q} network={input.network:q} targets={input.targets:q}"
@@ -34,11 +34,11 @@ rule posterior:
         posterior=results("posterior", "posterior.nc"),
         draws=results("posterior", "draws.csv"),
         summary=results("posterior", "summary.json"),
+    log:
+        log_of("posterior", "gather.log"),
     params:
         settings=block("posterior"),
         seed=campaign.seed,
-    log:
-        log_of("posterior", "gather.log"),
     script:
         "../scripts/posterior_gather.py"
 
@@ -49,12 +49,12 @@ rule samples:
         code=code("coronaryuq.posterior.stage"),
     output:
         samples=results("samples", "{set}.csv"),
+    log:
+        log_of("samples", "{set}.log"),
     params:
         settings=block("posterior"),
         seed=campaign.seed,
         set=lambda wildcards: wildcards.set,
         total=lambda wildcards: COUNTS[wildcards.set],
-    log:
-        log_of("samples", "{set}.log"),
     script:
         "../scripts/samples.py"

@@ -41,10 +41,10 @@ rule figure:
         code=lambda wildcards: code("coronaryuq.figures.draw", DRAWN[wildcards.figure].split(":")[0]),
     output:
         figure=results("figures", "{figure}.png"),
-    params:
-        name=lambda wildcards: wildcards.figure,
     log:
         log_of("figures", "{figure}.log"),
+    params:
+        name=lambda wildcards: wildcards.figure,
     script:
         "../scripts/figure.py"
 
@@ -68,10 +68,10 @@ rule report:
         template=Path(workflow.basedir, "src", "coronaryuq", "report", "template.html").as_posix(),
     output:
         report=results("report.html"),
-    params:
-        configuration=campaign.model_dump(mode="json"),
     log:
         log_of("report.log"),
+    params:
+        configuration=campaign.model_dump(mode="json"),
     script:
         "../scripts/report.py"
 
@@ -81,11 +81,11 @@ rule paper_table:
         code=code("coronaryuq.estimation.paper_table"),
     output:
         table=results("paper_table.csv"),
+    log:
+        log_of("paper_table.log"),
     params:
         data=campaign.paper_data,
         settings=block("estimation"),
         seed=campaign.seed,
-    log:
-        log_of("paper_table.log"),
     script:
         "../scripts/paper_table.py"

@@ -9,14 +9,14 @@ rule zerod_chunk:
         code=code("coronaryuq.zerod.stage", "coronaryuq.posterior.samples"),
     output:
         runs=results("zerod", "{set}_{k}.parquet"),
+    log:
+        log_of("zerod", "{set}_{k}.log"),
     params:
         settings=block("zerod"),
         posterior=block("posterior"),
         seed=campaign.seed,
         set=lambda wildcards: wildcards.set,
         portion=lambda wildcards: CHUNKS[wildcards.set][int(wildcards.k)],
-    log:
-        log_of("zerod", "{set}_{k}.log"),
     script:
         "../scripts/zerod_chunk.py"
 
