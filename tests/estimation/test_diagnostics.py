@@ -76,3 +76,8 @@ def test_a_useless_model_is_named_and_a_useful_one_is_not():
     assert diagnostics.useless(0.05, 100, "MFMC") is not None
     assert diagnostics.useless(0.5, 100, "MFMC") is None
     assert diagnostics.useless(-0.9, 100, "best") is not None
+
+
+def test_methods_that_were_not_verified_say_so():
+    assert diagnostics.unverified("best", 25) is not None and diagnostics.unverified("best", 50) is None
+    assert "repeated trials" in diagnostics.unverified("MFMC-AE", 500).text

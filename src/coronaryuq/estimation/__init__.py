@@ -7,13 +7,15 @@
         level), rho_held_out, rho_in_sample and std_in_sample where fitted, n_3d, n_0d (0D runs made), predictions
         (evaluations of the control variate), beta, residual_variance, propagation_variance, warnings
     recommended: the estimator with the least claimed std that carries no warning
-    beyond_the_mean: variance, quantiles, probability_at_or_below (FFR), sobol_first_order → value, std, low, high, level
+    beyond_the_mean: variance, quantiles, probability_at_or_below (FFR), sobol_first_order → value, std, low, high,
+        level
     emulator_error: held-out mean square error over variance of the 0D output's emulator
     integrated_exactly: name of the input with a known law that was integrated, or null
     warnings: those of the runs, each with the rule that was applied
 `table.csv`: one line per row and estimator.
 `convergence.json`: {convergence: [{row, label, n_3d, rho_original, mean_mc, rho_ae_in_sample, rho_ae_held_out,
     rho_best_held_out}]}, lists with one item per subsample.
-`budget.json`: {budget: [{row, label, cost_ratio, n_3d, n_0d, budget_3d_runs, variance_factor, estimators: {name: {rho,
-    variance_now, optimal_variance, additional_cost}}}], plan: [{row, wanted, now, more_3d, more_0d, cost, cost_of_half}]}.
+`budget.json`: {budget: [{row, label, cost_ratio, n_3d, n_0d, budget_3d_runs, variance_factor, estimators: {name:
+    {rho, variance_now, optimal_variance, additional_cost}}}], plan: [{row, wanted, now, more_3d, more_0d, cost,
+    cost_of_half}]}.
 """

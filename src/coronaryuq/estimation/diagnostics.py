@@ -132,17 +132,15 @@ def useless(rho_held_out: float, n: int, method: str) -> Finding | None:
     )
 
 
-# Fewest 3D runs from which the coverage benchmark holds for a method: spread within 15 %, coverage 93 to 97 %.
-VERIFIED_FROM = {"MC": 25, "MFMC": 25, "MFMC-AE": 100, "best": 50}
+# Fewest 3D runs from which the coverage benchmark holds for a method: spread within 15 %, coverage 93 to 97 %. MFMC-AE
+# has not been through it: one trial takes minutes.
+VERIFIED_FROM = {"MC": 25, "MFMC": 25, "MFMC-AE": None, "best": 50}
 
 
 def unverified(method: str, n_3d: int) -> Finding | None:
-    """A method on fewer 3D runs than the coverage benchmark has verified it for."""
+    """A method on fewer 3D runs than the coverage benchmark has verified it for, or that it never saw."""
     least = VERIFIED_FROM[method]
-    if n_3d >= least:
+    if least is not None and n_3d >= least:
         return None
-    return Finding(
-        "unverified",
-        f"the interval of {method} is not verified below {least} 3D runs, and there are {n_3d}",
-        "shown, not recommended",
-    )
+    where = "by repeated trials" if least is None else f"below {least} 3D runs, and there are {n_3d}"
+    return Finding("unverified", f"the interval of {method} is not verified {where}", "shown, not recommended")
