@@ -27,7 +27,7 @@ def test_territory_integrals_are_the_outlets_hyperaemic_flows(patient):
 
 def test_perfusion_is_that_of_a_patient_under_stress(patient):
     _, volumes, mbf = wall_of(patient)
-    assert np.average(mbf, weights=volumes) == pytest.approx(patient.settings.mbf, rel=1e-4)
+    assert np.average(mbf, weights=volumes) == pytest.approx(patient.settings.mbf, rel=5e-4)
     low, high = np.percentile(mbf, [1, 99])
     assert low > 1.4
     assert high < 3.5
@@ -56,8 +56,8 @@ def test_flows_follow_rest_and_hyperaemia(patient):
 
 def test_heart_is_that_of_an_adult_at_rest(patient):
     values = patient.rest.measures
-    assert values["PaoMean"] / MMHG == pytest.approx(patient.settings.mean_pressure, rel=1e-4)
-    assert values["AbsQin"] == pytest.approx(patient.settings.stroke_volume, rel=1e-4)
+    assert values["PaoMean"] / MMHG == pytest.approx(patient.settings.mean_pressure, rel=5e-4)
+    assert values["AbsQin"] == pytest.approx(patient.settings.stroke_volume, rel=5e-4)
     assert 55 < values["PaoMin"] / MMHG < 90 and 105 < values["PaoMax"] / MMHG < 145
     assert 0.5 < values["EFLV"] < 0.75
     assert 90 < values["EDV"] < 150

@@ -118,6 +118,12 @@ def test_a_valve_that_flutters_does_not_end_systole():
     assert open_interval(TIME, flow)[1] == pytest.approx(0.25, abs=0.004)
 
 
+def test_recoil_after_closure_is_no_systole():
+    flow = half_sine(*EJECTION, 70.0)
+    flow = flow + half_sine(0.41, 0.44, 0.03 * flow.max() * 0.03)
+    assert open_interval(TIME, flow) == pytest.approx(EJECTION, abs=0.004)
+
+
 @pytest.mark.parametrize(
     "wave, score",
     [

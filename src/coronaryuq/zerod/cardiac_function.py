@@ -21,6 +21,9 @@ CLOSURE = 0.1
 FLUTTER = 0.06
 """Fraction of a cycle: a valve that shuts for less, and opens again, is still open (it flutters in the 0D model)."""
 
+REOPENED = 0.15
+"""Fraction of the peak flow that makes a second opening part of the same systole; less is the valve's recoil."""
+
 PROMINENCE = 0.02
 """A turning point of a coronary flow waveform counts if it stands out by this fraction of the waveform's range."""
 
@@ -145,7 +148,10 @@ def _shut(flow: np.ndarray, level: float) -> int:
     """First place from which the flow stays below `level` for more than a `FLUTTER`; if none, the first below it."""
     longest, below = round(FLUTTER * len(flow)), 0
     for place, value in enumerate(flow):
-        below = below + 1 if value < level else 0
+        if below:
+            below = 0 if value > REOPENED * flow.max() else below + 1
+        elif value < level:
+            below = 1
         if below > longest:
             return place - below + 1
     return int(np.argmax(flow < level))
