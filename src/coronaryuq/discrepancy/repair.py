@@ -42,7 +42,8 @@ def repaired_conditions(forward: Forward, acting: list[Acting], z: np.ndarray, f
             block, _, key = parameter.rpartition(".")
             if np.ndim(value):
                 drives[block] = f"drives/{name}_{block}.csv".replace(" ", "_")
-                time = np.linspace(0.0, forward.periods[name], len(value))
+                # The condition's own scale of the period is applied to drives when they are read.
+                time = np.linspace(0.0, forward.periods[name] / condition.period_scale, len(value))
                 _write_drive(folder / drives[block], time, np.asarray(value))
             elif abs(parameter_value(given, parameter) - float(value)) > SAME * abs(float(value)):
                 entry.setdefault("set", {}).setdefault(block, {})[key] = float(value)

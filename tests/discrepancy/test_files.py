@@ -1,0 +1,206 @@
+"""From files to an answer: one line for bad input, a plain word where nothing is hidden, a name and a repair else."""
+
+import argparse
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+from coronaryuq import files
+from coronaryuq.bench.discrepancy import Case, _hide, open_loop, wilson
+from coronaryuq.discrepancy import command
+from coronaryuq.discrepancy.conditions import Condition, read_conditions, under
+from coronaryuq.discrepancy.model import read_problem
+from coronaryuq.discrepancy.openloop import left_coronary
+from coronaryuq.discrepancy.pairs import LAWS, discover_pairs, predict
+from coronaryuq.discrepancy.repair import repaired_conditions, repaired_network
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.discrepancy.tables import Branch
+from coronaryuq.errors import InputError
+from coronaryuq.zerod.effects.library import effect
+
+
+def arguments(*words):
+    parser = argparse.ArgumentParser()
+    command.add_arguments(parser)
+    return parser.parse_args([str(word) for word in words])
+
+
+def case_arguments(folder, out):
+    return arguments(
+        *("--model", folder / "model.json", "--measurements", folder / "measurements.csv"),
+        *("--conditions", folder / "conditions.yaml", "--out", out, "--json"),
+    )
+
+
+@pytest.fixture(scope="module")
+def hidden_stenosis(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("case")
+    truth, _ = _hide(Case(("quadratic_stenosis",), "medium", "nominal", 5), *open_loop(), folder)
+    return folder, truth
+
+
+def spoiled(folder, tmp_path, change):
+    for name in ("model.json", "conditions.yaml"):
+        (tmp_path / name).write_text((folder / name).read_text())
+    table = pd.read_csv(folder / "measurements.csv")
+    change(table).to_csv(tmp_path / "measurements.csv", index=False)
+    with pytest.raises(InputError) as caught:
+        command.main(case_arguments(tmp_path, tmp_path / "out"))
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "out").exists()
+    return str(caught.value)
+
+
+def test_unknown_location(hidden_stenosis, tmp_path):
+    message = spoiled(
+        hidden_stenosis[0], tmp_path, lambda t: t.assign(location=t.location.replace("lad:BC_lad", "lad:BC_lda"))
+    )
+    assert "BC_lda" in message and "near: " in message and "lad:BC_lad" in message
+
+
+def test_wrong_unit(hidden_stenosis, tmp_path):
+    message = spoiled(hidden_stenosis[0], tmp_path, lambda t: t.assign(unit=t.unit.replace("mL/s", "mmHg")))
+    assert "unit" in message and "'mmHg'" in message and "mL/min" in message
+
+
+def test_missing_sd(hidden_stenosis, tmp_path):
+    def change(table):
+        table.loc[3, "sd"] = np.nan
+        return table
+
+    assert "line 5: sd" in spoiled(hidden_stenosis[0], tmp_path, change)
+
+
+def test_one_condition_only(hidden_stenosis, tmp_path):
+    message = spoiled(hidden_stenosis[0], tmp_path, lambda t: t[t.condition == "rest"])
+    assert "one condition only" in message
+
+
+def test_waveform_that_misses_part_of_the_cycle(hidden_stenosis, tmp_path):
+    message = spoiled(hidden_stenosis[0], tmp_path, lambda t: t[~(t.time > 0.5)])
+    assert "does not cover the cycle" in message
+
+
+def test_missing_arguments_are_named(tmp_path):
+    with pytest.raises(InputError, match="--measurements"):
+        command.main(arguments("--model", "x.json", "--out", tmp_path))
+
+
+def test_unknown_key_of_a_condition(tmp_path):
+    (tmp_path / "c.yaml").write_text("rest:\n  resistance: 2\n")
+    with pytest.raises(InputError, match="rest.resistance"):
+        read_conditions(tmp_path / "c.yaml")
+
+
+def test_condition_scales_arterioles_and_period():
+    network = left_coronary()
+    changed = under(network, Condition("x", coronary_resistance_scale=0.25, period_scale=0.5))
+    old, new = (n["boundary_conditions"][1]["bc_values"] for n in (network, changed))
+    assert new["Ra1"] == pytest.approx(0.25 * old["Ra1"]) and new["Rv1"] == old["Rv1"]
+    assert new["t"][-1] == pytest.approx(0.5 * old["t"][-1])
+
+
+def test_hidden_stenosis_is_named_placed_and_mended(hidden_stenosis, tmp_path, capsys):
+    folder, truth = hidden_stenosis
+    assert command.main(case_arguments(folder, tmp_path)) == 0
+    answer = json.loads(capsys.readouterr().out)
+    one, place = truth.acting[0]
+    assert answer["alarm"] and not answer["outside_library"]
+    assert (one.name, place) in [(m["effect"], m["place"]) for m in answer["named"][0]["class"]]
+    assert answer["gap_after"] < answer["gap_before"]
+    assert answer["gap_after"] == pytest.approx(1.0, abs=0.2)
+    expected = ("repaired.json", "conditions.yaml", "difference.txt", "ranking.csv", "residuals.csv", "tree.csv")
+    assert all((tmp_path / name).exists() for name in expected)
+
+
+def test_repaired_files_give_the_fitted_predictions(hidden_stenosis, tmp_path):
+    """The repaired network under the repaired conditions, without any effect, predicts what the fit predicted."""
+    folder, truth = hidden_stenosis
+    conditions = read_conditions(folder / "conditions.yaml")
+    table = folder / "measurements.csv"
+    problem = read_problem(files.read_json(folder / "model.json"), table, conditions, "c", Settings())
+    forward = problem.forward
+    for acting in (
+        truth.acting,
+        [(effect("intramyocardial_pressure"), "all beds")],
+        [(effect("autoregulation"), "all beds")],
+    ):
+        z = np.full(problem.count + 1, 0.4)
+        z[[i for i, n in enumerate(forward.nuisances) if n.mass]] = 0.0
+        wanted = forward.predict(z, acting)[0]
+        network = repaired_network(forward, acting, z)
+        content = repaired_conditions(forward, acting, z, tmp_path)
+        files.write_text(tmp_path / "conditions.yaml", yaml.safe_dump(content, sort_keys=False))
+        again = read_conditions(tmp_path / "conditions.yaml")
+        repaired = read_problem(network, table, again, "c", Settings())
+        repaired.forward.masses = forward.masses
+        assert repaired.forward.predict(np.zeros(repaired.count))[0] == pytest.approx(wanted, rel=3e-3)
+
+
+def test_nothing_hidden_is_said_so(tmp_path, capsys):
+    _hide(Case((), "none", "nominal", 6), *open_loop(), tmp_path)
+    command.main(case_arguments(tmp_path, tmp_path / "out"))
+    answer = json.loads(capsys.readouterr().out)
+    assert not answer["alarm"] and answer["named"] == []
+    assert "nothing to explain" in answer["paragraph"]
+
+
+def pair_tables(folder, quadratic, count=120):
+    """Tables of one branch whose measured side has a quadratic loss that the simulated side lacks."""
+    random = np.random.default_rng(1)
+    bed, own, root = 60.0 * random.uniform(0.7, 1.4, count), 3.0, 95.0 + random.normal(0, 2, count)
+    simulated, measured = {}, {}
+    for table, loss in ((simulated, 0.0), (measured, quadratic)):
+        series = own + bed
+        flow = 2 * root / (series + np.sqrt(series**2 + 4 * loss * root))
+        distal = bed * flow
+        table |= {"sample": range(count), "mean_pressure:heart:aorta": root, "mean_pressure:v:BC": distal}
+        table |= {"mean_flow:v:BC": flow, "ffr_x": distal / root}
+    for name, table in (("0d.csv", simulated), ("3d.csv", measured)):
+        pd.DataFrame(table).to_csv(folder / name, index=False)
+
+
+def test_quadratic_loss_is_named_from_pairs(tmp_path):
+    pair_tables(tmp_path, 4.0)
+    answer = discover_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv", tmp_path / "out", 1)
+    assert [(n["effect"], n["place"]) for n in answer["named"]] == [("quadratic_stenosis", "v:BC")]
+    assert answer["named"][0]["coefficients"]["quadratic"] == pytest.approx(4.0, rel=0.15)
+    assert answer["gap_after"] < 0.05 * answer["gap_before"]
+
+
+def test_equal_pairs_leave_nothing_to_explain(tmp_path):
+    pair_tables(tmp_path, 0.0)
+    answer = discover_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv", tmp_path / "out", 1)
+    assert not answer["alarm"] and answer["named"] == []
+
+
+def test_circuit_without_further_losses_is_the_simulation():
+    one = np.array([0.5, 0.7])
+    root, distal, outlet = np.array([95.0, 97.0]), np.array([90.0, 91.0]), np.array([88.0, 89.0])
+    branch = Branch("x", "a:b", root, root, distal, distal, outlet, outlet, one, one, 3.0, "measured")
+    ffr, flow, end = predict(branch, {})
+    assert ffr == pytest.approx(distal / root) and flow == pytest.approx(one) and end == pytest.approx(outlet / root)
+
+
+def test_laws_name_effects_of_the_library():
+    for law in LAWS:
+        assert all(effect(name).name == name for name in law.effects)
+
+
+@pytest.mark.long
+def test_the_published_runs_lack_a_quadratic_loss_in_all_three_branches(shared, tmp_path):
+    data = shared / "data" / "menon2024"
+    answer = discover_pairs(data / "outputs_0d.csv", data / "outputs_3d.csv", tmp_path, 1)
+    named = {(n["branch"], n["effect"]) for n in answer["named"]}
+    assert named == {(branch, "quadratic_stenosis") for branch in ("lad", "lcx", "rca")}
+    for branch in answer["held_out"]["branches"]:
+        assert branch["ffr_rmse"]["after"] < 0.005 < 0.1 < branch["ffr_rmse"]["before"]
+
+
+def test_wilson_interval_of_a_textbook_case():
+    """9 of 10: 0.596 to 0.982 (Agresti & Coull 1998, formula 4)."""
+    found = wilson(9, 10)
+    assert (found["low"], found["high"]) == pytest.approx((0.5958, 0.9821), abs=2e-4)
