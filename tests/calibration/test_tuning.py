@@ -161,3 +161,24 @@ def test_the_real_network_meets_its_clinical_targets(shared, tmp_path, seed):
     )
     fit = tuned.fit.set_index("target")
     assert (fit.relative[fit.clinical].abs() < 0.05).all(), fit.to_string()
+
+
+def test_a_network_in_mmhg_tunes_as_the_same_network_in_cgs(loop_network, in_mmhg, adult, tmp_path):
+    """Only the first few evaluations: their costs agree, so the network, the table and the parameters mean the same."""
+    brief = Settings(
+        candidates=8, starts=1, approach=2, rounds=1, evaluations_per_parameter=2, final_steps_per_cycle=250
+    )
+    table = "".join(f"{name},text,{value}\n" for name, value in adult.items())
+    (tmp_path / "targets.csv").write_text(table)
+    write_json(tmp_path / "cgs.json", loop_network)
+    write_json(tmp_path / "mmhg.json", in_mmhg(loop_network))
+    lines = {}
+    for unit in ("cgs", "mmhg"):
+        said = []
+        tuned = tune_files(
+            tmp_path / f"{unit}.json", tmp_path / "targets.csv", brief, 1, tmp_path / unit, report=said.append
+        )
+        lines[unit] = said[1:3]
+        assert "read as " + {"cgs": "cgs", "mmhg": "mmHg"}[unit] in said[0]
+        assert tuned.rest["closed_loop_blocks"][0]["parameters"]["Elv_s"] > 1000.0  # what is written is CGS
+    assert lines["cgs"] == lines["mmhg"]

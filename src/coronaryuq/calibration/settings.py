@@ -21,7 +21,7 @@ class Settings(BaseModel):
     approach_cycles: int = Field(6, ge=1, description="Cycles of a run of those steps.")
     rounds: int = Field(2, ge=1, description="Rounds over the parameter blocks.")
     evaluations_per_parameter: int = Field(
-        12, ge=2, description="Loop runs that one search may spend, per parameter of its block."
+        6, ge=2, description="Loop runs that one search may spend, per parameter of its block."
     )
     polish: int = Field(
         0, ge=0, description="Loop runs per parameter of the last search, over all 36 at once; 0 leaves it out."
