@@ -3,6 +3,7 @@
 #   snakemake --profile workflow/profiles/default --configfile config/laptop.yaml            the whole campaign
 #   snakemake --profile workflow/profiles/default --configfile config/laptop.yaml figures    its figures alone
 #   snakemake --profile workflow/profiles/default --configfile config/laptop.yaml paper_table
+#   snakemake --profile workflow/profiles/default --configfile config/laptop.yaml discrepancy  what the model is missing
 
 from snakemake.utils import min_version
 
@@ -17,13 +18,14 @@ include: "workflow/rules/posterior.smk"
 include: "workflow/rules/flow3d.smk"
 include: "workflow/rules/zerod.smk"
 include: "workflow/rules/estimation.smk"
+include: "workflow/rules/discrepancy.smk"
 include: "workflow/rules/report.smk"
 
 
 localrules:
     all,
     figures,
-    paper_table,
+    discrepancy,
 
 
 rule all:

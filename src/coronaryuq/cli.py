@@ -48,8 +48,11 @@ def _parser() -> argparse.ArgumentParser:
     doctor.add_argument("--environment", action="store_true", help="the Python environment only")
     doctor.set_defaults(run=_doctor)
 
-    discrepancy = commands.add_parser("discrepancy", help="find what a model of a case is missing", add_help=False)
-    discrepancy.set_defaults(run=None)
+    from coronaryuq.discrepancy import command
+
+    discrepancy = commands.add_parser("discrepancy", help="find what a model of a case is missing")
+    command.add_arguments(discrepancy)
+    discrepancy.set_defaults(run=command.main)
     return parser
 
 

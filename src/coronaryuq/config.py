@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from coronaryuq.calibration.settings import Settings as CalibrationSettings
 from coronaryuq.case.settings import Settings as CaseSettings
+from coronaryuq.discrepancy.settings import Settings as DiscrepancySettings
 from coronaryuq.errors import InputError
 from coronaryuq.estimation.settings import Settings as EstimationSettings
 from coronaryuq.flow3d.mesh.settings import Settings as MeshSettings
@@ -64,6 +65,9 @@ class Campaign(BaseModel):
     flow3d: Flow3DSettings = Field(default_factory=Flow3DSettings, description="3D runs")
     zerod: ZeroDSettings = Field(default_factory=ZeroDSettings, description="0D runs")
     estimation: EstimationSettings = Field(default_factory=EstimationSettings, description="estimators and intervals")
+    discrepancy: DiscrepancySettings = Field(
+        default_factory=DiscrepancySettings, description="search for what the model is missing"
+    )
 
 
 def load(path: str | Path) -> Campaign:
