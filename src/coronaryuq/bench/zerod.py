@@ -1,0 +1,154 @@
+"""Speed of the 0D engine on a closed loop with 22 coronary outlets, against svZeroDSolver where it is installed."""
+
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from coronaryuq import files, seeds
+from coronaryuq.errors import InputError
+from coronaryuq.units import MMHG
+from coronaryuq.zerod import svzerod
+from coronaryuq.zerod.beds import beds, resistance_changes
+from coronaryuq.zerod.engine import Engine
+from coronaryuq.zerod.lanes import LANES
+from coronaryuq.zerod.network import Network, check_network, copy_of, read_network, write_network
+
+_SHARED = Path(__file__).parents[4] / "shared" / "data"
+_PRESSURE_LIKE = ("R", "L", "E", "Kxp")
+
+
+def run(quick: bool = False, **options) -> dict:
+    """Benchmark `zerod`; keys as in BENCHMARKS.md and a few more.
+
+    options: network (JSON file; default the shared closed-loop-22 with svZeroDSolver's published heart parameters),
+    samples (64), steps (1000), cycles (6). Ratios are of CPU time on one core, taken in the same run.
+    """
+    name, network = _network(options.get("network"))
+    samples = int(options.get("samples") or (32 if quick else 64))
+    steps, cycles = int(options.get("steps") or 1000), int(options.get("cycles") or (2 if quick else 6))
+    engine = Engine(network, name)
+    spent = time.process_time()
+    engine.run(cycles=1, steps_per_cycle=16)
+    first = time.process_time() - spent
+    random = seeds.generator(1, "bench", "zerod")
+    found = beds(network)
+    changes = resistance_changes(network, {bed: random.uniform(0.5, 2.0, samples) for bed in found})
+    places = [unknown for unknown in engine.unknowns if unknown.split(":")[-1] in found and unknown.startswith("flow")]
+    quantities = [f"mean_{place}" for place in places] or [f"mean_{engine.unknowns[0]}"]
+    options_ = {"steps_per_cycle": steps, "quantities": quantities}
+    engine.run(changes, cycles=1, **{**options_, "steps_per_cycle": 16})
+    spent = time.process_time()
+    result = engine.run(changes, cycles=cycles, **options_)
+    marched = (time.process_time() - spent) / samples
+    groups = -(-samples // LANES)
+    base = engine.run(periodic=True, steps_per_cycle=steps)
+    spent = time.process_time()
+    periodic = engine.run(changes, periodic=True, start=base.state[0], **options_)
+    settled = (time.process_time() - spent) / samples
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    theirs, periodic_theirs, difference = _against_svzerod(engine, network, cycles, steps, settled)
+    return {
+        "network": name,
+        "quick": quick,
+        "vessels": len(network.get("vessels", [])),
+        "unknowns": len(engine.unknowns),
+        "samples": samples,
+        "steps_per_cycle": steps,
+        "cycles": cycles,
+        "failed": int(np.sum(result.status != "ok")),
+        "cpu_s_per_sample": marched,
+        "steps_per_s": cycles * steps / marched,
+        "newton_per_step": result.solves / (groups * cycles * steps),
+        "newton_per_s": result.solves / groups / marched,
+        "cpu_s_per_sample_periodic": settled,
+        "cycles_periodic": float(periodic.cycles.mean()),
+        "cycle_error": float(periodic.cycle_error.max()),
+        "failed_periodic": int(np.sum(periodic.status != "ok")),
+        "compile_s": first if quick else _compile_time(network),
+        "compile_cached": quick,
+        "peak_rss_mb": peak,
+        "svzerod_cpu_s_per_sample": theirs,
+        "ratio_vs_svzerod": theirs / marched if theirs else None,
+        "ratio_vs_svzerod_periodic": periodic_theirs,
+        "max_rel_diff_svzerod": difference,
+    }
+
+
+def _network(path: str | None) -> tuple[str, Network]:
+    if path:
+        return Path(path).stem, read_network(path)
+    tree, heart = _SHARED / "closed-loop-22", _SHARED / "svzerod-cases" / "closedLoopHeart_withCoronaries.json"
+    if not (tree.is_dir() and heart.exists()):
+        raise InputError("bench zerod", "network", None, "the shared closed loop is absent; give --network FILE")
+    network = files.read_json(tree / "svzerod_tuning_cgs.json")
+    published = read_network(heart)["closed_loop_blocks"][0]["parameters"]
+    network["closed_loop_blocks"][0]["parameters"] = {
+        name: _in_cgs(name, value) for name, value in published.items() if not name.startswith("_")
+    }
+    check_network(network, tree)
+    return "closed-loop-22", network
+
+
+def _in_cgs(name: str, value: float) -> float:
+    """A heart parameter in mmHg and mL, in CGS."""
+    if name.startswith(_PRESSURE_LIKE):
+        return value * MMHG
+    return value / MMHG if name in ("Cp", "Cpa") else value
+
+
+def _against_svzerod(engine: Engine, network: Network, cycles: int, steps: int, settled: float):
+    """CPU time of svZeroDSolver for one sample, its ratio to periodic accuracy, and the largest relative difference."""
+    if svzerod.installed() is None:
+        return None, None, None
+    brief = copy_of(network)
+    brief["simulation_parameters"] |= {
+        "number_of_cardiac_cycles": cycles,
+        "number_of_time_pts_per_cardiac_cycle": steps + 1,
+        "output_all_cycles": False,
+        "output_mean_only": True,
+    }
+    spent = _cpu()
+    svzerod.simulate(brief)
+    spent = _cpu() - spent
+    theirs = svzerod.SvZeroD(network).run(waveforms=engine.unknowns, cycles=cycles, steps_per_cycle=steps)
+    ours = engine.run(waveforms=engine.unknowns, cycles=cycles, steps_per_cycle=steps)
+    difference = 0.0
+    for name in engine.unknowns:
+        here, there = ours.waveforms[name][0], theirs.waveforms[name][0]
+        difference = max(difference, np.abs(here - there).max() / max(np.abs(there).max(), 1e-12))
+    # svZeroDSolver has no other way than to march, so its cost to the same cycle error is that of our plain marching.
+    plain = engine.run(periodic=True, accelerate=False, steps_per_cycle=steps)
+    return spent, spent / cycles * float(plain.cycles[0]) / settled, float(difference)
+
+
+def _cpu() -> float:
+    return sum(resource.getrusage(who).ru_utime for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+
+
+_COMPILE = """
+import sys, time
+from coronaryuq.zerod.network import read_network
+from coronaryuq.zerod.engine import Engine
+engine = Engine(read_network(sys.argv[1]))
+spent = time.process_time()
+engine.run(cycles=1, steps_per_cycle=16)
+print(time.process_time() - spent)
+"""
+
+
+def _compile_time(network: Network) -> float:
+    """CPU time of a first run in a new process with an empty kernel cache."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "network.json"
+        write_network(path, network)
+        environment = {**os.environ, "NUMBA_CACHE_DIR": folder}
+        told = subprocess.run(
+            [sys.executable, "-c", _COMPILE, str(path)], env=environment, capture_output=True, text=True, check=True
+        )
+    return float(told.stdout)
