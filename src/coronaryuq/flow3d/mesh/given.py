@@ -1,0 +1,125 @@
+"""A mesh of the patient's own lumen: from a closed surface, or a mesh-complete folder taken as it is."""
+
+import functools
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from coronaryuq.case.surface import Surface
+from coronaryuq.case.tree import Stenosis, Tree
+from coronaryuq.errors import InputError
+from coronaryuq.flow3d.mesh import domain, folder, paths, regions, worker
+from coronaryuq.flow3d.mesh.build import Built, assemble
+from coronaryuq.flow3d.mesh.describe import describe
+from coronaryuq.flow3d.mesh.implicit import Implicit
+from coronaryuq.flow3d.mesh.paths import Cap, Size
+from coronaryuq.flow3d.mesh.piece import mesh_surface
+from coronaryuq.flow3d.mesh.settings import Settings
+from coronaryuq.flow3d.mesh.surface import WALL
+from coronaryuq.zerod.network import Network
+
+
+def adopt_folder(
+    given: Path, tree: Tree, stenoses: Sequence[Stenosis], network: Network, settings: Settings
+) -> tuple[folder.Mesh, dict]:
+    """A mesh-complete folder and the content of its `mesh.json`; faces keep their names and numbers.
+
+    The tree must be that of the same anatomy: every cap is matched to the end of a vessel. Raises InputError when a
+    cap has no vessel end near it, or an end no cap.
+    """
+    mesh = folder.read(given)
+    ends = [
+        (name, np.array(face["centroid"]), np.array(face["normal"]), face["radius"])
+        for number, name in mesh.caps.items()
+        for face in [folder.face_geometry(mesh, number)]
+    ]
+    kept, caps = match(given, tree, ends)
+    return _described(mesh, kept, caps, tree, stenoses, network, settings, "given", [])
+
+
+def mesh_closed_surface(
+    surface: Surface, tree: Tree, stenoses: Sequence[Stenosis], network: Network, settings: Settings, file: Path
+) -> tuple[folder.Mesh, dict]:
+    """Tetrahedra inside a closed surface, sized by the tree's radii; raises MeshError when all attempts fail."""
+    flat = _at_vessel_ends(surface, tree)
+    kept, caps = match(file, tree, [(f"cap{k}", cap.centre, cap.normal, cap.radius) for k, cap in enumerate(flat)])
+    caps = [replace(cap, name=f"{'inlet' if cap.inlet else 'outlet'}_{cap.vessel}") for cap in caps]
+    refs = np.full(len(surface.triangles), WALL)
+    for index, cap in enumerate(flat):
+        refs[cap.faces] = index + 2
+    along = Implicit([path for piece in domain.pieces(tree, kept) for path in paths.paths(tree, kept, piece)])
+    arguments = {
+        "points": surface.points,
+        "triangles": surface.triangles,
+        "refs": refs,
+        "caps": caps,
+        "size": Size(along, stenoses, settings.throat_resolution, settings.resolution),
+        "radius": min(float(path.radii.min()) for path in along.paths),
+        "gradation": settings.gradation,
+    }
+    piece, failures = worker.run(file.name, (mesh_surface, arguments), settings.time_limit, settings.attempts)
+    mesh = assemble([piece], [[cap.name for cap in caps]])
+    return _described(mesh, kept, caps, tree, stenoses, network, settings, "surface", failures)
+
+
+def _at_vessel_ends(surface: Surface, tree: Tree) -> list:
+    """The flat places of a surface that lie at a vessel's end; others are facets of a coarse wall."""
+    leaves = [(leaf.points[-1], leaf.radii[-1]) for leaf in tree.leaves()]
+    ostia = [v for v in tree if tree.ostial(v)]
+    at = [(v.position_at(domain.ostium(tree, v.name)), v.radii[0]) for v in ostia]
+    chosen = set()
+    for point, radius in [*leaves, (tree.root.points[0], tree.root.radii[0]), *at]:
+        distance = [float(np.linalg.norm(cap.centre - point)) / max(cap.radius, radius) for cap in surface.caps]
+        if min(distance) < 3.0:
+            chosen.add(int(np.argmin(distance)))
+    return [surface.caps[k] for k in sorted(chosen)]
+
+
+def match(file: Path, tree: Tree, ends: Sequence[tuple[str, np.ndarray, np.ndarray, float]]) -> tuple[dict, list[Cap]]:
+    """What of the tree a lumen with these ends (name, centre, outward normal, radius) holds, and its caps in their
+    order.
+
+    With a cap at the tree's root the lumen is the whole tree, without one it is the coronary trees from their
+    ostia.
+    """
+    starts = {tree.root.name: tree.root.points[0]}
+    rooted = any(np.linalg.norm(centre - starts[tree.root.name]) < 2.0 * radius for _, centre, _, radius in ends)
+    kept = domain.whole(tree) if rooted else domain.trees(tree)
+    places = [
+        place for piece in domain.pieces(tree, kept) for place in paths.caps(tree, kept, piece)
+    ]  # fmt: skip
+    found: dict[str, Cap] = {}
+    caps = []
+    for name, centre, normal, radius in ends:
+        nearest = min(places, key=lambda place: float(np.linalg.norm(place.centre - centre)))
+        away = float(np.linalg.norm(nearest.centre - centre))
+        if away > 3.0 * max(radius, nearest.radius):
+            raise InputError(
+                file, name, None, f"no vessel of the tree ends here ({away:.2f} cm away is {nearest.name})"
+            )
+        if nearest.name in found:
+            raise InputError(file, name, None, f"lies at the same vessel end as {found[nearest.name].name}")
+        cap = replace(nearest, name=name, centre=centre, normal=normal, radius=float(radius))
+        found[nearest.name] = cap
+        caps.append(cap)
+    for place in places:
+        if place.name not in found:
+            raise InputError(file, "caps", None, f"none at {place.name} of the tree; cut the vessel flat there")
+    return kept, caps
+
+
+def _described(mesh, kept, caps, tree, stenoses, network, settings, kind: str, failures: list[str]):
+    groups = domain.pieces(tree, kept)
+    surfaces = [Implicit(paths.paths(tree, kept, group)) for group in groups]
+    built = Built(mesh, kept, caps, groups, surfaces, failures)
+    present = [s for s in stenoses if s.vessel in kept]
+    mesh, said = regions.mark(
+        tree, present, built, settings.region_upstream_diameters, settings.region_downstream_diameters
+    )
+    built = replace(built, mesh=mesh)
+    plane = functools.partial(regions.plane, tree, built=built, diameters=settings.ffr_diameters)
+    planes = {s.name: plane(s) for s in present}
+    content = describe(tree, present, network, built, said, planes, settings)
+    return mesh, content | {"domain": kind}
