@@ -30,6 +30,7 @@ def test_richardson_finds_the_limit(meshes):
     for row in rows:
         assert row["nodes"] == [1000, 8000, 64000]
         assert row["extrapolated"] == pytest.approx(1.1)
+        assert row["monotone"]
         assert row["default_error"] == pytest.approx(row["values"][1] - 1.1)
         assert row["spread"] == pytest.approx(np.std([1, 1.1, 1.2]) * (0.025 - 0.00625))
 

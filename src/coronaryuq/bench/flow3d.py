@@ -139,6 +139,7 @@ def convergence(data: str | Path) -> list[dict]:
 
     Means over the samples that every mesh has. default_error: of the finest mesh but one against the extrapolation from
     the two finest. `spread` is the standard deviation of the difference between these two over the samples.
+    Where the values are not `monotone` over three meshes or more, no extrapolation is to be believed.
     """
     read = []
     for mesh in sorted(Path(data).glob("*/mesh.json")):
@@ -168,6 +169,7 @@ def convergence(data: str | Path) -> list[dict]:
                     "extrapolated": extrapolated,
                     "default_error": values[-2] - extrapolated,
                     "spread": float(np.std(every[-1] - every[-2])),
+                    "monotone": bool(len(values) > 2 and np.all(np.diff(values) > 0) | np.all(np.diff(values) < 0)),
                 }
             )
     return rows
