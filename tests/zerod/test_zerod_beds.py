@@ -1,0 +1,39 @@
+"""θ and hyperaemia on coronary beds."""
+
+import numpy as np
+import pytest
+from zerod_networks import MMHG, bifurcation, closed_loop
+
+from coronaryuq.errors import InputError
+from coronaryuq.zerod.beds import beds, distal_resistances, resistance_changes, theta_changes
+
+
+def test_beds_are_the_coronary_boundary_conditions():
+    assert list(beds(closed_loop())) == ["BC_left", "BC_right"]
+    assert beds(bifurcation()) == {}
+    assert distal_resistances(closed_loop())["BC_left"] == pytest.approx((9.3 + 15.1 + 33.3) * MMHG)
+
+
+def test_each_factor_multiplies_what_it_should():
+    r, s = np.array([0.5, 2.0]), np.array([0.7, 1.25])
+    changes = resistance_changes(closed_loop(), {"BC_left": r}, s, hyperaemia=0.24)
+    assert np.allclose(changes["BC_left.Ra"], 9.3 * MMHG * r * s * 0.24)
+    assert np.allclose(changes["BC_left.Ram"], 15.1 * MMHG * r * s * 0.24)
+    assert np.allclose(changes["BC_left.Rv"], 33.3 * MMHG * r * s)
+    assert np.allclose(changes["BC_right.Rv"], 33.3 * MMHG * s)
+    assert np.allclose(changes["BC_right.Ra"], 9.3 * MMHG * s * 0.24)
+
+
+def test_columns_of_theta_are_read_by_name():
+    theta = {"BC_right": np.array([1.5]), "R_cor_scaling": np.array([0.8])}
+    changes = theta_changes(closed_loop(), theta)
+    assert np.allclose(changes["BC_right.Ra"], 9.3 * MMHG * 1.2) and np.allclose(
+        changes["BC_left.Ra"], 9.3 * MMHG * 0.8
+    )
+
+
+def test_a_bed_that_is_not_there_and_a_factor_that_cannot_be_are_told():
+    with pytest.raises(InputError, match="BC_middle"):
+        resistance_changes(closed_loop(), {"BC_middle": 1.0})
+    with pytest.raises(InputError, match="positive"):
+        resistance_changes(closed_loop(), {"BC_left": -1.0})
