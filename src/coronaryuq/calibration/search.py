@@ -113,6 +113,17 @@ class Search:
         self.report(f"{len(points)} candidates: cost {costs[order[0]]:.4g}, {int(evaluation.ok.sum())} ran")
         return [Found(points[i], float(costs[i]), evaluation.state[i]) for i in order]
 
+    def settled(self, one: Found, block: str, frozen: tuple[str, ...]) -> Found:
+        """One start with the block's parameters tuned again, after others were moved from outside."""
+        kept = [place for place, name in enumerate(parameters.NAMES) if name not in frozen]
+        columns = np.intersect1d(parameters.columns(block), kept)
+        (one,) = self.corrected([one])
+        if self.settings.approach:
+            one = self.approached(one, columns)
+        found = self.descend([one], columns, self.settings.evaluations_per_parameter, FIRST_STEP)
+        self.report(f"{block} again: cost {found[0].cost:.4g}")
+        return found[0]
+
     def approached(self, one: Found, columns: np.ndarray) -> Found:
         """One start after a few least-squares steps over the parameters at `columns`; counted scores stay out."""
         smooth = {name: value for name, value in self.targets.items() if not name.endswith("GradOK")}
