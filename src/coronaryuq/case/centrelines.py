@@ -36,13 +36,11 @@ class MedialAxis:
     graph: object
 
 
-def medial_axis(surface: Surface, spacing: float | None = None) -> MedialAxis:
-    """The internal Voronoi diagram of points on the surface, at most `spacing` (cm) apart.
+def medial_axis(surface: Surface, wanted: float) -> MedialAxis:
+    """The internal Voronoi diagram of points on the surface, about `wanted` (cm) apart.
 
-    spacing: a third of the smallest cap's radius if None. A Voronoi vertex is inside where it lies behind the surface
-    as seen from the points that it is nearest to.
+    A Voronoi vertex is inside where it lies behind the surface as seen from the points that it is nearest to.
     """
-    wanted = spacing or surface.caps[-1].radius / 3
     sites, normals = _sites(surface, wanted)
     mesh = Delaunay(sites)
     corners = sites[mesh.simplices]
@@ -109,7 +107,7 @@ def centreline_tree(
     cross-section's area where the vessel has a compact one.
     Raises InputError when a cap cannot be reached through the lumen.
     """
-    axis = medial_axis(surface, spacing)
+    axis = medial_axis(surface, spacing or min(cap.radius for cap in outlets.values()) / 3)
     kd = cKDTree(axis.points)
     source = _node_at(file, axis, kd, inlet)
     cost, before = dijkstra(axis.graph, directed=False, indices=source, return_predecessors=True)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from coronaryuq.errors import InputError
 
@@ -141,6 +142,10 @@ def find_caps(points: np.ndarray, triangles: np.ndarray) -> list[Cap]:
             if cap is not None and not taken[faces].any():
                 caps.append(cap)
                 taken[faces] = True
+    # Some way in from a cap the wall is about one radius off; behind a facet of a wide vessel it is not.
+    inner = np.array([cap.centre - 2.5 * cap.radius * cap.normal for cap in caps]).reshape(-1, 3)
+    to_wall, _ = cKDTree(points).query(inner)
+    caps = [cap for cap, distance in zip(caps, to_wall, strict=True) if distance < 1.8 * cap.radius]
     return sorted(caps, key=lambda cap: -cap.radius)
 
 
