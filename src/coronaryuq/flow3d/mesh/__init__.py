@@ -34,6 +34,6 @@ Read with `mesh.folder.read(folder) -> Mesh`. `mesh-complete.zip` is the same fo
 `mesh.remainder.remaining_network(network, mesh_json)` gives the 0D network that is left, as svZeroDSolver JSON with one
 coupling block to each cap, named as the cap.
 
-`mesh.stage.make_mesh` is the rule (from centrelines); `mesh.given` takes the patient's own lumen, a closed surface or an
-existing folder, with the tree of the same anatomy.
+`mesh.stage.make_mesh` is the rule (from centrelines); `mesh.given` takes the patient's own lumen, a closed surface or
+an existing folder, with the tree of the same anatomy.
 """
