@@ -151,7 +151,8 @@ def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Rou
         if best is None:
             current.accepted = None
             return others, without
-        current.accepted, current.members = best, indistinguishable(best, current.shortlist)
+        # Its round's other fits knew nothing of the later effects, so they are no class of it.
+        current.accepted, current.members = best, [best]
         # The rival's sizes stand last in its fit; keep the order of places in step with it.
         accepted.append(accepted.pop(number))
         return [*others, best.acting], found
