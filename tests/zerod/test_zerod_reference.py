@@ -1,0 +1,135 @@
+"""Against an independent integration: the same equations as an ODE, by scipy's solvers at tight tolerance.
+
+Here the networks are written by hand as ODEs in their own states, so that neither the assembly nor the elimination nor
+the time scheme of the engine takes part.
+"""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from zerod_networks import HEART, MMHG, boundary, network, vessel
+
+from coronaryuq.zerod.engine import Engine
+
+_STEPS = 2000
+
+
+def _smooth(time):
+    """Begins at rest, as the network does."""
+    return 40.0 * (1.0 - np.cos(2 * np.pi * time)) + 10.0 * (1.0 - np.cos(6 * np.pi * time))
+
+
+@settings(max_examples=4, deadline=None, derandomize=True)
+@given(
+    r=st.floats(5.0, 200.0),
+    l=st.floats(0.5, 20.0),
+    s=st.floats(0.0, 3.0),
+    rp=st.floats(50.0, 500.0),
+    rd=st.floats(500.0, 3000.0),
+    c=st.floats(1e-4, 1e-3),
+)
+def test_a_stenosed_vessel_with_a_windkessel(r, l, s, rp, rd, c):
+    """States: flow q through R, S, L and pressure p at the capacitor; driven by a pressure."""
+    times = np.linspace(0.0, 1.0, _STEPS + 1)
+    drive = MMHG * _smooth(times)
+    tube = network(
+        [vessel(0, "tube", inlet="IN", outlet="OUT", R_poiseuille=r, L=l, stenosis_coefficient=s)],
+        [
+            boundary("IN", "PRESSURE", t=times.tolist(), P=drive.tolist()),
+            boundary("OUT", "RCR", Rp=rp, C=c, Rd=rd, Pd=0.0),
+        ],
+        steps=_STEPS,
+        steady_initial=False,
+        absolute_tolerance=1e-6,
+    )
+    tube["initial_condition"] = {"flow_all": 0.0, "pressure_c:OUT": 0.0}
+    result = Engine(tube).run(waveforms=["flow:IN:tube", "pressure_c:OUT"], cycles=1)
+
+    def rates(time, state):
+        q, p = state
+        return [(MMHG * _smooth(time) - (r + s * abs(q)) * q - rp * q - p) / l, (q - p / rd) / c]
+
+    exact = solve_ivp(rates, (0.0, 1.0), [0.0, 0.0], "LSODA", rtol=1e-8, atol=1e-6, t_eval=times)
+    for name, expected in zip(("flow:IN:tube", "pressure_c:OUT"), exact.y, strict=True):
+        found = result.waveforms[name][0]
+        assert np.abs(found - expected).max() < 2e-4 * np.abs(expected).max(), name
+
+
+def _elastance(phase):
+    from coronaryuq.zerod.assembly import _ELASTANCE
+
+    angle = 2.0 * np.pi * np.arange(len(_ELASTANCE)) * phase
+    return float(_ELASTANCE[:, 0] @ np.cos(angle) - _ELASTANCE[:, 1] @ np.sin(angle))
+
+
+def _atrial(time, period, tsa, tpwave):
+    tsa, tpwave = period * tsa, period / tpwave
+    if time <= tpwave:
+        return 0.5 * (1.0 - np.cos(2.0 * np.pi * (time - tpwave + tsa) / tsa))
+    if time >= period - tsa + tpwave:
+        return 0.5 * (1.0 - np.cos(2.0 * np.pi * (time - tpwave - (period - tsa)) / tsa))
+    return 0.0
+
+
+@settings(max_examples=3, deadline=None, derandomize=True)
+@given(
+    elastance=st.floats(0.7, 1.4),
+    systemic=st.floats(0.7, 1.4),
+    compliance=st.floats(0.7, 1.5),
+)
+def test_a_closed_loop_with_valves(elastance, systemic, compliance):
+    """Heart, pulmonary RC and systemic windkessel: twelve states, each valve a diode with inertance."""
+    h = HEART | {"Elv_s": HEART["Elv_s"] * elastance}
+    rp, rd, c = 0.13 * MMHG, 1.36 * MMHG * systemic, 0.24 / MMHG * compliance
+    period, steps = 1.0, 4000
+    loop = network(
+        [vessel(0, "aorta", outlet="SYSTEMIC", R_poiseuille=4.0)],
+        [boundary("SYSTEMIC", "ClosedLoopRCR", Rp=rp, Rd=rd, C=c, closed_loop_outlet=True)],
+        steps=steps,
+        steady_initial=False,
+    )
+    heart = {"outlet_blocks": ["aorta"], "closed_loop_type": "ClosedLoopHeartAndPulmonary"}
+    loop["closed_loop_blocks"] = [{**heart, "cardiac_cycle_period": period, "parameters": h}]
+    volumes = {"V_RA:CLH": 38.43, "V_RV:CLH": 96.07, "V_LA:CLH": 38.43, "V_LV:CLH": 96.07}
+    loop["initial_condition"] = {**volumes, "P_pul:CLH": 8.0 * MMHG, "pressure_all": 70.0 * MMHG}
+    names = ["pressure:CLH:J_heart_outlet", "V_LV:CLH", "V_LA:CLH", "V_RV:CLH", "P_pul:CLH", "P_c:SYSTEMIC"]
+    result = Engine(loop).run(waveforms=names, cycles=1)
+
+    def pressures(time, v_ra, v_rv, v_la, v_lv):
+        a, e = _atrial(time, period, h["Tsa"], h["tpwave"]), _elastance(time / period)
+        atria = [
+            a * h[f"Emax_{x}"] * (v - h[f"Vaso_{x}"])
+            + (1.0 - a) * h[f"Kxp_{x}"] * (np.exp(h[f"Kxv_{x}"] * (v - h[f"Vaso_{x}"])) - 1.0)
+            for x, v in (("ra", v_ra), ("la", v_la))
+        ]
+        return atria[0], e * h["Erv_s"] * (v_rv - h["Vrv_u"]), atria[1], e * h["Elv_s"] * (v_lv - h["Vlv_u"])
+
+    def flow_rate(q, up, down, l, r):
+        """A diode: shut while no flow passes and the pressure is adverse."""
+        rate = (up - down - r * q) / l
+        return rate if q > 0.0 or rate > 0.0 else 0.0
+
+    def rates(time, state):
+        v_ra, v_rv, v_la, v_lv, q_ra, q_rv, q_la, q_lv, p_pul, p_ao, p_c = state
+        p_ra, p_rv, p_la, p_lv = pressures(time, v_ra, v_rv, v_la, v_lv)
+        q_ra, q_rv, q_la, q_lv = (max(q, 0.0) for q in (q_ra, q_rv, q_la, q_lv))
+        into = (p_ao - p_c) / (4.0 + rp)
+        back = (p_c - p_ra) / rd
+        return [
+            *(back - q_ra, q_ra - q_rv, q_rv - q_la, q_la - q_lv),
+            flow_rate(q_ra, p_ra, p_rv, h["Lra_v"], h["Rra_v"]),
+            flow_rate(q_rv, p_rv, p_pul, h["Lrv_a"], h["Rrv_a"]),
+            flow_rate(q_la, p_la, p_lv, h["Lla_v"], h["Rla_v"]),
+            flow_rate(q_lv, p_lv, p_ao, h["Llv_a"], h["Rlv_ao"]),
+            (q_rv - (p_pul - p_la) / h["Rpd"]) / h["Cp"],
+            (q_lv - into) / h["Cpa"],
+            (into - back) / c,
+        ]
+
+    start = [38.43, 96.07, 38.43, 96.07, 0.0, 0.0, 0.0, 0.0, 8.0 * MMHG, 70.0 * MMHG, 70.0 * MMHG]
+    times = np.linspace(0.0, period, steps + 1)
+    exact = solve_ivp(rates, (0.0, period), start, "RK45", rtol=1e-6, atol=1e-6, max_step=1e-3, t_eval=times)
+    for name, place in zip(names, (9, 3, 2, 1, 8, 10), strict=True):
+        expected, found = exact.y[place], result.waveforms[name][0]
+        assert np.abs(found - expected).max() < 5e-3 * np.abs(expected).max(), name
