@@ -4,6 +4,8 @@ import copy
 
 import pytest
 
+from checkout import Checkout
+
 pytestmark = pytest.mark.workflow
 
 ALWAYS = {"all"}
@@ -14,8 +16,6 @@ ESTIMATES = {"runs", "estimation_train", "zerod_resampled", "estimation"} | ENDS
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     """A campaign that has run, as far as Snakemake can tell."""
-    from conftest import Checkout
-
     checkout = Checkout(tmp_path_factory.mktemp("finished"))
     checkout.pretend_done()
     return checkout
@@ -83,8 +83,6 @@ def test_a_changed_setting_makes_stale_what_depends_on_it(finished, block, value
     ],
 )
 def test_an_edit_of_an_imported_module_makes_stale_what_imports_it(tmp_path, module, stale, fresh):
-    from conftest import Checkout
-
     checkout = Checkout(tmp_path)
     checkout.pretend_done()
     checkout.edit(module)

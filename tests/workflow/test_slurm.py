@@ -6,6 +6,7 @@ import subprocess
 import pytest
 
 import cluster
+from checkout import Checkout
 from coronaryuq.files import read_json
 
 pytestmark = [pytest.mark.workflow]
@@ -37,8 +38,6 @@ def slurm(tmp_path_factory):
 
 
 def test_jobs_on_slurm_give_the_same_bits_as_jobs_here(slurm, tmp_path):
-    from conftest import Checkout
-
     results = []
     for name, arguments in (("here", []), ("slurm", ON_SLURM)):
         checkout = Checkout(tmp_path / name)

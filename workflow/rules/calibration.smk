@@ -14,6 +14,7 @@ rule calibration:
         fit=results("calibration", "fit.csv"),
     log:
         log_of("calibration.log"),
+    cache: True
     threads: 2
     params:
         settings=block("calibration"),

@@ -39,6 +39,7 @@ rule estimation_train:
         resampled=results("estimation", "resampled.csv"),
     log:
         log_of("estimation", "train.log"),
+    cache: True
     threads: 2
     params:
         settings=block("estimation"),
@@ -57,6 +58,7 @@ rule zerod_resampled:
         runs=results("zerod", "resampled_{k}.parquet"),
     log:
         log_of("zerod", "resampled_{k}.log"),
+    cache: True
     params:
         settings=block("zerod"),
         # How many runs there are is known when the networks are trained; every job takes its share.

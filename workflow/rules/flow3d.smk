@@ -12,6 +12,7 @@ rule mesh:
         description=results("mesh", "mesh.json"),
     log:
         log_of("mesh.log"),
+    cache: True
     params:
         settings=block("mesh"),
     script:
@@ -43,6 +44,7 @@ rule flow3d_batch:
         fields=results("flow3d", "fields_{k}.zip"),
     log:
         log_of("flow3d", "batch_{k}.log"),
+    cache: True
     resources:
         **({} if campaign.backend == "ensemble" else {"mpi": "mpiexec", "tasks": 2}),
     params:

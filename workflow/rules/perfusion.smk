@@ -10,6 +10,7 @@ rule perfusion_chunk:
         chunk=results("perfusion", "chunk_{k}.npz"),
     log:
         log_of("perfusion", "chunk_{k}.log"),
+    cache: True
     params:
         settings=block("perfusion", without=["realisations"]),
         seed=campaign.seed,

@@ -12,6 +12,7 @@ rule posterior_chains:
         chains=results("posterior", "chains.npz"),
     log:
         log_of("posterior", "chains.log"),
+    cache: True
     resources:
         mpi="mpiexec",
         tasks=2,

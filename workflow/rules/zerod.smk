@@ -11,6 +11,7 @@ rule zerod_chunk:
         runs=results("zerod", "{set}_{k}.parquet"),
     log:
         log_of("zerod", "{set}_{k}.log"),
+    cache: True
     params:
         settings=block("zerod"),
         posterior=block("posterior"),

@@ -1,0 +1,75 @@
+"""A copy of the workflow in a temporary folder, to ask what Snakemake would do there."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+import yaml
+
+ROOT = Path(__file__).parents[2]
+
+EMPTY_OUTPUTS = """
+import os, pathlib, sys
+with open(os.environ["JOBS_THAT_RAN"], "a") as jobs:
+    jobs.write((snakemake.rule if "snakemake" in globals() else "posterior_chains") + chr(10))
+if "snakemake" in globals():
+    outputs = list(snakemake.output)
+else:
+    outputs = [word.split("=", 1)[1] for word in sys.argv if word.startswith("chains=")]
+for output in map(pathlib.Path, outputs):
+    if output.suffix:
+        output.write_text("")
+    else:
+        output.mkdir(exist_ok=True)
+"""
+
+
+class Checkout:
+    """Copy of the project's workflow, configuration and sources, with a small campaign named `tiny`."""
+
+    def __init__(self, folder: Path, cache: Path | None = None):
+        self.folder, self.cache = folder, cache
+        folder.mkdir(parents=True, exist_ok=True)
+        for part in ("Snakefile", "workflow", "config", "src"):
+            source = ROOT / part
+            if source.is_dir():
+                shutil.copytree(source, folder / part, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
+            else:
+                shutil.copy(source, folder / part)
+        self.settings = {"name": "tiny", "samples": {"n_3d": 16, "n_0d": 64, "batch_3d": 8, "chunk_0d": 32}}
+
+    def run(self, *arguments: str, settings: dict | None = None) -> subprocess.CompletedProcess:
+        (self.folder / "tiny.yaml").write_text(yaml.safe_dump(self.settings if settings is None else settings))
+        command = [sys.executable, "-m", "snakemake", "--configfile", "tiny.yaml", "--cores", "2", *arguments]
+        environment = os.environ | {"PYTHONPATH": str(self.folder / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
+        environment["JOBS_THAT_RAN"] = str(self.folder / "jobs_that_ran")
+        if self.cache is not None:
+            environment["SNAKEMAKE_OUTPUT_CACHE"] = str(self.cache)
+            command.insert(3, "--cache")
+        return subprocess.run(command, cwd=self.folder, env=environment, capture_output=True, text=True, timeout=1200)
+
+    def dry_run(self, *targets: str, settings: dict | None = None) -> Counter:
+        """Jobs per rule that would run now."""
+        done = self.run("--dry-run", *targets, settings=settings)
+        assert done.returncode == 0, done.stdout + done.stderr
+        return Counter(re.findall(r"^(?:local)?(?:rule|checkpoint) (\w+):", done.stdout + done.stderr, re.MULTILINE))
+
+    def pretend_done(self) -> Counter:
+        """Run the campaign with scripts that only make empty outputs, so that Snakemake's own records are real.
+
+        Returns the jobs that ran, per rule: those whose results came from a cache are not among them.
+        """
+        for path in (self.folder / "workflow" / "scripts").glob("*.py"):
+            path.write_text(EMPTY_OUTPUTS)
+        done = self.run()
+        assert done.returncode == 0, done.stdout + done.stderr
+        return Counter((self.folder / "jobs_that_ran").read_text().split())
+
+    def edit(self, module: str) -> None:
+        """Add a harmless line to a source file."""
+        with open(self.folder / "src" / "coronaryuq" / module, "a") as file:
+            file.write("\nEDITED = True\n")
