@@ -90,8 +90,12 @@ def curves_of(networks: mfmc_ae.Networks, row: Row, outputs: pd.Series, nodes: i
 def analyse(
     runs: Runs, rows: list[Row], settings: Settings, seed: int,
     networks: mfmc_ae.Networks | None = None, resampled: pd.DataFrame | None = None, design: Design | None = None,
+    beyond_mean: bool = True,
 ) -> list[dict]:  # fmt: skip
-    """Rows of `estimates.json`. `resampled`: 0D outputs at the inputs of `wanted_0d`, index `sample`."""
+    """Rows of `estimates.json`. `resampled`: 0D outputs at the inputs of `wanted_0d`, index `sample`.
+
+    `beyond_mean`: quantiles, probabilities, variance and Sobol indices too.
+    """
     enough(runs, settings)
     k = count(len(runs), settings.folds)
     design = design or make_design(runs, rows, k, seed, settings.known_scaling)
@@ -105,7 +109,7 @@ def analyse(
             made_best = estimators.predict(design, row)
             best[row.column_3d] = (
                 estimators.best(design, row, made_best, level, weights),
-                beyond.everything(design, row, made_best, settings, seed),
+                beyond.everything(design, row, made_best, settings, seed) if beyond_mean else {},
             )
         made = {
             "MC": estimators.monte_carlo(design, row, level, weights),

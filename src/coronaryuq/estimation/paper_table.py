@@ -40,7 +40,7 @@ def paper_table(
         wanted = analysis.wanted_0d(networks, runs, settings.curve_nodes)
         resampled = emulated(runs, [row.column_0d for row in rows], wanted)
     clock.append(time.process_time())
-    results = analysis.analyse(runs, rows, settings, seed, networks, resampled, design)
+    results = analysis.analyse(runs, rows, settings, seed, networks, resampled, design, beyond_mean=False)
     clock.append(time.process_time())
     given = files.read_csv(rows_csv).set_index("row")
     lines = [_line(result, given.loc[_key(given, result["row"])]) for result in results]
