@@ -54,6 +54,7 @@ def write_report(
     case, summary, targets = (read_json(files[name]) for name in ("case", "summary", "targets"))
     failures, estimates = read_json(files["failures"]), read_json(files["estimates"])
     rows = estimates["rows"]
+    notes = _Notes()
     context = {
         "case": case,
         "campaign": configuration["name"],
@@ -62,8 +63,8 @@ def write_report(
         "level": f"{100 * configuration['estimation']['level']:.0f} %",
         "counts": _counts(failures, rows),
         "vessels": [_vessel(stenosis, rows) for stenosis in case["stenoses"]],
-        "table": [line for row in rows for line in _lines(row)],
-        "warnings": sorted({warning for row in rows for warning in row["warnings"]}),
+        "table": [line for row in rows for line in _lines(row, notes)],
+        "notes": notes.texts,
         "matched": _matched(read_csv(files["fit"]), summary),
         "noise": _noise(targets),
         "figures": _figures(figures),
@@ -134,7 +135,20 @@ def _verdict(found: dict | None) -> dict:
     return {"class": "warn", "verdict": "The runs do not decide it."}
 
 
-def _lines(row: dict) -> list[dict]:
+class _Notes:
+    """Warnings below the table, each once; a line of the table names them by number."""
+
+    def __init__(self):
+        self.texts: list[str] = []
+
+    def numbers(self, warnings: Sequence[str]) -> str:
+        for text in warnings:
+            if text not in self.texts:
+                self.texts.append(text)
+        return " ".join(f"[{self.texts.index(text) + 1}]" for text in warnings)
+
+
+def _lines(row: dict, notes: _Notes) -> list[dict]:
     quantity, paired, branch = (row["label"].split(", ") + ["", ""])[:3]
     lines = []
     for name in ESTIMATORS:
@@ -154,7 +168,7 @@ def _lines(row: dict) -> list[dict]:
                 "rho_out": number(value["rho_held_out"]),
                 "n_3d": value["n_3d"],
                 "n_0d": value["n_0d"],
-                "warnings": "; ".join(value["warnings"]),
+                "notes": notes.numbers([*row["warnings"], *value["warnings"]] if name != "MC" else value["warnings"]),
             }
         )
     return lines

@@ -1,0 +1,36 @@
+"""Where compiled kernels are kept: a folder named by the sources that they come from.
+
+numba renews a cached kernel when its own file changes, but not when a file that it inlines does. Naming the folder by
+the content of every file with kernels makes a stale one impossible.
+"""
+
+import hashlib
+import os
+import tempfile
+from pathlib import Path
+
+VARIABLE = "NUMBA_CACHE_DIR"
+
+
+def keep_apart(package: Path) -> None:
+    """Set numba's cache folder for this version of the kernels, unless the user has chosen one.
+
+    It lies in the user's cache folder; where that cannot be written, in the temporary folder.
+    """
+    if os.environ.get(VARIABLE):
+        return
+    digest = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        content = path.read_bytes()
+        if b"numba" in content:
+            digest.update(path.relative_to(package).as_posix().encode() + content)
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    for base in (home, Path(tempfile.gettempdir())):
+        folder = base / "coronaryuq" / f"kernels-{digest.hexdigest()[:16]}"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(folder, os.W_OK):
+            os.environ[VARIABLE] = str(folder)
+            return
