@@ -40,6 +40,7 @@ def _once(job: Job, attempt: Attempt, time_limit: float) -> tuple[Piece | None, 
                 text=True,
                 timeout=time_limit,
                 check=False,
+                cwd=folder,  # what a mesher leaves behind goes with the folder
             )
         except subprocess.TimeoutExpired:
             return None, f"not ready after {time_limit:g} s"
