@@ -16,9 +16,9 @@ MOST_POINTS = 60_000
 """Surface points that the medial axis is made of; more are thinned evenly."""
 COST_POWER = 2.0
 """Cost of a step is its length over radius to this power: paths keep to the middle."""
-SPACING = 0.5
+SPACING = 0.25
 """Between centreline points, in local radii."""
-SMOOTHING = 1.0
+SMOOTHING = 0.7
 """Standard deviation of the smoothing along a vessel, in local radii."""
 MERGE = 1.0
 """A vessel between two bifurcations shorter than this many radii is none: its ends are one junction."""
