@@ -1,0 +1,81 @@
+"""Figures come from files alone, and the same files give the same bytes."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from coronaryuq.errors import InputError
+from coronaryuq.figures.draw import FIGURES, _function, draw
+from coronaryuq.files import write_csv, write_json
+
+
+@pytest.fixture
+def files(tmp_path):
+    """Input files of the figures that need no 3D, with numbers of plausible size."""
+    random = np.random.default_rng(1)
+    fit = pd.DataFrame(
+        {
+            "target": ["PaoMin", "EFLV"], "description": ["Minimum aortic pressure", "Ejection fraction"],
+            "unit": ["mmHg", "1"], "measured": [69.0, 0.67], "simulated": [68.0, 0.66], "tuned": True,
+            "clinical": [True, False],
+        }
+    )  # fmt: skip
+    write_csv(tmp_path / "fit.csv", fit)
+    pairs = [
+        pd.DataFrame({"row": f"osi_flow_{b}", "label": f"max OSI, mean flow, {b}", "y": random.random(9),
+                      "q": random.random(9), "q_resampled": random.random(9)})
+        for b in ("LAD", "RCA")
+    ]  # fmt: skip
+    write_csv(tmp_path / "pairs.csv", pd.concat(pairs))
+    interval = {"low": 0.1, "high": 0.3, "level": 0.95}
+    estimator = {"mean": 0.2, "warnings": [], **dict.fromkeys(("chebyshev_95", "chebyshev_99", "calibrated"), interval)}
+    rows = [
+        {"row": f"{kind}_{b.lower()}", "label": f"{label}, {b}", "warnings": [],
+         "estimators": {"MC": estimator, "best": estimator}}
+        for kind, label in (("osi_flow", "max OSI, mean flow"), ("tawss_flow", "min TAWSS, mean flow"),
+                            ("ffr_ffr", "FFR, FFR"), ("ffr_flow", "FFR, mean flow"))
+        for b in ("LAD", "RCA")
+    ]  # fmt: skip
+    write_json(tmp_path / "estimates.json", {"rows": rows})
+    study = [
+        {"row": "osi_flow_lad", "label": "max OSI, mean flow, LAD", "n_3d": n, "mean_mc": [0.1, 0.2],
+         "rho_original": [0.3, 0.4], "rho_best_held_out": [0.8]}
+        for n in (20, 40)
+    ]  # fmt: skip
+    write_json(tmp_path / "convergence.json", {"convergence": study})
+    curve = {"rho": 0.5, "variance_now": 1e-4, "optimal_variance": [1e-3, 1e-4], "additional_cost": [0.0, 5.0]}
+    curves = {"row": "osi_flow_lad", "label": "max OSI, mean flow, LAD", "budget_3d_runs": [1, 10],
+              "variance_factor": [1, 0.1], "estimators": {"MC": curve, "MFMC-AE in-sample": curve}}  # fmt: skip
+    write_json(tmp_path / "budget.json", {"budget": [curves]})
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("name", "inputs"),
+    [
+        ("cardiac_function", {"fit": "fit.csv"}),
+        ("osi_scatter", {"pairs": "pairs.csv"}),
+        ("intervals_wss", {"estimates": "estimates.json"}),
+        ("intervals_ffr", {"estimates": "estimates.json"}),
+        ("convergence", {"convergence": "convergence.json"}),
+        ("budget", {"budget": "budget.json"}),
+    ],
+)
+@pytest.mark.parametrize("suffix", ["png", "svg"])
+def test_the_same_files_give_the_same_bytes(files, name, inputs, suffix):
+    paths = {key: str(files / value) for key, value in inputs.items()}
+    drawn = []
+    for k in range(2):
+        draw(name, paths, str(files / f"{k}.{suffix}"))
+        drawn.append((files / f"{k}.{suffix}").read_bytes())
+    assert drawn[0] == drawn[1] and len(drawn[0]) > 4000
+
+
+def test_every_figure_that_is_named_exists():
+    for where in FIGURES.values():
+        assert callable(_function(where))
+
+
+def test_an_unknown_figure_is_named():
+    with pytest.raises(InputError, match="unknown figure; there are cardiac_function"):
+        draw("pie", {}, "pie.png")

@@ -1,0 +1,46 @@
+"""Numbers on the page are rounded as their error deserves, warnings stand once, costs add up."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from coronaryuq.report import page
+
+
+@given(st.floats(-1e3, 1e3), st.floats(1e-5, 1e3))
+def test_ends_of_an_interval_stay_apart_and_near(middle, half):
+    low, high = page.interval(middle - half, middle + half)
+    assert float(low) < float(high)
+    assert abs(float(low) - (middle - half)) <= 0.01 * 2 * half + 1e-6
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.81234, "0.812"), (None, "–"), (float("nan"), "–"), (12345.6, "1.23e+04")]
+)
+def test_numbers_have_three_digits_or_a_dash(value, text):
+    assert page.number(value) == text
+
+
+def test_a_warning_stands_once_and_is_named_by_number():
+    notes = page._Notes()
+    assert notes.numbers(["a", "b"]) == "[1] [2]"
+    assert notes.numbers(["b", "c"]) == "[2] [3]"
+    assert notes.texts == ["a", "b", "c"]
+
+
+def test_costs_are_those_of_each_jobs_last_attempt(tmp_path):
+    (tmp_path / "flow3d").mkdir()
+    line = "flow3d_batch {}: done; cost: wall {} s, cpu {} s, memory {} MB\n"
+    (tmp_path / "flow3d" / "batch_0.log").write_text(
+        line.format(0, "9.00", "8.00", 100) + line.format(0, "3.00", "2.00", 90)
+    )
+    (tmp_path / "flow3d" / "batch_1.log").write_text(line.format(1, "5.00", "4.00", 120))
+    (tmp_path / "case.log").write_text("case: started\n")
+    flow3d, total = page._costs(tmp_path)
+    assert flow3d == {"name": "flow3d", "jobs": 2, "wall": "8", "cpu": "6", "memory": "120"}
+    assert (total["name"], total["jobs"], total["cpu"]) == ("all", 2, "6")
+
+
+@pytest.mark.parametrize(("low", "high", "kind"), [(0.6, 0.9, "bad"), (0.1, 0.4, "good"), (0.4, 0.6, "warn")])
+def test_the_verdict_follows_the_whole_interval(low, high, kind):
+    assert page._verdict({"low": low, "high": high})["class"] == kind
