@@ -16,7 +16,7 @@ MOST_PANELS = 6
 
 
 def tree(table: str | Path, figure: str | Path) -> None:
-    """Vessels from left to right as they divide, coloured by the largest disagreement measured there (sd); grey: none."""
+    """Vessels from left to right as they divide, coloured by their largest disagreement (sd); grey: none measured."""
     frame = read_csv(table, ("vessel", "parent", "disagreement"))
     children: dict[str, list[str]] = {}
     for row in frame.itertuples(index=False):
