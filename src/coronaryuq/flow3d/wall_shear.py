@@ -8,13 +8,13 @@ import numba as nb
 import numpy as np
 import scipy.sparse as sp
 
-from coronaryuq.flow3d.discretisation import BDF2, Discretisation
+from coronaryuq.flow3d.discretisation import Discretisation
 from coronaryuq.flow3d.elements import face_vectors
-from coronaryuq.flow3d.lanes import LANES, absolute, fma, load, splat, square_root, store
+from coronaryuq.flow3d.lanes import LANES, fma, load, splat, square_root, store
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _wall_force(tets, grad, volume, tau_viscous, nu, rate_now, rate_old, rate_older, u, old, older, p, at, force):
+def _wall_force(tets, grad, volume, nu, u, p, at, force):
     """−∫ of the momentum residual with hats on the wall, per unit density, into force (wall nodes, 3, LANES)."""
     force[:] = 0.0
     for e in range(tets.shape[0]):
@@ -29,20 +29,21 @@ def _wall_force(tets, grad, volume, tau_viscous, nu, rate_now, rate_old, rate_ol
         xc, yc, zc = load(u, 3 * i2), load(u, 3 * i2 + 1), load(u, 3 * i2 + 2)
         xd, yd, zd = load(u, 3 * i3), load(u, 3 * i3 + 1), load(u, 3 * i3 + 2)
         mx, my, mz = 0.25 * ((xa + xb) + (xc + xd)), 0.25 * ((ya + yb) + (yc + yd)), 0.25 * ((za + zb) + (zc + zd))
-        along_a = fma(az, mz, fma(ay, my, ax * mx))
-        along_b = fma(bz, mz, fma(by, my, bx * mx))
-        along_c = fma(cz, mz, fma(cy, my, cx * mx))
-        along_d = fma(dz, mz, fma(dy, my, dx * mx))
-        speed = (absolute(along_a) + absolute(along_b)) + (absolute(along_c) + absolute(along_d))
-        tau = v / square_root(fma(speed, speed, splat(tau_viscous[e])))
+        divergence = (
+            fma(az, za, fma(ay, ya, ax * xa))
+            + fma(bz, zb, fma(by, yb, bx * xb))
+            + fma(cz, zc, fma(cy, yc, cx * xc))
+            + fma(dz, zd, fma(dy, yd, dx * xd))
+        )
+        half = 0.5 * divergence
         w, quarter, nv = v / 20.0, 0.25 * v, nu * v
         for c in range(3):
             if c == 0:
-                qa, qb, qc, qd = xa, xb, xc, xd
+                qa, qb, qc, qd, mean = xa, xb, xc, xd, mx
             elif c == 1:
-                qa, qb, qc, qd = ya, yb, yc, yd
+                qa, qb, qc, qd, mean = ya, yb, yc, yd, my
             else:
-                qa, qb, qc, qd = za, zb, zc, zd
+                qa, qb, qc, qd, mean = za, zb, zc, zd, mz
             sx = fma(dx, qd, fma(cx, qc, fma(bx, qb, ax * qa)))
             sy = fma(dy, qd, fma(cy, qc, fma(by, qb, ay * qa)))
             sz = fma(dz, qd, fma(cz, qc, fma(bz, qb, az * qa)))
@@ -51,30 +52,16 @@ def _wall_force(tets, grad, volume, tau_viscous, nu, rate_now, rate_old, rate_ol
                 load(p, i3),
                 fma(grad[e, 2, c], load(p, i2), fma(grad[e, 1, c], load(p, i1), grad[e, 0, c] * load(p, i0))),
             )
-            past = splat(0.0)
-            for a in range(4):
-                k = 3 * np.int64(tets[e, a]) + c
-                past = past + fma(rate_old, load(old, k), rate_older * load(older, k))
-            rate = 0.25 * fma(rate_now, (qa + qb) + (qc + qd), past)
-            carried = fma(mz, sz, fma(my, sy, mx * sx))
-            upwind = tau * (rate + (carried + push))
+            carried = fma(half, mean, fma(mz, sz, fma(my, sy, mx * sx)))
             common = (4.0 * w) * carried + quarter * push
             for a in range(4):
                 i = at[tets[e, a]]
                 if i < 0:
                     continue
                 # On the wall the velocity is nought, so that its own part of the convection is too.
-                if a == 0:
-                    along = along_a
-                elif a == 1:
-                    along = along_b
-                elif a == 2:
-                    along = along_c
-                else:
-                    along = along_d
                 shear = nv * fma(grad[e, a, 2], sz, fma(grad[e, a, 1], sy, grad[e, a, 0] * sx))
                 k = 3 * i + c
-                store(force, k, load(force, k) - ((common + shear) + along * upwind))
+                store(force, k, load(force, k) - (common + shear))
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -110,6 +97,10 @@ def _multiply(start, column, value, x, y):
             store(y, 3 * i + c, total)
 
 
+def _compressed(matrix: sp.csr_matrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return matrix.indptr.astype(np.int64), matrix.indices.astype(np.int32), matrix.data
+
+
 class WallShear:
     """Wall shear stress of LANES samples on the wall's nodes, and its integrals over time.
 
@@ -125,7 +116,6 @@ class WallShear:
         touching = (place[space.tets] >= 0).any(axis=1)
         self._tets, self._volume = space.tets[touching], space.volume[touching]
         self._grad = np.ascontiguousarray(space.grad[touching])
-        self._tau_viscous = space.tau_viscous[touching]
         self.faces = place[space.wall_faces]
         vector = face_vectors(space.points, space.wall_faces)
         size = np.linalg.norm(vector, axis=1)
@@ -136,9 +126,9 @@ class WallShear:
         rows, columns = np.repeat(self.faces, 3, axis=1).ravel(), np.tile(self.faces, (1, 3)).ravel()
         local = size[:, None, None] * (np.ones((3, 3)) + np.eye(3)) / 12.0
         mass = sp.csr_matrix((local.ravel(), (rows, columns)), shape=(w, w))
-        smoothing = sp.diags(1.0 / self.area) @ mass @ sp.diags(1.0 / self.area)
-        smoothing = smoothing.tocsr()
-        self._smooth = (smoothing.indptr.astype(np.int64), smoothing.indices.astype(np.int32), smoothing.data)
+        smoothing = (sp.diags(1.0 / self.area) @ mass).tocsr()
+        self._smooth = _compressed(smoothing)
+        self._spread = _compressed(smoothing @ sp.diags(1.0 / self.area))
         self._force, self._smoothed = np.zeros((w, 3, LANES)), np.zeros((w, 3, LANES))
         self.stress = np.zeros((w, 3, LANES))
         self.reset()
@@ -152,13 +142,13 @@ class WallShear:
     def sample(self, stepper, weight: float) -> None:
         """Stress of the stepper's present state, counted in the integrals for `weight` seconds."""
         space = self.space
-        r0, r1, r2 = (b / space.dt for b in BDF2)
         _wall_force(
-            self._tets, self._grad, self._volume, self._tau_viscous, space.nu,
-            r0, r1, r2, stepper.u, stepper.u_old, stepper.u_older, stepper.kinematic_pressure, self._place, self._force,
+            self._tets, self._grad, self._volume, space.nu, stepper.u, stepper.kinematic_pressure, self._place,
+            self._force,
         )  # fmt: skip
-        _multiply(*self._smooth, self._force, self._smoothed)
-        _tangential(self._smoothed, self.normal, space.density, self.stress)
+        _multiply(*self._spread, self._force, self._smoothed)
+        _multiply(*self._smooth, self._smoothed, self._force)
+        _tangential(self._force, self.normal, space.density, self.stress)
         _accumulate(self.stress, weight, self.magnitude, self.vector)
         self.time += weight
 

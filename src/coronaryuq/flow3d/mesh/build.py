@@ -56,7 +56,7 @@ def build(tree: Tree, stenoses: Sequence[Stenosis], settings: Settings) -> Built
         arguments = {
             "implicit": surface,
             "caps": ends,
-            "size": Size(surface, stenoses, settings.throat_resolution, settings.resolution),
+            "size": Size(surface, stenoses, settings),
             "radius": min(float(path.radii.min()) for path in along),
             "gradation": settings.gradation,
         }

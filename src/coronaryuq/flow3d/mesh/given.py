@@ -55,7 +55,7 @@ def mesh_closed_surface(
         "triangles": surface.triangles,
         "refs": refs,
         "caps": caps,
-        "size": Size(along, stenoses, settings.throat_resolution, settings.resolution),
+        "size": Size(along, stenoses, settings),
         "radius": min(float(path.radii.min()) for path in along.paths),
         "gradation": settings.gradation,
     }

@@ -9,6 +9,7 @@ from scipy.interpolate import PchipInterpolator
 from coronaryuq.case.tree import Stenosis, Tree, Vessel
 from coronaryuq.flow3d.mesh.domain import Kept, continuation, daughters, starts_at_bifurcation
 from coronaryuq.flow3d.mesh.implicit import Implicit, Path
+from coronaryuq.flow3d.mesh.settings import Settings
 
 SPACING = 0.25
 """Spacing of centreline points in radii."""
@@ -102,14 +103,16 @@ class Size:
     """Element size by local radius: radius / (R/h) of the vessel that owns a point.
 
     R/h is `resolution`, and rises within a stenosis with the narrowing, in proportion to the radius lost, to
-    `throat_resolution` at the throat.
+    `throat_resolution` at the throat. From there to the downstream end of the stenosis region it is
+    `jet_resolution` at least (the throat's if that is less), since elements as large as the jet mix it away and spoil
+    its wall shear.
     """
 
-    def __init__(self, implicit: Implicit, stenoses: Sequence[Stenosis], throat_resolution: float, resolution: float):
+    def __init__(self, implicit: Implicit, stenoses: Sequence[Stenosis], settings: Settings):
         self._implicit = implicit
         self._sizes = []
         for path in implicit.paths:
-            ratio = np.full(len(path.radii), resolution)
+            ratio = np.full(len(path.radii), settings.resolution)
             for stenosis in stenoses:
                 within = (path.vessel == stenosis.vessel) & (path.arc >= stenosis.start) & (path.arc <= stenosis.end)
                 if not within.any():
@@ -117,7 +120,13 @@ class Size:
                 healthy = np.interp(path.arc[within], [stenosis.start, stenosis.end], path.radii[within][[0, -1]])
                 lost = np.clip(1.0 - path.radii[within] / healthy, 0.0, None)
                 share = lost / lost.max() if lost.max() > 0.0 else np.ones_like(lost)
-                ratio[within] = resolution + (throat_resolution - resolution) * share
+                ratio[within] += (settings.throat_resolution - settings.resolution) * share
+                jet = slice(np.flatnonzero(within)[np.argmax(lost)], None)
+                length = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(path.points[jet], axis=0), axis=1))]
+                last = np.flatnonzero(within)[-1] - jet.start
+                reach = length[last] + 2.0 * settings.region_downstream_diameters * path.radii[jet][last]
+                least = min(settings.jet_resolution, settings.throat_resolution)
+                ratio[jet] = np.where(length <= reach, np.maximum(ratio[jet], least), ratio[jet])
             self._sizes.append(path.radii / ratio)
 
     def __call__(self, points: np.ndarray) -> np.ndarray:

@@ -21,6 +21,13 @@ class Settings(BaseModel):
         4.0, ge=2.0, le=20.0, description="Radius over element size (R/h) at the throat of a stenosis."
     )
     resolution: float = Field(2.0, ge=1.5, le=20.0, description="Local radius over element size (R/h) elsewhere.")
+    jet_resolution: float = Field(
+        3.0,
+        ge=1.5,
+        le=20.0,
+        description="Least local radius over element size (R/h) from a throat to the end of the stenosis region, where "
+        "the jet sets wall shear; `throat_resolution` if that is less.",
+    )
     gradation: float = Field(
         1.3, gt=1.0, le=2.0, description="Largest ratio of neighbouring edge lengths that the mesher may leave."
     )
