@@ -53,7 +53,7 @@ def test_predictions_equal_those_of_scikit_learn_at_the_same_parameters():
 def test_leave_one_out_is_what_leaving_one_out_gives():
     x, y = problem(20)
     model = gp.fit(x, y, directions=1)
-    k = gp._kernel(model.parameters, model.x, model.x)[0]
+    k = gp._kernel(model.parameters, model.x)[0]
     k[np.diag_indices(20)] += variances(model)[2]
     b = (y - model.mean) / model.spread
     for i in range(20):
