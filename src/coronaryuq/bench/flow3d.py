@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from coronaryuq import records
-from coronaryuq.bench import axisymmetric, tubes
+from coronaryuq.bench import axisymmetric, tubes, unstructured
 from coronaryuq.errors import InputError
 from coronaryuq.files import read_json
 from coronaryuq.flow3d.lanes import LANES
@@ -95,13 +95,8 @@ def verification(quick: bool) -> dict:
     }
     if not quick:
         found["stenosis"] = stenosis()
+        found["wall_shear_unstructured"] = unstructured.wall_shear()
     return found
-
-
-def narrowing(z: np.ndarray) -> np.ndarray:
-    """Radius (cm) of a tube with a cosine stenosis of 60 % in diameter and 1 cm length, its throat at z = 1 cm."""
-    shape = np.where(np.abs(z - 1.0) < 0.5, 0.5 * (1 + np.cos(2 * np.pi * (z - 1.0))), 0.0)
-    return tubes.RADIUS * (1 - 0.6 * shape)
 
 
 def stenosis(
@@ -112,13 +107,13 @@ def stenosis(
     exact = []
     for flow in flows:
         reference = axisymmetric.solve(
-            narrowing, np.linspace(0, length, levels + 1), cells, flow, BLOOD_DENSITY, BLOOD_VISCOSITY
+            tubes.narrowing, np.linspace(0, length, levels + 1), cells, flow, BLOOD_DENSITY, BLOOD_VISCOSITY
         )
         at = [float(np.interp(z, reference.z, reference.pressure)) for z in (0.4, 1.8)]
         exact.append(at[0] - at[1])
     rows = []
     for count in rings:
-        space = tubes.discretised(length, narrowing, count, 20 * count, dt=1e-3)
+        space = tubes.discretised(length, tubes.narrowing, count, 20 * count, dt=1e-3)
         flow = np.resize(np.asarray(flows, float), LANES)
         stepper = tubes.steady(space, flow, time=0.25)
         drop = [mean_pressure(space, stepper, z) for z in (0.4, 1.8)]

@@ -18,6 +18,12 @@ RADIUS = 0.15
 """cm."""
 
 
+def narrowing(z: np.ndarray) -> np.ndarray:
+    """Radius (cm) of a tube with a cosine stenosis of 60 % in diameter and 1 cm length, its throat at z = 1 cm."""
+    shape = np.where(np.abs(z - 1.0) < 0.5, 0.5 * (1 + np.cos(2 * np.pi * (z - 1.0))), 0.0)
+    return RADIUS * (1 - 0.6 * shape)
+
+
 def discretised(length, radius, rings, levels, dt, viscosity=BLOOD_VISCOSITY) -> Discretisation:
     """A tube of `length` cm with `rings` cells over its radius; its caps are `inlet` and `outlet`."""
     points, tets, faces = tube(length, radius, rings, levels)
