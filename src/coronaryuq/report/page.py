@@ -65,6 +65,7 @@ def write_report(
         "vessels": [_vessel(stenosis, rows) for stenosis in case["stenoses"]],
         "table": [line for row in rows for line in _lines(row, notes)],
         "notes": notes.texts,
+        "mesh": _mesh(read_json(files["mesh"])),
         "matched": _matched(read_csv(files["fit"]), summary),
         "noise": _noise(targets),
         "figures": _figures(figures),
@@ -204,6 +205,15 @@ def _matched(fit, summary: dict) -> dict:
         f"posterior predicts; Mahalanobis distance of the mean flows {check['mahalanobis']:.2f}; "
         f"probability of data further off {check['p_value']:.2f}.",
     }
+
+
+def _mesh(mesh: dict) -> str:
+    settings = mesh["settings"]
+    return (
+        f"3D ran on {mesh['nodes']} nodes with {settings['throat_resolution']:g} elements over the radius of a throat, on "
+        "which wall shear and OSI are not converged (`coronaryuq bench flow3d` measures by how much); compare them "
+        "between draws, not with other meshes. "
+    )
 
 
 def _noise(targets: dict) -> list[dict]:
