@@ -210,8 +210,8 @@ def _matched(fit, summary: dict) -> dict:
 def _mesh(mesh: dict) -> str:
     settings = mesh["settings"]
     return (
-        f"3D ran on {mesh['nodes']} nodes with {settings['throat_resolution']:g} elements over the radius of a throat, on "
-        "which wall shear and OSI are not converged (`coronaryuq bench flow3d` measures by how much); compare them "
+        f"3D ran on {mesh['nodes']} nodes with {settings['throat_resolution']:g} elements over the radius of a throat, "
+        "on which wall shear and OSI are not converged (`coronaryuq bench flow3d` measures by how much); compare them "
         "between draws, not with other meshes. "
     )
 
