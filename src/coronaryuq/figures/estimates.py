@@ -16,7 +16,7 @@ def osi_scatter(pairs: str, output: str) -> None:
     """3D maximum OSI against 0D mean flow, at the same θ and resampled through the shared space, branch by branch."""
     table = read_csv(pairs, columns=("row", "label", "y", "q", "q_resampled"))
     rows = [row for row, part in table.groupby("row", sort=False) if "OSI" in part["label"].iloc[0]]
-    with saved(output, ncols=max(len(rows), 1), figsize=(3.2 * max(len(rows), 1), 3.1), squeeze=False) as (_, axes):
+    with saved(output, ncols=max(len(rows), 1), figsize=(3.2 * max(len(rows), 1), 3.6), squeeze=False) as (_, axes):
         for axis, row in zip(axes[0], rows, strict=False):
             part = table[table["row"] == row]
             for column, ink, word in (("q", MUTED, "same θ"), ("q_resampled", SIMULATED, "resampled, held out")):
@@ -27,7 +27,7 @@ def osi_scatter(pairs: str, output: str) -> None:
                 axis.plot(part[column], part["y"], "o", ms=3, alpha=0.7, color=ink, label=f"{word}: ρ = {rho:.3f}")
             axis.set_xlabel("0D mean outlet flow (mL/s)")
             axis.set_title(part["label"].iloc[0].split(", ")[-1], fontsize=9)
-            axis.legend(fontsize=7.5, loc="best")
+            axis.legend(fontsize=7.5, loc="upper center", bbox_to_anchor=(0.5, -0.2))
         axes[0][0].set_ylabel("3D maximum OSI (1)")
 
 
@@ -69,7 +69,7 @@ def _one_row(axis, row: dict) -> None:
             interval = value[key]
             axis.plot([interval["low"], interval["high"]], [y, y], ls=style, lw=width, color=ink, alpha=0.85)
         axis.plot(value["mean"], y, "o", color="white", mec=ink, ms=5, zorder=5)
-        if value["warnings"] or row["warnings"]:
+        if value["warnings"]:
             axis.annotate(
                 "!", (value["mean"], y), xytext=(0, 5), textcoords="offset points", ha="center", color="#B3261E"
             )

@@ -18,7 +18,7 @@ TEMPLATE = Path(__file__).with_name("template.html")
 ESTIMATORS = ("MC", "MFMC", "MFMC-AE", "best")
 QUANTITIES = ("ffr", "tawss_min", "osi_max")
 CAPTIONS = {
-    "intervals_wss": "Maximum OSI and minimum TAWSS by estimator. An exclamation mark means a warning in the table.",
+    "intervals_wss": "Maximum OSI and minimum TAWSS by estimator. An exclamation mark: the interval carries a warning.",
     "intervals_ffr": "FFR by estimator, with 0D FFR and with 0D mean flow as low-fidelity model.",
     "osi_scatter": "3D maximum OSI against 0D mean flow, at the same θ and at the input that the shared space pairs "
     "with it. Resampled values come from networks that did not see their sample.",
@@ -87,7 +87,7 @@ def number(value: float | None, digits: int = 3) -> str:
 
 def interval(low: float, high: float) -> tuple[str, str]:
     """Both ends with as many decimals as their distance deserves."""
-    decimals = max(0, min(6, 2 - int(np.floor(np.log10(high - low))))) if high > low else 3
+    decimals = max(0, min(6, 1 - int(np.floor(np.log10(high - low))))) if high > low else 3
     return f"{low:.{decimals}f}", f"{high:.{decimals}f}"
 
 
@@ -130,9 +130,9 @@ def _verdict(found: dict | None) -> dict:
     if found is None:
         return {"class": "muted", "verdict": ""}
     if found["low"] > 0.5:
-        return {"class": "bad", "verdict": "More likely than not flow-limiting."}
+        return {"class": "bad", "verdict": "More likely than not it limits flow."}
     if found["high"] < 0.5:
-        return {"class": "good", "verdict": "More likely than not not flow-limiting."}
+        return {"class": "good", "verdict": "More likely than not it limits no flow."}
     return {"class": "warn", "verdict": "The runs do not decide it."}
 
 
