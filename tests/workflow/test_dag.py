@@ -10,7 +10,7 @@ pytestmark = pytest.mark.workflow
 
 ALWAYS = {"all"}
 ENDS = {"figure", "report", "all"}
-ESTIMATES = {"runs", "estimation_train", "zerod_resampled", "estimation"} | ENDS
+ESTIMATES = {"runs", "estimation_train", "zerod_resampled", "estimation", "budget"} | ENDS
 
 
 @pytest.fixture(scope="module")
