@@ -1,9 +1,9 @@
 # One patient, from anatomy and noisy perfusion to quantities of interest with confidence intervals.
 #
 #   snakemake --profile workflow/profiles/default --configfile config/laptop.yaml            the whole campaign
-#   snakemake --profile workflow/profiles/default --configfile config/laptop.yaml figures    its figures alone
-#   snakemake --profile workflow/profiles/default --configfile config/laptop.yaml paper_table
-#   snakemake --profile workflow/profiles/default --configfile config/laptop.yaml discrepancy  what the model is missing
+#   snakemake figures --profile workflow/profiles/default --configfile config/laptop.yaml    its figures alone
+#   snakemake paper_table --profile workflow/profiles/default --configfile config/laptop.yaml
+#   snakemake discrepancy --profile workflow/profiles/default --configfile config/laptop.yaml  what the model is missing
 
 from snakemake.utils import min_version
 

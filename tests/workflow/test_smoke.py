@@ -75,7 +75,7 @@ def test_figures_are_redrawn_to_the_same_bytes(results):
     figures = sorted((results / "figures").glob("*.png"))
     before = [path.read_bytes() for path in figures]
     shutil.rmtree(results / "figures")
-    campaign(results.parents[1], "figures")
+    campaign(results.parents[1], "--", "figures")
     assert [path.read_bytes() for path in figures] == before
 
 

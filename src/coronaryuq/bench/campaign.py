@@ -31,7 +31,7 @@ def run(quick: bool, config: str | None = None) -> dict:
         raise InputError(root / "Snakefile", None, None, "not found; run this benchmark in a checkout of the project")
     name = _name(configuration)
     with tempfile.TemporaryDirectory(prefix="campaign-") as folder:
-        target = [f"results/{name}/{QUICK_TARGET}"] if quick else []
+        target = ["--", f"results/{name}/{QUICK_TARGET}"] if quick else []
         planned = _snakemake(root, configuration, folder, "--dry-run")
         done = _snakemake(root, configuration, folder, *target)
         intervals = _intervals(Path(folder))
