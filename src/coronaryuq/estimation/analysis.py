@@ -138,7 +138,7 @@ def analyse(
         if design.emulator_error[row.column_0d] > EMULATOR_SHARE:
             made["MFMC"] = replace(made["MFMC"], warnings=(*made["MFMC"].warnings, _poor(design, row)))
         order = [name for name in ("MC", "MFMC", "MFMC-AE", "best") if name in made]
-        printed = paper_row(y, q, len(y) + len(runs.theta_more))
+        printed = paper_row(y, q, max(len(runs.theta_more), len(y)))  # the paper counts the pilot into its N_0D
         results.append({
             "row": row.name, "label": row.label, "column_3d": row.column_3d, "column_0d": row.column_0d,
             "variance_3d": float(np.var(y, ddof=1)),
