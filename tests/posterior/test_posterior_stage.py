@@ -21,6 +21,7 @@ from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, Setti
 SMALL = Settings(
     dream=DreamSettings(chains=24, generations=160), emulator=EmulatorSettings(generations=4), checkpoint=40
 )
+OUTPUTS = ("posterior.nc", "draws.csv", "summary.json", "fractions.csv", "fitted.json")
 
 
 def sampled(campaign, folder, settings=SMALL, seed=3):
@@ -58,7 +59,7 @@ def test_from_files_to_files(campaign, tmp_path):
     settings = SMALL.model_copy(deep=True)
     settings.dream.generations, settings.emulator.generations = 6000, 50
     chains = sampled(campaign, tmp_path, settings)
-    out = [tmp_path / name for name in ("posterior.nc", "draws.csv", "summary.json")]
+    out = [tmp_path / name for name in OUTPUTS]
     stage.gather(*campaign, chains, settings, 3, *out)
     summary, draws = read_json(out[2]), read_csv(out[1])
     data = arviz.from_netcdf(out[0])
@@ -78,9 +79,27 @@ def test_from_files_to_files(campaign, tmp_path):
     assert summary["fit"]["largest_fraction_error"] < 1e-3 and not summary["fit"]["outside_prior"]
 
 
+def test_fitted_network_meets_the_target_fractions(campaign, tmp_path, tree):
+    """The file that the stage writes, run anew, has the table's fractions, and these are the targets'."""
+    chains = sampled(campaign, tmp_path)
+    stage.gather(*campaign, chains, SMALL, 3, *(tmp_path / name for name in OUTPUTS))
+    table, targets = read_csv(tmp_path / "fractions.csv"), read_json(campaign[2])
+    wanted = np.array(targets["mean"]) / np.sum(targets["mean"])
+    assert list(table["outlet"]) == targets["outlets"]
+    assert np.allclose(table["target_fraction"], wanted)
+    fitted = BedFlows(tmp_path / "fitted.json", read_json(campaign[0])["outlets"], tolerance=1e-6, steps_per_cycle=None)
+    flows = fitted.flows(np.ones((1, 6)))[0]
+    assert np.allclose(flows / flows.sum(), wanted, rtol=1e-4)
+    assert np.allclose(table["fitted_error"], flows / flows.sum() / wanted - 1, atol=1e-5)
+    assert np.allclose(fitted.resistances, table["fitted_resistance"])
+    assert np.isclose(np.sum(1 / fitted.resistances), np.sum(1 / tree.beds))
+    draws = read_csv(tmp_path / "draws.csv")
+    assert np.allclose(draws[list(table["bc"])].mean(), table["posterior_multiplier"])
+
+
 def test_samples_extend_without_changing(campaign, tmp_path):
     chains = sampled(campaign, tmp_path)
-    stage.gather(*campaign, chains, SMALL, 3, *(tmp_path / n for n in ("p.nc", "draws.csv", "s.json")))
+    stage.gather(*campaign, chains, SMALL, 3, *(tmp_path / name for name in OUTPUTS))
     for count in (20, 50):
         stage.draw_samples(tmp_path / "draws.csv", SMALL, 3, "pilot", count, tmp_path / f"{count}.csv")
     stage.draw_samples(tmp_path / "draws.csv", SMALL, 3, "propagation", 20, tmp_path / "other.csv")
@@ -197,5 +216,5 @@ def test_unreachable_targets_are_reported(campaign, tmp_path, capsys, tree):
     write_json(campaign[1], network_of(tree))
     chains = sampled(campaign, tmp_path)
     assert "outside the prior" in capsys.readouterr().err
-    stage.gather(*campaign, chains, SMALL, 3, *(tmp_path / n for n in ("p.nc", "d.csv", "s.json")))
-    assert "BC_0" in read_json(tmp_path / "s.json")["fit"]["outside_prior"]
+    stage.gather(*campaign, chains, SMALL, 3, *(tmp_path / name for name in OUTPUTS))
+    assert "BC_0" in read_json(tmp_path / "summary.json")["fit"]["outside_prior"]

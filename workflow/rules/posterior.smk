@@ -35,6 +35,8 @@ rule posterior:
         posterior=results("posterior", "posterior.nc"),
         draws=results("posterior", "draws.csv"),
         summary=results("posterior", "summary.json"),
+        fractions=results("posterior", "fractions.csv"),
+        fitted=results("posterior", "fitted.json"),
     log:
         log_of("posterior", "gather.log"),
     params:

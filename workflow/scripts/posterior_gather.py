@@ -15,4 +15,6 @@ with job(globals()) as this:
         this.output["posterior"],
         this.output["draws"],
         this.output["summary"],
+        this.output["fractions"],
+        this.output["fitted"],
     )

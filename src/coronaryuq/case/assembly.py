@@ -73,8 +73,8 @@ def assemble(case_yaml: str | Path, settings: Settings) -> Case:
     if description.perfusion is not None:
         wall = read_wall(path, description.perfusion, folder, description.tissue_density, settings.wall_cells)
     else:
-        lv = [row.name for row in rows if row.perfuses == "LV"]
-        flows = read_territory_flows(path, description.territory_flows, folder, lv)
+        lv = {row.name: row.bc for row in rows if row.perfuses == "LV"}
+        flows = read_territory_flows(path, description.territory_flows, folder, lv, description.tissue_density)
         wall = wall_of_territories(entries, flows, description.tissue_density)
     summary = {
         "name": description.name,

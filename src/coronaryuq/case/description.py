@@ -13,7 +13,8 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]{0,63}$")]
 Point = tuple[float, float, float]
 LengthUnit = Literal[tuple(LENGTHS)]
 PerfusionUnit = Literal[tuple(perfusions())]
-FlowUnit = Literal[(*FLOWS, "fraction")]
+FlowUnit = Literal[tuple(FLOWS)]
+TerritoryUnit = Literal[(*FLOWS, "fraction", *perfusions(), "volume")]
 Branch = Literal["LAD", "LCx", "RCA"]
 
 
@@ -99,14 +100,21 @@ class Perfusion(_Model):
 class TerritoryFlows(_Model):
     """Measured hyperaemic flow of each LV-perfusing outlet, where the map itself is not at hand."""
 
-    file: str = Field(description="CSV with columns name, flow and, if known, volume (cm3)")
-    unit: FlowUnit = Field(description="unit of flow, or `fraction` of the total")
-    total: float | None = Field(None, gt=0, description="total LV flow in mL/s that fractions refer to")
+    file: str = Field(
+        description="CSV with a row per LV-perfusing outlet: name (of the outlet or its boundary condition), and flow, "
+        "with volume (cm3) if known; or mbf and volume; or volume alone"
+    )
+    unit: TerritoryUnit = Field(
+        description="unit of flow; `fraction` of the total; unit of mbf, the territory's mean perfusion; or `volume`: "
+        "the total shared in proportion to territory volumes"
+    )
+    total: float | None = Field(None, gt=0, description="total LV flow that fractions or volumes share")
+    total_unit: FlowUnit = Field("mL/s", description="unit of total")
 
     @model_validator(mode="after")
-    def _total_with_fractions(self):
-        if (self.unit == "fraction") != (self.total is not None):
-            raise ValueError("total is given with unit fraction, and only then")
+    def _total_where_shared(self):
+        if (self.unit in ("fraction", "volume")) != (self.total is not None):
+            raise ValueError("total is given with unit fraction or volume, and only then")
         return self
 
 

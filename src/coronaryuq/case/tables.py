@@ -10,10 +10,11 @@ from typing import get_args
 import numpy as np
 
 from coronaryuq.case.description import Branch, TerritoryFlows
+from coronaryuq.case.perfusion_map import PLAUSIBLE_FLOW, PLAUSIBLE_VOLUME
 from coronaryuq.case.yamlfile import read_yaml
 from coronaryuq.errors import InputError
 from coronaryuq.files import read_csv
-from coronaryuq.units import FLOWS, PRESSURES
+from coronaryuq.units import FLOWS, MBF_PER_MIN_PER_G, PRESSURES, TISSUE_DENSITY, perfusions
 
 BRANCHES = get_args(Branch)
 PERFUSES = ("LV", "RV", "septum")
@@ -121,37 +122,82 @@ def _outlet(path: Path, number: int, record: dict) -> OutletRow:
     return OutletRow(name, bc, text("vessel"), point, text("perfuses"), text("branch"), text("label", name))
 
 
-def read_territory_flows(file: str | Path, flows: TerritoryFlows, folder: Path, lv: list[str]) -> dict[str, tuple]:
-    """Flow (mL/s) and territory volume (cm3, NaN where not given) of every LV-perfusing outlet in `lv`."""
+def read_territory_flows(
+    file: str | Path, flows: TerritoryFlows, folder: Path, lv: dict[str, str], tissue_density: float
+) -> dict[str, tuple]:
+    """Flow (mL/s) and territory volume (cm3, NaN where not given) of every LV-perfusing outlet.
+
+    lv: outlet → boundary condition, of those that perfuse the LV; the table may use either name. Raises InputError for
+    an outlet without a row, a row without an outlet, and what is no plausible flow.
+    """
     path = folder / flows.file
     _sane(path)
-    frame = read_csv(path, ("name", "flow"))
-    names = [str(n).strip() for n in frame["name"]]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(path, "name", name, "occurs twice")
-        if name not in lv:
-            raise InputError(path, "name", name, "is no outlet that perfuses the LV")
-    for name in lv:
-        if name not in names:
-            raise InputError(path, "name", name, "missing; every outlet that perfuses the LV needs a flow")
-    values = _numbers(path, frame, "flow")
-    if (values <= 0).any():
-        bad = names[int(np.argmin(values))]
-        raise InputError(path, f"flow of {bad}", float(values.min()), "must be positive")
-    if flows.unit == "fraction":
+    measured = {"volume": (), "fraction": ("flow",)}.get(flows.unit, ("flow",) if flows.unit in FLOWS else ("mbf",))
+    needs_volume = measured != ("flow",)
+    frame = read_csv(path, ("name", *measured, *(("volume",) if needs_volume else ())))
+    names = _outlet_names(path, frame, lv)
+    values = _positive(path, frame, names, *measured) if measured else None
+    volumes = _positive(path, frame, names, "volume") if "volume" in frame else np.full(len(names), np.nan)
+    if flows.unit in FLOWS:
+        flow = values * FLOWS[flows.unit]
+    elif flows.unit == "fraction":
         if abs(values.sum() - 1) > 0.02:
             raise InputError(path, "flow", float(values.sum()), "fractions must add up to 1")
-        values = values / values.sum() * flows.total
+        flow = values
+    elif flows.unit == "volume":
+        flow = volumes
     else:
-        values = values * FLOWS[flows.unit]
-    total = float(values.sum())
-    if not 0.1 <= total <= 60.0:
+        flow = values * perfusions(tissue_density)[flows.unit] * volumes * tissue_density
+    if flows.total is not None:
+        flow = flow / flow.sum() * flows.total * FLOWS[flows.total_unit]
+    _plausible(file, flows, float(flow.sum()), float(volumes.sum()))
+    return {name: (float(q), float(v)) for name, q, v in zip(names, flow, volumes, strict=True)}
+
+
+def _outlet_names(path: Path, frame, lv: dict[str, str]) -> list[str]:
+    """Outlet of every row, all of `lv` exactly once."""
+    by_bc = {bc: name for name, bc in lv.items()}
+    names = []
+    for given in (str(cell).strip() for cell in frame["name"]):
+        name = given if given in lv else by_bc.get(given)
+        if name is None:
+            raise InputError(path, "name", given, f"is no outlet that perfuses the LV; those are {', '.join(lv)}")
+        if name in names:
+            raise InputError(path, "name", given, "occurs twice")
+        names.append(name)
+    for name in lv:
+        if name not in names:
+            raise InputError(path, "name", name, "missing; every outlet that perfuses the LV needs a row")
+    return names
+
+
+def _positive(path: Path, frame, names: list[str], column: str) -> np.ndarray:
+    values = _numbers(path, frame, column)
+    if (values <= 0).any():
+        worst = int(np.argmin(values))
+        raise InputError(path, f"{column} of {names[worst]}", float(values[worst]), "must be positive")
+    return values
+
+
+def _plausible(file: str | Path, flows: TerritoryFlows, flow: float, volume: float) -> None:
+    """Total flow (mL/s) and, where volumes are known, the wall and its perfusion must be those of a heart."""
+    field, value = ("unit", flows.unit) if flows.total is None else ("total", f"{flows.total:g} {flows.total_unit}")
+    if not 0.1 <= flow <= 60.0:
+        raise InputError(file, f"territory_flows.{field}", value, f"makes the LV flow {flow:.3g} mL/s; check the unit")
+    if not np.isfinite(volume):
+        return
+    low, high = PLAUSIBLE_VOLUME
+    if not low <= volume <= high:
         raise InputError(
-            file, "territory_flows.unit", flows.unit, f"makes the LV flow {total:.3g} mL/s; check the unit"
+            file, "territory_flows.file", f"{volume:.3g} cm3", "is no plausible wall volume; volume is in cm3"
         )
-    volumes = _numbers(path, frame, "volume") if "volume" in frame else np.full(len(names), np.nan)
-    return {name: (float(q), float(v)) for name, q, v in zip(names, values, volumes, strict=True)}
+    perfusion = flow / (volume * TISSUE_DENSITY) / MBF_PER_MIN_PER_G
+    low, high = PLAUSIBLE_FLOW
+    if not low <= perfusion <= high:
+        raise InputError(
+            file, f"territory_flows.{field}", value,
+            f"makes the mean flow {perfusion:.3g} mL/min/g, outside {low} to {high}; check its unit and volume (cm3)",
+        )  # fmt: skip
 
 
 def read_case_targets(path: Path) -> dict[str, dict]:

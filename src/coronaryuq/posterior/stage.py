@@ -14,6 +14,7 @@ from coronaryuq.posterior import chains as carried
 from coronaryuq.posterior.bed_flows import BedFlows
 from coronaryuq.posterior.diagnostics import diagnose
 from coronaryuq.posterior.fit import Fit, fit_fractions
+from coronaryuq.posterior.fractions import fractions
 from coronaryuq.posterior.likelihood import Likelihood
 from coronaryuq.posterior.model import FlowModel, Posterior
 from coronaryuq.posterior.predictive import check
@@ -23,7 +24,9 @@ from coronaryuq.posterior.settings import Settings
 from coronaryuq.posterior.total_resistance import Conditioned, Rescaled
 from coronaryuq.provenance import checksum, digest, stamp
 from coronaryuq.seeds import generator
-from coronaryuq.zerod.beds import SCALING
+from coronaryuq.zerod.beds import SCALING, distal_resistances, resistance_changes
+from coronaryuq.zerod.changes import with_changes
+from coronaryuq.zerod.network import read_network, write_network
 
 _SPACES = {"conditioned": Conditioned, "rescaled": Rescaled}
 
@@ -81,8 +84,14 @@ def run_chains(
 def gather(
     case_json: str | Path, hyperaemia_json: str | Path, targets_json: str | Path, chains_npz: str | Path,
     settings: Settings, seed: int, posterior_nc: str | Path, draws_csv: str | Path, summary_json: str | Path,
+    fractions_csv: str | Path, fitted_json: str | Path,
 ) -> None:  # fmt: skip
-    """Chains to ArviZ InferenceData, thinned draws of r, and the summary: verdict, predictive checks, fit."""
+    """Chains to what comes of them.
+
+    posterior_nc: ArviZ InferenceData. draws_csv: thinned draws of r. summary_json: verdict, predictive checks, fit.
+    fractions_csv: target fractions beside those of the fit and of the posterior. fitted_json: the hyperaemic loop with
+    the fitted resistances, svZeroDSolver JSON.
+    """
     targets = _targets(targets_json, case_json)
     with np.load(chains_npz) as arrays:
         chains = {name: arrays[name] for name in arrays.files}
@@ -90,6 +99,13 @@ def gather(
     if names != [outlet["bc"] for outlet in targets["outlets"]]:
         raise InputError(chains_npz, "names", names, "not the outlets of the targets; run the chains again")
     verdict = summarise(chains, settings, seed, posterior_nc, draws_csv)
+    network = read_network(hyperaemia_json)
+    totals, kept = distal_resistances(network), slice(int(chains["burn_in"]), None)
+    resistances = np.array([totals[name] for name in names])
+    outlets = [outlet["name"] for outlet in targets["outlets"]]
+    write_csv(fractions_csv, fractions(outlets, names, targets["volume"], resistances, chains, kept))
+    fitted = resistance_changes(network, dict(zip(names, chains["fit_multipliers"], strict=True)))
+    write_network(fitted_json, with_changes(network, fitted, hyperaemia_json))
     shares = targets["mean"] / targets["mean"].sum()
     write_json(
         summary_json,
@@ -238,7 +254,7 @@ def _code() -> list[str]:
 
 
 def _targets(targets_json: str | Path, case_json: str | Path) -> dict:
-    """Mean, covariance, and the case's outlets in the order of the targets."""
+    """Mean, covariance, territory volumes, and the case's outlets in the order of the targets."""
     case, targets = read_json(case_json), read_json(targets_json)
     for field in ("bc", "mean", "covariance"):
         if field not in targets:
@@ -254,4 +270,10 @@ def _targets(targets_json: str | Path, case_json: str | Path) -> dict:
         raise InputError(targets_json, "covariance", covariance.shape, f"want {len(mean)} by {len(mean)}")
     if not np.all(mean > 0):
         raise InputError(targets_json, "mean", float(mean.min()), "target flows must be positive")
-    return {"mean": mean, "covariance": covariance, "outlets": [outlets[bc] for bc in targets["bc"]]}
+    volume = np.array(targets.get("volume", np.full(len(mean), np.nan)), dtype=float)
+    return {
+        "mean": mean,
+        "covariance": covariance,
+        "volume": volume,
+        "outlets": [outlets[bc] for bc in targets["bc"]],
+    }
