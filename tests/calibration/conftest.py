@@ -117,30 +117,3 @@ def adult():
         "EDV": 113.0,
         "PpulMean": 15.0,
     }
-
-
-@pytest.fixture(scope="session")
-def in_mmhg():
-    """The conversion to mmHg of a network like the small loop, written by hand."""
-
-    def convert(network):
-        network = copy.deepcopy(network)
-        for vessel in network["vessels"]:
-            values = vessel["zero_d_element_values"]
-            for name, value in values.items():
-                values[name] = value * MMHG if name == "C" else value / MMHG
-        for bc in network["boundary_conditions"]:
-            for name, value in bc["bc_values"].items():
-                if not isinstance(value, bool):
-                    bc["bc_values"][name] = value * MMHG if name.startswith("C") else value / MMHG
-        heart = network["closed_loop_blocks"][0]["parameters"]
-        for name, value in heart.items():
-            if name in ("Cp", "Cpa"):
-                heart[name] = value * MMHG
-            elif name[0] in "REL" or name.startswith("Kxp"):
-                heart[name] = value / MMHG
-        network["initial_condition"]["P_pul:CLH"] /= MMHG
-        network["initial_condition"]["pressure_all"] /= MMHG
-        return network
-
-    return convert

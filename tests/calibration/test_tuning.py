@@ -14,8 +14,10 @@ from coronaryuq.calibration.search import cost
 from coronaryuq.calibration.settings import Settings
 from coronaryuq.calibration.stage import tune, tune_files
 from coronaryuq.calibration.targets import BY_NAME, TUNED
+from coronaryuq.case.network_units import rescaled
 from coronaryuq.errors import InputError
 from coronaryuq.files import read_csv, write_json
+from coronaryuq.units import MMHG
 from coronaryuq.zerod.beds import beds, distal_resistances
 from coronaryuq.zerod.engine import Engine
 from coronaryuq.zerod.network import read_network
@@ -163,7 +165,7 @@ def test_the_real_network_meets_its_clinical_targets(shared, tmp_path, seed):
     assert (fit.relative[fit.clinical].abs() < 0.05).all(), fit.to_string()
 
 
-def test_a_network_in_mmhg_tunes_as_the_same_network_in_cgs(loop_network, in_mmhg, adult, tmp_path):
+def test_a_network_in_mmhg_tunes_as_the_same_network_in_cgs(loop_network, adult, tmp_path):
     """Only the first few evaluations: their costs agree, so the network, the table and the parameters mean the same."""
     brief = Settings(
         candidates=8, starts=1, approach=2, rounds=1, evaluations_per_parameter=2, final_steps_per_cycle=250
@@ -171,7 +173,7 @@ def test_a_network_in_mmhg_tunes_as_the_same_network_in_cgs(loop_network, in_mmh
     table = "".join(f"{name},text,{value}\n" for name, value in adult.items())
     (tmp_path / "targets.csv").write_text(table)
     write_json(tmp_path / "cgs.json", loop_network)
-    write_json(tmp_path / "mmhg.json", in_mmhg(loop_network))
+    write_json(tmp_path / "mmhg.json", rescaled(loop_network, 1.0 / MMHG))
     lines = {}
     for unit in ("cgs", "mmhg"):
         said = []

@@ -10,11 +10,12 @@ from case_files import write_case
 
 from coronaryuq.case.check import check_case
 from coronaryuq.case.graph import graph_of
+from coronaryuq.case.network_units import rescaled
 from coronaryuq.case.settings import Settings
 from coronaryuq.case.stage import prepare_case
 from coronaryuq.case.tree import read_tree
 from coronaryuq.errors import InputError
-from coronaryuq.units import MBF_PER_MIN_PER_G
+from coronaryuq.units import MBF_PER_MIN_PER_G, MMHG
 
 
 def test_the_four_files_agree_with_one_another(small_tree, tmp_path):
@@ -120,6 +121,20 @@ def test_a_ready_network_needs_no_anatomy(shared, tmp_path):
     radius = {outlet["name"]: outlet["radius"] for outlet in case["outlets"]}
     # ρ l / (π r²) = L of lca1.
     assert 1.06 * 3.33927399 / (np.pi * radius["lca1"] ** 2) == pytest.approx(126.25582734240001, rel=1e-12)
+
+
+def test_a_ready_network_in_mmhg_is_the_same_case(shared, tmp_path):
+    path = closed_loop_22(shared, tmp_path / "mmhg")
+    network = json.loads((tmp_path / "mmhg/network.json").read_text())
+    (tmp_path / "mmhg/network.json").write_text(json.dumps(rescaled(network, 1.0 / MMHG)))
+    prepare_case(path, Settings(), tmp_path / "mmhg/case")
+    prepare_case(closed_loop_22(shared, tmp_path / "cgs"), Settings(), tmp_path / "cgs/case")
+    found, given = (json.loads((tmp_path / unit / "case/case.json").read_text()) for unit in ("mmhg", "cgs"))
+    assert set(found["notes"]) - set(given["notes"]) == {"network.json: pressures in mmHg, converted to dyn/cm2"}
+    network, given = (json.loads((tmp_path / unit / "case/network.json").read_text()) for unit in ("mmhg", "cgs"))
+    for part, key in (("vessels", "zero_d_element_values"), ("boundary_conditions", "bc_values")):
+        for block, expected in zip(network[part], given[part], strict=True):
+            assert block[key] == pytest.approx(expected[key], rel=1e-12)
 
 
 @pytest.mark.parametrize(

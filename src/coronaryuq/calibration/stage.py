@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from coronaryuq.calibration.beds import shares
-from coronaryuq.calibration.network_units import to_cgs
+from coronaryuq.case.network_units import to_cgs
 from coronaryuq.calibration.reserve import Reserve
 from coronaryuq.calibration.settings import Settings
 from coronaryuq.calibration.targets import from_case, read_targets

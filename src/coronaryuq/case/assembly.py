@@ -10,6 +10,7 @@ from coronaryuq.case.anatomy import Placed, place_outlets, place_stenoses, read_
 from coronaryuq.case.description import Description, read_description
 from coronaryuq.case.graph import CORONARY, SYSTEMIC, Graph, graph_of
 from coronaryuq.case.network import Bed, Physics, network_from_tree, segments
+from coronaryuq.case.network_units import to_cgs
 from coronaryuq.case.perfusion_map import Wall, read_wall
 from coronaryuq.case.schematic import radius_from_inertance, schematic_tree
 from coronaryuq.case.settings import Settings
@@ -48,7 +49,7 @@ def assemble(case_yaml: str | Path, settings: Settings) -> Case:
     folder = path.parent
     rows = read_outlets(folder / description.outlets)
     targets = read_case_targets(folder / description.targets) if description.targets else {}
-    given = _given_network(path, folder, description)
+    given = _given_network(folder, description)
     period = description.period or (given[1].period if given else DEFAULT_PERIOD)
     notes: tuple[str, ...] = ()
     tree, placed, stenoses = None, None, []
@@ -62,13 +63,15 @@ def assemble(case_yaml: str | Path, settings: Settings) -> Case:
         network = _made(path, tree, placed, stenoses, physics)
         graph = graph_of(network, path)
     else:
-        network, graph = given
+        network, graph, unit = given
         network["closed_loop_blocks"][0]["cardiac_cycle_period"] = period
         _match(path, folder, description, rows, graph)
         if tree is None:
             _no_map_without_places(path, folder, description, rows)
             tree = schematic_tree(graph, description.density, {row.bc: row.branch for row in rows})
             notes = ("no anatomy: tree.vtp is a drawing of the network, true in lengths and radii only",)
+        if unit != "cgs":
+            notes += (f"{description.network}: pressures in {unit}, converted to dyn/cm2",)
     entries = _outlets(rows, placed, tree, graph)
     if description.perfusion is not None:
         wall = read_wall(path, description.perfusion, folder, description.tissue_density, settings.wall_cells)
@@ -86,6 +89,7 @@ def assemble(case_yaml: str | Path, settings: Settings) -> Case:
         "hyperaemia": description.hyperaemia,
         "tissue_density": description.tissue_density,
         "schematic": description.anatomy is None,
+        "anatomy": description.anatomy and {"kind": description.anatomy.kind, "unit": description.anatomy.unit},
         "aorta": {"pressure": graph.inlet(graph.root)},
         "outlets": entries,
         "systemic": [bc for bc in graph.bc.values() if graph.types[bc] == SYSTEMIC],
@@ -95,11 +99,15 @@ def assemble(case_yaml: str | Path, settings: Settings) -> Case:
     return Case(description, tree, stenoses, network, graph, summary, wall, notes + wall.notes)
 
 
-def _given_network(path: Path, folder: Path, description: Description) -> tuple[dict, Graph] | None:
+def _given_network(folder: Path, description: Description) -> tuple[dict, Graph, str] | None:
+    """The network that the case came with, in CGS, and the unit of pressure that it was in."""
     if description.network is None:
         return None
-    network = read_json(folder / description.network)
-    return network, graph_of(network, folder / description.network)
+    path = folder / description.network
+    given = read_json(path)
+    graph_of(given, path)
+    network, unit = to_cgs(given, description.network_units, path)
+    return network, graph_of(network, path), unit
 
 
 def _physics(description: Description, settings: Settings, targets: dict, period: float) -> Physics:

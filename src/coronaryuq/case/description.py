@@ -158,7 +158,10 @@ class Description(_Model):
     description: str = Field("", max_length=2000, description="anything a reader should know")
     anatomy: Anatomy | None = Field(None, description="the vessels; may be left out where a network is given")
     network: str | None = Field(
-        None, description="ready 0D network (svZeroDSolver JSON, CGS) to be used instead of one made from the anatomy"
+        None, description="ready 0D network (svZeroDSolver JSON) to be used instead of one made from the anatomy"
+    )
+    network_units: Literal["auto", "cgs", "mmHg"] = Field(
+        "auto", description="pressure unit of that network: dyn/cm2 (cgs) or mmHg; auto: by its systemic resistance"
     )
     perfusion: Perfusion | None = Field(None, description="map of myocardial blood flow")
     territory_flows: TerritoryFlows | None = Field(None, description="measured flow per outlet instead of a map")
