@@ -44,3 +44,22 @@ def test_costs_are_those_of_each_jobs_last_attempt(tmp_path):
 @pytest.mark.parametrize(("low", "high", "kind"), [(0.6, 0.9, "bad"), (0.1, 0.4, "good"), (0.4, 0.6, "warn")])
 def test_the_verdict_follows_the_whole_interval(low, high, kind):
     assert page._verdict({"low": low, "high": high})["class"] == kind
+
+
+@pytest.mark.parametrize(("value", "text"), [(0.5, "0.50"), (-0.953, "-0.953"), (0.99962, "0.99962"), (None, "–")])
+def test_a_correlation_keeps_its_nines(value, text):
+    assert page.correlation(value) == text
+
+
+def test_only_outlets_clear_of_zero_are_named_as_drivers():
+    sobol = {
+        "BC_a": {"value": 0.2, "low": 0.1, "high": 0.3},
+        "BC_b": {"value": 0.5, "low": 0.4, "high": 0.6},
+        "BC_c": {"value": 0.3, "low": 0.0, "high": 0.6},
+    }
+    assert page._drivers(sobol, {"BC_b": "D1 (lca3)"}) == "D1 (lca3) 50 %, BC_a 20 %"
+
+
+def test_the_spread_over_draws_is_told_by_its_outermost_quantiles():
+    quantiles = {key: {"value": value} for key, value in (("0.50", 0.8), ("0.95", 0.88), ("0.05", 0.71))}
+    assert page._draws(quantiles) == "90 % of draws: 0.71 to 0.88"

@@ -117,7 +117,6 @@ def analyse(
             "best": best[row.column_3d][0],
         }
         more = {"MFMC": {"rho_in_sample": correlation(y, q)}}
-        row_findings = list(findings)
         if networks is not None and resampled is not None:
             curves = curves_of(networks, row, resampled[row.column_0d], settings.curve_nodes)
             if curves:
@@ -126,7 +125,9 @@ def analyse(
                 claimed = mfmc_variance(np.var(y), in_sample, len(y), len(y) + len(runs.theta_more))
                 more["MFMC-AE"] = {"rho_in_sample": in_sample, "std_in_sample": float(claimed**0.5)}
                 theta = np.vstack([mfmc_ae.resampled(networks, row.name, j, curves[j][0]) for j in range(k)])
-                row_findings += [diagnostics.outside_support(theta, runs.theta, runs.inputs)]
+                finding = diagnostics.outside_support(theta, runs.theta, runs.inputs)
+                if finding:
+                    made["MFMC-AE"] = replace(made["MFMC-AE"], warnings=(*made["MFMC-AE"].warnings, str(finding)))
         for name in made:
             finding = diagnostics.unverified(name, len(y))
             if finding:
@@ -149,7 +150,7 @@ def analyse(
             "n_propagation": len(runs.theta_more),
             "emulator_error": design.emulator_error[row.column_0d],
             "integrated_exactly": settings.known_scaling if design.integrated else None,
-            "warnings": [str(f) for f in row_findings if f],
+            "warnings": [str(f) for f in findings],
         })  # fmt: skip
     return results
 

@@ -61,17 +61,13 @@ def _one_row(axis, row: dict) -> None:
     for place, name in enumerate(names):
         value, ink = row["estimators"][name], ESTIMATORS[name]
         y = len(names) - 1 - place
-        for key, style, width in (
-            ("chebyshev_99", (0, (3, 2)), 0.9),
-            ("chebyshev_95", "-", 1.2),
-            ("calibrated", "-", 3.5),
-        ):
+        for key, style, width in STYLES:
             interval = value[key]
             axis.plot([interval["low"], interval["high"]], [y, y], ls=style, lw=width, color=ink, alpha=0.85)
         axis.plot(value["mean"], y, "o", color="white", mec=ink, ms=5, zorder=5)
         if value["warnings"]:
             axis.annotate(
-                "!", (value["mean"], y), xytext=(0, 5), textcoords="offset points", ha="center", color="#B3261E"
+                "!", (value["mean"], y), xytext=(0, 5), textcoords="offset points", ha="center", color=WARNING
             )
     quantity, paired, branch = row["label"].split(", ")
     axis.set_yticks(range(len(names))[::-1], names)

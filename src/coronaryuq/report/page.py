@@ -37,6 +37,8 @@ PLACES = {
     "matched": ("cardiac_function", "flows", "marginals", "flow_covariance"),
     "pictures": ("territories", "tree_ffr", "walls"),
 }
+FFR_DECIMALS = 3
+"""A pressure wire reads two; one more shows how near the threshold the mean lies."""
 COST = re.compile(r"cost: wall ([\d.]+) s, cpu ([\d.]+) s, memory (\d+) MB")
 
 
@@ -62,8 +64,8 @@ def write_report(
         "threshold": f"{configuration['estimation']['ffr_threshold']:.2f}",
         "level": f"{100 * configuration['estimation']['level']:.0f} %",
         "counts": _counts(failures, rows),
-        "vessels": [_vessel(stenosis, rows) for stenosis in case["stenoses"]],
-        "table": [line for row in rows for line in _lines(row, notes)],
+        "vessels": [_vessel(stenosis, rows, _outlet_names(case)) for stenosis in case["stenoses"]],
+        "table": [_estimators(row, notes) for row in rows],
         "notes": notes.texts,
         "mesh": _mesh(read_json(files["mesh"])),
         "matched": _matched(read_csv(files["fit"]), summary),
@@ -85,20 +87,37 @@ def number(value: float | None, digits: int = 3) -> str:
     return f"{value:.{digits}g}"
 
 
+def correlation(value: float | None) -> str:
+    """A correlation with as many nines as it has: 0.95, 0.9996."""
+    if value is None or not np.isfinite(value):
+        return "–"
+    short_of_one = max(1 - abs(value), 1e-6)
+    return f"{value:.{max(2, 1 - int(np.floor(np.log10(short_of_one))))}f}"
+
+
 def interval(low: float, high: float) -> tuple[str, str]:
     """Both ends with as many decimals as their distance deserves."""
     decimals = max(0, min(6, 1 - int(np.floor(np.log10(high - low))))) if high > low else 3
     return f"{low:.{decimals}f}", f"{high:.{decimals}f}"
 
 
-def _vessel(stenosis: dict, rows: list[dict]) -> dict:
+def _outlet_names(case: dict) -> dict[str, str]:
+    """Input of the posterior → what a reader calls it."""
+    names = {outlet["bc"]: f"{outlet['label']} ({outlet['name']})" for outlet in case["outlets"]}
+    return names | {"R_cor_scaling": "total coronary resistance"}
+
+
+def _vessel(stenosis: dict, rows: list[dict], outlets: Mapping[str, str]) -> dict:
     branch = stenosis["name"].lower()
     of_quantity = {q: _recommended(rows, f"{q}_{branch}") for q in QUANTITIES}
     ffr_row, ffr = of_quantity["ffr"]
-    probability = ffr_row["beyond_the_mean"].get("probability_at_or_below")
+    beyond = ffr_row["beyond_the_mean"]
+    probability = beyond.get("probability_at_or_below")
     return {
         "name": stenosis["name"],
-        "ffr": _quantity(ffr),
+        "ffr": _quantity(ffr, FFR_DECIMALS),
+        "draws": _draws(beyond.get("quantiles", {})),
+        "drivers": _drivers(beyond.get("sobol_first_order", {}), outlets),
         "quantities": [_quantity(value) for _, value in of_quantity.values()],
         "significant": _probability(probability),
         "spread": number(np.sqrt(ffr_row["variance_3d"])),
@@ -112,9 +131,27 @@ def _recommended(rows: list[dict], column: str) -> tuple[dict, dict]:
     return min(candidates, key=lambda pair: pair[1]["std"])
 
 
-def _quantity(value: dict) -> dict:
+def _draws(quantiles: Mapping[str, dict]) -> str:
+    """The outermost quantiles of FFR over the posterior, in words."""
+    if len(quantiles) < 2:
+        return ""
+    ends = sorted(quantiles, key=float)
+    low, high = (quantiles[end]["value"] for end in (ends[0], ends[-1]))
+    share = 100 * (float(ends[-1]) - float(ends[0]))
+    return f"{share:.0f} % of draws: {low:.2f} to {high:.2f}"
+
+
+def _drivers(sobol: Mapping[str, dict], outlets: Mapping[str, str], shown: int = 3) -> str:
+    """The inputs with the largest first-order Sobol indices of FFR that are clear of zero."""
+    clear = [(name, index) for name, index in sobol.items() if index["low"] > 0]
+    largest = sorted(clear, key=lambda pair: -pair[1]["value"])[:shown]
+    return ", ".join(f"{outlets.get(name, name)} {100 * index['value']:.0f} %" for name, index in largest)
+
+
+def _quantity(value: dict, most_decimals: int = 6) -> dict:
     low, high = interval(value["calibrated"]["low"], value["calibrated"]["high"])
-    decimals = len(low.partition(".")[2])
+    decimals = min(len(low.partition(".")[2]), most_decimals)
+    low, high = (f"{value['calibrated'][end]:.{decimals}f}" for end in ("low", "high"))
     level = f"{100 * value['calibrated']['level']:.0f} % interval"
     return {"value": f"{value['mean']:.{decimals}f}", "low": low, "high": high, "level": level}
 
@@ -149,30 +186,29 @@ class _Notes:
         return " ".join(f"[{self.texts.index(text) + 1}]" for text in warnings)
 
 
-def _lines(row: dict, notes: _Notes) -> list[dict]:
+def _estimators(row: dict, notes: _Notes) -> dict:
     quantity, paired, branch = (row["label"].split(", ") + ["", ""])[:3]
     lines = []
     for name in ESTIMATORS:
         if name not in row["estimators"]:
             continue
         value = row["estimators"][name]
+        plain = name == "MC"
         lines.append(
             {
-                "quantity": f"{quantity} (0D {paired})",
-                "branch": branch,
                 "estimator": value["method"] + (" ✓" if name == row["recommended"] else ""),
                 "mean": number(value["mean"], 4),
                 "std": number(value["std"]),
                 "chebyshev": " to ".join(interval(value["chebyshev_95"]["low"], value["chebyshev_95"]["high"])),
                 "calibrated": " to ".join(interval(value["calibrated"]["low"], value["calibrated"]["high"])),
-                "rho_in": number(value.get("rho_in_sample")),
-                "rho_out": number(value["rho_held_out"]),
+                "rho_in": "–" if plain else correlation(value.get("rho_in_sample")),
+                "rho_out": "–" if plain else correlation(value["rho_held_out"]),
                 "n_3d": value["n_3d"],
-                "n_0d": value["n_0d"],
-                "notes": notes.numbers([*row["warnings"], *value["warnings"]] if name != "MC" else value["warnings"]),
+                "n_0d": "–" if plain else value["n_0d"],
+                "notes": notes.numbers(value["warnings"] if plain else [*row["warnings"], *value["warnings"]]),
             }
         )
-    return lines
+    return {"quantity": quantity, "paired": paired, "branch": branch, "lines": lines}
 
 
 def _counts(failures: dict, rows: list[dict]) -> dict:
