@@ -1,5 +1,6 @@
 """The stage from files to files: the same bits however it is run, sound outputs, clear errors."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -41,10 +42,10 @@ def same(a, b, without=()):
         assert np.array_equal(a[name], b[name]), name
 
 
-def command(campaign, out, ranks=None):
+def command(campaign, out, ranks=None, settings=SMALL):
     launcher = [] if ranks is None else [str(Path(sys.executable).with_name("mpiexec")), "-n", str(ranks)]
     run = [sys.executable, "-m", "coronaryuq.posterior", *map(str, campaign), str(out)]
-    return [*launcher, *run, "--seed", "3", "--settings", SMALL.model_dump_json()]
+    return [*launcher, *run, "--seed", "3", "--settings", settings.model_dump_json()]
 
 
 def test_engine_flows_are_those_of_the_resistors(campaign, tree):
@@ -111,19 +112,33 @@ def test_samples_extend_without_changing(campaign, tmp_path):
     assert long["sample"].is_unique
 
 
-def test_killed_run_continues_to_the_same_bits(campaign, tmp_path):
-    whole = sampled(campaign, tmp_path)
+@pytest.mark.parametrize(("before", "after"), [(None, None), (3, 2)])
+def test_killed_run_continues_to_the_same_bits(campaign, tmp_path, before, after):
+    """SIGKILL to every process of the job soon after its first checkpoint; more ranks or fewer carry on."""
+    settings = SMALL.model_copy(deep=True)
+    settings.dream.generations = 480
+    whole = sampled(campaign, tmp_path, settings)
     out = tmp_path / "killed" / "chains.npz"
-    process = subprocess.Popen(command(campaign, out), stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        command(campaign, out, before, settings), stderr=subprocess.DEVNULL, start_new_session=True
+    )
     checkpoint = out.with_suffix("") / "checkpoint.npz"
-    deadline = time.monotonic() + 120
+    deadline = time.monotonic() + 240
     while not checkpoint.exists() and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.002)
-    process.send_signal(signal.SIGKILL)
+    for number in reversed(descendants(process.pid)):
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(number, signal.SIGKILL)
     process.wait()
-    assert checkpoint.exists()
-    subprocess.run(command(campaign, out), check=True, stderr=subprocess.DEVNULL)
+    assert checkpoint.exists() and not out.exists()
+    subprocess.run(command(campaign, out, after, settings), check=True, stderr=subprocess.DEVNULL, timeout=500)
     same(whole, out)
+
+
+def descendants(number):
+    """A process and all that it has started, by number: MPI's launcher gives its ranks sessions of their own."""
+    children = Path(f"/proc/{number}/task/{number}/children").read_text().split()
+    return [number, *(one for child in children for one in descendants(int(child)))]
 
 
 def test_resume_from_every_checkpoint_and_with_torn_chain_files(campaign, tmp_path, monkeypatch):

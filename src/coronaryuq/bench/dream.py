@@ -44,8 +44,8 @@ def run(quick: bool) -> dict:
         checkpoint=500 if quick else 1000,
     )
     with tempfile.TemporaryDirectory(prefix="dream-") as folder:
-        files = _patient(Path(folder), realisations=100 if quick else 500)
-        model, likelihood = _problem(files, settings)
+        files = bundled_files(Path(folder), realisations=100 if quick else 500)
+        model, likelihood = target_of(files, settings)
         wall, cpu = time.perf_counter(), time.process_time()
         posterior.sample(*files, settings, SEED, Path(folder) / "chains.npz")
         wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
@@ -71,8 +71,8 @@ def run(quick: bool) -> dict:
     }
 
 
-def _patient(folder: Path, realisations: int) -> tuple[Path, Path, Path]:
-    """Paths of case.json, hyperaemia.json, targets.json."""
+def bundled_files(folder: Path, realisations: int) -> tuple[Path, Path, Path]:
+    """Paths of case.json, hyperaemia.json and targets.json of the bundled patient, its true loop, in `folder`."""
     patient = make_patient(SyntheticSettings(), SEED)
     write_files(patient, folder / "patient")
     prepare_case(folder / "patient" / "case.yaml", CaseSettings(), folder)
@@ -89,7 +89,8 @@ def _patient(folder: Path, realisations: int) -> tuple[Path, Path, Path]:
     return case, folder / "hyperaemia.json", targets
 
 
-def _problem(files: tuple[Path, Path, Path], settings: Settings) -> tuple[BedFlows, Likelihood]:
+def target_of(files: tuple[Path, Path, Path], settings: Settings) -> tuple[BedFlows, Likelihood]:
+    """Model and likelihood of the stage's posterior, for any other sampler."""
     outlets = {outlet["bc"]: outlet for outlet in read_json(files[0])["outlets"]}
     targets = read_json(files[2])
     model = BedFlows(
