@@ -1,8 +1,9 @@
-"""The console command `coronaryuq`: check a case, run a benchmark, look at a machine."""
+"""The console command `coronaryuq`: check a case, explain a result, run a benchmark, look at a machine."""
 
 import argparse
 import importlib
 import json
+import os
 import sys
 from collections.abc import Sequence
 
@@ -23,6 +24,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return InputError.EXIT_CODE
     except KeyboardInterrupt:
         return 130
+    except BrokenPipeError:  # whoever read standard output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -33,6 +37,10 @@ def _parser() -> argparse.ArgumentParser:
     check = commands.add_parser("check", help="read a case file and all that it names; say what is wrong with it")
     check.add_argument("case", metavar="CASE", help="path of a case.yaml")
     check.set_defaults(run=_check)
+
+    explain = commands.add_parser("explain", help="where a result comes from, and the command that makes it again")
+    explain.add_argument("result", metavar="RESULT", help="a file of a campaign, under results/NAME")
+    explain.set_defaults(run=_explain)
 
     bench = commands.add_parser("bench", help="run a benchmark; its result is one JSON object on standard output")
     bench.add_argument("name", choices=BENCHMARKS, metavar="NAME", help=", ".join(BENCHMARKS))
@@ -65,6 +73,14 @@ def _check(chosen: argparse.Namespace) -> int:
     for line in findings:
         print(f"error: {line}", file=sys.stderr)
     return InputError.EXIT_CODE if findings else 0
+
+
+def _explain(chosen: argparse.Namespace) -> int:
+    from coronaryuq.explain import explain
+
+    text, sound = explain(chosen.result)
+    print(text, flush=True)
+    return 0 if sound else 1
 
 
 def _bench(chosen: argparse.Namespace) -> int:

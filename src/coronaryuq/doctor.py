@@ -51,6 +51,17 @@ def examine(environment_only: bool = False) -> Iterator[Finding]:
         yield Finding(program, True, path or f"not installed; only {purpose} needs it")
 
 
+def versions() -> dict[str, str]:
+    """Installed versions of the libraries that a campaign uses."""
+    found = {}
+    for name in LIBRARIES:
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return found
+
+
 def _python() -> Finding:
     version = ".".join(map(str, sys.version_info[:3]))
     return Finding("python", sys.version_info >= (3, 11), f"{version} ({sys.executable})")

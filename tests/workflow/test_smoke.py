@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from coronaryuq import explain
+from coronaryuq.errors import InputError
 from coronaryuq.files import read_csv, read_json
 from coronaryuq.records import read as read_records
 
@@ -69,6 +71,19 @@ def test_the_report_holds_its_pictures_and_no_loose_ends(results):
     assert page.count("data:image/png;base64,") >= 9
     assert not re.search(r"\b(nan|None|undefined)\b", re.sub(r"base64,[^\"]*|<pre>.*</pre>", "", page, flags=re.S))
     assert "http://" not in page and "https://" not in page
+
+
+def test_every_result_tells_where_it_comes_from(results):
+    apart = ("logs", "provenance", "checkpoints", "chains")
+    files = [path for path in results.rglob("*") if path.is_file() and not set(apart) & set(path.parts)]
+    unknown = []
+    for path in files:
+        try:
+            sound = path.name in (".lock", explain.CAMPAIGN) or explain.explain(path)[1]
+        except InputError as error:
+            sound, path = False, error
+        unknown += [] if sound else [str(path)]
+    assert len(files) > 60 and not unknown
 
 
 def test_figures_are_redrawn_to_the_same_bytes(results):

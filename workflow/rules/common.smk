@@ -5,10 +5,13 @@ import os
 import sys
 from pathlib import Path
 
+import yaml
+
 from coronaryuq import config as configuration
-from coronaryuq import provenance
+from coronaryuq import explain, files, provenance
 from coronaryuq.case.description import read_description
 from coronaryuq.errors import InputError
+from coronaryuq.exclusive import occupy
 
 # Jobs started from the shell find this environment's python and mpiexec, whether or not it has been activated.
 os.environ["PATH"] = os.pathsep.join([Path(sys.executable).parent.as_posix(), os.environ.get("PATH", "")])
@@ -40,6 +43,18 @@ def results(*parts):
 
 def log_of(*parts):
     return results("logs", *parts)
+
+
+onstart:
+    # Jobs of their own process read this file too; only the campaign itself takes its folder and says what it is.
+    if workflow.is_main_process:
+        try:
+            workflow.occupied = occupy(results())
+        except InputError as error:
+            print(f"error: {error}", file=sys.stderr, flush=True)
+            sys.exit(InputError.EXIT_CODE)
+        whole = yaml.safe_dump(campaign.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+        files.write_text(results(explain.CAMPAIGN), whole)
 
 
 def block(name, without=()):

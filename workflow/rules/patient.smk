@@ -1,6 +1,7 @@
 # The patient: the bundled one is made, any other is read; both become the same checked case.
 
 PATIENT = results("patient", "case.yaml") if campaign.case == "bundled" else campaign.case
+BUNDLED = [results("patient", name) for name in ("tree.vtp", "lv.vtu", "outlets.csv", "targets.csv")]
 
 
 rule bundled_patient:
@@ -9,6 +10,7 @@ rule bundled_patient:
     output:
         case=results("patient", "case.yaml"),
         truth=results("patient", "truth.json"),
+        files=BUNDLED,
     log:
         log_of("bundled_patient.log"),
     params:
@@ -22,6 +24,7 @@ rule bundled_patient:
 rule case:
     input:
         case=PATIENT,
+        bundled=BUNDLED if campaign.case == "bundled" else [],
         code=code("coronaryuq.case.stage"),
     output:
         case=results("case", "case.json"),

@@ -21,7 +21,7 @@ rule posterior_chains:
     shell:
         "{resources.mpi} -n {resources.tasks} python {input.script:q}"
         " --input case={input.case:q} network={input.network:q} targets={input.targets:q}"
-        " --output chains={output.chains:q} --params {params.given:q} --threads {threads} --log {log:q}"
+        " --code {input.code:q} --output chains={output.chains:q} --params {params.given:q} --threads {threads} --log {log:q}"
 
 
 rule posterior:

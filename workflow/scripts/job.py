@@ -13,6 +13,7 @@ A name that is given more than once is a list. Progress goes to the terminal and
 
 import argparse
 import json
+import os
 import resource
 import sys
 import time
@@ -26,6 +27,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from coronaryuq.errors import InputError
+from coronaryuq.explain import write_note
 
 
 @dataclass
@@ -80,7 +82,10 @@ def job(script_globals: dict[str, Any]) -> Iterator[Job]:
         cpu = sum(usage.ru_utime + usage.ru_stime for usage in used)
         peak = max(usage.ru_maxrss for usage in used) / 1024
         # The report adds these lines up.
-        spent = f"cost: wall {time.perf_counter() - started:.2f} s, cpu {cpu:.2f} s, memory {peak:.0f} MB"
+        wall = time.perf_counter() - started
+        spent = f"cost: wall {wall:.2f} s, cpu {cpu:.2f} s, memory {peak:.0f} MB"
+        if _rank() == 0:
+            leave_note(this, {"wall_s": round(wall, 2), "cpu_s": round(cpu, 2), "memory_mb": round(peak)})
         print(f"{this.name}: done; {spent}", file=sys.stderr)
     except InputError as error:
         print(f"{this.name}: error: {error}", file=sys.stderr)
@@ -92,6 +97,18 @@ def job(script_globals: dict[str, Any]) -> Iterator[Job]:
         sys.stderr = terminal
         if log:
             log.close()
+
+
+def leave_note(this: Job, cost: dict[str, float]) -> None:
+    """Write down what became of this job, for `coronaryuq explain`."""
+    ranks = int(next((os.environ[name] for name in ("PMI_SIZE", "SLURM_STEP_NUM_TASKS") if name in os.environ), 1))
+    resources = {"threads": this.threads, "mpi_ranks": ranks, **cost}
+    write_note(this.name, this.input, this.output, this.params, resources, Path(__file__).resolve().parents[2])
+
+
+def _rank() -> int:
+    """This process's MPI rank, as mpiexec and srun tell it."""
+    return int(next((os.environ[name] for name in ("PMI_RANK", "PMIX_RANK", "SLURM_PROCID") if name in os.environ), 0))
 
 
 def _from_snakemake(snakemake) -> Job:
@@ -114,13 +131,15 @@ def _paths(value) -> Any:
 def _from_command_line() -> Job:
     parser = argparse.ArgumentParser(formatter_class=argparse.ArgumentDefaultsHelpFormatter)
     parser.add_argument("--input", nargs="*", default=[], metavar="NAME=PATH")
+    parser.add_argument("--code", nargs="*", default=[], metavar="PATH", help="source files behind the results")
     parser.add_argument("--output", nargs="*", default=[], metavar="NAME=PATH")
     parser.add_argument("--params", default="{}", help="JSON object")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--log")
     given = parser.parse_args()
     name = Path(sys.argv[0]).stem
-    return Job(_pairs(given.input), _pairs(given.output), json.loads(given.params), given.threads, given.log, name)
+    inputs = _pairs(given.input) | {"code": given.code}
+    return Job(inputs, _pairs(given.output), json.loads(given.params), given.threads, given.log, name)
 
 
 def _pairs(items: list[str]) -> dict[str, Any]:

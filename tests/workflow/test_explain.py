@@ -1,0 +1,135 @@
+"""`coronaryuq explain`: what a job wrote down about its results, and the command that makes them again."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from checkout import Checkout
+from coronaryuq import explain
+from coronaryuq.errors import InputError
+from coronaryuq.files import read_json
+
+pytestmark = pytest.mark.workflow
+
+SETTINGS = {
+    "name": "small",
+    "samples": {"chunk_realisations": 20},
+    "synthetic": {"cells": 3000},
+    "perfusion": {"realisations": 20},
+}
+TARGETS = "results/small/perfusion/targets.json"
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory):
+    checkout = Checkout(tmp_path_factory.mktemp("explained"))
+    done = checkout.run(TARGETS, settings=SETTINGS)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return checkout.folder
+
+
+def said(campaign: Path, result: str) -> subprocess.CompletedProcess:
+    command = [sys.executable, "-m", "coronaryuq.cli", "explain", result]
+    environment = os.environ | {"PYTHONPATH": str(campaign / "src")}
+    return subprocess.run(command, cwd=campaign, env=environment, capture_output=True, text=True)
+
+
+def test_a_result_tells_its_code_settings_seed_libraries_inputs_and_machine(campaign):
+    done = said(campaign, TARGETS)
+    assert done.returncode == 0, done.stderr
+    for word in ("made by     perfusion", "SHA-256", "numpy 2", os.uname().nodename, "correlation_length: 1.0"):
+        assert word in done.stdout
+    assert "results/small/perfusion/chunk_0.npz" in done.stdout
+    assert "seed: 20241117" in said(campaign, "results/small/perfusion/chunk_0.npz").stdout
+
+
+def test_every_file_of_the_campaign_is_some_jobs_result(campaign):
+    home = campaign / "results" / "small"
+    apart = (home / "logs", home / explain.FOLDER)
+    files = [path for path in home.rglob("*") if path.is_file() and not any(a in path.parents for a in apart)]
+    results = [path for path in files if path.name not in (".lock", explain.CAMPAIGN)]
+    assert len(results) >= 12
+    for path in results:
+        _, sound = explain.explain(path)
+        assert sound, path
+
+
+def test_the_command_makes_the_same_bytes_again(campaign):
+    before = (campaign / TARGETS).read_bytes()
+    made = explain.explain(campaign / TARGETS)[0].partition("made by ")[2].splitlines()[0]
+    command = said(campaign, TARGETS).stdout.splitlines()[-1]
+    (campaign / TARGETS).write_text("lost")
+    done = subprocess.run(
+        ["bash", "-c", command], env=os.environ | {"PYTHONPATH": str(campaign / "src")}, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert (campaign / TARGETS).read_bytes() == before
+    text, sound = explain.explain(campaign / TARGETS)
+    assert sound and text.partition("made by ")[2].splitlines()[0] >= made
+
+
+def test_an_altered_result_and_an_altered_input_are_told(campaign):
+    chunk = campaign / "results/small/perfusion/chunk_0.npz"
+    whole = chunk.read_bytes()
+    chunk.write_bytes(whole[:-1])
+    try:
+        text, sound = explain.explain(chunk)
+        assert not sound and "CHANGED since its job wrote it" in text
+        assert "chunk_0.npz  (has changed since)" in explain.explain(campaign / TARGETS)[0]
+        assert said(campaign, str(chunk)).returncode == 1
+    finally:
+        chunk.write_bytes(whole)
+
+
+@pytest.mark.parametrize(
+    ("path", "line"),
+    [
+        ("results/small/none.json", "results/small/none.json: no such file; run the campaign that makes it"),
+        ("small.yaml", "small.yaml: is no result: it lies in no campaign's folder, results/NAME"),
+        ("results/small/campaign.yaml", "name a file that a job wrote"),
+        ("results/small/provenance/case.json", "is a note about results; name one of them"),
+        ("results/small/case/stray.csv", "is about this file; make it again"),
+    ],
+)
+def test_what_is_no_result_is_one_line(campaign, path, line):
+    if path not in ("results/small/none.json",) and not (campaign / path).exists():
+        (campaign / path).write_text("")
+    done = said(campaign, path)
+    assert done.returncode == 2 and done.stdout == ""
+    assert len(done.stderr.splitlines()) == 1 and line in done.stderr
+
+
+def test_a_broken_note_is_one_line(campaign):
+    note = campaign / "results/small/provenance/case.json"
+    whole = note.read_text()
+    note.write_text("{}")
+    try:
+        with pytest.raises(InputError, match="not a job's note"):
+            explain.explain(campaign / TARGETS)
+    finally:
+        note.write_text(whole)
+
+
+@pytest.mark.long
+def test_a_result_from_the_cache_brings_its_note(tmp_path):
+    (tmp_path / "cache").mkdir()
+    for name in ("first", "second"):
+        checkout = Checkout(tmp_path / name, tmp_path / "cache")
+        done = checkout.run("results/small/perfusion/chunk_0.npz", settings=SETTINGS)
+        assert done.returncode == 0, done.stdout + done.stderr
+    second = tmp_path / "second" / "results/small"
+    assert not (second / explain.FOLDER / "perfusion_chunk-0.json").exists(), "its job did not run here"
+    text, sound = explain.explain(second / "perfusion/chunk_0.npz")
+    assert sound and "made by     perfusion_chunk 0" in text and "taken from  the cache" in text
+
+
+def test_the_whole_configuration_is_kept_and_valid(campaign):
+    from coronaryuq import config
+
+    kept = config.load(campaign / "results/small" / explain.CAMPAIGN)
+    assert kept == config.Campaign(**SETTINGS)
+    note = read_json(campaign / "results/small/provenance/perfusion.json")
+    assert note["params"]["settings"] == kept.perfusion.model_dump(mode="json")
