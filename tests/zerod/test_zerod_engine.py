@@ -275,3 +275,20 @@ def test_a_singular_network_names_the_block():
     )
     with pytest.raises(InputError, match="singular"):
         Engine(tube).run()
+
+
+def test_a_changed_waveform_is_what_the_network_file_would_say():
+    """One per sample, beside scalars; a waveform of its own does not touch the other sample."""
+    plain, grid = bifurcation(), np.linspace(0.0, 1.0, 201)
+    inflow = plain["boundary_conditions"][0]["bc_values"]
+    own = np.interp(grid, np.asarray(inflow["t"]) / inflow["t"][-1], inflow["Q"])
+    other = 1.0 + 0.5 * np.sin(2 * np.pi * grid)
+    written = bifurcation()
+    written["boundary_conditions"][0]["bc_values"] = {"t": (grid * inflow["t"][-1]).tolist(), "Q": other.tolist()}
+    wave = "pressure:INFLOW:trunk"
+    expected = Engine(written).run(waveforms=[wave], periodic=True).waveforms[wave][0]
+    found = Engine(plain).run({"INFLOW.Q": np.array([own, other])}, waveforms=[wave], periodic=True).waveforms[wave]
+    assert np.allclose(found[1], expected, rtol=1e-4)
+    assert np.allclose(found[0], Engine(plain).run(waveforms=[wave], periodic=True).waveforms[wave][0], rtol=1e-2)
+    with pytest.raises(InputError, match="waveform per sample"):
+        Engine(plain).run({"INFLOW.Q": np.ones(3)})

@@ -58,11 +58,21 @@ class Context:
         return np.broadcast_to(self._offsets.get(block.name, 1.0), (self.samples,))
 
     def series(self, block: Block, name: str) -> np.ndarray:
-        """Waveform at the steps, (1, times): the same for all samples."""
-        series = block.series[name]
+        """Waveform at the steps: (1, times), the same for all samples, or (samples, times) where it was changed."""
         if self.steady:
-            return np.full((1, self.phases.size), series.mean)
-        return series(self.phases * self.model.period)[None, :]
+            return np.repeat(self.series_start(block, name, True)[:, None], self.phases.size, axis=1)
+        changed = self._parameters.get(f"{block.name}.{name}")
+        if changed is None:
+            return block.series[name](self.phases * self.model.period)[None, :]
+        grid, phases = np.linspace(0.0, 1.0, changed.shape[1]), np.fmod(self.phases, 1.0)
+        return np.array([np.interp(phases, grid, row) for row in changed])
+
+    def series_start(self, block: Block, name: str, steady: bool) -> np.ndarray:
+        """Waveform at time 0, or its plain mean for a steady state: (1,) or (samples,)."""
+        changed, series = self._parameters.get(f"{block.name}.{name}"), block.series[name]
+        if changed is None:
+            return np.array([series.mean if steady else float(series(np.zeros(1))[0])])
+        return changed.mean(axis=1) if steady else changed[:, 0]
 
     def atrial_activation(self, block: Block) -> np.ndarray:
         """A(t), (samples, times)."""

@@ -192,9 +192,8 @@ def coronary_offset(block: Block, at: Context, y: np.ndarray, ydot: np.ndarray, 
     ra, ca = at.values(block, "Ra1", "Ca")
     p_ca = y[:, p] - ra * y[:, q]
     q_am = y[:, q] - ca * (ydot[:, p] - ra * ydot[:, q])
-    pim = block.series["Pim"]
     # After a steady initial state svZeroDSolver still holds the mean of Pim at this point.
-    pim_0 = pim.mean if steady_initial else float(pim(np.zeros(1))[0])
+    pim_0 = at.series_start(block, "Pim", steady_initial)
     return pim_0 - (p_ca - initial_ram(block, at) * q_am)
 
 

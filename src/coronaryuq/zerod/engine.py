@@ -130,6 +130,11 @@ class Engine:
         return self.model.parameters
 
     @property
+    def waveforms(self) -> list[str]:
+        """Every waveform that `changes` may name: "BLOCK.P", "BLOCK.Q" or "BLOCK.Pim"."""
+        return [f"{block.name}.{name}" for block in self.model.blocks.values() for name in block.series]
+
+    @property
     def state_names(self) -> list[str]:
         """Columns of `Result.state`: unknowns, their rates, and the reference pressure of each open-loop coronary."""
         rates = [f"d_{name}" for name in self.model.variables]
@@ -150,7 +155,8 @@ class Engine:
     ) -> Result:
         """Run a batch and measure its last cycle.
 
-        changes: "BLOCK.parameter" → (n,) or scalar; what it does not name keeps the network's value.
+        changes: "BLOCK.parameter" → (n,) or scalar, of a waveform (n, points) on an even grid over the cycle, ends included; what it
+        does not name keeps the network's value.
         quantities, waveforms: see `zerod.quantities`. periodic: go on until a sample's cycle error is below
         `tolerance`, at most `cycles` (default 100) of them, by Anderson acceleration unless `accelerate` is false;
         otherwise march exactly `cycles` (default: the network's). start: (unknowns,) or (n, unknowns), a
@@ -212,7 +218,7 @@ class Engine:
             yield batch.waves[:, 0, :n], batch.waves[:, 0, n:]
 
     def _parameters(self, changes: Changes, start) -> tuple[dict[str, np.ndarray], int]:
-        known = self.parameters
+        known, waveforms = self.parameters, set(self.waveforms)
         sizes = {np.shape(value)[0] for value in changes.values() if np.ndim(value)}
         if start is not None and np.ndim(start) == 2:
             sizes.add(np.shape(start)[0])
@@ -220,9 +226,14 @@ class Engine:
             raise InputError(self.model.file, "changes", sorted(sizes), "all arrays must have one length, the samples")
         values = {}
         for name, value in changes.items():
-            if name not in known:
-                raise InputError(self.model.file, name, None, "no such scalar parameter in the network")
             value = np.asarray(value, float)
+            if name in waveforms:
+                if value.ndim != 2 or value.shape[1] < 2:
+                    raise InputError(self.model.file, name, value.shape, "want a waveform per sample, (n, points)")
+            elif name not in known:
+                raise InputError(self.model.file, name, None, "no such scalar parameter in the network")
+            elif value.ndim > 1:
+                raise InputError(self.model.file, name, value.shape, "want one number per sample, (n,)")
             if not np.all(np.isfinite(value)):
                 raise InputError(self.model.file, name, "nan or inf", "want finite numbers")
             values[name] = value
@@ -237,7 +248,7 @@ class Engine:
 
     def _program(self, changed: Mapping, times: int, steady: bool) -> Program:
         nominal = self.parameters
-        zero = frozenset(name for name in changed if nominal[name] == 0.0)
+        zero = frozenset(name for name in changed if nominal.get(name) == 0.0)
         key = zero, steady
         if key not in self._programs:
             at = Context(self.model, dict.fromkeys(zero, np.ones(1)), 1, self._phases(times), steady)
