@@ -94,7 +94,7 @@ def _columns(problem, base, acting, candidates) -> np.ndarray:
     for candidate in candidates:
         small = [SMALL if parameter.kind == "lognormal" else SMALL_SIGNED for parameter in candidate.effect.parameters]
         rows.append((np.concatenate([base.z, small]), [*acting, candidate.acting]))
-    found = problem.whitened(rows)[:, problem.train]
+    found = problem.fitted(rows)
     return (found[0] - found[1:]).T
 
 

@@ -1,14 +1,14 @@
 """Predictions of every measured series by a network with effects, under all conditions, in one batch of samples."""
 
-import copy
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from coronaryuq import units
-from coronaryuq.discrepancy.conditions import HEART, Condition, period_of, under
+from coronaryuq.discrepancy.conditions import HEART, Condition, under
 from coronaryuq.discrepancy.measurements import Measured
+from coronaryuq.discrepancy.networks import WAVE_POINTS, carried_over, differences, sampled, scalars
 from coronaryuq.discrepancy.nuisance import Nuisance
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Effect, Situation
@@ -28,15 +28,29 @@ LOOSE, MOST_CYCLES = 5e-3, 40
 
 @dataclass
 class _Prepared:
-    """An engine of one structure under one condition, and the periodic state of its own values.
+    """One structure: an engine that serves every condition, what each condition changes in it, and where runs start.
 
-    Every sample starts there, so that in a closed loop all hold the blood that the model as it is holds.
+    networks, values: the network under each condition and its numbers, "BLOCK.parameter" → value.
+    changes: of each condition against the engine's own network. start: periodic state (unknowns,) of each
+    condition's own values, where every sample starts, so that in a closed loop all hold the blood that the model as
+    it is holds.
     """
 
     engine: Engine
-    network: dict
+    networks: dict[str, dict]
+    values: dict[str, dict[str, float]]
+    changes: dict[str, dict]
     renamed: dict[str, str]
-    start: np.ndarray | None
+    start: dict[str, np.ndarray | None]
+
+
+@dataclass(frozen=True)
+class _Job:
+    """One run: row of a batch of predictions under one condition, with what it changes in the condition's network."""
+
+    row: int
+    condition: str
+    table: dict
 
 
 @dataclass
@@ -75,30 +89,50 @@ class Forward:
         """Predictions (n, N) at z (n, p), all with the same effects."""
         return self.predict_rows([(row, list(acting)) for row in np.atleast_2d(z)])
 
-    def predict_rows(self, rows: list[tuple[np.ndarray, list[Acting]]]) -> np.ndarray:
-        """Predictions (n, N) at one point z (p,) each, every row with its own effects.
+    def predict_rows(
+        self, rows: list[tuple[np.ndarray, list[Acting]]], conditions: Collection[str] | None = None
+    ) -> np.ndarray:
+        """Predictions (n, N) at one point z (p,) each, every row with its own effects; NaN for other `conditions`.
 
-        Rows whose networks have the same elements share one batch; a row's numbers do not depend on the others.
+        Rows whose networks have the same elements share one batch, all conditions in it.
         """
         found = np.full((len(rows), self.size), np.nan)
-        groups: dict[tuple, list[int]] = {}
-        for number, (_, acting) in enumerate(rows):
-            groups.setdefault(_elements(acting), []).append(number)
-        for numbers in groups.values():
-            found[numbers] = self._predict_group([rows[i] for i in numbers])
+        groups: dict[tuple, dict[tuple, list[int]]] = {}
+        for number, (z, acting) in enumerate(rows):
+            # What a sensor or a map does to predictions may depend on all of them.
+            all_of_them = any(effect.side == "measurement" for effect, _ in acting)
+            alike = groups.setdefault((*_elements(acting), all_of_them), {})
+            alike.setdefault(self._simulated(z, acting), []).append(number)
+        for (*_, all_of_them), alike in groups.items():
+            wanted = [n for n in self.conditions if all_of_them or conditions is None or n in conditions]
+            predicted = self._predict_group([rows[numbers[0]] for numbers in alike.values()], wanted)
+            for values, numbers in zip(predicted, alike.values(), strict=True):
+                found[numbers] = values
         for number, (z, acting) in enumerate(rows):
             if any(effect.side == "measurement" for effect, _ in acting):
                 found[number] = self._observe(found[number], z, acting)
         return found
 
-    def _predict_group(self, rows) -> np.ndarray:
+    def _simulated(self, z: np.ndarray, acting: list[Acting]) -> tuple:
+        """What tells two runs of the network apart: effects on the measuring side need none of their own."""
+        sizes = self._sizes(z, acting)
+        network = [
+            (e.name, place, *v.values()) for (e, place), v in zip(acting, sizes, strict=True) if e.side == "network"
+        ]
+        return z[: len(self.nuisances)].tobytes(), *network
+
+    def _predict_group(self, rows, names: list[str]) -> np.ndarray:
         sizes = [self._sizes(z, acting) for z, acting in rows]
-        blocks: list[np.ndarray | None] = [None] * len(self.measured)
-        for name, condition in self.conditions.items():
-            mine = [i for i, series in enumerate(self.measured) if series.condition == name]
-            if mine:
-                for i, values in zip(mine, self._simulate(condition, rows, sizes, mine), strict=True):
-                    blocks[i] = values
+        z = np.array([row[: len(self.nuisances)] for row, _ in rows])
+        blocks = [np.full((len(rows), series.value.size), np.nan) for series in self.measured]
+        waveforms, renamed = self._simulate(rows, sizes, names)
+        for i, series in enumerate(self.measured):
+            if series.condition in names:
+                waves = waveforms[series.condition]
+                time = np.linspace(0.0, self.periods.get(series.condition, series.period), self.steps_per_cycle + 1)
+                used = [waves[name] for name in self._variable(series, renamed)]
+                blocks[i] = self._series(series, used, time, z)
+                blocks[i][~np.isfinite(used[0]).all(axis=1)] = np.nan
         return np.concatenate(blocks, axis=1)
 
     def _observe(self, row: np.ndarray, z, acting: list[Acting]) -> np.ndarray:
@@ -135,78 +169,94 @@ class Forward:
             }
         return network, renamed
 
-    def _engine(self, condition: Condition, acting: list[Acting]) -> "_Prepared":
-        key = (condition.name, _elements(acting))
+    def _prepared(self, acting: list[Acting]) -> _Prepared:
+        inserted = [one for one in acting if _inserts(one[0])]
+        key = _elements(inserted)
         if key not in self._engines:
             if len(self._engines) > MOST_ENGINES:
                 self._engines.clear()
-            network, renamed = self.structure([one for one in acting if _inserts(one[0])])
-            network = under(network, condition)
+            structure, renamed = self.structure(inserted)
+            networks = {name: under(structure, condition) for name, condition in self.conditions.items()}
             if self.alter is not None:
-                network = self.alter(network, condition.name)
-            engine = Engine(network)
-            nominal = engine.run(periodic=True, steps_per_cycle=self.steps_per_cycle, tolerance=TOLERANCE)
-            start = nominal.state[0] if nominal.ok[0] else None
-            self._engines[key] = _Prepared(engine, network, renamed, start)
-            self.runs += 1
+                networks = {name: self.alter(network, name) for name, network in networks.items()}
+            own = next(iter(networks.values()))
+            values = {name: scalars(network) for name, network in networks.items()}
+            changes = {name: differences(own, network) for name, network in networks.items()}
+            prepared = _Prepared(Engine(own), networks, values, changes, renamed, {})
+            prepared.start = self._starts(prepared, inserted)
+            self._engines[key] = prepared
         return self._engines[key]
 
-    def _simulate(self, condition, rows, sizes, mine):
-        prepared = self._engine(condition, rows[0][1])
-        network, renamed = prepared.network, prepared.renamed
-        n = len(rows)
-        wanted = [self._variable(self.measured[i], renamed) for i in mine]
-        names = [name for pair in wanted for name in pair]
-        beds = {bed: renamed.get(f"{v}:{bed}", f"{v}:{bed}") for bed, v in self.anatomy.beds.items()}
+    def _starts(self, prepared: _Prepared, inserted: list[Acting]) -> dict[str, np.ndarray | None]:
+        """Periodic states of the conditions' own values; a changed structure takes them over by name."""
+        if inserted and self.alter is None:
+            plain = self._prepared([])
+            return {
+                name: None
+                if state is None
+                else carried_over(plain.engine.state_names, state, prepared.engine.state_names, prepared.renamed)
+                for name, state in plain.start.items()
+            }
+        prepared.start = dict.fromkeys(prepared.networks)
+        nominal = prepared.engine.run(
+            _stack(prepared, [_Job(i, name, {}) for i, name in enumerate(prepared.networks)]),
+            periodic=True,
+            steps_per_cycle=self.steps_per_cycle,
+            tolerance=TOLERANCE,
+        )
+        self.runs += len(prepared.networks)
+        return {name: nominal.state[i] if nominal.ok[i] else None for i, name in enumerate(prepared.networks)}
+
+    def _simulate(self, rows, sizes, conditions: list[str]) -> tuple[dict[str, dict], dict[str, str]]:
+        """Waveforms, condition → engine name → (rows, steps + 1), of all rows; and renamed locations."""
+        prepared = self._prepared(rows[0][1])
+        renamed = prepared.renamed
+        names = [
+            n for series in self.measured if series.condition in conditions for n in self._variable(series, renamed)
+        ]
+        beds = {bed: f"pressure:{renamed.get(f'{v}:{bed}', f'{v}:{bed}')}" for bed, v in self.anatomy.beds.items()}
         rounds = FEEDBACK_ROUNDS if any(effect.feedback for _, acting in rows for effect, _ in acting) else 1
-        if rounds > 1:
-            names += [f"pressure:{at}" for at in beds.values()]
-        names = list(dict.fromkeys(names))
-        pressure = [dict(self.resting) for _ in rows]
+        names = list(dict.fromkeys(names + (list(beds.values()) if rounds > 1 else [])))
+        felt = {name: [dict(self.resting) for _ in rows] for name in conditions}
         for _ in range(rounds):
-            tables = [
-                self._changes(network, condition, z, acting, values, felt)
-                for (z, acting), values, felt in zip(rows, sizes, pressure, strict=True)
+            jobs = [
+                _Job(i, name, self._changes(prepared, name, z, acting, values, felt[name][i]))
+                for name in conditions
+                for i, ((z, acting), values) in enumerate(zip(rows, sizes, strict=True))
             ]
-            waveforms, time, alive = self._run(prepared, tables, names)
+            found = self._run(prepared, jobs, names)
+            waveforms = {
+                name: {key: wave[k * len(rows) : (k + 1) * len(rows)] for key, wave in found.items()}
+                for k, name in enumerate(conditions)
+            }
             if rounds > 1:
-                means = {bed: waveforms[f"pressure:{at}"][:, :-1].mean(axis=1) for bed, at in beds.items()}
-                pressure = [{bed: float(means[bed][i]) for bed in beds} for i in range(n)]
-        z = np.array([row[: len(self.nuisances)] for row, _ in rows])
-        found = []
-        for i, pair in zip(mine, wanted, strict=True):
-            values = self._series(self.measured[i], [waveforms[name] for name in pair], time, z)
-            values[~alive] = np.nan
-            found.append(values)
-        return found
+                for name in conditions:
+                    means = {bed: waveforms[name][at][:, :-1].mean(axis=1) for bed, at in beds.items()}
+                    felt[name] = [{bed: float(means[bed][i]) for bed in beds} for i in range(len(rows))]
+        return waveforms, renamed
 
-    def changes_at(self, network: dict, condition: Condition, z: np.ndarray, acting: list[Acting]) -> dict:
-        """Changes "BLOCK.parameter" → value that a point z (p,) means for a network under a condition.
+    def condition_changes(self, name: str, z: np.ndarray, acting: list[Acting]) -> tuple[dict, dict]:
+        """What a point z (p,) means under one condition: changes "BLOCK.parameter" → value, and the network changed.
 
-        `network` holds the elements of the acting effects. Feedback effects see the pressures of the fitted model.
+        Feedback effects see the pressures that the fitted model settles at.
         """
-        pressure = dict(self.resting)
-        if any(effect.feedback for effect, _ in acting) and condition.name in self.periods:
-            pressure = self._felt(condition, z, acting)
-        return self._changes(network, condition, z, acting, self._sizes(z, acting), pressure)
+        prepared = self._prepared(acting)
+        pressure, sizes = dict(self.resting), self._sizes(z, acting)
+        if any(effect.feedback for effect, _ in acting):
+            beds = {bed: f"{v}:{bed}" for bed, v in self.anatomy.beds.items()}
+            at = {bed: f"pressure:{prepared.renamed.get(place, place)}" for bed, place in beds.items()}
+            for _ in range(FEEDBACK_ROUNDS - 1):
+                table = self._changes(prepared, name, z, acting, sizes, pressure)
+                waves = self._run(prepared, [_Job(0, name, table)], list(at.values()))
+                pressure = {bed: float(waves[place][0, :-1].mean()) for bed, place in at.items()}
+        return self._changes(prepared, name, z, acting, sizes, pressure), prepared.networks[name]
 
-    def _felt(self, condition, z, acting) -> dict[str, float]:
-        """Mean pressures at the beds that a feedback effect settles at."""
-        prepared = self._engine(condition, acting)
-        beds = {bed: f"{v}:{bed}" for bed, v in self.anatomy.beds.items()}
-        names = {bed: f"pressure:{prepared.renamed.get(at, at)}" for bed, at in beds.items()}
-        pressure = dict(self.resting)
-        for _ in range(FEEDBACK_ROUNDS - 1):
-            table = self._changes(prepared.network, condition, z, acting, self._sizes(z, acting), pressure)
-            waveforms, _, _ = self._run(prepared, [table], list(names.values()))
-            pressure = {bed: float(waveforms[name][0, :-1].mean()) for bed, name in names.items()}
-        return pressure
-
-    def _changes(self, network, condition, z, acting, sizes, pressure) -> dict[str, np.ndarray]:
-        """Engine changes of one sample: nuisance factors and all effects on top of the network's own values.
+    def _changes(self, prepared: _Prepared, name: str, z, acting, sizes, pressure) -> dict[str, np.ndarray | float]:
+        """Changes of one sample: nuisance factors and all effects on top of the values under a condition.
 
         Two effects on one parameter combine as factors of the network's value, or as sums where that is zero.
         """
+        condition, network, own = self.conditions[name], prepared.networks[name], prepared.values[name]
         felt = {bed: np.array([value]) for bed, value in pressure.items()}
         situation = Situation(
             condition.name,
@@ -216,47 +266,38 @@ class Forward:
             self.resting,
             condition.covariates,
         )
-        changes: dict[str, np.ndarray] = {}
+        changes: dict[str, np.ndarray | float] = {}
         for (effect, place), values in zip(acting, sizes, strict=True):
             if effect.side == "measurement":
                 continue
             values = {name: np.array([value]) for name, value in values.items()}
-            for name, value in effect.changes(network, place, values, self.anatomy, situation).items():
+            for key, value in effect.changes(network, place, values, self.anatomy, situation).items():
                 value = np.asarray(value, dtype=float)[0]
-                if name in changes and not np.ndim(value):
-                    own = parameter_value(network, name)
-                    value = changes[name] * value / own if own else changes[name] + value
-                changes[name] = value
+                if key in changes and not np.ndim(value):
+                    before = own.get(key, 0.0)
+                    value = changes[key] * value / before if before else changes[key] + value
+                changes[key] = value
         for column, nuisance in enumerate(self.nuisances):
             if nuisance.condition in (None, condition.name):
                 factor = float(nuisance.factor(z[column]))
-                for name in _present(network, nuisance.targets):
-                    present = changes[name] if name in changes else parameter_value(network, name)
-                    changes[name] = present * factor
+                for key in nuisance.targets:
+                    # CORONARY_VAR_RES has two Ra2 where CORONARY has one.
+                    for name in (key,) if key in own else (f"{key}_min", f"{key}_max"):
+                        changes[name] = (changes[name] if name in changes else own[name]) * factor
         return changes
 
-    def _run(self, prepared: "_Prepared", tables: list[dict], names: list[str]):
-        """Waveforms name → (n, steps + 1), time (steps + 1,) and which samples ran.
-
-        The engine changes scalars only, so samples with a waveform of their own get an engine of their own.
-        """
-        self.runs += len(tables)
-        groups: dict[tuple, list[int]] = {}
-        for number, table in enumerate(tables):
-            own = tuple((name, np.asarray(v).tobytes()) for name, v in table.items() if np.ndim(v))
-            groups.setdefault(own, []).append(number)
-        found = {name: np.full((len(tables), self.steps_per_cycle + 1), np.nan) for name in names}
-        for own, numbers in groups.items():
-            engine, scalars = prepared.engine, [tables[i] for i in numbers]
-            if own:
-                engine = Engine(with_waveforms(prepared.network, scalars[0]))
-                scalars = [{name: value for name, value in table.items() if not np.ndim(value)} for table in scalars]
-            start = None if prepared.start is None else np.repeat(prepared.start[None, :], len(numbers), axis=0)
-            changes = _stack(prepared.network, scalars)
-            left = np.arange(len(numbers))
+    def _run(self, prepared: _Prepared, jobs: list[_Job], names: list[str]) -> dict[str, np.ndarray]:
+        """Waveforms name → (jobs, steps + 1); NaN where a run failed."""
+        self.runs += len(jobs)
+        found = {name: np.full((len(jobs), self.steps_per_cycle + 1), np.nan) for name in names}
+        starts = [prepared.start[job.condition] for job in jobs]
+        start = None if any(state is None for state in starts) else np.array(starts)
+        for numbers in _batches(prepared, jobs):
+            changes, left = _stack(prepared, [jobs[i] for i in numbers]), np.array(numbers)
             for tolerance in (TOLERANCE, LOOSE):
-                result = engine.run(
-                    {name: value[left] for name, value in changes.items()},
+                mine = np.isin(numbers, left)
+                result = prepared.engine.run(
+                    {name: value[mine] for name, value in changes.items()},
                     waveforms=names,
                     periodic=True,
                     cycles=MOST_CYCLES,
@@ -266,12 +307,11 @@ class Forward:
                     threads=self.threads,
                 )
                 for name in names:
-                    found[name][np.asarray(numbers)[left]] = result.waveforms[name]
+                    found[name][left] = result.waveforms[name]
                 left = left[~result.ok]
                 if not left.size:
                     break
-        alive = np.isfinite(found[names[0]]).all(axis=1)
-        return found, result.time, alive
+        return found
 
     def _variable(self, series: Measured, renamed: dict[str, str]) -> tuple[str, ...]:
         """Engine names of the waveforms that a series is made of."""
@@ -289,11 +329,11 @@ class Forward:
     def bed_pressures(self) -> dict[str, dict[str, float]]:
         """Mean pressure before every bed under every condition, of the model as it is; the network's unit."""
         names = {bed: f"pressure:{vessel}:{bed}" for bed, vessel in self.anatomy.beds.items()}
-        found = {}
-        for condition in self.conditions.values():
-            waveforms, _, _ = self._run(self._engine(condition, []), [{}], list(names.values()))
-            found[condition.name] = {bed: float(waveforms[name][0, :-1].mean()) for bed, name in names.items()}
-        return found
+        jobs = [_Job(i, name, {}) for i, name in enumerate(self.conditions)]
+        waves = self._run(self._prepared([]), jobs, list(names.values()))
+        return {
+            job.condition: {bed: float(waves[name][job.row, :-1].mean()) for bed, name in names.items()} for job in jobs
+        }
 
     @property
     def root(self) -> str:
@@ -322,17 +362,6 @@ class Forward:
         return self.masses[territory] * self.nuisances[column].factor(z[:, column])
 
 
-def _present(network: dict, targets: tuple[str, ...]) -> list[str]:
-    """Targets under the names that a changed structure gives them: CORONARY_VAR_RES has two Ra2."""
-    kinds = {block["bc_name"]: block["bc_type"] for block in network["boundary_conditions"]}
-    found = []
-    for name in targets:
-        block, _, parameter = name.rpartition(".")
-        varying = parameter == "Ra2" and kinds.get(block) == "CORONARY_VAR_RES"
-        found += [f"{name}_min", f"{name}_max"] if varying else [name]
-    return found
-
-
 def _inserts(effect: Effect) -> bool:
     return type(effect).insert is not Effect.insert
 
@@ -342,36 +371,34 @@ def _elements(acting: list[Acting]) -> tuple:
     return tuple((effect.name, place) for effect, place in acting if _inserts(effect))
 
 
-def _stack(network: dict, tables: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """Changes of all samples, (n,) or (n, k) per parameter; where a sample has none, the network's value."""
-    names = list(dict.fromkeys(name for table in tables for name in table))
-    return {
-        name: np.array([t[name] if name in t else parameter_value(network, name) for t in tables]) for name in names
-    }
+def _batches(prepared: _Prepared, jobs: list[_Job]) -> list[list[int]]:
+    """Jobs that switch on elements which are nought in the network go apart: their equations are harder to solve."""
+    nominal = prepared.engine.parameters
+    apart = [any(nominal.get(name) == 0.0 for name in job.table) for job in jobs]
+    groups = [[i for i, other in enumerate(apart) if other is kind] for kind in (False, True)]
+    return [group for group in groups if group]
 
 
-def parameter_value(network: dict, name: str):
-    """Value of "BLOCK.parameter" in a network; 0 for a vessel's element that the file leaves out."""
-    block, _, parameter = name.rpartition(".")
-    if block == HEART:
-        return network["closed_loop_blocks"][0]["parameters"][parameter]
-    for vessel in network["vessels"]:
-        if vessel["vessel_name"] == block:
-            return vessel["zero_d_element_values"].get(parameter, 0.0)
-    return next(b["bc_values"] for b in network["boundary_conditions"] if b["bc_name"] == block).get(parameter, 0.0)
+def _stack(prepared: _Prepared, jobs: list[_Job]) -> dict[str, np.ndarray]:
+    """Engine changes of all jobs, (n,) or (n, points); where a job has none, the value under its condition."""
+    tables = [{**prepared.changes[job.condition], **job.table} for job in jobs]
+    nominal = prepared.engine.parameters
+    found = {}
+    for name in dict.fromkeys(name for table in tables for name in table):
+        if name in nominal:
+            found[name] = np.array([table.get(name, nominal[name]) for table in tables], dtype=float)
+        else:
+            own = sampled(next(iter(prepared.networks.values())), name)
+            found[name] = np.array([_even(table[name]) if name in table else own for table in tables])
+    return found
 
 
-def with_waveforms(network: dict, table: dict) -> dict:
-    """The network with the waveforms of one sample, on an even grid over the cycle."""
-    network = copy.deepcopy(network)
-    for name, value in table.items():
-        if np.ndim(value):
-            block, _, parameter = name.rpartition(".")
-            values = next(b["bc_values"] for b in network["boundary_conditions"] if b["bc_name"] == block)
-            if len(values["t"]) != len(value):
-                values["t"] = np.linspace(0.0, period_of(network), len(value)).tolist()
-            values[parameter] = np.asarray(value, dtype=float).tolist()
-    return network
+def _even(values: np.ndarray) -> np.ndarray:
+    """A waveform on an even grid, on the grid of `WAVE_POINTS` points."""
+    values = np.asarray(values, dtype=float)
+    if len(values) == WAVE_POINTS:
+        return values
+    return np.interp(np.linspace(0.0, 1.0, WAVE_POINTS), np.linspace(0.0, 1.0, len(values)), values)
 
 
 def pressure_factor(unit: str, root_pressure: float) -> float:

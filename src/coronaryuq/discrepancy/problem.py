@@ -35,15 +35,17 @@ class Problem:
         """(y - f) / sd for rows (z, acting): (n, N)."""
         return (self.y - self.forward.predict_rows(rows)) / self.sd
 
-    def _fitted(self, rows):
-        return self.whitened(rows)[:, self.train]
+    def fitted(self, rows: list[tuple[np.ndarray, list[Acting]]]) -> np.ndarray:
+        """Whitened residuals of the fitted rows of the data alone, (n, M); other conditions are not run."""
+        conditions = set(self.condition[self.train])
+        return ((self.y - self.forward.predict_rows(rows, conditions)) / self.sd)[:, self.train]
 
     def calibrate(self, acting: list[Acting], start: np.ndarray | None = None) -> Fit:
         """Fit nuisance parameters and sizes together, all sensitivities recomputed at every step (fitted rows only)."""
         if start is None:
             start = np.zeros(self.count + len(self.forward.parameters(acting)))
         search = Search(list(acting), np.array(start, dtype=float), list(range(len(start))))
-        maximise(self._fitted, [search], self.settings.iterations)
+        maximise(self.fitted, [search], self.settings.iterations)
         if search.failed:
             raise FloatingPointError("the model could not be run")
         return search.fit
@@ -68,7 +70,7 @@ class Problem:
                 if earlier is not None and sizes is guesses[number]:
                     z, jacobian = earlier.z, earlier.jacobian
                 searches.append(Search([*acting, candidates[number]], z, list(range(len(base.z), len(z))), jacobian))
-            maximise(self._fitted, searches, iterations)
+            maximise(self.fitted, searches, iterations)
             for (number, _), one in zip(numbers_and_sizes, searches, strict=True):
                 if not one.failed and one.residual is not None:
                     best = found[number]

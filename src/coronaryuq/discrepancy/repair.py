@@ -1,6 +1,7 @@
 """The repaired model: network and conditions with the named effects written in, and a diff that a person can read."""
 
 import copy
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,17 +9,18 @@ import yaml
 
 from coronaryuq import files
 from coronaryuq.discrepancy.conditions import HEART, Condition, under
-from coronaryuq.discrepancy.forward import Acting, Forward, parameter_value, with_waveforms
+from coronaryuq.discrepancy.forward import Acting, Forward
 from coronaryuq.discrepancy.inference import Fit
+from coronaryuq.discrepancy.networks import scalars, with_waveforms
 
 SAME = 1e-9
 
 
 def repaired_network(forward: Forward, acting: list[Acting], z: np.ndarray) -> dict:
     """The network at rest with the elements and values of the acting effects, recalibrated to z (p,)."""
-    structure, _ = forward.structure(acting)
     plain = Condition("the network as it is")
-    table = forward.changes_at(under(structure, plain), plain, z, acting)
+    alone = replace(forward, conditions={plain.name: plain}, measured=[], _engines={})
+    table, structure = alone.condition_changes(plain.name, z, acting)
     return _written(structure, table)
 
 
@@ -28,13 +30,12 @@ def repaired_conditions(forward: Forward, acting: list[Acting], z: np.ndarray, f
     What an effect or the recalibration changes under one condition only is written as `set`, a waveform as a drive,
     so that the repaired network under the new conditions is what was fitted.
     """
-    structure, _ = forward.structure(acting)
     network = repaired_network(forward, acting, z)
     content = {}
     for name, condition in forward.conditions.items():
         entry = _entry(condition)
-        wanted = forward.changes_at(under(structure, condition), condition, z, acting)
-        given = under(network, condition)
+        wanted, _ = forward.condition_changes(name, z, acting)
+        given = scalars(under(network, condition))
         drives = {bc: f"drives/{name}_{bc}.csv".replace(" ", "_") for bc in condition.drive}
         for bc, (time, value) in condition.drive.items():
             _write_drive(folder / drives[bc], time, value)
@@ -45,7 +46,7 @@ def repaired_conditions(forward: Forward, acting: list[Acting], z: np.ndarray, f
                 # The condition's own scale of the period is applied to drives when they are read.
                 time = np.linspace(0.0, forward.periods[name] / condition.period_scale, len(value))
                 _write_drive(folder / drives[block], time, np.asarray(value))
-            elif abs(parameter_value(given, parameter) - float(value)) > SAME * abs(float(value)):
+            elif abs(given.get(parameter, 0.0) - float(value)) > SAME * abs(float(value)):
                 entry.setdefault("set", {}).setdefault(block, {})[key] = float(value)
         if drives:
             entry["drive"] = drives

@@ -1,0 +1,97 @@
+"""Numbers and waveforms of a network by name, how two networks of one structure differ, states carried between them."""
+
+import copy
+
+import numpy as np
+
+from coronaryuq.discrepancy.conditions import HEART, SERIES, period_of
+from coronaryuq.zerod.model import PERIOD
+
+ELEMENTS = ("R_poiseuille", "L", "C", "stenosis_coefficient")
+"""Of a vessel; nought where the file leaves them out."""
+WAVE_POINTS = 1201
+"""Points of a waveform that differs between samples or conditions; four times as fine as the steps of a cycle."""
+
+
+def scalars(network: dict) -> dict[str, float]:
+    """ "BLOCK.parameter" → value of every vessel, boundary condition and heart."""
+    found: dict[str, float] = {}
+    for vessel in network["vessels"]:
+        values = dict.fromkeys(ELEMENTS, 0.0) | vessel["zero_d_element_values"]
+        found |= {f"{vessel['vessel_name']}.{name}": value for name, value in values.items()}
+    for block in network["boundary_conditions"]:
+        found |= {f"{block['bc_name']}.{name}": value for name, value in block["bc_values"].items()}
+    for heart in network.get("closed_loop_blocks", []):
+        found |= {f"{HEART}.{name}": value for name, value in heart["parameters"].items()}
+    return {
+        name: float(value)
+        for name, value in found.items()
+        if isinstance(value, int | float) and not isinstance(value, bool)
+    }
+
+
+def differences(own: dict, other: dict) -> dict[str, float | np.ndarray]:
+    """Engine changes that turn `own` into `other`, a network of the same structure; waveforms (WAVE_POINTS,)."""
+    ours, theirs = scalars(own), scalars(other)
+    found: dict[str, float | np.ndarray] = {name: value for name, value in theirs.items() if ours[name] != value}
+    if period_of(own) != period_of(other):
+        found[PERIOD] = period_of(other)
+    for block in own["boundary_conditions"]:
+        if block["bc_type"] in SERIES:
+            name = f"{block['bc_name']}.{SERIES[block['bc_type']]}"
+            ours, theirs = sampled(own, name), sampled(other, name)
+            if np.abs(ours - theirs).max() > 1e-9 * np.abs(ours).max():
+                found[name] = theirs
+    return found
+
+
+def sampled(network: dict, name: str) -> np.ndarray:
+    """A boundary condition's waveform on an even grid over its cycle, both ends included, (WAVE_POINTS,)."""
+    block, _, parameter = name.rpartition(".")
+    values = next(b["bc_values"] for b in network["boundary_conditions"] if b["bc_name"] == block)
+    time = np.asarray(values["t"], dtype=float)
+    if len(time) == 1:
+        return np.full(WAVE_POINTS, float(values[parameter][0]))
+    return np.interp(np.linspace(time[0], time[-1], WAVE_POINTS), time, np.asarray(values[parameter], dtype=float))
+
+
+def with_waveforms(network: dict, table: dict) -> dict:
+    """The network with the waveforms of one sample, on an even grid over the cycle."""
+    network = copy.deepcopy(network)
+    for name, value in table.items():
+        if np.ndim(value):
+            block, _, parameter = name.rpartition(".")
+            values = next(b["bc_values"] for b in network["boundary_conditions"] if b["bc_name"] == block)
+            if len(values["t"]) != len(value):
+                values["t"] = np.linspace(0.0, period_of(network), len(value)).tolist()
+            values[parameter] = np.asarray(value, dtype=float).tolist()
+    return network
+
+
+def carried_over(names: list[str], state: np.ndarray, wanted: list[str], renamed: dict[str, str]) -> np.ndarray:
+    """A state of one network for the same with added elements (`wanted`, renamed: old → new locations).
+
+    names, state: of the network without the elements. An added vessel starts without flow, at the pressure of what it
+    was attached to; a vessel whose end was moved keeps its flow.
+    """
+    known = dict(zip(names, state, strict=True))
+    before = {new: old for old, new in renamed.items()}
+    moved = {old.partition(":")[0]: old for old in renamed}
+    stubs = {new.partition(":")[0]: old for old, new in renamed.items()}
+    found: dict[str, float] = {}
+    for name in wanted:
+        kind, _, location = name.partition(":")
+        first, _, second = location.partition(":")
+        old = before.get(location) or moved.get(first) or stubs.get(second)
+        for candidate in (name, f"{kind}:{old}"):
+            if candidate in known and name not in found:
+                found[name] = known[candidate]
+    for kind in ("pressure", "d_pressure"):
+        waiting = [name for name in wanted if name.startswith(f"{kind}:") and name not in found]
+        for _ in range(len(waiting)):
+            for name in waiting:
+                blocks = set(name.split(":")[1:])
+                near = (n for n in found if n.startswith(f"{kind}:") and blocks & set(n.split(":")[1:]))
+                if name not in found and (source := next(near, None)):
+                    found[name] = found[source]
+    return np.array([found.get(name, 0.0) for name in wanted])
