@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import sys
 from pathlib import Path
 
@@ -69,6 +70,10 @@ def script_path(name):
 def code(*modules):
     """Source files behind a rule; as inputs they make its results stale when one of them is edited."""
     return [Path(os.path.relpath(path)).as_posix() for path in provenance.sources(*modules)]
+
+
+def report_templates(*names):
+    return [Path(workflow.basedir, "src", "coronaryuq", "report", name).as_posix() for name in names]
 
 
 def portions(total, size):

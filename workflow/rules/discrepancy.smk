@@ -1,55 +1,176 @@
 # What the model is missing: a campaign of its own, `snakemake discrepancy`.
+#
+# Cases: the files that the configuration names, pairs of simulated and measured outputs, recorded animals; where it
+# names none, an effect hidden in the campaign's own tuned loop.
 
 DISCREPANCY = campaign.discrepancy
-EXAMINED = {
-    "model": DISCREPANCY.model or results("discrepancy", "case", "model.json"),
-    "measurements": DISCREPANCY.measurements or results("discrepancy", "case", "measurements.csv"),
-    "conditions": DISCREPANCY.conditions or results("discrepancy", "case", "conditions.yaml"),
+
+
+def examined(case, *parts):
+    return results("discrepancy", case, *parts)
+
+
+def made(case):
+    """Files of a case that a rule writes."""
+    names = {"model": "model.json", "measurements": "measurements.csv", "conditions": "conditions.yaml"}
+    return {name: examined(case, "case", file) for name, file in names.items()}
+
+
+SEARCHED = {animal: made(animal) for animal in DISCREPANCY.animals}
+if DISCREPANCY.measurements:
+    SEARCHED["case"] = {
+        "model": DISCREPANCY.model or rules.calibration.output.rest,
+        "measurements": DISCREPANCY.measurements,
+        "conditions": DISCREPANCY.conditions,
+    }
+if not SEARCHED and not DISCREPANCY.pairs:
+    SEARCHED["hidden"] = made("hidden")
+EXAMINED = [*SEARCHED, *(["pairs"] if DISCREPANCY.pairs else [])]
+DISCREPANCY_SETTINGS = block(
+    "discrepancy",
+    without=("model", "measurements", "conditions", "pairs", "recordings", "animals", "in_report"),
+)
+for path in (DISCREPANCY.model, DISCREPANCY.measurements, DISCREPANCY.conditions, *(DISCREPANCY.pairs or ())):
+    if path and not Path(path).is_file():
+        print(f"error: {InputError('configuration', 'discrepancy', path, 'no such file')}", file=sys.stderr, flush=True)
+        sys.exit(InputError.EXIT_CODE)
+
+DISCREPANCY_FIGURES = {
+    (case, name): examined(case, "found", table)
+    for case in SEARCHED
+    for name, table in {
+        "tree": "tree.csv",
+        "residuals": "residuals.csv",
+        "ranking": "ranking.csv",
+        "sizes": "sizes.csv",
+        "gap": "gap.csv",
+    }.items()
 }
+if DISCREPANCY.pairs:
+    DISCREPANCY_FIGURES["pairs", "pairs"] = examined("pairs", "found", "pairs.csv")
+    DISCREPANCY_FIGURES["pairs", "pairs_gap"] = examined("pairs", "found", "pairs.csv")
+    DISCREPANCY_FIGURES["pairs", "pairs_effects"] = examined("pairs", "found", "effects.csv")
 
-if not DISCREPANCY.measurements:
 
-    rule discrepancy_case:
+rule discrepancy_hidden:
+    input:
+        rest=rules.calibration.output.rest,
+        code=code("coronaryuq.discrepancy.stage"),
+    output:
+        **made("hidden"),
+        truth=examined("hidden", "case", "truth.json"),
+    log:
+        log_of("discrepancy_hidden.log"),
+    params:
+        settings=DISCREPANCY_SETTINGS,
+        seed=campaign.seed,
+    script:
+        "../scripts/discrepancy_hidden.py"
+
+
+if DISCREPANCY.recordings:
+
+    rule discrepancy_recordings:
         input:
-            rest=rules.calibration.output.rest,
-            code=code("coronaryuq.discrepancy.stage"),
+            recordings=lambda wildcards: sorted(Path(DISCREPANCY.recordings).glob(f"{wildcards.animal}_*.csv")),
+            code=code("coronaryuq.discrepancy.recordings"),
         output:
-            model=results("discrepancy", "case", "model.json"),
-            measurements=results("discrepancy", "case", "measurements.csv"),
-            conditions=results("discrepancy", "case", "conditions.yaml"),
-            truth=results("discrepancy", "case", "truth.json"),
+            **made("{animal}"),
+        wildcard_constraints:
+            animal="|".join(map(re.escape, DISCREPANCY.animals)),
         log:
-            log_of("discrepancy_case.log"),
+            log_of("discrepancy_recordings", "{animal}.log"),
         params:
-            settings=block("discrepancy"),
-            seed=campaign.seed,
+            folder=DISCREPANCY.recordings,
+            animal=lambda wildcards: wildcards.animal,
         script:
-            "../scripts/discrepancy_case.py"
+            "../scripts/discrepancy_recordings.py"
 
 
 rule discrepancy_search:
     input:
-        **EXAMINED,
+        unpack(lambda wildcards: SEARCHED[wildcards.case]),
         code=code("coronaryuq.discrepancy.stage"),
     output:
-        answer=results("discrepancy", "found", "discrepancy.json"),
-        located=results("discrepancy", "found", "located.csv"),
-        residuals=results("discrepancy", "found", "residuals.csv"),
-        ranking=results("discrepancy", "found", "ranking.csv"),
-        sizes=results("discrepancy", "found", "sizes.csv"),
-        tree=results("discrepancy", "found", "tree.csv"),
-        gap=results("discrepancy", "found", "gap.csv"),
-        paragraph=results("discrepancy", "found", "paragraph.txt"),
+        answer=examined("{case}", "found", "discrepancy.json"),
+        located=examined("{case}", "found", "located.csv"),
+        residuals=examined("{case}", "found", "residuals.csv"),
+        ranking=examined("{case}", "found", "ranking.csv"),
+        sizes=examined("{case}", "found", "sizes.csv"),
+        tree=examined("{case}", "found", "tree.csv"),
+        gap=examined("{case}", "found", "gap.csv"),
+        paragraph=examined("{case}", "found", "paragraph.txt"),
+    wildcard_constraints:
+        case="|".join(map(re.escape, SEARCHED)) or "none",
     log:
-        log_of("discrepancy.log"),
+        log_of("discrepancy_search", "{case}.log"),
     threads: 2
     params:
-        settings=block("discrepancy"),
+        settings=DISCREPANCY_SETTINGS,
         seed=campaign.seed,
     script:
         "../scripts/discrepancy_search.py"
 
 
+if DISCREPANCY.pairs:
+
+    rule discrepancy_pairs:
+        input:
+            simulated=DISCREPANCY.pairs[0],
+            measured=DISCREPANCY.pairs[1],
+            code=code("coronaryuq.discrepancy.pairs"),
+        output:
+            answer=examined("pairs", "found", "discrepancy.json"),
+            pairs=examined("pairs", "found", "pairs.csv"),
+            laws=examined("pairs", "found", "laws.csv"),
+            effects=examined("pairs", "found", "effects.csv"),
+            paragraph=examined("pairs", "found", "paragraph.txt"),
+        log:
+            log_of("discrepancy_pairs.log"),
+        params:
+            seed=campaign.seed,
+        script:
+            "../scripts/discrepancy_pairs.py"
+
+
+rule discrepancy_figure:
+    input:
+        table=lambda wildcards: DISCREPANCY_FIGURES[wildcards.case, wildcards.figure],
+        code=code("coronaryuq.figures.draw", "coronaryuq.figures.discrepancy"),
+    output:
+        figure=examined("{case}", "figures", "{figure}.png"),
+    wildcard_constraints:
+        case="|".join(map(re.escape, EXAMINED)),
+        figure=r"\w+",
+    log:
+        log_of("discrepancy_figure", "{case}_{figure}.log"),
+    params:
+        name=lambda wildcards: f"discrepancy_{wildcards.figure}",
+    script:
+        "../scripts/figure.py"
+
+
+DISCREPANCY_DRAWN = [examined(case, "figures", f"{name}.png") for case, name in DISCREPANCY_FIGURES]
+DISCREPANCY_ANSWERS = [examined(case, "found", "discrepancy.json") for case in EXAMINED]
+
+
+rule discrepancy_report:
+    input:
+        answers=DISCREPANCY_ANSWERS,
+        figures=DISCREPANCY_DRAWN,
+        code=code("coronaryuq.report.discrepancy"),
+        templates=report_templates("discrepancy.html", "discrepancy_page.html", "style.css"),
+    output:
+        report=results("discrepancy", "report.html"),
+    log:
+        log_of("discrepancy_report.log"),
+    params:
+        campaign=campaign.name,
+        settings=DISCREPANCY_SETTINGS,
+    script:
+        "../scripts/discrepancy_report.py"
+
+
 rule discrepancy:
     input:
-        rules.discrepancy_search.output.answer,
+        rules.discrepancy_report.output.report,

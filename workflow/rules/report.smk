@@ -52,6 +52,7 @@ rule figure:
 rule figures:
     input:
         expand(rules.figure.output.figure, figure=FIGURES),
+        DISCREPANCY_DRAWN if campaign.discrepancy.in_report else [],
 
 
 rule report:
@@ -64,8 +65,10 @@ rule report:
         failures=rules.runs.output.failures,
         estimates=rules.estimation.output.estimates,
         figures=expand(rules.figure.output.figure, figure=FIGURES),
+        answers=DISCREPANCY_ANSWERS if campaign.discrepancy.in_report else [],
+        drawn=DISCREPANCY_DRAWN if campaign.discrepancy.in_report else [],
         code=code("coronaryuq.report.page"),
-        template=Path(workflow.basedir, "src", "coronaryuq", "report", "template.html").as_posix(),
+        templates=report_templates("template.html", "discrepancy.html", "style.css"),
     output:
         report=results("report.html"),
     log:

@@ -6,6 +6,8 @@ from coronaryuq.report.page import write_report
 from job import job
 
 with job(globals()) as this:
-    files = {name: path for name, path in this.input.items() if name not in ("figures", "code", "template")}
+    others = ("figures", "answers", "drawn", "code", "templates")
+    files = {name: path for name, path in this.input.items() if name not in others}
     logs = Path(this.log).parent
-    write_report(files, this.input["figures"], logs, this.params["configuration"], this.output["report"])
+    searches = this.input["answers"], this.input["drawn"]
+    write_report(files, this.input["figures"], logs, this.params["configuration"], this.output["report"], searches)

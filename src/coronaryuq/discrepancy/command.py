@@ -7,6 +7,7 @@ from pathlib import Path
 from coronaryuq.discrepancy import output, pairs
 from coronaryuq.discrepancy.conditions import read_conditions
 from coronaryuq.discrepancy.model import read_problem
+from coronaryuq.discrepancy.recordings import prepare
 from coronaryuq.discrepancy.search import discover
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.errors import InputError
@@ -19,6 +20,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--measurements", metavar="M.csv", help="measurement table")
     parser.add_argument("--conditions", metavar="C.yaml", help="conditions of the measurements")
     parser.add_argument("--pairs", nargs=2, metavar=("SIMULATED.csv", "MEASURED.csv"), help="a table model instead")
+    parser.add_argument(
+        "--recordings",
+        nargs=2,
+        metavar=("FOLDER", "ANIMAL"),
+        help="recorded flow of one artery under measured pressures instead, ANIMAL_CONDITION.csv",
+    )
     parser.add_argument("--out", metavar="DIR", required=True, help="folder for results")
     parser.add_argument("--seed", type=int, default=1, help="seed of folds and intervals (default 1)")
     parser.add_argument("--threads", type=int, default=1, help="threads of the 0D engine (default 1)")
@@ -30,12 +37,14 @@ def main(args: argparse.Namespace) -> int:
     out = Path(args.out)
     if args.pairs:
         answer = pairs.discover_pairs(*args.pairs, out=out, seed=getattr(args, "seed", 1))
+    elif args.recordings:
+        prepare(*args.recordings, out / "case")
+        case = [out / "case" / name for name in ("model.json", "measurements.csv", "conditions.yaml")]
+        answer = from_files(*case, out, Settings(threads=args.threads), args.seed)
     else:
         for name in ("model", "measurements", "conditions"):
             if not getattr(args, name):
-                raise InputError(
-                    "command line", f"--{name}", None, "missing; or give --pairs SIMULATED.csv MEASURED.csv"
-                )
+                raise InputError("command line", f"--{name}", None, "missing; or give --pairs or --recordings")
         answer = from_files(
             args.model,
             args.measurements,

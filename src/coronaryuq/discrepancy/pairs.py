@@ -160,7 +160,8 @@ def choose(ranked: list[LawFit]) -> LawFit:
 
 
 def discover_pairs(simulated: str | Path, measured: str | Path, out: Path, seed: int) -> dict:
-    """Search a table model and write `discrepancy.json`, `pairs.csv`, `laws.csv`, `paragraph.txt` into `out`.
+    """Search a table model and write `discrepancy.json`, `pairs.csv`, `laws.csv`, `effects.csv`, `paragraph.txt` into
+    `out`.
 
     Laws are chosen and fitted on four folds of the samples and judged on the fifth, for every fold; what is reported
     as named was chosen on all. Gaps are root mean square errors of FFR on held-out samples.
@@ -208,6 +209,12 @@ def discover_pairs(simulated: str | Path, measured: str | Path, out: Path, seed:
     files.write_csv(out / "pairs.csv", pd.concat(rows))
     columns = ["branch", "effects", "terms", "log_evidence", "rms_ffr"]
     files.write_csv(out / "laws.csv", pd.DataFrame(laws, columns=columns))
+    parts = [
+        (a["branch"], name, probability, name in a["effects"])
+        for a in answers
+        for name, probability in a["inclusion"].items()
+    ]
+    files.write_csv(out / "effects.csv", pd.DataFrame(parts, columns=["branch", "effect", "probability", "named"]))
     files.write_text(out / "paragraph.txt", answer["paragraph"] + "\n")
     files.write_json(out / "discrepancy.json", answer)
     return answer

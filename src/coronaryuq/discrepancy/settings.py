@@ -1,6 +1,6 @@
 """Settings of the discrepancy search."""
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 
 class Settings(BaseModel):
@@ -15,6 +15,14 @@ class Settings(BaseModel):
         None, description="measurement table; none: made here, with `hidden_effect` somewhere in the tuned loop"
     )
     conditions: str | None = Field(None, description="conditions file that goes with `measurements`")
+    pairs: tuple[str, str] | None = Field(
+        None, description="a table model instead: tables of simulated and of measured outputs, rows joined by `sample`"
+    )
+    recordings: str | None = Field(
+        None, description="folder of recordings `ANIMAL_CONDITION.csv`: flow of one artery under measured pressures"
+    )
+    animals: list[str] = Field(default_factory=list, description="animals of `recordings`; one search each")
+    in_report: bool = Field(False, description="whether the whole campaign and its report include the search")
     hidden_effect: str = Field("quadratic_stenosis", description="effect hidden where no measurements are given")
     hidden_size: float = Field(1.0, description="its size, in prior standard deviations")
     pressure_unit: str = Field(
@@ -43,3 +51,14 @@ class Settings(BaseModel):
     sd_heart: float = Field(0.15, gt=0, description="left ventricular elastance")
     sd_condition: float = Field(0.1, gt=0, description="coronary resistance of a condition beside what it declares")
     sd_free: float = Field(1.0, gt=0, description="coronary resistance of a condition that lists it under `free`")
+
+    @model_validator(mode="after")
+    def _given_whole(self) -> "Settings":
+        files = (self.model, self.measurements, self.conditions)
+        if self.measurements and not self.conditions:
+            raise ValueError("measurements want their conditions file; give conditions")
+        if (self.model or self.conditions) and not self.measurements:
+            raise ValueError(f"model and conditions want measurements, not {files}; give measurements")
+        if bool(self.recordings) != bool(self.animals):
+            raise ValueError("recordings and animals go together; give both or neither")
+        return self

@@ -10,12 +10,13 @@ from matplotlib.colors import Normalize
 
 from coronaryuq.figures.style import MUTED, saved
 from coronaryuq.files import read_csv
+from coronaryuq.seeds import generator
 
 MEASURED, BEFORE, AFTER, FLEXIBLE = "#000000", "#0072B2", "#D55E00", "#009E73"
 MOST_PANELS = 6
 
 
-def tree(table: str | Path, figure: str | Path) -> None:
+def tree(table: str | Path, output: str | Path) -> None:
     """Vessels from left to right as they divide, coloured by their largest disagreement (sd); grey: none measured."""
     frame = read_csv(table, ("vessel", "parent", "disagreement"))
     children: dict[str, list[str]] = {}
@@ -41,7 +42,7 @@ def tree(table: str | Path, figure: str | Path) -> None:
     norm = Normalize(0.0, max(4.0, np.nanmax(frame.disagreement.to_numpy(), initial=0.0)))
     colours = colormaps["viridis_r"]
     parents = dict(zip(frame.vessel, frame.parent, strict=True))
-    with saved(figure, figsize=(7.0, max(2.0, 0.28 * leaves + 1.0))) as (canvas, axes):
+    with saved(output, figsize=(7.0, max(2.0, 0.28 * leaves + 1.0))) as (canvas, axes):
         for name, (depth, height) in place.items():
             parent = parents[name]
             start = place[parent][1] if isinstance(parent, str) and parent in place else height
@@ -55,7 +56,7 @@ def tree(table: str | Path, figure: str | Path) -> None:
         canvas.colorbar(ScalarMappable(norm, colours), ax=axes, shrink=0.7)
 
 
-def residuals(table: str | Path, figure: str | Path) -> None:
+def residuals(table: str | Path, output: str | Path) -> None:
     """The series with the largest misfit: measured with its noise, recalibrated, repaired, over the cycle."""
     frame = read_csv(
         table, ("condition", "quantity", "location", "statistic", "phase", "measured", "sd", "recalibrated")
@@ -67,7 +68,7 @@ def residuals(table: str | Path, figure: str | Path) -> None:
     if not groups:
         groups = [(("mean values", "", ""), frame.assign(phase=np.arange(len(frame))))]
     rows = -(-len(groups) // 2)
-    with saved(figure, nrows=rows, ncols=2, figsize=(8.0, 2.3 * rows), squeeze=False) as (_, axes):
+    with saved(output, nrows=rows, ncols=2, figsize=(8.0, 2.3 * rows), squeeze=False) as (_, axes):
         for axis, ((quantity, location, condition), part) in zip(axes.flat, groups, strict=False):
             part = part.sort_values("phase")
             phase = part.phase.to_numpy() % 1.0 if part.phase.max() <= 2 else part.phase.to_numpy()
@@ -83,12 +84,12 @@ def residuals(table: str | Path, figure: str | Path) -> None:
         axes.flat[0].legend(fontsize=6)
 
 
-def ranking(table: str | Path, figure: str | Path) -> None:
+def ranking(table: str | Path, output: str | Path) -> None:
     """Candidates of every round with their probability; the accepted one filled."""
     frame = read_csv(table, ("round", "effect", "place", "probability", "accepted"))
     frame = frame[frame.effect != "outside the library"]
     rounds = sorted(frame["round"].unique()) or [1]
-    with saved(figure, ncols=len(rounds), figsize=(4.2 * len(rounds), 3.0), squeeze=False) as (_, axes):
+    with saved(output, ncols=len(rounds), figsize=(4.2 * len(rounds), 3.0), squeeze=False) as (_, axes):
         for axis, number in zip(axes.flat, rounds, strict=True):
             part = frame[frame["round"] == number].nlargest(8, "probability").iloc[::-1]
             names = [
@@ -103,11 +104,11 @@ def ranking(table: str | Path, figure: str | Path) -> None:
             axis.set_title(f"round {number}")
 
 
-def sizes(table: str | Path, figure: str | Path) -> None:
+def sizes(table: str | Path, output: str | Path) -> None:
     """Posterior and prior density of every size of the named effects."""
     frame = read_csv(table, ("effect", "place", "parameter", "size", "posterior", "prior"))
     groups = list(frame.groupby(["effect", "place", "parameter"], sort=False))
-    with saved(figure, ncols=max(1, len(groups)), figsize=(3.4 * max(1, len(groups)), 2.6), squeeze=False) as (_, axes):
+    with saved(output, ncols=max(1, len(groups)), figsize=(3.4 * max(1, len(groups)), 2.6), squeeze=False) as (_, axes):
         if not groups:
             axes.flat[0].text(0.5, 0.5, "no effect was named", ha="center")
             axes.flat[0].set_axis_off()
@@ -120,10 +121,10 @@ def sizes(table: str | Path, figure: str | Path) -> None:
             axis.legend(fontsize=6)
 
 
-def gap(table: str | Path, figure: str | Path) -> None:
+def gap(table: str | Path, output: str | Path) -> None:
     """Misfit on data kept out of every fit, with 90 % intervals, beside the noise floor."""
     frame: pd.DataFrame = read_csv(table, ("model", "misfit", "low", "high", "noise_floor"))
-    with saved(figure, figsize=(5.5, 2.2)) as (_, axes):
+    with saved(output, figsize=(5.5, 2.2)) as (_, axes):
         at = np.arange(len(frame))[::-1]
         colours = [BEFORE, AFTER, FLEXIBLE][: len(frame)]
         low, high = (np.clip(d, 0, None) for d in (frame.misfit - frame.low, frame.high - frame.misfit))
@@ -137,11 +138,11 @@ def gap(table: str | Path, figure: str | Path) -> None:
         axes.set_xlabel("misfit on data kept out of every fit (noise sd)")
 
 
-def pairs(table: str | Path, figure: str | Path) -> None:
+def pairs(table: str | Path, output: str | Path) -> None:
     """A table model: pressure drop against flow, and FFR measured against simulated before and after, per branch."""
     frame = read_csv(table, ("branch", "flow", "drop_measured", "drop_model_at_flow", "ffr_measured", "ffr_simulated"))
     names = list(dict.fromkeys(frame.branch))
-    with saved(figure, nrows=2, ncols=len(names), figsize=(3.0 * len(names), 5.4), squeeze=False) as (_, axes):
+    with saved(output, nrows=2, ncols=len(names), figsize=(3.0 * len(names), 5.4), squeeze=False) as (_, axes):
         for column, name in enumerate(names):
             part = frame[frame.branch == name]
             top, bottom = axes[:, column]
@@ -159,3 +160,44 @@ def pairs(table: str | Path, figure: str | Path) -> None:
             bottom.set(xlabel="FFR measured", ylabel="FFR, held-out samples")
         axes[0, 0].legend(fontsize=7, markerscale=4)
         axes[1, 0].legend(fontsize=7, markerscale=4)
+
+
+def pairs_gap(table: str | Path, output: str | Path) -> None:
+    """A table model: error of FFR on held-out samples per branch, before and after, 90 % intervals over samples."""
+    frame = read_csv(table, ("branch", "ffr_measured", "ffr_simulated", "ffr_recalibrated", "ffr_repaired"))
+    models = (
+        ("ffr_simulated", MEASURED, "as it is"),
+        ("ffr_recalibrated", BEFORE, "recalibrated"),
+        ("ffr_repaired", AFTER, "with the named effects"),
+        ("ffr_flexible", FLEXIBLE, "Gaussian process"),
+    )
+    names = list(dict.fromkeys(frame.branch))
+    random = generator(0, "figures", "pairs_gap")
+    with saved(output, figsize=(6.0, 0.8 * len(names) + 1.2)) as (_, axes):
+        for row, name in enumerate(reversed(names)):
+            part = frame[frame.branch == name]
+            for step, (key, colour, label) in enumerate(models):
+                squared = ((part[key] - part.ffr_measured) ** 2).to_numpy()
+                drawn = np.sqrt(squared[random.integers(0, len(squared), (400, len(squared)))].mean(axis=1))
+                low, high = np.quantile(drawn, [0.05, 0.95])
+                y = row + 0.24 - 0.16 * step
+                axes.plot([low, high], [y, y], color=colour, lw=1.5)
+                axes.plot(np.sqrt(squared.mean()), y, "o", ms=4, color=colour, label=label if row == 0 else None)
+        axes.set_xscale("log")
+        axes.set_yticks(range(len(names)), [name.upper() for name in reversed(names)])
+        axes.set_ylim(-0.6, len(names) - 0.4)
+        axes.set_xlabel("root mean square error of FFR, held-out samples")
+        axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
+
+
+def pairs_effects(table: str | Path, output: str | Path) -> None:
+    """A table model: probability that each effect is part of the law of each branch; the named ones filled."""
+    frame = read_csv(table, ("branch", "effect", "probability", "named"))
+    names = list(dict.fromkeys(frame.branch))
+    with saved(output, ncols=len(names), figsize=(3.0 * len(names), 2.2), squeeze=False, sharey=True) as (_, axes):
+        for axis, name in zip(axes.flat, names, strict=True):
+            part = frame[frame.branch == name].iloc[::-1]
+            axis.barh(range(len(part)), part.probability, color=[AFTER if chosen else MUTED for chosen in part.named])
+            axis.set_yticks(range(len(part)), part.effect.str.replace("_", " "), fontsize=7)
+            axis.set_xlim(0, 1)
+            axis.set(title=name.upper(), xlabel="probability of being part")

@@ -17,6 +17,14 @@ FIGURES: dict[str, str] = {
     "intervals_ffr": "coronaryuq.figures.estimates:intervals_ffr",
     "convergence": "coronaryuq.figures.budget:convergence",
     "budget": "coronaryuq.figures.budget:budget",
+    "discrepancy_tree": "coronaryuq.figures.discrepancy:tree",
+    "discrepancy_residuals": "coronaryuq.figures.discrepancy:residuals",
+    "discrepancy_ranking": "coronaryuq.figures.discrepancy:ranking",
+    "discrepancy_sizes": "coronaryuq.figures.discrepancy:sizes",
+    "discrepancy_gap": "coronaryuq.figures.discrepancy:gap",
+    "discrepancy_pairs": "coronaryuq.figures.discrepancy:pairs",
+    "discrepancy_pairs_gap": "coronaryuq.figures.discrepancy:pairs_gap",
+    "discrepancy_pairs_effects": "coronaryuq.figures.discrepancy:pairs_effects",
 }
 
 

@@ -9,12 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from jinja2 import Environment, StrictUndefined
 
 from coronaryuq import provenance
 from coronaryuq.files import read_csv, read_json, write_text
+from coronaryuq.report import discrepancy
 
-TEMPLATE = Path(__file__).with_name("template.html")
 ESTIMATORS = ("MC", "MFMC", "MFMC-AE", "best")
 QUANTITIES = ("ffr", "tawss_min", "osi_max")
 CAPTIONS = {
@@ -48,10 +47,11 @@ def write_report(
     logs: str | Path,
     configuration: dict,
     out: str | Path,
+    searches: tuple[Sequence[str], Sequence[str]] = ((), ()),
 ) -> None:
     """Write the page. files: case, fit, summary, targets, failures, estimates, mesh → path. figures: PNG files.
 
-    logs: folder whose job logs end in a line of costs.
+    logs: folder whose job logs end in a line of costs. searches: answers and figures of searches for missing effects.
     """
     case, summary, targets = (read_json(files[name]) for name in ("case", "summary", "targets"))
     failures, estimates = read_json(files["failures"]), read_json(files["estimates"])
@@ -71,13 +71,13 @@ def write_report(
         "matched": _matched(read_csv(files["fit"]), summary),
         "noise": _noise(targets),
         "figures": _figures(figures),
+        "searches": discrepancy.searches(*searches),
         "failed": _failed(failures),
         "costs": _costs(Path(logs)),
         "provenance": _provenance(estimates, files),
         "configuration": yaml.safe_dump(configuration, sort_keys=False),
     }
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    write_text(out, environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(context))
+    write_text(out, discrepancy.environment().get_template("template.html").render(context))
 
 
 def number(value: float | None, digits: int = 3) -> str:

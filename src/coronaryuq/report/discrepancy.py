@@ -1,0 +1,162 @@
+"""What a search for a missing effect found, as a section of the report and as a page of its own."""
+
+import base64
+from collections.abc import Sequence
+from pathlib import Path
+
+import yaml
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from coronaryuq import provenance, units
+from coronaryuq.files import read_json, write_text
+
+CAPTIONS = {
+    "tree": "Vessels from left to right as they divide, coloured by their largest disagreement after recalibration.",
+    "residuals": "The series with the largest misfit over the cycle: measured with its noise, recalibrated, and with "
+    "the named effects.",
+    "ranking": "Candidates of every round of the search and their probabilities, given the library.",
+    "sizes": "Posterior and prior of the named effects' sizes.",
+    "gap": "Misfit on measurements kept out of every fit, with 90 % intervals.",
+    "pairs": "Pressure drop against flow, and FFR on held-out samples, branch by branch.",
+    "pairs_gap": "Error of FFR on held-out samples, with 90 % intervals over samples.",
+    "pairs_effects": "Probability that each effect is part of a branch's law of pressure loss.",
+}
+SHOWN = 6
+"""Disagreements listed at most."""
+
+
+def environment() -> Environment:
+    """Templates beside this file."""
+    return Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def write_page(answers: Sequence[str], figures: Sequence[str], campaign: str, settings: dict, out: str | Path) -> None:
+    """Write the page of a discrepancy campaign. answers: `discrepancy.json` of every case; figures: PNG files."""
+    context = {
+        "campaign": campaign,
+        "searches": searches(answers, figures),
+        "settings": yaml.safe_dump(settings, sort_keys=False),
+        "provenance": [(f"SHA-256 of {case_of(path)}", provenance.checksum(path)) for path in answers],
+    }
+    write_text(out, environment().get_template("discrepancy_page.html").render(context))
+
+
+def case_of(path: str | Path) -> str:
+    """Name of the case that a file under `discrepancy/CASE/found/` or `discrepancy/CASE/figures/` belongs to."""
+    return Path(path).parts[-3]
+
+
+def searches(answers: Sequence[str], figures: Sequence[str]) -> list[dict]:
+    """Every case as the templates want it."""
+    return [_search(path, [f for f in figures if case_of(f) == case_of(path)]) for path in answers]
+
+
+def _search(path: str, figures: list[str]) -> dict:
+    answer = read_json(path)
+    pairs = "gap_unit" in answer
+    order = {name: number for number, name in enumerate(CAPTIONS)}
+    return {
+        "title": "Pairs of simulated and measured outputs" if pairs else case_of(path),
+        "paragraph": answer["paragraph"],
+        "named": [_named(one) for one in answer["named"]],
+        "located": [] if pairs else [_located(row) for row in answer["located"][:SHOWN]],
+        **(_pair_gaps(answer) if pairs else _gaps(answer)),
+        "figures": [
+            {"caption": CAPTIONS[Path(f).stem], "data": _embedded(f)}
+            for f in sorted(figures, key=lambda f: order[Path(f).stem])
+        ],
+    }
+
+
+def _named(one: dict) -> dict:
+    sizes = [
+        f"{name} {size['value']:.3g} ({size['interval_90'][0]:.3g} to {size['interval_90'][1]:.3g})"
+        for name, size in one.get("sizes", {}).items()
+    ] or [f"{name} {value:.3g}" for name, value in one.get("coefficients", {}).items()]
+    others = [f"{m['effect']} at {m['place']}" for m in one["class"][1:]] or one.get("possibly_also", [])
+    wanted = [f"mean {m['quantity']} at {m['location']} under {m['condition']}" for m in one.get("separate_by", [])[:1]]
+    return {
+        "effect": one["effect"].replace("_", " "),
+        "place": one["place"],
+        "probability": f"{one.get('class_probability', one['probability']):.2f}",
+        "sizes": ", ".join(sizes),
+        "others": ", ".join(others).replace("_", " ") or "–",
+        "separate_by": "".join(wanted),
+        "formula": one["formula"],
+        "source": one["source"],
+        "written_as": one.get("written_as", ""),
+    }
+
+
+def _located(row: dict) -> dict:
+    phase = row["phase"]
+    return {
+        "what": f"{row['quantity']} at {row['location']}, {row['statistic']}",
+        "condition": row["condition"],
+        "phase": "–" if phase is None else f"{phase[0]:.2f} to {phase[1]:.2f}",
+        "score": f"{row['score']:+.1f}",
+        "q": f"{row['q']:.2g}",
+    }
+
+
+def _gaps(answer: dict) -> dict:
+    held = answer["held_out"]
+    rows = []
+    for name, key in (
+        ("recalibration alone", "before"),
+        ("with the named effects", "after"),
+        ("Gaussian-process discrepancy", "flexible"),
+    ):
+        gap = held[key]
+        low, high = gap["interval_90"]
+        errors = [_rmse(quantity, value) for quantity, value in gap["rmse"].items()]
+        values = [f"{gap['misfit']:.2f} ({low:.2f} to {high:.2f})", ", ".join(errors)]
+        rows.append({"name": name, "values": [*values, f"{gap['log_predictive_density_per_row']:.2f}"]})
+    conditions = held["conditions"]
+    kept = conditions if isinstance(conditions, str) else ", ".join(conditions)
+    return {
+        "gap_heading": f"Kept out of every fit: {kept}",
+        "gap_columns": ["Misfit (noise sd, floor 1)", "RMSE", "Log predictive density per row"],
+        "gaps": rows,
+    }
+
+
+def _rmse(quantity: str, value: float) -> str:
+    scale, unit = {
+        "pressure": (1 / units.MMHG, "mmHg"),
+        "flow": (1 / units.ML_PER_MIN, "mL/min"),
+        "perfusion": (1 / units.MBF_PER_MIN_PER_G, "mL/min/g"),
+        "volume": (1.0, "mL"),
+    }.get(quantity, (1.0, ""))
+    return f"{quantity} {value * scale:.3g} {unit}".strip()
+
+
+def _pair_gaps(answer: dict) -> dict:
+    columns = {
+        "before": "As it is",
+        "recalibration_alone": "Recalibrated",
+        "after": "With the named effects",
+        "flexible": "Gaussian process",
+    }
+    rows = [
+        {
+            "name": f"{branch['branch'].upper()}, {branch['place']}",
+            "values": [f"{branch['ffr_rmse'][k]:.4f}" for k in columns],
+        }
+        for branch in answer["held_out"]["branches"]
+    ]
+    return {
+        "gap_heading": "Error of FFR, root mean square, held-out samples",
+        "gap_columns": list(columns.values()),
+        "gaps": rows,
+    }
+
+
+def _embedded(path: str) -> str:
+    return "data:image/png;base64," + base64.b64encode(Path(path).read_bytes()).decode()
