@@ -155,8 +155,8 @@ class Engine:
     ) -> Result:
         """Run a batch and measure its last cycle.
 
-        changes: "BLOCK.parameter" → (n,) or scalar, of a waveform (n, points) on an even grid over the cycle, ends included; what it
-        does not name keeps the network's value.
+        changes: "BLOCK.parameter" → (n,) or scalar, of a waveform (n, points) on an even grid over the cycle, both ends
+        included; what it does not name keeps the network's value.
         quantities, waveforms: see `zerod.quantities`. periodic: go on until a sample's cycle error is below
         `tolerance`, at most `cycles` (default 100) of them, by Anderson acceleration unless `accelerate` is false;
         otherwise march exactly `cycles` (default: the network's). start: (unknowns,) or (n, unknowns), a
