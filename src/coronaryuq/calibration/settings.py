@@ -14,12 +14,14 @@ class Settings(BaseModel):
     spread: float = Field(
         0.5, gt=0, le=1, description="Width of the candidates' box, as a fraction of each parameter's range."
     )
-    starts: int = Field(4, ge=1, description="Nelder-Mead searches side by side; eight are one batch of the engine.")
+    starts: int = Field(
+        12, ge=1, description="Nelder-Mead searches side by side; up to sixteen cost the engine as much as one."
+    )
     approach: int = Field(
         6, ge=0, description="Least-squares steps of every start at the beginning of a round; 0 leaves them out."
     )
     approach_cycles: int = Field(6, ge=1, description="Cycles of a run of those steps.")
-    rounds: int = Field(2, ge=1, description="Rounds over the parameter blocks.")
+    rounds: int = Field(3, ge=1, description="Rounds over the parameter blocks.")
     evaluations_per_parameter: int = Field(
         6, ge=2, description="Loop runs that one search may spend, per parameter of its block."
     )
