@@ -249,7 +249,8 @@ def heart_and_pulmonary(block: Block, at: Context, system: Assembly) -> None:
     """Four chambers, four diode valves with inertance and resistance, a pulmonary RC (Sankaran et al. 2012).
 
     Ventricles: P = E(t) (V − V_u). Atria: P = A(t) Emax (V − V_aso) + (1 − A(t)) Kxp (exp(Kxv (V − V_aso)) − 1).
-    A valve is shut when the pressure across it is adverse and no flow passes; then its flow is nought.
+    A valve is shut when the pressure across it is adverse and no flow passes; then its flow is nought. An extension of
+    svZeroDSolver's: the aortic valve leaks Gao_leak (P_ao − P_lv), shut or open; nought unless the network gives it.
     """
     e = block.equations
     (p_ra, q_return, p_ao, q_ao, v_ra, q_ra, p_rv, v_rv, q_rv, p_pul, p_la, v_la, q_la, p_lv, v_lv, q_lv) = (
@@ -277,6 +278,10 @@ def heart_and_pulmonary(block: Block, at: Context, system: Assembly) -> None:
         system.F_time(equation, v, -scale, elastance)
         system.c_time(equation, scale * unstressed, elastance)
 
+    leak = of("Gao_leak")
+    for equation, sign in ((e[1], 1.0), (e[12], -1.0)):
+        system.F(equation, p_ao, sign * leak)
+        system.F(equation, p_lv, -sign * leak)
     system.E(e[1], p_ao, of("Cpa"))
     system.F(e[1], q_ao, 1.0)
     system.F_valve(e[1], q_lv, -1.0, aortic)

@@ -65,5 +65,11 @@ _HEART = _scalars(
     "Kxp_ra Kxv_ra Kxp_la Kxv_la Emax_ra Emax_la Vaso_ra Vaso_la"
 )
 CLOSED_LOOP: dict[str, Parameters] = {
-    "ClosedLoopHeartAndPulmonary": {"Tsa": _POSITIVE, "tpwave": _POSITIVE, **_HEART, "Rpd": _POSITIVE}
+    "ClosedLoopHeartAndPulmonary": {
+        "Tsa": _POSITIVE,
+        "tpwave": _POSITIVE,
+        **_HEART,
+        "Rpd": _POSITIVE,
+        "Gao_leak": _OPTIONAL,  # ours: svZeroDSolver's aortic valve has no leak
+    }
 }

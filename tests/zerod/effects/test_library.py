@@ -11,7 +11,7 @@ from coronaryuq.zerod.effects.base import Series, Situation
 from coronaryuq.zerod.effects.library import LIBRARY, effect
 from coronaryuq.zerod.engine import Engine
 
-NETWORK_SIDE = [one for one in LIBRARY if one.side == "network" and one.name != "aortic_stenosis"]
+NETWORK_SIDE = [one for one in LIBRARY if one.side == "network" and not one.name.startswith("aortic")]
 
 
 def anatomy_of(network):

@@ -11,7 +11,7 @@ from coronaryuq.zerod.effects.perfusion import RenkinCrone, RotatedTerritories, 
 from coronaryuq.zerod.effects.sensors import FlowGain, PressureDelay, PressureGain, PressureOffset
 from coronaryuq.zerod.effects.stenosis import QuadraticStenosis
 from coronaryuq.zerod.effects.storage import EpicardialCompliance, Inertance
-from coronaryuq.zerod.effects.valve import AorticStenosis
+from coronaryuq.zerod.effects.valve import AorticRegurgitation, AorticStenosis
 from coronaryuq.zerod.effects.viscosity import Haematocrit
 
 LIBRARY: tuple[Effect, ...] = (
@@ -31,6 +31,7 @@ LIBRARY: tuple[Effect, ...] = (
     BifurcationLoss(),
     Haematocrit(),
     AorticStenosis(),
+    AorticRegurgitation(),
     RenkinCrone(),
     ShiftedTerritories(),
     RotatedTerritories(),
