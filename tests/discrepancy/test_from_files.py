@@ -15,10 +15,12 @@ from coronaryuq.discrepancy.conditions import Condition, read_conditions, under
 from coronaryuq.discrepancy.model import read_problem
 from coronaryuq.discrepancy.openloop import left_coronary
 from coronaryuq.discrepancy.pairs import LAWS, discover_pairs, predict
+from coronaryuq.discrepancy.recordings import prepare
 from coronaryuq.discrepancy.repair import repaired_conditions, repaired_network
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.tables import Branch
 from coronaryuq.errors import InputError
+from coronaryuq.units import MMHG
 from coronaryuq.zerod.effects.library import effect
 
 
@@ -204,3 +206,117 @@ def test_wilson_interval_of_a_textbook_case():
     """9 of 10: 0.596 to 0.982 (Agresti & Coull 1998, formula 4)."""
     found = wilson(9, 10)
     assert (found["low"], found["high"]) == pytest.approx((0.5958, 0.9821), abs=2e-4)
+
+
+def read_again(folder, tmp_path, change):
+    table = change(pd.read_csv(folder / "measurements.csv"))
+    if isinstance(table, pd.DataFrame):
+        table = table.to_csv(index=False)
+    (tmp_path / "measurements.csv").write_text(table)
+    conditions = read_conditions(folder / "conditions.yaml")
+    network = files.read_json(folder / "model.json")
+    return read_problem(network, tmp_path / "measurements.csv", conditions, "c", Settings())
+
+
+def in_mmhg(table):
+    pressure = table.quantity == "pressure"
+    for column in ("value", "sd"):
+        table[column] = np.where(pressure, table[column] / MMHG, table[column])
+    return table.assign(unit=np.where(pressure, "MMHG ", table.unit.str.replace("mL", "ml")))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda t: t[t.columns[::-1]].assign(comment="seen"),
+        in_mmhg,
+        lambda t: t.to_csv(index=False).replace(",", ", "),
+        lambda t: t.to_csv(index=False) + "\n,,,,,,,\n",
+        lambda t: t.sample(frac=1.0, random_state=1),
+    ],
+    ids=["columns in another order", "other units", "blanks", "empty rows", "rows in another order"],
+)
+def test_the_same_measurements_written_otherwise(hidden_stenosis, tmp_path, change):
+    problem = read_again(hidden_stenosis[0], tmp_path, change)
+    plain = read_again(hidden_stenosis[0], tmp_path, lambda t: t)
+    same = [
+        next(
+            s
+            for s in problem.forward.measured
+            if (s.condition, s.location, s.quantity) == (o.condition, o.location, o.quantity)
+        )
+        for o in plain.forward.measured
+    ]
+    assert np.concatenate([s.value for s in same]) == pytest.approx(plain.y)
+    assert np.concatenate([s.sd for s in same]) == pytest.approx(np.concatenate([s.sd for s in plain.forward.measured]))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda t: t.assign(time=1000.0 * t.time), "give one beat, times in s"),
+        (lambda t: t.astype({"value": object}).replace({"value": {t.value[7]: "12,5"}}), "line 9: value"),
+        (lambda t: t.drop(columns="sd"), "sd: column missing"),
+        (lambda t: t.assign(sd=-t.sd), "line 2: sd"),
+        (lambda t: t.replace("hyperaemia", "hyperemia"), "not in the conditions file; know rest, hyperaemia"),
+        (lambda t: t.replace("mean", "average"), "statistic"),
+        (lambda t: t[:0], "holds no measurement"),
+        (lambda t: pd.concat([t, t[t.statistic == "mean"]]), "given more than once"),
+    ],
+    ids=[
+        "milliseconds",
+        "decimal comma",
+        "no sd column",
+        "negative sd",
+        "unknown condition",
+        "statistic",
+        "empty",
+        "twice",
+    ],
+)
+def test_bad_tables_get_one_line(hidden_stenosis, tmp_path, change, said):
+    assert said in spoiled(hidden_stenosis[0], tmp_path, change)
+
+
+def test_every_measured_condition_held_out(hidden_stenosis, tmp_path):
+    folder = hidden_stenosis[0]
+    content = yaml.safe_load((folder / "conditions.yaml").read_text())
+    (tmp_path / "c.yaml").write_text(
+        yaml.safe_dump({name: {**(keys or {}), "held_out": True} for name, keys in content.items()})
+    )
+    paths = ("--model", folder / "model.json", "--measurements", folder / "measurements.csv")
+    with pytest.raises(InputError, match="leave one to fit"):
+        command.main(arguments(*paths, "--conditions", tmp_path / "c.yaml", "--out", tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
+
+
+def recording(folder, name, flow, count=80, period=0.6):
+    phase = np.linspace(0.0, 1.0, count)
+    frame = {"t abs [s]": 3.0 + period * phase, "AoP [mmHg]": 80 + 20 * np.sin(2 * np.pi * phase)}
+    frame |= {
+        "LVP [mmHg]": 50 + 50 * np.sin(2 * np.pi * phase),
+        "LAD Flow [ml/s]": flow * (1 + 0.2 * np.cos(2 * np.pi * phase)),
+    }
+    pd.DataFrame(frame).to_csv(folder / f"{name}.csv", index=False)
+
+
+@pytest.mark.parametrize(("flow", "unit"), [(30.0, "mL/min"), (0.5, "mL/s")])
+def test_recordings_of_an_animal_become_a_case(tmp_path, flow, unit):
+    for name in ("X1_rest", "X1_baseline", "X1_rest_dob", "X10_baseline"):
+        recording(tmp_path, name, flow)
+    (tmp_path / "X1_microsphere.csv").write_text("baseline [ml/min/g]\n1.0\n")
+    prepare(tmp_path, "X1", tmp_path / "case")
+    conditions = read_conditions(tmp_path / "case" / "conditions.yaml")
+    assert list(conditions) == ["baseline", "rest", "rest_dob"]
+    assert [name for name, c in conditions.items() if c.held_out] == ["rest_dob"]
+    table = pd.read_csv(tmp_path / "case" / "measurements.csv")
+    assert set(table.unit) == {unit}
+    network = files.read_json(tmp_path / "case" / "model.json")
+    read_problem(network, tmp_path / "case" / "measurements.csv", conditions, "c", Settings())
+
+
+def test_recordings_of_one_condition_are_too_few(tmp_path):
+    recording(tmp_path, "X1_baseline", 30.0)
+    with pytest.raises(InputError, match="X1_CONDITION.csv of two conditions"):
+        prepare(tmp_path, "X1", tmp_path / "case")
+    assert not (tmp_path / "case").exists()

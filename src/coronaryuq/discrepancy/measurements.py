@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from coronaryuq import units
 from coronaryuq.errors import InputError
@@ -24,6 +25,8 @@ LEAST_POINTS = 8
 """Fewest points of a waveform; with fewer its phase cannot be told."""
 WIDEST_GAP = 0.25
 """Widest gap of a waveform over the period; a wider one leaves part of the cycle unmeasured."""
+LONGEST = 1.5
+"""Longest waveform in cycles: beyond it the times are those of many beats, or not in s."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +44,7 @@ def read_measurements(path: str | Path, conditions, locations: dict[str, list[st
     Raises `InputError` for an unknown condition, quantity, location, statistic or unit, a missing or non-positive
     sd, and a waveform that does not cover a cycle.
     """
-    frame = read_csv(path, COLUMNS)
-    if frame.empty:
-        raise InputError(path, None, None, "holds no measurement")
+    frame = _table(path)
     for number, row in enumerate(frame.itertuples(index=False), start=2):
         _check_row(path, number, row, conditions, locations)
     found = []
@@ -60,6 +61,40 @@ def read_measurements(path: str | Path, conditions, locations: dict[str, list[st
             raise InputError(path, "/".join(key), len(rows), "given more than once; keep one row")
         found.append(Measured(condition, quantity, location, statistic, time, periods[condition], value, sd))
     return found
+
+
+def _table(path: str | Path) -> pd.DataFrame:
+    """The table with words trimmed, numbers as numbers where they are, and units in this project's spelling."""
+    frame = read_csv(path)
+    frame.columns = [str(name).strip() for name in frame.columns]
+    for column in COLUMNS:
+        if column not in frame.columns:
+            raise InputError(path, column, None, f"column missing; the file has {', '.join(frame.columns)}")
+    frame = frame[list(COLUMNS)].dropna(how="all")
+    if frame.empty:
+        raise InputError(path, None, None, "holds no measurement")
+    for column in ("condition", "quantity", "location", "statistic", "unit"):
+        frame[column] = ["" if pd.isna(cell) else str(cell).strip() for cell in frame[column]]
+    for column in ("time", "value", "sd"):
+        numbers = pd.to_numeric(frame[column], errors="coerce")
+        frame[column] = (
+            numbers if numbers.notna().equals(frame[column].notna()) else numbers.combine_first(frame[column])
+        )
+    frame["unit"] = [
+        _spelled(unit, UNITS.get(quantity, {})) for unit, quantity in zip(frame["unit"], frame["quantity"], strict=True)
+    ]
+    return frame
+
+
+def _spelled(unit: str, known: dict[str, float]) -> str:
+    """A unit as the table of units writes it: case, blanks, carets and a missing unit of a ratio do not matter."""
+
+    def plain(text):
+        return text.lower().replace(" ", "").replace("^", "").replace("·", "").replace("dyne", "dyn")
+
+    if not unit and "1" in known:
+        return "1"
+    return next((name for name in known if plain(name) == plain(unit)), unit)
 
 
 def _check_row(path, number: int, row, conditions, locations) -> None:
@@ -94,6 +129,9 @@ def _check_waveform(path, key, time: np.ndarray, period: float) -> None:
     where = "/".join(map(str, key))
     if len(time) < LEAST_POINTS:
         raise InputError(path, where, len(time), f"a waveform needs at least {LEAST_POINTS} points over the cycle")
+    if np.ptp(time) > LONGEST * period:
+        remedy = f"times span {np.ptp(time) / period:.3g} cycles of {period:.4g} s; give one beat, times in s"
+        raise InputError(path, where, float(np.ptp(time)), remedy)
     phase = np.sort(time % period)
     gap = float(max(np.diff(phase, append=phase[0] + period)) / period)
     if gap > WIDEST_GAP:
