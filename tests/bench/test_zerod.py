@@ -1,0 +1,53 @@
+"""Benchmark of the 0D engine: its fixed keys, with and without the shared data."""
+
+import json
+
+import pytest
+
+from coronaryuq.bench import zerod
+from coronaryuq.bench.coronary_tree import made_loop
+from coronaryuq.case.graph import graph_of
+from coronaryuq.cli import main
+from coronaryuq.zerod import svzerod
+from coronaryuq.zerod.engine import Engine
+
+KEYS = {
+    *("network", "vessels", "unknowns", "samples", "steps_per_cycle", "cycles", "cpu_s_per_sample", "newton_per_step"),
+    *("cpu_s_per_sample_periodic", "cycles_periodic", "cycle_error", "compile_s", "peak_rss_mb"),
+    *("svzerod_cpu_s_per_sample", "ratio_vs_svzerod", "max_rel_diff_svzerod"),
+}
+
+
+def test_the_made_up_loop_is_a_circulation_of_the_real_one_s_size():
+    network = made_loop()
+    graph = graph_of(network, "made-up loop")
+    assert len(network["vessels"]) == 50
+    assert sum("Coronary" in kind for kind in graph.types.values()) == 22
+    assert sum(v["zero_d_element_values"]["stenosis_coefficient"] > 0 for v in network["vessels"]) == 3
+    pressure = "mean_pressure:J_heart_outlet:aorta"
+    result = Engine(network).run(quantities=[pressure], cycles=12, steps_per_cycle=200)
+    assert result.ok[0] and 40 < result.values[pressure][0] / 1333.22 < 180
+
+
+@pytest.mark.parametrize("shared_data", [True, False])
+def test_the_benchmark_has_the_fixed_keys(monkeypatch, tmp_path, request, shared_data):
+    if shared_data:
+        request.getfixturevalue("shared")
+    else:
+        monkeypatch.setattr(zerod, "_SHARED", tmp_path)
+    told = zerod.run(quick=True, samples=17, steps=400, cycles=1)
+    assert told.keys() >= KEYS
+    assert told["network"].startswith("closed-loop-22" if shared_data else "made-up")
+    assert told["failed"] == told["failed_periodic"] == 0
+    assert told["samples"] == 17 and told["vessels"] == (49 if shared_data else 50)
+    assert 1.0 < told["newton_per_step"] < 30.0 and told["cycle_error"] < 1e-4
+
+
+def test_the_command_prints_one_json_object_without_the_shared_data(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(zerod, "_SHARED", tmp_path)
+    monkeypatch.setattr(svzerod, "installed", lambda: None)
+    assert main(["bench", "zerod", "--quick", "--json"]) == 0
+    (line,) = capsys.readouterr().out.strip().splitlines()
+    told = json.loads(line)
+    assert told["benchmark"] == "zerod" and told["quick"] is True and told["svzerod_cpu_s_per_sample"] is None
+    assert told["network"].startswith("made-up") and told["failed"] == 0
