@@ -11,6 +11,7 @@ from coronaryuq.estimation.control_variates import METHODS, Seen
 from coronaryuq.estimation.crossfit import Propagated, combine
 from coronaryuq.estimation.diagnostics import unverified
 from coronaryuq.estimation.folds import assign, count
+from coronaryuq.estimation.influence import CENTRE, Influence, changes
 from coronaryuq.estimation.runs import Row, Runs, pair, read_rows, read_runs
 from coronaryuq.seeds import generator
 
@@ -30,8 +31,9 @@ def run(
     """Cells as in the list of benchmarks. `coverage_95_error` is the binomial standard error of the coverage.
 
     Analytic pairs draw everything anew in each trial, 2,000 propagation samples among it. With `data`, pilots are drawn
-    from the published runs without replacement and the truth is the mean of all runs; the claimed variance carries the
-    factor 1 − N_3D / N of a finite population. `quick`: linear methods, 25 and 50 runs, 400 trials.
+    from the published runs without replacement; the runs left over are the propagation samples, and the mean of their
+    3D outputs, which nothing has seen, is the truth. Pilot and rest differ with the variance var (1 / N_3D + 1 / rest),
+    so claimed variances carry the factor N / rest. `quick`: linear methods, 25 and 50 runs, 400 trials.
     """
     sizes = sizes or ((25, 50) if quick else SIZES)
     methods = methods or (("MC", "MFMC") if quick else tuple(CONTROL_VARIATES))
@@ -56,11 +58,11 @@ def cell(name: str, draw, n: int, method: str, trials: int) -> dict:
     """One problem, pilot size and method: `draw(n, trial)` gives what a trial sees."""
     means, stds, holds = np.empty(trials), np.empty(trials), np.empty(trials, dtype=bool)
     for trial in range(trials):
-        seen, y, more, truth, finite = draw(n, trial)
+        seen, y, more, truth, factor = draw(n, trial)
         fold = assign(n, count(n, FOLDS), SEED, "coverage", trial)
-        estimate = cross_fitted(seen, y, more, fold, CONTROL_VARIATES[method], finite)
-        means[trial], stds[trial] = estimate.mean - truth, estimate.std * finite
-        centre, half = estimate.mean, estimate.interval.half_width * finite
+        estimate = cross_fitted(seen, y, more, fold, CONTROL_VARIATES[method], known=factor > 1)
+        means[trial], stds[trial] = estimate.mean - truth, estimate.std * factor
+        centre, half = estimate.mean, estimate.interval.half_width * factor
         holds[trial] = abs(centre - truth) <= half
     empirical = means.std(ddof=1)
     return {
@@ -74,19 +76,21 @@ def cell(name: str, draw, n: int, method: str, trials: int) -> dict:
     }  # fmt: skip
 
 
-def cross_fitted(seen: Seen, y, more: Seen | list[Seen], fold, fit, finite: float):
-    """Cross-fitted estimate of one trial; a finite population knows the exact mean of a control variate."""
-    k = int(fold.max()) + 1
-    held, blocks = np.empty(len(y)), []
+def cross_fitted(seen: Seen, y, more: Seen, fold, fit, known: bool):
+    """Cross-fitted estimate of one trial; `known`: `more` is all there is, so a control variate's mean is exact."""
+    n, k = len(y), int(fold.max()) + 1
+    held, moved, blocks, centres = np.empty(n), np.zeros((n, n)), [], []
     for j in range(k):
-        train, test = fold != j, fold == j
+        train, test = np.flatnonzero(fold != j), np.flatnonzero(fold == j)
         fitted = fit(seen[train], y[train])
         held[test] = fitted.predict(seen[test])
-        if finite < 1:
-            blocks.append(Propagated(np.full(2, fitted.predict(more).mean())))
-        else:
-            blocks.append(Propagated(fitted.predict(more[np.arange(len(more)) % k == j])))
-    return combine("", y, held, blocks, fold, len(y), beta=1.0 if finite < 1 else None)
+        moved[test] = changes(fitted, seen[test], train, n)
+        mine = more if known else more[np.arange(len(more)) % k == j]
+        values = fitted.predict(mine)
+        blocks.append(Propagated(np.full(2, values.mean()) if known else values))
+        centres.append(changes(fitted, mine[: 8 * CENTRE], train, n))
+    between = Influence(fold, moved, centres, [np.ones(len(c)) for c in centres]).between()
+    return combine("", y, held, blocks, fold, n, beta=1.0 if known else None, between=between)
 
 
 def _from_pair(problem: Pair):
@@ -110,7 +114,9 @@ def _from_runs(runs: Runs, row: Row):
     everything = Seen(np.log(runs.theta), q, outputs)
 
     def draw(n, trial):
-        index = generator(SEED, "coverage", "runs", n, trial).permutation(len(y))[:n]
-        return everything[index], y[index], everything, float(y.mean()), float(np.sqrt(1 - n / len(y)))
+        order = generator(SEED, "coverage", "runs", n, trial).permutation(len(y))
+        index, rest = order[:n], order[n:]
+        factor = float(np.sqrt(len(y) / len(rest)))
+        return everything[index], y[index], everything[rest], float(y[rest].mean()), factor
 
     return f"row {row.name}", draw

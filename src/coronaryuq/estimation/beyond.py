@@ -6,11 +6,11 @@ variate, so the argument of `crossfit` holds for it as it stands.
 
 import numpy as np
 from scipy.stats import norm
-from scipy.stats import t as student
 
 from coronaryuq.estimation.crossfit import Estimate, Propagated, combine
 from coronaryuq.estimation.design import WEIGHTS, Design
 from coronaryuq.estimation.estimators import Predictions
+from coronaryuq.estimation.influence import Between
 from coronaryuq.estimation.montecarlo import Interval
 from coronaryuq.estimation.runs import Row, pair
 from coronaryuq.estimation.settings import Settings
@@ -63,15 +63,14 @@ def quantile(design: Design, y: np.ndarray, made: Predictions, share: float, lev
 
 def variance(design: Design, y: np.ndarray, made: Predictions, level: float = 0.95):
     """Variance of Y: (value, std, interval); the interval is symmetric for its logarithm."""
-    centre = combine(
-        "", y, made.held, _blocks(design, made, lambda v: v), design.fold, len(y), level
-    ).mean  # fmt: skip
+    centre = combine("", y, made.held, _blocks(design, made, lambda v: v), design.fold, len(y), level).mean
+    between = _between(made, 2 * (made.held - centre), [2 * (v - centre) for v in made.raw])
     squares = combine(
         "", (y - centre) ** 2, (made.held - centre) ** 2, _blocks(design, made, lambda v: (v - centre) ** 2),
-        design.fold, len(y), level,
+        design.fold, len(y), level, between=between,
     )  # fmt: skip
     value = max(squares.mean, 1e-3 * float(np.var(y)))
-    factor = float(np.exp(student.ppf((1 + level) / 2, len(y) - 1) * squares.std / value))
+    factor = float(np.exp(squares.interval.half_width / value))
     return value, squares.std, Interval(value / factor, value * factor, level)
 
 
@@ -147,7 +146,13 @@ def _probability(design: Design, y, made: Predictions, threshold: float, level: 
         for b, v, w in zip(design.blocks, made.raw, per_fold, strict=True)
     ]
     held = norm.cdf((threshold - made.held) / wide)
-    return combine("", (y <= threshold).astype(float), held, blocks, design.fold, len(y), level)
+    steep = [-norm.pdf((threshold - v) / w) / w for v, w in zip(made.raw, per_fold, strict=True)]
+    between = _between(made, -norm.pdf((threshold - made.held) / wide) / wide, steep)
+    return combine("", (y <= threshold).astype(float), held, blocks, design.fold, len(y), level, between=between)
+
+
+def _between(made: Predictions, slope: np.ndarray, slopes: list[np.ndarray]) -> Between:
+    return made.influence.between(slope, [s[: len(w)] for s, w in zip(slopes, made.influence.weights, strict=True)])
 
 
 def _blocks(design: Design, made: Predictions, of) -> list[Propagated]:

@@ -3,7 +3,7 @@ predict.
 
 A method is `fit(seen, y) -> Fitted`; `Fitted.predict(seen)` gives the control variate, `Fitted.leave_one_out` (n,)
 what it misses at its own training runs when each is left out, from which a choice among methods is made within a
-training set.
+training set, `Fitted.influence(seen)` (m, n) how much of each prediction goes when a training run is left out.
 """
 
 from collections.abc import Callable
@@ -38,6 +38,7 @@ class Fitted:
     method: str
     predict: Callable[[Seen], np.ndarray]
     leave_one_out: np.ndarray
+    influence: Callable[[Seen], np.ndarray]
 
     @property
     def missed(self) -> float:
@@ -50,7 +51,10 @@ Method = Callable[[Seen, np.ndarray], Fitted]
 
 def constant(seen: Seen, y: np.ndarray) -> Fitted:
     """No control variate at all: plain Monte Carlo."""
-    return Fitted("constant", lambda new: np.full(len(new), y.mean()), (y - y.mean()) * len(y) / (len(y) - 1))
+    missed = (y - y.mean()) * len(y) / (len(y) - 1)
+    return Fitted(
+        "constant", lambda new: np.full(len(new), y.mean()), missed, lambda new: np.tile(missed / len(y), (len(new), 1))
+    )
 
 
 def linear(name: str, columns: Callable[[Seen], np.ndarray]) -> Method:
@@ -63,7 +67,11 @@ def linear(name: str, columns: Callable[[Seen], np.ndarray]) -> Method:
         u, inverse = u[:, kept], (vt[kept].T / s[kept])
         coefficients = inverse @ (u.T @ y)
         hat = np.minimum((u**2).sum(axis=1), 1 - 1e-9)
-        return Fitted(name, lambda new: back(columns(new)) @ coefficients, (y - u @ (u.T @ y)) / (1 - hat))
+        missed = (y - u @ (u.T @ y)) / (1 - hat)
+        return Fitted(
+            name, lambda new: back(columns(new)) @ coefficients, missed,
+            lambda new: back(columns(new)) @ inverse @ u.T * missed,
+        )  # fmt: skip
 
     return fit
 
@@ -73,7 +81,10 @@ def process(name: str, columns: Callable[[Seen], np.ndarray], directions: int = 
 
     def fit(seen: Seen, y: np.ndarray) -> Fitted:
         model = gaussian_process.fit(columns(seen), y, directions, evaluations)
-        return Fitted(name, lambda new: model.predict(columns(new)), model.leave_one_out)
+        return Fitted(
+            name, lambda new: model.predict(columns(new)), model.leave_one_out,
+            lambda new: model.influence(columns(new)),
+        )  # fmt: skip
 
     return fit
 

@@ -6,8 +6,9 @@ With folds k of n_k runs, g_k fitted without fold k, and a block B_k of propagat
     estimate = Σ_k n_k / n · [ mean_{i in k} (y_i − β g_k(θ_i)) + β mean_{j in B_k} g_k(θ_j) ]
 
 is unbiased whatever g_k is, because g_k knows neither the runs of fold k nor the samples of B_k. Its variance is
-estimated by var(residuals) / n + β² Σ_k (n_k / n)² var(g_k on B_k) / |B_k|. Each propagation sample serves one fold
-only, which costs nothing: K blocks of M / K samples have together the variance of M samples.
+estimated by var(residuals) / n + β² C + β² Σ_k (n_k / n)² var(g_k on B_k) / |B_k| with the covariance C between folds
+that module `influence` finds. Each propagation sample serves one fold only, which costs nothing: K blocks of M / K
+samples have together the variance of M samples.
 """
 
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.stats import t as student
 
+from coronaryuq.estimation.influence import Between
 from coronaryuq.estimation.montecarlo import Interval, correlation
 
 
@@ -52,12 +54,18 @@ class Estimate:
 def combine(
     method: str, y: np.ndarray, held_out: np.ndarray, blocks: list[Propagated], fold: np.ndarray,
     n_0d: int, level: float = 0.95, beta: float | None = None, weights: np.ndarray | None = None,
+    between: Between | None = None,
 ) -> Estimate:  # fmt: skip
     """Cross-fitted estimate from y (n,), held-out g (n,), blocks of propagation values in fold order, fold (n,).
 
     beta None takes the value that minimises the variance for a g that is the conditional mean of y: it depends on g
     alone, not on y. weights (n,), mean one, correct a pilot whose inputs are not distributed as the propagation
-    samples.
+    samples. between: what folds have in common, for a g whose fit has more than a few parameters.
+
+    The interval is Student's t. Its variance carries the covariance between folds half way to its bound, because the
+    refit of hyper-parameters is not in it; its degrees of freedom follow from the fourth moment of the residuals, with
+    what each run adds through the others' g (Satterthwaite 1946), because the variance of long-tailed residuals is
+    known less well than that of a normal sample.
     """
     n = len(y)
     weights = np.ones(n) if weights is None else weights
@@ -73,12 +81,29 @@ def combine(
     mean += beta * float(sum(s * b.values.mean() for s, b in zip(share, blocks, strict=True)))
     centred = residuals - np.average(residuals, weights=weights)
     from_residuals = float(np.sum((weights * centred) ** 2) / weights.sum() ** 2 * n / (n - 1))
-    std = (from_residuals + beta**2 * float(from_blocks)) ** 0.5
-    half = float(student.ppf((1 + level) / 2, n - 1)) * std
+    from_blocks = beta**2 * float(from_blocks)
+    values, bound = weights * centred, from_residuals
+    if between is not None:
+        values = values - beta * between.indirect
+        bound += beta**2 * max(between.covariance, (between.covariance + between.bound) / 2)
+        from_residuals += beta**2 * between.covariance
+    std = (from_residuals + from_blocks) ** 0.5
+    half = _quantile(values, bound, from_blocks, level) * (bound + from_blocks) ** 0.5
     total = np.var(y)
     return Estimate(
         method, mean, std, correlation(y, held_out), n, n_0d, sum(len(b.values) * b.integrated for b in blocks), beta,
         float(np.var(y - held_out) / total) if total > 0 else 0.0,
         Interval(mean - half, mean + half, level), residual_variance=from_residuals,
-        propagation_variance=beta**2 * float(from_blocks), residuals=residuals,
+        propagation_variance=from_blocks, residuals=residuals,
     )  # fmt: skip
+
+
+def _quantile(values: np.ndarray, from_values: float, rest: float, level: float) -> float:
+    """Student's two-sided quantile for a variance of which a part comes from `values` (n,), the rest is known well."""
+    n = len(values)
+    spread = np.var(values)
+    if spread == 0 or from_values == 0:
+        return float(student.ppf((1 + level) / 2, n - 1))
+    kurtosis = np.mean((values - values.mean()) ** 4) / spread**2
+    freedom = min(n - 1, max(2.0, 2 * n / max(kurtosis - 1, 1e-9)))
+    return float(student.ppf((1 + level) / 2, freedom * ((from_values + rest) / from_values) ** 2))

@@ -29,6 +29,10 @@ class Block:
             return values
         return values.reshape(-1, self.repeats) @ (WEIGHTS / 2)
 
+    def weights(self, samples: int) -> np.ndarray:
+        """Weights of the first `samples` propagation samples at every value of the integrated input."""
+        return np.ones(samples) if self.repeats == 1 else np.tile(WEIGHTS / 2, samples)
+
 
 @dataclass(frozen=True)
 class Design:

@@ -9,6 +9,7 @@ from coronaryuq.estimation import mfmc_ae, selector
 from coronaryuq.estimation.control_variates import METHODS
 from coronaryuq.estimation.crossfit import Estimate, Propagated, combine
 from coronaryuq.estimation.design import Design
+from coronaryuq.estimation.influence import CENTRE, Influence, changes
 from coronaryuq.estimation.montecarlo import control_coefficient, correlation
 from coronaryuq.estimation.runs import Row, pair
 
@@ -47,26 +48,33 @@ class Predictions:
 
     held (n,): at each pilot run, by the fold that did not see it. raw: per fold, at its propagation samples and the
     nodes of an integrated input (m_k · s,). noise (n,): leave-one-out standard deviation of the fit that made `held`.
-    methods: what the selector took, fold by fold.
+    influence: of pilot runs on them. methods: what the selector took, fold by fold.
     """
 
     held: np.ndarray
     raw: list[np.ndarray]
     noise: np.ndarray
+    influence: Influence
     methods: tuple[str, ...]
 
 
 def predict(design: Design, row: Row, simple: bool = False) -> Predictions:
     """Fit the selector's choice within each training set and predict its held-out runs and propagation samples."""
     y, _ = pair(design.runs, row)
-    held, noise, raw, taken = np.empty(len(y)), np.empty(len(y)), [], []
-    for k in range(len(design.blocks)):
-        fitted = selector.choose(*_of(design.training(row, k), y), simple=simple)
-        seen, index = design.held(row, k)
+    n = len(y)
+    held, noise, raw, taken = np.empty(n), np.empty(n), [], []
+    moved, centres, weights = np.zeros((n, n)), [], []
+    for k, block in enumerate(design.blocks):
+        trained, train = design.training(row, k)
+        fitted = selector.choose(trained, y[train], simple=simple)
+        (seen, index), more = design.held(row, k), design.propagated(row, k)
         held[index], noise[index] = fitted.predict(seen), fitted.missed**0.5
-        raw.append(fitted.predict(design.propagated(row, k)))
+        raw.append(fitted.predict(more))
         taken.append(fitted.method)
-    return Predictions(held, raw, noise, tuple(taken))
+        weights.append(block.weights(min(CENTRE, len(block.index))))
+        moved[index] = changes(fitted, seen, train, n)
+        centres.append(changes(fitted, more[: len(weights[-1])], train, n))
+    return Predictions(held, raw, noise, Influence(design.fold, moved, centres, weights), tuple(taken))
 
 
 def best(design: Design, row: Row, made: Predictions, level: float, weights=None) -> Estimate:
@@ -75,7 +83,8 @@ def best(design: Design, row: Row, made: Predictions, level: float, weights=None
     blocks = [Propagated(b.average(v), b.repeats) for b, v in zip(design.blocks, made.raw, strict=True)]
     counted = Counter(made.methods).most_common()
     name = "best: " + ", ".join(f"{method} {times}/{len(made.methods)}" for method, times in counted)
-    return combine(name, y, made.held, blocks, design.fold, len(y), level, weights=weights)
+    between = made.influence.between(shares=weights)
+    return combine(name, y, made.held, blocks, design.fold, len(y), level, weights=weights, between=between)
 
 
 def autoencoder(

@@ -33,8 +33,8 @@ class GaussianProcess:
 
     r² = Σ_j (x_j − x_j')² / L_j² + Σ_p (w_p · (x − x'))²: the directions w_p let it bend along a sum of inputs, such
     as a total resistance, which no product of single inputs expresses. Inputs and outputs are standardised inside by
-    the training set's moments. `leave_one_out` (n,): y minus the prediction without that point, at the final
-    parameters.
+    the training set's moments. `inverse` (n, n) of the standardised covariance with noise. `leave_one_out` (n,): y
+    minus the prediction without that point, at the final parameters.
     """
 
     x: np.ndarray
@@ -44,12 +44,18 @@ class GaussianProcess:
     parameters: np.ndarray
     mean: float
     spread: float
+    inverse: np.ndarray
     leave_one_out: np.ndarray
 
     def predict(self, x: np.ndarray) -> np.ndarray:
         """Posterior mean (m,) at inputs (m, d)."""
         scaled = (x - self.shift) / self.scale
         return self.mean + self.spread * _times_weights(self.parameters, scaled, self.x, self.weights)
+
+    def influence(self, x: np.ndarray) -> np.ndarray:
+        """Prediction at inputs (m, d) minus the prediction without training point l, (m, n), at the same parameters."""
+        scaled = (x - self.shift) / self.scale
+        return _times_weights(self.parameters, scaled, self.x, self.inverse) * self.leave_one_out
 
 
 def fit(x: np.ndarray, y: np.ndarray, directions: int = 0, evaluations: int = 60) -> GaussianProcess:
@@ -73,11 +79,12 @@ def fit(x: np.ndarray, y: np.ndarray, directions: int = 0, evaluations: int = 60
     k, _, _ = _kernel(parameters, a)
     k[np.diag_indices_from(k)] += np.exp(2 * parameters[d + 2]) + JITTER * (1 + np.exp(2 * parameters[d]))
     factor = cholesky(k, lower=True)
-    diagonal = np.diag(cho_solve((factor, True), np.eye(len(factor))))
+    inverse = cho_solve((factor, True), np.eye(len(factor)))
     weights = cho_solve((factor, True), b)
     # Once more for what rounding left: a smooth function makes the kernel matrix close to singular.
     weights = weights + cho_solve((factor, True), b - k @ weights)
-    return GaussianProcess(a, shift, scale, weights, parameters, mean, spread, spread * weights / diagonal)
+    missed = spread * weights / np.diag(inverse)
+    return GaussianProcess(a, shift, scale, weights, parameters, mean, spread, inverse, missed)
 
 
 def negative_log_posterior(parameters: np.ndarray, a: np.ndarray, b: np.ndarray) -> tuple[float, np.ndarray]:
@@ -144,7 +151,7 @@ def _kernel(parameters, a):
 
 
 def _times_weights(parameters, a, b, weights):
-    """Kernel (n, m) between inputs (n, d) and (m, d), times weights (m,)."""
+    """Kernel (n, m) between inputs (n, d) and (m, d), times weights (m,) or (m, p)."""
     d = a.shape[1]
     signal, linear = np.exp(2 * parameters[d : d + 2])
     metric = _metric(parameters, d)
