@@ -10,7 +10,8 @@ NARROW, WIDE = 5.0, 60.0
 
 
 def cardiac_function(fit: str, output: str) -> None:
-    """One line per target: how far the tuned model is from it in per cent, and both numbers with their unit.
+    """One line per target: how far the tuned model is from it in per cent (an arrowhead: farther than the axis goes),
+    and both numbers with their unit.
 
     Targets of this patient's clinic come first, those of the literature (flow shapes, valve times) below.
     """
@@ -28,7 +29,11 @@ def cardiac_function(fit: str, output: str) -> None:
             (~clinical, MUTED, "taken from the literature"),
         ):
             axis.hlines(y[chosen], 0, shown[chosen], color=colour, lw=1)
-            axis.plot(shown[chosen], y[chosen], "o", color=colour, ms=4, label=label)
+            within = chosen & (off.abs() <= WIDE).to_numpy()
+            axis.plot(shown[within], y[within], "o", color=colour, ms=4, label=label)
+            for beyond, marker in ((off > WIDE, ">"), (off < -WIDE, "<")):
+                there = chosen & beyond.to_numpy()
+                axis.plot(shown[there], y[there], marker, color=colour, ms=6)
         for place, (_, row) in zip(y, table.iterrows(), strict=True):
             unit = "" if row["unit"] == "1" else f" {row['unit']}"
             axis.text(
