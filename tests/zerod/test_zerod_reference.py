@@ -5,7 +5,7 @@ the time scheme of the engine takes part.
 """
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from zerod_networks import HEART, MMHG, boundary, network, vessel
@@ -72,28 +72,63 @@ def _atrial(time, period, tsa, tpwave):
     return 0.0
 
 
-@settings(max_examples=3, deadline=None, derandomize=True)
+_BED = st.fixed_dictionaries(
+    {
+        "side": st.sampled_from(["Left", "Right"]),
+        "Ra": st.floats(5.0, 40.0),
+        "Ram": st.floats(10.0, 60.0),
+        "Rv": st.floats(5.0, 40.0),
+        "Ca": st.floats(2e-4, 2e-3),
+        "Cim": st.floats(2e-3, 1e-2),
+    }
+)
+"""A coronary bed, in mmHg and mL."""
+
+
+_TYPICAL = {"Ra": 9.3, "Ram": 15.1, "Rv": 33.3, "Ca": 5.5e-4, "Cim": 3.7e-3}
+
+
+@settings(max_examples=5, deadline=None, derandomize=True)
+@example(1.0, 1.0, 1.0, [{"side": side, **_TYPICAL} for side in ("Left", "Right")])
 @given(
     elastance=st.floats(0.7, 1.4),
     systemic=st.floats(0.7, 1.4),
     compliance=st.floats(0.7, 1.5),
+    beds=st.lists(_BED, max_size=3),
 )
-def test_a_closed_loop_with_valves(elastance, systemic, compliance):
-    """Heart, pulmonary RC and systemic windkessel: twelve states, each valve a diode with inertance."""
+def test_a_closed_loop_with_valves(elastance, systemic, compliance, beds):
+    """Heart, pulmonary RC, systemic windkessel and any number of coronary beds; each valve a diode with inertance."""
     h = HEART | {"Elv_s": HEART["Elv_s"] * elastance}
     rp, rd, c = 0.13 * MMHG, 1.36 * MMHG * systemic, 0.24 / MMHG * compliance
-    period, steps = 1.0, 4000
+    beds = [
+        {k: v if k == "side" else v / MMHG if k.startswith("C") else v * MMHG for k, v in bed.items()} for bed in beds
+    ]
+    period, steps, count = 1.0, 4000, len(beds)
     loop = network(
-        [vessel(0, "aorta", outlet="SYSTEMIC", R_poiseuille=4.0)],
-        [boundary("SYSTEMIC", "ClosedLoopRCR", Rp=rp, Rd=rd, C=c, closed_loop_outlet=True)],
+        [
+            vessel(0, "aorta", outlet="SYSTEMIC", R_poiseuille=4.0),
+            *(vessel(k + 1, f"artery{k}", outlet=f"BED{k}", R_poiseuille=50.0) for k in range(count)),
+        ],
+        [
+            boundary("SYSTEMIC", "ClosedLoopRCR", Rp=rp, Rd=rd, C=c, closed_loop_outlet=True),
+            *(
+                boundary(f"BED{k}", f"ClosedLoopCoronary{bed['side']}", **{n: v for n, v in bed.items() if n != "side"})
+                for k, bed in enumerate(beds)
+            ),
+        ],
         steps=steps,
         steady_initial=False,
     )
-    heart = {"outlet_blocks": ["aorta"], "closed_loop_type": "ClosedLoopHeartAndPulmonary"}
+    outlets = ["aorta", *(f"artery{k}" for k in range(count))]
+    heart = {"outlet_blocks": outlets, "closed_loop_type": "ClosedLoopHeartAndPulmonary"}
     loop["closed_loop_blocks"] = [{**heart, "cardiac_cycle_period": period, "parameters": h}]
     volumes = {"V_RA:CLH": 38.43, "V_RV:CLH": 96.07, "V_LA:CLH": 38.43, "V_LV:CLH": 96.07}
-    loop["initial_condition"] = {**volumes, "P_pul:CLH": 8.0 * MMHG, "pressure_all": 70.0 * MMHG}
+    stored = {f"volume_im:BED{k}": bed["Cim"] * 70.0 * MMHG for k, bed in enumerate(beds)}
+    loop["initial_condition"] = {**volumes, **stored, "P_pul:CLH": 8.0 * MMHG, "pressure_all": 70.0 * MMHG}
     names = ["pressure:CLH:J_heart_outlet", "V_LV:CLH", "V_LA:CLH", "V_RV:CLH", "P_pul:CLH", "P_c:SYSTEMIC"]
+    places = [9, 3, 2, 1, 8, 10]
+    names += [f"volume_im:BED{k}" for k in range(count)]
+    places += [11 + count + k for k in range(count)]
     result = Engine(loop).run(waveforms=names, cycles=1)
 
     def pressures(time, v_ra, v_rv, v_la, v_lv):
@@ -111,25 +146,37 @@ def test_a_closed_loop_with_valves(elastance, systemic, compliance):
         return rate if q > 0.0 or rate > 0.0 else 0.0
 
     def rates(time, state):
-        v_ra, v_rv, v_la, v_lv, q_ra, q_rv, q_la, q_lv, p_pul, p_ao, p_c = state
+        v_ra, v_rv, v_la, v_lv, q_ra, q_rv, q_la, q_lv, p_pul, p_ao, p_c = state[:11]
         p_ra, p_rv, p_la, p_lv = pressures(time, v_ra, v_rv, v_la, v_lv)
         q_ra, q_rv, q_la, q_lv = (max(q, 0.0) for q in (q_ra, q_rv, q_la, q_lv))
         into = (p_ao - p_c) / (4.0 + rp)
         back = (p_c - p_ra) / rd
+        taken, returned, filled, squeezed = 0.0, back, [], []
+        for bed, p_a, v_im in zip(beds, state[11 : 11 + count], state[11 + count :], strict=True):
+            share, ventricle = (h["iml"], p_lv) if bed["side"] == "Left" else (h["imr"], p_rv)
+            p_im = v_im / bed["Cim"] + share * ventricle
+            artery, middle = (p_ao - p_a) / (50.0 + bed["Ra"]), (p_a - p_im) / bed["Ram"]
+            vein = (p_im - p_ra) / bed["Rv"]
+            filled.append((artery - middle) / bed["Ca"])
+            squeezed.append(middle - vein)
+            taken, returned = taken + artery, returned + vein
         return [
-            *(back - q_ra, q_ra - q_rv, q_rv - q_la, q_la - q_lv),
+            *(returned - q_ra, q_ra - q_rv, q_rv - q_la, q_la - q_lv),
             flow_rate(q_ra, p_ra, p_rv, h["Lra_v"], h["Rra_v"]),
             flow_rate(q_rv, p_rv, p_pul, h["Lrv_a"], h["Rrv_a"]),
             flow_rate(q_la, p_la, p_lv, h["Lla_v"], h["Rla_v"]),
             flow_rate(q_lv, p_lv, p_ao, h["Llv_a"], h["Rlv_ao"]),
             (q_rv - (p_pul - p_la) / h["Rpd"]) / h["Cp"],
-            (q_lv - into) / h["Cpa"],
+            (q_lv - into - taken) / h["Cpa"],
             (into - back) / c,
+            *filled,
+            *squeezed,
         ]
 
     start = [38.43, 96.07, 38.43, 96.07, 0.0, 0.0, 0.0, 0.0, 8.0 * MMHG, 70.0 * MMHG, 70.0 * MMHG]
+    start += [70.0 * MMHG] * count + list(stored.values())
     times = np.linspace(0.0, period, steps + 1)
     exact = solve_ivp(rates, (0.0, period), start, "RK45", rtol=1e-6, atol=1e-6, max_step=1e-3, t_eval=times)
-    for name, place in zip(names, (9, 3, 2, 1, 8, 10), strict=True):
+    for name, place in zip(names, places, strict=True):
         expected, found = exact.y[place], result.waveforms[name][0]
         assert np.abs(found - expected).max() < 5e-3 * np.abs(expected).max(), name
