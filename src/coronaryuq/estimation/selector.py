@@ -7,7 +7,7 @@ from coronaryuq.estimation.control_variates import METHODS, Fitted, Seen
 # Runs below which a regression on so many columns is not tried.
 QUADRATIC_RUNS = 60
 # A direction across inputs adds parameters: it is tried where there are runs to fit it and something left to explain.
-DIRECTION_RUNS, DIRECTION_SHARE = 80, 1e-3
+DIRECTION_RUNS, DIRECTION_SHARE = 80, 1e-4
 # Share of the variance below which nothing better is looked for: it no longer shows in any interval.
 GOOD_ENOUGH = 1e-9
 
