@@ -56,11 +56,15 @@ def _parser() -> argparse.ArgumentParser:
     doctor.add_argument("--environment", action="store_true", help="the Python environment only")
     doctor.set_defaults(run=_doctor)
 
-    from coronaryuq.discrepancy import command
-
-    discrepancy = commands.add_parser("discrepancy", help="find what a model of a case is missing")
-    command.add_arguments(discrepancy)
-    discrepancy.set_defaults(run=command.main)
+    for name, package, told in (
+        ("solve", "zerod", "march one 0D network: svZeroDSolver's input and output"),
+        ("tune", "calibration", "tune a closed loop to a table of clinical targets"),
+        ("discrepancy", "discrepancy", "find what a model of a case is missing"),
+    ):
+        command = importlib.import_module(f"coronaryuq.{package}.command")
+        chosen = commands.add_parser(name, help=told)
+        command.add_arguments(chosen)
+        chosen.set_defaults(run=command.main)
     return parser
 
 

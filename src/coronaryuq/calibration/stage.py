@@ -4,11 +4,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from coronaryuq.calibration.beds import shares
-from coronaryuq.case.network_units import to_cgs
 from coronaryuq.calibration.reserve import Reserve
 from coronaryuq.calibration.settings import Settings
 from coronaryuq.calibration.targets import from_case, read_targets
 from coronaryuq.calibration.tuning import Tuned, tune_loop
+from coronaryuq.case.network_units import to_cgs
 from coronaryuq.errors import InputError
 from coronaryuq.files import read_json, write_csv
 from coronaryuq.zerod.beds import HYPERAEMIA, beds

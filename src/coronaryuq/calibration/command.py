@@ -1,0 +1,33 @@
+"""`coronaryuq tune`: a closed loop and a table of clinical targets in, the tuned loop and its fit out."""
+
+import argparse
+import sys
+
+from coronaryuq.calibration.settings import Settings
+from coronaryuq.calibration.stage import tune_files
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = "Tune a closed 0D loop to clinical targets; write rest.json, hyperaemia.json and two tables."
+    parser.add_argument("network", metavar="NETWORK.json", help="0D network, svZeroDSolver JSON")
+    parser.add_argument("targets", metavar="TARGETS.csv", help="name, description, value (or none)")
+    parser.add_argument("--out", metavar="DIR", required=True, help="folder for results")
+    parser.add_argument("--units", choices=("auto", "cgs", "mmHg"), default="auto", help="pressure unit of the network")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the starts (default 1)")
+    parser.add_argument("--threads", type=int, default=1, help="threads of the 0D engine (default 1)")
+
+
+def main(chosen: argparse.Namespace) -> int:
+    """Run the command, progress on standard error and the fit on standard output; returns the exit code."""
+    tuned = tune_files(
+        chosen.network,
+        chosen.targets,
+        Settings(units=chosen.units),
+        chosen.seed,
+        chosen.out,
+        threads=chosen.threads,
+        report=lambda line: print(line, file=sys.stderr),
+    )
+    columns = ["target", "unit", "measured", "simulated", "relative", "misfit"]
+    print(tuned.fit.loc[tuned.fit["tuned"], columns].to_string(index=False, float_format="%.4g"))
+    return 0

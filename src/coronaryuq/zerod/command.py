@@ -1,0 +1,26 @@
+"""`coronaryuq solve`: one 0D network marched in time, svZeroDSolver's input in, its table out."""
+
+import argparse
+import sys
+
+from coronaryuq.files import write_csv
+from coronaryuq.zerod.network import read_network
+from coronaryuq.zerod.output import simulate
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = "March a 0D network as its simulation_parameters say and write svZeroDSolver's table."
+    parser.add_argument("network", metavar="NETWORK.json", help="0D network, svZeroDSolver JSON")
+    parser.add_argument("table", metavar="TABLE.csv", help="by vessel or by variable, as the network says")
+
+
+def main(chosen: argparse.Namespace) -> int:
+    """Run the command; returns the exit code, 1 where Newton's method does not converge. `InputError` for bad input."""
+    network = read_network(chosen.network)
+    try:
+        table = simulate(network, chosen.network)
+    except RuntimeError as error:
+        print(f"error: {chosen.network}: {error}", file=sys.stderr)
+        return 1
+    write_csv(chosen.table, table)
+    return 0

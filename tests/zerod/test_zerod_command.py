@@ -1,0 +1,42 @@
+"""`coronaryuq solve`: a network in, svZeroDSolver's table out."""
+
+import json
+
+import pandas as pd
+from zerod_networks import bifurcation, network, vessel
+
+from coronaryuq.cli import main
+from coronaryuq.zerod.output import simulate
+
+
+def test_the_table_is_the_one_that_python_gets(tmp_path):
+    (tmp_path / "tree.json").write_text(json.dumps(bifurcation()))
+    assert main(["solve", str(tmp_path / "tree.json"), str(tmp_path / "out.csv")]) == 0
+    pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "out.csv"), simulate(bifurcation()), check_exact=True)
+
+
+def test_what_is_wrong_is_one_line_and_nothing_is_written(tmp_path, capsys):
+    tree = bifurcation()
+    tree["vessels"][1]["zero_d_element_values"]["Rpoiseuille"] = 1.0
+    (tmp_path / "tree.json").write_text(json.dumps(tree))
+    assert main(["solve", str(tmp_path / "tree.json"), str(tmp_path / "out.csv")]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "vessels.left.zero_d_element_values.Rpoiseuille" in said
+    assert not (tmp_path / "out.csv").exists()
+
+
+def test_a_run_that_does_not_converge_says_so(tmp_path, capsys):
+    stiff = network(
+        [vessel(0, "tube", inlet="IN", outlet="OUT", R_poiseuille=1.0, L=1.0, stenosis_coefficient=300.0)],
+        [
+            {"bc_name": "IN", "bc_type": "PRESSURE", "bc_values": {"t": [0.0, 0.5, 1.0], "P": [0.0, 1e5, 0.0]}},
+            {"bc_name": "OUT", "bc_type": "RESISTANCE", "bc_values": {"R": 1.0, "Pd": 0.0}},
+        ],
+        steps=10,
+        maximum_nonlinear_iterations=3,
+        steady_initial=False,
+    )
+    (tmp_path / "tube.json").write_text(json.dumps(stiff))
+    assert main(["solve", str(tmp_path / "tube.json"), str(tmp_path / "out.csv")]) == 1
+    assert "did not converge at step" in capsys.readouterr().err
+    assert not (tmp_path / "out.csv").exists()
