@@ -80,6 +80,16 @@ MISTAKES = {
         {"perfusion": "{file: lv.vtu, array: MBF, unit: mL/min/g, length_unit: mm}"},
         "perfusion.length_unit = 'mm': makes the wall 0.7 cm long; its points look like cm",
     ),
+    "map in another space": (
+        {"perfusion": "{file: lv.vtu, array: MBF, unit: mL/min/g, length_unit: cm, "
+                      "affine: [[1, 0, 0, 20], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}"},
+        "from the outlets that perfuse it: the map is not in the anatomy's space; check the affine",
+    ),
+    "affine to mm": (
+        {"perfusion": "{file: lv.vtu, array: MBF, unit: mL/min/g, length_unit: cm, "
+                      "affine: [[10, 0, 0, 0], [0, 10, 0, 0], [0, 0, 10, 0], [0, 0, 0, 1]]}"},
+        "perfusion.affine: makes the wall 70 cm long; the affine must lead to cm",
+    ),
 }  # fmt: skip
 
 

@@ -184,8 +184,10 @@ def test_an_image_gives_the_walls_volume_flow_and_place(images, wall, tmp_path, 
 
 def test_merging_voxels_keeps_volume_and_flow(images, tmp_path):
     sitk.WriteImage(images[0], str(tmp_path / "map.nrrd"))
-    fine = read(tmp_path, file="map.nrrd", length_unit="mm", threshold=0.5)
-    coarse = read(tmp_path, file="map.nrrd", length_unit="mm", threshold=0.5, most_cells=3000)
+    sitk.WriteImage(images[1], str(tmp_path / "label.nrrd"))
+    label = {"file": "label.nrrd", "values": [1]}
+    fine = read(tmp_path, file="map.nrrd", length_unit="mm", label=label)
+    coarse = read(tmp_path, file="map.nrrd", length_unit="mm", label=label, most_cells=3000)
     assert coarse.mesh.n_cells <= 3000 < fine.mesh.n_cells
     assert coarse.volume == pytest.approx(fine.volume, rel=1e-9)
     assert coarse.flow(TISSUE_DENSITY) == pytest.approx(fine.flow(TISSUE_DENSITY), rel=1e-9)
@@ -250,3 +252,42 @@ def test_a_label_on_another_grid_is_refused(images, tmp_path):
     sitk.WriteImage(images[1][:-2], str(tmp_path / "label.nrrd"))
     with pytest.raises(InputError, match="differs from that of .*map.nrrd; resample it"):
         read(tmp_path, file="map.nrrd", length_unit="mm", label={"file": "label.nrrd", "values": [1]})
+
+
+@pytest.mark.parametrize("suffix", [".nii.gz", ".nrrd"])
+@pytest.mark.parametrize("by", ["label", "threshold"])
+def test_voxels_without_a_value_are_counted_and_filled(images, wall, tmp_path, suffix, by):
+    """Whether a format keeps NaN or its reader turns it into zero; and a threshold leaves no holes where they are."""
+    volume, label = images
+    values, inside = sitk.GetArrayFromImage(volume), sitk.GetArrayFromImage(label).astype(bool)
+    bad = np.random.default_rng(0).choice(np.flatnonzero(inside), 600, replace=False)
+    values.ravel()[bad[:400]], values.ravel()[bad[400:]] = np.nan, -1.0
+    spoilt = sitk.GetImageFromArray(values)
+    spoilt.CopyInformation(volume)
+    sitk.WriteImage(spoilt, str(tmp_path / f"map{suffix}"))
+    sitk.WriteImage(label, str(tmp_path / "label.nrrd"))
+    cut = {"label": {"file": "label.nrrd", "values": [1]}} if by == "label" else {"threshold": 0.5}
+    found = read(tmp_path, file=f"map{suffix}", length_unit="mm", **cut)
+    assert found.flow(TISSUE_DENSITY) == pytest.approx(total_flow(wall), rel=0.015)
+    if by == "label":
+        assert found.notes == (f"400 missing and 200 negative of {inside.sum()} voxels took their nearest valid value",)
+    else:
+        assert found.volume == pytest.approx(Ventricle().wall_volume, rel=0.015)
+
+
+def test_a_threshold_leaves_no_holes_in_a_vtk_map(wall, tmp_path):
+    mesh = wall.copy()
+    values = flow_field(np.asarray(mesh.cell_centers().points))
+    values[np.random.default_rng(0).choice(mesh.n_cells, 60, replace=False)] = np.nan
+    mesh.cell_data["MBF"] = values
+    mesh.save(tmp_path / "map.vtu")
+    found = read(tmp_path, threshold=0.5)
+    assert found.notes == (f"60 missing and 0 negative of {mesh.n_cells} cells took their nearest valid value",)
+    assert found.flow(TISSUE_DENSITY) == pytest.approx(total_flow(wall), rel=1e-3)
+
+
+def test_a_label_mostly_off_the_map_is_refused(images, tmp_path):
+    sitk.WriteImage(images[0], str(tmp_path / "map.nii"))
+    sitk.WriteImage(sitk.BinaryDilate(images[1], [2, 2, 2]), str(tmp_path / "label.nii"))
+    with pytest.raises(InputError, match="more than 20% invalid"):
+        read(tmp_path, file="map.nii", length_unit="mm", label={"file": "label.nii", "values": [1]})

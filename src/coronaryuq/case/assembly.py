@@ -11,7 +11,7 @@ from coronaryuq.case.description import Description, read_description
 from coronaryuq.case.graph import CORONARY, SYSTEMIC, Graph, graph_of
 from coronaryuq.case.network import Bed, Physics, network_from_tree, segments
 from coronaryuq.case.network_units import to_cgs
-from coronaryuq.case.perfusion_map import Wall, read_wall
+from coronaryuq.case.perfusion_map import Wall, check_place, read_wall
 from coronaryuq.case.schematic import radius_from_inertance, schematic_tree
 from coronaryuq.case.settings import Settings
 from coronaryuq.case.tables import OutletRow, read_case_targets, read_outlets, read_territory_flows
@@ -75,6 +75,7 @@ def assemble(case_yaml: str | Path, settings: Settings) -> Case:
     entries = _outlets(rows, placed, tree, graph)
     if description.perfusion is not None:
         wall = read_wall(path, description.perfusion, folder, description.tissue_density, settings.wall_cells)
+        notes += check_place(path, description.perfusion, wall, entries)
     else:
         lv = {row.name: row.bc for row in rows if row.perfuses == "LV"}
         flows = read_territory_flows(path, description.territory_flows, folder, lv, description.tissue_density)

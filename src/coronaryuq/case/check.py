@@ -4,6 +4,7 @@ from collections import Counter
 from pathlib import Path
 
 from coronaryuq.case.assembly import Case, assemble
+from coronaryuq.case.perfusion_map import distances_to_outlets
 from coronaryuq.case.settings import Settings
 from coronaryuq.errors import InputError
 from coronaryuq.units import MBF_PER_MIN_PER_G, ML_PER_MIN
@@ -32,6 +33,9 @@ def _summary(case: Case) -> list[str]:
         f"left ventricle: {wall.mesh.n_cells} cells, {wall.volume:.1f} mL of wall, {flow / ML_PER_MIN:.0f} mL/min, "
         f"{flow / mass / MBF_PER_MIN_PER_G:.2f} mL/min/g on average",
     ]
+    if case.description.perfusion is not None:
+        away = distances_to_outlets(wall, facts["outlets"])
+        lines[-1] += f"; its outlets lie {away.min():.1f} to {away.max():.1f} cm from it"
     for stenosis in facts["stenoses"]:
         ratio, start = stenosis["area_ratio"], stenosis["start"]
         narrowing = "" if ratio is None else f", {1 - ratio:.0%} of the area, {1 - ratio**0.5:.0%} of the diameter"

@@ -82,7 +82,9 @@ class Perfusion(_Model):
         None, gt=0, description="left ventricular wall by value: the largest connected part above it, in `unit`"
     )
     affine: list[list[float]] | None = Field(
-        None, description="4 x 4 matrix from the map's space (in its length unit) to the anatomy's, in cm"
+        None,
+        description="4 x 4 matrix from the map's space (in its length unit; LPS for NIfTI and NRRD) to the anatomy's, "
+        "in cm",
     )
     registration: Registration | None = Field(None, description="compute that matrix from images instead")
 

@@ -22,6 +22,19 @@ class Image:
     matrix: np.ndarray
 
 
+@dataclass(frozen=True)
+class Invalid:
+    """Cells or voxels of the wall without a usable value: missing and negative, out of how many of which kind."""
+
+    missing: int
+    negative: int
+    among: int
+    kind: str
+
+    def __str__(self) -> str:
+        return f"{self.missing} missing and {self.negative} negative of {self.among} {self.kind}"
+
+
 def read_image(path: str | Path, like: Image | None = None, path_like: str | Path = "") -> Image:
     """Read a volume; positions are LPS, as SimpleITK gives them for every format.
 
@@ -54,31 +67,34 @@ def read_image(path: str | Path, like: Image | None = None, path_like: str | Pat
 
 
 def as_cells(file, image: Image, label: np.ndarray | None, threshold: float | None, most_cells: int):
-    """The wall as a pyvista grid of voxels with cell data `value`, in the image's space and length unit.
+    """The wall as a pyvista grid of voxels, and how many of its voxels have a missing and how many a negative value.
 
-    label: (i, j, k) which voxels are wall; threshold: else the largest connected part above it; neither: every finite
-    value above 0. Voxels are merged in blocks of 2 x 2 x 2, 3 x 3 x 3, ... until at most `most_cells` remain; a block
-    has the mean of its wall voxels and is scaled to their volume, so that volume and flow are kept.
+    The grid is in the image's space and length unit, with cell data `value`. Which voxels: `label` (bool), or the
+    largest connected part above `threshold`, or every positive value. A threshold would leave holes where values are
+    invalid, so an invalid voxel with four or more of its six neighbours in that part belongs to it. A voxel of the wall
+    that is exactly zero has no value: readers of NIfTI turn NaN into zero. Voxels are merged in blocks of 2 x 2 x 2,
+    3 x 3 x 3, ... until at most `most_cells` remain; a block has the mean of its valid voxels (NaN without any) and
+    is scaled to the volume of all its wall voxels.
     """
     import pyvista as pv
-    from scipy import ndimage
 
     values = np.asarray(image.values, dtype=float)
+    valid = np.isfinite(values) & (values > 0)
     if label is not None:
         inside, field = label, "perfusion.label.values"
     elif threshold is not None:
-        above, count = ndimage.label(np.nan_to_num(values, nan=-np.inf) > threshold)
-        sizes = np.bincount(above.ravel())[1:] if count else np.zeros(0)
-        inside, field = (above == 1 + int(np.argmax(sizes)) if count else above > 0), "perfusion.threshold"
+        inside, field = _largest_above(values, threshold, valid), "perfusion.threshold"
     else:
-        inside, field = np.isfinite(values) & (values > 0), "perfusion.file"
+        inside, field = valid, "perfusion.file"
     if not inside.any():
         raise InputError(file, field, threshold, "selects no voxel of the map")
+    invalid = inside & ~valid
+    negative = int(np.count_nonzero(values[invalid] < 0))
     factor = 1
     while np.count_nonzero(_blocks(inside, factor, np.any)) > most_cells:
         factor += 1
     share = _blocks(inside.astype(float), factor, np.mean)
-    valid = inside & np.isfinite(values) & (values >= 0)
+    valid &= inside
     total = _blocks(np.where(valid, values, 0.0), factor, np.sum)
     count = _blocks(valid.astype(float), factor, np.sum)
     at = np.argwhere(share > 0)
@@ -93,7 +109,19 @@ def as_cells(file, image: Image, label: np.ndarray | None, threshold: float | No
     points = corners.reshape(-1, 3) @ image.matrix[:3, :3].T + image.matrix[:3, 3]
     grid = pv.UnstructuredGrid({pv.CellType.HEXAHEDRON: np.arange(len(points)).reshape(-1, 8)}, points)
     grid.cell_data["value"] = merged
-    return grid
+    return grid, Invalid(int(invalid.sum()) - negative, negative, int(inside.sum()), "voxels")
+
+
+def _largest_above(values: np.ndarray, threshold: float, valid: np.ndarray) -> np.ndarray:
+    """Largest part of the voxels above the threshold, with the invalid ones that it all but encloses."""
+    from scipy import ndimage
+
+    parts, count = ndimage.label(valid & (values > threshold))
+    if not count:
+        return parts > 0
+    part = parts == 1 + int(np.argmax(np.bincount(parts.ravel())[1:]))
+    around = ndimage.generate_binary_structure(3, 1).astype(np.uint8)
+    return part | (~valid & (ndimage.convolve(part.astype(np.uint8), around, mode="constant") >= 4))
 
 
 def _blocks(values: np.ndarray, factor: int, reduce) -> np.ndarray:

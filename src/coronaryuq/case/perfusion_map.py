@@ -7,7 +7,7 @@ import numpy as np
 
 from coronaryuq.case.cells import turnable
 from coronaryuq.case.description import Perfusion
-from coronaryuq.case.images import IMAGE_SUFFIXES, as_cells, read_image, register
+from coronaryuq.case.images import IMAGE_SUFFIXES, Invalid, as_cells, read_image, register
 from coronaryuq.errors import InputError
 from coronaryuq.units import LENGTHS, MBF_PER_MIN_PER_G, perfusions
 
@@ -18,6 +18,8 @@ PLAUSIBLE_EXTENT = (2.5, 20.0)
 """cm: longest side of the wall's bounding box, from a small animal's heart to a dilated human one."""
 PLAUSIBLE_VOLUME = (5.0, 800.0)
 """cm3 of wall."""
+DOUBTFUL, FARTHEST = 2.0, 5.0
+"""cm: median distance of LV-perfusing outlets to the wall from which map and anatomy may be, or are, in two spaces."""
 MOST_INVALID = 0.2
 """Share of the wall without a valid value above which filling would be invention."""
 
@@ -42,14 +44,15 @@ class Wall:
 def read_wall(file: str | Path, map_: Perfusion, folder: Path, tissue_density: float, most_cells: int) -> Wall:
     """Read the map named in `case.yaml` (`file`, which errors name) with paths relative to `folder`.
 
-    Cells whose value is missing (NaN, infinite) or negative keep their volume and get the value of the nearest valid
-    cell; their number is noted. Raises InputError for wrong units (range checks on median flow, extent and volume), for
-    an empty wall and for a wall of which more than a fifth has no valid value.
+    Cells whose value is missing (NaN, infinite; in an image also exactly zero) or negative keep their volume and get
+    the value of the nearest valid cell; their number is noted. Raises InputError for wrong units (range checks on
+    median flow, extent and volume), for an empty wall and for a wall of which more than a fifth has no valid value.
     """
     path = folder / map_.file
     if not path.is_file():
         raise InputError(file, "perfusion.file", map_.file, "no such file")
-    grid = turnable(_cells(file, path, map_, folder, most_cells))
+    grid, invalid = _cells(file, path, map_, folder, most_cells)
+    grid = turnable(grid)
     grid.points = _to_anatomy(file, np.asarray(grid.points, dtype=float), path, map_, folder)
     sizes = grid.compute_cell_sizes(length=False, area=False, volume=True).cell_data["Volume"]
     volumes = np.abs(np.asarray(sizes, dtype=float))
@@ -57,7 +60,7 @@ def read_wall(file: str | Path, map_: Perfusion, folder: Path, tissue_density: f
         raise InputError(path, "cells", grid.n_cells, "no cell has a volume; wanted tetrahedra, hexahedra or voxels")
     values = np.asarray(grid.cell_data["value"], dtype=float)
     _check_lengths(file, map_, grid, volumes)
-    values, notes = _mended(path, values, np.asarray(grid.cell_centers().points, dtype=float))
+    values, notes = _mended(path, values, np.asarray(grid.cell_centers().points, dtype=float), invalid)
     _check_unit(file, map_, values, volumes, tissue_density)
     grid.clear_data()
     grid.cell_data["Volume"] = volumes
@@ -65,8 +68,33 @@ def read_wall(file: str | Path, map_: Perfusion, folder: Path, tissue_density: f
     return Wall(grid, notes)
 
 
+def distances_to_outlets(wall: Wall, outlets: list[dict]) -> np.ndarray:
+    """Distance (n,) in cm from each LV-perfusing outlet to the wall."""
+    from scipy.spatial import cKDTree
+
+    points = [outlet["point"] for outlet in outlets if outlet["perfuses"] == "LV"]
+    return cKDTree(np.asarray(wall.mesh.points, dtype=float)).query(np.array(points, dtype=float))[0]
+
+
+def check_place(file: str | Path, map_: Perfusion, wall: Wall, outlets: list[dict]) -> tuple[str, ...]:
+    """A note where the outlets lie far from the wall; InputError where the map is in another space than they are."""
+    away = float(np.median(distances_to_outlets(wall, outlets)))
+    found = f"the wall lies {away:.2g} cm (median) from the outlets that perfuse it"
+    if away > FARTHEST:
+        way = "affine" if map_.affine is not None else "registration" if map_.registration is not None else None
+        remedy = f"check the {way}" if way else "bring it there with affine or registration"
+        raise InputError(
+            file, f"perfusion.{way or 'file'}", None if way else map_.file,
+            f"{found}: the map is not in the anatomy's space; {remedy}",
+        )  # fmt: skip
+    return (f"{found}: see that map and anatomy are in one space",) if away > DOUBTFUL else ()
+
+
 def _cells(file, path: Path, map_: Perfusion, folder: Path, most_cells: int):
-    """The wall as an unstructured grid with cell data `value` in the map's unit, points in the map's length unit."""
+    """The wall as an unstructured grid, and what is invalid in it.
+
+    Cell data `value` in the map's unit, points in the map's length unit.
+    """
     name = path.name.lower()
     if name.endswith(IMAGE_SUFFIXES):
         image = read_image(path)
@@ -101,6 +129,7 @@ def _from_vtk(file, path: Path, map_: Perfusion):
             raise InputError(file, "perfusion.array", None, f"name it; the map has {', '.join(arrays) or 'no array'}")
         array = left[0]
     values = _on_cells(file, "perfusion.array", mesh, array, arrays)
+    valid = np.isfinite(values) & (values >= 0)
     keep = np.ones(mesh.n_cells, dtype=bool)
     if map_.label is not None:
         if map_.label.array is None:
@@ -109,16 +138,36 @@ def _from_vtk(file, path: Path, map_: Perfusion):
             )
         keep = _label_on_cells(file, mesh, map_, arrays)
     if map_.threshold is not None:
-        keep &= np.nan_to_num(values, nan=-np.inf) > map_.threshold
+        keep = _largest_above(mesh, valid & (values > map_.threshold), ~valid)
     if not keep.any():
         field = "perfusion.label" if map_.label is not None else "perfusion.threshold"
         raise InputError(file, field, map_.threshold, "selects no cell of the map")
     grid = pv.UnstructuredGrid(mesh.extract_cells(np.flatnonzero(keep)))
     grid.clear_data()
     grid.cell_data["value"] = values[keep]
-    if map_.threshold is not None:
-        grid = pv.UnstructuredGrid(grid.connectivity("largest"))
-    return grid
+    negative = int(np.count_nonzero(values[keep] < 0))
+    return grid, Invalid(int(np.count_nonzero(~valid[keep])) - negative, negative, int(keep.sum()), "cells")
+
+
+def _largest_above(mesh, above: np.ndarray, invalid: np.ndarray) -> np.ndarray:
+    """Largest connected part of the cells `above` the threshold, with the invalid ones that lie in it.
+
+    In it lies an invalid cell of whose six nearest valid cells four or more belong to that part.
+    """
+    from scipy.spatial import cKDTree
+
+    if not above.any():
+        return above
+    labelled = mesh.extract_cells(np.flatnonzero(above)).connectivity("all")
+    region = np.asarray(labelled.cell_data["RegionId"])
+    part = np.zeros(mesh.n_cells, dtype=bool)
+    part[np.flatnonzero(above)[region == np.argmax(np.bincount(region))]] = True
+    if invalid.any():
+        centres = np.asarray(mesh.cell_centers().points)
+        valid = np.flatnonzero(~invalid)
+        _, near = cKDTree(centres[valid]).query(centres[invalid], k=min(6, len(valid)))
+        part[np.flatnonzero(invalid)[part[valid][near].reshape(len(near), -1).sum(axis=1) >= 4]] = True
+    return part
 
 
 def _on_cells(file, field: str, mesh, array: str, arrays: list[str]) -> np.ndarray:
@@ -178,9 +227,11 @@ def _check_lengths(file, map_: Perfusion, grid, volumes: np.ndarray) -> None:
     if not low <= extent <= high:
         used = LENGTHS[map_.length_unit]
         fits = [u for u, s in LENGTHS.items() if low <= extent / used * s <= high]
-        hint = f"; its points look like {fits[0]}" if len(fits) == 1 and map_.affine is None else ""
+        hint = f"; its points look like {fits[0]}" if len(fits) == 1 else ""
+        hint = "; the affine must lead to cm" if map_.affine is not None else hint
         raise InputError(
-            file, "perfusion.length_unit", map_.length_unit, f"makes the wall {extent:.3g} cm long{hint}"
+            file, "perfusion.length_unit" if map_.affine is None else "perfusion.affine",
+            map_.length_unit if map_.affine is None else None, f"makes the wall {extent:.3g} cm long{hint}",
         )  # fmt: skip
     total = float(volumes.sum())
     if not PLAUSIBLE_VOLUME[0] <= total <= PLAUSIBLE_VOLUME[1]:
@@ -210,24 +261,20 @@ def _check_unit(file, map_: Perfusion, values: np.ndarray, volumes: np.ndarray, 
         )
 
 
-def _mended(path: Path, values: np.ndarray, centres: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+def _mended(
+    path: Path, values: np.ndarray, centres: np.ndarray, invalid: Invalid
+) -> tuple[np.ndarray, tuple[str, ...]]:
     from scipy.spatial import cKDTree
 
-    missing, negative = ~np.isfinite(values), np.isfinite(values) & (values < 0)
-    invalid = missing | negative
-    if not invalid.any():
+    if not invalid.missing + invalid.negative:
         return values, ()
-    if invalid.mean() > MOST_INVALID:
+    if invalid.missing + invalid.negative > MOST_INVALID * invalid.among:
         raise InputError(
-            path,
-            "values",
-            f"{missing.sum()} missing and {negative.sum()} negative of {len(values)}",
-            f"more than {MOST_INVALID:.0%} invalid; repair the map or cut it to the wall",
+            path, "values", str(invalid), f"more than {MOST_INVALID:.0%} invalid; repair the map or cut it to the wall"
         )
-    _, nearest = cKDTree(centres[~invalid]).query(centres[invalid])
-    values = values.copy()
-    values[invalid] = values[~invalid][nearest]
-    note = (
-        f"{missing.sum()} missing and {negative.sum()} negative of {len(values)} cells took their nearest valid value"
-    )
-    return values, (note,)
+    empty = ~np.isfinite(values) | (values < 0)
+    if empty.any():
+        _, nearest = cKDTree(centres[~empty]).query(centres[empty])
+        values = values.copy()
+        values[empty] = values[~empty][nearest]
+    return values, (f"{invalid} took their nearest valid value",)
