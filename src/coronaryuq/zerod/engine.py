@@ -16,12 +16,19 @@ from coronaryuq.zerod.lanes import LANES, table
 from coronaryuq.zerod.model import Model
 from coronaryuq.zerod.network import Network
 from coronaryuq.zerod.periodic import Anderson, drift
-from coronaryuq.zerod.program import Group, Program, fill, make_program, write_elements
+from coronaryuq.zerod.program import Group, Program, fill, make_program, seat, write_elements
 
 OK = "ok"
 _STEADY_STEPS, _STEADY_STEPS_PER_CYCLE = 31, 10
 _REFINEMENTS = (1, 2, 4, 8)
 _MAX_CYCLES = 100
+
+COARSER, LEAST_COARSE = 4, 100
+"""How much longer the steps of the approach from a neighbour are, and how many of them a cycle needs at least."""
+
+_COARSE_CYCLES = 8
+_NEAR = 0.2
+"""Cycle error below which a state still has to do with the periodic state that it came from."""
 
 Changes = Mapping[str, "np.ndarray | float"]
 
@@ -70,8 +77,9 @@ class Result:
 class _Batch:
     """Samples that march together: their state y, ẏ (n, 2 unknowns), tables of their groups, and their last cycle.
 
-    failed_at: (n,) step at which a sample failed in its last cycle, or nought. statistics: mean, least and greatest of
-    the recorded unknowns, (n, ·) each; floor, ceiling: range of every y; waves: (steps + 1, n, ·) or empty.
+    seats: which sample sits in each lane of each group, fewer than `LANES` in the last. failed_at: (n,) step at which a
+    sample failed in its last cycle, or nought. statistics: mean, least and greatest of the recorded unknowns, (n, ·)
+    each; floor, ceiling: range of every y; waves: (steps + 1, n, ·) or empty.
     """
 
     parameters: dict[str, np.ndarray]
@@ -79,6 +87,7 @@ class _Batch:
     state: np.ndarray
     failed_at: np.ndarray
     groups: list[Group] = field(default_factory=list)
+    seats: list[np.ndarray] = field(default_factory=list)
     statistics: tuple[np.ndarray, ...] = ()
     floor: np.ndarray | None = None
     ceiling: np.ndarray | None = None
@@ -89,6 +98,16 @@ class _Batch:
         self.statistics = tuple(np.full((samples, recorded), np.nan) for _ in range(3))
         self.floor, self.ceiling = np.zeros((samples, size)), np.zeros((samples, size))
         self.waves = np.empty((steps + 1 if waves else 0, samples, recorded))
+
+    def close_ranks(self, live: np.ndarray) -> None:
+        """Seat the samples of `live` (n,) in as few groups as hold them; lanes compute alike, so no number changes."""
+        places = [(k, lane) for k, seats in enumerate(self.seats) for lane in np.nonzero(live[seats])[0]]
+        needed = -(-len(places) // LANES)
+        if needed == len({k for k, _ in places}):
+            return
+        parts = [places[k * LANES : (k + 1) * LANES] for k in range(needed)]
+        seats = [np.array([self.seats[k][lane] for k, lane in part]) for part in parts]
+        self.groups, self.seats = [seat(self.groups, part) for part in parts], seats
 
 
 class Engine:
@@ -118,6 +137,7 @@ class Engine:
         self.cycles = int(simulation["number_of_cardiac_cycles"])
         self.coronaries = [b for b in self.model.blocks.values() if b.kind in ("CORONARY", "CORONARY_VAR_RES")]
         self._programs: dict[tuple, Program] = {}
+        self._counterparts: dict[tuple, np.ndarray | None] = {}
 
     @property
     def unknowns(self) -> list[str]:
@@ -160,8 +180,10 @@ class Engine:
         quantities, waveforms: see `zerod.quantities`. periodic: go on until a sample's cycle error is below
         `tolerance`, at most `cycles` (default 100) of them, by Anderson acceleration unless `accelerate` is false;
         otherwise march exactly `cycles` (default: the network's). start: (unknowns,) or (n, unknowns), a
-        `Result.state`; by default the network's own initial condition, steady if it says so. A closed loop keeps the
-        blood volume that it starts with. threads: over groups of samples; results do not depend on it.
+        `Result.state`; by default the network's own initial condition, steady if it says so. One start for all is
+        taken for the network's own periodic state, from which samples are first approached with longer steps (those
+        cycles are not counted). A closed loop keeps the blood volume that it starts with. threads: over groups of
+        samples; results do not depend on it.
 
         cycle error: the largest change of any unknown from the start of the last cycle to its end, over that unknown's
         range during the cycle (`zerod.periodic.drift`).
@@ -173,6 +195,8 @@ class Engine:
         recorded = np.unique(np.array([q.unknown for q in wanted] + shown, dtype=np.int64))
         result = Result.blank(samples, steps, self.model.period, len(self.state_names), quantities, waveforms)
         whole = None if start is None else self._whole(start, samples)
+        if periodic and accelerate and np.ndim(start) == 1:
+            whole = self._approached(changes or {}, whole, steps, tolerance, threads)
         limit = cycles or (_MAX_CYCLES if periodic else self.cycles)
         left = np.arange(samples)
         for refinement in _REFINEMENTS:
@@ -246,11 +270,36 @@ class Engine:
             raise InputError(self.model.file, "start", start.shape[1], f"want {width} columns, a state of this network")
         return np.broadcast_to(start, (samples, width))
 
-    def _program(self, changed: Mapping, times: int, steady: bool) -> Program:
+    def _approached(self, changes: Changes, start: np.ndarray, steps: int, tolerance: float, threads: int):
+        """Where the samples begin, (n, columns of state): `start`, a periodic state of the network itself, moved by as
+        much as its counterpart on `COARSER` steps moves from the network's parameters to the sample's.
+        """
+        coarse = steps // COARSER
+        if coarse < LEAST_COARSE:
+            return start
+        options = {"steps_per_cycle": coarse, "threads": threads}
+        key = start[0].tobytes(), steps, tolerance
+        if key not in self._counterparts:
+            first = self.run(cycles=1, start=start[:1], **options)
+            near = first.ok[0] and first.cycle_error[0] < _NEAR
+            options |= {"periodic": True, "cycles": _COARSE_CYCLES}
+            found = self.run(tolerance=tolerance, start=first.state, **options) if near else first
+            self._counterparts = {key: found.state if found.cycle_error[0] < 10.0 * tolerance else None}
+        counterpart = self._counterparts[key]
+        if counterpart is None:
+            return start
+        begin = np.broadcast_to(counterpart, start.shape)
+        options |= {"periodic": True, "cycles": _COARSE_CYCLES, "tolerance": 10.0 * tolerance}
+        found = self.run(changes, start=begin, **options)
+        return np.where(found.cycle_error[:, None] < _NEAR, start + (found.state - begin), start)
+
+    def _program(self, changed: Mapping, steady: bool) -> Program:
         nominal = self.parameters
         zero = frozenset(name for name in changed if nominal.get(name) == 0.0)
         key = zero, steady
         if key not in self._programs:
+            # Pivots are judged at the network's own steps, so that no run depends on what ran before it.
+            times = _STEADY_STEPS_PER_CYCLE if steady else self.steps_per_cycle
             at = Context(self.model, dict.fromkeys(zero, np.ones(1)), 1, self._phases(times), steady)
             self._programs[key] = make_program(self.model, at, self.scheme, self.model.period / times)
         return self._programs[key]
@@ -261,10 +310,11 @@ class Engine:
     def _fill(self, batch: _Batch, times: int, steady: bool) -> Program:
         """Tables of the batch's groups, each filled from its own samples only."""
         samples = len(batch.state)
-        program = self._program(batch.parameters, times, steady)
-        batch.groups = []
+        program = self._program(batch.parameters, steady)
+        batch.groups, batch.seats = [], []
         for first in range(0, samples, LANES):
             part = slice(first, min(first + LANES, samples))
+            batch.seats.append(np.arange(part.start, part.stop))
             size = part.stop - part.start
             parameters = {k: v[part] if np.ndim(v) else v for k, v in batch.parameters.items()}
             offsets = {block.name: batch.offsets[part, k] for k, block in enumerate(self.coronaries)}
@@ -309,14 +359,12 @@ class Engine:
         self, program: Program, batch: _Batch, live: np.ndarray, steps: int, times: int, recorded, threads: int
     ) -> int:
         """March the samples of `live` (n,) through `steps` steps; returns Newton solves, summed over groups."""
-        samples, size = len(batch.state), self.model.size
-        waves = batch.waves.shape[0] > 0
+        size, waves = self.model.size, batch.waves.shape[0] > 0
 
         def advance(number: int) -> int:
-            group, first = batch.groups[number], number * LANES
-            lanes = np.arange(first, first + LANES)
-            real = lanes < samples
-            lanes = np.where(real, lanes, first)
+            group, seats = batch.groups[number], batch.seats[number]
+            real = np.arange(LANES) < len(seats)
+            lanes = np.where(real, np.resize(seats, LANES), seats[0])
             real &= live[lanes]
             state, failed, counts = table(2 * size), table(1), np.zeros(1, np.int64)
             state[:] = batch.state[lanes].T
@@ -339,7 +387,7 @@ class Engine:
                 batch.waves[:, mine] = record.waves.transpose(0, 2, 1)[:, real]
             return int(counts[0])
 
-        numbers = [k for k in range(len(batch.groups)) if live[k * LANES : (k + 1) * LANES].any()]
+        numbers = [k for k, seats in enumerate(batch.seats) if live[seats].any()]
         if threads > 1 and len(numbers) > 1:
             with ThreadPoolExecutor(threads) as pool:
                 return sum(pool.map(advance, numbers))
@@ -375,6 +423,7 @@ class Engine:
                 live &= ~(error < tolerance)
             if not live.any():
                 break
+            batch.close_ranks(live)
             if mixer is not None and cycle < limit - 1:
                 going = live[who]
                 after = batch.state[who[going]]

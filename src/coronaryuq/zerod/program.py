@@ -397,6 +397,17 @@ def fill(program: Program, system: Assembly, periods: np.ndarray, times: int, sc
     return Group(values, work)
 
 
+def seat(groups: list[Group], places: list[tuple[int, int]]) -> Group:
+    """A group whose lanes are taken from others: (group, lane) for each, at most LANES; idle lanes repeat the first."""
+    places = [*places, *[places[0]] * (LANES - len(places))]
+    values = []
+    for tables in zip(*(group.values for group in groups), strict=True):
+        values.append(table(len(tables[0])))
+        for lane, (group, from_lane) in enumerate(places):
+            values[-1][:, lane] = tables[group][:, from_lane]
+    return Group(Values(*values), Work(*(table(len(part)) for part in groups[0].work)))
+
+
 def _interior(tape: Tape) -> tuple[np.ndarray, ...]:
     """What `condense` needs of a tape."""
     m = tape.interior
@@ -407,13 +418,18 @@ def _interior(tape: Tape) -> tuple[np.ndarray, ...]:
     )
 
 
-def _lanes_of(value, lanes: np.ndarray) -> np.ndarray:
-    value = np.asarray(value, float)
-    return value[lanes] if value.ndim and value.size > 1 else np.broadcast_to(value.ravel(), lanes.shape)
+def _lanes_of(value, lanes: np.ndarray):
+    """Values (LANES,) of a coefficient (batch,), or the one number that it is."""
+    if isinstance(value, float):
+        return value
+    return value[lanes] if np.size(value) > 1 else np.ravel(value)[0]
 
 
 def _spread_rows(values: list, lanes: np.ndarray) -> np.ndarray:
-    return np.array([_lanes_of(value, lanes) for value in values], dtype=float).reshape(-1, LANES)
+    rows = np.empty((len(values), LANES))
+    for row, value in zip(rows, values, strict=True):
+        row[:] = _lanes_of(value, lanes)
+    return rows
 
 
 def _aligned(rows: np.ndarray) -> np.ndarray:
