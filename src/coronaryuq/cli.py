@@ -59,6 +59,7 @@ def _parser() -> argparse.ArgumentParser:
     for name, package, told in (
         ("solve", "zerod", "march one 0D network: svZeroDSolver's input and output"),
         ("tune", "calibration", "tune a closed loop to a table of clinical targets"),
+        ("fit", "posterior", "find the resistances at which a network shares its flow as a table asks"),
         ("discrepancy", "discrepancy", "find what a model of a case is missing"),
     ):
         command = importlib.import_module(f"coronaryuq.{package}.command")

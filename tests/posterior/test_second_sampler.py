@@ -45,10 +45,11 @@ def test_agrees_with_emcee_on_the_bundled_patient(tmp_path):
     space = Conditioned(model.weights, settings.prior)
     posterior = Posterior(model, space, likelihood)
     start = design(space, likelihood, *fit, 32, np.random.default_rng(SEED + 1))
-    moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
+    # Not emcee's DESnookerMove: of a standard normal in 13 dimensions it gives a standard deviation of 0.92.
+    moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.StretchMove(), 0.2)]
     sampler = emcee.EnsembleSampler(32, space.dimension, lambda y: posterior(y)[0], moves=moves, vectorize=True)
     sampler.random_state = np.random.RandomState(5).get_state()
-    sampler.run_mcmc(start, 3000)
+    sampler.run_mcmc(start, 2500)
     kept = sampler.get_chain(discard=300)
     multipliers = space.multipliers(kept.reshape(-1, space.dimension)).reshape(*kept.shape[:2], -1)
     theirs = np.log(multipliers).swapaxes(0, 1)

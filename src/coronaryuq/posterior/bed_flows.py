@@ -8,21 +8,22 @@ import numpy as np
 from coronaryuq.errors import InputError
 from coronaryuq.zerod.beds import distal_resistances, resistance_changes
 from coronaryuq.zerod.engine import Engine
-from coronaryuq.zerod.network import read_network
+from coronaryuq.zerod.network import Network, read_network
 
 
 class BedFlows:
     """Flows of the tuned hyperaemic loop at multipliers of its bed resistances.
 
     Every run starts from the periodic state at r-hat, so its numbers depend on its own multipliers alone.
-    outlets: those of `case.json` that perfuse the LV, in the order of the targets.
+    outlets: those of `case.json` that perfuse the LV, in the order of the targets. network: that of the file, where it
+    has been read and changed already.
     """
 
     def __init__(
         self, network_json: str | Path, outlets: Sequence[dict], *, tolerance: float, steps_per_cycle: int | None,
-        threads: int = 1,
+        threads: int = 1, network: Network | None = None,
     ):  # fmt: skip
-        self.network = read_network(network_json)
+        self.network = read_network(network_json) if network is None else network
         self.engine = Engine(self.network, network_json)
         self.beds = [outlet["bc"] for outlet in outlets]
         self.quantities = [f"mean_flow:{outlet['vessel']}:{outlet['bc']}" for outlet in outlets]
@@ -42,7 +43,7 @@ class BedFlows:
         self.weights = (1.0 / self.resistances) / np.sum(1.0 / self.resistances)
         at_r_hat = self.engine.run({}, quantities=self.quantities, **self.options)
         if not np.all(at_r_hat.ok):
-            raise InputError(network_json, None, None, f"the tuned network does not run: {at_r_hat.status[0]}")
+            raise InputError(network_json, None, None, f"does not run: {at_r_hat.status[0]}; tune it first")
         self.start = at_r_hat.state[0]
 
     def flows(self, multipliers: np.ndarray) -> np.ndarray:

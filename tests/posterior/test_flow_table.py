@@ -1,0 +1,75 @@
+"""`coronaryuq fit`: a network and a table in, the table's fractions out of the network that it writes."""
+
+import json
+
+import numpy as np
+import pytest
+
+from coronaryuq.cli import main
+from coronaryuq.files import read_csv, read_json
+from coronaryuq.posterior.bed_flows import BedFlows
+from coronaryuq.zerod.beds import distal_resistances
+from coronaryuq.zerod.network import read_network
+
+SHARES = np.array([0.40, 0.03, 0.25, 0.12, 0.20])
+
+
+def table(path, columns, names=range(5)):
+    rows = zip(names, *columns.values(), strict=True)
+    path.write_text(f"name,{','.join(columns)}\n" + "".join(f"{','.join(map(str, row))}\n" for row in rows))
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        {"flow": 250 * SHARES},
+        {"volume": 110 * SHARES},
+        {"volume": 10 * np.ones(5), "mbf": SHARES},
+        {"flow": SHARES, "volume": np.arange(1.0, 6)},
+        {"flow": [0.996, 0.001, 0.001, 0.001, 0.001]},
+    ],
+)
+def test_the_network_that_it_writes_meets_the_fractions(campaign, tmp_path, capsys, columns):
+    """Shares far from the network's own, of five beds out of six; the sixth keeps its resistance."""
+    wanted = np.prod([columns[c] for c in (("flow",) if "flow" in columns else columns)], axis=0)
+    wanted = wanted / wanted.sum()
+    flows = table(tmp_path / "flows.csv", columns)
+    assert main(["fit", str(campaign[1]), flows, "--out", str(tmp_path / "out"), "--json"]) == 0
+    said, found = json.loads(capsys.readouterr().out), read_csv(tmp_path / "out" / "fractions.csv")
+    outlets = read_json(campaign[0])["outlets"]
+    fitted = BedFlows(tmp_path / "out" / "fitted.json", outlets[:5], tolerance=1e-6, steps_per_cycle=None)
+    anew = fitted.flows(np.ones((1, 5)))[0]
+    assert np.allclose(anew / anew.sum(), wanted, rtol=1e-4)
+    assert list(found["bc"]) == [f"BC_{i}" for i in range(5)]
+    assert np.allclose(found["target_fraction"], wanted)
+    assert said["largest_fraction_error"] < 1e-4
+    assert said["largest_fraction_error"] == pytest.approx(np.abs(found["fitted_error"]).max())
+    before, after = distal_resistances(read_network(campaign[1])), distal_resistances(fitted.network)
+    assert after["BC_5"] == before["BC_5"]
+    assert np.isclose(*(sum(1 / r[f"BC_{i}"] for i in range(5)) for r in (before, after)))
+
+
+def test_hyperaemia_comes_first(campaign, tmp_path, capsys):
+    flows = table(tmp_path / "flows.csv", {"flow": SHARES})
+    main(["fit", str(campaign[1]), flows, "--hyperaemia", "0.24", "--json"])
+    rows = json.loads(capsys.readouterr().out)["beds"]
+    rest = distal_resistances(read_network(campaign[1]))
+    assert all(np.isclose(row["first_resistance"], (0.8 * 0.24 + 0.2) * rest[row["bc"]]) for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("columns", "names", "expected"),
+    [
+        ({"flow": SHARES}, ["0", "1", "2", "3", "x"], "name = 'x': is no coronary bed of the network; those are BC_0"),
+        ({"flow": SHARES}, ["0", "1", "2", "3", "BC_0"], "name = 'BC_0': occurs twice"),
+        ({"flow": [1, 2, -3, 4, 5]}, range(5), "flow of BC_2 = -3.0: must be a positive number"),
+        ({"volume": [1, 2, "", 4, 5]}, range(5), "volume of BC_2 = nan: must be a positive number"),
+        ({"mbf": SHARES}, range(5), "flow: column missing; wanted flow, or mbf and volume, or volume"),
+        ({"flow": [1]}, ["0"], "rows = 1: wanted at least two beds"),
+    ],
+)
+def test_a_wrong_table_is_one_line(campaign, tmp_path, capsys, columns, names, expected):
+    assert main(["fit", str(campaign[1]), table(tmp_path / "flows.csv", columns, names)]) == 2
+    error = capsys.readouterr().err
+    assert expected in error and error.count("\n") == 1
