@@ -3,7 +3,8 @@
 `estimates.json`: {rows, settings, provenance}; each row has
     row, label, column_3d, column_0d, variance_3d, n_propagation
     paper: rho_original, std_mc, std_mfmc with the paper's conventions
-    estimators: MC, MFMC, MFMC-AE, best → method, mean, std, chebyshev_95, chebyshev_99, calibrated (each low, high,
+    estimators: MC, MFMC, MFMC-AE, BLUE (where a coarse mesh was run too), best →
+        method, mean, std, chebyshev_95, chebyshev_99, calibrated (each low, high,
         level), rho_held_out, rho_in_sample and std_in_sample where fitted, n_3d, n_0d (0D runs made), predictions
         (evaluations of the control variate), beta, residual_variance, propagation_variance, warnings
     recommended: the estimator with the least claimed std that carries no warning

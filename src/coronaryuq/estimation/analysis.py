@@ -128,6 +128,9 @@ def analyse(
                 finding = diagnostics.outside_support(theta, runs.theta, runs.inputs)
                 if finding:
                     made["MFMC-AE"] = replace(made["MFMC-AE"], warnings=(*made["MFMC-AE"].warnings, str(finding)))
+        levels = estimators.several_models(design, row, seed, level)
+        if levels is not None:
+            made["BLUE"] = levels
         for name in made:
             finding = diagnostics.unverified(name, len(y))
             if finding:
@@ -138,7 +141,7 @@ def analyse(
                 made[name] = replace(made[name], warnings=(*made[name].warnings, str(finding)))
         if design.emulator_error[row.column_0d] > EMULATOR_SHARE:
             made["MFMC"] = replace(made["MFMC"], warnings=(*made["MFMC"].warnings, _poor(design, row)))
-        order = [name for name in ("MC", "MFMC", "MFMC-AE", "best") if name in made]
+        order = [name for name in ("MC", "MFMC", "MFMC-AE", "BLUE", "best") if name in made]
         printed = paper_row(y, q, max(len(runs.theta_more), len(y)))  # the paper counts the pilot into its N_0D
         results.append({
             "row": row.name, "label": row.label, "column_3d": row.column_3d, "column_0d": row.column_0d,

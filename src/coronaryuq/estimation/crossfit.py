@@ -25,10 +25,25 @@ class Propagated:
     """g_k on a block of propagation samples: values (m_k,) and the variance (before division by m_k) that counts.
 
     `integrated`: predictions behind each value, 1 for a plain sample, more where a known input was integrated exactly.
+    `also`: values on further, independent samples, whose means add to this one.
     """
 
     values: np.ndarray
     integrated: int = 1
+    also: tuple[np.ndarray, ...] = ()
+
+    @property
+    def mean(self) -> float:
+        return float(self.values.mean() + sum(v.mean() for v in self.also))
+
+    @property
+    def variance(self) -> float:
+        """Of the mean; a single value counts as known exactly."""
+        return float(sum(np.var(v, ddof=1) / len(v) for v in (self.values, *self.also) if len(v) > 1))
+
+    @property
+    def predictions(self) -> int:
+        return self.integrated * (len(self.values) + sum(len(v) for v in self.also))
 
 
 @dataclass(frozen=True)
@@ -70,18 +85,16 @@ def combine(
     n = len(y)
     weights = np.ones(n) if weights is None else weights
     share = np.array([weights[fold == k].sum() for k in range(len(blocks))]) / weights.sum()
-    from_blocks = sum(
-        s**2 * np.var(b.values, ddof=1) / len(b.values) for s, b in zip(share, blocks, strict=True) if len(b.values) > 1
-    )
+    from_blocks = float(sum(s**2 * b.variance for s, b in zip(share, blocks, strict=True)))
     spread = np.var(held_out, ddof=1) if n > 1 else 0.0
     if beta is None:
         beta = float(spread / n / (spread / n + from_blocks)) if spread > 0 else 0.0
     residuals = y - beta * held_out
     mean = float(np.average(residuals, weights=weights))
-    mean += beta * float(sum(s * b.values.mean() for s, b in zip(share, blocks, strict=True)))
+    mean += beta * float(sum(s * b.mean for s, b in zip(share, blocks, strict=True)))
     centred = residuals - np.average(residuals, weights=weights)
     from_residuals = float(np.sum((weights * centred) ** 2) / weights.sum() ** 2 * n / (n - 1))
-    from_blocks = beta**2 * float(from_blocks)
+    from_blocks = beta**2 * from_blocks
     values, bound = weights * centred, from_residuals
     if between is not None:
         values = values - beta * between.indirect
@@ -91,7 +104,7 @@ def combine(
     half = _quantile(values, bound, from_blocks, level) * (bound + from_blocks) ** 0.5
     total = np.var(y)
     return Estimate(
-        method, mean, std, correlation(y, held_out), n, n_0d, sum(len(b.values) * b.integrated for b in blocks), beta,
+        method, mean, std, correlation(y, held_out), n, n_0d, sum(b.predictions for b in blocks), beta,
         float(np.var(y - held_out) / total) if total > 0 else 0.0,
         Interval(mean - half, mean + half, level), residual_variance=from_residuals,
         propagation_variance=from_blocks, residuals=residuals,

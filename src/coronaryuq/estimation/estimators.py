@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coronaryuq.estimation import mfmc_ae, selector
+from coronaryuq.estimation import mfmc_ae, multilevel, selector
+from coronaryuq.estimation.blue import Group
 from coronaryuq.estimation.control_variates import METHODS
 from coronaryuq.estimation.crossfit import Estimate, Propagated, combine
 from coronaryuq.estimation.design import Design
@@ -75,6 +76,29 @@ def predict(design: Design, row: Row, simple: bool = False) -> Predictions:
         moved[index] = changes(fitted, seen, train, n)
         centres.append(changes(fitted, more[: len(weights[-1])], train, n))
     return Predictions(held, raw, noise, Influence(design.fold, moved, centres, weights), tuple(taken))
+
+
+def several_models(design: Design, row: Row, seed: int, level: float) -> Estimate | None:
+    """Multilevel BLUE over the coarse mesh and the row's 0D output; None where no coarse mesh was run."""
+    runs = design.runs
+    if runs.coarse is None or row.column_3d not in runs.coarse:
+        return None
+    y, q = pair(runs, row)
+    coarse = runs.coarse[row.column_3d].dropna()
+    more = None if runs.q_more is None else runs.q_more[row.column_0d].to_numpy(float)
+    with_coarse = coarse.reindex(list(runs.samples)).to_numpy(float)
+    if not np.isfinite(with_coarse).all():
+        return None
+    again = coarse.reindex(list(runs.samples_more)).to_numpy(float)
+    ran = np.isfinite(again)
+    groups = [Group((0, 1, 2), np.column_stack([y, with_coarse, q]))]
+    if more is None:
+        groups.append(Group((1,), again[ran][:, None]))
+    else:
+        groups += [Group((1, 2), np.column_stack([again, more])[ran]), Group((2,), more[~ran][:, None])]
+    folds = len(design.blocks)
+    groups = [groups[0]] + [g for g in groups[1:] if len(g.outputs) >= 2 * folds]
+    return multilevel.estimate(groups, folds, seed, level)
 
 
 def best(design: Design, row: Row, made: Predictions, level: float, weights=None) -> Estimate:

@@ -17,6 +17,7 @@ class Runs:
     inputs: columns of θ, d of them. theta (n, d): the n samples whose 3D and 0D runs both ended well. y: 3D outputs,
     q: 0D outputs (n rows each). theta_more (m, d): propagation samples. q_more: their 0D outputs (m rows), or None
     where nobody ran them. theta_failed (f, d): pilot samples without a 3D run. limits: (d, 2) bounds of θ or None.
+    coarse: outputs of a cheaper 3D model (a coarse mesh), index `sample`, at pilot and propagation samples, or None.
     """
 
     folder: Path
@@ -30,6 +31,7 @@ class Runs:
     theta_failed: np.ndarray
     limits: np.ndarray | None = None
     samples_more: tuple[str, ...] = field(default=())
+    coarse: pd.DataFrame | None = None
 
     def __len__(self) -> int:
         return len(self.theta)
@@ -39,7 +41,7 @@ class Runs:
         return Runs(
             self.folder, self.inputs, tuple(self.samples[i] for i in index), self.theta[index],
             self.y.iloc[index].reset_index(drop=True), self.q.iloc[index].reset_index(drop=True),
-            self.theta_more, self.q_more, self.theta_failed, self.limits, self.samples_more,
+            self.theta_more, self.q_more, self.theta_failed, self.limits, self.samples_more, self.coarse,
         )  # fmt: skip
 
 
@@ -59,7 +61,8 @@ def read_runs(folder: str | Path) -> Runs:
     Propagation inputs come from `params_propagation.csv` (a header as `params.csv`) or
     `params_propagation_normalized.csv` (no header, columns of `params.csv`, [−1, 1] within `param_limits.json`).
     A pilot sample that is missing or not finite in any column of `outputs_3d.csv` counts as failed; columns without
-    any value are left out. Raises `InputError` for anything missing, doubled, foreign or not a number.
+    any value are left out. `outputs_3d_coarse.csv`, where there is one, holds the same columns from a coarse mesh at
+    any of the samples. Raises `InputError` for anything missing, doubled, foreign or not a number.
     """
     folder = Path(folder)
     params = _table(folder / "params.csv")
@@ -92,7 +95,7 @@ def read_runs(folder: str | Path) -> Runs:
     return Runs(
         folder, inputs, tuple(params.index[ended]), theta[ended],
         y[ended].reset_index(drop=True), q[ended].reset_index(drop=True),
-        theta_more, q_more, theta[~ended], limits, samples_more,
+        theta_more, q_more, theta[~ended], limits, samples_more, _coarse(folder, y, params.index, samples_more),
     )  # fmt: skip
 
 
@@ -160,6 +163,20 @@ def _limits(path: Path, inputs: tuple[str, ...]) -> np.ndarray | None:
     if not (bounds[:, 0] < bounds[:, 1]).all():
         raise InputError(path, inputs[int(np.argmin(np.diff(bounds)))], None, "min is not below max")
     return bounds
+
+
+def _coarse(folder: Path, y: pd.DataFrame, pilot: pd.Index, samples_more: tuple[str, ...]) -> pd.DataFrame | None:
+    path = folder / "outputs_3d_coarse.csv"
+    if not path.exists():
+        return None
+    frame = _table(path)
+    foreign = frame.index.difference(pilot.union(pd.Index(samples_more)))
+    if len(foreign):
+        raise InputError(path, "sample", str(foreign[0]), "neither a pilot nor a propagation sample")
+    strange = frame.columns.difference(y.columns)
+    if len(strange):
+        raise InputError(path, str(strange[0]), None, "no such column in outputs_3d.csv")
+    return frame
 
 
 def _propagation(folder: Path, inputs: tuple[str, ...], limits) -> tuple[np.ndarray, tuple[str, ...]]:
