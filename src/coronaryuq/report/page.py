@@ -231,7 +231,7 @@ def _matched(fit, summary: dict) -> dict:
     clinical = fit[fit["clinical"] & fit["tuned"]]
     off = (clinical["simulated"] / clinical["measured"] - 1).abs()
     worst = clinical.loc[off.idxmax(), "description"].lower()
-    check = summary["predictive"]
+    check, met = summary["predictive"], summary["fit"]["largest_fraction_error"]
     return {
         "calibration": f"The tuned loop meets the {len(clinical)} measured targets within {100 * off.max():.1f} % "
         f"(furthest: {worst}).",
@@ -239,7 +239,9 @@ def _matched(fit, summary: dict) -> dict:
         f"sample size {summary['ess_bulk_min']:.0f}.",
         "predictive": f"{100 * check['coverage_95']:.0f} % of the target flows lie in the central 95 % of what the "
         f"posterior predicts; Mahalanobis distance of the mean flows {check['mahalanobis']:.2f}; "
-        f"probability of data further off {check['p_value']:.2f}.",
+        f"probability of data further off {check['p_value']:.2f}. The fitted resistances meet the "
+        f"{len(check['flow_mean'])} target fractions within {100 * met:.2g} %, the posterior's mean within "
+        f"{100 * check['largest_fraction_error']:.2g} %, which its prior moves (posterior/fractions.csv).",
     }
 
 
