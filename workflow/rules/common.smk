@@ -87,8 +87,13 @@ def as_json(**values):
 
 
 REALISATIONS = portions(campaign.perfusion.realisations, campaign.samples.chunk_realisations)
-BATCHES = portions(campaign.samples.n_3d, campaign.samples.batch_3d)
+# A campaign that grows draws its inputs up to the most that it may run; what it runs of them is found on the way.
+GROWS = bool(campaign.estimation.wanted and (campaign.estimation.most_3d or campaign.estimation.most_0d))
 COUNTS = {"pilot": campaign.samples.n_3d, "propagation": campaign.samples.n_0d}
+if GROWS:
+    COUNTS["pilot"] = max(COUNTS["pilot"], campaign.estimation.most_3d or 0)
+    COUNTS["propagation"] = max(COUNTS["propagation"], campaign.estimation.most_0d or 0)
+BATCHES = portions(COUNTS["pilot"], campaign.samples.batch_3d)
 CHUNKS = {name: portions(count, campaign.samples.chunk_0d) for name, count in COUNTS.items()}
 
 

@@ -3,14 +3,77 @@
 RESAMPLED = range(campaign.samples.chunks_resampled)
 
 
-rule runs:
+FIRST_COUNTS = {"n_3d": campaign.samples.n_3d, "n_0d": campaign.samples.n_0d}
+
+
+def decision(number):
+    """What round `number` of a growing campaign decided; Snakemake runs the round first."""
+    return files.read_json(checkpoints.allocation.get(r=number).output.round)
+
+
+def last_round():
+    return next(number for number in range(campaign.estimation.rounds) if decision(number)["done"])
+
+
+def runs_of(counts):
+    """Files that hold the first `counts` runs."""
+
+    def first(portioned, total):
+        return [k for k, (start, _) in portioned.items() if start < total]
+
+    return {
+        "records": expand(rules.flow3d_batch.output.records, k=first(BATCHES, counts["n_3d"])),
+        "zerod_pilot": expand(results("zerod", "pilot_{k}.parquet"), k=first(CHUNKS["pilot"], counts["n_3d"])),
+        "zerod_propagation": expand(
+            results("zerod", "propagation_{k}.parquet"), k=first(CHUNKS["propagation"], counts["n_0d"])
+        ),
+    }
+
+
+def runs_of_round(wildcards):
+    number = int(wildcards.r)
+    if number == 0:
+        return runs_of(FIRST_COUNTS)
+    return runs_of(decision(number - 1)["next"]) | {"before": results("allocation", f"round_{number - 1}.json")}
+
+
+def runs_of_campaign(wildcards):
+    if not GROWS:
+        return runs_of(FIRST_COUNTS)
+    number = last_round()
+    return runs_of(decision(number)["counts"]) | {"allocation": results("allocation", f"round_{number}.json")}
+
+
+checkpoint allocation:
     input:
+        unpack(runs_of_round),
         case=rules.case.output.case,
         pilot=results("samples", "pilot.csv"),
         propagation=results("samples", "propagation.csv"),
-        records=expand(rules.flow3d_batch.output.records, k=BATCHES),
-        zerod_pilot=expand(results("zerod", "pilot_{k}.parquet"), k=CHUNKS["pilot"]),
-        zerod_propagation=expand(results("zerod", "propagation_{k}.parquet"), k=CHUNKS["propagation"]),
+        code=code("coronaryuq.estimation.allocation"),
+    output:
+        round=results("allocation", "round_{r}.json"),
+    log:
+        log_of("allocation", "round_{r}.log"),
+    wildcard_constraints:
+        r=r"\d+",
+    params:
+        settings=block("estimation"),
+        posterior=block("posterior"),
+        seed=campaign.seed,
+        number=lambda wildcards: int(wildcards.r),
+        first=FIRST_COUNTS,
+        portion={"n_3d": campaign.samples.batch_3d, "n_0d": campaign.samples.chunk_0d},
+    script:
+        "../scripts/allocation.py"
+
+
+rule runs:
+    input:
+        unpack(runs_of_campaign),
+        case=rules.case.output.case,
+        pilot=results("samples", "pilot.csv"),
+        propagation=results("samples", "propagation.csv"),
         code=code("coronaryuq.estimation.gather"),
     output:
         params=results("runs", "params.csv"),

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from coronaryuq import files
 from coronaryuq.estimation.gather import gather
 from job import job
 
@@ -17,4 +18,5 @@ with job(globals()) as this:
         {"r": posterior["prior"], "R_cor_scaling": posterior["scaling"]},
         this.params["settings"]["min_3d"],
         Path(this.output["params"]).parent,
+        files.read_json(this.input["allocation"])["counts"] if "allocation" in this.input else None,
     )

@@ -32,19 +32,23 @@ def gather(
     limits: dict[str, tuple[float, float]],
     min_3d: int,
     out: str | Path,
+    counts: dict[str, int] | None = None,
 ) -> None:
     """Write `params.csv`, `outputs_3d.csv`, `outputs_0d.csv`, `params_propagation.csv`, `outputs_0d_propagation.csv`,
     `param_limits.json`, `rows.csv` and `failures.json` into `out`.
 
     A pilot sample whose 3D run failed stays in `params.csv` without outputs, so that the estimators can ask whether
     failures depend on θ. A sample whose 0D run failed is left out. Raises InputError if fewer than `min_3d` 3D runs
-    ended well, with the commonest reason. limits: bounds of θ by column, "r" standing for every bed.
+    ended well, with the commonest reason. limits: bounds of θ by column, "r" standing for every bed. counts: {n_3d,
+    n_0d}, how many of the first samples count; all where it is None.
     """
     out = Path(out)
     pilot, propagation = read_csv(pilot_csv, ("sample",)), read_csv(propagation_csv, ("sample",))
-    runs = [record for path in flow3d for record in records.read(path)]
-    cheap, cheap_failed = _zerod(zerod_pilot)
-    more, more_failed = _zerod(zerod_propagation)
+    if counts is not None:
+        pilot, propagation = pilot.iloc[: counts["n_3d"]], propagation.iloc[: counts["n_0d"]]
+    runs = [record for path in flow3d for record in records.read(path) if record.sample in set(pilot["sample"])]
+    cheap, cheap_failed = _zerod(zerod_pilot, pilot["sample"])
+    more, more_failed = _zerod(zerod_propagation, propagation["sample"])
     _complete("3D", pilot["sample"], [record.sample for record in runs], flow3d)
     _complete("0D", pilot["sample"], [*cheap["sample"], *cheap_failed["sample"]], zerod_pilot)
     _complete("0D", propagation["sample"], [*more["sample"], *more_failed["sample"]], zerod_propagation)
@@ -81,7 +85,7 @@ def gather(
             },
             "cost": {
                 "flow3d_cpu_s": float(sum(r.cost.get("cpu_s", 0.0) for r in runs)),
-                "zerod_cpu_s": float(_cost(zerod_pilot) + _cost(zerod_propagation)),
+                "zerod_cpu_s": _cost(zerod_pilot, pilot["sample"]) + _cost(zerod_propagation, propagation["sample"]),
             },
         },
     )
@@ -107,15 +111,24 @@ def rows(case: dict, columns_0d: Sequence[str]) -> pd.DataFrame:
     return pd.DataFrame(lines)
 
 
-def _zerod(paths: Sequence[str | Path]) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Outputs of the runs that ended well, and the failed runs."""
+def cost_ratio(failures_json: str | Path, otherwise: float) -> float:
+    """Cost of a 0D run in 3D runs from `failures.json`; `otherwise` where the runs do not tell."""
+    held = read_json(failures_json)
+    high = held["cost"]["flow3d_cpu_s"] / max(held["flow3d"]["runs"], 1)
+    low = held["cost"]["zerod_cpu_s"] / max(held["zerod"]["runs"], 1)
+    return low / high if high > 0 and 0 < low < high else otherwise
+
+
+def _zerod(paths: Sequence[str | Path], samples: pd.Series) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Outputs of the runs of `samples` that ended well, and the failed runs."""
     table = pd.concat([_parquet(path) for path in paths], ignore_index=True)
+    table = table[table["sample"].isin(samples)]
     ok = table["status"] == records.OK
     return table[ok].drop(columns=[c for c in BOOKKEEPING if c in table]), table[~ok]
 
 
-def _cost(paths: Sequence[str | Path]) -> float:
-    return float(np.sum([_parquet(path)["cpu_s"].sum() for path in paths]))
+def _cost(paths: Sequence[str | Path], samples: pd.Series) -> float:
+    return float(np.sum([t.loc[t["sample"].isin(samples), "cpu_s"].sum() for t in map(_parquet, paths)]))
 
 
 def _parquet(path: str | Path) -> pd.DataFrame:

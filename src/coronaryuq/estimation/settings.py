@@ -37,6 +37,11 @@ class Settings(BaseModel):
         20, ge=0, description="of those subsamples, how many train networks and control variates (paper: all 200)"
     )
     wanted: dict[str, float] = Field({}, description="row name: half-width of its calibrated interval to be reached")
+    most_3d: int | None = Field(
+        None, ge=8, description="3D runs up to which a campaign grows to reach `wanted`; none: it stays as it is"
+    )
+    most_0d: int | None = Field(None, ge=16, description="the same for propagation runs; none: they stay as they are")
+    rounds: int = Field(5, ge=1, le=20, description="rounds of growth, each at most doubling the runs")
     convergence_rows: list[str] = Field(
         [], description="rows of the convergence study; empty for those whose 3D column names an OSI"
     )

@@ -9,6 +9,7 @@ import pandas as pd
 from coronaryuq import files
 from coronaryuq.errors import InputError
 from coronaryuq.estimation import analysis, report, studies
+from coronaryuq.estimation.gather import cost_ratio
 from coronaryuq.estimation.mfmc_ae import Networks
 from coronaryuq.estimation.runs import read_rows, read_runs
 from coronaryuq.estimation.settings import Settings
@@ -72,10 +73,7 @@ def budget(
     results = files.read_json(estimates_json)["rows"]
     ratio = settings.cost_ratio
     if failures_json:
-        held = files.read_json(failures_json)
-        high = held["cost"]["flow3d_cpu_s"] / max(held["flow3d"]["runs"], 1)
-        low = held["cost"]["zerod_cpu_s"] / max(held["zerod"]["runs"], 1)
-        ratio = low / high if high > 0 and 0 < low < high else ratio
+        ratio = cost_ratio(failures_json, ratio)
     for name in settings.wanted:
         if name not in {result["row"] for result in results}:
             raise InputError("estimation.wanted", name, settings.wanted[name], "no such row among the estimates")

@@ -1,0 +1,26 @@
+"""One round of a growing campaign: are the wanted intervals reached, and what does the next round run?"""
+
+from coronaryuq import files
+from coronaryuq.estimation.allocation import allocate
+from coronaryuq.estimation.settings import Settings
+from job import job
+
+with job(globals()) as this:
+    posterior, number = this.params["posterior"], this.params["number"]
+    allocate(
+        {
+            "case_json": this.input["case"],
+            "pilot_csv": this.input["pilot"],
+            "propagation_csv": this.input["propagation"],
+            "flow3d": this.input["records"],
+            "zerod_pilot": this.input["zerod_pilot"],
+            "zerod_propagation": this.input["zerod_propagation"],
+        },
+        {"r": posterior["prior"], "R_cor_scaling": posterior["scaling"]},
+        Settings(**this.params["settings"]),
+        this.params["seed"],
+        number,
+        files.read_json(this.input["before"])["next"] if number else this.params["first"],
+        this.params["portion"],
+        this.output["round"],
+    )
