@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from coronaryuq import files
+from coronaryuq import files, units
 from coronaryuq.discrepancy import hidden, openloop
 from coronaryuq.discrepancy.conditions import Condition, read_conditions
 from coronaryuq.discrepancy.model import read_problem
@@ -21,6 +21,7 @@ from coronaryuq.discrepancy.verify import gap, linearise
 from coronaryuq.seeds import generator
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Series
+from coronaryuq.zerod.effects.grafting import add_vessel, attach
 from coronaryuq.zerod.effects.library import LIBRARY, effect
 
 STRENGTHS = {"weak": (-1.0, 0.6), "medium": (0.0, 1.2), "strong": (1.0, 2.0)}
@@ -29,6 +30,8 @@ NOISES = {"half": 0.5, "nominal": 1.0, "double": 2.0}
 LEAST_VISIBLE = 6.0
 """Hidden effects whose trace in the fitted data is below this many noise sd are drawn again elsewhere, and counted."""
 DRAWS = 6
+NOTHING_PER_SEED = 5
+"""Cases with nothing hidden per seed: one discovery ends after its first step, and a small share wants many."""
 PAIRS_OF_TWO = (
     ("quadratic_stenosis", "pressure_offset"),
     ("diffuse_narrowing", "mbf_underestimation"),
@@ -100,7 +103,19 @@ def _outside(name: str, network: dict):
                 block["bc_values"]["Pim"] = (pressure.max() + pressure.min() - pressure).tolist()
         return network
 
+    def thrombosed(network, condition):
+        """A side vessel behind the left main's first branch that lets blood through in late diastole only."""
+        aorta = next(b["bc_values"] for b in network["boundary_conditions"] if b["bc_name"] == "AORTA")
+        open_late = np.arange(len(aorta["t"])) > 0.55 * len(aorta["t"])
+        beyond = np.where(open_late, 5.0 * units.MMHG, aorta["P"])
+        block = {"bc_name": "CLOT", "bc_type": "PRESSURE", "bc_values": {"t": list(aorta["t"]), "P": beyond.tolist()}}
+        network["boundary_conditions"].append(block)
+        number = add_vessel(network, "side", {"R_poiseuille": 85.0 * units.MMHG / 0.8}, outlet="CLOT")
+        attach(network, "J1", "outlet", number)
+        return network
+
     return {
+        "thrombosed_side_vessel": thrombosed,
         "drifting_vessel": lambda n, c: scale(n, "lad_proximal", 1.0 + 12.0 * order[c]),
         "drifting_bed": lambda n, c: scale(n, "BC_lcx", 1.0 + 0.5 * order[c]),
         "miswired_outlets": miswired,
@@ -108,7 +123,7 @@ def _outside(name: str, network: dict):
     }[name]
 
 
-OUTSIDE = ("drifting_vessel", "drifting_bed", "miswired_outlets", "bulging_territory")
+OUTSIDE = ("thrombosed_side_vessel", "drifting_vessel", "drifting_bed", "miswired_outlets", "bulging_territory")
 
 
 def cases(quick: bool, seeds: int, strengths: tuple[str, ...], noises: tuple[str, ...], offset: int) -> Iterator[Case]:
@@ -120,7 +135,8 @@ def cases(quick: bool, seeds: int, strengths: tuple[str, ...], noises: tuple[str
         return
     for seed in range(offset, offset + seeds):
         for noise in noises:
-            yield Case((), "none", noise, seed)
+            for number in range(NOTHING_PER_SEED):
+                yield Case((), "none", noise, seed + 1000 * number)
             for strength in strengths:
                 for one in LIBRARY:
                     yield Case((one.name,), strength, noise, seed)

@@ -15,8 +15,9 @@ MANY = 20
 """More collaterals than this are ranked by superposed leaks before any is run."""
 LEAST_SENSITIVITY = 0.3
 """Whitened norm below which data cannot see an effect of the tested size."""
-CONTENDER = 15.0
-"""Log weight behind the best within which a candidate is fitted in full."""
+CONTENDER, ROUGH = 15.0, 0.2
+"""Log weight behind the best within which a candidate is fitted in full: so much, and a share of what the best gains,
+because sensitivities of the nuisance parameters that were not recomputed err the more, the farther a fit has moved."""
 SMALL, SMALL_SIGNED = -1.0, 0.3
 """Sizes of the score test, in prior standard deviations: of positive and of signed sizes."""
 PRIOR_NONE, PRIOR_NAMED, PRIOR_OUTSIDE = 0.45, 0.45, 0.10
@@ -94,7 +95,8 @@ def _columns(problem, base, acting, candidates) -> np.ndarray:
     for candidate in candidates:
         small = [SMALL if parameter.kind == "lognormal" else SMALL_SIGNED for parameter in candidate.effect.parameters]
         rows.append((np.concatenate([base.z, small]), [*acting, candidate.acting]))
-    found = problem.fitted(rows)
+    grafts = [one for one in [*acting, *(c.acting for c in candidates)] if one[0].grafted]
+    found = problem.fitted(rows, grafts)
     return (found[0] - found[1:]).T
 
 
@@ -151,15 +153,17 @@ def shortlist(candidates: list[Candidate], count: int) -> list[Candidate]:
     return chosen
 
 
-def fit_shortlist(problem: Problem, base: Fit, acting: list[Acting], chosen: list[Candidate], exact: int = 3) -> None:
+def fit_shortlist(problem: Problem, base: Fit, acting: list[Acting], chosen: list[Candidate], exact: int = 5) -> None:
     """Fit the shortlist with frozen nuisance sensitivities, then the best `exact` in full."""
     for candidate, fit in zip(
         chosen, problem.fit_candidates(base, acting, [c.acting for c in chosen], [c.guess for c in chosen]), strict=True
     ):
         candidate.fit = fit
     ranked = sorted(chosen, key=lambda c: -c.log_weight)
+    near = CONTENDER + ROUGH * max(0.0, ranked[0].log_weight - base.evidence) if ranked else 0.0
+    least = ranked[0].log_weight - near if ranked else 0.0
     for candidate in ranked[:exact]:
-        if candidate.fit is not None and candidate.log_weight > ranked[0].log_weight - CONTENDER:
+        if candidate.fit is not None and candidate.log_weight > least:
             try:
                 candidate.fit = problem.calibrate([*acting, candidate.acting], candidate.fit.z)
             except FloatingPointError:

@@ -90,22 +90,27 @@ class Forward:
         return self.predict_rows([(row, list(acting)) for row in np.atleast_2d(z)])
 
     def predict_rows(
-        self, rows: list[tuple[np.ndarray, list[Acting]]], conditions: Collection[str] | None = None
+        self,
+        rows: list[tuple[np.ndarray, list[Acting]]],
+        conditions: Collection[str] | None = None,
+        grafts: list[Acting] = (),
     ) -> np.ndarray:
         """Predictions (n, N) at one point z (p,) each, every row with its own effects; NaN for other `conditions`.
 
-        Rows whose networks have the same elements share one batch, all conditions in it.
+        Rows whose networks have the same elements share one batch, all conditions in it. grafts: grafted effects that
+        are put into all networks, shut unless a row acts on them, so that candidates share one network.
         """
         found = np.full((len(rows), self.size), np.nan)
-        groups: dict[tuple, dict[tuple, list[int]]] = {}
+        groups: dict[tuple, tuple[list[Acting], dict[tuple, list[int]]]] = {}
         for number, (z, acting) in enumerate(rows):
             # What a sensor or a map does to predictions may depend on all of them.
             all_of_them = any(effect.side == "measurement" for effect, _ in acting)
-            alike = groups.setdefault((*_elements(acting), all_of_them), {})
+            inserted = [*grafts, *(one for one in acting if _inserts(one[0]) and one not in grafts)]
+            _, alike = groups.setdefault((*_elements(inserted), all_of_them), (inserted, {}))
             alike.setdefault(self._simulated(z, acting), []).append(number)
-        for (*_, all_of_them), alike in groups.items():
+        for (*_, all_of_them), (inserted, alike) in groups.items():
             wanted = [n for n in self.conditions if all_of_them or conditions is None or n in conditions]
-            predicted = self._predict_group([rows[numbers[0]] for numbers in alike.values()], wanted)
+            predicted = self._predict_group([rows[numbers[0]] for numbers in alike.values()], wanted, inserted)
             for values, numbers in zip(predicted, alike.values(), strict=True):
                 found[numbers] = values
         for number, (z, acting) in enumerate(rows):
@@ -121,11 +126,11 @@ class Forward:
         ]
         return z[: len(self.nuisances)].tobytes(), *network
 
-    def _predict_group(self, rows, names: list[str]) -> np.ndarray:
+    def _predict_group(self, rows, names: list[str], inserted: list[Acting]) -> np.ndarray:
         sizes = [self._sizes(z, acting) for z, acting in rows]
         z = np.array([row[: len(self.nuisances)] for row, _ in rows])
         blocks = [np.full((len(rows), series.value.size), np.nan) for series in self.measured]
-        waveforms, renamed = self._simulate(rows, sizes, names)
+        waveforms, renamed = self._simulate(rows, sizes, names, inserted)
         for i, series in enumerate(self.measured):
             if series.condition in names:
                 waves = waveforms[series.condition]
@@ -207,9 +212,9 @@ class Forward:
         self.runs += len(prepared.networks)
         return {name: nominal.state[i] if nominal.ok[i] else None for i, name in enumerate(prepared.networks)}
 
-    def _simulate(self, rows, sizes, conditions: list[str]) -> tuple[dict[str, dict], dict[str, str]]:
+    def _simulate(self, rows, sizes, conditions: list[str], inserted: list[Acting]) -> tuple[dict, dict[str, str]]:
         """Waveforms, condition → engine name → (rows, steps + 1), of all rows; and renamed locations."""
-        prepared = self._prepared(rows[0][1])
+        prepared = self._prepared(inserted)
         renamed = prepared.renamed
         names = [
             n for series in self.measured if series.condition in conditions for n in self._variable(series, renamed)

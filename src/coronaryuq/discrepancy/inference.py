@@ -84,8 +84,8 @@ Evaluate = Callable[[list[tuple[np.ndarray, object]]], np.ndarray]
 def maximise(evaluate: Evaluate, searches: list[Search], iterations: int, tolerance: float = 0.02) -> list[Search]:
     """Gauss-Newton with a step search, all `searches` in lockstep so that their runs share batches.
 
-    Sensitivities outside `fresh` stay as given. A search is done when its objective falls by less than `tolerance`,
-    or by less than a thousandth of itself.
+    Sensitivities outside `fresh` start as given and are only updated along the steps taken. A search is done when its
+    objective falls by less than `tolerance`, or by less than a thousandth of itself.
     """
     for search in searches:
         search.residual = None
@@ -139,11 +139,19 @@ def _step(search: Search) -> np.ndarray:
     return step * min(1.0, 3.0 / largest) if largest > 0 else step
 
 
+def _update(search: Search, step: np.ndarray, change: np.ndarray) -> None:
+    """Broyden's update: sensitivities that are not recomputed learn what the step has shown of them."""
+    if len(search.fresh) < len(step):
+        missing = change - search.jacobian @ step
+        search.jacobian = search.jacobian + np.outer(missing, step / (step @ step))
+
+
 def _advance(search: Search, trials: list[np.ndarray], values: np.ndarray, tolerance: float) -> None:
     present = search.fit.objective
     objectives = [v @ v + z @ z if np.isfinite(v).all() else np.inf for v, z in zip(values, trials, strict=True)]
     best = int(np.argmin(objectives))
     gained = present - objectives[best]
     if gained > 0:
+        _update(search, trials[best] - search.z, search.residual - values[best])
         search.z, search.residual = trials[best], values[best]
     search.done = gained < max(tolerance, 1e-3 * present)

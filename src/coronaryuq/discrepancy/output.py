@@ -46,6 +46,7 @@ def summary(found: Discovery) -> dict:
             "before": found.before.summary(),
             "after": found.after.summary(),
             "flexible": found.flexible.summary(),
+            "both": found.both.summary(),
         },
         "remaining": {"p": found.remaining.p, **found.remaining.tests},
         "candidates_tested": found.candidates_tested,
@@ -196,6 +197,7 @@ def _gaps(found: Discovery) -> pd.DataFrame:
         ("recalibration alone", found.before),
         ("with the named effects", found.after),
         ("flexible discrepancy", found.flexible),
+        ("both together", found.both),
     )
     for name, gap in models:
         rows.append((name, gap.misfit, *gap.interval, gap.lpd, 1.0))

@@ -10,6 +10,8 @@ from coronaryuq.discrepancy.settings import Settings
 
 OTHER_STARTS = (-1.0, 1.0, -2.0, 2.0, 0.0)
 """Further starting points of an effect's sizes, in prior standard deviations."""
+SMALLER = -2.0
+"""Starting point where a candidate's own does not run, in prior standard deviations."""
 FAR_BEHIND = 40.0
 """Log evidence behind the best after two iterations at which a candidate is not fitted further."""
 
@@ -35,10 +37,13 @@ class Problem:
         """(y - f) / sd for rows (z, acting): (n, N)."""
         return (self.y - self.forward.predict_rows(rows)) / self.sd
 
-    def fitted(self, rows: list[tuple[np.ndarray, list[Acting]]]) -> np.ndarray:
-        """Whitened residuals of the fitted rows of the data alone, (n, M); other conditions are not run."""
+    def fitted(self, rows: list[tuple[np.ndarray, list[Acting]]], grafts: list[Acting] = ()) -> np.ndarray:
+        """Whitened residuals of the fitted rows of the data alone, (n, M); other conditions are not run.
+
+        grafts: see `Forward.predict_rows`.
+        """
         conditions = set(self.condition[self.train])
-        return ((self.y - self.forward.predict_rows(rows, conditions)) / self.sd)[:, self.train]
+        return ((self.y - self.forward.predict_rows(rows, conditions, grafts)) / self.sd)[:, self.train]
 
     def calibrate(self, acting: list[Acting], start: np.ndarray | None = None) -> Fit:
         """Fit nuisance parameters and sizes together, all sensitivities recomputed at every step (fitted rows only)."""
@@ -60,6 +65,7 @@ class Problem:
         succeeded.
         """
         found: list[Fit | None] = [None] * len(candidates)
+        grafts = [one for one in dict.fromkeys([*acting, *candidates]) if one[0].grafted]
 
         def search(numbers_and_sizes, iterations):
             searches = []
@@ -70,7 +76,7 @@ class Problem:
                 if earlier is not None and sizes is guesses[number]:
                     z, jacobian = earlier.z, earlier.jacobian
                 searches.append(Search([*acting, candidates[number]], z, list(range(len(base.z), len(z))), jacobian))
-            maximise(self.fitted, searches, iterations)
+            maximise(lambda rows: self.fitted(rows, grafts), searches, iterations)
             for (number, _), one in zip(numbers_and_sizes, searches, strict=True):
                 if not one.failed and one.residual is not None:
                     best = found[number]
@@ -78,6 +84,8 @@ class Problem:
                         found[number] = one.fit
 
         search(list(enumerate(guesses)), 2)
+        # A size may be too much for the solver where a smaller one runs.
+        search([(i, np.full(len(guesses[i]), SMALLER)) for i, fit in enumerate(found) if fit is None], 2)
         leading = max((fit.evidence for fit in found if fit is not None), default=0.0)
         close = [i for i, fit in enumerate(found) if fit is not None and fit.evidence > leading - FAR_BEHIND]
         again = [(i, guesses[i]) for i in close]

@@ -42,7 +42,14 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
         "standard deviations of the noise, whose floor is 1. "
     )
     if found.remaining.alarm(found.problem.settings.alarm_level):
-        text += f"Something remains unexplained (p = {found.remaining.p:.2g})."
+        text += f"Something remains unexplained (p = {found.remaining.p:.2g})"
+        if found.flexible.total_lpd > found.after.total_lpd:
+            text += (
+                ": a flexible discrepancy predicts those measurements better than the named effects alone, and better "
+                f"still together with them (log predictive density per row {found.after.lpd:.2f}, "
+                f"{found.flexible.lpd:.2f}, {found.both.lpd:.2f})"
+            )
+        text += "."
     else:
         text += f"What remains is within the noise (p = {found.remaining.p:.2g})."
     return text

@@ -13,6 +13,7 @@ from coronaryuq.files import read_csv
 from coronaryuq.seeds import generator
 
 MEASURED, BEFORE, AFTER, FLEXIBLE = "#000000", "#0072B2", "#D55E00", "#009E73"
+TOGETHER = "#CC79A7"
 MOST_PANELS = 6
 
 
@@ -126,7 +127,7 @@ def gap(table: str | Path, output: str | Path) -> None:
     frame: pd.DataFrame = read_csv(table, ("model", "misfit", "low", "high", "noise_floor"))
     with saved(output, figsize=(5.5, 2.2)) as (_, axes):
         at = np.arange(len(frame))[::-1]
-        colours = [BEFORE, AFTER, FLEXIBLE][: len(frame)]
+        colours = [BEFORE, AFTER, FLEXIBLE, TOGETHER][: len(frame)]
         low, high = (np.clip(d, 0, None) for d in (frame.misfit - frame.low, frame.high - frame.misfit))
         for y, row, colour, a, b in zip(at, frame.itertuples(), colours, low, high, strict=True):
             axes.errorbar(row.misfit, y, xerr=[[a], [b]], fmt="o", color=colour, capsize=3)

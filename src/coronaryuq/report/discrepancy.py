@@ -112,6 +112,7 @@ def _gaps(answer: dict) -> dict:
         ("recalibration alone", "before"),
         ("with the named effects", "after"),
         ("Gaussian-process discrepancy", "flexible"),
+        ("both together", "both"),
     ):
         gap = held[key]
         low, high = gap["interval_90"]

@@ -70,6 +70,8 @@ class Effect(ABC):
     native: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
     side: ClassVar[str] = "network"
+    grafted: ClassVar[bool] = False
+    """True when `insert` adds vessels that carry next to nothing until `changes` opens them: many fit one network."""
     feedback: ClassVar[bool] = False
     """True when `changes` needs the mean pressures at the beds, found by running twice."""
     series: ClassVar[bool] = False

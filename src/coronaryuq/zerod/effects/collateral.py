@@ -14,6 +14,7 @@ class Collateral(Effect):
     source = "Pijls et al., J. Am. Coll. Cardiol. 25 (1995) 1522"
     signature = "two territories' pressures drawn together; one artery carries more than its bed, the other less"
     native = "a BloodVessel between two added NORMAL_JUNCTIONs"
+    grafted = True
     parameters = (
         Parameter("conductance", "1", "lognormal", 0.3, 1.2, "conductance over that of the smaller of the two beds"),
     )

@@ -12,6 +12,7 @@ class SideBranchLeak(Effect):
     source = "Gosling et al., J. Biomech. 103 (2020) 109698 (side-branch flow)"
     signature = "flow into the vessel above the sum of what leaves it; distal pressures slightly lower"
     native = "a BloodVessel with a RESISTANCE (open loop) or ClosedLoopRCR (closed loop) outlet"
+    grafted = True
     parameters = (Parameter("share", "1", "lognormal", 0.2, 1.0, "leak over the vessel's mean flow in the model"),)
 
     def places(self, anatomy, observed=()):
