@@ -117,3 +117,23 @@ def test_a_wrong_configuration_is_one_line_and_nothing_is_written(checkout, sett
     assert done.returncode == 2
     assert len(lines) == 1 and said in lines[0], done.stderr
     assert not (checkout.folder / "results").exists()
+
+
+def test_a_search_on_pairs_needs_nothing_of_the_campaign(checkout):
+    for name in ("simulated.csv", "measured.csv"):
+        (checkout.folder / name).write_text("sample\n")
+    settings = changed(checkout, discrepancy={"pairs": ["simulated.csv", "measured.csv"]})
+    jobs = checkout.dry_run("discrepancy", settings=settings)
+    assert set(jobs) == {"discrepancy_pairs", "discrepancy_figure", "discrepancy_report", "discrepancy"}
+
+
+def test_a_search_in_the_report_is_part_of_the_campaign(checkout):
+    settings = changed(checkout, discrepancy={"in_report": True})
+    assert {"discrepancy_hidden", "discrepancy_search", "report"} <= set(checkout.dry_run(settings=settings))
+    assert "discrepancy_search" not in checkout.dry_run()
+
+
+def test_a_table_that_is_not_there_is_one_line(checkout):
+    done = checkout.run("discrepancy", settings=changed(checkout, discrepancy={"pairs": ["gone.csv", "lost.csv"]}))
+    assert done.returncode == 2
+    assert "gone.csv" in done.stderr and "no such file" in done.stderr and "Traceback" not in done.stderr

@@ -1,0 +1,71 @@
+"""Predictions of many rows at once are those of each alone: shared networks, shared runs, carried-over states."""
+
+import numpy as np
+import pytest
+
+from coronaryuq import files
+from coronaryuq.bench.discrepancy import Case, _hide, open_loop
+from coronaryuq.discrepancy.conditions import read_conditions
+from coronaryuq.discrepancy.model import read_problem
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.provenance import sources
+from coronaryuq.zerod.effects.library import effect
+
+
+@pytest.fixture(scope="module")
+def problem(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("case")
+    _hide(Case((), "none", "nominal", 5), *open_loop(), folder)
+    conditions = read_conditions(folder / "conditions.yaml")
+    return read_problem(
+        files.read_json(folder / "model.json"), folder / "measurements.csv", conditions, "c", Settings()
+    )
+
+
+LEAKS = [(effect("side_branch_leak"), place) for place in ("lad", "lcx", "lad_proximal")]
+COLLATERAL = (effect("collateral"), "lad~lcx")
+
+
+@pytest.mark.parametrize("one", [LEAKS[0], LEAKS[2], COLLATERAL], ids=lambda one: f"{one[0].name}@{one[1]}")
+def test_a_network_with_all_grafts_predicts_what_one_with_its_own_does(problem, one):
+    z = np.append(0.3 * np.ones(problem.count), 0.0)
+    rows = [(z, [one]), (z[:-1], [])]
+    alone = problem.forward.predict_rows(rows)
+    together = problem.forward.predict_rows(rows, None, [*LEAKS, COLLATERAL])
+    difference = np.abs((together - alone) / problem.sd).max()
+    assert difference < 0.05
+    assert np.abs((alone[0] - alone[1]) / problem.sd).max() > 10.0 * difference
+
+
+def test_rows_do_not_depend_on_what_else_is_asked(problem):
+    z = 0.2 * np.ones(problem.count)
+    many = [
+        (np.append(z, 0.5), [(effect("quadratic_stenosis"), "lcx")]),
+        (np.append(z, 0.5), [(effect("intramyocardial_pressure"), "all beds")]),
+        (np.append(z, 0.5), [(effect("flow_gain"), "lcx:BC_lcx")]),
+        (z, []),
+    ]
+    together = problem.forward.predict_rows(many)
+    for row, found in zip(many, together, strict=True):
+        assert np.abs((problem.forward.predict_rows([row])[0] - found) / problem.sd).max() < 0.02
+
+
+def test_conditions_that_are_not_asked_for_are_not_run(problem):
+    before = problem.forward.runs
+    found = problem.forward.predict_rows([(np.zeros(problem.count), [])], {"rest", "pacing"})[0]
+    assert problem.forward.runs - before == 2
+    asked = np.isin(problem.condition, ["rest", "pacing"])
+    assert np.isfinite(found[asked]).all() and np.isnan(found[~asked]).all()
+
+
+def test_an_error_of_the_map_sees_all_conditions(problem):
+    """Renkin and Crone's loss is relative to the least flow of all conditions, also where one of them is not fitted."""
+    row = (np.append(np.zeros(problem.count), 0.0), [(effect("mbf_underestimation"), "perfusion map")])
+    some = problem.forward.predict_rows([row], {"hyperaemia"})[0]
+    assert some == pytest.approx(problem.forward.predict_rows([row])[0])
+
+
+def test_the_search_knows_nothing_of_the_generator():
+    """What analyses a case imports neither the generator of hidden effects nor the benchmark that scores it."""
+    behind = {path.name for path in sources("coronaryuq.discrepancy.command")}
+    assert "search.py" in behind and "hidden.py" not in behind
