@@ -37,7 +37,7 @@ PRESSURE_PER = {
 PER_PRESSURE = {
     "BloodVessel": ("C",), "BloodVesselCRL": ("C",), "BloodVesselRC": ("Cp",), "RCR": ("C",), "CORONARY": ("Ca", "Cc"),
     "CORONARY_VAR_RES": ("Ca", "Cc"), "ClosedLoopRCR": ("C",), "ClosedLoopCoronaryLeft": ("Ca", "Cim"),
-    "ClosedLoopCoronaryRight": ("Ca", "Cim"), "ClosedLoopHeartAndPulmonary": ("Cp", "Cpa"),
+    "ClosedLoopCoronaryRight": ("Ca", "Cim"), "ClosedLoopHeartAndPulmonary": ("Cp", "Cpa", "Gao_leak"),
 }  # fmt: skip
 """Parameters that are divided by pressure."""
 
