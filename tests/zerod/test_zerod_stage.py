@@ -1,14 +1,16 @@
 """The rule function: one row per sample, however the samples are cut into chunks."""
 
+import importlib.util
 import json
+import shutil
 
 import numpy as np
 import pandas as pd
 import pytest
-from zerod_networks import closed_loop
+from zerod_networks import bifurcation, closed_loop
 
 from coronaryuq.errors import InputError
-from coronaryuq.zerod import svzerod
+from coronaryuq.zerod import backends, svzerod
 from coronaryuq.zerod.engine import Engine
 from coronaryuq.zerod.settings import Settings
 from coronaryuq.zerod.stage import run_chunk
@@ -67,12 +69,38 @@ def test_a_bed_that_the_network_lacks_is_named(inputs):
         _chunk(inputs, 0, 2)
 
 
-@pytest.mark.skipif(svzerod.installed() is None, reason="needs svzerodsolver or pysvzerod, which is not installed")
-def test_both_backends_give_the_same_numbers():
+@pytest.fixture(params=["pysvzerod", "svzerodsolver"])
+def theirs(request, monkeypatch):
+    """svZeroDSolver as a backend, by its Python module and by its command, each where it is installed."""
+    module = importlib.util.find_spec("pysvzerod") is not None
+    if not (module if request.param == "pysvzerod" else shutil.which("svzerodsolver")):
+        pytest.skip(f"needs {request.param}, which is not installed")
+    monkeypatch.setattr(svzerod, "installed", lambda: request.param)
+    return lambda network: backends.make("svzerod", network)
+
+
+def test_both_backends_give_the_same_numbers(theirs):
     network = closed_loop(steps=200, cycles=3, stenosis=0.0)
     changes, names = {"BC_left.Ra": np.array([1e4, 2e4])}, ["mean_flow:left:BC_left", "max_pressure:CLH:J_heart_outlet"]
-    ours, theirs = (solver(network).run(changes, names, cycles=3) for solver in (Engine, svzerod.SvZeroD))
-    assert list(theirs.status) == ["ok", "ok"]
+    ours, found = (make(network).run(changes, names, cycles=3) for make in (Engine, theirs))
+    assert list(found.status) == ["ok", "ok"]
     for name in names:
         # Where a valve shuts, rounding may move svZeroDSolver's own result by this much.
-        assert np.allclose(ours.values[name], theirs.values[name], rtol=1e-3)
+        assert np.allclose(ours.values[name], found.values[name], rtol=1e-3)
+
+
+def test_both_backends_give_the_same_waveforms_where_no_valve_shuts(theirs):
+    network, changes = bifurcation(), {"left.stenosis_coefficient": np.array([0.0, 3.0]), "RCR_right.Rd": 9e3}
+    names = Engine(network).unknowns
+    ours, found = (make(network).run(changes, waveforms=names, cycles=3) for make in (Engine, theirs))
+    assert list(found.status) == ["ok", "ok"]
+    for name in names:
+        difference = np.abs(ours.waveforms[name] - found.waveforms[name]).max()
+        assert difference <= 1e-8 * np.abs(found.waveforms[name]).max(), name
+
+
+def test_both_backends_go_on_from_a_state(theirs):
+    network, name = bifurcation(), "flow:left:RCR_left"
+    start = Engine(network).run(cycles=2).state
+    ours, found = (make(network).run(waveforms=[name], cycles=1, start=start) for make in (Engine, theirs))
+    assert np.allclose(ours.waveforms[name], found.waveforms[name], rtol=1e-8)
