@@ -1,6 +1,6 @@
 # Estimates: runs gathered in the published format, shared space trained, 0D rerun at the resampled inputs, the table.
 
-RESAMPLED = range(campaign.samples.chunks_resampled)
+RESAMPLED = range(campaign.samples.chunks_resampled if campaign.estimation.autoencoder else 0)
 
 
 FIRST_COUNTS = {"n_3d": campaign.samples.n_3d, "n_0d": campaign.samples.n_0d}
@@ -177,3 +177,54 @@ rule budget:
         settings=block("estimation"),
     script:
         "../scripts/budget.py"
+
+
+rule paper_convergence:
+    input:
+        code=code("coronaryuq.estimation.stage"),
+    output:
+        convergence=results("paper", "convergence.json"),
+    log:
+        log_of("paper", "convergence.log"),
+    params:
+        data=campaign.paper_data,
+        settings=block("estimation"),
+        seed=campaign.seed,
+    script:
+        "../scripts/paper_convergence.py"
+
+
+rule paper_convergence_figure:
+    input:
+        convergence=rules.paper_convergence.output.convergence,
+        code=code("coronaryuq.figures.draw", "coronaryuq.figures.budget"),
+    output:
+        figure=results("paper", "convergence.png"),
+    log:
+        log_of("paper", "convergence_figure.log"),
+    params:
+        name="convergence",
+    script:
+        "../scripts/figure.py"
+
+
+rule coverage_of_size:
+    input:
+        code=code("coronaryuq.bench.coverage"),
+    output:
+        cells=results("coverage", "n_{n}.json"),
+    log:
+        log_of("coverage", "n_{n}.log"),
+    wildcard_constraints:
+        n=r"\d+",
+    params:
+        data=campaign.paper_data,
+        size=lambda wildcards: int(wildcards.n),
+        trials=campaign.estimation.coverage_trials,
+    script:
+        "../scripts/coverage.py"
+
+
+rule coverage:
+    input:
+        expand(rules.coverage_of_size.output.cells, n=campaign.estimation.coverage_sizes),

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from coronaryuq import files
+from coronaryuq.errors import InputError
 from coronaryuq.estimation import analysis
 from coronaryuq.estimation.design import make_design
 from coronaryuq.estimation.emulator import Emulator
@@ -50,6 +51,18 @@ def paper_table(
         files.write_text(out_md, markdown(lines))
     parts = dict(zip(("emulators", "autoencoders", "control_variates"), np.diff(clock), strict=True))
     return lines, {name: float(value) for name, value in parts.items()}
+
+
+def published(data: str | Path | None) -> tuple[Path, Path]:
+    """Folder of published runs and its file of rows, as a campaign names it in `paper_data`."""
+    if data is None:
+        raise InputError("configuration", "paper_data", None, "name the folder with the published runs")
+    rows = next((path for path in (Path(data, "rows.csv"), Path(data, "table1.csv")) if path.exists()), None)
+    if rows is None:
+        raise InputError(
+            data, "rows.csv or table1.csv", None, "no such file; is this the folder of the published runs?"
+        )
+    return Path(data), rows
 
 
 def emulated(runs: Runs, names: list[str], wanted: pd.DataFrame) -> pd.DataFrame:

@@ -48,4 +48,6 @@ class Settings(BaseModel):
     convergence_sizes: list[int] = Field(
         [25, 50, 100, 150, 200, 250, 300, 400], description="3D runs per subsample of the convergence study"
     )
+    coverage_sizes: list[int] = Field([25, 50, 100, 250], description="pilot sizes of the target `coverage`")
+    coverage_trials: int = Field(400, ge=2, description="trials per cell of the target `coverage`")
     min_3d: int = Field(20, ge=4, description="fewest usable 3D runs from which anything is estimated")

@@ -1,0 +1,12 @@
+"""Coverage of the intervals at one pilot size: analytic pairs, and the published runs where there are any."""
+
+from coronaryuq import files
+from coronaryuq.bench.coverage import run
+from coronaryuq.estimation.paper_table import published
+from job import job
+
+with job(globals()) as this:
+    named = this.params["data"]
+    data, rows = published(named) if named else (None, None)
+    size, trials = this.params["size"], this.params["trials"]
+    files.write_json(this.output["cells"], run(data=data, rows=rows, trials=trials, sizes=(size,)))
