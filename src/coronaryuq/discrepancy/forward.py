@@ -106,7 +106,9 @@ class Forward:
             # What a sensor or a map does to predictions may depend on all of them.
             all_of_them = any(effect.side == "measurement" for effect, _ in acting)
             inserted = [*grafts, *(one for one in acting if _inserts(one[0]) and one not in grafts)]
-            _, alike = groups.setdefault((*_elements(inserted), all_of_them), (inserted, {}))
+            # Effects that feel pressures are run more than once.
+            feels = any(effect.feedback for effect, _ in acting)
+            _, alike = groups.setdefault((*_elements(inserted), feels, all_of_them), (inserted, {}))
             alike.setdefault(self._simulated(z, acting), []).append(number)
         for (*_, all_of_them), (inserted, alike) in groups.items():
             wanted = [n for n in self.conditions if all_of_them or conditions is None or n in conditions]
