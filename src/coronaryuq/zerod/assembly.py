@@ -45,7 +45,10 @@ class Context:
         self.time_in_cycle = np.fmod(phases, 1.0) * self.period[:, None]
 
     def _value(self, name: str, nominal: float) -> np.ndarray:
-        return np.broadcast_to(np.asarray(self._parameters.get(name, nominal), float), (self.samples,))
+        value = self._parameters.get(name)
+        if value is None:
+            return np.full(self.samples, nominal)
+        return np.broadcast_to(np.asarray(value, float), (self.samples,))
 
     def values(self, block: Block, *names: str) -> list[np.ndarray]:
         return [self._value(f"{block.name}.{name}", block.scalars[name]) for name in names]

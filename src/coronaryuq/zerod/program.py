@@ -422,7 +422,7 @@ def _lanes_of(value, lanes: np.ndarray):
     """Values (LANES,) of a coefficient (batch,), or the one number that it is."""
     if isinstance(value, float):
         return value
-    return value[lanes] if np.size(value) > 1 else np.ravel(value)[0]
+    return value[lanes] if value.size > 1 else value[0]
 
 
 def _spread_rows(values: list, lanes: np.ndarray) -> np.ndarray:
