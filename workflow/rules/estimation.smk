@@ -228,3 +228,18 @@ rule coverage_of_size:
 rule coverage:
     input:
         expand(rules.coverage_of_size.output.cells, n=campaign.estimation.coverage_sizes),
+
+
+rule tuning:
+    input:
+        **{name: path for name, path in rules.runs.output.items()},
+        code=code("coronaryuq.estimation.tuning"),
+    output:
+        tuning=results("estimation", "tuning.json"),
+    log:
+        log_of("estimation", "tuning.log"),
+    params:
+        settings=block("estimation"),
+        seed=campaign.seed,
+    script:
+        "../scripts/tuning.py"

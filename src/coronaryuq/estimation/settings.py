@@ -31,6 +31,7 @@ class Settings(BaseModel):
         "kernel",
         description="second-stage term: through a kernel distribution function, or the paper's empirical count",
     )
+    tuning_trials: int = Field(20, ge=1, description="trials of the target `tuning`, the first with these settings")
     rows: list[str] = Field([], description="rows to estimate, by name; empty for all in rows.csv")
     trials: int = Field(200, ge=2, description="subsamples per size of the convergence study")
     trials_fitted: int = Field(
