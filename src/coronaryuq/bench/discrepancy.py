@@ -212,7 +212,8 @@ def _hide(case: Case, network, conditions, plan, folder) -> tuple[hidden.Truth |
                 sign = random.choice((-1.0, 1.0))
                 sizes.append(positive if parameter.kind == "lognormal" else sign * signed)
         outside = _outside(case.outside, network) if case.outside else None
-        seed = 1000 * case.seed + draw
+        # Noise and nuisance parameters of their own in every cell, so that trials are independent.
+        seed = int(random.integers(2**31))
         truth = hidden.hide(
             network, conditions, plan, acting, np.array(sizes), NOISES[case.noise], seed, folder, outside
         )

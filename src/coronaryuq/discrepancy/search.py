@@ -6,6 +6,8 @@ import numpy as np
 
 from coronaryuq.discrepancy import outside
 from coronaryuq.discrepancy.candidates import (
+    CONTENDER,
+    ROUGH,
     Candidate,
     all_candidates,
     fit_shortlist,
@@ -22,6 +24,8 @@ from coronaryuq.discrepancy.verify import Gap, folds, gap, linearise
 from coronaryuq.zerod.effects.base import Effect
 from coronaryuq.zerod.effects.library import LIBRARY
 
+RIVALS = 5
+"""Runners-up of an earlier round that a look back tries in the place of what was accepted."""
 WORTH = 0.2
 """Held-out log predictive density per row that named effects must add to a flexible discrepancy to be named beside it.
 
@@ -85,8 +89,11 @@ def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = LIBRARY)
             break
         acting = [*acting, found.accepted.acting]
         fit = found.accepted.fit
-        if len(acting) > 1:
+        for _ in range(len(acting) - 1):
+            before = acting
             acting, fit = look_back(problem, acting, fit, rounds)
+            if acting == before:
+                break
         remaining, everything = assess(problem, fit, acting, library)
         tested += len(everything)
     if len(acting) > 1:
@@ -153,18 +160,17 @@ def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Rou
     for number in range(len(acting) - 1):
         current = accepted[number]
         others = acting[:number] + acting[number + 1 :]
-        rivals = [c for c in current.shortlist if c.acting not in acting][:3]
+        rivals = [c for c in current.shortlist if c.acting not in acting][:RIVALS]
         options: list[tuple[float, Candidate | None, Fit]] = [
             (fit.evidence + current.accepted.log_prior, current.accepted, fit)
         ]
         without = problem.calibrate(others)
         options.append((without.evidence, None, without))
-        for rival, trial in zip(
-            rivals,
-            problem.fit_candidates(without, others, [r.acting for r in rivals], [r.guess for r in rivals]),
-            strict=True,
-        ):
-            if trial is not None and trial.evidence + rival.log_prior > options[0][0]:
+        trials = problem.fit_candidates(without, others, [r.acting for r in rivals], [r.guess for r in rivals])
+        tried = [(rival, trial) for rival, trial in zip(rivals, trials, strict=True) if trial is not None]
+        near = CONTENDER + ROUGH * max(0.0, fit.evidence - without.evidence)
+        for rival, trial in tried:
+            if trial.evidence + rival.log_prior > options[0][0] - near:
                 exact = problem.calibrate([*others, rival.acting], trial.z)
                 options.append((exact.evidence + rival.log_prior, rival, exact))
         _, best, found = max(options, key=lambda option: option[0])
