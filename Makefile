@@ -14,6 +14,7 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 .DEFAULT_GOAL := run
 
 run: env
+	@test ! -d results/$(CONFIG)/provenance || $(BIN)/coronaryuq verify --remove results/$(CONFIG)
 	@$(BIN)/snakemake --profile workflow/profiles/default --configfile config/$(CONFIG).yaml --cores $(CORES)
 	@echo "Report: results/$(CONFIG)/report.html"
 

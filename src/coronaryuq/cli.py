@@ -4,8 +4,10 @@ import argparse
 import importlib
 import json
 import os
+import shutil
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 
 from coronaryuq import __version__
 from coronaryuq.errors import InputError
@@ -41,6 +43,11 @@ def _parser() -> argparse.ArgumentParser:
     explain = commands.add_parser("explain", help="where a result comes from, and the command that makes it again")
     explain.add_argument("result", metavar="RESULT", help="a file of a campaign, under results/NAME")
     explain.set_defaults(run=_explain)
+
+    verify = commands.add_parser("verify", help="which results are no longer what their jobs wrote")
+    verify.add_argument("results", metavar="FOLDER", help="results folder of a campaign, results/NAME")
+    verify.add_argument("--remove", action="store_true", help="remove them, so that the campaign makes them again")
+    verify.set_defaults(run=_verify)
 
     bench = commands.add_parser("bench", help="run a benchmark; its result is one JSON object on standard output")
     bench.add_argument("name", choices=BENCHMARKS, metavar="NAME", help=", ".join(BENCHMARKS))
@@ -86,6 +93,19 @@ def _explain(chosen: argparse.Namespace) -> int:
     text, sound = explain(chosen.result)
     print(text, flush=True)
     return 0 if sound else 1
+
+
+def _verify(chosen: argparse.Namespace) -> int:
+    from coronaryuq.exclusive import occupy
+    from coronaryuq.explain import altered
+
+    found = altered(chosen.results)
+    with occupy(chosen.results) if chosen.remove else nullcontext():
+        for path in found:
+            if chosen.remove:
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
+            print(f"{path}: not what its job wrote{'; removed' if chosen.remove else ''}", file=sys.stderr)
+    return 1 if found and not chosen.remove else 0
 
 
 def _bench(chosen: argparse.Namespace) -> int:

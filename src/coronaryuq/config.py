@@ -3,11 +3,11 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from coronaryuq.calibration.settings import Settings as CalibrationSettings
 from coronaryuq.case.settings import Settings as CaseSettings
+from coronaryuq.case.yamlfile import read_yaml
 from coronaryuq.discrepancy.settings import Settings as DiscrepancySettings
 from coronaryuq.errors import InputError
 from coronaryuq.estimation.settings import Settings as EstimationSettings
@@ -17,6 +17,8 @@ from coronaryuq.perfusion.settings import Settings as PerfusionSettings
 from coronaryuq.posterior.settings import Settings as PosteriorSettings
 from coronaryuq.synthetic.settings import Settings as SyntheticSettings
 from coronaryuq.zerod.settings import Settings as ZeroDSettings
+
+WANTED = "not a configuration: wanted a mapping of settings; see config/README.md"
 
 
 class Samples(BaseModel):
@@ -72,19 +74,13 @@ class Campaign(BaseModel):
 
 def load(path: str | Path) -> Campaign:
     """Read and validate a configuration file; anything wrong is an `InputError` on one line."""
-    try:
-        given = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(path, None, None, "no such file") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(path, None, None, f"not valid YAML ({error})") from None
-    return validate(given, path)
+    return validate(read_yaml(path, WANTED), path)
 
 
 def validate(given: Any, path: str | Path) -> Campaign:
     """Validate a configuration that has been read already; `path` is named in the error."""
     if not isinstance(given, dict):
-        raise InputError(path, None, None, "not a configuration: wanted a mapping of settings; see config/README.md")
+        raise InputError(path, None, None, WANTED)
     try:
         return Campaign.model_validate(given)
     except ValidationError as errors:

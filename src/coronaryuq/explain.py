@@ -103,6 +103,22 @@ def explain(result: str | Path) -> tuple[str, bool]:
     return _text(note, path, entry, name, home, sound), sound
 
 
+def altered(home: str | Path) -> list[Path]:
+    """Results of a campaign that are no longer what their jobs wrote: truncated, emptied, overwritten, corrupted.
+
+    Files that are gone are not among them; neither are those that no note is about.
+    """
+    home = Path(os.path.abspath(home))
+    if not (home / FOLDER).is_dir():
+        raise InputError(home, None, None, f"holds no {FOLDER}/: is this the results folder of a campaign?")
+    newest: dict[str, tuple[str, str]] = {}
+    for note in _notes(home / FOLDER):
+        for name, content in note["results"].items():
+            newest[name] = max(newest.get(name, ("", "")), (note["made"], content))
+    there = ((home.parents[1] / name, content) for name, (_, content) in sorted(newest.items()))
+    return [path for path, content in there if path.exists() and checksum(path) != content]
+
+
 def _note(home: Path, path: Path, name: str) -> tuple[dict, str]:
     """The note about a result, and the entry of its `results` that is the file, or the folder that holds it."""
     notes = list(_notes(home / FOLDER))

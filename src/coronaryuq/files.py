@@ -2,6 +2,8 @@
 
 import json
 import os
+import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -38,16 +40,80 @@ def write_json(path: str | Path, value: Any) -> None:
     write_text(path, json.dumps(value, indent=1, ensure_ascii=False, default=_plain) + "\n")
 
 
-def read_json(path: str | Path) -> Any:
-    """Read JSON; a missing, truncated or malformed file is an `InputError` that names it."""
+def read_json(path: str | Path, keys: tuple[str, ...] = ()) -> Any:
+    """Read JSON; a missing, truncated or malformed file is an `InputError` that names it.
+
+    keys: what must be there; with them, anything but a JSON object is an error too.
+    """
     try:
-        return json.loads(Path(path).read_text(encoding="utf-8"))
+        value = json.loads(Path(path).read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError(path, None, None, "no such file") from None
     except IsADirectoryError:
         raise InputError(path, None, None, "is a folder, wanted a JSON file") from None
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+    except OSError as error:
+        raise InputError(path, None, None, f"cannot be read ({error.strerror})") from None
+    except (ValueError, RecursionError) as error:
         raise InputError(path, None, None, f"not valid JSON ({error}); make it again") from None
+    if keys and not isinstance(value, dict):
+        raise InputError(path, None, value, f"wanted a JSON object with {', '.join(keys)}; make it again")
+    for key in keys:
+        if key not in value:
+            raise InputError(path, key, None, f"missing; the file has {', '.join(map(str, value))}; make it again")
+    return value
+
+
+def read_npz(path: str | Path, names: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Read all arrays of an `.npz`, never a pickle; a broken file or a missing array is an `InputError`."""
+    import numpy as np
+
+    try:
+        with np.load(path, allow_pickle=False) as held:
+            arrays = {name: held[name] for name in held.files}
+    except FileNotFoundError:
+        raise InputError(path, None, None, "no such file") from None
+    except (OSError, ValueError, AttributeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        raise InputError(path, None, None, f"not readable arrays ({error}); delete it and run again") from None
+    for name in names:
+        if name not in arrays:
+            raise InputError(path, name, None, f"array missing; the file has {', '.join(arrays)}; run again")
+    return arrays
+
+
+def read_parquet(path: str | Path, columns: tuple[str, ...] = ()):
+    """Read a Parquet table; a broken file or a missing column is an `InputError`."""
+    import pandas as pd
+
+    try:
+        frame = pd.read_parquet(path)
+    except FileNotFoundError:
+        raise InputError(path, None, None, "no such file") from None
+    except (OSError, ValueError) as error:
+        raise InputError(path, None, None, f"not a readable Parquet file ({error}); delete it and run again") from None
+    return _with_columns(path, frame, columns)
+
+
+def read_vtk(path: str | Path):
+    """Read a VTK file with pyvista; a missing, empty, truncated or broken one is an `InputError`."""
+    import pyvista as pv
+
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(path, None, None, "no such file")
+    # VTK makes an empty mesh of a truncated file, and says so only on its own error channel.
+    if path.suffix in (".vtu", ".vtp", ".vti"):
+        with open(path, "rb") as opened:
+            opened.seek(max(0, path.stat().st_size - 200))
+            if b"</VTKFile>" not in opened.read():
+                raise InputError(path, None, None, "empty or truncated VTK file; make it again")
+    try:
+        with pv.VtkErrorCatcher(raise_errors=True, send_to_logging=False):
+            data = pv.read(path)
+    except Exception as error:
+        raise InputError(path, None, None, f"not a readable VTK file ({error})") from None
+    if data.n_points == 0:
+        raise InputError(path, None, None, "holds no points; make it again")
+    return data
 
 
 def write_csv(path: str | Path, frame) -> None:
@@ -64,8 +130,12 @@ def read_csv(path: str | Path, columns: tuple[str, ...] = ()):
         frame = pd.read_csv(path)
     except FileNotFoundError:
         raise InputError(path, None, None, "no such file") from None
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError, IsADirectoryError) as error:
+    except (ValueError, OSError) as error:
         raise InputError(path, None, None, f"not a readable CSV ({error})") from None
+    return _with_columns(path, frame, columns)
+
+
+def _with_columns(path: str | Path, frame, columns: tuple[str, ...]):
     for column in columns:
         if column not in frame.columns:
             raise InputError(path, column, None, f"column missing; the file has {', '.join(map(str, frame.columns))}")

@@ -57,7 +57,25 @@ def read(path: str | Path) -> list[Record]:
     records = []
     for number, line in enumerate(text[:-1].split("\n"), start=1):
         try:
-            records.append(Record(**json.loads(line)))
-        except (json.JSONDecodeError, TypeError) as error:
+            records.append(_checked(Record(**json.loads(line))))
+        except (ValueError, TypeError, RecursionError) as error:
             raise InputError(path, f"line {number}", None, f"not a record ({error}); delete it and run again") from None
     return records
+
+
+def _checked(record: Record) -> Record:
+    """The record, if its fields are of their kind; else ValueError."""
+    if record.status not in (OK, FAILED):
+        raise ValueError(f"status {record.status!r} is neither {OK} nor {FAILED}")
+    if not isinstance(record.sample, str) or not isinstance(record.reason, str):
+        raise ValueError("sample and reason are text")
+    for name in ("inputs", "outputs", "cost"):
+        held = getattr(record, name)
+        if not isinstance(held, dict):
+            raise ValueError(f"{name} is no mapping")
+        for key, value in held.items():
+            if isinstance(value, bool) or not isinstance(value, int | float):
+                raise ValueError(f"{name}.{key} = {value!r} is no number")
+    if not isinstance(record.solver, dict) or not isinstance(record.diagnostics, dict):
+        raise ValueError("solver and diagnostics are mappings")
+    return record

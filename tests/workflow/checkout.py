@@ -10,7 +10,10 @@ from pathlib import Path
 
 import yaml
 
+from coronaryuq.case.tree import Tree
+
 ROOT = Path(__file__).parents[2]
+sys.path.append(str(ROOT / "tests" / "case"))
 
 EMPTY_OUTPUTS = """
 import os, pathlib, sys
@@ -42,7 +45,8 @@ class Checkout:
                 shutil.copy(source, folder / part)
         self.settings = {"name": "tiny", "samples": {"n_3d": 16, "n_0d": 64, "batch_3d": 8, "chunk_0d": 32}}
 
-    def run(self, *arguments: str, settings: dict | None = None) -> subprocess.CompletedProcess:
+    def command(self, *arguments: str, settings: dict | None = None) -> dict:
+        """Arguments of `subprocess.Popen` for Snakemake in this folder."""
         (self.folder / "tiny.yaml").write_text(yaml.safe_dump(self.settings if settings is None else settings))
         command = [sys.executable, "-m", "snakemake", "--configfile", "tiny.yaml", "--cores", "2", *arguments]
         environment = os.environ | {"PYTHONPATH": str(self.folder / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
@@ -50,7 +54,10 @@ class Checkout:
         if self.cache is not None:
             environment["SNAKEMAKE_OUTPUT_CACHE"] = str(self.cache)
             command.insert(3, "--cache")
-        return subprocess.run(command, cwd=self.folder, env=environment, capture_output=True, text=True, timeout=1200)
+        return {"args": command, "cwd": self.folder, "env": environment, "text": True}
+
+    def run(self, *arguments: str, settings: dict | None = None) -> subprocess.CompletedProcess:
+        return subprocess.run(**self.command(*arguments, settings=settings), capture_output=True, timeout=1200)
 
     def dry_run(self, *targets: str, settings: dict | None = None) -> Counter:
         """Jobs per rule that would run now."""
@@ -69,6 +76,21 @@ class Checkout:
         done = self.run()
         assert done.returncode == 0, done.stdout + done.stderr
         return Counter((self.folder / "jobs_that_ran").read_text().split())
+
+    def small_case(self) -> str:
+        """Write a case of five vessels beside the workflow; its path, as the configuration names it."""
+        from case_files import straight, write_case
+
+        tree = [
+            straight("aorta", (0, 0, 0), (0, 0, 1), 2.0, (1.2, 1.2)),
+            straight("branch1", (0, 0, 2), (1, 0, 0), 3.2, (0.2, 0.2), "aorta", "LM"),
+            straight("lca1", (3.2, 0, 2), (1, 0, -1), 4.0, (0.16, 0.12), "branch1", "LAD"),
+            straight("lca2", (3.2, 0, 2), (1, 1, 0), 3.0, (0.15, 0.10), "branch1", "LCx"),
+            straight("rca1", (0, 0, 2), (-1, 0, 0), 6.2, (0.18, 0.12), "aorta", "RCA"),
+            straight("aorta_outlet", (0, 0, 2), (0, 0, 1), 3.0, (1.2, 1.2), "aorta"),
+        ]
+        write_case(self.folder / "given", Tree(tree))
+        return "given/case.yaml"
 
     def edit(self, module: str) -> None:
         """Add a harmless line to a source file."""

@@ -86,6 +86,21 @@ def test_every_result_tells_where_it_comes_from(results):
     assert len(files) > 60 and not unknown
 
 
+def test_a_spoiled_file_of_any_kind_is_told(results, tmp_path):
+    copy = shutil.copytree(results, tmp_path / "results" / "smoke")
+    assert explain.altered(copy) == []
+    told = {name for path in copy.glob("provenance/*.json") for name in read_json(path)["results"]}
+    files = sorted(path for path in map(tmp_path.joinpath, told) if path.is_file())
+    kinds = {(path.parent.name, path.suffix): path for path in files}
+    for number, path in enumerate(kinds.values()):
+        whole = path.read_bytes()
+        middle = len(whole) // 2
+        path.write_bytes(
+            (whole[:middle], b"", whole[:middle] + bytes([whole[middle] ^ 255]) + whole[middle + 1 :])[number % 3]
+        )
+    assert len(kinds) >= 20 and explain.altered(copy) == sorted(kinds.values())
+
+
 def test_figures_are_redrawn_to_the_same_bytes(results):
     figures = sorted((results / "figures").glob("*.png"))
     before = [path.read_bytes() for path in figures]

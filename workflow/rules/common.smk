@@ -46,6 +46,10 @@ def log_of(*parts):
     return results("logs", *parts)
 
 
+async def leave_uncached(job):
+    """Stands for storing a result where the cache cannot be written."""
+
+
 onstart:
     # Jobs of their own process read this file too; only the campaign itself takes its folder and says what it is.
     if workflow.is_main_process:
@@ -54,6 +58,10 @@ onstart:
         except InputError as error:
             print(f"error: {error}", file=sys.stderr, flush=True)
             sys.exit(InputError.EXIT_CODE)
+        cache = os.environ.get(explain.CACHE)
+        if workflow.output_file_cache is not None and not os.access(cache, os.W_OK):
+            print(f"note: {cache} cannot be written: results are taken from it, none are added", file=sys.stderr)
+            workflow.output_file_cache.store = leave_uncached
         whole = yaml.safe_dump(campaign.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
         files.write_text(results(explain.CAMPAIGN), whole)
 

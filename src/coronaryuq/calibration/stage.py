@@ -8,6 +8,7 @@ from coronaryuq.calibration.reserve import Reserve
 from coronaryuq.calibration.settings import Settings
 from coronaryuq.calibration.targets import from_case, read_targets
 from coronaryuq.calibration.tuning import Tuned, tune_loop
+from coronaryuq.case.casefile import read_case
 from coronaryuq.case.network_units import to_cgs
 from coronaryuq.errors import InputError
 from coronaryuq.files import read_json, write_csv
@@ -33,7 +34,8 @@ def tune(
     tuned. Raises InputError for targets that are missing or implausible and for outlets that network or perfusion
     lack.
     """
-    case, network, perfusion = read_json(case_json), read_network(network_json), read_json(targets_json)
+    case = read_case(case_json, "hyperaemia", "targets", "outlets.bc", "outlets.perfuses")
+    network, perfusion = read_network(network_json), read_json(targets_json, ("bc", "mean"))
     targets = _enough(from_case(case, case_json), case_json)
     flows = _flows(case, network, perfusion, targets_json)
     reserve = Reserve(sum(flows.values()), tuple(flows), case["hyperaemia"]) if settings.hyperaemic_total else None

@@ -89,6 +89,8 @@ def read_targets(file: str | Path, unit_system: str = "auto") -> dict[str, float
             rows = [row for row in csv.reader(handle) if row and any(cell.strip() for cell in row)]
     except FileNotFoundError:
         raise InputError(file, None, None, "no such file") from None
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(file, None, None, f"not a readable table ({error})") from None
     raw = {}
     for row in rows:
         if len(row) < 3:

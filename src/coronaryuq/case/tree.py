@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from coronaryuq.errors import InputError
-from coronaryuq.files import replacing
+from coronaryuq.files import read_vtk, replacing
 
 AORTA = "aorta"
 CORONARY_BRANCHES = ("LM", "LAD", "LCx", "RCA")
@@ -248,9 +248,7 @@ def read_tree(path: str | Path, scale: float = 1.0) -> Tree:
     """
     import pyvista as pv
 
-    if not Path(path).is_file():
-        raise InputError(path, None, None, "no such file")
-    mesh = pv.read(path)
+    mesh = read_vtk(path)
     if not isinstance(mesh, pv.PolyData) or mesh.n_lines == 0:
         raise InputError(path, None, None, "holds no polylines; wanted one polyline per vessel")
     if "Radius" not in mesh.point_data:

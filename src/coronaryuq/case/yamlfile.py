@@ -29,8 +29,8 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
-def read_yaml(path: str | Path) -> dict[str, Any]:
-    """Read a YAML mapping; anything else is an `InputError` on one line."""
+def read_yaml(path: str | Path, wanted: str = "wanted a mapping of fields") -> dict[str, Any]:
+    """Read a YAML mapping; anything else is an `InputError` on one line that says what was `wanted`."""
     try:
         size = Path(path).stat().st_size
         if size > LARGEST:
@@ -43,5 +43,5 @@ def read_yaml(path: str | Path) -> dict[str, Any]:
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(path, None, None, f"not valid YAML ({error})") from None
     if not isinstance(given, dict):
-        raise InputError(path, None, None, "wanted a mapping of fields")
+        raise InputError(path, None, None, wanted)
     return given

@@ -7,8 +7,9 @@ import numpy as np
 import pandas as pd
 
 from coronaryuq import records
+from coronaryuq.case.casefile import read_case
 from coronaryuq.errors import InputError
-from coronaryuq.files import read_csv, read_json, write_csv, write_json
+from coronaryuq.files import read_csv, read_json, read_parquet, write_csv, write_json
 
 BOOKKEEPING = ("status", "reason", "cpu_s", "cycles", "cycle_error", "refinement")
 """Columns of 0D runs that are no outputs."""
@@ -71,7 +72,7 @@ def gather(
     bounds = {name: limits.get(name, limits["r"]) for name in columns}
     ends = (("min", 0), ("max", 1))
     write_json(out / "param_limits.json", {end: {name: bounds[name][k] for name in columns} for end, k in ends})
-    write_csv(out / "rows.csv", rows(read_json(case_json), cheap.columns))
+    write_csv(out / "rows.csv", rows(read_case(case_json, "stenoses.name", "stenoses.outlet"), cheap.columns))
     write_json(
         out / "failures.json",
         {
@@ -121,23 +122,15 @@ def cost_ratio(failures_json: str | Path, otherwise: float) -> float:
 
 def _zerod(paths: Sequence[str | Path], samples: pd.Series) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Outputs of the runs of `samples` that ended well, and the failed runs."""
-    table = pd.concat([_parquet(path) for path in paths], ignore_index=True)
+    table = pd.concat([read_parquet(path, ("sample", "status", "reason")) for path in paths], ignore_index=True)
     table = table[table["sample"].isin(samples)]
     ok = table["status"] == records.OK
     return table[ok].drop(columns=[c for c in BOOKKEEPING if c in table]), table[~ok]
 
 
 def _cost(paths: Sequence[str | Path], samples: pd.Series) -> float:
-    return float(np.sum([t.loc[t["sample"].isin(samples), "cpu_s"].sum() for t in map(_parquet, paths)]))
-
-
-def _parquet(path: str | Path) -> pd.DataFrame:
-    try:
-        return pd.read_parquet(path)
-    except FileNotFoundError:
-        raise InputError(path, None, None, "no such file") from None
-    except (OSError, ValueError) as error:
-        raise InputError(path, None, None, f"not a readable Parquet file ({error}); delete it and run again") from None
+    tables = (read_parquet(path, ("sample", "cpu_s")) for path in paths)
+    return float(np.sum([t.loc[t["sample"].isin(samples), "cpu_s"].sum() for t in tables]))
 
 
 def _complete(kind: str, wanted: pd.Series, found: list[str], paths: Sequence[str | Path]) -> None:

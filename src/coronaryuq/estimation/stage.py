@@ -83,12 +83,10 @@ def budget(
 
 def read_networks(path: str | Path) -> Networks | None:
     """Networks from the `.npz`, without pickle; None where none were trained."""
+    held = files.read_npz(path, ("rows",))
     try:
-        with np.load(path, allow_pickle=False) as held:
-            return Networks.from_arrays({name: held[name] for name in held}) if len(held["rows"]) else None
-    except FileNotFoundError:
-        raise InputError(path, None, None, "no such file") from None
-    except (ValueError, KeyError, OSError) as error:
+        return Networks.from_arrays(held) if len(held["rows"]) else None
+    except (ValueError, KeyError) as error:
         raise InputError(path, None, None, f"not networks of this stage ({error}); train again") from None
 
 
@@ -97,7 +95,7 @@ def read_resampled(paths: list[str | Path]) -> pd.DataFrame:
     frames = []
     for path in paths:
         if Path(path).suffix == ".parquet":
-            frames.append(pd.read_parquet(path))
+            frames.append(files.read_parquet(path, ("sample",)))
         else:
             frames.append(files.read_csv(path, ("sample",)))
     frame = pd.concat(frames, ignore_index=True)

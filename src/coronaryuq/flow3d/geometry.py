@@ -29,7 +29,7 @@ class Geometry:
 
 def read_geometry(mesh_dir: str | Path, mesh_json: str | Path) -> Geometry:
     """Read a mesh folder and its description; `InputError` when one does not fit the other."""
-    mesh, description = folder.read(mesh_dir), read_json(mesh_json)
+    mesh, description = folder.read(mesh_dir), read_json(mesh_json, ("faces", "regions", "planes"))
     caps, inlets = {}, []
     number = {name: k for k, name in mesh.caps.items()}
     for face in description["faces"]:

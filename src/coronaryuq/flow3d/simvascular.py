@@ -10,8 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from coronaryuq.case import casefile
 from coronaryuq.errors import InputError
-from coronaryuq.files import read_json, write_json
+from coronaryuq.files import write_json
 from coronaryuq.flow3d.backend import RunFailed, Sample
 from coronaryuq.flow3d.coupled_network import CoupledCase, couple
 from coronaryuq.flow3d.elements import face_vectors
@@ -85,7 +86,7 @@ def read_case(
     case_json: str | Path, network_json: str | Path, mesh_dir: str | Path, mesh_json: str | Path, settings
 ) -> Case:
     """Read what all samples share; `InputError` names the file at fault."""
-    case = read_json(case_json)
+    case = casefile.read_case(case_json, "name", "aorta.pressure", "density", "viscosity")
     return Case(
         name=case["name"],
         network=read_network(network_json),

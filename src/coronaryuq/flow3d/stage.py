@@ -5,6 +5,7 @@ import time
 from pathlib import Path
 
 from coronaryuq import files, provenance, records
+from coronaryuq.case.casefile import read_case
 from coronaryuq.errors import InputError
 from coronaryuq.flow3d.ensemble import Block, Ensemble, Outcome
 from coronaryuq.flow3d.fields import write_fields
@@ -37,7 +38,7 @@ def run_batch(
     A sample that blows up is run again with smaller steps, then recorded as failed. A sample's numbers do not depend
     on how the table is cut into batches. fields_dir: where fields of the campaign's first samples go, as VTU and VTP.
     """
-    case, network = files.read_json(case_json), read_network(network_json)
+    case, network = read_case(case_json, "aorta.pressure", "density", "viscosity"), read_network(network_json)
     table = files.read_csv(samples_csv, ("sample",))
     theta = table.iloc[first : first + count]
     if len(theta) < count:

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from coronaryuq.case.casefile import read_case
 from coronaryuq.errors import InputError
-from coronaryuq.files import read_json, replacing, write_json
+from coronaryuq.files import read_npz, replacing, write_json
 from coronaryuq.perfusion.covariance import describe, scaled_to
 from coronaryuq.perfusion.realisations import Study
 from coronaryuq.perfusion.settings import Settings
@@ -92,10 +93,7 @@ def gather(
 
 
 def _read(case_json, lv_vtu, settings):
-    case = read_json(case_json)
-    for field in ("outlets", "tissue_density"):
-        if field not in case:
-            raise InputError(case_json, field, None, "missing; make the case again")
+    case = read_case(case_json, "tissue_density", *(f"outlets.{n}" for n in ("name", "bc", "perfuses", "point")))
     outlets = perfusing_outlets(case, case_json)
     ventricle = Ventricle.read(lv_vtu, case["tissue_density"])
     if settings.distance_to == "outlet":
@@ -109,8 +107,8 @@ def _join(chunks, settings):
     """Flows and volumes of all realisations in order of index, per model; gaps and foreign chunks are errors."""
     parts = []
     for path in chunks:
-        with np.load(path) as arrays:
-            parts.append((int(arrays["first"]), path, {name: arrays[name] for name in arrays.files}))
+        arrays = read_npz(path, ("first", "seed"))
+        parts.append((int(arrays["first"]), path, arrays))
     parts.sort(key=lambda part: part[0])
     seeds = {int(arrays["seed"]) for _, _, arrays in parts}
     if len(seeds) != 1:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from coronaryuq.errors import InputError
+from coronaryuq.files import read_vtk
 
 
 @dataclass(frozen=True)
@@ -19,11 +20,7 @@ class Ventricle:
     @classmethod
     def read(cls, lv_vtu: str | Path, tissue_density: float) -> "Ventricle":
         """Read cells with `Volume` (cm3) and `MBF` (mL/s per g); flow = MBF x volume x tissue density (g/mL)."""
-        import pyvista
-
-        if not Path(lv_vtu).is_file():
-            raise InputError(lv_vtu, None, None, "no such file")
-        mesh = pyvista.read(lv_vtu)
+        mesh = read_vtk(lv_vtu)
         for name in ("Volume", "MBF"):
             if name not in mesh.cell_data:
                 raise InputError(

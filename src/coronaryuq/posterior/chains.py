@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from coronaryuq.files import replacing
+from coronaryuq.errors import InputError
+from coronaryuq.files import read_npz, replacing
 from coronaryuq.posterior.diagnostics import split_rhat
 from coronaryuq.posterior.dream import Dream, State
 from coronaryuq.posterior.emulator import Emulator, design, design_size
@@ -113,15 +114,19 @@ class Recorder:
         path = self.folder / "checkpoint.npz"
         if not path.is_file():
             return None
-        with np.load(path) as arrays:
+        try:
+            arrays = read_npz(path, ("key", "done"))
             if str(arrays["key"]) != self.key:
                 return None
-            state = State(**{name: arrays[name] for name in arrays.files if name not in ("key", "done")})
+            state = State(**{name: value for name, value in arrays.items() if name not in ("key", "done")})
             done = int(arrays["done"])
-        for chain in range(len(state.position)):
-            with np.load(self.folder / f"chain_{chain:03d}.npz") as arrays:
+            for chain in range(len(state.position)):
+                kept = read_npz(self.folder / f"chain_{chain:03d}.npz", self.NAMES)
                 for name in self.NAMES:
-                    self.values[name][:done, chain] = arrays[name][:done]
+                    self.values[name][:done, chain] = kept[name][:done]
+        except (InputError, ValueError, TypeError) as error:
+            print(f"checkpoint left aside: {error}", file=sys.stderr, flush=True)
+            return None
         self.done = done
         return state
 

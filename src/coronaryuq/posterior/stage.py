@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 import coronaryuq
+from coronaryuq.case.casefile import read_case
 from coronaryuq.errors import InputError
-from coronaryuq.files import read_csv, read_json, replacing, write_csv, write_json
+from coronaryuq.files import read_csv, read_json, read_npz, replacing, write_csv, write_json
 from coronaryuq.posterior import chains as carried
 from coronaryuq.posterior.bed_flows import BedFlows
 from coronaryuq.posterior.diagnostics import diagnose
@@ -93,8 +94,7 @@ def gather(
     the fitted resistances, svZeroDSolver JSON.
     """
     targets = _targets(targets_json, case_json)
-    with np.load(chains_npz) as arrays:
-        chains = {name: arrays[name] for name in arrays.files}
+    chains = read_npz(chains_npz, ("names", "multipliers", "flows", "log_density", "burn_in", "weights"))
     names = [str(name) for name in chains["names"]]
     if names != [outlet["bc"] for outlet in targets["outlets"]]:
         raise InputError(chains_npz, "names", names, "not the outlets of the targets; run the chains again")
@@ -208,6 +208,10 @@ def draw_samples(
     beds = [column for column in draws.columns if column not in ("chain", "generation", "log_density", SCALING)]
     if draws.empty or not beds:
         raise InputError(draws_csv, None, None, "holds no draws; gather the posterior again")
+    for bed in beds:
+        wrong = [value for value in draws[bed].tolist() if not (isinstance(value, int | float) and 0 < value < np.inf)]
+        if wrong:
+            raise InputError(draws_csv, bed, wrong[0], "wanted positive multipliers; gather the posterior again")
     write_csv(out_csv, theta(draws, beds, name, count, settings.scaling, seed))
 
 
@@ -255,10 +259,7 @@ def _code() -> list[str]:
 
 def _targets(targets_json: str | Path, case_json: str | Path) -> dict:
     """Mean, covariance, territory volumes, and the case's outlets in the order of the targets."""
-    case, targets = read_json(case_json), read_json(targets_json)
-    for field in ("bc", "mean", "covariance"):
-        if field not in targets:
-            raise InputError(targets_json, field, None, "missing; gather the perfusion stage again")
+    case, targets = read_case(case_json, "outlets.bc"), read_json(targets_json, ("bc", "mean", "covariance"))
     outlets = {outlet["bc"]: outlet for outlet in case["outlets"]}
     for bc in targets["bc"]:
         if bc not in outlets:

@@ -6,7 +6,7 @@ network that passes can be solved; what an element means is in `zerod.elements`.
 
 import copy
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from numbers import Real
 from pathlib import Path
 from typing import Any
@@ -96,6 +96,7 @@ def check_network(network: Network, file: str | Path = "network") -> None:
             raise InputError(file, required, None, "missing")
     if not isinstance(network["simulation_parameters"], dict):
         raise InputError(file, "simulation_parameters", network["simulation_parameters"], "want an object")
+    _check_shapes(network, file)
     _check_simulation(network["simulation_parameters"], file)
     names: dict[str, str] = {}
     for vessel in _entries(network, "vessels", "vessel_name", file):
@@ -111,6 +112,53 @@ def check_network(network: Network, file: str | Path = "network") -> None:
         _check_junction(junction, names, ids, file)
     _check_closed_loop(network, names, file)
     _check_references(network, names, file)
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str)
+
+
+def _is_object(value: Any) -> bool:
+    return isinstance(value, dict)
+
+
+def _is_list_of(kind: type) -> Callable[[Any], bool]:
+    return lambda value: isinstance(value, list) and all(type(entry) is kind for entry in value)
+
+
+_SHAPES = {
+    "vessels": {
+        "zero_d_element_type": (_is_text, "text"),
+        "boundary_conditions": (lambda v: _is_object(v) and all(map(_is_text, v.values())), "an object of names"),
+    },
+    "boundary_conditions": {"bc_type": (_is_text, "text")},
+    "external_solver_coupling_blocks": {"type": (_is_text, "text"), "location": (_is_text, "text")},
+    "closed_loop_blocks": {
+        "closed_loop_type": (_is_text, "text"),
+        "outlet_blocks": (_is_list_of(str), "a list of block names"),
+    },
+    "junctions": {
+        "junction_type": (_is_text, "text"),
+        "junction_values": (_is_object, "an object"),
+        **{f"{side}_vessels": (_is_list_of(int), "a list of vessel_id") for side in ("inlet", "outlet")},
+        **{f"{side}_blocks": (_is_list_of(str), "a list of block names") for side in ("inlet", "outlet")},
+    },
+}
+"""What kind of value a key has, where the checks that follow rely on it."""
+
+
+def _check_shapes(network: Network, file) -> None:
+    for part, keys in _SHAPES.items():
+        entries = network.get(part, [])
+        if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+            raise InputError(file, part, None, "want a list of objects")
+        for number, entry in enumerate(entries):
+            for key, (fits, wanted) in keys.items():
+                if key in entry and not fits(entry[key]):
+                    raise InputError(file, f"{part}[{number}].{key}", entry[key], f"want {wanted}")
+    for part in ("initial_condition", "initial_condition_d"):
+        if not isinstance(network.get(part, {}), dict):
+            raise InputError(file, part, network[part], "want an object")
 
 
 def vessel_names(network: Network) -> dict[int, str]:
@@ -132,7 +180,7 @@ def _check_simulation(block: dict, file) -> None:
         value = block[key]
         fits = {
             bool: isinstance(value, bool),
-            int: isinstance(value, Real) and not isinstance(value, bool) and float(value).is_integer(),
+            int: _finite(value) and float(value).is_integer(),
             float: _finite(value),
             str: isinstance(value, str),
         }[kind]
@@ -340,4 +388,9 @@ def _values(block: dict, key: str, parameters: Parameters, file, where: str) -> 
 
 
 def _finite(value: Any) -> bool:
-    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+    if not isinstance(value, Real) or isinstance(value, bool):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an integer beyond the range of floats
+        return False

@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from coronaryuq.case.casefile import read_case
 from coronaryuq.case.network import segments
 from coronaryuq.case.tree import Stenosis, read_tree
-from coronaryuq.files import read_csv, read_json, write_csv
+from coronaryuq.files import read_csv, write_csv
 from coronaryuq.zerod.beds import beds, theta_changes
 from coronaryuq.zerod.engine import Engine
 from coronaryuq.zerod.network import read_network
@@ -21,7 +22,11 @@ def write_map(
     Columns: vessel (of the tree), position (0 at its start, 1 at its end), pressure (dyn/cm2), ffr (mean pressure over
     mean aortic pressure), flow (mL/s). One row per end of every 0D segment.
     """
-    network, case, tree = read_network(network_json), read_json(case_json), read_tree(tree_vtp)
+    network, case, tree = (
+        read_network(network_json),
+        read_case(case_json, "aorta.pressure", "stenoses.name"),
+        read_tree(tree_vtp),
+    )
     draws = read_csv(draws_csv)
     theta = {bed: np.array([draws[bed].mean()]) for bed in beds(network) if bed in draws.columns}
     stenoses = [Stenosis(s["name"], s["vessel"], s["start"], s["end"]) for s in case["stenoses"] if "start" in s]

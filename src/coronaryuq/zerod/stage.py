@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from coronaryuq import files
+from coronaryuq.case.casefile import read_case
 from coronaryuq.errors import InputError
 from coronaryuq.records import FAILED, OK
 from coronaryuq.zerod import backends
@@ -34,7 +35,9 @@ def run_chunk(
     and at the outlets that perfuse the LV, then ffr_X. Values do not depend on how samples are cut into chunks, because
     every sample starts from the network's own periodic state. A failed sample is a row without values.
     """
-    network, case = read_network(network_path), files.read_json(case_path)
+    network = read_network(network_path)
+    needs = ("name", "vessel", "root", "flow", "ffr", "outlet")
+    case = read_case(case_path, "aorta.pressure", "outlets.bc", "outlets.perfuses", *(f"stenoses.{n}" for n in needs))
     table = files.read_csv(samples_csv, ("sample",))
     theta = table.iloc[first : first + count]
     if len(theta) < count:

@@ -1,6 +1,7 @@
 """SimVascular `mesh-complete/` folders: writing, packing to the same bytes every time, reading and checking."""
 
 import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from coronaryuq.errors import InputError
-from coronaryuq.files import replacing
+from coronaryuq.files import read_vtk, replacing
 from coronaryuq.flow3d.mesh.quality import areas, boundary, volumes
 from coronaryuq.flow3d.mesh.volume import oriented
 
@@ -98,10 +99,13 @@ def unpack(archive: str | Path, folder: str | Path) -> None:
     """Unpack what `pack` made into `folder`/mesh-complete."""
     try:
         with zipfile.ZipFile(archive) as packed:
+            for name in packed.namelist():
+                if not name.startswith("mesh-complete/") or ".." in Path(name).parts:
+                    raise InputError(archive, "entry", name, "lies outside mesh-complete/; make the mesh again")
             packed.extractall(folder)
     except FileNotFoundError:
         raise InputError(archive, None, None, "no such file") from None
-    except zipfile.BadZipFile:
+    except (zipfile.BadZipFile, zlib.error, EOFError):
         raise InputError(archive, None, None, "not a zip archive; make the mesh again") from None
 
 
@@ -172,16 +176,9 @@ def _read_face(path: Path, place: dict, lookup: dict, face: np.ndarray, region: 
 
 
 def _load(path: Path):
-    import pyvista as pv
-
-    if not path.is_file():
-        raise InputError(path, None, None, "no such file")
-    with open(path, "rb") as opened:
-        opened.seek(max(0, path.stat().st_size - 200))
-        whole = b"</VTKFile>" in opened.read()
-    data = pv.read(path) if whole else pv.PolyData()
-    if data.n_points == 0 or data.n_cells == 0:
-        raise InputError(path, None, None, "empty or truncated")
+    data = read_vtk(path)
+    if data.n_cells == 0:
+        raise InputError(path, None, None, "holds no cells; make it again")
     return data
 
 

@@ -5,9 +5,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from coronaryuq.case.casefile import read_case
 from coronaryuq.case.tree import Stenosis, Tree, read_tree
 from coronaryuq.errors import InputError
-from coronaryuq.files import read_json, write_json
+from coronaryuq.files import write_json
 from coronaryuq.flow3d.mesh import folder, regions
 from coronaryuq.flow3d.mesh.build import build
 from coronaryuq.flow3d.mesh.describe import describe
@@ -28,7 +29,7 @@ def make_mesh(case: Path, tree: Path, network: Path, settings: Settings, out: Pa
 
 def read_stenoses(case: Path) -> list[Stenosis]:
     """Stenoses of a `case.json`, in its order."""
-    found = read_json(case)["stenoses"]
+    found = read_case(case, *(f"stenoses.{name}" for name in ("name", "vessel", "start", "end")))["stenoses"]
     return [Stenosis(s["name"], s["vessel"], float(s["start"]), float(s["end"])) for s in found]
 
 

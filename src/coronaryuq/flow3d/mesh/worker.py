@@ -1,6 +1,6 @@
 """Meshing in a process of its own, because mmg may kill the process that calls it; with retries and a time limit."""
 
-import pickle
+import importlib
 import signal
 import subprocess
 import sys
@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
+from coronaryuq.flow3d.mesh import parcel
 from coronaryuq.flow3d.mesh.errors import MeshError
 from coronaryuq.flow3d.mesh.piece import ATTEMPTS, Attempt, Piece
 
@@ -31,11 +32,12 @@ def run(name: str, job: Job, time_limit: float, attempts: int) -> tuple[Piece, l
 
 def _once(job: Job, attempt: Attempt, time_limit: float) -> tuple[Piece | None, str]:
     with tempfile.TemporaryDirectory(prefix="coronaryuq-mesh-") as folder:
-        given, made = Path(folder) / "job.pickle", Path(folder) / "piece.pickle"
-        given.write_bytes(pickle.dumps((job, attempt)))
+        given, made = Path(folder) / "job.npz", Path(folder) / "piece.npz"
+        function, arguments = job
+        parcel.write(given, arguments | {"attempt": attempt})
         try:
             done = subprocess.run(
-                [sys.executable, "-m", __spec__.name, str(given), str(made)],
+                [sys.executable, "-m", __spec__.name, function.__module__, function.__name__, str(given), str(made)],
                 capture_output=True,
                 text=True,
                 timeout=time_limit,
@@ -45,7 +47,7 @@ def _once(job: Job, attempt: Attempt, time_limit: float) -> tuple[Piece | None, 
         except subprocess.TimeoutExpired:
             return None, f"not ready after {time_limit:g} s"
         if done.returncode == 0 and made.exists():
-            return pickle.loads(made.read_bytes()), ""
+            return parcel.read(made), ""
         return None, _reason(done)
 
 
@@ -56,14 +58,13 @@ def _reason(done: subprocess.CompletedProcess) -> str:
     return lines[-1].strip() if lines else f"the mesher left with code {done.returncode} and no word"
 
 
-def main(given: str, made: str) -> int:
-    (function, arguments), attempt = pickle.loads(Path(given).read_bytes())
+def main(module: str, function: str, given: str, made: str) -> int:
     try:
-        piece = function(**arguments, attempt=attempt)
+        piece = getattr(importlib.import_module(module), function)(**parcel.read(given))
     except MeshError as error:
         print(error, file=sys.stderr)
         return 1
-    Path(made).write_bytes(pickle.dumps(piece))
+    parcel.write(made, piece)
     return 0
 
 

@@ -1,0 +1,30 @@
+"""Folders and files named to trick a shell: every command takes them as names."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from checkout import EMPTY_OUTPUTS, Checkout
+from coronaryuq.case.tree import Tree
+
+sys.path.append(str(Path(__file__).parents[1] / "case"))
+
+pytestmark = pytest.mark.workflow
+
+NAME = """it's "one"; $(touch hacked) `touch hacked` & folder"""
+
+
+def test_no_name_reaches_a_shell(tmp_path):
+    from case_files import straight, write_case
+
+    tree = Tree([straight("aorta", (0, 0, 0), (0, 0, 1), 2.0, (1.2, 1.2))])
+    checkout = Checkout(tmp_path / NAME)
+    write_case(checkout.folder / NAME, tree)
+    checkout.settings["case"] = f"{NAME}/case.yaml"
+    for path in (checkout.folder / "workflow" / "scripts").glob("*.py"):
+        path.write_text(EMPTY_OUTPUTS)
+    done = checkout.run("results/tiny/posterior/chains.npz")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "posterior_chains" in (checkout.folder / "jobs_that_ran").read_text()
+    assert not list(tmp_path.rglob("hacked")) and not Path("hacked").exists()
