@@ -53,6 +53,7 @@ def tree(table: str | Path, output: str | Path) -> None:
             if leaves <= 12 or known:
                 axes.text(depth + 0.05, height + 0.12, name, fontsize=6, va="bottom")
         axes.set_axis_off()
+        axes.set_ylim(-0.5, max(leaves - 1, 0) + 0.7)
         axes.set_title("Largest disagreement after recalibration (sd of what chance gives); grey: not measured")
         canvas.colorbar(ScalarMappable(norm, colours), ax=axes, shrink=0.7)
 

@@ -101,7 +101,7 @@ def _located(row: dict) -> dict:
         "condition": row["condition"],
         "phase": "–" if phase is None else f"{phase[0]:.2f} to {phase[1]:.2f}",
         "score": f"{row['score']:+.1f}",
-        "q": f"{row['q']:.2g}",
+        "q": f"{row['q']:.2g}" if row["q"] > 0 else "below 1e-300",
     }
 
 
