@@ -3,6 +3,7 @@
 #   snakemake --profile workflow/profiles/default --configfile config/laptop.yaml            the whole campaign
 #   snakemake figures --profile workflow/profiles/default --configfile config/laptop.yaml    its figures alone
 #   snakemake paper_table --profile workflow/profiles/default --configfile config/laptop.yaml
+#   snakemake mesh_study --profile workflow/profiles/default --configfile config/laptop.yaml   error of its mesh
 #   snakemake paper_convergence_figure ...   their convergence study;   snakemake coverage ...   the intervals' coverage
 #   snakemake discrepancy --profile workflow/profiles/default --configfile config/laptop.yaml  what the model is missing
 

@@ -205,3 +205,22 @@ def test_a_simvascular_project_becomes_a_tree(shared):
 def test_a_folder_that_is_no_project_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"wanted Paths/\*.pth and Segmentations/\*.ctgr"):
         read_project(tmp_path, 0.1)
+
+
+def test_contours_without_an_aorta_become_a_case_with_one(shared, small_tree, tmp_path):
+    project = shared / "data" / "coro0d-p1"
+    path = write_case(
+        tmp_path, small_tree, anatomy=f"{{simvascular: {project.resolve()}, unit: mm}}", stenoses="auto",
+        perfusion=None, territory_flows="{file: flows.csv, unit: mL/min}",
+    )  # fmt: skip
+    branch = {"LCx": "LCx", "c4": "LCx", "c5": "LCx"}
+    names = [v.name for v in read_project(project, 0.1).leaves()]
+    rows = "".join(f"{name},{name},LV,{branch.get(name, 'LAD')}\n" for name in names)
+    (tmp_path / "outlets.csv").write_text("name,vessel,perfuses,branch\n" + rows)
+    (tmp_path / "flows.csv").write_text("name,flow\n" + "".join(f"{name},30\n" for name in names))
+    case = assemble(path, Settings(narrowing=0.99))
+    assert any("holds no aorta" in note for note in case.notes)
+    assert case.summary["systemic"] == ["BC_RCR1"] and len(case.summary["outlets"]) == 7
+    first = next(v for v in case.tree if case.tree.ostial(v))
+    assert case.tree.emergence(first.name) == pytest.approx(1.3, rel=0.02)
+    assert np.linalg.norm(first.points[1] - read_project(project, 0.1).root.points[0]) < 1e-9

@@ -9,7 +9,7 @@ from coronaryuq.flow3d.lanes import LANES
 FLOW = np.linspace(0.5, 2.0, LANES)
 FACETS = 0.25
 """Facets whose corners lie on the circle enclose a radius less by h²/(12 R²) of itself, and wall shear goes with
-its third power: (h/R)²/4 too high at the given flow, before any error of the flow itself."""
+its third power: it would be (h/R)²/4 too high at the given flow, if the mesher let them lie there."""
 
 
 @pytest.fixture(scope="module")
@@ -20,12 +20,12 @@ def tubes():
 @pytest.mark.parametrize("resolution", [2.0, 3.0, 4.0])
 def test_straight_tube(tubes, resolution):
     found, scale = tubes[resolution], resolution**-2
-    # The flow's own error, of second order too, is allowed as much again as the facets', the scatter three times.
-    assert (found["mean"] < 2.4 * FACETS * scale).all()
+    # The mean stays below what the facets alone would make; the scatter about it is allowed three to four times that.
+    assert (found["mean"] < FACETS * scale).all()
     assert (found["mean"] > 0.0).all()
     assert (found["rms"] < 3.2 * FACETS * scale).all()
-    assert (found["min"] > -3.2 * FACETS * scale).all()
-    assert (found["q01"] > -2.4 * FACETS * scale).all()
+    assert (found["min"] > -4.2 * FACETS * scale).all()
+    assert (found["q01"] > -3.4 * FACETS * scale).all()
 
 
 def test_straight_tube_converges_with_second_order(tubes):
@@ -33,10 +33,12 @@ def test_straight_tube_converges_with_second_order(tubes):
         assert (np.log2(tubes[2.0][name] / tubes[4.0][name]) > 1.7).all()
 
 
-def test_resolving_the_jet_halves_the_error_beyond_a_stenosis():
-    flows = (1.6,)
+def test_a_resolved_jet_and_a_graded_wall_agree_with_the_axisymmetric_reference():
+    flows = (0.8, 1.6)
     exact = unstructured.reference(flows)
-    with_jet, without = (unstructured.stenosed((4.0, 2.0, jet), flows, exact) for jet in (3.0, 1.5))
-    assert with_jet["mean"][0] < 0.25
-    assert with_jet["mean"][0] < 0.5 * without["mean"][0]
-    assert with_jet["rms"][0] < 0.75 * without["rms"][0]
+    found = unstructured.stenosed((4.0, 2.0, 3.0), flows, exact, core_resolution=3.0, wall_grading=0.5)
+    # Without the two, at the same R/h, the mean is 12 and 18 % off, the rms 27 and 50 %.
+    for k, rms in enumerate((0.16, 0.25)):
+        assert abs(found["mean"][k]) < 0.1
+        assert found["rms"][k] < rms
+        assert abs(found["drop"][k]) < 0.04

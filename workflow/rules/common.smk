@@ -11,6 +11,7 @@ import yaml
 from coronaryuq import config as configuration
 from coronaryuq import explain, files, provenance
 from coronaryuq.case.description import read_description
+from coronaryuq.case.named import files_named, lumen
 from coronaryuq.errors import InputError
 from coronaryuq.exclusive import occupy
 
@@ -19,22 +20,32 @@ os.environ["PATH"] = os.pathsep.join([Path(sys.executable).parent.as_posix(), os
 
 
 def read_campaign():
-    """The configuration named on the command line, validated; the laptop's where none is named."""
+    """The configuration named on the command line, validated; the laptop's where none is named.
+
+    With it the files that its case names, and the lumen that is meshed as it is, if one is.
+    """
     named = [str(path) for path in workflow.configfiles]
     try:
         if config:
             chosen = configuration.validate(dict(config), ", ".join(named) or "--config")
         else:
             chosen = configuration.load(Path(workflow.basedir, "config", "laptop.yaml"))
-        if chosen.case != "bundled":
-            read_description(Path(chosen.case))
-        return chosen
+        meshed_as_given = chosen.mesh.domain == "lumen"
+        if chosen.case == "bundled":
+            if meshed_as_given:
+                raise InputError(
+                    "configuration", "mesh.domain", "lumen", "the bundled patient has centrelines only; choose another"
+                )
+            return chosen, [], None
+        description = read_description(Path(chosen.case))
+        own = lumen(chosen.case, description).as_posix() if meshed_as_given else None
+        return chosen, files_named(chosen.case, description), own
     except InputError as error:
         print(f"error: {error}", file=sys.stderr, flush=True)
         sys.exit(InputError.EXIT_CODE)
 
 
-campaign = read_campaign()
+campaign, NAMED, LUMEN = read_campaign()
 
 
 def results(*parts):
@@ -44,6 +55,13 @@ def results(*parts):
 
 def log_of(*parts):
     return results("logs", *parts)
+
+
+def files_under(path):
+    """A file, or all files of a folder: what a rule depends on. One that is missing is left for the rule to name."""
+    path = Path(path)
+    inside = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path] * path.exists()
+    return [p.as_posix() for p in inside]
 
 
 async def leave_uncached(job):
@@ -107,4 +125,5 @@ CHUNKS = {name: portions(count, campaign.samples.chunk_0d) for name, count in CO
 
 wildcard_constraints:
     k=r"\d+",
+    level="coarse|fine",
     set="pilot|propagation",

@@ -6,6 +6,7 @@ rule mesh:
         case=rules.case.output.case,
         tree=rules.case.output.tree,
         network=rules.case.output.network,
+        lumen=files_under(LUMEN) if LUMEN else [],
         code=code("coronaryuq.flow3d.mesh.stage", "coronaryuq.flow3d.mesh.worker"),
     output:
         archive=results("mesh", "mesh-complete.zip"),
@@ -15,6 +16,7 @@ rule mesh:
     cache: True
     params:
         settings=block("mesh"),
+        lumen=LUMEN,
     script:
         "../scripts/mesh.py"
 
@@ -55,3 +57,74 @@ rule flow3d_batch:
         portion=lambda wildcards: BATCHES[int(wildcards.k)],
     script:
         "../scripts/flow3d_batch.py"
+
+
+# How far from converged the mesh is: its first samples again on a coarser and a finer one. On demand, as it costs about
+# three blocks of samples on the finer mesh.
+
+STUDY = {"coarse": 3 / 4, "fine": 4 / 3}
+STUDIED = (0, min(8, campaign.samples.n_3d, campaign.samples.batch_3d))
+
+
+def study_settings(wildcards):
+    """The campaign's mesh settings with every resolution times the level's factor, as far down as settings may go."""
+    settings = block("mesh")
+    for name in ("throat_resolution", "resolution", "jet_resolution", "core_resolution"):
+        least = 2.0 if name == "throat_resolution" else 1.5 if settings[name] else 0.0
+        settings[name] = max(least, settings[name] * STUDY[wildcards.level])
+    return settings
+
+
+use rule mesh as study_mesh with:
+    output:
+        archive=results("mesh_study", "{level}", "mesh-complete.zip"),
+        description=results("mesh_study", "{level}", "mesh.json"),
+    log:
+        log_of("mesh_study", "{level}_mesh.log"),
+    params:
+        settings=study_settings,
+        lumen=LUMEN,
+
+
+use rule mesh_folder as study_mesh_folder with:
+    input:
+        archive=rules.study_mesh.output.archive,
+    output:
+        folder=directory(results("mesh_study", "{level}", "mesh-complete")),
+    log:
+        log_of("mesh_study", "{level}_mesh_folder.log"),
+
+
+use rule flow3d_batch as study_batch with:
+    input:
+        case=rules.case.output.case,
+        network=rules.calibration.output.hyperaemia,
+        mesh_folder=rules.study_mesh_folder.output.folder,
+        mesh=rules.study_mesh.output.description,
+        draws=rules.posterior.output.draws,
+        code=code("coronaryuq.flow3d.stage", "coronaryuq.posterior.samples"),
+    output:
+        records=results("mesh_study", "{level}", "batch.jsonl"),
+        fields=results("mesh_study", "{level}", "fields.zip"),
+    log:
+        log_of("mesh_study", "{level}_batch.log"),
+    params:
+        settings=block("flow3d"),
+        posterior=block("posterior"),
+        backend=campaign.backend,
+        seed=campaign.seed,
+        portion=STUDIED,
+
+
+rule mesh_study:
+    input:
+        coarse=[results("mesh_study", "coarse", "mesh.json"), results("mesh_study", "coarse", "batch.jsonl")],
+        campaign=[rules.mesh.output.description, results("flow3d", "batch_0.jsonl")],
+        fine=[results("mesh_study", "fine", "mesh.json"), results("mesh_study", "fine", "batch.jsonl")],
+        code=code("coronaryuq.flow3d.mesh_study"),
+    output:
+        study=results("mesh_study", "mesh_study.json"),
+    log:
+        log_of("mesh_study", "mesh_study.log"),
+    script:
+        "../scripts/mesh_study.py"

@@ -24,6 +24,7 @@ rule bundled_patient:
 rule case:
     input:
         case=PATIENT,
+        named=[file for path in NAMED for file in files_under(path)],
         bundled=BUNDLED if campaign.case == "bundled" else [],
         code=code("coronaryuq.case.stage"),
     output:

@@ -13,4 +13,5 @@ with job(globals()) as this:
         Path(this.input["network"]),
         Settings(**this.params["settings"]),
         Path(this.output["description"]).parent,
+        Path(this.params["lumen"]) if this.params["lumen"] else None,
     )

@@ -8,6 +8,7 @@ import numpy as np
 
 from coronaryuq.case.centrelines import centreline_tree
 from coronaryuq.case.description import Description, StenosisPlace
+from coronaryuq.case.made_aorta import NAMES, RADIUS, with_aorta
 from coronaryuq.case.narrowing import around, tightest
 from coronaryuq.case.settings import Settings
 from coronaryuq.case.simvascular import read_project
@@ -23,11 +24,12 @@ FARTHEST = 0.5
 
 @dataclass(frozen=True)
 class Placed:
-    """Which end of the tree is which: outlet name → vessel, systemic boundary condition → vessel."""
+    """Which end of the tree is which: outlet name → vessel, systemic boundary condition → vessel; notes on the way."""
 
     rows: list[OutletRow]
     vessels: dict[str, str]
     systemic: dict[str, str]
+    notes: tuple[str, ...] = ()
 
 
 def read_anatomy(
@@ -45,7 +47,34 @@ def read_anatomy(
         path = path / "mesh-complete.exterior.vtp"
     surface = read_surface(path, scale)
     inlet, ends = _name_caps(file, folder, description, surface, rows)
-    return centreline_tree(path, surface, inlet, ends, settings.surface_spacing), surface.notes
+    tree, notes = centreline_tree(path, surface, inlet, ends, settings.surface_spacing), surface.notes
+    valve = None if anatomy.inlet is not None else _end_at_valve(tree, {row.name for row in rows})
+    if valve is not None:
+        inlet, ends[valve] = ends[valve], inlet
+        tree = centreline_tree(path, surface, inlet, ends, settings.surface_spacing)
+        notes += (f"surface: the aortic inlet is the end at {inlet}, nearest to the coronary ostia",)
+    return tree, notes
+
+
+def _end_at_valve(tree: Tree, coronary: set[str]) -> str | None:
+    """The aortic end that lies nearer to a coronary ostium than the tree's root does, if one does.
+
+    The coronary arteries leave the aorta right above its valve. coronary: names of the ends that are coronary.
+    """
+    ends = {v.name for v in tree.leaves()}
+    feeding = {v.name for v in tree if {w.name for w in tree.subtree(v.name)} & ends <= coronary}
+    ostia = {v.parent for v in tree if v.name in feeding and v.parent not in feeding}
+    away = {}
+    for end in ends - coronary:
+        line = tree.path(end)[::-1]
+        up_to = next((k for k, v in enumerate(line) if v.parent in ostia), None)
+        if up_to is not None:
+            away[end] = sum(v.length for v in line[: up_to + 1])
+    from_root = [sum(v.length for v in tree.path(name)) for name in ostia if name is not None]
+    if not away or not from_root:
+        return None
+    nearest = min(away, key=away.__getitem__)
+    return nearest if away[nearest] < min(from_root) else None
 
 
 def _name_caps(
@@ -54,7 +83,7 @@ def _name_caps(
     """The aortic inlet's cap, and name of the vessel that ends there → cap for every other one.
 
     Coronary caps are those nearest to the outlets' points, systemic ones likewise; of the caps that are left the inlet
-    is the one nearest to `anatomy.inlet`, or the largest, and the rest are systemic.
+    is the one nearest to `anatomy.inlet`, or for now the largest, and the rest are systemic.
     """
     table, scale = folder / description.outlets, LENGTHS[description.anatomy.unit]
     free = list(surface.caps)
@@ -116,12 +145,24 @@ def place_outlets(
         if vessels[row.name] in taken:
             raise InputError(table, row.name, vessels[row.name], "another outlet has this end of the tree already")
     left = [name for name in ends if name not in vessels.values()]
+    notes: tuple[str, ...] = ()
+    if not left and not description.systemic_outlets:
+        tree = _aorta_added(file, tree)
+        left = [NAMES[-1]]
+        notes = (f"anatomy: holds no aorta; one of radius {RADIUS:g} cm was added, for the 0D loop",)
     systemic = _systemic(file, description, tree, left)
     missing = [name for name in left if name not in systemic.values()]
     if missing:
         raise InputError(table, "vessel", ", ".join(missing), "ends of the tree without an outlet; add them")
     branches = {vessels[row.name]: row.branch for row in rows}
-    return labelled(tree, branches), Placed(rows, vessels, systemic)
+    return labelled(tree, branches), Placed(rows, vessels, systemic, notes)
+
+
+def _aorta_added(file: Path, tree: Tree) -> Tree:
+    try:
+        return with_aorta(tree)
+    except ValueError as error:
+        raise InputError(file, "anatomy", None, str(error)) from None
 
 
 def labelled(tree: Tree, branches: dict[str, str]) -> Tree:

@@ -57,7 +57,7 @@ def assemble(case_yaml: str | Path, settings: Settings) -> Case:
         tree, notes = read_anatomy(path, folder, description, rows, settings)
         tree, placed = place_outlets(path, folder, description, tree, rows)
         stenoses, found = place_stenoses(path, description, tree, settings)
-        notes += found
+        notes += placed.notes + found
     if given is None:
         physics = _physics(description, settings, targets, period)
         network = _made(path, tree, placed, stenoses, physics)

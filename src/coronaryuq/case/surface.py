@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from coronaryuq.errors import InputError
 
@@ -142,11 +141,25 @@ def find_caps(points: np.ndarray, triangles: np.ndarray) -> list[Cap]:
             if cap is not None and not taken[faces].any():
                 caps.append(cap)
                 taken[faces] = True
-    # Some way in from a cap the wall is about one radius off; behind a facet of a wide vessel it is not.
-    inner = np.array([cap.centre - 2.5 * cap.radius * cap.normal for cap in caps]).reshape(-1, 3)
-    to_wall, _ = cKDTree(points).query(inner)
-    caps = [cap for cap, distance in zip(caps, to_wall, strict=True) if distance < 1.8 * cap.radius]
-    return sorted(caps, key=lambda cap: -cap.radius)
+    return sorted(_with_a_vessel_behind(points, triangles, caps), key=lambda cap: -cap.radius)
+
+
+def _with_a_vessel_behind(points: np.ndarray, triangles: np.ndarray, caps: list[Cap], ways: int = 16) -> list[Cap]:
+    """Without flat facets of a vessel's side: there the lumen goes on sideways, behind a cap it does not."""
+    import pyvista as pv
+
+    if not caps:
+        return caps
+    angle = 2 * np.pi * np.arange(ways) / ways
+    probes = []
+    for cap in caps:
+        across = np.linalg.svd(cap.normal[None])[2][1:]
+        ring = np.cos(angle)[:, None] * across[0] + np.sin(angle)[:, None] * across[1]
+        probes.append(cap.centre + cap.radius * (1.6 * ring - 1.5 * cap.normal))
+    surface = pv.PolyData.from_regular_faces(points, triangles)
+    depth = pv.PolyData(np.concatenate(probes)).compute_implicit_distance(surface)["implicit_distance"]
+    inside = (np.asarray(depth).reshape(-1, ways) < 0).mean(axis=1)
+    return [cap for cap, share in zip(caps, inside, strict=True) if share < 0.3]
 
 
 def _without_slivers(points, triangles, normals, areas, pairs, edges, passes: int = 20) -> np.ndarray:

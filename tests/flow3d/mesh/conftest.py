@@ -9,7 +9,7 @@ from coronaryuq.flow3d.mesh.stage import mesh_tree
 
 @pytest.fixture(scope="session")
 def coarse() -> Settings:
-    return Settings(domain="trees", throat_resolution=3.0, resolution=2.0)
+    return Settings(domain="trees", throat_resolution=3.0, resolution=2.0, core_resolution=1.5, wall_grading=0.5)
 
 
 @pytest.fixture(scope="session")

@@ -1,15 +1,21 @@
 """The patient's own lumen: a folder taken as it is, a closed surface filled with tetrahedra."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import pyvista as pv
 from random_trees import network_of, random_tree
 
+from coronaryuq import files
 from coronaryuq.case.surface import surface_of
+from coronaryuq.case.tree import write_tree
 from coronaryuq.errors import InputError
+from coronaryuq.flow3d.geometry import read_geometry
 from coronaryuq.flow3d.mesh import folder
 from coronaryuq.flow3d.mesh.given import adopt_folder, mesh_closed_surface
 from coronaryuq.flow3d.mesh.settings import Settings
-from coronaryuq.flow3d.mesh.stage import mesh_tree
+from coronaryuq.flow3d.mesh.stage import make_mesh, mesh_tree
 
 
 @pytest.fixture(scope="module")
@@ -52,3 +58,46 @@ def test_closed_surface_is_filled(forked, tmp_path):
     assert content["quality"]["dihedral_min"] > 3.0
     assert set(content["regions"]) == set(made["regions"])
     assert len(mesh.caps) == len(folder.read(given).caps)
+
+
+@pytest.fixture(scope="module")
+def case_in_mm(forked, tmp_path_factory):
+    """What the mesh rule reads: case.json, tree.vtp, network.json, and the lumen as STL and as a folder, in mm."""
+    given, _, tree, stenoses, network, _ = forked
+    here = tmp_path_factory.mktemp("case")
+    entries = [{"name": s.name, "vessel": s.vessel, "start": s.start, "end": s.end} for s in stenoses]
+    files.write_json(here / "case.json", {"stenoses": entries, "anatomy": {"kind": "surface", "unit": "mm"}})
+    write_tree(here / "tree.vtp", tree)
+    files.write_json(here / "network.json", network)
+    mesh = folder.read(given)
+    folder.write(here / "given", replace(mesh, points=10.0 * mesh.points))
+    pv.PolyData.from_regular_faces(10.0 * mesh.points, mesh.triangles).save(here / "lumen.stl")
+    return here
+
+
+def rule(here, out, **changes):
+    settings = Settings(domain="lumen", throat_resolution=2.0, resolution=1.5)
+    return make_mesh(here / "case.json", here / "tree.vtp", here / "network.json", settings, out, **changes)
+
+
+def test_the_rule_meshes_a_surface_in_the_unit_of_the_case(forked, case_in_mm, tmp_path):
+    made = rule(case_in_mm, tmp_path, lumen=case_in_mm / "lumen.stl")
+    assert made["domain"] == "surface"
+    assert made["volume"] == pytest.approx(forked[1]["volume"], rel=0.03)
+    assert read_geometry(tmp_path / "mesh-complete", tmp_path / "mesh.json").inlets == ["inlet_v0"]
+
+
+def test_the_rule_takes_a_mesh_folder_in_the_unit_of_the_case(forked, case_in_mm, tmp_path):
+    made = rule(case_in_mm, tmp_path, lumen=case_in_mm / "given")
+    assert made["domain"] == "given"
+    assert made["nodes"] == forked[1]["nodes"]
+    assert made["volume"] == pytest.approx(forked[1]["volume"])
+
+
+def test_the_rule_says_what_it_lacks(case_in_mm, tmp_path):
+    with pytest.raises(InputError, match="anatomy: domain `lumen` needs a surface"):
+        rule(case_in_mm, tmp_path / "out")
+    case = files.read_json(case_in_mm / "case.json") | {"schematic": True}
+    files.write_json(tmp_path / "case.json", case)
+    with pytest.raises(InputError, match="a drawing of a 0D network is not to be meshed"):
+        make_mesh(tmp_path / "case.json", case_in_mm / "tree.vtp", case_in_mm / "network.json", Settings(), tmp_path)

@@ -21,8 +21,8 @@ def test_volume_and_caps_of_a_stenosed_tube(stenosed):
     _, content, tree, _, _ = stenosed
     vessel = tree["LAD"]
     exact = np.pi * np.trapezoid(vessel.radii**2, vessel.arc)
-    assert content["volume"] == pytest.approx(exact, rel=0.05)
-    assert content["volume"] < exact
+    # Flat facets between nodes on the wall would take 3 % at this size.
+    assert content["volume"] == pytest.approx(exact, rel=0.005)
     caps = [face for face in content["faces"] if face["kind"] == "cap"]
     assert [cap["name"] for cap in caps] == ["inlet_LAD", "outlet_LAD"]
     for cap, x, sense in zip(caps, (0.0, 2.4), (-1.0, 1.0), strict=True):
@@ -41,18 +41,35 @@ def test_quality_is_what_the_elements_have(stenosed):
     mesh = folder.read(out / "mesh-complete")
     ratio = quality.radius_ratio(mesh.points, mesh.tets)
     assert content["quality"]["radius_ratio_min"] == pytest.approx(ratio.min())
-    assert ratio.min() > 0.1
+    assert ratio.min() >= 0.05
     assert content["quality"]["dihedral_min"] > 8.0
     assert content["nodes"] == len(mesh.points)
     assert content["volume"] == pytest.approx(quality.volumes(mesh.points, mesh.tets).sum())
 
 
-def test_wall_nodes_lie_on_the_true_surface(stenosed):
+def test_wall_nodes_stand_off_the_true_surface_by_the_sagitta_of_its_facets(stenosed):
     out, _, tree, *_ = stenosed
     mesh = folder.read(out / "mesh-complete")
-    wall = mesh.points[np.unique(mesh.triangles[mesh.wall_triangles()])]
-    radius = np.hypot(wall[:, 1], wall[:, 2])
-    assert np.abs(radius / tree["LAD"].radius_at(wall[:, 0]) - 1.0).max() < 0.01
+    triangles = mesh.triangles[mesh.wall_triangles()]
+    wall = mesh.points[np.unique(triangles)]
+    off = np.hypot(wall[:, 1], wall[:, 2]) - tree["LAD"].radius_at(wall[:, 0])
+    longest = np.linalg.norm(mesh.points[triangles] - np.roll(mesh.points[triangles], 1, axis=1), axis=2).max()
+    assert (off > -1e-4).all()
+    assert off.max() < longest**2 / 8 / tree["LAD"].radii.min()
+    rim = (wall[:, 0] < 1e-9) | (wall[:, 0] > 2.4 - 1e-9)
+    assert np.abs(off[rim]).max() < 1e-4
+
+
+def test_elements_at_the_wall_of_a_throat_are_thin(stenosed):
+    out, _, tree, *_ = stenosed
+    mesh = folder.read(out / "mesh-complete")
+    off = np.hypot(mesh.points[:, 1], mesh.points[:, 2])
+    depth = 1.0 - off / tree["LAD"].radius_at(mesh.points[:, 0])
+    inner = np.setdiff1d(np.arange(len(mesh.points)), mesh.triangles)
+    throat, away = (inner[np.abs(mesh.points[inner, 0] - x) < 0.1] for x in (1.2, 0.3))
+    # A third of the radius would be the first node's depth without grading; (1/3)^1.5 is 0.19.
+    assert np.quantile(depth[throat], 0.1) < 0.2
+    assert np.quantile(depth[away], 0.1) > 0.25
 
 
 def test_region_is_the_wall_around_the_throat(stenosed):
@@ -98,7 +115,12 @@ def test_several_pieces_are_one_mesh_and_couple_to_a_closed_loop(tmp_path):
     )
     network = network_of(tree, stenoses)
     settings = Settings(
-        throat_resolution=2.5, resolution=1.6, upstream_diameters=1.0, downstream_diameters=1.5, stub_diameters=1.0
+        throat_resolution=2.5,
+        resolution=1.6,
+        core_resolution=1.0,
+        upstream_diameters=1.0,
+        downstream_diameters=1.5,
+        stub_diameters=1.0,
     )
     content = mesh_tree(tree, stenoses, network, settings, tmp_path)
     mesh = folder.read(tmp_path / "mesh-complete")

@@ -9,6 +9,7 @@ from coronaryuq.case.tree import Stenosis, Tree
 from coronaryuq.flow3d.mesh import domain, paths, quality, worker
 from coronaryuq.flow3d.mesh.domain import Kept
 from coronaryuq.flow3d.mesh.folder import WALL, Mesh
+from coronaryuq.flow3d.mesh.grading import Grading
 from coronaryuq.flow3d.mesh.implicit import Implicit
 from coronaryuq.flow3d.mesh.paths import Cap, Size
 from coronaryuq.flow3d.mesh.piece import Piece, mesh_implicit
@@ -59,6 +60,7 @@ def build(tree: Tree, stenoses: Sequence[Stenosis], settings: Settings) -> Built
             "size": Size(surface, stenoses, settings),
             "radius": min(float(path.radii.min()) for path in along),
             "gradation": settings.gradation,
+            "grading": Grading(surface, stenoses, settings.wall_grading),
         }
         piece, failed = worker.run(group[0], (mesh_implicit, arguments), settings.time_limit, settings.attempts)
         made.append(piece)

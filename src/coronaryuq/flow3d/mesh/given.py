@@ -13,23 +13,29 @@ from coronaryuq.errors import InputError
 from coronaryuq.flow3d.mesh import domain, folder, paths, regions, worker
 from coronaryuq.flow3d.mesh.build import Built, assemble
 from coronaryuq.flow3d.mesh.describe import describe
+from coronaryuq.flow3d.mesh.grading import Grading
 from coronaryuq.flow3d.mesh.implicit import Implicit
+from coronaryuq.flow3d.mesh.lumen import simplified
 from coronaryuq.flow3d.mesh.paths import Cap, Size
-from coronaryuq.flow3d.mesh.piece import mesh_surface
+from coronaryuq.flow3d.mesh.piece import mesh_implicit
 from coronaryuq.flow3d.mesh.settings import Settings
-from coronaryuq.flow3d.mesh.surface import WALL
 from coronaryuq.zerod.network import Network
+
+INSET = 0.25
+SHORTEST = 0.01
+"""Of the smallest radius: shorter edges of a surface are left out."""
 
 
 def adopt_folder(
-    given: Path, tree: Tree, stenoses: Sequence[Stenosis], network: Network, settings: Settings
+    given: Path, tree: Tree, stenoses: Sequence[Stenosis], network: Network, settings: Settings, scale: float = 1.0
 ) -> tuple[folder.Mesh, dict]:
     """A mesh-complete folder and the content of its `mesh.json`; faces keep their names and numbers.
 
-    The tree must be that of the same anatomy: every cap is matched to the end of a vessel. Raises InputError when a
-    cap has no vessel end near it, or an end no cap.
+    scale: the folder's length unit in cm. The tree must be that of the same anatomy: every cap is matched to the end of
+    a vessel. Raises InputError when a cap has no vessel end near it, or an end no cap.
     """
     mesh = folder.read(given)
+    mesh = replace(mesh, points=mesh.points * scale)
     ends = [
         (name, np.array(face["centroid"]), np.array(face["normal"]), face["radius"])
         for number, name in mesh.caps.items()
@@ -42,24 +48,31 @@ def adopt_folder(
 def mesh_closed_surface(
     surface: Surface, tree: Tree, stenoses: Sequence[Stenosis], network: Network, settings: Settings, file: Path
 ) -> tuple[folder.Mesh, dict]:
-    """Tetrahedra inside a closed surface, sized by the tree's radii; raises MeshError when all attempts fail."""
+    """Tetrahedra inside a closed surface, sized by the tree's radii; raises MeshError when all attempts fail.
+
+    The lumen is cut `INSET` radii behind each of its caps, so that the cut is flat and its rim clean.
+    """
     flat = _at_vessel_ends(surface, tree)
     kept, caps = match(file, tree, [(f"cap{k}", cap.centre, cap.normal, cap.radius) for k, cap in enumerate(flat)])
-    caps = [replace(cap, name=f"{'inlet' if cap.inlet else 'outlet'}_{cap.vessel}") for cap in caps]
-    refs = np.full(len(surface.triangles), WALL)
-    for index, cap in enumerate(flat):
-        refs[cap.faces] = index + 2
+    caps = [
+        replace(
+            cap,
+            name=f"{'inlet' if cap.inlet else 'outlet'}_{cap.vessel}",
+            centre=cap.centre - INSET * cap.radius * cap.normal,
+        )
+        for cap in caps
+    ]
     along = Implicit([path for piece in domain.pieces(tree, kept) for path in paths.paths(tree, kept, piece)])
+    smallest = min(float(path.radii.min()) for path in along.paths)
     arguments = {
-        "points": surface.points,
-        "triangles": surface.triangles,
-        "refs": refs,
+        "implicit": simplified(surface.points, surface.triangles, SHORTEST * smallest),
         "caps": caps,
         "size": Size(along, stenoses, settings),
-        "radius": min(float(path.radii.min()) for path in along.paths),
+        "radius": smallest,
         "gradation": settings.gradation,
+        "grading": Grading(along, stenoses, settings.wall_grading),
     }
-    piece, failures = worker.run(file.name, (mesh_surface, arguments), settings.time_limit, settings.attempts)
+    piece, failures = worker.run(file.name, (mesh_implicit, arguments), settings.time_limit, settings.attempts)
     mesh = assemble([piece], [[cap.name for cap in caps]])
     return _described(mesh, kept, caps, tree, stenoses, network, settings, "surface", failures)
 

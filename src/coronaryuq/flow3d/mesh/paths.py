@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
+from scipy.spatial import cKDTree
 
 from coronaryuq.case.tree import Stenosis, Tree, Vessel
 from coronaryuq.flow3d.mesh.domain import Kept, continuation, daughters, starts_at_bifurcation
@@ -16,6 +17,9 @@ SPACING = 0.25
 
 BLEND = 0.4
 """Width of the blend at a bifurcation, in radii of the daughter."""
+
+CORE = 1.5
+"""Radius of a jet's core, in radii of the throat that it comes from."""
 
 
 @dataclass(frozen=True)
@@ -105,35 +109,51 @@ class Size:
     R/h is `resolution`, and rises within a stenosis with the narrowing, in proportion to the radius lost, to
     `throat_resolution` at the throat. From there to the downstream end of the stenosis region it is
     `jet_resolution` at least (the throat's if that is less), since elements as large as the jet mix it away and spoil
-    its wall shear.
+    its wall shear; in its core, `CORE` radii of the throat about the axis, it is `core_resolution` of the throat's
+    radius.
     """
 
     def __init__(self, implicit: Implicit, stenoses: Sequence[Stenosis], settings: Settings):
-        self._implicit = implicit
-        self._sizes = []
+        self.implicit = implicit
+        self._sizes, self._cores = [], []
         for path in implicit.paths:
             ratio = np.full(len(path.radii), settings.resolution)
             for stenosis in stenoses:
-                within = (path.vessel == stenosis.vessel) & (path.arc >= stenosis.start) & (path.arc <= stenosis.end)
-                if not within.any():
+                within, lost = narrowed(path, stenosis)
+                if not len(within):
                     continue
-                healthy = np.interp(path.arc[within], [stenosis.start, stenosis.end], path.radii[within][[0, -1]])
-                lost = np.clip(1.0 - path.radii[within] / healthy, 0.0, None)
-                share = lost / lost.max() if lost.max() > 0.0 else np.ones_like(lost)
-                ratio[within] += (settings.throat_resolution - settings.resolution) * share
-                jet = slice(np.flatnonzero(within)[np.argmax(lost)], None)
+                ratio[within] += (settings.throat_resolution - settings.resolution) * lost
+                throat = within[np.argmax(lost)]
+                jet = slice(throat, None)
                 length = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(path.points[jet], axis=0), axis=1))]
-                last = np.flatnonzero(within)[-1] - jet.start
+                last = within[-1] - throat
                 reach = length[last] + 2.0 * settings.region_downstream_diameters * path.radii[jet][last]
                 least = min(settings.jet_resolution, settings.throat_resolution)
                 ratio[jet] = np.where(length <= reach, np.maximum(ratio[jet], least), ratio[jet])
+                if settings.core_resolution:
+                    line = path.points[jet][length <= reach]
+                    self._cores.append((line, float(path.radii[throat]), settings.core_resolution))
             self._sizes.append(path.radii / ratio)
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         """Wanted edge length (m,) at points (m, 3), cm."""
-        path, segment, along = self._implicit.nearest(points)
+        path, segment, along = self.implicit.nearest(points)
         size = np.empty(len(points))
         for index, values in enumerate(self._sizes):
             own = path == index
             size[own] = values[segment[own]] * (1.0 - along[own]) + values[segment[own] + 1] * along[own]
+        for line, radius, resolution in self._cores:
+            off, _ = cKDTree(line).query(points)
+            size = np.minimum(size, radius / resolution + 0.5 * np.maximum(off - CORE * radius, 0.0))
         return size
+
+
+def narrowed(path: Path, stenosis: Stenosis) -> tuple[np.ndarray, np.ndarray]:
+    """Points of a path inside a stenosis (k,), and the radius lost there as a share of the throat's loss (k,)."""
+    mine = path.vessel == stenosis.vessel
+    within = np.flatnonzero(mine & (path.arc >= stenosis.start) & (path.arc <= stenosis.end))
+    if not len(within):
+        return within, np.empty(0)
+    healthy = np.interp(path.arc[within], [stenosis.start, stenosis.end], path.radii[within][[0, -1]])
+    lost = np.clip(1.0 - path.radii[within] / healthy, 0.0, None)
+    return within, lost / lost.max() if lost.max() > 0.0 else np.ones_like(lost)

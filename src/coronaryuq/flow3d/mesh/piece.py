@@ -1,4 +1,4 @@
-"""One piece of the mesh, from implicit surface or closed triangulated surface to checked tetrahedra."""
+"""One piece of the mesh, from implicit surface to checked tetrahedra."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -7,9 +7,14 @@ import numpy as np
 
 from coronaryuq.flow3d.mesh import quality, volume
 from coronaryuq.flow3d.mesh.errors import MeshError
+from coronaryuq.flow3d.mesh.grading import Grading, stand_off
 from coronaryuq.flow3d.mesh.implicit import Implicit
+from coronaryuq.flow3d.mesh.lumen import Lumen
 from coronaryuq.flow3d.mesh.paths import Cap
 from coronaryuq.flow3d.mesh.surface import WALL, enclosed_volume, surface
+
+THINNEST = 0.05
+"""Radius ratio of a tetrahedron (1 is regular) down to which nodes may be drawn to the wall."""
 
 WORST_DIHEDRAL = 3.0
 """Degrees; a piece with a flatter tetrahedron is meshed again with other settings."""
@@ -50,31 +55,19 @@ class Piece:
 
 
 def mesh_implicit(
-    implicit: Implicit, caps: Sequence[Cap], size: Callable, radius: float, gradation: float, attempt: Attempt
+    implicit: Implicit | Lumen,
+    caps: Sequence[Cap],
+    size: Callable,
+    radius: float,
+    gradation: float,
+    grading: Grading,
+    attempt: Attempt,
 ) -> Piece:
     """Mesh the inside of an implicit surface cut at `caps`; `radius` is the smallest of the piece, cm."""
     points, triangles, refs = surface(implicit, caps, attempt.spacing * radius)
 
     def project(nodes: np.ndarray) -> np.ndarray:
         return implicit.project(nodes, 1e-3 * radius)
-
-    return mesh_surface(points, triangles, refs, caps, size, radius, gradation, attempt, project)
-
-
-def mesh_surface(
-    points: np.ndarray,
-    triangles: np.ndarray,
-    refs: np.ndarray,
-    caps: Sequence[Cap],
-    size: Callable,
-    radius: float,
-    gradation: float,
-    attempt: Attempt,
-    project: Callable | None = None,
-) -> Piece:
-    """Mesh the inside of a closed surface whose triangles carry references; `project` moves wall nodes onto the
-    true surface.
-    """
 
     def wanted(nodes: np.ndarray) -> np.ndarray:
         return attempt.scale * size(nodes)
@@ -86,26 +79,35 @@ def mesh_surface(
     points, tets, triangles, refs = volume.remesh_volume(points, tets, triangles, refs, wanted, *knobs)
     triangles, refs = volume.outer_references(tets, triangles, refs)
     points = _fit(points, tets, triangles, refs, caps, project)
+    points = _graded(points, tets, triangles, refs, implicit, grading, 1e-3 * radius)
     piece = _compact(Piece(points, tets, triangles, refs))
     check(piece, caps, enclosed)
     return piece
 
 
-def _fit(points, tets, triangles, refs, caps: Sequence[Cap], project: Callable | None) -> np.ndarray:
+def _fit(points, tets, triangles, refs, caps: Sequence[Cap], project: Callable) -> np.ndarray:
     """Wall nodes onto the surface, cap nodes into the plane of their cap, rim nodes onto both."""
     wall = np.unique(triangles[refs == WALL])
     target = points.copy()
-    if project is not None:
-        target[wall] = project(points[wall])
+    target[wall] = project(points[wall])
     for index, cap in enumerate(caps):
         nodes = np.unique(triangles[refs == index + 2])
         rim = np.intersect1d(nodes, wall)
-        for _ in range(3 if project is not None else 1):
-            if project is not None:
-                target[rim] = project(target[rim])
+        for _ in range(3):
+            target[rim] = project(target[rim])
             target[nodes] -= ((target[nodes] - cap.centre) @ cap.normal)[:, None] * cap.normal
     nodes = np.unique(triangles)
     return volume.fit_to_surface(points, tets, nodes, target[nodes], quality.radius_ratio)
+
+
+def _graded(points, tets, triangles, refs, implicit: Implicit | Lumen, grading: Grading, step: float) -> np.ndarray:
+    """Inner nodes drawn to the wall at a throat, wall nodes off the caps moved out until the lumen has its volume."""
+    inner = np.setdiff1d(np.unique(tets), triangles)
+    target = grading(points[inner], -implicit.distance(points[inner]))
+    points = volume.fit_to_surface(points, tets, inner, target, quality.radius_ratio, THINNEST)
+    nodes, target = stand_off(points, triangles[refs == WALL], implicit, step)
+    free = ~np.isin(nodes, triangles[refs != WALL])
+    return volume.fit_to_surface(points, tets, nodes[free], target[free], quality.radius_ratio, THINNEST)
 
 
 def _compact(piece: Piece) -> Piece:

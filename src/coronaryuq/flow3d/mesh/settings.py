@@ -12,10 +12,11 @@ class Settings(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    domain: Literal["segments", "trees", "whole"] = Field(
+    domain: Literal["segments", "trees", "whole", "lumen"] = Field(
         "segments",
         description="Part of the anatomy in 3D, the rest stays 0D: `segments` (each stenosis with its neighbourhood), "
-        "`trees` (each coronary tree from its ostium), `whole` (with the aorta).",
+        "`trees` (each coronary tree from its ostium), `whole` (with the aorta), all three made from centrelines and "
+        "radii; `lumen`: the case's own closed surface or mesh-complete folder, whatever it holds.",
     )
     throat_resolution: float = Field(
         4.0, ge=2.0, le=20.0, description="Radius over element size (R/h) at the throat of a stenosis."
@@ -27,6 +28,20 @@ class Settings(BaseModel):
         le=20.0,
         description="Least local radius over element size (R/h) from a throat to the end of the stenosis region, where "
         "the jet sets wall shear; `throat_resolution` if that is less.",
+    )
+    core_resolution: float = Field(
+        0.0,
+        ge=0.0,
+        le=20.0,
+        description="Radius of the throat over element size within one and a half such radii of the axis, from the "
+        "throat to the end of the stenosis region, so that the jet is not mixed away; 0: as the rest.",
+    )
+    wall_grading: float = Field(
+        0.0,
+        ge=0.0,
+        le=1.0,
+        description="How far nodes are drawn to the wall at a throat, where the boundary layer is thin: depth over "
+        "radius to the power of 1 plus this; 0: not at all.",
     )
     gradation: float = Field(
         1.3, gt=1.0, le=2.0, description="Largest ratio of neighbouring edge lengths that the mesher may leave."

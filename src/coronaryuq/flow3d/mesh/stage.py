@@ -6,25 +6,45 @@ from dataclasses import replace
 from pathlib import Path
 
 from coronaryuq.case.casefile import read_case
+from coronaryuq.case.surface import read_surface
 from coronaryuq.case.tree import Stenosis, Tree, read_tree
 from coronaryuq.errors import InputError
-from coronaryuq.files import write_json
-from coronaryuq.flow3d.mesh import folder, regions
+from coronaryuq.files import read_json, write_json
+from coronaryuq.flow3d.mesh import folder, given, regions
 from coronaryuq.flow3d.mesh.build import build
 from coronaryuq.flow3d.mesh.describe import describe
 from coronaryuq.flow3d.mesh.settings import Settings
+from coronaryuq.units import LENGTHS
 from coronaryuq.zerod.network import Network, read_network
 
 
-def make_mesh(case: Path, tree: Path, network: Path, settings: Settings, out: Path) -> dict:
+def make_mesh(case: Path, tree: Path, network: Path, settings: Settings, out: Path, lumen: Path | None = None) -> dict:
     """Mesh a case (`case.json`, `tree.vtp`, 0D network JSON) into the folder `out`; returns what `mesh.json` holds.
 
+    lumen: for domain `lumen`, the case's closed surface or mesh-complete folder, in the case's length unit.
     `mesh.json` is written last, so that its presence means a complete mesh.
     """
+    content = read_json(case)
+    if content.get("schematic"):
+        raise InputError(case, "anatomy", None, "the case has none, and a drawing of a 0D network is not to be meshed")
     stenoses = read_stenoses(case)
     if settings.domain == "segments" and not stenoses:
         raise InputError(case, "stenoses", [], "domain `segments` needs at least one; choose `trees` or `whole`")
-    return mesh_tree(read_tree(tree), stenoses, read_network(network), settings, out)
+    whole, loop = read_tree(tree), read_network(network)
+    if settings.domain != "lumen":
+        return mesh_tree(whole, stenoses, loop, settings, out)
+    if lumen is None:
+        raise InputError(
+            case, "anatomy", None, "domain `lumen` needs a surface or a mesh-complete folder; choose `trees`"
+        )
+    scale = LENGTHS[content["anatomy"]["unit"]]
+    if lumen.is_dir():
+        mesh, made = given.adopt_folder(lumen, whole, stenoses, loop, settings, scale)
+    else:
+        surface = read_surface(lumen, scale)
+        mesh, made = given.mesh_closed_surface(surface, whole, stenoses, loop, settings, lumen)
+    write_mesh(out, mesh, made)
+    return made
 
 
 def read_stenoses(case: Path) -> list[Stenosis]:

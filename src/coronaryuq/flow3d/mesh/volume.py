@@ -114,15 +114,13 @@ def outer_references(tets: np.ndarray, triangles: np.ndarray, refs: np.ndarray) 
 
 
 def fit_to_surface(
-    points: np.ndarray, tets: np.ndarray, nodes: np.ndarray, target: np.ndarray, quality: Callable
+    points: np.ndarray, tets: np.ndarray, nodes: np.ndarray, target: np.ndarray, quality: Callable, least: float = 0.2
 ) -> np.ndarray:
-    """Move boundary `nodes` to `target`, less far where a tetrahedron would lose half of its quality, or fall below
-    0.2.
-    """
+    """Move `nodes` to `target`, less far where a tetrahedron would lose half of its quality and fall below `least`."""
     shift = np.zeros_like(points)
     shift[nodes] = target - points[nodes]
     share = np.ones(len(points))
-    floor = np.minimum(0.2, 0.5 * quality(points, tets))
+    floor = np.minimum(least, 0.5 * quality(points, tets))
     for _ in range(20):
         bad = quality(points + share[:, None] * shift, tets) < floor
         if not bad.any():
