@@ -1,7 +1,9 @@
 """Look at a machine before a campaign does: libraries, MPI, pictures, space, solvers, scheduler."""
 
+import fcntl
 import importlib.metadata
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -45,7 +47,10 @@ def examine(environment_only: bool = False) -> Iterator[Finding]:
         return
     yield _mpi()
     yield _space()
+    yield _scratch()
+    yield _locks()
     yield _cache()
+    yield from _scheduler()
     for program, purpose in EXTERNAL.items():
         path = shutil.which(program)
         yield Finding(program, True, path or f"not installed; only {purpose} needs it")
@@ -108,6 +113,66 @@ def _space(wanted: float = 5e9) -> Finding:
     return Finding(
         "disk", free >= wanted, f"{free / 1e9:.0f} GB free here" + ("" if free >= wanted else "; wanted 5 GB")
     )
+
+
+def _scratch(wanted: float = 2e9) -> Finding:
+    """Where jobs keep what they do not hand on: `TMPDIR`, else the system's folder."""
+    folder = tempfile.gettempdir()
+    try:
+        with tempfile.NamedTemporaryFile(dir=folder) as file:
+            file.write(bytes(1000))
+    except OSError as error:
+        return Finding("scratch", False, f"{folder} cannot be written ({error.strerror}); set TMPDIR")
+    free = shutil.disk_usage(folder).free
+    more = "" if free >= wanted else "; wanted 2 GB, set TMPDIR"
+    return Finding("scratch", free >= wanted, f"{free / 1e9:.0f} GB free in {folder}{more}")
+
+
+def _locks() -> Finding:
+    """Whether the file system here knows the lock that keeps two campaigns apart."""
+    with tempfile.NamedTemporaryFile(dir=".") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            return Finding("locks", True, f"none on this file system ({error.strerror}); run one campaign at a time")
+    return Finding("locks", True, "two campaigns on one results folder are kept apart")
+
+
+def _scheduler(ranks: int = 2, patience: float = 120.0) -> Iterator[Finding]:
+    """One tiny MPI job through SLURM, where there is one."""
+    if shutil.which("sbatch") is None:
+        return
+    told = _said(["sinfo", "--version"], 30)
+    if told is None:
+        yield Finding("SLURM", False, "sbatch is there, but sinfo does not answer; is the controller running?")
+        return
+    code = f"from mpi4py import MPI; raise SystemExit(MPI.COMM_WORLD.allreduce(1) != {ranks})"
+    # In this folder, because a campaign's jobs need it on every node too.
+    with tempfile.TemporaryDirectory(dir=".", prefix=".doctor-") as folder:
+        script = Path(folder, "job.sh")
+        script.write_text(f"#!/bin/bash\nsrun -n {ranks} {shlex.quote(sys.executable)} -c {shlex.quote(code)}\n")
+        limits = [f"--ntasks={ranks}", "--time=2", "--mem-per-cpu=500", f"--output={folder}/out", "--wait"]
+        failure = _run(["sbatch", f"--job-name={Path(folder).name}", *limits, str(script)], patience)
+        if failure is not None:  # it may still wait for its turn
+            _said(["scancel", f"--name={Path(folder).name}"], 30)
+        said = [line for line in _read(Path(folder, "out")).splitlines() if line.strip()]
+    if failure is None:
+        yield Finding("SLURM", True, f"{told}: a job of {ranks} MPI ranks ran by srun")
+    else:
+        yield Finding("SLURM", False, f"{told}: a job of {ranks} MPI ranks did not: {(said or [failure])[-1][:200]}")
+
+
+def _said(command: list[str], timeout: float) -> str | None:
+    """What a command prints, or None if it fails."""
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=timeout)
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return done.stdout.strip() if done.returncode == 0 else None
+
+
+def _read(path: Path) -> str:
+    return path.read_text(errors="replace") if path.is_file() else ""
 
 
 def _cache() -> Finding:

@@ -64,6 +64,30 @@ class Cluster:
         self.processes.pop(node).kill()
         subprocess.run(["scontrol", "update", f"nodename={node}", "state=down", "reason=killed"], env=_environment())
 
+    def node_at_work(self, seconds: float) -> str:
+        """The first node on which a job runs."""
+        found: list[str] = []
+
+        def busy() -> bool:
+            found[:] = subprocess.run(
+                ["squeue", "-h", "-t", "RUNNING", "-o", "%N"], env=_environment(), capture_output=True, text=True
+            ).stdout.split()
+            return bool(found)
+
+        _wait(busy, "a job to run", seconds)
+        return found[0]
+
+    def revive_node(self, node: str) -> None:
+        self.start_node(node)
+        _wait(lambda: self._resumed(node), f"{node} to come back", 60)
+
+    def _resumed(self, node: str) -> bool:
+        subprocess.run(["scontrol", "update", f"nodename={node}", "state=resume"], env=_environment())
+        said = subprocess.run(
+            ["sinfo", "-h", "-n", node, "-o", "%T"], env=_environment(), capture_output=True, text=True
+        )
+        return said.stdout.strip() == "idle"
+
     def stop(self) -> None:
         if "slurmctld" in self.processes:
             subprocess.run(["scancel", "--user", "root"], env=_environment(), timeout=30)

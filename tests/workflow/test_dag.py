@@ -1,6 +1,8 @@
 """What Snakemake would run, and what a change makes stale: asked of the real workflow, without running it."""
 
 import copy
+import importlib.metadata
+import sys
 
 import pytest
 
@@ -137,3 +139,11 @@ def test_a_table_that_is_not_there_is_one_line(checkout):
     done = checkout.run("discrepancy", settings=changed(checkout, discrepancy={"pairs": ["gone.csv", "lost.csv"]}))
     assert done.returncode == 2
     assert "gone.csv" in done.stderr and "no such file" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_no_script_hides_a_library(checkout):
+    """Snakemake puts the scripts' folder first on the path: a script named as a library is imported in its place."""
+    taken = {*sys.stdlib_module_names, *importlib.metadata.packages_distributions()}
+    taken |= {"coverage"}  # numba imports it where it is there
+    scripts = {path.stem for path in (checkout.folder / "workflow" / "scripts").glob("*.py")}
+    assert not scripts & taken

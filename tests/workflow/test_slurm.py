@@ -7,6 +7,7 @@ import pytest
 
 import cluster
 from checkout import Checkout
+from coronaryuq import doctor
 from coronaryuq.files import read_json
 
 pytestmark = [pytest.mark.workflow]
@@ -49,3 +50,39 @@ def test_jobs_on_slurm_give_the_same_bits_as_jobs_here(slurm, tmp_path):
     assert results[0] == results[1]
     listed = subprocess.run(["scontrol", "--oneliner", "show", "jobs"], capture_output=True, text=True).stdout
     assert listed.count("JobState=COMPLETED") >= 6, "every rule was a job of its own"
+
+
+@pytest.mark.long
+def test_a_node_that_goes_down_costs_time_and_nothing_else(slurm, tmp_path):
+    """Its job is requeued, or fails and is run again, on the other node."""
+    settings = {
+        "name": "small", "case": "given/case.yaml", "perfusion": {"realisations": 2000},
+        "samples": {"chunk_realisations": 2000},
+    }  # fmt: skip
+    target, found = "results/small/perfusion/targets.json", []
+    for name in ("here", "slurm"):
+        checkout = Checkout(tmp_path / name)
+        checkout.small_case()
+        if name == "here":
+            assert checkout.run(target, settings=settings).returncode == 0
+        else:
+            process = subprocess.Popen(
+                **checkout.command(target, *ON_SLURM, "--retries", "2", settings=settings),
+                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            )  # fmt: skip
+            node = slurm.node_at_work(120)
+            slurm.kill_node(node)
+            try:
+                assert process.wait(400) == 0
+            finally:
+                process.kill()
+                slurm.revive_node(node)
+        found.append((checkout.folder / target).read_bytes())
+    assert found[0] == found[1]
+
+
+def test_doctor_runs_a_tiny_job_of_two_ranks(slurm, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (found,) = doctor._scheduler()
+    assert found.sound and "a job of 2 MPI ranks ran by srun" in found.detail, found
+    assert list(tmp_path.iterdir()) == []

@@ -222,7 +222,7 @@ rule coverage_of_size:
         size=lambda wildcards: int(wildcards.n),
         trials=campaign.estimation.coverage_trials,
     script:
-        "../scripts/coverage.py"
+        "../scripts/interval_coverage.py"
 
 
 rule coverage:
