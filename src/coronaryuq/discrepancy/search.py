@@ -179,7 +179,10 @@ def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Rou
         if best is None:
             current.accepted = None
             return others, without
-        # Its round's other fits knew nothing of the later effects, so they are no class of it.
+        # Its round's other fits knew nothing of the later effects: they are no class of it, and its probability is that
+        # among what was tried here.
+        weights = np.exp([weight - max(o[0] for o in options) for weight, _, _ in options])
+        best.probability = float(weights.max() / weights.sum())
         current.accepted, current.members = best, [best]
         # The rival's sizes stand last in its fit; keep the order of places in step with it.
         accepted.append(accepted.pop(number))
