@@ -25,6 +25,7 @@ def test_distance_and_sign_everywhere(cylinder):
     points = generator(1, "cylinder").uniform([-2, -2, -4], [2, 2, 4], (4000, 3))
     found = cylinder.distance(points)
     assert found == pytest.approx(exact(points), abs=1e-4)
+    assert cylinder.distance(points[:0]).shape == (0,)
 
 
 def test_sign_at_the_corners_of_sharp_rims(cylinder):

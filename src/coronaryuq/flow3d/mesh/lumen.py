@@ -33,6 +33,8 @@ class Lumen:
         """Triangle (m,) and place on it (m, 3) nearest to each point."""
         import pyvista as pv
 
+        if not len(points):
+            return np.empty(0, np.int64), np.empty((0, 3))
         surface = pv.PolyData.from_regular_faces(self.points, self.triangles)
         triangle, place = surface.find_closest_cell(np.asarray(points, float), return_closest_point=True)
         return np.atleast_1d(triangle), np.asarray(place, float).reshape(-1, 3)
