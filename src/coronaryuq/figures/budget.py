@@ -37,7 +37,8 @@ def convergence(convergence: str, output: str) -> None:
                     axes[0][column].plot(np.full(len(values), place), values, ".", ms=3, alpha=0.5, color=ink)
                     if len(values):
                         axes[0][column].plot(place, np.mean(values), "_", ms=9, mew=2, color=ink)
-                axes[0][column].plot([], [], "o", ms=4, color=ink, label=label)
+                if any(entry.get(key) for entry in of_row):
+                    axes[0][column].plot([], [], "o", ms=4, color=ink, label=label)
             for entry in of_row:
                 means = entry["mean_mc"]
                 axes[1][column].plot(np.full(len(means), entry["n_3d"]), means, ".", ms=3, alpha=0.5, color="black")

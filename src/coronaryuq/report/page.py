@@ -14,7 +14,7 @@ from coronaryuq import provenance
 from coronaryuq.files import read_csv, read_json, write_text
 from coronaryuq.report import discrepancy
 
-ESTIMATORS = ("MC", "MFMC", "MFMC-AE", "best")
+ESTIMATORS = ("MC", "MFMC", "MFMC-AE", "BLUE", "best")
 QUANTITIES = ("ffr", "tawss_min", "osi_max")
 CAPTIONS = {
     "intervals_wss": "Maximum OSI and minimum TAWSS by estimator. An exclamation mark: the interval carries a warning.",
