@@ -76,10 +76,10 @@ if DISCREPANCY.recordings:
             code=code("coronaryuq.discrepancy.recordings"),
         output:
             **made("{animal}"),
-        wildcard_constraints:
-            animal="|".join(map(re.escape, DISCREPANCY.animals)),
         log:
             log_of("discrepancy_recordings", "{animal}.log"),
+        wildcard_constraints:
+            animal="|".join(map(re.escape, DISCREPANCY.animals)),
         params:
             folder=DISCREPANCY.recordings,
             animal=lambda wildcards: wildcards.animal,
@@ -100,10 +100,10 @@ rule discrepancy_search:
         tree=examined("{case}", "found", "tree.csv"),
         gap=examined("{case}", "found", "gap.csv"),
         paragraph=examined("{case}", "found", "paragraph.txt"),
-    wildcard_constraints:
-        case="|".join(map(re.escape, SEARCHED)) or "none",
     log:
         log_of("discrepancy_search", "{case}.log"),
+    wildcard_constraints:
+        case="|".join(map(re.escape, SEARCHED)) or "none",
     threads: 2
     params:
         settings=DISCREPANCY_SETTINGS,
@@ -139,11 +139,11 @@ rule discrepancy_figure:
         code=code("coronaryuq.figures.draw", "coronaryuq.figures.discrepancy"),
     output:
         figure=examined("{case}", "figures", "{figure}.png"),
+    log:
+        log_of("discrepancy_figure", "{case}_{figure}.log"),
     wildcard_constraints:
         case="|".join(map(re.escape, EXAMINED)),
         figure=r"\w+",
-    log:
-        log_of("discrepancy_figure", "{case}_{figure}.log"),
     params:
         name=lambda wildcards: f"discrepancy_{wildcards.figure}",
     script:
