@@ -74,11 +74,14 @@ def write_note(
 
 
 def checksum(path: str | Path) -> str:
-    """SHA-256 of a file; of a folder, that of its files' names and checksums."""
+    """SHA-256 of a file; of a folder, that of its files' names and checksums.
+
+    Snakemake leaves its own hidden file in a folder after the job has written its note: that is no part of the result.
+    """
     path = Path(path)
     if path.is_file():
         return provenance.checksum(path)
-    inside = sorted(p for p in path.rglob("*") if p.is_file())
+    inside = sorted(p for p in path.rglob("*") if p.is_file() and p.name != ".snakemake_timestamp")
     return provenance.digest([[p.relative_to(path).as_posix(), provenance.checksum(p)] for p in inside])
 
 

@@ -63,18 +63,17 @@ def _end_at_valve(tree: Tree, coronary: set[str]) -> str | None:
     """
     ends = {v.name for v in tree.leaves()}
     feeding = {v.name for v in tree if {w.name for w in tree.subtree(v.name)} & ends <= coronary}
-    ostia = {v.parent for v in tree if v.name in feeding and v.parent not in feeding}
-    away = {}
-    for end in ends - coronary:
-        line = tree.path(end)[::-1]
-        up_to = next((k for k, v in enumerate(line) if v.parent in ostia), None)
-        if up_to is not None:
-            away[end] = sum(v.length for v in line[: up_to + 1])
-    from_root = [sum(v.length for v in tree.path(name)) for name in ostia if name is not None]
-    if not away or not from_root:
+    first = [v for v in tree if v.name in feeding and v.parent is not None and v.parent not in feeding]
+    if not first or not ends - coronary:
         return None
-    nearest = min(away, key=away.__getitem__)
-    return nearest if away[nearest] < min(from_root) else None
+    # A path leaves the axis before it is level with the ostium: that lies one aortic radius on.
+    ostia = [v.position_at(float(tree[v.parent].radii[-1])) for v in first]
+
+    def away(point: np.ndarray) -> float:
+        return float(np.mean([np.linalg.norm(point - ostium) for ostium in ostia]))
+
+    nearest = min(ends - coronary, key=lambda name: away(tree[name].points[-1]))
+    return nearest if away(tree[nearest].points[-1]) < away(tree.root.points[0]) else None
 
 
 def _name_caps(
