@@ -26,6 +26,7 @@ lint: env
 
 dry-run: env
 	@for config in config/*.yaml; do echo "== $$config"; \
+	  if [ $$config = config/discrepancy.yaml ] && [ ! -d ../shared/data ]; then echo "skipped: its measurements, ../shared/data, are not here"; continue; fi; \
 	  $(BIN)/snakemake --profile workflow/profiles/default --configfile $$config --cores 2 -n --quiet all || exit 1; done
 
 env: $(READY)
