@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from random_trees import tube
+from random_trees import random_tree, tube
 
 from coronaryuq.flow3d.mesh import implicit, paths
 from coronaryuq.flow3d.mesh.domain import trees
@@ -57,6 +57,41 @@ def test_blend_of_two_tubes():
     overlap = np.clip(0.1 - np.abs(first - second), 0.0, None)
     expected = np.minimum(first, second) - overlap**2 / 0.4
     np.testing.assert_allclose(Implicit([one, two]).distance(points), expected, atol=1e-12)
+
+
+def bend(radii, names) -> Path:
+    """An axis that turns by a right angle half way."""
+    points = [(x, 0.0, 0.0) for x in np.linspace(-1.0, 0.0, 20, endpoint=False)]
+    points += [(0.0, y, 0.0) for y in np.linspace(0.0, 1.0, 20)]
+    return Path(np.array(points), radii, np.array(names), np.linspace(0.0, 2.0, 40), 0.05)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        bend(np.repeat([0.3, 0.2], 20), ["mother"] * 20 + ["daughter"] * 20),
+        bend(np.linspace(0.4, 0.1, 40), ["one"] * 40),
+    ],
+    ids=["narrower daughter", "taper round a corner"],
+)
+def test_distance_does_not_leap_inside_a_bend(line):
+    body = Implicit([line])
+    points = generator(5, "bend").uniform([-0.6, -0.1, -0.4], [0.1, 0.6, 0.4], (20000, 3))
+    step = 1e-4 * generator(6, "bend").normal(size=points.shape)
+    change = np.abs(body.distance(points + step) - body.distance(points))
+    assert (change <= implicit.STEEPEST * np.linalg.norm(step, axis=1)).all()
+
+
+def test_distance_to_a_tree_does_not_leap_at_a_bifurcation():
+    # The first bifurcation of this tree turns by more than a right angle and loses a fifth of the radius.
+    tree, _ = random_tree(1)
+    kept = trees(tree)
+    body = Implicit(paths.paths(tree, kept, list(kept)))
+    reach = 1.2 * tree.root.radii[-1]
+    points = tree.root.points[-1] + generator(7, "fork").uniform(-reach, reach, (20000, 3))
+    step = 1e-4 * generator(8, "fork").normal(size=points.shape)
+    change = np.abs(body.distance(points + step) - body.distance(points))
+    assert (change <= implicit.STEEPEST * np.linalg.norm(step, axis=1)).all()
 
 
 def test_blocks_agree_with_single_points(pipe):

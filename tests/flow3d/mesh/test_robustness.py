@@ -1,4 +1,4 @@
-"""Random trees are meshed: a few always, sixty by hand (`pytest -m long tests/flow3d/mesh`)."""
+"""Random trees are meshed: a few always, fifty trees and sixty segments by hand (`-m long tests/flow3d/mesh`)."""
 
 import pytest
 from random_trees import network_of, random_tree
@@ -32,6 +32,6 @@ def test_sixty_random_segments(seed, tmp_path):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("seed", range(20))
-def test_twenty_random_trees(seed, tmp_path):
+@pytest.mark.parametrize("seed", range(50))
+def test_fifty_random_trees(seed, tmp_path):
     meshes(seed, Settings(domain="trees"), tmp_path)

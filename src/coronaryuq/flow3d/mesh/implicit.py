@@ -10,6 +10,8 @@ CHUNK = 8
 FAR = 1e9
 STEEPEST = 1.5
 """Bound on the slope of the distance: 1 for a tube, more where the radius changes along it."""
+SHARPEST = 0.7
+"""Curvature of an axis times its radius, above which it counts as a corner: at 1 the nearest place is not unique."""
 
 
 @dataclass(frozen=True)
@@ -30,27 +32,36 @@ class Implicit:
     """Signed distance, negative inside, to the union of paths of tapered tubes; C1 blend of width `blend` (Quilez
     2013).
 
-    On each path the distance is that to the nearest place of the axis less the radius there, so that a straight axis
-    gives exactly the radii; where the path folds back, the fold that holds the point deepest counts.
+    On each part of a path the distance is that to the nearest place of the axis less the radius there, so that a
+    straight axis gives exactly the radii; where the part folds back, the fold that holds the point deepest counts.
+    Parts end where vessels do and where the axis has a corner: beside a corner the nearest place leaps from one side of
+    it to the other, and with it the radius, so that a distance across it would leap too and its surface cut itself.
     """
 
     def __init__(self, paths: Sequence[Path]):
         self.paths = list(paths)
-        a, b, ra, rb, first = [], [], [], [], [0]
+        a, b, ra, rb, first, part, blend = [], [], [], [], [0], [0], []
         for path in paths:
             a.append(path.points[:-1])
             b.append(path.points[1:])
-            ra.append(path.radii[:-1])
-            rb.append(path.radii[1:])
-            first.append(first[-1] + len(path.points) - 1)
+            near, far = path.radii[:-1].copy(), path.radii[1:]
+            joints = np.flatnonzero(path.vessel[1:-1] != path.vessel[2:]) + 1
+            # A daughter has her own radius from her start: a cone down from her mother's would be too steep.
+            near[joints] = far[joints]
+            starts = np.union1d(joints, corners(path))
+            ra.append(near)
+            rb.append(far)
+            part += [first[-1] + k for k in starts] + [first[-1] + len(near)]
+            blend += [path.blend, *np.abs(near[starts] - far[starts - 1])]
+            first.append(part[-1])
         self.a, self.b = np.vstack(a), np.vstack(b)
         self.ra, self.rb = np.concatenate(ra), np.concatenate(rb)
         self.first = np.array(first)
-        self.blend = np.array([path.blend for path in paths])
-        self.bounds, self.bound_first = _bounds(self.a, self.b, self.ra, self.rb, self.first)
+        self.part, self.blend = np.array(part, np.int64), np.array(blend, float)
+        self.bounds, self.bound_first = _bounds(self.a, self.b, self.ra, self.rb, self.part)
 
     def _arrays(self):
-        return self.a, self.b, self.ra, self.rb, self.first, self.blend, self.bounds, self.bound_first
+        return self.a, self.b, self.ra, self.rb, self.part, self.blend, self.bounds, self.bound_first
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         """Signed distance (m,) at points (m, 3), cm."""
@@ -98,6 +109,16 @@ class Implicit:
         return np.minimum(self.a - self.ra[:, None], self.b - self.rb[:, None]).min(axis=0) - 3.0 * spacing
 
 
+def corners(path: Path) -> np.ndarray:
+    """Inner points of a path (k,) at which its axis turns by more than `SHARPEST` in a length of its radius."""
+    along = np.diff(path.points, axis=0)
+    length = np.linalg.norm(along, axis=1)
+    cosine = (along[1:] * along[:-1]).sum(axis=1) / (length[1:] * length[:-1])
+    turn = np.arccos(np.clip(cosine, -1.0, 1.0))
+    spacing = 0.5 * (length[1:] + length[:-1])
+    return np.flatnonzero(turn * path.radii[1:-1] > SHARPEST * spacing) + 1
+
+
 def _bounds(a, b, ra, rb, first):
     """Bounding spheres (x, y, z, R) of runs of `CHUNK` segments, so that distant runs are skipped."""
     spheres, index = [], [0]
@@ -127,9 +148,9 @@ def _foot(x, y, z, a, b):
 def _at(x, y, z, a, b, ra, rb, first, blend, bounds, bound_first):
     """Distance at one point, the segment that owns it, and where along that segment."""
     total, owner, owner_along = FAR, -1, 0.0
-    for path in range(len(first) - 1):
+    for part in range(len(first) - 1):
         best, segment = FAR, -1
-        for k in range(bound_first[path], bound_first[path + 1]):
+        for k in range(bound_first[part], bound_first[part + 1]):
             dx, dy, dz = x - bounds[k, 0], y - bounds[k, 1], z - bounds[k, 2]
             if np.sqrt(dx * dx + dy * dy + dz * dz) - bounds[k, 3] >= best:
                 continue
@@ -143,7 +164,7 @@ def _at(x, y, z, a, b, ra, rb, first, blend, bounds, bound_first):
         away, along = _foot(x, y, z, a[segment], b[segment])
         for step in (-1, 1):
             i = segment + step
-            while first[path] <= i < first[path + 1]:
+            while first[part] <= i < first[part + 1]:
                 nearer, t = _foot(x, y, z, a[i], b[i])
                 if nearer >= away:
                     break
@@ -152,10 +173,10 @@ def _at(x, y, z, a, b, ra, rb, first, blend, bounds, bound_first):
         best = away - (ra[segment] + along * (rb[segment] - ra[segment]))
         if best < total:
             owner, owner_along = segment, along
-        overlap = max(0.0, blend[path] - abs(total - best))
+        overlap = max(0.0, blend[part] - abs(total - best))
         total = min(total, best)
         if overlap > 0.0:
-            total -= overlap * overlap / (4.0 * blend[path])
+            total -= overlap * overlap / (4.0 * blend[part])
     return total, owner, owner_along
 
 
@@ -175,12 +196,12 @@ def _block(low, spacing, n, centre, reach, a, b, ra, rb, first, blend, bounds, b
     """Distance at n^3 grid points; runs of segments that cannot be nearest anywhere in the block are left out."""
     near_bounds = np.empty_like(bounds)
     near_first = np.zeros(len(bound_first), np.int64)
-    for path in range(len(first) - 1):
-        own = np.array([0, bound_first[path + 1] - bound_first[path]])
-        chunk = bounds[bound_first[path] : bound_first[path + 1]]
+    for part in range(len(first) - 1):
+        own = np.array([0, bound_first[part + 1] - bound_first[part]])
+        chunk = bounds[bound_first[part] : bound_first[part + 1]]
         ends = np.array([0, 1])
-        here = _at(centre[0], centre[1], centre[2], a, b, ra, rb, ends, blend[path : path + 1], chunk, own)[0]
-        count = near_first[path]
+        here = _at(centre[0], centre[1], centre[2], a, b, ra, rb, ends, blend[part : part + 1], chunk, own)[0]
+        count = near_first[part]
         for k in range(len(chunk)):
             away = np.sqrt(
                 (centre[0] - chunk[k, 0]) ** 2 + (centre[1] - chunk[k, 1]) ** 2 + (centre[2] - chunk[k, 2]) ** 2
@@ -188,7 +209,7 @@ def _block(low, spacing, n, centre, reach, a, b, ra, rb, first, blend, bounds, b
             if away - chunk[k, 3] <= here + 3.0 * reach:
                 near_bounds[count] = chunk[k]
                 count += 1
-        near_first[path + 1] = count
+        near_first[part + 1] = count
     values = np.empty((n, n, n))
     for i in range(n):
         for j in range(n):
