@@ -7,6 +7,7 @@ kept in single precision, since δ is of the order of the time step squared and 
 import numba as nb
 import numpy as np
 
+from coronaryuq.flow3d.galerkin import average, centre, corners, dot, gradient, hats, part, vector
 from coronaryuq.flow3d.lanes import LANES, absolute, fma, load, splat, square_root, store
 
 
@@ -23,65 +24,39 @@ def system(tets, grad, volume, slot, tau_viscous, nu, mass_rate, u, rate, p, con
     for k in range(matrix.shape[0]):
         store(matrix, k, splat(constant[k]))
     for e in range(tets.shape[0]):
-        i0, i1, i2, i3 = np.int64(tets[e, 0]), np.int64(tets[e, 1]), np.int64(tets[e, 2]), np.int64(tets[e, 3])
+        i0, i1, i2, i3 = corners(tets, e)
+        ga, gb, gc, gd = hats(grad, e)
+        ua, ub, uc, ud = vector(u, i0), vector(u, i1), vector(u, i2), vector(u, i3)
         v = volume[e]
-        ax, ay, az = grad[e, 0, 0], grad[e, 0, 1], grad[e, 0, 2]
-        bx, by, bz = grad[e, 1, 0], grad[e, 1, 1], grad[e, 1, 2]
-        cx, cy, cz = grad[e, 2, 0], grad[e, 2, 1], grad[e, 2, 2]
-        dx, dy, dz = grad[e, 3, 0], grad[e, 3, 1], grad[e, 3, 2]
-        xa, ya, za = load(u, 3 * i0), load(u, 3 * i0 + 1), load(u, 3 * i0 + 2)
-        xb, yb, zb = load(u, 3 * i1), load(u, 3 * i1 + 1), load(u, 3 * i1 + 2)
-        xc, yc, zc = load(u, 3 * i2), load(u, 3 * i2 + 1), load(u, 3 * i2 + 2)
-        xd, yd, zd = load(u, 3 * i3), load(u, 3 * i3 + 1), load(u, 3 * i3 + 2)
-        mx, my, mz = 0.25 * ((xa + xb) + (xc + xd)), 0.25 * ((ya + yb) + (yc + yd)), 0.25 * ((za + zb) + (zc + zd))
-        along_a = fma(az, mz, fma(ay, my, ax * mx))
-        along_b = fma(bz, mz, fma(by, my, bx * mx))
-        along_c = fma(cz, mz, fma(cy, my, cx * mx))
-        along_d = fma(dz, mz, fma(dy, my, dx * mx))
+        um = centre(ua, ub, uc, ud)
+        along_a, along_b, along_c, along_d = dot(ga, um), dot(gb, um), dot(gc, um), dot(gd, um)
         speed = (absolute(along_a) + absolute(along_b)) + (absolute(along_c) + absolute(along_d))
         tau = v / square_root(fma(speed, speed, splat(tau_viscous[e])))
-        divergence = (
-            fma(az, za, fma(ay, ya, ax * xa))
-            + fma(bz, zb, fma(by, yb, bx * xb))
-            + fma(cz, zc, fma(cy, yc, cx * xc))
-            + fma(dz, zd, fma(dy, yd, dx * xd))
-        )
-        half = 0.5 * divergence
+        half = 0.5 * (dot(ga, ua) + dot(gb, ub) + dot(gc, uc) + dot(gd, ud))
+        push = gradient(ga, gb, gc, gd, load(p, i0), load(p, i1), load(p, i2), load(p, i3))
         w, quarter, nv = v / 20.0, 0.25 * v, nu * v
         for c in range(3):
-            if c == 0:
-                qa, qb, qc, qd, mean = xa, xb, xc, xd, mx
-            elif c == 1:
-                qa, qb, qc, qd, mean = ya, yb, yc, yd, my
-            else:
-                qa, qb, qc, qd, mean = za, zb, zc, zd, mz
-            sx = fma(dx, qd, fma(cx, qc, fma(bx, qb, ax * qa)))
-            sy = fma(dy, qd, fma(cy, qc, fma(by, qb, ay * qa)))
-            sz = fma(dz, qd, fma(cz, qc, fma(bz, qb, az * qa)))
-            push = fma(
-                grad[e, 3, c],
-                load(p, i3),
-                fma(grad[e, 2, c], load(p, i2), fma(grad[e, 1, c], load(p, i1), grad[e, 0, c] * load(p, i0))),
+            qa, qb, qc, qd = part(ua, c), part(ub, c), part(uc, c), part(ud, c)
+            s = gradient(ga, gb, gc, gd, qa, qb, qc, qd)
+            ta, tb, tc, td = (
+                load(rate, 3 * i0 + c),
+                load(rate, 3 * i1 + c),
+                load(rate, 3 * i2 + c),
+                load(rate, 3 * i3 + c),
             )
-            ta, tb = load(rate, 3 * i0 + c), load(rate, 3 * i1 + c)
-            tc, td = load(rate, 3 * i2 + c), load(rate, 3 * i3 + c)
-            carried = fma(mz, sz, fma(my, sy, mx * sx))
-            force = tau * (0.25 * ((ta + tb) + (tc + td)) + (carried + push))
-            common = (4.0 * w) * fma(half, mean, carried) + quarter * push
-            own = w * fma(half, qa, fma(za, sz, fma(ya, sy, xa * sx)))
-            shear = nv * fma(az, sz, fma(ay, sy, ax * sx))
+            carried = dot(um, s)
+            force = tau * (average(ta, tb, tc, td) + (carried + part(push, c)))
+            common = (4.0 * w) * fma(half, part(um, c), carried) + quarter * part(push, c)
+            own, shear = w * fma(half, qa, dot(ua, s)), nv * dot(ga, s)
             k = 3 * i0 + c
             store(r, k, load(r, k) - ((common + own) + (shear + fma(along_a, force, quarter * ta))))
-            own = w * fma(half, qb, fma(zb, sz, fma(yb, sy, xb * sx)))
-            shear = nv * fma(bz, sz, fma(by, sy, bx * sx))
+            own, shear = w * fma(half, qb, dot(ub, s)), nv * dot(gb, s)
             k = 3 * i1 + c
             store(r, k, load(r, k) - ((common + own) + (shear + fma(along_b, force, quarter * tb))))
-            own = w * fma(half, qc, fma(zc, sz, fma(yc, sy, xc * sx)))
-            shear = nv * fma(cz, sz, fma(cy, sy, cx * sx))
+            own, shear = w * fma(half, qc, dot(uc, s)), nv * dot(gc, s)
             k = 3 * i2 + c
             store(r, k, load(r, k) - ((common + own) + (shear + fma(along_c, force, quarter * tc))))
-            own = w * fma(half, qd, fma(zd, sz, fma(yd, sy, xd * sx)))
-            shear = nv * fma(dz, sz, fma(dy, sy, dx * sx))
+            own, shear = w * fma(half, qd, dot(ud, s)), nv * dot(gd, s)
             k = 3 * i3 + c
             store(r, k, load(r, k) - ((common + own) + (shear + fma(along_d, force, quarter * td))))
         constant_rate = 0.25 * mass_rate

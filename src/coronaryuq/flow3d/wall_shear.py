@@ -16,6 +16,7 @@ import scipy.sparse as sp
 
 from coronaryuq.flow3d.discretisation import Discretisation
 from coronaryuq.flow3d.elements import face_vectors
+from coronaryuq.flow3d.galerkin import centre, corners, dot, gradient, hats, part, vector
 from coronaryuq.flow3d.lanes import LANES, fma, load, splat, square_root, store
 
 
@@ -24,48 +25,23 @@ def _wall_force(tets, grad, volume, nu, u, p, at, force):
     """−∫ of the momentum residual with hats on the wall, per unit density, into force (wall nodes, 3, LANES)."""
     force[:] = 0.0
     for e in range(tets.shape[0]):
-        i0, i1, i2, i3 = np.int64(tets[e, 0]), np.int64(tets[e, 1]), np.int64(tets[e, 2]), np.int64(tets[e, 3])
+        i0, i1, i2, i3 = corners(tets, e)
+        ga, gb, gc, gd = hats(grad, e)
+        ua, ub, uc, ud = vector(u, i0), vector(u, i1), vector(u, i2), vector(u, i3)
         v = volume[e]
-        ax, ay, az = grad[e, 0, 0], grad[e, 0, 1], grad[e, 0, 2]
-        bx, by, bz = grad[e, 1, 0], grad[e, 1, 1], grad[e, 1, 2]
-        cx, cy, cz = grad[e, 2, 0], grad[e, 2, 1], grad[e, 2, 2]
-        dx, dy, dz = grad[e, 3, 0], grad[e, 3, 1], grad[e, 3, 2]
-        xa, ya, za = load(u, 3 * i0), load(u, 3 * i0 + 1), load(u, 3 * i0 + 2)
-        xb, yb, zb = load(u, 3 * i1), load(u, 3 * i1 + 1), load(u, 3 * i1 + 2)
-        xc, yc, zc = load(u, 3 * i2), load(u, 3 * i2 + 1), load(u, 3 * i2 + 2)
-        xd, yd, zd = load(u, 3 * i3), load(u, 3 * i3 + 1), load(u, 3 * i3 + 2)
-        mx, my, mz = 0.25 * ((xa + xb) + (xc + xd)), 0.25 * ((ya + yb) + (yc + yd)), 0.25 * ((za + zb) + (zc + zd))
-        divergence = (
-            fma(az, za, fma(ay, ya, ax * xa))
-            + fma(bz, zb, fma(by, yb, bx * xb))
-            + fma(cz, zc, fma(cy, yc, cx * xc))
-            + fma(dz, zd, fma(dy, yd, dx * xd))
-        )
-        half = 0.5 * divergence
+        um = centre(ua, ub, uc, ud)
+        half = 0.5 * (dot(ga, ua) + dot(gb, ub) + dot(gc, uc) + dot(gd, ud))
+        push = gradient(ga, gb, gc, gd, load(p, i0), load(p, i1), load(p, i2), load(p, i3))
         w, quarter, nv = v / 20.0, 0.25 * v, nu * v
         for c in range(3):
-            if c == 0:
-                qa, qb, qc, qd, mean = xa, xb, xc, xd, mx
-            elif c == 1:
-                qa, qb, qc, qd, mean = ya, yb, yc, yd, my
-            else:
-                qa, qb, qc, qd, mean = za, zb, zc, zd, mz
-            sx = fma(dx, qd, fma(cx, qc, fma(bx, qb, ax * qa)))
-            sy = fma(dy, qd, fma(cy, qc, fma(by, qb, ay * qa)))
-            sz = fma(dz, qd, fma(cz, qc, fma(bz, qb, az * qa)))
-            push = fma(
-                grad[e, 3, c],
-                load(p, i3),
-                fma(grad[e, 2, c], load(p, i2), fma(grad[e, 1, c], load(p, i1), grad[e, 0, c] * load(p, i0))),
-            )
-            carried = fma(half, mean, fma(mz, sz, fma(my, sy, mx * sx)))
-            common = (4.0 * w) * carried + quarter * push
+            s = gradient(ga, gb, gc, gd, part(ua, c), part(ub, c), part(uc, c), part(ud, c))
+            common = (4.0 * w) * fma(half, part(um, c), dot(um, s)) + quarter * part(push, c)
             for a in range(4):
                 i = at[tets[e, a]]
                 if i < 0:
                     continue
                 # On the wall the velocity is nought, so that its own part of the convection is too.
-                shear = nv * fma(grad[e, a, 2], sz, fma(grad[e, a, 1], sy, grad[e, a, 0] * sx))
+                shear = nv * dot((grad[e, a, 0], grad[e, a, 1], grad[e, a, 2]), s)
                 k = 3 * i + c
                 store(force, k, load(force, k) - (common + shear))
 
