@@ -1,9 +1,11 @@
-"""Mesh error from three meshes: known limits come back, and what does not converge is given its whole range."""
+"""Mesh error from three meshes: known limits and orders come back; what does not settle is given its whole range."""
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from coronaryuq import files, records
+from coronaryuq import files, provenance, records
 from coronaryuq.errors import InputError
 from coronaryuq.flow3d.mesh_study import mesh_study, richardson
 from coronaryuq.records import Record
@@ -34,19 +36,50 @@ def test_second_order_convergence_gives_the_limit_and_its_distance(tmp_path):
     found = mesh_study(meshes, "own", tmp_path / "study.json")
     assert found == files.read_json(tmp_path / "study.json")
     assert found["meshes"] == ["coarse", "own", "fine"] and found["samples"] == ["s0", "s1", "s2"]
+    assert found["checksum"] == provenance.checksum(meshes["own"][0])
     ffr = found["quantities"]["ffr_lad"]
-    assert ffr["extrapolated"] == pytest.approx(0.81)
-    assert ffr["error"] == pytest.approx(30.0 * NODES["own"] ** (-2 / 3))
+    assert ffr["converging"] and ffr["extrapolated"] == pytest.approx(0.81)
+    assert ffr["error"] == pytest.approx(1.25 * 30.0 * NODES["own"] ** (-2 / 3))
     assert ffr["order"] == pytest.approx(2.0)
+    assert ffr["spread"] == pytest.approx(0.0, abs=1e-12)
     assert set(found["quantities"]) == {"ffr_lad", "osi_max_lad"}
 
 
-def test_values_that_turn_round_are_given_their_range():
+def test_the_spread_is_that_of_the_samples_own_differences(tmp_path):
+    meshes = write(tmp_path, lambda q, h, k: 1.0 + k * h**2)
+    found = mesh_study(meshes, "own", tmp_path / "study.json")["quantities"]["ffr_lad"]
+    step = NODES["own"] ** (-2 / 3) - NODES["fine"] ** (-2 / 3)
+    assert found["spread"] == pytest.approx(np.std(range(4)) * step)
+
+
+@given(st.floats(1.05, 2.0), st.floats(-2.0, 2.0), st.floats(0.1, 5.0))
+def test_any_order_between_one_and_two_is_found(power, limit, factor):
     size = np.array([3.0, 2.0, 1.4])
-    assert richardson(size, [1.0, 1.3, 1.1], 1) == {
-        "values": [1.0, 1.3, 1.1], "extrapolated": None, "order": None, "error": pytest.approx(0.3),
+    found = richardson(size, (limit + factor * size**power).tolist(), 1)
+    assert found["order"] == pytest.approx(power, rel=1e-6)
+    assert found["extrapolated"] == pytest.approx(limit, abs=1e-6 * factor)
+    assert found["error"] == pytest.approx(1.25 * factor * 2.0**power, rel=1e-5)
+
+
+def test_an_order_above_two_is_not_believed():
+    size = np.array([3.0, 2.0, 1.4])
+    found = richardson(size, (size**4).tolist(), 1)
+    assert found["order"] == pytest.approx(4.0)
+    assert found["extrapolated"] < 0.0, "second order leaves more to go than the fourth, whose limit is nought"
+
+
+def test_values_that_do_not_settle_are_given_their_range():
+    size = np.array([3.0, 2.0, 1.4])
+    turning = richardson(size, [1.0, 1.3, 1.1], 1)
+    assert turning == {
+        "values": [1.0, 1.3, 1.1], "extrapolated": None, "order": None, "converging": False,
+        "error": pytest.approx(0.3),
     }  # fmt: skip
     assert richardson(size, [1.0, 1.1, 1.4], 1)["error"] == pytest.approx(0.4), "monotone, but the steps grow"
+    slow = richardson(size, (size**0.5).tolist(), 1)
+    assert not slow["converging"] and slow["order"] == pytest.approx(0.5)
+    assert slow["error"] == pytest.approx(3.0**0.5 - 1.4**0.5)
+    assert not richardson(size[:2], [1.0, 1.1], 0)["converging"], "two meshes show no order"
 
 
 def test_no_common_sample_is_refused(tmp_path):

@@ -8,11 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from coronaryuq import records
 from coronaryuq.bench import axisymmetric, tubes, unstructured
 from coronaryuq.errors import InputError
-from coronaryuq.files import read_json
 from coronaryuq.flow3d.lanes import LANES
+from coronaryuq.flow3d.mesh_study import compare, richardson
 from coronaryuq.flow3d.section import section_weights
 from coronaryuq.units import BLOOD_DENSITY, BLOOD_VISCOSITY
 
@@ -20,13 +19,12 @@ MESHES = ((5, 75), (8, 90), (13, 127))
 """Cells over the radius and along the axis: about 7, 20 and 70 thousand nodes."""
 PEAK, STEPS_PER_CYCLE, PERIOD = 100.0, 800, 0.9
 MEASURED_STEPS = 12
-QUANTITIES = ("ffr", "tawss_min", "tawss_q01", "osi_max", "osi_q99")
 
 
 def run(quick: bool, data: str | None = None) -> dict:
     """Costs at three mesh sizes with 1 and 16 samples (quick: the smallest, 8), verification, and convergence.
 
-    data: a folder with one folder per mesh of the same patient, each with `mesh.json` and `batch_*.jsonl` of the same
+    data: a folder with one folder per mesh of the same patient, each with `mesh.json` and `batch*.jsonl` of the same
     samples; without it `convergence` is empty. The nozzle's error is null: the structured tubes that verification uses
     cannot carry its sudden expansion.
     """
@@ -130,41 +128,28 @@ def mean_pressure(space, stepper, z: float) -> np.ndarray:
 
 
 def convergence(data: str | Path) -> list[dict]:
-    """Quantities of interest on several meshes, and Richardson's extrapolation with order two in nodes^(-1/3).
+    """Quantities of interest on several meshes of one patient; means over the samples that every mesh has.
 
-    Means over the samples that every mesh has. default_error: of the finest mesh but one against the extrapolation from
-    the two finest. `spread` is the standard deviation of the difference between these two over the samples.
-    Where the values are not `monotone` over three meshes or more, no extrapolation is to be believed.
+    default_error: of the finest mesh but one, against the extrapolation from the finest ones; null where the values do
+    not converge (see `flow3d.mesh_study.richardson`).
     """
-    read = []
-    for mesh in sorted(Path(data).glob("*/mesh.json")):
-        rows = [row for batch in sorted(mesh.parent.glob("batch_*.jsonl")) for row in records.read(batch) if row.ok]
-        read.append((read_json(mesh)["nodes"], {row.sample: row.outputs for row in rows}))
-    if len(read) < 2:
-        raise InputError(data, None, None, "want at least two folders with mesh.json and batch_*.jsonl")
-    read.sort(key=lambda entry: entry[0])
-    common = sorted(set.intersection(*(set(found) for _, found in read)))
-    if not common:
-        raise InputError(data, None, None, "the meshes have no finished sample in common")
-    size = np.array([nodes for nodes, _ in read], float) ** (-1 / 3)
-    branches = sorted({name.removeprefix("ffr_") for name in read[0][1][common[0]] if name.startswith("ffr_")})
+    meshes = {
+        folder.name: (folder / "mesh.json", sorted(folder.glob("batch*.jsonl")))
+        for folder in sorted(Path(data).iterdir())
+        if (folder / "mesh.json").exists()
+    }
+    if len(meshes) < 2:
+        raise InputError(data, None, None, "want at least two folders with mesh.json and batch*.jsonl")
+    _, nodes, _, found = compare(meshes, data)
+    size = np.array(nodes, float) ** (-1 / 3)
     rows = []
-    for quantity in QUANTITIES:
-        for branch in branches:
-            every = np.array([[found[s][f"{quantity}_{branch}"] for s in common] for _, found in read])
-            values = every.mean(axis=1).tolist()
-            share = (size[-1] / size[-2]) ** 2
-            extrapolated = (values[-1] - share * values[-2]) / (1 - share)
-            rows.append(
-                {
-                    "quantity": quantity,
-                    "branch": branch,
-                    "nodes": [nodes for nodes, _ in read],
-                    "values": values,
-                    "extrapolated": extrapolated,
-                    "default_error": values[-2] - extrapolated,
-                    "spread": float(np.std(every[-1] - every[-2])),
-                    "monotone": bool(len(values) > 2 and np.all(np.diff(values) > 0) | np.all(np.diff(values) < 0)),
-                }
-            )
+    for name, every in found.items():
+        quantity, _, branch = name.rpartition("_")
+        limit = richardson(size, every.mean(axis=1).tolist(), len(nodes) - 2)
+        known = limit["extrapolated"] is not None
+        rows.append(
+            {"quantity": quantity, "branch": branch, "nodes": nodes, **limit}
+            | {"default_error": limit["values"][-2] - limit["extrapolated"] if known else None}
+            | {"spread": float(np.std(every[-1] - every[-2]))}
+        )
     return rows

@@ -6,73 +6,98 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import brentq
 
-from coronaryuq import files, records
+from coronaryuq import files, provenance, records
 from coronaryuq.errors import InputError
 
 ORDER = 2.0
-"""Of the discretisation in the element size: linear elements, second-order steps."""
+"""Of the discretisation in the element size: linear elements, second-order steps. No higher one is believed."""
+LEAST_ORDER = 1.0
+"""Below it three meshes are too coarse to extrapolate from."""
+SAFETY = 1.25
+"""Of the grid convergence index on three meshes that show their order (Roache 1998)."""
 QUANTITIES = ("ffr_", "tawss_", "osi_")
 
 
 def mesh_study(meshes: Mapping[str, tuple[str | Path, str | Path]], own: str, out_json: str | Path) -> dict:
     """Write and return what three meshes say of every quantity's mesh error.
 
-    meshes: name → (mesh.json, records of the samples run on it); own: the name of the campaign's mesh. Per quantity:
-    `values` by mesh, coarsest first, as means over the samples that all have; `extrapolated` by Richardson from the two
-    finest, with order two; `order` observed on three meshes, where they converge; `error` of the campaign's mesh, an
-    absolute bar: its distance to the extrapolated value where the values are monotone and approach it, or else their
-    whole range, since nothing better is known then.
+    meshes: name → (mesh.json, records of the samples run on it); own: the name of the campaign's mesh. Per quantity,
+    what `richardson` says of the means over the samples that every mesh has, coarsest mesh first; `spread`, the
+    standard deviation over these samples of the difference between the two finest meshes. `checksum` is of the
+    campaign's mesh.json, for a reader to see whether the study is of the mesh at hand.
     """
-    read = {}
-    for name, (mesh_json, batch) in meshes.items():
-        done = {row.sample: row.outputs for row in records.read(batch) if row.ok}
-        read[name] = (files.read_json(mesh_json)["nodes"], done)
-    order = sorted(read, key=lambda name: read[name][0])
-    common = sorted(set.intersection(*(set(done) for _, done in read.values())))
-    if not common:
-        raise InputError(out_json, "samples", None, "no sample was finished on every mesh; see the records' reasons")
-    if len({nodes for nodes, _ in read.values()}) < len(read):
-        raise InputError(out_json, "nodes", None, "the meshes are equally fine: a given mesh folder cannot be refined")
-    size = np.array([read[name][0] for name in order], float) ** (-1 / 3)
-    found = {}
-    for quantity in sorted(read[own][1][common[0]]):
-        if quantity.startswith(QUANTITIES):
-            values = [float(np.mean([read[name][1][s][quantity] for s in common])) for name in order]
-            found[quantity] = richardson(size, values, order.index(own))
+    order, nodes, samples, found = compare({name: (mesh, [batch]) for name, (mesh, batch) in meshes.items()}, out_json)
+    size = np.array(nodes, float) ** (-1 / 3)
     content = {
         "meshes": order,
         "own": own,
-        "nodes": [read[name][0] for name in order],
-        "samples": common,
-        "quantities": found,
+        "checksum": provenance.checksum(meshes[own][0]),
+        "nodes": nodes,
+        "samples": samples,
+        "quantities": {
+            quantity: richardson(size, every.mean(axis=1).tolist(), order.index(own))
+            | {"spread": float(np.std(every[-1] - every[-2]))}
+            for quantity, every in found.items()
+        },
     }
     files.write_json(out_json, content)
     return content
 
 
+def compare(
+    meshes: Mapping[str, tuple[str | Path, Sequence[str | Path]]], place: str | Path
+) -> tuple[list[str], list[int], list[str], dict[str, np.ndarray]]:
+    """Names of the meshes, coarsest first, their nodes, the samples that all have, quantity → values (mesh, sample).
+
+    meshes: name → (mesh.json, files of records). place: what an error is laid to. Raises `InputError` where no sample
+    was finished on every mesh, or two meshes are equally fine.
+    """
+    read = {}
+    for name, (mesh_json, batches) in meshes.items():
+        done = {row.sample: row.outputs for batch in batches for row in records.read(batch) if row.ok}
+        read[name] = (files.read_json(mesh_json)["nodes"], done)
+    order = sorted(read, key=lambda name: read[name][0])
+    nodes = [read[name][0] for name in order]
+    common = sorted(set.intersection(*(set(done) for _, done in read.values())))
+    if not common:
+        raise InputError(place, "samples", None, "no sample was finished on every mesh; see the records' reasons")
+    if len(set(nodes)) < len(nodes):
+        raise InputError(place, "nodes", None, "the meshes are equally fine: a given mesh folder cannot be refined")
+    first = read[order[0]][1][common[0]]
+    quantities = sorted(quantity for quantity in first if quantity.startswith(QUANTITIES))
+    return order, nodes, common, {
+        quantity: np.array([[read[name][1][s][quantity] for s in common] for name in order]) for quantity in quantities
+    }  # fmt: skip
+
+
 def richardson(size: np.ndarray, values: Sequence[float], own: int) -> dict:
-    """What values on meshes of falling element size (k,) say of the error of the one at index `own`."""
+    """What values on meshes of falling element size (k,) say of the error of the one at index `own`.
+
+    `converging`: the values approach a limit from one side with an observed order of one at least. Then `extrapolated`
+    is that limit by the two finest meshes and the observed order, two at most, and `error` is the grid convergence
+    index, 1.25 times the distance to it (Roache 1998). Otherwise `extrapolated` is None and `error` is the range of all
+    values: what is seen, and no bound.
+    """
     steps = np.diff(values)
-    share = (size[-1] / size[-2]) ** ORDER
-    extrapolated = float((values[-1] - share * values[-2]) / (1.0 - share))
     monotone = bool((steps > 0).all() or (steps < 0).all())
-    converging = monotone and bool((np.abs(steps[1:]) < np.abs(steps[:-1])).all())
-    error = abs(values[own] - extrapolated) if converging else float(np.ptp(values))
-    observed = _order(size, steps[0] / steps[1]) if len(values) == 3 and converging else None
-    return {
-        "values": list(values),
-        "extrapolated": extrapolated if converging else None,
-        "order": observed,
-        "error": error,
-    }
+    shrinking = monotone and bool((np.abs(steps[1:]) < np.abs(steps[:-1])).all())
+    order = _order(size[-3:], steps[-2] / steps[-1]) if len(values) > 2 and shrinking else None
+    found = {"values": list(values), "order": order, "converging": order is not None and order >= LEAST_ORDER}
+    if not found["converging"]:
+        return found | {"extrapolated": None, "error": float(np.ptp(values))}
+    share = (size[-1] / size[-2]) ** min(order, ORDER)
+    extrapolated = float((values[-1] - share * values[-2]) / (1.0 - share))
+    return found | {"extrapolated": extrapolated, "error": SAFETY * abs(values[own] - extrapolated)}
 
 
-def _order(size: np.ndarray, ratio: float, highest: float = 8.0) -> float | None:
-    """The power of the element size (3,) that the ratio of the two steps tells, if one below `highest` does."""
+def _order(size: np.ndarray, ratio: float, highest: float = 16.0) -> float:
+    """The power of the element size (3,) that the ratio of two successive steps tells, `highest` at most."""
 
     def miss(power: float) -> float:
         a, b, c = (size / size[1]) ** power
         return (a - b) / (b - c) - ratio
 
     lowest = 1e-3
-    return float(brentq(miss, lowest, highest)) if miss(lowest) * miss(highest) < 0 else None
+    if miss(lowest) > 0:
+        return 0.0
+    return highest if miss(highest) < 0 else float(brentq(miss, lowest, highest))

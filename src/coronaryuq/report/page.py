@@ -13,6 +13,7 @@ import yaml
 from coronaryuq import provenance
 from coronaryuq.files import read_csv, read_json, write_text
 from coronaryuq.report import discrepancy
+from coronaryuq.report.mesh_error import MeshError
 
 ESTIMATORS = ("MC", "MFMC", "MFMC-AE", "BLUE", "best")
 QUANTITIES = ("ffr", "tawss_min", "osi_max")
@@ -49,14 +50,15 @@ def write_report(
     out: str | Path,
     searches: tuple[Sequence[str], Sequence[str]] = ((), ()),
 ) -> None:
-    """Write the page. files: case, fit, summary, targets, failures, estimates, mesh → path. figures: PNG files.
+    """Write the page. files: case, fit, summary, targets, failures, estimates, mesh → path, and mesh_study where it was
+    run. figures: PNG files.
 
     logs: folder whose job logs end in a line of costs. searches: answers and figures of searches for missing effects.
     """
     case, summary, targets = (read_json(files[name]) for name in ("case", "summary", "targets"))
     failures, estimates = read_json(files["failures"]), read_json(files["estimates"])
     rows = estimates["rows"]
-    notes = _Notes()
+    notes, mesh = _Notes(), MeshError(files["mesh"], files.get("mesh_study"))
     context = {
         "case": case,
         "campaign": configuration["name"],
@@ -64,10 +66,10 @@ def write_report(
         "threshold": f"{configuration['estimation']['ffr_threshold']:.2f}",
         "level": f"{100 * configuration['estimation']['level']:.0f} %",
         "counts": _counts(failures, rows),
-        "vessels": [_vessel(stenosis, rows, _outlet_names(case)) for stenosis in case["stenoses"]],
-        "table": [_estimators(row, notes) for row in rows],
+        "vessels": [_vessel(stenosis, rows, _outlet_names(case), mesh) for stenosis in case["stenoses"]],
+        "table": [_estimators(row, notes) | {"mesh": mesh.of(row["column_3d"])} for row in rows],
         "notes": notes.texts,
-        "mesh": _mesh(read_json(files["mesh"])),
+        "mesh": mesh.sentence,
         "matched": _matched(read_csv(files["fit"]), summary),
         "noise": _noise(targets),
         "figures": _figures(figures),
@@ -107,7 +109,7 @@ def _outlet_names(case: dict) -> dict[str, str]:
     return names | {"R_cor_scaling": "total coronary resistance"}
 
 
-def _vessel(stenosis: dict, rows: list[dict], outlets: Mapping[str, str]) -> dict:
+def _vessel(stenosis: dict, rows: list[dict], outlets: Mapping[str, str], mesh: MeshError) -> dict:
     branch = stenosis["name"].lower()
     of_quantity = {q: _recommended(rows, f"{q}_{branch}") for q in QUANTITIES}
     ffr_row, ffr = of_quantity["ffr"]
@@ -115,10 +117,10 @@ def _vessel(stenosis: dict, rows: list[dict], outlets: Mapping[str, str]) -> dic
     probability = beyond.get("probability_at_or_below")
     return {
         "name": stenosis["name"],
-        "ffr": _quantity(ffr, FFR_DECIMALS),
+        "ffr": _quantity(ffr, FFR_DECIMALS) | {"mesh": mesh.of(f"ffr_{branch}")},
         "draws": _draws(beyond.get("quantiles", {})),
         "drivers": _drivers(beyond.get("sobol_first_order", {}), outlets),
-        "quantities": [_quantity(value) for _, value in of_quantity.values()],
+        "quantities": [_quantity(value) | {"mesh": mesh.of(f"{q}_{branch}")} for q, (_, value) in of_quantity.items()],
         "significant": _probability(probability),
         "spread": number(np.sqrt(ffr_row["variance_3d"])),
         **_verdict(probability),
@@ -243,15 +245,6 @@ def _matched(fit, summary: dict) -> dict:
         f"{len(check['flow_mean'])} target fractions within {100 * met:.2g} %, the posterior's mean within "
         f"{100 * check['largest_fraction_error']:.2g} %, which its prior moves (posterior/fractions.csv).",
     }
-
-
-def _mesh(mesh: dict) -> str:
-    settings = mesh["settings"]
-    return (
-        f"3D ran on {mesh['nodes']} nodes with {settings['throat_resolution']:g} elements over the radius of a throat, "
-        "on which wall shear and OSI are not converged (`coronaryuq bench flow3d` measures by how much); compare them "
-        "between draws, not with other meshes. "
-    )
 
 
 def _noise(targets: dict) -> list[dict]:

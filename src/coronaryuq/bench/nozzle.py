@@ -1,0 +1,148 @@
+"""The FDA's nozzle with a sudden expansion, throat Reynolds number 500, against laboratories' measurements.
+
+Geometry and conditions: Stewart et al. 2012 (Cardiovasc Eng Technol 3:139); measurements: Hariharan et al. 2011
+(J Biomech Eng 133:041002). A tube of 12 mm narrows in a cone to a throat of 4 mm diameter and 40 mm length, which opens
+into a tube of 12 mm at z = 0.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from coronaryuq.bench.tubes import driven
+from coronaryuq.errors import InputError
+from coronaryuq.flow3d.discretisation import Discretisation
+from coronaryuq.flow3d.elements import boundary_faces, oriented
+from coronaryuq.flow3d.lanes import LANES
+from coronaryuq.flow3d.tube import disc
+from coronaryuq.units import LENGTHS, PRESSURES
+
+DENSITY, VISCOSITY, FLOW = 1.056, 0.035, 5.20624
+"""g/cm3, P, mL/s, as in the laboratories' files."""
+TUBE, THROAT = 0.6, 0.2
+"""Radii, cm."""
+INLET, CONE, NECK, OUTLET = -9.6, -6.2685, -4.0, 16.0
+"""Places along z, cm: inlet, beginning and end of the cone, outlet."""
+SPEED = FLOW / (np.pi * THROAT**2)
+"""Mean in the throat, cm/s."""
+BREAKDOWN = 6.0
+"""Place (cm) up to which the jet stays whole: the last station of the laboratories where their jets agree."""
+
+
+def mesh(rings: int, outer: int, finest: float) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """Points (n, 3) cm, tetrahedra (m, 4), triangles of `inlet` and `outlet`.
+
+    rings: cells over the throat's radius; outer: cells from there to the wall of the tube behind it, growing; finest:
+    cell length (cm) at the expansion.
+    """
+    levels = _levels(finest)
+    plane, triangles = disc(rings + outer)
+    ring = np.rint(np.hypot(*plane.T) * (rings + outer)).astype(int)
+    beyond = np.maximum(ring - rings, 0) / outer
+    direction = plane / np.maximum(np.hypot(*plane.T), 1e-12)[:, None]
+    n, points, tets = len(plane), [], []
+    for z in levels:
+        radius = _inner_radius(z) * np.minimum(ring, rings) / rings + (TUBE - THROAT) * beyond**1.5
+        points.append(np.c_[direction * radius[:, None], np.full(n, z)])
+    triangles = np.sort(triangles, axis=1)
+    inner = triangles[(ring[triangles] <= rings).all(axis=1)]
+    for k in range(len(levels) - 1):
+        here = triangles if levels[k] >= 0 else inner
+        a, b, c = (here + k * n).T
+        d, e, f = (here + (k + 1) * n).T
+        tets += [np.c_[a, b, c, f], np.c_[a, b, f, e], np.c_[a, e, f, d]]
+    used, tets = np.unique(np.concatenate(tets), return_inverse=True)
+    points, tets = np.concatenate(points)[used], tets.reshape(-1, 4)
+    tets = oriented(points, tets)
+    faces = boundary_faces(tets)
+    at = points[faces][:, :, 2]
+    return points, tets, {name: faces[(at == z).all(axis=1)] for name, z in (("inlet", INLET), ("outlet", OUTLET))}
+
+
+def _inner_radius(z: float) -> float:
+    return float(np.interp(z, [CONE, NECK], [TUBE, THROAT]))
+
+
+def _levels(finest: float) -> np.ndarray:
+    """Finest at the expansion, four times as coarse along throat, cone and near jet, coarser far away; with the cone's
+    two ends and the expansion among them.
+    """
+
+    def between(start, end, first, last):
+        steps = max(2, int(np.ceil((end - start) / (0.5 * (first + last)))))
+        growth = np.linspace(first, last, steps)
+        inside = start + (end - start) * np.cumsum(growth)[:-1] / growth.sum()
+        return [*inside, end]
+
+    coarse = 4 * finest
+    parts = [
+        between(INLET, CONE, 2 * coarse, 1.5 * coarse), between(CONE, NECK, 1.5 * coarse, coarse / 2),
+        between(NECK, -1.0, coarse / 2, coarse), between(-1.0, 0.0, coarse, finest), between(0.0, 1.0, finest, coarse),
+        between(1.0, BREAKDOWN, coarse, coarse), between(BREAKDOWN, OUTLET, coarse, 4 * coarse),
+    ]  # fmt: skip
+    return np.concatenate([[INLET], *parts])
+
+
+@dataclass(frozen=True)
+class NozzleFlow:
+    """Axial velocity on the axis (cm/s) and pressure at the wall (dyn/cm2) at z (cm); `change` is the largest of the
+    velocity over the last fifth of the time, relative to SPEED.
+    """
+
+    nodes: int
+    z: np.ndarray
+    axial: np.ndarray
+    pressure_z: np.ndarray
+    pressure: np.ndarray
+    change: float
+
+
+def solve(rings: int = 6, outer: int = 6, finest: float = 0.025, time: float = 3.0, dt: float = 4e-3) -> NozzleFlow:
+    """The flow after `time` seconds from rest."""
+    points, tets, caps = mesh(rings, outer, finest)
+    space = Discretisation(points, tets, caps, ["inlet"], dt, DENSITY, VISCOSITY, reference_speed=SPEED)
+    flow = np.full(LANES, FLOW)
+    stepper, driver = driven(space, lambda t: flow * min(1.0, t / 0.1))
+    axis = np.flatnonzero(np.hypot(*space.points[:, :2].T) < 1e-9)
+    axis = axis[np.argsort(space.points[axis, 2])]
+    steps = int(round(time / dt))
+    for step in range(steps):
+        if step == int(0.8 * steps):
+            before = stepper.u[axis, 2, 0].copy()
+        stepper.step(driver)
+    axial = stepper.u[axis, 2, 0]
+    wall = _wall(space)
+    return NozzleFlow(
+        space.nodes, space.points[axis, 2], axial, space.points[wall, 2], stepper.pressure[wall, 0],
+        float(np.abs(axial - before).max() / SPEED),
+    )  # fmt: skip
+
+
+def _wall(space: Discretisation) -> np.ndarray:
+    """One line of wall nodes along the nozzle."""
+    x, y, z = space.points.T
+    outermost = np.where(z < 0, np.interp(z, [CONE, NECK], [TUBE, THROAT]), TUBE)
+    line = np.flatnonzero(space.wall & (np.abs(y) < 1e-9) & (x > 0) & (np.abs(x - outermost) < 1e-6))
+    return line[np.argsort(space.points[line, 2])]
+
+
+def measured(folder: str | Path) -> dict[str, dict[str, np.ndarray]]:
+    """Laboratory → `axial` (k, 2: z in cm, cm/s) and `pressure` (k, 2: z in cm, dyn/cm2), from files *_500_*.txt."""
+    wanted = {
+        "axial": ("plot-z-distribution-axial-velocity", LENGTHS["m"]),
+        "pressure": ("plot-wall-distribution-pressure", PRESSURES["Pa"]),
+    }
+    found = {}
+    for path in sorted(Path(folder).glob("*_500_*.txt")):
+        lines = path.read_text().splitlines()
+        curves = {}
+        for name, (heading, factor) in wanted.items():
+            at = lines.index(heading)
+            count = int(lines[at + 1])
+            rows = np.array([line.split() for line in lines[at + 2 : at + 2 + count]], float)
+            curves[name] = rows * [LENGTHS["m"], factor]
+        found[path.stem.rsplit("_", 1)[-1]] = curves
+    if len(found) < 2:
+        raise InputError(folder, "*_500_*.txt", len(found), "want the files of two laboratories at least")
+    return found

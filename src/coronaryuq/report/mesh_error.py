@@ -1,0 +1,46 @@
+"""What the report says of the mesh's own error, which no statistical interval holds."""
+
+from pathlib import Path
+
+from coronaryuq import provenance
+from coronaryuq.files import read_json
+
+
+class MeshError:
+    """Mesh error by 3D quantity, from the campaign's mesh study; none where it was not run or is of another mesh.
+
+    mesh: mesh.json of the campaign; study: mesh_study.json, or None.
+    """
+
+    def __init__(self, mesh: str | Path, study: str | Path | None):
+        self.mesh = read_json(mesh)
+        self.study = read_json(study) if study else None
+        self.of_another_mesh = bool(self.study) and self.study["checksum"] != provenance.checksum(mesh)
+
+    def of(self, column: str) -> str:
+        """`mesh ± error` of a quantity whose values converge, `mesh range` of one whose values do not, or nothing."""
+        found = None if self.study is None or self.of_another_mesh else self.study["quantities"].get(column)
+        if found is None:
+            return ""
+        size = f"{found['error']:.2g}"
+        return f"mesh ± {size}" if found["converging"] else f"mesh: range {size}"
+
+    @property
+    def sentence(self) -> str:
+        settings = self.mesh["settings"]
+        said = (
+            f"3D ran on {self.mesh['nodes']} nodes with {settings['throat_resolution']:g} elements over the radius of "
+            "a throat. "
+        )
+        if self.study is None or self.of_another_mesh:
+            why = "was measured on another mesh" if self.of_another_mesh else "was not measured"
+            return said + (
+                f"Its error {why}; the target `mesh_study` does it. Wall shear and OSI converge slowly: "
+                "compare them between draws, not with other meshes."
+            )
+        sizes = ", ".join(str(nodes) for nodes in self.study["nodes"])
+        return said + (
+            f"Its error was measured with {len(self.study['samples'])} of the samples on meshes of {sizes} nodes: "
+            "mesh ± is the grid convergence index (Roache 1998) of the mean; where the values on the three meshes do "
+            "not settle, their range is given instead, which is what was seen and no bound."
+        )

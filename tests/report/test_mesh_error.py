@@ -1,0 +1,46 @@
+"""The mesh's error beside the statistical one: from a study of this mesh, or a sentence that there is none."""
+
+import pytest
+
+from coronaryuq import files, provenance
+from coronaryuq.report.mesh_error import MeshError
+
+
+@pytest.fixture
+def mesh(tmp_path):
+    path = tmp_path / "mesh.json"
+    files.write_json(path, {"nodes": 8000, "settings": {"throat_resolution": 3.0}})
+    return path
+
+
+@pytest.fixture
+def study(tmp_path, mesh):
+    path = tmp_path / "mesh_study.json"
+    quantities = {
+        "ffr_lad": {"error": 0.00412, "converging": True},
+        "osi_max_lad": {"error": 0.0849, "converging": False},
+    }
+    content = {"nodes": [4000, 8000, 17000], "samples": ["a", "b"], "quantities": quantities}
+    files.write_json(path, content | {"checksum": provenance.checksum(mesh)})
+    return path
+
+
+def test_a_study_of_this_mesh_is_quoted(mesh, study):
+    error = MeshError(mesh, study)
+    assert error.of("ffr_lad") == "mesh ± 0.0041"
+    assert error.of("osi_max_lad") == "mesh: range 0.085"
+    assert error.of("mean_flow:A:B") == ""
+    assert "4000, 8000, 17000 nodes" in error.sentence and "2 of the samples" in error.sentence
+
+
+def test_without_a_study_the_page_says_so(mesh):
+    error = MeshError(mesh, None)
+    assert error.of("ffr_lad") == ""
+    assert "was not measured" in error.sentence and "mesh_study" in error.sentence
+
+
+def test_a_study_of_another_mesh_is_not_quoted(mesh, study):
+    files.write_json(mesh, {"nodes": 8001, "settings": {"throat_resolution": 3.0}})
+    error = MeshError(mesh, study)
+    assert error.of("ffr_lad") == ""
+    assert "measured on another mesh" in error.sentence
