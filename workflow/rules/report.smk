@@ -28,11 +28,12 @@ for name in ("flows", "flow_covariance"):
 if min(campaign.estimation.convergence_sizes, default=0) <= campaign.samples.n_3d - HELD_BACK:
     FIGURES["convergence"] = {"convergence": rules.convergence.output.convergence}
 if campaign.backend == "ensemble" and campaign.flow3d.fields:
-    FIGURES["walls"] = {
-        "fields": results("flow3d", "fields_0.zip"),
-        "case": rules.case.output.case,
-        "tree": rules.case.output.tree,
-    }
+    for name in ("lumen", "walls"):
+        FIGURES[name] = {
+            "fields": results("flow3d", "fields_0.zip"),
+            "case": rules.case.output.case,
+            "tree": rules.case.output.tree,
+        }
 
 
 rule figure:

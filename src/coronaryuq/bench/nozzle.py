@@ -43,7 +43,8 @@ def mesh(rings: int, outer: int, finest: float) -> tuple[np.ndarray, np.ndarray,
     direction = plane / np.maximum(np.hypot(*plane.T), 1e-12)[:, None]
     n, points, tets = len(plane), [], []
     for z in levels:
-        radius = _inner_radius(z) * np.minimum(ring, rings) / rings + (TUBE - THROAT) * beyond**1.5
+        radius = _facets(rings) * np.interp(z, [CONE, NECK], [TUBE, THROAT]) * np.minimum(ring, rings) / rings
+        radius += (_facets(rings + outer) * TUBE - _facets(rings) * THROAT) * beyond**1.5
         points.append(np.c_[direction * radius[:, None], np.full(n, z)])
     triangles = np.sort(triangles, axis=1)
     inner = triangles[(ring[triangles] <= rings).all(axis=1)]
@@ -60,8 +61,10 @@ def mesh(rings: int, outer: int, finest: float) -> tuple[np.ndarray, np.ndarray,
     return points, tets, {name: faces[(at == z).all(axis=1)] for name, z in (("inlet", INLET), ("outlet", OUTLET))}
 
 
-def _inner_radius(z: float) -> float:
-    return float(np.interp(z, [CONE, NECK], [TUBE, THROAT]))
+def _facets(rings: int) -> float:
+    """How much farther out the corners of a polygon lie than the circle of its area."""
+    corners = 6 * rings
+    return float(np.sqrt(2 * np.pi / (corners * np.sin(2 * np.pi / corners))))
 
 
 def _levels(finest: float) -> np.ndarray:
@@ -87,7 +90,7 @@ def _levels(finest: float) -> np.ndarray:
 @dataclass(frozen=True)
 class NozzleFlow:
     """Axial velocity on the axis (cm/s) and pressure at the wall (dyn/cm2) at z (cm); `change` is the largest of the
-    velocity over the last fifth of the time, relative to SPEED.
+    velocity up to BREAKDOWN over the last fifth of the time, relative to SPEED.
     """
 
     nodes: int
@@ -99,13 +102,15 @@ class NozzleFlow:
 
 
 def solve(rings: int = 6, outer: int = 6, finest: float = 0.025, time: float = 3.0, dt: float = 4e-3) -> NozzleFlow:
-    """The flow after `time` seconds from rest."""
+    """The flow after `time` seconds, from rest behind an inlet whose profile is developed."""
     points, tets, caps = mesh(rings, outer, finest)
     space = Discretisation(points, tets, caps, ["inlet"], dt, DENSITY, VISCOSITY, reference_speed=SPEED)
     flow = np.full(LANES, FLOW)
-    stepper, driver = driven(space, lambda t: flow * min(1.0, t / 0.1))
+    stepper, driver = driven(space, lambda t: flow)
+    stepper.start(np.zeros((2, LANES)), np.stack([-flow, flow]))  # its profile would take seconds to develop
     axis = np.flatnonzero(np.hypot(*space.points[:, :2].T) < 1e-9)
     axis = axis[np.argsort(space.points[axis, 2])]
+    jet = space.points[axis, 2] <= BREAKDOWN
     steps = int(round(time / dt))
     for step in range(steps):
         if step == int(0.8 * steps):
@@ -115,16 +120,15 @@ def solve(rings: int = 6, outer: int = 6, finest: float = 0.025, time: float = 3
     wall = _wall(space)
     return NozzleFlow(
         space.nodes, space.points[axis, 2], axial, space.points[wall, 2], stepper.pressure[wall, 0],
-        float(np.abs(axial - before).max() / SPEED),
+        float(np.abs(axial - before)[jet].max() / SPEED),
     )  # fmt: skip
 
 
 def _wall(space: Discretisation) -> np.ndarray:
-    """One line of wall nodes along the nozzle."""
+    """One line of wall nodes along the nozzle, without the face of the step."""
     x, y, z = space.points.T
-    outermost = np.where(z < 0, np.interp(z, [CONE, NECK], [TUBE, THROAT]), TUBE)
-    line = np.flatnonzero(space.wall & (np.abs(y) < 1e-9) & (x > 0) & (np.abs(x - outermost) < 1e-6))
-    return line[np.argsort(space.points[line, 2])]
+    line = np.flatnonzero(space.wall & (np.abs(y) < 1e-9) & (x > 0) & ((z != 0) | (x < 1.2 * THROAT)))
+    return line[np.argsort(z[line])]
 
 
 def measured(folder: str | Path) -> dict[str, dict[str, np.ndarray]]:
@@ -145,4 +149,38 @@ def measured(folder: str | Path) -> dict[str, dict[str, np.ndarray]]:
         found[path.stem.rsplit("_", 1)[-1]] = curves
     if len(found) < 2:
         raise InputError(folder, "*_500_*.txt", len(found), "want the files of two laboratories at least")
+    return found
+
+
+@dataclass(frozen=True)
+class Station:
+    """`axial` velocity (cm/s) or `pressure` less that at the expansion (dyn/cm2) at z (cm): here, and by laboratory."""
+
+    quantity: str
+    z: float
+    value: float
+    measured: tuple[float, ...]
+
+    def outside(self) -> float:
+        """How far the value lies outside the laboratories' spread; 0 within."""
+        return max(0.0, self.value - max(self.measured), min(self.measured) - self.value)
+
+    def error(self) -> float:
+        """Relative distance to the laboratories' mean."""
+        return self.value / float(np.mean(self.measured)) - 1.0
+
+
+def stations(flow: NozzleFlow, laboratories: dict[str, dict[str, np.ndarray]]) -> list[Station]:
+    """Where all laboratories measured: velocity up to BREAKDOWN, pressure everywhere."""
+    found = []
+    own = {"axial": (flow.z, flow.axial), "pressure": (flow.pressure_z, flow.pressure)}
+    for quantity, (z, value) in own.items():
+        curves = [{round(at, 6): y for at, y in curves[quantity]} for curves in laboratories.values()]
+        places = sorted(set.intersection(*(set(curve) for curve in curves)))
+        start = [curve[0.0] if quantity == "pressure" else 0.0 for curve in curves]
+        offset = np.interp(0.0, z, value) if quantity == "pressure" else 0.0
+        for place in places:
+            if quantity == "pressure" or place <= BREAKDOWN:
+                read = tuple(float(curve[place] - zero) for curve, zero in zip(curves, start, strict=True))
+                found.append(Station(quantity, place, float(np.interp(place, z, value) - offset), read))
     return found

@@ -12,6 +12,7 @@ FIGURES: dict[str, str] = {
     "flow_covariance": "coronaryuq.figures.posterior:flow_covariance",
     "tree_ffr": "coronaryuq.figures.scenes:tree_by_ffr",
     "walls": "coronaryuq.figures.scenes:walls",
+    "lumen": "coronaryuq.figures.scenes:lumen",
     "osi_scatter": "coronaryuq.figures.estimates:osi_scatter",
     "intervals_wss": "coronaryuq.figures.estimates:intervals_wss",
     "intervals_ffr": "coronaryuq.figures.estimates:intervals_ffr",

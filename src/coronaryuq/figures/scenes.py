@@ -1,4 +1,4 @@
-"""Three-dimensional pictures, drawn off screen: territories and perfusion, the tree by FFR, vessel walls by shear."""
+"""Three-dimensional pictures, drawn off screen: territories and perfusion, the tree by FFR, vessel walls and lumens."""
 
 import tempfile
 import zipfile
@@ -13,7 +13,7 @@ from coronaryuq.case.tree import Tree, read_tree
 from coronaryuq.errors import InputError
 from coronaryuq.figures.style import BRANCHES
 from coronaryuq.files import read_csv, read_json, replacing
-from coronaryuq.units import MBF_PER_MIN_PER_G
+from coronaryuq.units import MBF_PER_MIN_PER_G, MMHG
 
 VIEW = (0.65, -1.0, 0.2)
 """Where the heart is seen from, in left-posterior-superior axes: from in front and its left, a little above."""
@@ -73,7 +73,7 @@ def walls(fields: str, case: str, tree: str, output: str) -> None:
     fields: the archive of a batch's fields. Stress is on a logarithmic scale, since the throat's is a hundred times
     that of the region behind it, where the quantities of interest lie.
     """
-    wall = _first_wall(fields)
+    wall = _first(fields, "_wall.vtp")
     vessels, stenoses = read_tree(tree), read_json(case)["stenoses"]
     pieces = [piece.extract_surface(algorithm="dataset_surface") for piece in wall.connectivity().split_bodies()]
     highest = float(np.quantile(wall["TAWSS"], 0.999))
@@ -100,12 +100,55 @@ def walls(fields: str, case: str, tree: str, output: str) -> None:
         plotter.add_text("Wall shear of the first 3D sample", font_size=10, color="black")
 
 
-def _first_wall(fields: str) -> pv.PolyData:
+def lumen(fields: str, case: str, tree: str, output: str, reach: float = 1.6, height: float = 1.0) -> None:
+    """Speed and pressure of the first sample, means over a cycle, in a plane along each stenosis, blood from the left.
+
+    The plane is the one that the centreline around the stenosis leaves least. reach: length shown either side of the
+    stenosis' middle, cm; height: of a panel, cm, the same for all.
+    """
+    inside = _first(fields, ".vtu")
+    inside["speed"] = np.linalg.norm(inside["mean_velocity"], axis=1)
+    inside["mmHg"] = inside["mean_pressure"] / MMHG
+    vessels, stenoses = read_tree(tree), read_json(case)["stenoses"]
+    cuts = [_cut(inside, vessels[stenosis["vessel"]], stenosis, reach) for stenosis in stenoses]
+    panels = (("speed", "turbo", "cm/s", "mean speed"), ("mmHg", "viridis", "mmHg", "mean pressure"))
+    with _picture(output, rows=len(cuts), columns=2, views=(), panel=(900, 240)) as plotter:
+        for column, (name, colours, unit, what) in enumerate(panels):
+            limits = [f(f(cut[name]) for cut, *_ in cuts) for f in (min, max)]
+            for row, (cut, middle, normal, along) in enumerate(cuts):
+                plotter.subplot(row, column)
+                plotter.add_mesh(
+                    cut.copy(), scalars=name, cmap=colours, clim=limits, lighting=False,
+                    scalar_bar_args=BAR | {"title": unit, "fmt": "%.0f", "n_labels": 3, "position_x": 0.93},
+                )  # fmt: skip
+                plotter.add_text(f"{stenoses[row]['name']}, {what}", position="lower_left", font_size=9, color="black")
+                plotter.enable_parallel_projection()
+                focus = middle + 0.17 * along
+                plotter.camera_position = [focus + 5.0 * normal, focus, np.cross(normal, along)]
+                plotter.camera.parallel_scale = height / 2.0
+
+
+def _cut(inside: pv.UnstructuredGrid, vessel, stenosis: dict, reach: float) -> tuple:
+    """A stenosis cut along its centreline: the cut, its middle, the plane's normal, and the direction of flow."""
+    near = (vessel.arc > stenosis["start"] - 0.5) & (vessel.arc < stenosis["end"] + 1.0)
+    points = vessel.points[near]
+    normal = np.linalg.svd(points - points.mean(axis=0))[2][2]
+    along = points[-1] - points[0] - ((points[-1] - points[0]) @ normal) * normal
+    along /= np.linalg.norm(along)
+    middle = vessel.position_at(0.5 * (stenosis["start"] + stenosis["end"]))
+    cut = inside.slice(normal=normal, origin=middle).connectivity("closest", closest_point=middle)
+    for end in (-1.0, 1.0):
+        cut = cut.clip(normal=end * along, origin=middle + end * reach * along)
+    return cut, middle, normal, along
+
+
+def _first(fields: str, ending: str) -> pv.DataSet:
+    """The first sample's file of that ending in an archive of fields."""
     with zipfile.ZipFile(fields) as archive, tempfile.TemporaryDirectory() as folder:
-        names = sorted(name for name in archive.namelist() if name.endswith("_wall.vtp"))
+        names = sorted(name for name in archive.namelist() if name.endswith(ending))
         if not names:
-            raise InputError(fields, None, None, "holds no wall; keep fields of at least one sample (flow3d.fields)")
-        path = Path(folder, "wall.vtp")
+            raise InputError(fields, None, None, "holds no fields; keep those of one sample at least (flow3d.fields)")
+        path = Path(folder, f"field{ending}")
         path.write_bytes(archive.read(names[0]))
         return pv.read(path)
 
@@ -118,17 +161,22 @@ def _within(piece: pv.PolyData, stenoses: list[dict], tree: Tree) -> list[dict]:
 
 
 @contextmanager
-def _picture(output: str, rows: int = 1, columns: int = 1, views=None) -> Iterator[pv.Plotter]:
-    """A plotter whose picture is written to `output` at the end; `views`: where each column is seen from."""
-    plotter = pv.Plotter(off_screen=True, shape=(rows, columns), window_size=(600 * columns, 560 * rows), border=False)
+def _picture(
+    output: str, rows: int = 1, columns: int = 1, views=(VIEW,), panel: tuple[int, int] = (600, 560)
+) -> Iterator[pv.Plotter]:
+    """A plotter whose picture is written to `output` at the end; `views`: where each column is seen from, the last for
+    all that follow; none where the caller places every camera.
+    """
+    plotter = pv.Plotter(
+        off_screen=True, shape=(rows, columns), window_size=(panel[0] * columns, panel[1] * rows), border=False
+    )
     plotter.set_background("white")
     try:
         yield plotter
-        for row in range(rows):
-            for column in range(columns):
-                plotter.subplot(row, column)
-                plotter.view_vector(views[column] if views else VIEW, viewup=(0, 0, 1))
-                plotter.camera.zoom(1.25)
+        for row, column in np.ndindex(rows, columns) if views else ():
+            plotter.subplot(row, column)
+            plotter.view_vector(views[min(column, len(views) - 1)], viewup=(0, 0, 1))
+            plotter.camera.zoom(1.25)
         with replacing(output) as beside:
             plotter.screenshot(str(beside))
     finally:

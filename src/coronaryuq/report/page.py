@@ -31,11 +31,13 @@ CAPTIONS = {
     "territories": "Myocardial blood flow and the perfusion territory of every outlet.",
     "tree_ffr": "Mean pressure over mean aortic pressure along the tree, 0D, at the posterior mean.",
     "walls": "Time-averaged wall shear stress and oscillatory shear index of the first 3D sample.",
+    "lumen": "Speed and pressure of the first 3D sample, means over a cycle, in a plane along each stenosis; the same "
+    "colours mean the same values for all. Blood flows from left to right.",
 }
 PLACES = {
     "estimates": ("intervals_ffr", "intervals_wss", "osi_scatter", "convergence", "budget"),
     "matched": ("cardiac_function", "flows", "marginals", "flow_covariance"),
-    "pictures": ("territories", "tree_ffr", "walls"),
+    "pictures": ("territories", "tree_ffr", "lumen", "walls"),
 }
 FFR_DECIMALS = 3
 """A pressure wire reads two; one more shows how near the threshold the mean lies."""
