@@ -12,6 +12,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from coronaryuq import compiled
+
 LIBRARIES = {
     "numpy": "numpy", "scipy": "scipy", "numba": "numba", "torch": "torch", "pandas": "pandas", "pyarrow": "pyarrow",
     "scikit-learn": "sklearn", "arviz": "arviz", "snakemake": "snakemake", "pydantic": "pydantic", "pyvista": "pyvista",
@@ -50,6 +52,7 @@ def examine(environment_only: bool = False) -> Iterator[Finding]:
     yield _scratch()
     yield _locks()
     yield _cache()
+    yield _kernels()
     yield from _scheduler()
     for program, purpose in EXTERNAL.items():
         path = shutil.which(program)
@@ -184,6 +187,19 @@ def _cache() -> Finding:
             return Finding("cache", True, f"{folder} is writeable")
     except OSError as error:
         return Finding("cache", False, f"SNAKEMAKE_OUTPUT_CACHE={folder} cannot be written: {error.strerror}")
+
+
+def _kernels() -> Finding:
+    """Where compiled kernels are kept; without such a folder every job compiles them anew."""
+    folder = os.environ.get(compiled.VARIABLE, "")
+    if not folder:
+        return Finding("kernels", False, f"no folder can be written for compiled kernels; set {compiled.VARIABLE}")
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=folder):
+            return Finding("kernels", True, f"compiled once for all jobs that see {folder}")
+    except OSError as error:
+        return Finding("kernels", False, f"{compiled.VARIABLE}={folder} cannot be written: {error.strerror}")
 
 
 def _run(command: list[str], timeout: float) -> str | None:
