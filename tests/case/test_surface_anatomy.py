@@ -146,6 +146,29 @@ def test_open_ends_are_closed_and_a_three_point_hole_is_only_noted(small_tree, t
         assert a.radius == pytest.approx(b.radius, rel=1e-3)
 
 
+def test_a_faulty_surface_is_mended_and_the_mending_noted(tmp_path):
+    points, triangles = tube_surface(random_tree(1, 4), 0.06)
+    whole = surface_of(points, triangles)
+    random = generator(4, "faults")
+    turned = np.flatnonzero(random.random(len(triangles)) < 0.1)
+    faulty = triangles.copy()
+    faulty[turned] = faulty[turned][:, ::-1]
+    fin = [*triangles[500, :2], len(points)]
+    faulty = np.vstack([faulty, triangles[[100]], [fin]])
+    points = np.vstack([points, points[triangles[500]].mean(axis=0) + [0.02, 0.01, 0.0]])
+    # As in a file of single triangles, rounded: no two share a point.
+    corners = points[faulty].reshape(-1, 3)
+    corners += 1e-7 * random.normal(size=corners.shape)
+    pv.PolyData.from_regular_faces(corners, np.arange(len(corners)).reshape(-1, 3)).save(tmp_path / "faulty.vtp")
+    again = read_surface(tmp_path / "faulty.vtp")
+    assert any("left out 2 triangles given twice or standing off" in note for note in again.notes)
+    assert any(f"turned {len(turned)} triangles round" in note for note in again.notes)
+    assert again.polydata().volume == pytest.approx(whole.polydata().volume, rel=1e-6)
+    assert len(again.caps) == len(whole.caps)
+    for a, b in zip(whole.caps, again.caps, strict=True):
+        assert np.allclose(a.centre, b.centre, atol=1e-4) and a.radius == pytest.approx(b.radius, rel=1e-4)
+
+
 def test_a_ball_is_no_lumen(tmp_path):
     pv.Sphere(radius=1.0).save(tmp_path / "ball.stl")
     with pytest.raises(InputError, match="ball.stl: caps = 0: flat ends found; wanted the aortic inlet"):

@@ -21,6 +21,8 @@ FEWEST = 4
 """Triangles of a cap."""
 SPURIOUS_RIM = 4
 """A hole with fewer rim points is a fault of the file, not a cap."""
+WELD = 1e-6
+"""Of the surface's extent: nearer points are one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +75,7 @@ def read_surface(path: str | Path, scale: float = 1.0) -> Surface:
     if not isinstance(mesh, pv.PolyData) or mesh.n_cells == 0:
         raise InputError(path, None, None, "holds no surface")
     mesh.clear_data()
-    mesh = mesh.triangulate().clean(tolerance=0.0)
+    mesh = mesh.triangulate().clean(tolerance=WELD, absolute=False)
     if mesh.n_cells > MOST_TRIANGLES:
         raise InputError(path, "triangles", mesh.n_cells, f"more than {MOST_TRIANGLES}; decimate the surface")
     points = np.asarray(mesh.points, dtype=float) * scale
@@ -87,9 +89,15 @@ def surface_of(points: np.ndarray, triangles: np.ndarray, path: str | Path = "su
     triangles, pieces = _largest_piece(points, triangles)
     if pieces > 1:
         notes.append(f"surface: kept the largest of {pieces} pieces")
+    triangles, superfluous = _without_fins(triangles)
+    if superfluous:
+        notes.append(f"surface: left out {superfluous} triangles given twice or standing off the surface")
     edges, count = np.unique(np.sort(_edges(triangles), axis=1), axis=0, return_counts=True)
     if (count > 2).any():
         raise InputError(path, "edges", int((count > 2).sum()), "shared by more than two triangles; repair the surface")
+    triangles, turned = _turned_alike(points, triangles)
+    if turned:
+        notes.append(f"surface: turned {turned} triangles round, so that all face the same way")
     points, triangles, closed = _close(path, points, triangles, edges[count == 1])
     notes += closed
     used, renumbered = np.unique(triangles, return_inverse=True)
@@ -211,8 +219,7 @@ def _neighbours(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _normals(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Unit normals (m, 3) and areas (m,)."""
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    normals = np.cross(b - a, c - a)
+    normals = np.cross(*_sides(points, triangles))
     double = np.linalg.norm(normals, axis=1)
     return normals / np.maximum(double, 1e-300)[:, None], double / 2
 
@@ -229,6 +236,44 @@ def _largest_piece(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarra
     of_triangle = piece[triangles[:, 0]]
     names, count = np.unique(of_triangle, return_counts=True)
     return triangles[of_triangle == names[np.argmax(count)]], len(names)
+
+
+def _without_fins(triangles: np.ndarray) -> tuple[np.ndarray, int]:
+    """Triangles without those given twice and those that stand off the surface, and how many went.
+
+    One that stands off shares an edge with two others of the surface and has an edge that it shares with none.
+    """
+    before = len(triangles)
+    _, first = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)
+    triangles = triangles[np.sort(first)]
+    while True:
+        _, edge, count = np.unique(np.sort(_edges(triangles), axis=1), axis=0, return_inverse=True, return_counts=True)
+        shared = count[edge.ravel()].reshape(3, -1)
+        fin = (shared > 2).any(axis=0) & (shared == 1).any(axis=0)
+        if not fin.any():
+            return triangles, before - len(triangles)
+        triangles = triangles[~fin]
+
+
+def _turned_alike(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, int]:
+    """Triangles that all face the same way, most of them as they did, and how many were turned."""
+    import pyvista as pv
+
+    if len(np.unique(_edges(triangles), axis=0)) == 3 * len(triangles):
+        return triangles, 0
+    alike = pv.PolyData.from_regular_faces(points, triangles).compute_normals(
+        point_normals=False, consistent_normals=True, auto_orient_normals=False, split_vertices=False
+    )
+    found = np.asarray(alike.regular_faces)
+    turned = (np.cross(*_sides(points, found)) * np.cross(*_sides(points, triangles))).sum(axis=1) < 0
+    if 2 * turned.sum() > len(triangles):
+        return found[:, ::-1], len(triangles) - int(turned.sum())
+    return found, int(turned.sum())
+
+
+def _sides(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    return b - a, c - a
 
 
 def _close(path, points: np.ndarray, triangles: np.ndarray, open_edges: np.ndarray):
