@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 
-from coronaryuq.bench.coverage import _from_pair, cell, run
-from coronaryuq.bench.pairs import PAIRS
+from coronaryuq.bench import coverage_autoencoder
+from coronaryuq.bench.coverage import cell, run
+from coronaryuq.bench.coverage_beyond import truths
+from coronaryuq.bench.pairs import PAIRS, _moment
+from coronaryuq.bench.problems import from_pair
+from coronaryuq.estimation.settings import Settings
 from coronaryuq.seeds import generator
 
 TRIALS = 300
@@ -17,11 +21,32 @@ def test_means_that_the_pairs_state_are_theirs(name):
     assert y.mean() == pytest.approx(pair.mean, abs=4.5 * y.std() / np.sqrt(len(y)))
 
 
+def test_references_beyond_the_mean_are_the_closed_forms():
+    """Y = θ_0² √θ_1 + 0.3 θ_2: products of moments; bounds: four errors of two million samples."""
+    got = truths(PAIRS["smooth"])
+    square, root = _moment(4) - _moment(2) ** 2, _moment(1) - _moment(0.5) ** 2
+    linear = 0.09 * (_moment(2) - _moment(1) ** 2)
+    first, second = square * _moment(0.5) ** 2, root * _moment(2) ** 2
+    total = first + second + square * root + linear
+    assert got["variance"] == pytest.approx(total, rel=0.005)
+    for j, part in enumerate((first, second, linear)):
+        assert got[f"sobol theta_{j}"] == pytest.approx(part / total, abs=0.002)
+
+
+def test_networks_of_trials_trained_together_give_each_trial_its_own_estimate():
+    settings = Settings(steps=(100, 60), restarts=1)
+    trials = list(coverage_autoencoder.estimates(from_pair(PAIRS["smooth"]), 100, 3, 3, settings))
+    assert len({estimate.mean for _, estimate in trials}) == 3
+    for trial, estimate in trials:
+        assert estimate.rho_held_out > 0.7
+        assert abs(estimate.mean - trial.truth) < 5 * estimate.std
+
+
 @pytest.mark.parametrize("method", ["MC", "MFMC"])
 @pytest.mark.parametrize("name", PAIRS)
 def test_linear_methods_keep_their_claims_at_25_runs(name, method):
     """Bounds: 15 % and three binomial standard errors of 95 %."""
-    got = cell(*_from_pair(PAIRS[name]), 25, method, TRIALS)
+    got = cell(from_pair(PAIRS[name]), 25, method, TRIALS)
     assert got["claimed_over_empirical"] == pytest.approx(1, abs=0.15)
     assert got["coverage_95"] >= 0.95 - 3 * np.sqrt(0.95 * 0.05 / TRIALS)
     assert abs(got["bias_z"]) < 4
@@ -31,7 +56,7 @@ def test_linear_methods_keep_their_claims_at_25_runs(name, method):
 @pytest.mark.parametrize("n", [25, 50, 100])
 @pytest.mark.parametrize("name", PAIRS)
 def test_the_selector_keeps_its_claims_or_is_reported_with_a_warning(name, n):
-    got = cell(*_from_pair(PAIRS[name]), n, "best", TRIALS)
+    got = cell(from_pair(PAIRS[name]), n, "best", TRIALS)
     sound = abs(got["claimed_over_empirical"] - 1) < 0.15 and got["coverage_95"] > 0.93
     assert sound or got["warned"]
 
@@ -65,6 +90,7 @@ def _regression(x, y, fold):
 
 
 def test_benchmark_has_the_fixed_keys():
-    got = run(trials=3, sizes=(25,), methods=("MFMC",), problems=("smooth",))
+    got = run(quick=True, trials=3, sizes=(25,), methods=("MFMC",), problems=("smooth",))
+    assert got["cells"][0]["coverage_95_low"] <= got["cells"][0]["coverage_95"] <= got["cells"][0]["coverage_95_high"]
     fixed = {"problem", "method", "n_3d", "trials", "claimed_over_empirical", "coverage_95", "bias_z", "warned"}
     assert fixed <= got["cells"][0].keys()

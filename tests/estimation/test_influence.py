@@ -5,7 +5,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from coronaryuq.bench.coverage import _from_runs, cell
+from coronaryuq.bench.coverage import cell
+from coronaryuq.bench.problems import from_runs
 from coronaryuq.estimation import gaussian_process as gp
 from coronaryuq.estimation.control_variates import METHODS, Seen
 from coronaryuq.estimation.crossfit import Propagated, combine
@@ -72,7 +73,7 @@ def test_a_process_on_a_small_pilot_claims_too_little_without_it(menon):
     """Published FFR of the LCx from 50 runs: 86 % of the spread without the covariance, 93 % with it (400 trials)."""
     runs = read_runs(menon)
     row = next(row for row in read_rows(menon / "table1.csv") if row.name == "8")
-    got = cell(*_from_runs(runs, row), 50, "best", 400)
+    got = cell(from_runs(runs, row), 50, "best", 400)
     assert got["claimed_over_empirical"] == pytest.approx(1, abs=0.15)
     assert got["coverage_95"] >= 0.93 - 1e-9
 

@@ -45,17 +45,20 @@ def box(runs: Runs) -> np.ndarray:
     return np.column_stack([low, np.where(high > low, high, low + 1.0)])
 
 
-def train(runs: Runs, rows: list[Row], settings: Settings, seed: int) -> mfmc_ae.Networks:
-    """MFMC-AE networks of all rows and folds."""
-    how = mfmc_ae.Training(
+def training(settings: Settings) -> mfmc_ae.Training:
+    return mfmc_ae.Training(
         settings.steps, settings.batch, settings.learning_rate, settings.decay, settings.restarts, settings.correlation
     )
+
+
+def train(runs: Runs, rows: list[Row], settings: Settings, seed: int) -> mfmc_ae.Networks:
+    """MFMC-AE networks of all rows and folds."""
     fold = assign(len(runs), count(len(runs), settings.folds), seed)
     pairs = {}
     for row in rows:
         y, q = pair(runs, row)
         pairs[row.name] = (row.column_3d, y, row.column_0d, q)
-    return mfmc_ae.train(runs.theta, box(runs), pairs, mfmc_ae.fits_of(fold), how, seed)
+    return mfmc_ae.train(runs.theta, box(runs), pairs, mfmc_ae.fits_of(fold), training(settings), seed)
 
 
 def wanted_0d(networks: mfmc_ae.Networks, runs: Runs, nodes: int) -> pd.DataFrame:
@@ -109,7 +112,7 @@ def analyse(
             made_best = estimators.predict(design, row)
             best[row.column_3d] = (
                 estimators.best(design, row, made_best, level, weights),
-                beyond.everything(design, row, made_best, settings, seed) if beyond_mean else {},
+                beyond.everything(design, row, made_best, settings) if beyond_mean else {},
             )
         made = {
             "MC": estimators.monte_carlo(design, row, level, weights),

@@ -4,22 +4,25 @@ Every one is a cross-fitted mean of a function of the quantity, with the same fu
 variate, so the argument of `crossfit` holds for it as it stands.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
-from scipy.stats import norm
+from numpy.polynomial import legendre
+from scipy.special import ndtr, ndtri
 
 from coronaryuq.estimation.crossfit import Estimate, Propagated, combine
-from coronaryuq.estimation.design import WEIGHTS, Design
+from coronaryuq.estimation.design import NODES, WEIGHTS, Design
 from coronaryuq.estimation.estimators import Predictions
 from coronaryuq.estimation.influence import Between
 from coronaryuq.estimation.montecarlo import Interval
 from coronaryuq.estimation.runs import Row, pair
 from coronaryuq.estimation.settings import Settings
-from coronaryuq.seeds import generator
 
-BOOTSTRAP, BINS = 200, 20
+# Of the polynomial that stands for the effect of one input.
+DEGREE = 7
 
 
-def everything(design: Design, row: Row, made: Predictions, settings: Settings, seed: int) -> dict:
+def everything(design: Design, row: Row, made: Predictions, settings: Settings) -> dict:
     """Values of `beyond_the_mean` in `estimates.json`: each {value, std, low, high, level}."""
     y, _ = pair(design.runs, row)
     level = settings.level
@@ -30,7 +33,7 @@ def everything(design: Design, row: Row, made: Predictions, settings: Settings, 
     if row.column_3d.lower().startswith("ffr"):
         at = settings.ffr_threshold
         found["probability_at_or_below"] = {"threshold": at} | _plain(probability(design, y, made, at, level))
-    found["sobol_first_order"] = sobol(design, y, made, level, seed)
+    found["sobol_first_order"] = sobol(design, y, made, level)
     return found
 
 
@@ -57,7 +60,7 @@ def quantile(design: Design, y: np.ndarray, made: Predictions, share: float, lev
     half = np.array([f.interval.half_width for f in found])
     value = _crossing(grid, middle, share)
     low, high = _crossing(grid, middle + half, share), _crossing(grid, middle - half, share)
-    z = norm.ppf((1 + level) / 2)
+    z = ndtri((1 + level) / 2)
     return value, (high - low) / (2 * z), Interval(min(low, value), max(high, value), level)
 
 
@@ -74,61 +77,79 @@ def variance(design: Design, y: np.ndarray, made: Predictions, level: float = 0.
     return value, squares.std, Interval(value / factor, value * factor, level)
 
 
-def sobol(design: Design, y: np.ndarray, made: Predictions, level: float, seed: int) -> dict:
-    """First-order index var(E[Y | θ_j]) / var Y of every input, with percentile bootstrap intervals.
+def sobol(design: Design, y: np.ndarray, made: Predictions, level: float = 0.95) -> dict:
+    """First-order index var(E[Y | θ_j]) / var Y of every input that moves: {value, std, low, high, level}.
 
-    h_j(θ_j) is the mean of the predictions given θ_j in BINS bins of equal content, from propagation samples; the
-    index is the squared correlation of Y with h_j, its moments taken on propagation samples and corrected by the
-    pilot's residuals. Inputs depend on each other where the total resistance is preserved: an index then counts what
-    an input shares with others.
+    With h(θ_j) an estimate of E[Y | θ_j] − E[Y], var(E[Y | θ_j]) = E[2 (Y − E[Y]) h − h²] but for the square of what h
+    misses; the expectation is a cross-fitted mean. h is a polynomial of log θ_j through the predictions, or their mean
+    at the nodes of an input that is integrated. The interval is that of the ratio's linearisation. Inputs depend on
+    each other where the total resistance is preserved: an index then counts what an input shares with others.
     """
-    runs, blocks = design.runs, design.blocks
-    index = np.concatenate([b.index for b in blocks])
-    theta = runs.theta_more[index]
-    average = np.concatenate([b.average(v) for b, v in zip(blocks, made.raw, strict=True)])
-    second = np.concatenate([b.average(v**2) for b, v in zip(blocks, made.raw, strict=True)])
-    residual = y - made.held
-    rng, found = generator(seed, "estimation", "sobol"), {}
-    draws = [(rng.integers(len(y), size=len(y)), rng.integers(len(index), size=len(index))) for _ in range(BOOTSTRAP)]
-    draws.insert(0, (np.arange(len(y)), np.arange(len(index))))
-    for j, name in enumerate(runs.inputs):
+    theta = design.runs.theta_more[np.concatenate([b.index for b in design.blocks])]
+    centre = combine("", y, made.held, _blocks(design, made, lambda v: v), design.fold, len(y), level).mean
+    found = {}
+    for j, name in enumerate(design.runs.inputs):
         if np.ptp(theta[:, j]) == 0:
             continue
-        edges = np.quantile(theta[:, j], np.linspace(0, 1, BINS + 1)[1:-1])
-        bins, bins_pilot = np.searchsorted(edges, theta[:, j]), np.searchsorted(edges, runs.theta[:, j])
-        effect = _effect(design, made) if _is_integrated(design, j) else None
-        values = np.array([
-            _index(average[b], second[b], bins[b], bins_pilot[a], residual[a], made.held[a], effect) for a, b in draws
-        ])  # fmt: skip
-        low, high = np.quantile(values[1:], [(1 - level) / 2, (1 + level) / 2])
-        # The bootstrap repeats the upward bias of binning noise: take it off once, from centre and bounds alike.
-        bias = max(values[1:].mean() - values[0], 0.0)
-        value, low, high = (float(np.clip(v - bias, 0, 1)) for v in (values[0], low, high))
-        found[name] = {"value": value, "std": float(values[1:].std()), "low": low, "high": high, "level": level}
+        effect = _at_nodes(design, made, j) if _is_integrated(design, j) else _along(design, made, j)
+        found[name] = _plain(_index(design, y, made, effect, centre, level))
     return found
 
 
-def _index(average, second, bins, bins_pilot, residual, held, effect) -> float:
-    mean = average.mean()
-    total = second.mean() - mean**2 + np.mean(residual**2 + 2 * residual * (held - mean)) - residual.mean() ** 2
+@dataclass(frozen=True)
+class _Effect:
+    """h at the pilot runs (n,), per fold at the places of `Predictions.raw`, and the sampling variance of h."""
+
+    held: np.ndarray
+    raw: list[np.ndarray]
+    noise: float
+
+
+def _along(design: Design, made: Predictions, j: int) -> _Effect:
+    average = np.concatenate([b.average(v) for b, v in zip(design.blocks, made.raw, strict=True)])
+    x = np.log(design.runs.theta_more[:, j])
+    at = x[np.concatenate([b.index for b in design.blocks])]
+    degree = min(DEGREE, len(np.unique(at)) - 1)
+    fitted = legendre.Legendre.fit(at, average - average.mean(), degree)
+    noise = np.mean((average - average.mean() - fitted(at)) ** 2) * degree / len(average)
+    raw = [np.repeat(fitted(x[b.index]), b.repeats) for b in design.blocks]
+    return _Effect(fitted(np.clip(design.log_theta[:, j], *fitted.domain)), raw, noise)
+
+
+def _at_nodes(design: Design, made: Predictions, j: int) -> _Effect:
+    at = np.concatenate([v.reshape(-1, len(NODES)) for v in made.raw]).mean(axis=0)
+    h = legendre.Legendre.fit(NODES, at - at @ WEIGHTS / 2, len(NODES) - 1, domain=(-1, 1))
+    low, high = design.runs.limits[j]
+    held = h(np.clip(2 * (design.runs.theta[:, j] - low) / (high - low) - 1, -1, 1))
+    return _Effect(held, [np.tile(h(NODES), len(b.index)) for b in design.blocks], 0.0)
+
+
+def _index(design: Design, y, made: Predictions, effect: _Effect, centre: float, level: float):
+    def mean(of, slope):
+        blocks = [
+            Propagated(b.average(of(v, h)), b.repeats)
+            for b, v, h in zip(design.blocks, made.raw, effect.raw, strict=True)
+        ]
+        between = _between(
+            made, slope(made.held, effect.held), [slope(v, h) for v, h in zip(made.raw, effect.raw, strict=True)]
+        )
+        # One beta for numerator and denominator: where they share a beta, they share most of their error.
+        return combine(
+            "", of(y, effect.held), of(made.held, effect.held), blocks, design.fold, len(y), level, beta=1.0,
+            between=between,
+        )  # fmt: skip
+
+    total = mean(lambda v, h: (v - centre) ** 2, lambda v, h: 2 * (v - centre)).mean
+    explained = mean(lambda v, h: 2 * (v - centre) * h - h**2, lambda v, h: 2 * h).mean - effect.noise
     if total <= 0:
-        return 0.0
-    if effect is not None:
-        return float(np.clip(effect / total, 0, 1))
-    counts = np.maximum(np.bincount(bins, minlength=BINS), 1)
-    given = np.bincount(bins, average, minlength=BINS) / counts - mean
-    spread = np.average(given**2, weights=counts)
-    # Bin means carry sampling noise of their own.
-    within = np.average((average - mean - given[bins]) ** 2) * BINS / len(average)
-    joint = spread - within + np.mean(residual * given[bins_pilot]) - residual.mean() * given[bins_pilot].mean()
-    return float(np.clip(max(joint, 0.0) ** 2 / max(spread - within, 1e-300) / total, 0, 1))
-
-
-def _effect(design: Design, made: Predictions) -> float:
-    """Variance of the mean over all other inputs, as a function of the integrated one, at its Gauss nodes."""
-    repeats = design.blocks[0].repeats
-    at = np.concatenate([v.reshape(-1, repeats) for v in made.raw]).mean(axis=0)
-    return float(at**2 @ WEIGHTS / 2 - (at @ WEIGHTS / 2) ** 2)
+        return 0.0, 1.0, Interval(0.0, 1.0, level)
+    index = float(np.clip(explained / total, 0, 1))
+    ratio = mean(
+        lambda v, h: (2 * (v - centre) * h - h**2 - index * (v - centre) ** 2) / total,
+        lambda v, h: 2 * (h - index * (v - centre)) / total,
+    )
+    half = ratio.interval.half_width
+    return index, ratio.std, Interval(max(0.0, index - half), min(1.0, index + half), level)
 
 
 def _is_integrated(design: Design, j: int) -> bool:
@@ -141,14 +162,17 @@ def _is_integrated(design: Design, j: int) -> bool:
 def _probability(design: Design, y, made: Predictions, threshold: float, level: float) -> Estimate:
     wide = np.maximum(made.noise, 1e-9 * (np.std(y) + 1e-300))
     per_fold = [wide[design.fold == k][0] if (design.fold == k).any() else wide[0] for k in range(len(design.blocks))]
-    blocks = [
-        Propagated(b.average(norm.cdf((threshold - v) / w)), b.repeats)
-        for b, v, w in zip(design.blocks, made.raw, per_fold, strict=True)
-    ]
-    held = norm.cdf((threshold - made.held) / wide)
-    steep = [-norm.pdf((threshold - v) / w) / w for v, w in zip(made.raw, per_fold, strict=True)]
-    between = _between(made, -norm.pdf((threshold - made.held) / wide) / wide, steep)
-    return combine("", (y <= threshold).astype(float), held, blocks, design.fold, len(y), level, between=between)
+    away = [(threshold - v) / w for v, w in zip(made.raw, per_fold, strict=True)]
+    blocks = [Propagated(b.average(ndtr(z)), b.repeats) for b, z in zip(design.blocks, away, strict=True)]
+    steep = [_slope(z[: len(counted)], w) for z, w, counted in zip(away, per_fold, made.influence.weights, strict=True)]
+    held = (threshold - made.held) / wide
+    between = _between(made, _slope(held, wide), steep)
+    return combine("", (y <= threshold).astype(float), ndtr(held), blocks, design.fold, len(y), level, between=between)
+
+
+def _slope(away, wide):
+    """Derivative of the normal probability of a prediction `away` of its own `wide` below the threshold."""
+    return -np.exp(-(away**2) / 2) / (np.sqrt(2 * np.pi) * wide)
 
 
 def _between(made: Predictions, slope: np.ndarray, slopes: list[np.ndarray]) -> Between:

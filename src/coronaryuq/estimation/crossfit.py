@@ -14,7 +14,7 @@ samples have together the variance of M samples.
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from coronaryuq.estimation.influence import Between
 from coronaryuq.estimation.montecarlo import Interval, correlation
@@ -116,7 +116,7 @@ def _quantile(values: np.ndarray, from_values: float, rest: float, level: float)
     n = len(values)
     spread = np.var(values)
     if spread == 0 or from_values == 0:
-        return float(student.ppf((1 + level) / 2, n - 1))
-    kurtosis = np.mean((values - values.mean()) ** 4) / spread**2
+        return float(stdtrit(n - 1, (1 + level) / 2))
+    kurtosis = np.mean(((values - values.mean()) / spread**0.5) ** 4)
     freedom = min(n - 1, max(2.0, 2 * n / max(kurtosis - 1, 1e-9)))
-    return float(student.ppf((1 + level) / 2, freedom * ((from_values + rest) / from_values) ** 2))
+    return float(stdtrit(freedom * ((from_values + rest) / from_values) ** 2, (1 + level) / 2))

@@ -116,6 +116,15 @@ def autoencoder(
 ) -> Estimate:
     """Cross-fitted MFMC-AE. `curves`: fold → (places (c,) on the 0D latent axis, 0D outputs there (c,))."""
     y, _ = pair(design.runs, row)
+    held, raw = follow(design, row, networks, curves)
+    blocks = [Propagated(b.average(v), b.repeats) for b, v in zip(design.blocks, raw, strict=True)]
+    n_0d = len(y) + sum(len(places) for k, (places, _) in curves.items() if k != mfmc_ae.IN_SAMPLE)
+    return combine("MFMC-AE", y, held, blocks, design.fold, n_0d, level, weights=weights)
+
+
+def follow(design: Design, row: Row, networks: mfmc_ae.Networks, curves: dict) -> tuple[np.ndarray, list[np.ndarray]]:
+    """MFMC-AE's control variate α q: held out, at each pilot run (n,), and per fold at its propagation samples."""
+    y, _ = pair(design.runs, row)
     folds = len(design.blocks)
     held, raw = np.empty(len(y)), []
     for k in range(folds):
@@ -125,15 +134,11 @@ def autoencoder(
         scale = np.sign(correlation(y[train], at_training) or 1.0) / (at_training.std() or 1.0)
         shift = at_training.mean()
         held[index] = scale * (_along(networks, row, k, curves, design.runs.theta[index]) - shift)
-        block = design.blocks[k]
-        theta = np.exp(block.log_theta)
-        raw.append(Propagated(block.average(scale * (_along(networks, row, k, curves, theta) - shift)), block.repeats))
+        raw.append(scale * (_along(networks, row, k, curves, np.exp(design.blocks[k].log_theta)) - shift))
     # α of a fold from the held-out pairs of the others: from its own training runs it would be as over-fitted as they
     # are.
     alpha = np.array([control_coefficient(y[design.fold != k], held[design.fold != k]) for k in range(folds)])
-    blocks = [Propagated(a * b.values, b.integrated) for a, b in zip(alpha, raw, strict=True)]
-    n_0d = len(y) + sum(len(places) for k, (places, _) in curves.items() if k != mfmc_ae.IN_SAMPLE)
-    return combine("MFMC-AE", y, alpha[design.fold] * held, blocks, design.fold, n_0d, level, weights=weights)
+    return alpha[design.fold] * held, [a * v for a, v in zip(alpha, raw, strict=True)]
 
 
 def autoencoder_in_sample(design: Design, row: Row, networks: mfmc_ae.Networks, curves: dict) -> float:

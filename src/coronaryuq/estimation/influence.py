@@ -54,7 +54,7 @@ class Influence:
         at_samples = (
             self.changes if slope is None else [s[:, None] * c for s, c in zip(slopes, self.changes, strict=True)]
         )
-        centre = np.array([np.average(c, axis=0, weights=w) for c, w in zip(at_samples, self.weights, strict=True)])
+        centre = np.array([w @ c / w.sum() for c, w in zip(at_samples, self.weights, strict=True)])
         a = (self.held if slope is None else slope[:, None] * self.held) - centre[self.fold]
         a = np.where(self.fold[:, None] == self.fold[None, :], 0.0, a)
         if shares is not None:

@@ -42,6 +42,14 @@ class Networks:
         """Place of a row and fold; fold IN_SAMPLE is the fit to all data."""
         return self.rows.index(row) * (self.folds + 1) + (self.folds if fold == IN_SAMPLE else fold)
 
+    def select(self, row: str, fits: list[int]) -> "Networks":
+        """One row's networks of the training sets `fits`, as folds in this order; the last counts as the fit to all."""
+        at = [self.rows.index(row) * (self.folds + 1) + f for f in fits]
+        high, low = ({name: value[at] for name, value in w.items()} for w in (self.high, self.low))
+        return Networks(
+            (row,), len(fits) - 1, high, low, self.knots_high[at], self.knots_low[at], self.box, self.loss[at]
+        )
+
     def arrays(self) -> dict[str, np.ndarray]:
         """Everything as named numpy arrays, for an `.npz` without pickle."""
         named = {"rows": np.array(self.rows), "folds": np.array(self.folds), "box": self.box}

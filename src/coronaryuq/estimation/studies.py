@@ -119,14 +119,11 @@ def plan(results: list[dict], wanted: dict[str, float], cost_ratio: float) -> li
 
 
 def _networks(runs: Runs, rows: list[Row], subsets, settings: Settings, seed: int) -> mfmc_ae.Networks:
-    how = mfmc_ae.Training(
-        settings.steps, settings.batch, settings.learning_rate, settings.decay, settings.restarts, settings.correlation
-    )
     pairs = {}
     for row in rows:
         y, q = pair(runs, row)
         pairs[row.name] = (row.column_3d, y, row.column_0d, q)
-    return mfmc_ae.train(runs.theta, analysis.box(runs), pairs, subsets, how, seed)
+    return mfmc_ae.train(runs.theta, analysis.box(runs), pairs, subsets, analysis.training(settings), seed)
 
 
 def _ae_correlations(networks, runs: Runs, row: Row, trial: int, subset, emulator: Emulator, settings: Settings):
