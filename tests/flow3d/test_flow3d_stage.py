@@ -1,5 +1,9 @@
 """The rule function on a small closed loop: mesh folder, table of θ and network in, records and fields out."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -138,3 +142,26 @@ def test_a_foreign_column_is_refused(campaign):
 def test_too_short_a_table_is_refused(campaign):
     with pytest.raises(InputError, match="at least 5 rows"):
         run(campaign, 2, 3)
+
+
+def test_blocks_over_mpi_ranks_give_the_same_numbers(campaign, tmp_path):
+    """Nine samples are two blocks: one on each of two ranks, and the second rank's is a block that is not full."""
+    multipliers = np.linspace(0.7, 1.5, 9)
+    table = {"sample": [f"s{k}" for k in range(9)], "BC_lca1": multipliers, "R_cor_scaling": 1.0}
+    files.write_csv(campaign / "nine.csv", pd.DataFrame(table))
+    settings = SETTINGS.model_copy(update={"steps_per_cycle": 150, "max_cycles": 2})
+    alone = run(campaign, 0, 9, settings, table="nine.csv")
+    mpiexec = Path(sys.executable).with_name("mpiexec")
+    if not mpiexec.exists():
+        pytest.skip("needs mpiexec beside python")
+    mesh = tmp_path / "mesh"
+    mesh.mkdir()
+    for name in ("mesh-complete", "mesh.json"):
+        (mesh / name).symlink_to(campaign / name)
+    given = (campaign / "case.json", campaign / "network.json", mesh, campaign / "nine.csv", tmp_path / "records.jsonl")
+    command = [mpiexec, "-n", "2", sys.executable, "-m", "coronaryuq.flow3d", *given]
+    subprocess.run([*map(str, command), "--settings", settings.model_dump_json()], check=True, timeout=300)
+    shared = records.read(tmp_path / "records.jsonl")
+    assert [row.sample for row in shared] == [f"s{k}" for k in range(9)]
+    assert [row.outputs for row in shared] == [row.outputs for row in alone]
+    assert len(list((tmp_path / "fields").iterdir())) == 2

@@ -10,7 +10,9 @@ from coronaryuq.errors import InputError
 from coronaryuq.flow3d.ensemble import Block, Ensemble, Outcome
 from coronaryuq.flow3d.fields import write_fields
 from coronaryuq.flow3d.geometry import read_geometry
+from coronaryuq.flow3d.lanes import LANES
 from coronaryuq.flow3d.settings import Settings
+from coronaryuq.ranks import Ranks
 from coronaryuq.records import Record
 from coronaryuq.zerod.beds import SCALING, beds, theta_changes
 from coronaryuq.zerod.network import read_network
@@ -30,6 +32,7 @@ def run_batch(
     out_jsonl: str | Path,
     checkpoint_dir: str | Path,
     fields_dir: str | Path | None = None,
+    ranks: Ranks | None = None,
 ) -> None:
     """Run samples `first` to `first + count` of a table of θ and write one record each.
 
@@ -37,7 +40,9 @@ def run_batch(
     `R_cor_scaling`. Outputs are named as docs/architecture.md says; cap flows mL/s, pressures and stresses dyn/cm2.
     A sample that blows up is run again with smaller steps, then recorded as failed. A sample's numbers do not depend
     on how the table is cut into batches. fields_dir: where fields of the campaign's first samples go, as VTU and VTP.
+    ranks: MPI ranks that share the batch, every one a block of samples at a time; the numbers are the same for any.
     """
+    ranks = ranks or Ranks()
     case, network = read_case(case_json, "aorta.pressure", "density", "viscosity"), read_network(network_json)
     table = files.read_csv(samples_csv, ("sample",))
     theta = table.iloc[first : first + count]
@@ -52,24 +57,31 @@ def run_batch(
     ensemble = Ensemble(
         geometry, network, case["aorta"]["pressure"], case["density"], case["viscosity"], settings
     )  # fmt: skip
-    names = [str(name) for name in theta["sample"]]
-    wanted = [fields_dir is not None and first + k < settings.fields for k in range(count)]
-    checkpoint = Path(checkpoint_dir) / f"batch_{first}" if settings.checkpoints else None
-    outcomes = ensemble.run(
-        theta_changes(network, {name: theta[name].to_numpy(float) for name in columns}),
-        count,
-        checkpoint,
-        wanted,
-        Progress(count),
-    )
+    mine = [k for k in range(count) if k // LANES % ranks.size == ranks.rank]
+    part = theta.iloc[mine]
+    stem = f"batch_{first}" if ranks.size == 1 else f"batch_{first}_rank_{ranks.rank}_of_{ranks.size}"
+    checkpoint = Path(checkpoint_dir) / stem if settings.checkpoints else None
     solver = {"name": "ensemble", "version": provenance.code_version(), "coupling": COUPLING}
-    rows = []
-    for k, outcome in enumerate(outcomes):
-        inputs = {name: float(theta[name].iloc[k]) for name in columns}
-        rows.append(_record(names[k], inputs, outcome, solver))
-        if outcome.fields:
-            write_fields(Path(fields_dir), names[k], geometry, outcome.fields)
-    records.write(out_jsonl, rows)
+
+    def share() -> dict[int, Record]:
+        outcomes = ensemble.run(
+            theta_changes(network, {name: part[name].to_numpy(float) for name in columns}),
+            len(mine),
+            checkpoint,
+            [fields_dir is not None and first + k < settings.fields for k in mine],
+            Progress(len(mine)),
+        )
+        rows = {}
+        for k, outcome in zip(mine, outcomes, strict=True):
+            sample = str(theta["sample"].iloc[k])
+            rows[k] = _record(sample, {name: float(theta[name].iloc[k]) for name in columns}, outcome, solver)
+            if outcome.fields:
+                write_fields(Path(fields_dir), sample, geometry, outcome.fields)
+        return rows
+
+    rows = {k: row for found in ranks.gather(share) for k, row in found.items()}
+    if ranks.rank == 0:
+        records.write(out_jsonl, [rows[k] for k in range(count)])
 
 
 def _record(sample: str, inputs: dict[str, float], outcome: Outcome, solver: dict[str, str]) -> Record:

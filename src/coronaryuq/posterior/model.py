@@ -5,8 +5,8 @@ from typing import Protocol
 import numpy as np
 
 from coronaryuq.posterior.likelihood import Likelihood
-from coronaryuq.posterior.ranks import Ranks
 from coronaryuq.posterior.total_resistance import Conditioned, Rescaled
+from coronaryuq.ranks import Ranks
 
 
 class FlowModel(Protocol):

@@ -19,11 +19,11 @@ from coronaryuq.posterior.fractions import fractions
 from coronaryuq.posterior.likelihood import Likelihood
 from coronaryuq.posterior.model import FlowModel, Posterior
 from coronaryuq.posterior.predictive import check
-from coronaryuq.posterior.ranks import Ranks
 from coronaryuq.posterior.samples import theta
 from coronaryuq.posterior.settings import Settings
 from coronaryuq.posterior.total_resistance import Conditioned, Rescaled
 from coronaryuq.provenance import checksum, digest, stamp
+from coronaryuq.ranks import Ranks
 from coronaryuq.seeds import generator
 from coronaryuq.zerod.beds import SCALING, distal_resistances, resistance_changes
 from coronaryuq.zerod.changes import with_changes

@@ -1,4 +1,4 @@
-"""Chains over MPI ranks: every rank knows all chains, and computes its share of the model runs."""
+"""Model runs over MPI ranks: every rank computes its share, and all know the results."""
 
 import os
 from collections.abc import Callable
@@ -11,8 +11,8 @@ _LAUNCHERS = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK", "MPI_LOCALRANKID"
 class Ranks:
     """One process (the default), or the ranks of an MPI communicator.
 
-    Random numbers, proposals and decisions are made by every rank from the same seed; only the model's runs are shared
-    out. As a run does not depend on who shares its batch, results are the same bits for any number of ranks.
+    Random numbers and decisions are made by every rank from the same seed; only the model's runs are shared out. As a
+    run does not depend on who shares its batch, results are the same bits for any number of ranks.
     """
 
     def __init__(self, communicator=None):
@@ -35,15 +35,22 @@ class Ranks:
             return function(rows)
         bounds = np.arange(self.size + 1) * len(rows) // self.size
         mine = rows[bounds[self.rank] : bounds[self.rank + 1]]
+        parts = self.gather(lambda: function(mine) if len(mine) else None)
+        return np.concatenate([part for part in parts if part is not None])
+
+    def gather(self, make: Callable) -> list:
+        """`make()` of every rank, on all of them; an error on one rank is raised on all."""
+        if self.communicator is None:
+            return [make()]
         try:
-            part = function(mine) if len(mine) else None
+            part = make()
         except Exception as error:  # every rank must hear of it, or the others wait for ever
             part = error
         parts = self.communicator.allgather(part)
         for part in parts:
             if isinstance(part, Exception):
                 raise part
-        return np.concatenate([part for part in parts if part is not None])
+        return parts
 
     def owns(self, chain: int, chains: int) -> bool:
         """Whether this rank carries `chain` of `chains`, and so writes its file."""
