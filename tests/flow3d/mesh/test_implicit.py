@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from random_trees import random_tree, tube
 
+from coronaryuq.case.tree import Tree, Vessel
 from coronaryuq.flow3d.mesh import implicit, paths
 from coronaryuq.flow3d.mesh.domain import trees
 from coronaryuq.flow3d.mesh.errors import MeshError
@@ -123,6 +124,22 @@ def test_cut_tube_has_flat_caps_and_the_volume_of_its_polygon(pipe):
     errors = 1.0 - np.array(volumes) / (np.pi * 0.2**2 * 1.5)
     assert errors[1] < 0.006
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.35)
+
+
+def test_no_triangle_turns_over_at_a_rim_on_a_coarse_grid():
+    for seed in range(30):
+        way = generator(seed, "way").normal(size=3)
+        way /= np.linalg.norm(way)
+        along = np.linspace(0.0, 1.0, 41)
+        vessel = Vessel("LAD", along[:, None] * way, np.full(41, 0.1), None, "LAD")
+        tree = Tree([vessel])
+        body = Implicit(paths.paths(tree, trees(tree), ["LAD"]))
+        points, triangles, refs = surface(body, paths.caps(tree, trees(tree), ["LAD"]), 0.06)
+        corners = points[triangles[refs == 1]]
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        outward = corners.mean(axis=1)
+        outward -= (outward @ way)[:, None] * way
+        assert ((normal * outward).sum(axis=1) > 0.0).all()
 
 
 def test_a_cap_within_another_vessel_is_named():

@@ -19,6 +19,9 @@ SNAP = 0.3
 SHORT = 0.5
 """Edges of a rim below this many grid spacings are collapsed."""
 
+TURN = 0.5
+"""Cosine of the angle by which a triangle may turn when a vertex moves into a cap's plane or along its rim."""
+
 WALL = 1
 """Reference of wall triangles; cap number i has i + 2."""
 
@@ -63,7 +66,7 @@ def isosurface(implicit: Implicit, spacing: float) -> tuple[np.ndarray, np.ndarr
     _, first, new = np.unique(np.vstack(keys), axis=0, return_index=True, return_inverse=True)
     points = implicit.origin(spacing) + spacing * np.vstack(vertices)[first]
     triangles = new.reshape(-1)[np.vstack(faces)]
-    triangles = triangles[(np.diff(np.sort(triangles, axis=1), axis=1) > 0).all(axis=1)]
+    triangles = triangles[_whole(triangles)]
     return implicit.project(points, 1e-2 * spacing, iterations=2), triangles
 
 
@@ -72,8 +75,7 @@ def cut(points, triangles, refs, ref: int, cap: Cap, implicit: Implicit, spacing
     height = (points - cap.centre) @ cap.normal
     near = np.linalg.norm(points - cap.centre, axis=1) < 2.0 * cap.radius + 2.0 * spacing
     snapped = near & (np.abs(height) < SNAP * spacing)
-    points = points.copy()
-    points[snapped] = _into_plane(points[snapped], cap, implicit, spacing)
+    points, snapped = _snapped(points, triangles, snapped, height, _into_plane(points[snapped], cap, implicit, spacing))
     height[snapped] = 0.0
     beyond = _beyond(points, triangles, height, cap)
     side = np.where(beyond, height, -1.0)
@@ -103,20 +105,44 @@ def cut(points, triangles, refs, ref: int, cap: Cap, implicit: Implicit, spacing
         for second, third in zip(polygon[1:-1], polygon[2:], strict=True):
             clipped.append([polygon[0], second, third])
             clipped_refs.append(old)
+    in_plane = np.r_[snapped, np.ones(len(fresh), bool)]
     if fresh:
         points = np.vstack([points, _into_plane(np.array(fresh), cap, implicit, spacing)])
     open_triangles = np.vstack([kept, np.array(clipped, np.int64).reshape(-1, 3)])
     open_refs = np.concatenate([kept_refs, np.array(clipped_refs, np.int64)])
-    open_triangles, open_refs = _without_short_rim(points, open_triangles, open_refs, cap, SHORT * spacing)
-    rim = _rim(open_triangles, cap)
+    beside = in_plane[open_triangles].any(axis=1)
+    border, border_refs = _without_short_rim(
+        points, open_triangles[beside], open_refs[beside], in_plane, cap, SHORT * spacing
+    )
+    rim = _rim(border, in_plane, cap)
     centre = points[rim].mean(axis=0)
     fan = np.column_stack([np.roll(rim, -1), rim, np.full(len(rim), len(points))])
     _check_cap(points[rim], centre, cap)
     return (
         np.vstack([points, centre]),
-        np.vstack([open_triangles, fan]),
-        np.concatenate([open_refs, np.full(len(fan), ref)]),
+        np.vstack([open_triangles[~beside], border, fan]),
+        np.concatenate([open_refs[~beside], border_refs, np.full(len(fan), ref)]),
     )
+
+
+def _snapped(points, triangles, chosen: np.ndarray, height: np.ndarray, places: np.ndarray):
+    """Points with the chosen ones at their places, less those at which a triangle below the plane would turn over; and
+    which they are.
+    """
+    moved, chosen = points.copy(), chosen.copy()
+    moved[chosen] = places
+    below = (chosen[triangles].any(axis=1)) & ((height < 0.0) & ~chosen)[triangles].any(axis=1)
+    triangles = triangles[below]
+    while (over := _turned_over(points[triangles], moved[triangles])).any():
+        back = np.unique(triangles[over])
+        moved[back], chosen[back] = points[back], False
+    return moved, chosen
+
+
+def _turned_over(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Triangles (m,) of corners (m, 3, 3) that turn by more than `TURN` allows."""
+    old, new = (np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) for p in (before, after))
+    return (old * new).sum(axis=1) < TURN * np.linalg.norm(old, axis=1) * np.linalg.norm(new, axis=1)
 
 
 def _into_plane(points: np.ndarray, cap: Cap, implicit: Implicit, spacing: float) -> np.ndarray:
@@ -148,10 +174,11 @@ def _beyond(points, triangles, height, cap: Cap) -> np.ndarray:
     return beyond
 
 
-def _rim(triangles: np.ndarray, cap: Cap) -> np.ndarray:
-    """The open edge of a surface as one loop of vertices, in the sense of the triangles along it."""
+def _rim(triangles: np.ndarray, in_plane: np.ndarray, cap: Cap) -> np.ndarray:
+    """The edge in the cap's plane of the triangles beside it, as one loop of vertices in the triangles' sense."""
     edges = np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    n = int(triangles.max()) + 1
+    edges = edges[in_plane[edges].all(axis=1)]
+    n = len(in_plane)
     unpaired = ~np.isin(edges[:, 0] * n + edges[:, 1], edges[:, 1] * n + edges[:, 0])
     onward = dict(edges[unpaired].tolist())
     if not onward:
@@ -166,31 +193,42 @@ def _rim(triangles: np.ndarray, cap: Cap) -> np.ndarray:
     return np.array(loop)
 
 
-def _without_short_rim(points, triangles, refs, cap: Cap, shortest: float):
+def _without_short_rim(points, triangles, refs, in_plane: np.ndarray, cap: Cap, shortest: float):
     """Collapse edges of the rim below `shortest`, where the surface stays a surface: mmgs would keep them."""
-    rim = _rim(triangles, cap).tolist()
+    rim = _rim(triangles, in_plane, cap).tolist()
     position = 0
-    touching = np.isin(triangles, rim).any(axis=1)
-    away, away_refs = triangles[~touching], refs[~touching]
-    triangles, refs = triangles[touching], refs[touching]
     while position < len(rim) and len(rim) > 12:
-        stays, goes = rim[position], rim[(position + 1) % len(rim)]
-        if np.linalg.norm(points[stays] - points[goes]) >= shortest or not _may_collapse(triangles, stays, goes):
+        here, onward = rim[position], rim[(position + 1) % len(rim)]
+        short = np.linalg.norm(points[here] - points[onward]) < shortest
+        ways = [(here, onward), (onward, here)] if short else []
+        goes = next((goes for stays, goes in ways if _may_collapse(points, triangles, stays, goes)), None)
+        if goes is None:
             position += 1
             continue
-        triangles = np.where(triangles == goes, stays, triangles)
-        whole = (np.diff(np.sort(triangles, axis=1), axis=1) > 0).all(axis=1)
+        triangles = np.where(triangles == goes, here if goes == onward else onward, triangles)
+        whole = _whole(triangles)
         triangles, refs = triangles[whole], refs[whole]
         rim.remove(goes)
         position -= position >= len(rim)
-    return np.vstack([away, triangles]), np.concatenate([away_refs, refs])
+    return triangles, refs
 
 
-def _may_collapse(triangles: np.ndarray, a: int, b: int) -> bool:
-    """Link condition for an edge of the rim: the two vertices share one neighbour, that of their one triangle."""
-    near_a = set(np.unique(triangles[(triangles == a).any(axis=1)]).tolist()) - {a, b}
-    near_b = set(np.unique(triangles[(triangles == b).any(axis=1)]).tolist()) - {a, b}
-    return len(near_a & near_b) == 1
+def _may_collapse(points: np.ndarray, triangles: np.ndarray, stays: int, goes: int) -> bool:
+    """Whether an edge of the rim can go without harm: the two vertices share one neighbour, that of their one triangle
+    (link condition), and no triangle turns over.
+    """
+    around = [set(np.unique(triangles[(triangles == v).any(axis=1)]).tolist()) for v in (stays, goes)]
+    if len((around[0] & around[1]) - {stays, goes}) != 1:
+        return False
+    before = triangles[(triangles == goes).any(axis=1)]
+    after = np.where(before == goes, stays, before)
+    whole = _whole(after)
+    return not _turned_over(points[before[whole]], points[after[whole]]).any()
+
+
+def _whole(triangles: np.ndarray) -> np.ndarray:
+    """Triangles (m,) with three different corners."""
+    return (np.diff(np.sort(triangles, axis=1), axis=1) > 0).all(axis=1)
 
 
 def _check_cap(rim: np.ndarray, centre: np.ndarray, cap: Cap) -> None:
