@@ -62,6 +62,9 @@ def test_from_files_to_files(campaign, tmp_path):
     chains = sampled(campaign, tmp_path, settings)
     out = [tmp_path / name for name in OUTPUTS]
     stage.gather(*campaign, chains, settings, 3, *out)
+    (tmp_path / "again").mkdir()
+    stage.gather(*campaign, chains, settings, 3, *(path.parent / "again" / path.name for path in out))
+    assert all((path.parent / "again" / path.name).read_bytes() == path.read_bytes() for path in out)
     summary, draws = read_json(out[2]), read_csv(out[1])
     data = arviz.from_netcdf(out[0])
     assert data.posterior["r"].shape == (24, 60, 6)

@@ -146,6 +146,8 @@ def summarise(chains: dict, settings: Settings, seed: int, posterior_nc: str | P
             coords={"bed": names},
             dims={"r": ["bed"], "flow": ["bed"], "target_flow": ["bed"]},
         )
+    for group in data.groups():
+        data[group].attrs.pop("created_at", None)  # equal posteriors are equal files
     with replacing(posterior_nc) as beside:
         data.to_netcdf(str(beside))
     stride = max(1, -(-n * length // settings.draws))
