@@ -338,3 +338,29 @@ def test_a_leaking_aortic_valve_gives_back_what_the_pressure_asks_for(fine_loop)
     assert valve[1] - out[1] == pytest.approx(leak * (aorta[1] - ventricle[1]), rel=2e-2)
     diastolic = run.waveforms[names[2]].min(axis=1)
     assert diastolic[1] < 0.97 * diastolic[0]
+
+
+def test_elements_switched_on_in_some_samples_leave_the_others_sound():
+    """Losses and stores that the network lacks, each in one sample: no sample's pivot may be what it does not have."""
+    bare = closed_loop(stenosis=0.0)
+    for entry in bare["vessels"]:
+        entry["zero_d_element_values"].pop("C", None)
+    engine, names = Engine(bare), []
+    sizes = {"stenosis_coefficient": 2000.0, "C": 1e-6}
+    names = [(f"{entry['vessel_name']}.{key}", size) for entry in bare["vessels"] for key, size in sizes.items()]
+    changes = {name: size * np.eye(len(names))[k] for k, (name, size) in enumerate(names)}
+    options = {"quantities": ["mean_flow:left:BC_left"], "cycles": 2}
+    together = engine.run(changes, **options)
+    assert together.ok.all(), together.status
+    for k, (name, size) in enumerate(names):
+        alone = engine.run({name: size}, **options).values["mean_flow:left:BC_left"][0]
+        assert together.values["mean_flow:left:BC_left"][k] == pytest.approx(alone, rel=1e-6)
+
+
+def test_a_strong_quadratic_loss_is_no_obstacle():
+    """Where the loss outweighs all else its slope changes from solve to solve of one step."""
+    engine = Engine(closed_loop(stenosis=0.0))
+    losses = 10.0 ** np.arange(2.0, 8.0)
+    found = engine.run({"right.stenosis_coefficient": losses}, ["mean_flow:right:BC_right"], cycles=3)
+    assert found.ok.all(), found.status
+    assert (np.diff(found.values["mean_flow:right:BC_right"]) < 0).all()

@@ -300,8 +300,11 @@ class Engine:
         if key not in self._programs:
             # Pivots are judged at the network's own steps, so that no run depends on what ran before it.
             times = _STEADY_STEPS_PER_CYCLE if steady else self.steps_per_cycle
-            at = Context(self.model, dict.fromkeys(zero, np.ones(1)), 1, self._phases(times), steady)
-            self._programs[key] = make_program(self.model, at, self.scheme, self.model.period / times)
+            at, own = (
+                Context(self.model, dict.fromkeys(names, np.ones(1)), 1, self._phases(times), steady)
+                for names in (zero, ())
+            )
+            self._programs[key] = make_program(self.model, at, self.scheme, self.model.period / times, own)
         return self._programs[key]
 
     def _phases(self, times: int) -> np.ndarray:

@@ -119,6 +119,9 @@ class Record(NamedTuple):
 STRIDE = 8
 _FRESH = 2
 """Newton solves of a step that factorise the border anew; later ones do so only in samples where a valve has moved."""
+_PATIENCE = 10
+"""Solves of a step after which every further one factorises anew: slopes of a strong quadratic loss change too much
+for factors of the first iterations to serve."""
 
 
 class Scheme(NamedTuple):
@@ -381,7 +384,8 @@ def _step(s, v, w, state, scheme, time, times, sound):
             moved = spread(0.0)
             for k in range(s.valve.shape[0]):
                 moved = moved + magnitude(load(w.open, k) - load(w.factored, k))
-            which = both(less(spread(0.5), moved), going)
+            late = spread(1.0) if solves >= _PATIENCE else moved
+            which = both(less(spread(0.5), late), going)
             if any_lane(which):
                 _factorise(s, w, which, False)
                 for k in range(s.valve.shape[0]):

@@ -59,10 +59,12 @@ def _kept(terms: Terms) -> np.ndarray:
     return np.array([k for k, c in enumerate(terms.coefficients) if np.any(np.asarray(c[0]) != 0.0)], dtype=np.int64)
 
 
-def make_program(model: Model, at: Context, scheme: Scheme, step: float) -> Program:
+def make_program(model: Model, at: Context, scheme: Scheme, step: float, own: Context | None = None) -> Program:
     """Analyse the network as written for `at` (one sample, nonzero wherever a sample may be nonzero).
 
-    step: time step (s) at which pivots are judged. Raises `InputError` when the equations have no solution.
+    step: time step (s) at which pivots are judged. own: the network's own values, by which they are judged where the
+    network has a solution so: an entry that is nought in some samples must be no pivot. Raises `InputError` when the
+    equations have no solution.
     """
     n, system = model.size, write_elements(model, at)
     kept = {kind: _kept(getattr(system, kind)) for kind in _KINDS}
@@ -86,9 +88,16 @@ def make_program(model: Model, at: Context, scheme: Scheme, step: float) -> Prog
     inner_columns[lagged] = False
     # The unknowns that decide a valve's state must be known inside Newton's loop.
     inner_columns[[column for valve in system.valves for column in valve]] = False
-    scenarios = _scenarios(n, lagged, system, kept, scheme, step)
+
+    def tape_of(judged: Assembly) -> Tape:
+        scenarios = _scenarios(n, lagged, judged, kept, scheme, step)
+        return eliminate(scenarios, pattern, ~changing.any(axis=1), inner_columns)
+
     try:
-        tape = eliminate(scenarios, pattern, ~changing.any(axis=1), inner_columns)
+        try:
+            tape = tape_of(system if own is None else write_elements(model, own))
+        except Singular:
+            tape = tape_of(system)
     except Singular as error:
         block = model.equations[error.row]
         raise InputError(model.file, block, None, "system is singular; check its connections and parameters") from None
