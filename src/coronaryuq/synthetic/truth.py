@@ -16,7 +16,8 @@ from coronaryuq.zerod.beds import resistance_changes
 from coronaryuq.zerod.blood_volume import BloodVolume
 from coronaryuq.zerod.cardiac_function import measure, waveform_names
 from coronaryuq.zerod.changes import with_changes
-from coronaryuq.zerod.engine import Engine, Result
+from coronaryuq.zerod.engine import Engine
+from coronaryuq.zerod.result import Result
 
 SYSTEMIC = "BC_RCR1"
 RIGHT_ATRIUM = "V_RA:CLH"

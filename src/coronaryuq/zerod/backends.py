@@ -4,8 +4,9 @@ from pathlib import Path
 from typing import Protocol
 
 from coronaryuq.errors import InputError
-from coronaryuq.zerod.engine import Engine, Result
+from coronaryuq.zerod.engine import Engine
 from coronaryuq.zerod.network import Network
+from coronaryuq.zerod.result import Result
 from coronaryuq.zerod.svzerod import SvZeroD, installed
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -10,15 +9,16 @@ import numpy as np
 from coronaryuq.errors import InputError
 from coronaryuq.zerod import quantities as named
 from coronaryuq.zerod.assembly import Context
+from coronaryuq.zerod.batch import Batch
 from coronaryuq.zerod.elements import coronary_offset
 from coronaryuq.zerod.kernels import Record, Scheme, march
 from coronaryuq.zerod.lanes import LANES, table
 from coronaryuq.zerod.model import Model
 from coronaryuq.zerod.network import Network
 from coronaryuq.zerod.periodic import Anderson, drift
-from coronaryuq.zerod.program import Group, Program, fill, make_program, seat, write_elements
+from coronaryuq.zerod.program import Program, fill, make_program, write_elements
+from coronaryuq.zerod.result import OK, Result
 
-OK = "ok"
 _STEADY_STEPS, _STEADY_STEPS_PER_CYCLE = 31, 10
 _REFINEMENTS = (1, 2, 4, 8)
 _MAX_CYCLES = 100
@@ -31,83 +31,6 @@ _NEAR = 0.2
 """Cycle error below which a state still has to do with the periodic state that it came from."""
 
 Changes = Mapping[str, "np.ndarray | float"]
-
-
-@dataclass
-class Result:
-    """What a batch of n samples gave.
-
-    values: quantity → (n,), over the last cycle; NaN where a sample failed. waveforms: name → (n, steps + 1) over
-    `time` (steps + 1,), the last cycle. status: (n,) of `ok` or a reason. state: (n, unknowns) at the end of the last
-    cycle, that is at the start of the next, usable as `start=`. cycles: (n,) spent. cycle_error: (n,) see `Engine.run`.
-    refinement: (n,) how many times smaller than asked a sample's steps had to be. solves: Newton solves in all, of
-    groups of `LANES` samples.
-    """
-
-    values: dict[str, np.ndarray]
-    waveforms: dict[str, np.ndarray]
-    time: np.ndarray
-    status: np.ndarray
-    state: np.ndarray
-    cycles: np.ndarray
-    cycle_error: np.ndarray
-    refinement: np.ndarray
-    solves: int = 0
-
-    @property
-    def ok(self) -> np.ndarray:
-        return self.status == OK
-
-    @classmethod
-    def blank(cls, samples: int, steps: int, period: float, width: int, quantities, waveforms) -> "Result":
-        """A result to be filled in: NaN values, no status."""
-        return cls(
-            values={name: np.full(samples, np.nan) for name in quantities},
-            waveforms={name: np.full((samples, steps + 1), np.nan) for name in waveforms},
-            time=period * np.arange(steps + 1) / steps,
-            status=np.full(samples, "", dtype=object),
-            state=np.full((samples, width), np.nan),
-            cycles=np.zeros(samples, int),
-            cycle_error=np.full(samples, np.inf),
-            refinement=np.ones(samples, int),
-        )
-
-
-@dataclass
-class _Batch:
-    """Samples that march together: their state y, ẏ (n, 2 unknowns), tables of their groups, and their last cycle.
-
-    seats: which sample sits in each lane of each group, fewer than `LANES` in the last. failed_at: (n,) step at which a
-    sample failed in its last cycle, or nought. statistics: mean, least and greatest of the recorded unknowns, (n, ·)
-    each; floor, ceiling: range of every y; waves: (steps + 1, n, ·) or empty.
-    """
-
-    parameters: dict[str, np.ndarray]
-    offsets: np.ndarray
-    state: np.ndarray
-    failed_at: np.ndarray
-    groups: list[Group] = field(default_factory=list)
-    seats: list[np.ndarray] = field(default_factory=list)
-    statistics: tuple[np.ndarray, ...] = ()
-    floor: np.ndarray | None = None
-    ceiling: np.ndarray | None = None
-    waves: np.ndarray | None = None
-
-    def make_room(self, recorded: int, steps: int, waves: bool) -> None:
-        samples, size = len(self.state), self.state.shape[1] // 2
-        self.statistics = tuple(np.full((samples, recorded), np.nan) for _ in range(3))
-        self.floor, self.ceiling = np.zeros((samples, size)), np.zeros((samples, size))
-        self.waves = np.empty((steps + 1 if waves else 0, samples, recorded))
-
-    def close_ranks(self, live: np.ndarray) -> None:
-        """Seat the samples of `live` (n,) in as few groups as hold them; lanes compute alike, so no number changes."""
-        places = [(k, lane) for k, seats in enumerate(self.seats) for lane in np.nonzero(live[seats])[0]]
-        needed = -(-len(places) // LANES)
-        if needed == len({k for k, _ in places}):
-            return
-        parts = [places[k * LANES : (k + 1) * LANES] for k in range(needed)]
-        seats = [np.array([self.seats[k][lane] for k, lane in part]) for part in parts]
-        self.groups, self.seats = [seat(self.groups, part) for part in parts], seats
 
 
 class Engine:
@@ -310,7 +233,7 @@ class Engine:
     def _phases(self, times: int) -> np.ndarray:
         return (np.arange(times) + self.scheme.alpha_f) / times
 
-    def _fill(self, batch: _Batch, times: int, steady: bool) -> Program:
+    def _fill(self, batch: Batch, times: int, steady: bool) -> Program:
         """Tables of the batch's groups, each filled from its own samples only."""
         samples = len(batch.state)
         program = self._program(batch.parameters, steady)
@@ -326,10 +249,10 @@ class Engine:
             batch.groups.append(fill(program, system, at.period, times, self.scheme, slice(0, size)))
         return program
 
-    def _begin(self, parameters: dict, samples: int, start: np.ndarray | None, threads: int) -> _Batch:
+    def _begin(self, parameters: dict, samples: int, start: np.ndarray | None, threads: int) -> Batch:
         n = self.model.size
         offsets, state = (np.ones((samples, len(self.coronaries))), np.zeros((samples, 2 * n)))
-        batch = _Batch(parameters, offsets, state, np.zeros(samples))
+        batch = Batch(parameters, offsets, state, np.zeros(samples))
         if start is not None:
             batch.state, batch.offsets = (start[:, : 2 * n].copy(), start[:, 2 * n :].copy())
             return batch
@@ -359,7 +282,7 @@ class Engine:
         return state
 
     def _cycle(
-        self, program: Program, batch: _Batch, live: np.ndarray, steps: int, times: int, recorded, threads: int
+        self, program: Program, batch: Batch, live: np.ndarray, steps: int, times: int, recorded, threads: int
     ) -> int:
         """March the samples of `live` (n,) through `steps` steps; returns Newton solves, summed over groups."""
         size, waves = self.model.size, batch.waves.shape[0] > 0
@@ -398,7 +321,7 @@ class Engine:
 
     def _march(
         self,
-        batch: _Batch,
+        batch: Batch,
         times: int,
         recorded,
         limit: int,

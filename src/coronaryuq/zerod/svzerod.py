@@ -15,9 +15,9 @@ import pandas as pd
 from coronaryuq.errors import InputError
 from coronaryuq.zerod import quantities as named
 from coronaryuq.zerod.changes import with_changes
-from coronaryuq.zerod.engine import OK, Result
 from coronaryuq.zerod.model import Model
 from coronaryuq.zerod.network import Network, copy_of
+from coronaryuq.zerod.result import OK, Result
 
 COMMAND = "svzerodsolver"
 
