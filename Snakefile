@@ -4,6 +4,7 @@
 #   snakemake figures --profile workflow/profiles/default --configfile config/laptop.yaml    its figures alone
 #   snakemake paper_table --profile workflow/profiles/default --configfile config/laptop.yaml
 #   snakemake mesh_study --profile workflow/profiles/default --configfile config/laptop.yaml   error of its mesh
+#   snakemake paper_figures ...   figures 3, 4, 5 and 7 of the published runs, with paper_table
 #   snakemake paper_convergence_figure ...   their convergence study;   snakemake coverage ...   the intervals' coverage
 #   snakemake discrepancy --profile workflow/profiles/default --configfile config/laptop.yaml  what the model is missing
 
@@ -29,6 +30,7 @@ localrules:
     figures,
     coverage,
     discrepancy,
+    paper_figures,
 
 
 rule all:

@@ -127,7 +127,7 @@ def read_csv(path: str | Path, columns: tuple[str, ...] = ()):
     import pandas as pd
 
     try:
-        frame = pd.read_csv(path)
+        frame = pd.read_csv(path, skipinitialspace=True)
     except FileNotFoundError:
         raise InputError(path, None, None, "no such file") from None
     except (ValueError, OSError) as error:

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from coronaryuq.bench import coverage_autoencoder
-from coronaryuq.bench.coverage import cell, run
+from coronaryuq.bench.coverage import cell, run, tabulate
 from coronaryuq.bench.coverage_beyond import truths
 from coronaryuq.bench.pairs import PAIRS, _moment
 from coronaryuq.bench.problems import from_pair
 from coronaryuq.estimation.settings import Settings
+from coronaryuq.files import read_csv, write_json
 from coronaryuq.seeds import generator
 
 TRIALS = 300
@@ -94,3 +95,12 @@ def test_benchmark_has_the_fixed_keys():
     assert got["cells"][0]["coverage_95_low"] <= got["cells"][0]["coverage_95"] <= got["cells"][0]["coverage_95_high"]
     fixed = {"problem", "method", "n_3d", "trials", "claimed_over_empirical", "coverage_95", "bias_z", "warned"}
     assert fixed <= got["cells"][0].keys()
+
+
+def test_cells_of_several_sizes_make_one_table(tmp_path):
+    for n in (25, 50):
+        found = {"cells": [{"problem": "smooth", "n_3d": n}], "beyond_the_mean": [{"quantity": "variance", "n_3d": n}]}
+        write_json(tmp_path / f"n_{n}.json", found)
+    tabulate([tmp_path / "n_25.json", tmp_path / "n_50.json"], tmp_path / "table.csv")
+    table = read_csv(tmp_path / "table.csv")
+    assert table["quantity"].tolist() == ["mean", "variance"] * 2 and table["n_3d"].tolist() == [25, 25, 50, 50]

@@ -42,6 +42,7 @@ def test_a_failed_3d_run_is_set_apart_not_read_as_zero(folder):
         ("outputs_3d.csv", lambda f: f.assign(osi="high"), "not a number"),
         ("outputs_3d.csv", lambda f: f.iloc[:1], "at least 2"),
         ("outputs_0d.csv", lambda f: f.iloc[:-1], "run the 0D model"),
+        ("outputs_0d.csv", lambda f: f.assign(ffr_lad=f["ffr_lad"].where(f.index != 7)), "ffr_lad of sample_0007"),
         ("outputs_0d.csv", lambda f: f.drop(columns="sample"), "sample"),
         ("params_propagation.csv", lambda f: f.drop(columns="R_cor_scaling"), "R_cor_scaling"),
         ("outputs_0d_propagation.csv", lambda f: f.assign(sample=f["sample"] + "x"), "propagation"),
@@ -58,3 +59,33 @@ def test_a_row_that_names_no_column_lists_the_columns(folder):
     (folder / "rows.csv").write_text("row,column_3d,column_0d\n1,osi,flow\n")
     with pytest.raises(InputError, match="flow.*ffr_lad"):
         pair(read_runs(folder), read_rows(folder / "rows.csv")[0])
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("row,column_3d,column_0d\n", "no rows"),
+        ("row,column_3d,column_0d\n1,osi,ffr_lad\n2,osi,\n", "column_0d of line 3: empty"),
+        ("row,column_3d,column_0d\n,osi,ffr_lad\n", "row of line 2: empty"),
+        ("row;column_3d;column_0d\n1;osi;ffr_lad\n", "column missing"),
+        ("row,column_3d,column_0d\n1,osi,ffr_lad\n1,osi,ffr_lad\n", "twice"),
+    ],
+)
+def test_rows_that_say_too_little_are_refused(folder, text, says):
+    (folder / "rows.csv").write_text(text)
+    with pytest.raises(InputError, match=says):
+        read_rows(folder / "rows.csv")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "row, column_3d, column_0d\n1, osi , ffr_lad\n",
+        "\ufeffrow,column_3d,column_0d\r\n1,osi,ffr_lad\r\n",
+        "column_0d,note,row,column_3d\nffr_lad,hello,1,osi\n",
+    ],
+)
+def test_rows_may_have_spaces_marks_and_columns_of_their_own(folder, text):
+    (folder / "rows.csv").write_text(text)
+    (row,) = read_rows(folder / "rows.csv")
+    assert (row.name, row.column_3d, row.column_0d) == ("1", "osi", "ffr_lad")

@@ -47,6 +47,12 @@ def files(tmp_path):
     curves = {"row": "osi_flow_lad", "label": "max OSI, mean flow, LAD", "budget_3d_runs": [1, 10],
               "variance_factor": [1, 0.1], "estimators": {"MC": curve, "MFMC-AE in-sample": curve}}  # fmt: skip
     write_json(tmp_path / "budget.json", {"budget": [curves]})
+    cells = [
+        {"problem": "smooth", "method": method, "quantity": quantity, "n_3d": n, "trials": 400,
+         "claimed_over_empirical": 1.02, "coverage_95": 0.94, "coverage_95_low": 0.91, "coverage_95_high": 0.96}
+        for n in (25, 50) for method, quantity in (("MC", "mean"), ("best", "mean"), ("best", "quantile 0.5"))
+    ]  # fmt: skip
+    write_csv(tmp_path / "cells.csv", pd.DataFrame(cells))
     return tmp_path
 
 
@@ -59,6 +65,7 @@ def files(tmp_path):
         ("intervals_ffr", {"estimates": "estimates.json"}),
         ("convergence", {"convergence": "convergence.json"}),
         ("budget", {"budget": "budget.json"}),
+        ("coverage", {"table": "cells.csv"}),
     ],
 )
 @pytest.mark.parametrize("suffix", ["png", "svg"])

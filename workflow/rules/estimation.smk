@@ -225,9 +225,36 @@ rule coverage_of_size:
         "../scripts/interval_coverage.py"
 
 
+rule coverage_table:
+    input:
+        cells=expand(rules.coverage_of_size.output.cells, n=campaign.estimation.coverage_sizes),
+        code=code("coronaryuq.bench.coverage"),
+    output:
+        table=results("coverage", "table.csv"),
+    log:
+        log_of("coverage", "table.log"),
+    script:
+        "../scripts/coverage_table.py"
+
+
+rule coverage_figure:
+    input:
+        table=rules.coverage_table.output.table,
+        code=code("coronaryuq.figures.draw", "coronaryuq.figures.coverage"),
+    output:
+        figure=results("coverage", "coverage.png"),
+    log:
+        log_of("coverage", "figure.log"),
+    params:
+        name="coverage",
+    script:
+        "../scripts/figure.py"
+
+
 rule coverage:
     input:
-        expand(rules.coverage_of_size.output.cells, n=campaign.estimation.coverage_sizes),
+        rules.coverage_table.output.table,
+        rules.coverage_figure.output.figure,
 
 
 rule tuning:

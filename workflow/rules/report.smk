@@ -92,6 +92,9 @@ rule paper_table:
         code=code("coronaryuq.estimation.paper_table"),
     output:
         table=results("paper_table.csv"),
+        estimates=results("paper", "estimates.json"),
+        pairs=results("paper", "pairs.csv"),
+        budget=results("paper", "budget.json"),
     log:
         log_of("paper_table.log"),
     params:
@@ -100,3 +103,33 @@ rule paper_table:
         seed=campaign.seed,
     script:
         "../scripts/paper_table.py"
+
+
+# Figures 3, 4, 5 and 7 of the published runs; figure 6 is `paper_convergence_figure`.
+PAPER_FIGURES = {
+    "osi_scatter": {"pairs": rules.paper_table.output.pairs},
+    "intervals_wss": {"estimates": rules.paper_table.output.estimates},
+    "intervals_ffr": {"estimates": rules.paper_table.output.estimates},
+    "budget": {"budget": rules.paper_table.output.budget},
+}
+
+
+rule paper_figure:
+    input:
+        unpack(lambda wildcards: PAPER_FIGURES[wildcards.figure]),
+        code=lambda wildcards: code("coronaryuq.figures.draw", DRAWN[wildcards.figure].split(":")[0]),
+    output:
+        figure=results("paper", "{figure}.png"),
+    log:
+        log_of("paper", "{figure}.log"),
+    wildcard_constraints:
+        figure="|".join(PAPER_FIGURES),
+    params:
+        name=lambda wildcards: wildcards.figure,
+    script:
+        "../scripts/figure.py"
+
+
+rule paper_figures:
+    input:
+        expand(rules.paper_figure.output.figure, figure=PAPER_FIGURES),

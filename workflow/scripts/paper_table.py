@@ -10,5 +10,7 @@ from job import job
 with job(globals()) as this:
     data, rows = published(this.params["data"])
     markdown = Path(this.output["table"]).with_suffix(".md")
-    paper_table(data, rows, Settings(**this.params["settings"]), this.params["seed"], this.output["table"], markdown)
+    folder = Path(this.output["estimates"]).parent
+    settings, seed = Settings(**this.params["settings"]), this.params["seed"]
+    paper_table(data, rows, settings, seed, this.output["table"], markdown, folder)
     print(markdown.read_text(), file=sys.stderr)

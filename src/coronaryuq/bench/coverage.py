@@ -3,8 +3,10 @@
 import sys
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from scipy.stats import binomtest
 
 from coronaryuq.bench import coverage_autoencoder, coverage_beyond
@@ -17,6 +19,7 @@ from coronaryuq.estimation.diagnostics import unverified
 from coronaryuq.estimation.folds import assign, count
 from coronaryuq.estimation.influence import CENTRE, Influence, changes
 from coronaryuq.estimation.runs import read_rows, read_runs
+from coronaryuq.files import read_json, write_csv
 
 FOLDS = 5
 SIZES = (25, 50, 100, 250)
@@ -119,3 +122,11 @@ def cross_fitted(trial: Trial, fold: np.ndarray, fit) -> Estimate:
         centres.append(changes(fitted, mine[: 8 * CENTRE], train, n))
     between = Influence(fold, moved, centres, [np.ones(len(c)) for c in centres]).between()
     return combine("", y, held, blocks, fold, n, beta=1.0 if known else None, between=between)
+
+
+def tabulate(found: list[str | Path], table_csv: str | Path) -> None:
+    """Cells of several runs of this benchmark (JSON files) as one table; `quantity` is `mean` where nothing else is
+    said."""
+    every = [read_json(path) for path in found]
+    cells = [cell for one in every for cell in one["cells"] + one["beyond_the_mean"]]
+    write_csv(table_csv, pd.DataFrame([{"quantity": "mean"} | cell for cell in cells]))

@@ -8,7 +8,7 @@ from scipy import stats
 from coronaryuq.estimation import folds
 from coronaryuq.estimation.control_variates import Seen
 from coronaryuq.estimation.emulator import Emulator, informative
-from coronaryuq.estimation.runs import Row, Runs
+from coronaryuq.estimation.runs import Row, Runs, pair
 from coronaryuq.seeds import generator
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
@@ -82,6 +82,8 @@ def make_design(runs: Runs, rows: list[Row], k: int, seed: int, scaling: str | N
     propagation samples do not contradict that (`integrable`), control variates are integrated over it exactly at 8
     Gauss nodes.
     """
+    for row in rows:
+        pair(runs, row)  # a row that names a missing column ends here
     n, m = len(runs), len(runs.theta_more)
     fold = folds.assign(n, k, seed)
     integrated = scaling is not None and integrable(runs, scaling)

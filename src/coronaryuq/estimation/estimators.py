@@ -128,17 +128,23 @@ def follow(design: Design, row: Row, networks: mfmc_ae.Networks, curves: dict) -
     folds = len(design.blocks)
     held, raw = np.empty(len(y)), []
     for k in range(folds):
-        train, index = np.flatnonzero(design.fold != k), np.flatnonzero(design.fold == k)
-        at_training = _along(networks, row, k, curves, design.runs.theta[train])
-        # Each network has its own sign and scale: both come from its training runs.
-        scale = np.sign(correlation(y[train], at_training) or 1.0) / (at_training.std() or 1.0)
-        shift = at_training.mean()
-        held[index] = scale * (_along(networks, row, k, curves, design.runs.theta[index]) - shift)
-        raw.append(scale * (_along(networks, row, k, curves, np.exp(design.blocks[k].log_theta)) - shift))
+        index = np.flatnonzero(design.fold == k)
+        follows = aligned(design.runs.theta, y, np.flatnonzero(design.fold != k), networks, row, k, curves)
+        held[index] = follows(design.runs.theta[index])
+        raw.append(follows(np.exp(design.blocks[k].log_theta)))
     # α of a fold from the held-out pairs of the others: from its own training runs it would be as over-fitted as they
     # are.
     alpha = np.array([control_coefficient(y[design.fold != k], held[design.fold != k]) for k in range(folds)])
     return alpha[design.fold] * held, [a * v for a, v in zip(alpha, raw, strict=True)]
+
+
+def aligned(theta: np.ndarray, y: np.ndarray, train: np.ndarray, networks, row: Row, k: int, curves: dict):
+    """The resampled 0D output of fold k as a function of θ (m, d), standardised and rising with y (n,) over the runs
+    `train` that the fold's network saw: each network has its own sign and scale."""
+    at_training = _along(networks, row, k, curves, theta[train])
+    scale = np.sign(correlation(y[train], at_training) or 1.0) / (at_training.std() or 1.0)
+    shift = at_training.mean()
+    return lambda new: scale * (_along(networks, row, k, curves, new) - shift)
 
 
 def autoencoder_in_sample(design: Design, row: Row, networks: mfmc_ae.Networks, curves: dict) -> float:

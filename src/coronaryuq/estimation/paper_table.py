@@ -8,7 +8,7 @@ import pandas as pd
 
 from coronaryuq import files
 from coronaryuq.errors import InputError
-from coronaryuq.estimation import analysis
+from coronaryuq.estimation import analysis, scatter, studies
 from coronaryuq.estimation.design import make_design
 from coronaryuq.estimation.emulator import Emulator
 from coronaryuq.estimation.folds import count
@@ -20,9 +20,11 @@ PRINTED = ("rho_original", "rho_modified", "std_mc", "std_mfmc", "std_mfmc_ae")
 
 def paper_table(
     data: str | Path, rows_csv: str | Path, settings: Settings, seed: int,
-    out_csv: str | Path | None = None, out_md: str | Path | None = None,
+    out_csv: str | Path | None = None, out_md: str | Path | None = None, folder: str | Path | None = None,
 ) -> tuple[list[dict], dict[str, float]]:  # fmt: skip
     """Rows (keys as benchmark `table` fixes them, and more) and CPU seconds by part; files if asked.
+
+    `folder` gets what the figures are drawn from, as a campaign has it: `estimates.json`, `pairs.csv`, `budget.json`.
 
     Columns `rho_original, std_mc, std_mfmc` follow the paper's conventions and equal its printed digits on its data.
     `rho_ae_in_sample` is what the paper prints as modified correlation, `rho_ae_held_out` the same method on runs
@@ -43,14 +45,22 @@ def paper_table(
     clock.append(time.process_time())
     results = analysis.analyse(runs, rows, settings, seed, networks, resampled, design, beyond_mean=False)
     clock.append(time.process_time())
-    given = files.read_csv(rows_csv).set_index("row")
-    lines = [_line(result, given.loc[_key(given, result["row"])]) for result in results]
+    printed = _printed(rows_csv)
+    lines = [_line(result, printed[result["row"]]) for result in results]
     if out_csv:
         files.write_csv(out_csv, pd.DataFrame(lines))
     if out_md:
         files.write_text(out_md, markdown(lines))
+    if folder:
+        _for_figures(Path(folder), runs, rows, settings, seed, networks, resampled, results)
     parts = dict(zip(("emulators", "autoencoders", "control_variates"), np.diff(clock), strict=True))
     return lines, {name: float(value) for name, value in parts.items()}
+
+
+def _for_figures(folder: Path, runs, rows, settings: Settings, seed: int, networks, resampled, results) -> None:
+    files.write_json(folder / "estimates.json", {"rows": results, "settings": settings.model_dump(mode="json")})
+    files.write_csv(folder / "pairs.csv", scatter.pairs(runs, rows, settings, seed, networks, resampled))
+    files.write_json(folder / "budget.json", {"budget": studies.budget(results, settings.cost_ratio)})
 
 
 def published(data: str | Path | None) -> tuple[Path, Path]:
@@ -106,7 +116,7 @@ def markdown(lines: list[dict]) -> str:
     return "\n".join(text) + "\n"
 
 
-def _line(result: dict, given: pd.Series) -> dict:
+def _line(result: dict, given: dict[str, float]) -> dict:
     made, printed = result["estimators"], result["paper"]
     ae, best = made.get("MFMC-AE"), made["best"]
     line = {
@@ -122,8 +132,14 @@ def _line(result: dict, given: pd.Series) -> dict:
         "emulator_error": result["emulator_error"], "recommended": result["recommended"],
         "warnings": [*result["warnings"], *(w for v in made.values() for w in v["warnings"])],
     }  # fmt: skip
-    return line | {f"paper_{name}": given[name] for name in PRINTED if name in given}
+    return line | {f"paper_{name}": value for name, value in given.items()}
 
 
-def _key(given: pd.DataFrame, name: str):
-    return next(key for key in given.index if str(key) == name)
+def _printed(rows_csv: str | Path) -> dict[str, dict[str, float]]:
+    """Row → what the paper prints for it, where the file of rows carries that."""
+    frame = files.read_csv(rows_csv, columns=("row",))
+    found = {name: pd.to_numeric(frame[name], errors="coerce") for name in PRINTED if name in frame}
+    return {
+        str(row).strip(): {name: float(values[i]) for name, values in found.items() if np.isfinite(values[i])}
+        for i, row in enumerate(frame["row"])
+    }

@@ -1,6 +1,7 @@
 """Reads a folder of runs in the published-runs format: pilot inputs with 3D and 0D outputs, propagation inputs."""
 
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,10 @@ import pandas as pd
 
 from coronaryuq.errors import InputError
 from coronaryuq.files import read_csv, read_json
+
+KEYS = ("row", "column_3d", "column_0d")
+# Columns named where one is missing: those that resemble it most.
+SHOWN = 6
 
 
 @dataclass(frozen=True)
@@ -78,11 +83,13 @@ def read_runs(folder: str | Path) -> Runs:
             )
     y = outputs_3d.dropna(axis=1, how="all").reindex(params.index)
     q = outputs_0d.dropna(axis=1, how="all").reindex(params.index)
-    lost = q.index[~np.isfinite(q.to_numpy(dtype=float)).all(axis=1)]
+    lost = np.argwhere(~np.isfinite(q.to_numpy(dtype=float)))
     if len(lost):
+        i, j = lost[0]
         raise InputError(
-            folder / "outputs_0d.csv", "sample", str(lost[0]), "no finite 0D outputs; run the 0D model at this sample"
-        )
+            folder / "outputs_0d.csv", f"{q.columns[j]} of {q.index[i]}", None,
+            "no finite 0D output; run the 0D model at this sample, or take the column out",
+        )  # fmt: skip
     ended = np.isfinite(y.to_numpy(dtype=float)).all(axis=1)
     if ended.sum() < 2:
         raise InputError(
@@ -101,14 +108,21 @@ def read_runs(folder: str | Path) -> Runs:
 
 def read_rows(path: str | Path) -> list[Row]:
     """Read `rows.csv`: columns `row, column_3d, column_0d`, and `qoi_3d, qoi_0d, branch` as words where present."""
-    frame = read_csv(path, columns=("row", "column_3d", "column_0d")).astype(str)
+    frame = read_csv(path, columns=KEYS)
+    if not len(frame):
+        raise InputError(path, "row", None, "no rows; name a 3D and a 0D column in each")
+    for key in KEYS:
+        if frame[key].isna().any():
+            line = int(frame[key].isna().argmax()) + 2
+            raise InputError(path, f"{key} of line {line}", None, "empty; every row names itself, a 3D and a 0D column")
+    frame = frame.astype(object).where(frame.notna(), "").astype(str).apply(lambda values: values.str.strip())
     if frame["row"].duplicated().any():
         raise InputError(
             path, "row", frame["row"][frame["row"].duplicated()].iloc[0], "twice in the file; rows need their own names"
         )
     words = [c for c in ("qoi_3d", "qoi_0d", "branch") if c in frame]
     return [
-        Row(r["row"], r["column_3d"], r["column_0d"], ", ".join(r[w] for w in words) or r["column_3d"])
+        Row(r["row"], r["column_3d"], r["column_0d"], ", ".join(filter(None, (r[w] for w in words))) or r["column_3d"])
         for _, r in frame.iterrows()
     ]
 
@@ -123,7 +137,10 @@ def pair(runs: Runs, row: Row) -> tuple[np.ndarray, np.ndarray]:
 def column(path: Path, frame: pd.DataFrame, name: str) -> np.ndarray:
     """A column as float array; a missing one is an `InputError` that lists what there is."""
     if name not in frame.columns:
-        raise InputError(path, name, None, f"column missing; the file has {', '.join(map(str, frame.columns))}")
+        names = [str(column) for column in frame.columns]
+        near = get_close_matches(name, names, n=SHOWN, cutoff=0.0)
+        more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+        raise InputError(path, name, None, f"column missing; the file has {', '.join(near)}{more}")
     return frame[name].to_numpy(dtype=float)
 
 

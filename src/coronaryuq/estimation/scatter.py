@@ -7,8 +7,9 @@ import pandas as pd
 
 from coronaryuq.estimation import mfmc_ae
 from coronaryuq.estimation.analysis import chosen_rows, curves_of
+from coronaryuq.estimation.estimators import aligned
 from coronaryuq.estimation.folds import assign, count
-from coronaryuq.estimation.runs import pair, read_rows, read_runs
+from coronaryuq.estimation.runs import Row, Runs, pair, read_rows, read_runs
 from coronaryuq.estimation.settings import Settings
 from coronaryuq.estimation.stage import read_networks, read_resampled
 from coronaryuq.files import write_csv
@@ -22,20 +23,32 @@ def write_pairs(
     pairs with it).
 
     Every resampled value comes from the network that did not see its sample, so the figure shows what a new sample
-    would show. Without networks the column is empty.
+    would show. Each fold's network has a sign and scale of its own: they are aligned as the estimator aligns them, to
+    rise with y, at the mean and spread of q. Without networks the column is empty.
     """
     runs, rows_csv = read_runs(runs_folder), Path(runs_folder) / "rows.csv"
     networks = read_networks(networks_npz)
     outputs = read_resampled(zerod_tables) if networks else None
+    write_csv(
+        out_csv, pairs(runs, chosen_rows(read_rows(rows_csv), settings, rows_csv), settings, seed, networks, outputs)
+    )
+
+
+def pairs(
+    runs: Runs, rows: list[Row], settings: Settings, seed: int, networks: mfmc_ae.Networks | None,
+    resampled: pd.DataFrame | None,
+) -> pd.DataFrame:  # fmt: skip
+    """The table of `write_pairs`. `resampled`: 0D outputs at the networks' inputs, index `sample`."""
     fold = assign(len(runs), count(len(runs), settings.folds), seed)
     frames = []
-    for row in chosen_rows(read_rows(rows_csv), settings, rows_csv):
+    for row in rows:
         y, q = pair(runs, row)
         again = np.full(len(y), np.nan)
-        curves = curves_of(networks, row, outputs[row.column_0d], settings.curve_nodes) if networks else {}
+        curves = curves_of(networks, row, resampled[row.column_0d], settings.curve_nodes) if networks else {}
         for k in (k for k in curves if k != mfmc_ae.IN_SAMPLE):
-            held = np.flatnonzero(fold == k)
-            again[held] = mfmc_ae.along_curve(*curves[k], mfmc_ae.latent(networks, row.name, k, runs.theta[held]))
+            held, train = np.flatnonzero(fold == k), np.flatnonzero(fold != k)
+            follows = aligned(runs.theta, y, train, networks, row, k, curves)
+            again[held] = q.mean() + q.std() * follows(runs.theta[held])
         frame = {"row": row.name, "label": row.label, "sample": runs.samples, "y": y, "q": q, "q_resampled": again}
         frames.append(pd.DataFrame(frame))
-    write_csv(out_csv, pd.concat(frames, ignore_index=True))
+    return pd.concat(frames, ignore_index=True)

@@ -68,7 +68,7 @@ def budget(budget: str, output: str) -> None:
             axes[0][column].set_xlabel("budget (3D runs)")
             axes[1][column].set_xlabel("wanted variance / today's")
             axes[1][column].invert_xaxis()
-        axes[0][0].set_ylabel("optimal variance of the mean of max OSI")
+        axes[0][0].set_ylabel("optimal variance, mean of max OSI")
         axes[1][0].set_ylabel("additional cost (3D runs)")
         if found:
             figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside upper center", ncols=5, fontsize=8)

@@ -18,6 +18,7 @@ FIGURES: dict[str, str] = {
     "intervals_ffr": "coronaryuq.figures.estimates:intervals_ffr",
     "convergence": "coronaryuq.figures.budget:convergence",
     "budget": "coronaryuq.figures.budget:budget",
+    "coverage": "coronaryuq.figures.coverage:coverage",
     "discrepancy_tree": "coronaryuq.figures.discrepancy:tree",
     "discrepancy_residuals": "coronaryuq.figures.discrepancy:residuals",
     "discrepancy_ranking": "coronaryuq.figures.discrepancy:ranking",

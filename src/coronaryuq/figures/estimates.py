@@ -1,11 +1,14 @@
 """Estimates: what the shared space does to a pair of outputs (Fig. 3), and every estimator's intervals (Figs. 4, 5)."""
 
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 
 from coronaryuq.figures.style import ESTIMATORS, MUTED, SIMULATED, colour, saved
 from coronaryuq.files import read_csv, read_json
 
-UNITS = {"max OSI": "1", "min TAWSS": "dyn/cm²", "FFR": "1"}
+UNITS = {"min TAWSS": " (dyn/cm²)"}
+
+SCATTERED = (("q", MUTED, "same θ"), ("q_resampled", SIMULATED, "resampled, held out, folds aligned"))
 
 STYLES = (("chebyshev_99", (0, (3, 2)), 0.9), ("chebyshev_95", "-", 1.2), ("calibrated", "-", 3.5))
 """Interval, line style, line width."""
@@ -19,7 +22,10 @@ def osi_scatter(pairs: str, output: str) -> None:
     with saved(output, ncols=max(len(rows), 1), figsize=(3.2 * max(len(rows), 1), 3.6), squeeze=False) as (_, axes):
         for axis, row in zip(axes[0], rows, strict=False):
             part = table[table["row"] == row]
-            for column, ink, word in (("q", MUTED, "same θ"), ("q_resampled", SIMULATED, "resampled, held out")):
+            for column, ink, word in (
+                ("q", MUTED, "same θ"),
+                ("q_resampled", SIMULATED, "resampled, held out, folds aligned"),
+            ):
                 seen = part[column].notna()
                 if not seen.any():
                     continue
@@ -33,17 +39,17 @@ def osi_scatter(pairs: str, output: str) -> None:
 
 def intervals_wss(estimates: str, output: str) -> None:
     """Maximum OSI and minimum TAWSS: mean with 95 % (solid) and 99 % (dashed) intervals of every estimator (Fig. 4)."""
-    _intervals(estimates, output, ("osi_flow", "tawss_flow"))
+    _intervals(estimates, output, ("max OSI, mean flow", "min TAWSS, mean flow"))
 
 
 def intervals_ffr(estimates: str, output: str) -> None:
     """FFR, estimated with 0D FFR and with 0D mean flow (Fig. 5)."""
-    _intervals(estimates, output, ("ffr_ffr", "ffr_flow"))
+    _intervals(estimates, output, ("FFR, FFR", "FFR, mean flow"))
 
 
 def _intervals(estimates: str, output: str, kinds: tuple[str, ...]) -> None:
-    rows = [[row for row in read_json(estimates)["rows"] if row["row"].startswith(kind)] for kind in kinds]
-    columns = max(len(line) for line in rows)
+    rows = [[row for row in read_json(estimates)["rows"] if row["label"].startswith(f"{kind}, ")] for kind in kinds]
+    columns = max(1, *(len(line) for line in rows))
     with saved(output, nrows=len(rows), ncols=columns, figsize=(3.3 * columns, 2.5 * len(rows)), squeeze=False) as (
         figure,
         axes,
@@ -69,10 +75,9 @@ def _one_row(axis, row: dict) -> None:
             axis.annotate(
                 "!", (value["mean"], y), xytext=(0, 5), textcoords="offset points", ha="center", color=WARNING
             )
-    quantity, paired, branch = row["label"].split(", ")
+    quantity, paired, branch = row["label"].split(", ", 2)
     axis.set_yticks(range(len(names))[::-1], names)
     axis.set_ylim(-0.6, len(names) - 0.4)
-    axis.set_title(
-        f"{branch}: {quantity} ({UNITS.get(quantity, '')}) with 0D {paired}", fontsize=8, color=colour(branch)
-    )
+    axis.set_title(f"{branch}: {quantity}{UNITS.get(quantity, '')} with 0D {paired}", fontsize=8, color=colour(branch))
     axis.tick_params(labelsize=7)
+    axis.xaxis.set_major_locator(MaxNLocator(5))

@@ -1,0 +1,7 @@
+"""Cells of all pilot sizes as one table."""
+
+from coronaryuq.bench.coverage import tabulate
+from job import job
+
+with job(globals()) as this:
+    tabulate(list(this.input["cells"]), this.output["table"])
