@@ -46,7 +46,7 @@ def convergence(convergence: str, output: str) -> None:
             axes[0][column].set_title(of_row[0]["label"].split(", ")[-1], fontsize=9)
             axes[1][column].set_xlabel("3D runs")
         axes[0][0].set_ylabel("|ρ|")
-        axes[1][0].set_ylabel("Monte Carlo mean of max OSI (1)")
+        axes[1][0].set_ylabel("Monte Carlo mean of max OSI")
         if rows:
             figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside upper center", ncols=4, fontsize=8)
 

@@ -34,7 +34,7 @@ def osi_scatter(pairs: str, output: str) -> None:
             axis.set_xlabel("0D mean outlet flow (mL/s)")
             axis.set_title(part["label"].iloc[0].split(", ")[-1], fontsize=9)
             axis.legend(fontsize=7.5, loc="upper center", bbox_to_anchor=(0.5, -0.2))
-        axes[0][0].set_ylabel("3D maximum OSI (1)")
+        axes[0][0].set_ylabel("3D maximum OSI")
 
 
 def intervals_wss(estimates: str, output: str) -> None:

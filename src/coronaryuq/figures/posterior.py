@@ -21,7 +21,7 @@ def marginals(posterior: str, case: str, output: str) -> None:
             axis.axvline(values.mean(), color="black", lw=1)
             axis.set_title(f"{names[bed]}: {values.mean():.2f} ({low:.2f} to {high:.2f})", fontsize=7.5)
             axis.set_yticks([])
-        _label(axes, "resistance / r̂ (1)", "posterior density")
+        _label(axes, "resistance / r̂", "posterior density")
 
 
 def flows(posterior: str, case: str, targets: str, summary: str, output: str) -> None:

@@ -35,7 +35,7 @@ class MeshError:
         if self.study is None or self.of_another_mesh:
             why = "was measured on another mesh" if self.of_another_mesh else "was not measured"
             return said + (
-                f"Its error {why}; the target `mesh_study` does it. Wall shear and OSI converge slowly: "
+                f"Its error {why}; the target mesh_study measures it. Wall shear and OSI converge slowly: "
                 "compare them between draws, not with other meshes."
             )
         sizes = ", ".join(str(nodes) for nodes in self.study["nodes"])

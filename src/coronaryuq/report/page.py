@@ -124,7 +124,7 @@ def _vessel(stenosis: dict, rows: list[dict], outlets: Mapping[str, str], mesh: 
         "drivers": _drivers(beyond.get("sobol_first_order", {}), outlets),
         "quantities": [_quantity(value) | {"mesh": mesh.of(f"{q}_{branch}")} for q, (_, value) in of_quantity.items()],
         "significant": _probability(probability),
-        "spread": number(np.sqrt(ffr_row["variance_3d"])),
+        "spread": f"{np.sqrt(ffr_row['variance_3d']):.{FFR_DECIMALS}f}",
         **_verdict(probability),
     }
 
