@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from random_trees import network_of, random_tree, tube
 
+from coronaryuq.case.tree import write_tree
 from coronaryuq.errors import InputError
-from coronaryuq.files import read_json
+from coronaryuq.files import read_json, write_json
 from coronaryuq.flow3d.mesh import folder, paths, quality
 from coronaryuq.flow3d.mesh.build import cuthill_mckee, kept_vessels
 from coronaryuq.flow3d.mesh.coupling import couple, parts_of
@@ -202,6 +203,18 @@ def test_segments_without_stenosis_are_refused(tmp_path):
     with pytest.raises(InputError, match="stenoses"):
         make_mesh(tmp_path / "case.json", tmp_path / "t.vtp", tmp_path / "n.json", Settings(), tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+def test_an_anatomy_that_cannot_be_meshed_is_one_line(stenosed, coarse, tmp_path):
+    _, _, tree, stenoses, network = stenosed
+    write_tree(tmp_path / "tree.vtp", tree)
+    write_json(tmp_path / "network.json", network)
+    entries = [{"name": s.name, "vessel": s.vessel, "start": s.start, "end": s.end} for s in stenoses]
+    write_json(tmp_path / "case.json", {"stenoses": entries})
+    given = (tmp_path / f"{name}" for name in ("case.json", "tree.vtp", "network.json"))
+    short = coarse.model_copy(update={"time_limit": 0.01, "attempts": 1})
+    with pytest.raises(InputError, match=r"tree.vtp: piece LAD could not be meshed: attempt 1: .*; see the anatomy"):
+        make_mesh(*given, short, tmp_path / "out")
 
 
 def test_mesh_json_is_as_it_was_returned(stenosed):

@@ -27,6 +27,11 @@ def sleeps(attempt):
     time.sleep(60)
 
 
+def works_on(attempt):
+    while True:
+        pass
+
+
 def raises(attempt):
     raise ValueError("no idea")
 
@@ -46,7 +51,8 @@ def importable(monkeypatch):
     ("function", "limit", "told"),
     [
         (dies, 30.0, r"attempt 1: the mesher was killed \(SIGSEGV\); attempt 2"),
-        (sleeps, 1.5, "not ready after 1.5 s"),
+        (works_on, 0.5, "not ready after 0.5 s of CPU time"),
+        (sleeps, 0.1, "stuck: not ready after 2 s"),
         (raises, 30.0, "ValueError: no idea"),
     ],
 )

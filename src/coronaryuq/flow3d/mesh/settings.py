@@ -73,5 +73,5 @@ class Settings(BaseModel):
         le=50.0,
         description="Distance of the plane for distal pressure beyond the stenosis, in local diameters.",
     )
-    time_limit: float = Field(600.0, gt=0.0, description="Time limit of one meshing attempt of one piece, s.")
+    time_limit: float = Field(600.0, gt=0.0, description="CPU time that one meshing attempt of one piece may take, s.")
     attempts: int = Field(4, ge=1, le=10, description="Meshing attempts per piece before the case is refused.")

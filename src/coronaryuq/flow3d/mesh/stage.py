@@ -13,6 +13,7 @@ from coronaryuq.files import read_json, write_json
 from coronaryuq.flow3d.mesh import folder, given, regions
 from coronaryuq.flow3d.mesh.build import build
 from coronaryuq.flow3d.mesh.describe import describe
+from coronaryuq.flow3d.mesh.errors import MeshError
 from coronaryuq.flow3d.mesh.settings import Settings
 from coronaryuq.units import LENGTHS
 from coronaryuq.zerod.network import Network, read_network
@@ -22,8 +23,17 @@ def make_mesh(case: Path, tree: Path, network: Path, settings: Settings, out: Pa
     """Mesh a case (`case.json`, `tree.vtp`, 0D network JSON) into the folder `out`; returns what `mesh.json` holds.
 
     lumen: for domain `lumen`, the case's closed surface or mesh-complete folder, in the case's length unit.
-    `mesh.json` is written last, so that its presence means a complete mesh.
+    `mesh.json` is written last, so that its presence means a complete mesh. Raises InputError when the anatomy cannot
+    be meshed, with what went wrong at every attempt.
     """
+    try:
+        return _make_mesh(case, tree, network, settings, out, lumen)
+    except MeshError as error:
+        remedy = "see the anatomy there, or choose another mesh.domain or mesh.resolution"
+        raise InputError(lumen or tree, None, None, f"{error}; {remedy}") from None
+
+
+def _make_mesh(case: Path, tree: Path, network: Path, settings: Settings, out: Path, lumen: Path | None) -> dict:
     content = read_json(case)
     if content.get("schematic"):
         raise InputError(case, "anatomy", None, "the case has none, and a drawing of a 0D network is not to be meshed")

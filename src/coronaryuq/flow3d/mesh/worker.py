@@ -1,6 +1,11 @@
-"""Meshing in a process of its own, because mmg may kill the process that calls it; with retries and a time limit."""
+"""Meshing in a process of its own, because mmg may kill the process that calls it; with retries and a time limit.
+
+The limit is one of CPU time: with a limit on the clock a busy machine would give another attempt's mesh.
+"""
 
 import importlib
+import math
+import resource
 import signal
 import subprocess
 import sys
@@ -15,11 +20,14 @@ from coronaryuq.flow3d.mesh.piece import ATTEMPTS, Attempt, Piece
 Job = tuple[Callable[..., Piece], dict]
 """A module-level function of `piece` and its arguments, all but `attempt`."""
 
+PATIENCE = 20.0
+"""Wall time over CPU time after which an attempt counts as stuck."""
+
 
 def run(name: str, job: Job, time_limit: float, attempts: int) -> tuple[Piece, list[str]]:
     """Mesh one piece; returns it with one line for every attempt that failed.
 
-    Raises MeshError with all of those lines when no attempt succeeded.
+    time_limit: CPU seconds of one attempt. Raises MeshError with all of those lines when no attempt succeeded.
     """
     failures = []
     for number, attempt in enumerate(ATTEMPTS[:attempts], start=1):
@@ -37,18 +45,24 @@ def _once(job: Job, attempt: Attempt, time_limit: float) -> tuple[Piece | None, 
         parcel.write(given, arguments | {"attempt": attempt})
         try:
             done = subprocess.run(
-                [sys.executable, "-m", __spec__.name, function.__module__, function.__name__, str(given), str(made)],
+                [sys.executable, "-m", __spec__.name, *map(str, (*_named(function), given, made, time_limit))],
                 capture_output=True,
                 text=True,
-                timeout=time_limit,
+                timeout=PATIENCE * time_limit,
                 check=False,
                 cwd=folder,  # what a mesher leaves behind goes with the folder
             )
         except subprocess.TimeoutExpired:
-            return None, f"not ready after {time_limit:g} s"
+            return None, f"stuck: not ready after {PATIENCE * time_limit:g} s"
+        if done.returncode == -signal.SIGXCPU:
+            return None, f"not ready after {time_limit:g} s of CPU time"
         if done.returncode == 0 and made.exists():
             return parcel.read(made), ""
         return None, _reason(done)
+
+
+def _named(function: Callable) -> tuple[str, str]:
+    return function.__module__, function.__name__
 
 
 def _reason(done: subprocess.CompletedProcess) -> str:
@@ -58,7 +72,10 @@ def _reason(done: subprocess.CompletedProcess) -> str:
     return lines[-1].strip() if lines else f"the mesher left with code {done.returncode} and no word"
 
 
-def main(module: str, function: str, given: str, made: str) -> int:
+def main(module: str, function: str, given: str, made: str, time_limit: str) -> int:
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    limit = math.ceil(used.ru_utime + used.ru_stime + float(time_limit))
+    resource.setrlimit(resource.RLIMIT_CPU, (limit, resource.RLIM_INFINITY))
     try:
         piece = getattr(importlib.import_module(module), function)(**parcel.read(given))
     except MeshError as error:
