@@ -1,13 +1,18 @@
 """Claims that hold over repeated trials of analytic pairs: spread, coverage and bias, at a size for every test run."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
+from scipy.stats import binomtest
 
 from coronaryuq.bench import coverage_autoencoder
 from coronaryuq.bench.coverage import cell, run, tabulate
 from coronaryuq.bench.coverage_beyond import truths
 from coronaryuq.bench.pairs import PAIRS, _moment
 from coronaryuq.bench.problems import from_pair
+from coronaryuq.estimation.diagnostics import VERIFIED_FROM, unverified
 from coronaryuq.estimation.settings import Settings
 from coronaryuq.files import read_csv, write_json
 from coronaryuq.seeds import generator
@@ -95,6 +100,20 @@ def test_benchmark_has_the_fixed_keys():
     assert got["cells"][0]["coverage_95_low"] <= got["cells"][0]["coverage_95"] <= got["cells"][0]["coverage_95_high"]
     fixed = {"problem", "method", "n_3d", "trials", "claimed_over_empirical", "coverage_95", "bias_z", "warned"}
     assert fixed <= got["cells"][0].keys()
+
+
+def test_no_method_goes_without_a_warning_where_a_measured_cell_contradicts_it():
+    """Published cells from a method's first verified size on: claim within 15 % of the spread, and a coverage whose
+    Wilson interval meets 93 to 97 %. That size is among the measured ones."""
+    lines = (Path(__file__).parents[2] / "docs" / "estimation-coverage.jsonl").read_text().splitlines()
+    cells = [one for one in map(json.loads, lines) if "quantity" not in one]
+    for method in {one["method"] for one in cells}:
+        verified = [one for one in cells if one["method"] == method and unverified(method, one["n_3d"]) is None]
+        assert VERIFIED_FROM[method] in {None, *(one["n_3d"] for one in verified)}
+        for one in verified:
+            held = binomtest(round(one["coverage_95"] * one["trials"]), one["trials"]).proportion_ci(method="wilson")
+            assert one["trials"] >= 400 and abs(one["claimed_over_empirical"] - 1) <= 0.15, one
+            assert held.high >= 0.93 and held.low <= 0.97, one
 
 
 def test_cells_of_several_sizes_make_one_table(tmp_path):
