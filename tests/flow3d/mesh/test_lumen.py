@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 
+from coronaryuq.flow3d.mesh import lumen
 from coronaryuq.flow3d.mesh.lumen import Lumen, simplified
 from coronaryuq.seeds import generator
 
@@ -48,3 +49,12 @@ def test_slivers_go_and_the_volume_stays(cylinder):
     clean = simplified(points, triangles, 1e-3)
     assert len(clean.points) < split + 1
     assert clean.distance(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 2.5]])) == pytest.approx([-1.0, 0.5], abs=1e-3)
+
+
+def test_blocks_do_not_depend_on_how_many_are_found_at_once(cylinder, monkeypatch):
+    together = list(cylinder.blocks(0.15, 6))
+    monkeypatch.setattr(lumen, "AT_ONCE", 7)
+    apart = list(cylinder.blocks(0.15, 6))
+    assert len(together) == len(apart) > 7
+    for (corner, values), (other, found) in zip(together, apart, strict=True):
+        assert np.array_equal(corner, other) and np.array_equal(values, found)

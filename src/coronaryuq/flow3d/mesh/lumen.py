@@ -4,6 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+AT_ONCE = 256
+"""Blocks whose distances are found together: more need much memory, fewer build the search tree too often."""
+
 
 class Lumen:
     """Signed distance, negative inside, to a closed surface: points (n, 3) cm, outward triangles (m, 3).
@@ -76,8 +79,10 @@ class Lumen:
         crossed = np.abs(self.distance(low + spacing * (corners + 0.5 * cells))) < reach
         steps = np.stack(np.meshgrid(*[np.arange(cells + 1)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
         corners = corners[crossed]
-        values = self.distance((low + spacing * (corners[:, None] + steps)).reshape(-1, 3))
-        yield from zip(corners, values.reshape(len(corners), *[cells + 1] * 3), strict=True)
+        for first in range(0, len(corners), AT_ONCE):
+            part = corners[first : first + AT_ONCE]
+            values = self.distance((low + spacing * (part[:, None] + steps)).reshape(-1, 3))
+            yield from zip(part, values.reshape(len(part), *[cells + 1] * 3), strict=True)
 
     def origin(self, spacing: float) -> np.ndarray:
         """Lower corner of the grid (3,), cm."""
