@@ -1,12 +1,16 @@
 """Predictions of many rows at once are those of each alone: shared networks, shared runs, carried-over states."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from coronaryuq import files
-from coronaryuq.bench.discrepancy import Case, _hide, open_loop
+from coronaryuq.bench.discrepancy import Case, hide
+from coronaryuq.bench.hidden_cases import open_loop
 from coronaryuq.discrepancy.conditions import read_conditions
 from coronaryuq.discrepancy.model import read_problem
+from coronaryuq.discrepancy.numerics import time_step_error
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.provenance import sources
 from coronaryuq.zerod.effects.library import effect
@@ -15,7 +19,7 @@ from coronaryuq.zerod.effects.library import effect
 @pytest.fixture(scope="module")
 def problem(tmp_path_factory):
     folder = tmp_path_factory.mktemp("case")
-    _hide(Case((), "none", "nominal", 5), *open_loop(), folder)
+    hide(Case((), "none", "nominal", 5), open_loop(), folder)
     conditions = read_conditions(folder / "conditions.yaml")
     return read_problem(
         files.read_json(folder / "model.json"), folder / "measurements.csv", conditions, "c", Settings()
@@ -24,14 +28,15 @@ def problem(tmp_path_factory):
 
 LEAKS = [(effect("side_branch_leak"), place) for place in ("lad", "lcx", "lad_proximal")]
 COLLATERAL = (effect("collateral"), "lad~lcx")
+LOSSES = [(effect("quadratic_stenosis"), "lad"), (effect("bifurcation_loss"), "lad_proximal")]
 
 
-@pytest.mark.parametrize("one", [LEAKS[0], LEAKS[2], COLLATERAL], ids=lambda one: f"{one[0].name}@{one[1]}")
+@pytest.mark.parametrize("one", [LEAKS[0], LEAKS[2], COLLATERAL, *LOSSES], ids=lambda one: f"{one[0].name}@{one[1]}")
 def test_a_network_with_all_grafts_predicts_what_one_with_its_own_does(problem, one):
     z = np.append(0.3 * np.ones(problem.count), 0.0)
     rows = [(z, [one]), (z[:-1], [])]
     alone = problem.forward.predict_rows(rows)
-    together = problem.forward.predict_rows(rows, None, [*LEAKS, COLLATERAL])
+    together = problem.forward.predict_rows(rows, None, [*LEAKS, COLLATERAL, *LOSSES])
     difference = np.abs((together - alone) / problem.sd).max()
     assert difference < 0.05
     assert np.abs((alone[0] - alone[1]) / problem.sd).max() > 10.0 * difference
@@ -63,6 +68,15 @@ def test_an_error_of_the_map_sees_all_conditions(problem):
     row = (np.append(np.zeros(problem.count), 0.0), [(effect("mbf_underestimation"), "perfusion map")])
     some = problem.forward.predict_rows([row], {"hyperaemia"})[0]
     assert some == pytest.approx(problem.forward.predict_rows([row])[0])
+
+
+def test_time_step_error_is_as_large_as_the_error(problem):
+    """Against steps a fifth as long: within a factor of three of what it says, root mean square over all rows."""
+    forward, finer = problem.forward, replace(problem.forward, steps_per_cycle=1500, _engines={})
+    z = 0.3 * np.ones(problem.count)
+    error = np.sqrt(np.mean(((forward.predict(z) - finer.predict(z))[0] / problem.sd) ** 2))
+    said = np.sqrt(np.mean((time_step_error(forward) / problem.sd) ** 2))
+    assert error / 3.0 < said < 3.0 * error
 
 
 def test_the_search_knows_nothing_of_the_generator():

@@ -9,7 +9,9 @@ import pytest
 import yaml
 
 from coronaryuq import files
-from coronaryuq.bench.discrepancy import Case, _hide, open_loop, wilson
+from coronaryuq.bench.discovery_score import wilson
+from coronaryuq.bench.discrepancy import Case, hide
+from coronaryuq.bench.hidden_cases import open_loop
 from coronaryuq.discrepancy import command
 from coronaryuq.discrepancy.conditions import Condition, read_conditions, under
 from coronaryuq.discrepancy.model import read_problem
@@ -40,7 +42,7 @@ def case_arguments(folder, out):
 @pytest.fixture(scope="module")
 def hidden_stenosis(tmp_path_factory):
     folder = tmp_path_factory.mktemp("case")
-    truth, _ = _hide(Case(("quadratic_stenosis",), "medium", "nominal", 5), *open_loop(), folder)
+    truth, _ = hide(Case(("quadratic_stenosis",), "medium", "nominal", 5), open_loop(), folder)
     return folder, truth
 
 
@@ -143,7 +145,7 @@ def test_repaired_files_give_the_fitted_predictions(hidden_stenosis, tmp_path):
 
 
 def test_nothing_hidden_is_said_so(tmp_path, capsys):
-    _hide(Case((), "none", "nominal", 6), *open_loop(), tmp_path)
+    hide(Case((), "none", "nominal", 6), open_loop(), tmp_path)
     command.main(case_arguments(tmp_path, tmp_path / "out"))
     answer = json.loads(capsys.readouterr().out)
     assert not answer["alarm"] and answer["named"] == []

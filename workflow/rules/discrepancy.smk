@@ -151,6 +151,7 @@ rule discrepancy_figure:
 
 
 DISCREPANCY_DRAWN = [examined(case, "figures", f"{name}.png") for case, name in DISCREPANCY_FIGURES]
+DISCREPANCY_TRUTHS = [examined("hidden", "case", "truth.json")] if "hidden" in EXAMINED else []
 DISCREPANCY_ANSWERS = [examined(case, "found", "discrepancy.json") for case in EXAMINED]
 
 
@@ -158,6 +159,7 @@ rule discrepancy_report:
     input:
         answers=DISCREPANCY_ANSWERS,
         figures=DISCREPANCY_DRAWN,
+        truths=DISCREPANCY_TRUTHS,
         code=code("coronaryuq.report.discrepancy"),
         templates=report_templates("discrepancy.html", "discrepancy_page.html", "style.css"),
     output:

@@ -74,6 +74,7 @@ rule report:
         figures=expand(rules.figure.output.figure, figure=FIGURES),
         answers=DISCREPANCY_ANSWERS if campaign.discrepancy.in_report else [],
         drawn=DISCREPANCY_DRAWN if campaign.discrepancy.in_report else [],
+        truths=DISCREPANCY_TRUTHS if campaign.discrepancy.in_report else [],
         code=code("coronaryuq.report.page"),
         templates=report_templates("template.html", "discrepancy.html", "style.css"),
     output:

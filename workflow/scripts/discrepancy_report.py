@@ -10,4 +10,5 @@ with job(globals()) as this:
         this.params["campaign"],
         this.params["settings"],
         this.output["report"],
+        this.input["truths"],
     )

@@ -22,7 +22,7 @@ MOST_ENGINES = 150
 TOLERANCE = 1e-4
 """Cycle error of a run: well below the change that a finite difference of the sensitivities looks for."""
 
-LOOSE, MOST_CYCLES = 5e-3, 40
+LOOSE, MOST_CYCLES = 5e-3, 25
 """Cycle error that will do where valves that open a step earlier or later keep a run from settling to `TOLERANCE`."""
 
 
@@ -97,15 +97,19 @@ class Forward:
     ) -> np.ndarray:
         """Predictions (n, N) at one point z (p,) each, every row with its own effects; NaN for other `conditions`.
 
-        Rows whose networks have the same elements share one batch, all conditions in it. grafts: grafted effects that
-        are put into all networks, shut unless a row acts on them, so that candidates share one network.
+        Rows whose networks have the same elements share one batch, all conditions in it. grafts: effects that share one
+        network, shut but where a row acts on them, for the rows that act on one of them.
         """
         found = np.full((len(rows), self.size), np.nan)
         groups: dict[tuple, tuple[list[Acting], dict[tuple, list[int]]]] = {}
+        common = [one for one in rows[0][1] if all(one in acting for _, acting in rows)]
+        grafts = self._inserting(grafts)
         for number, (z, acting) in enumerate(rows):
             # What a sensor or a map does to predictions may depend on all of them.
             all_of_them = any(effect.side == "measurement" for effect, _ in acting)
-            inserted = [*grafts, *(one for one in acting if _inserts(one[0]) and one not in grafts)]
+            inserted = self._inserting(acting)
+            if any(one in grafts and one not in common for one in inserted):
+                inserted = [*grafts, *(one for one in inserted if one not in grafts)]
             # Effects that feel pressures are run more than once.
             feels = any(effect.feedback for effect, _ in acting)
             _, alike = groups.setdefault((*_elements(inserted), feels, all_of_them), (inserted, {}))
@@ -119,6 +123,10 @@ class Forward:
             if any(effect.side == "measurement" for effect, _ in acting):
                 found[number] = self._observe(found[number], z, acting)
         return found
+
+    def _inserting(self, acting: Collection[Acting]) -> list[Acting]:
+        """Those that add elements to the network."""
+        return [(effect, place) for effect, place in acting if effect.inserts(place, self.anatomy)]
 
     def _simulated(self, z: np.ndarray, acting: list[Acting]) -> tuple:
         """What tells two runs of the network apart: effects on the measuring side need none of their own."""
@@ -177,7 +185,7 @@ class Forward:
         return network, renamed
 
     def _prepared(self, acting: list[Acting]) -> _Prepared:
-        inserted = [one for one in acting if _inserts(one[0])]
+        inserted = self._inserting(acting)
         key = _elements(inserted)
         if key not in self._engines:
             if len(self._engines) > MOST_ENGINES:
@@ -212,7 +220,8 @@ class Forward:
             tolerance=TOLERANCE,
         )
         self.runs += len(prepared.networks)
-        return {name: nominal.state[i] if nominal.ok[i] else None for i, name in enumerate(prepared.networks)}
+        settled = nominal.cycle_error < LOOSE
+        return {name: nominal.state[i] if settled[i] else None for i, name in enumerate(prepared.networks)}
 
     def _simulate(self, rows, sizes, conditions: list[str], inserted: list[Acting]) -> tuple[dict, dict[str, str]]:
         """Waveforms, condition → engine name → (rows, steps + 1), of all rows; and renamed locations."""
@@ -369,13 +378,9 @@ class Forward:
         return self.masses[territory] * self.nuisances[column].factor(z[:, column])
 
 
-def _inserts(effect: Effect) -> bool:
-    return type(effect).insert is not Effect.insert
-
-
-def _elements(acting: list[Acting]) -> tuple:
+def _elements(inserted: list[Acting]) -> tuple:
     """What tells the structure of a network with these effects from that of another."""
-    return tuple((effect.name, place) for effect, place in acting if _inserts(effect))
+    return tuple((effect.name, place) for effect, place in inserted)
 
 
 def _batches(prepared: _Prepared, jobs: list[_Job]) -> list[list[int]]:
@@ -390,7 +395,9 @@ def _stack(prepared: _Prepared, jobs: list[_Job]) -> dict[str, np.ndarray]:
     """Engine changes of all jobs, (n,) or (n, points); where a job has none, the value under its condition."""
     tables = [{**prepared.changes[job.condition], **job.table} for job in jobs]
     nominal = prepared.engine.parameters
-    found = {}
+    # Conditions that change nothing are samples too: one parameter says how many.
+    some = next(name for name, value in nominal.items() if value != 0.0)
+    found = {some: np.full(len(jobs), nominal[some])}
     for name in dict.fromkeys(name for table in tables for name in table):
         if name in nominal:
             found[name] = np.array([table.get(name, nominal[name]) for table in tables], dtype=float)

@@ -1,5 +1,6 @@
 """From files to a problem: network, conditions and measurements, checked against each other."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from coronaryuq.discrepancy.conditions import Condition, period_of, under
 from coronaryuq.discrepancy.forward import Forward, pressure_factor
 from coronaryuq.discrepancy.measurements import Measured, measured_conditions, read_measurements
 from coronaryuq.discrepancy.nuisance import nuisances
+from coronaryuq.discrepancy.numerics import time_step_error
 from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.errors import InputError
@@ -47,7 +49,8 @@ def read_problem(
     held = [name for name in used if conditions[name].held_out]
     if len(held) == len(used):
         raise InputError(file, "held_out", held, "every measured condition is held out; leave one to fit")
-    return make_problem(network, {name: conditions[name] for name in conditions if name in used}, measured, settings)
+    problem = make_problem(network, {name: conditions[name] for name in conditions if name in used}, measured, settings)
+    return replace(problem, time_step_error=time_step_error(problem.forward))
 
 
 def make_problem(

@@ -76,8 +76,12 @@ def carried_over(names: list[str], state: np.ndarray, wanted: list[str], renamed
     """
     known = dict(zip(names, state, strict=True))
     before = {new: old for old, new in renamed.items()}
-    moved = {old.partition(":")[0]: old for old in renamed}
-    stubs = {new.partition(":")[0]: old for old, new in renamed.items()}
+    moved, stubs = {}, {}
+    for old, new in renamed.items():
+        (feeder, fed), (stub, ahead) = old.split(":"), new.split(":")
+        # A vessel added behind takes over the end of the old one, a vessel added ahead its start.
+        first, second = (feeder, stub) if fed == ahead else (ahead, fed)
+        moved[first] = stubs[second] = old
     found: dict[str, float] = {}
     for name in wanted:
         kind, _, location = name.partition(":")

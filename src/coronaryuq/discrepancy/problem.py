@@ -18,17 +18,20 @@ FAR_BEHIND = 40.0
 
 @dataclass
 class Problem:
-    """Data y (N,) with standard deviations sd (N,), the model's floor included, and the rows that may be fitted."""
+    """Data y (N,), standard deviations sd (N,) with the model's floor and time step error, rows that may be fitted."""
 
     forward: Forward
     settings: Settings
     train: np.ndarray
+    time_step_error: np.ndarray | None = None
 
     def __post_init__(self):
         series = self.forward.measured
         self.y = np.concatenate([s.value for s in series])
         floor = [np.full(s.value.size, self.settings.model_floor * np.abs(s.value).max()) for s in series]
         self.sd = np.hypot(np.concatenate([s.sd for s in series]), np.concatenate(floor))
+        if self.time_step_error is not None:
+            self.sd = np.hypot(self.sd, self.time_step_error)
         self.owner = np.repeat(np.arange(len(series)), [s.value.size for s in series])
         self.condition = np.array([s.condition for s in series])[self.owner]
         self.count = len(self.forward.nuisances)

@@ -1,31 +1,34 @@
 """The whole search on one case: locate, name, add, verify, until nothing is left to explain or nothing helps."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from coronaryuq.discrepancy import outside
 from coronaryuq.discrepancy.candidates import (
     CONTENDER,
-    ROUGH,
     Candidate,
     all_candidates,
     fit_shortlist,
     indistinguishable,
+    likely,
     posterior,
-    screen,
     shortlist,
 )
 from coronaryuq.discrepancy.forward import Acting
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.locate import Located, locate
 from coronaryuq.discrepancy.problem import Problem
+from coronaryuq.discrepancy.screening import screen
 from coronaryuq.discrepancy.verify import Gap, folds, gap, linearise
 from coronaryuq.zerod.effects.base import Effect
 from coronaryuq.zerod.effects.library import LIBRARY
 
 RIVALS = 5
-"""Runners-up of an earlier round that a look back tries in the place of what was accepted."""
+"""Candidates that a look back, or a second look about a better point, fits in full."""
+SECOND_LOOKS = 3
+WORTH_FITTING = 0.5
+"""Log evidence by which an estimate must beat a candidate's own fit to have it fitted again."""
 WORTH = 0.2
 """Held-out log predictive density per row that named effects must add to a flexible discrepancy to be named beside it.
 
@@ -41,6 +44,8 @@ class Round:
     accepted: Candidate | None
     members: list[Candidate] = field(default_factory=list)
     """Accepted one and those that the data cannot tell from it."""
+    screened: list[Candidate] = field(default_factory=list)
+    """Every candidate of the round."""
     worth: float = np.inf
     """Log evidence that the accepted effect adds to all the others."""
 
@@ -146,33 +151,78 @@ def name_one(
     chosen = shortlist(everything, problem.settings.shortlist)
     fit_shortlist(problem, fit, acting, chosen)
     chosen = [c for c in chosen if c.fit is not None]
+    for _ in range(SECOND_LOOKS if chosen else 0):
+        before = max(chosen, key=lambda c: c.log_weight)
+        look_again(problem, before, acting, chosen, everything)
+        if before is max(chosen, key=lambda c: c.log_weight):
+            break
     flexible, _ = outside.gain(fit, features[problem.train])
     probabilities = posterior(fit, chosen, flexible)
     chosen.sort(key=lambda c: -c.log_weight)
     if not chosen or chosen[0].log_weight - fit.evidence < problem.settings.least_log_odds:
         return Round(chosen, probabilities, None)
-    return Round(chosen, probabilities, chosen[0], indistinguishable(chosen[0], chosen))
+    return Round(chosen, probabilities, chosen[0], indistinguishable(chosen[0], chosen), everything)
+
+
+def look_again(
+    problem: Problem, best: Candidate, acting: list[Acting], chosen: list[Candidate], everything: list[Candidate]
+) -> None:
+    """Screen all candidates in the place of the best one, about its fit; add to `chosen` those that now look as good.
+
+    Recalibration without the right effect distorts the nuisance parameters, and about such a point a neighbour of the
+    right place may look best. About the best fit so far they are nearly as they should be.
+    """
+    about = _without(best.fit, len(best.fit.z) - len(best.effect.parameters), len(best.effect.parameters))
+    known = {c.acting: c for c in everything}
+    fresh = [replace(c, fit=None) for c in likely(everything)]
+    screen(problem, about, acting, fresh)
+    near = sorted((c for c in fresh if c.promise > best.log_weight - CONTENDER), key=lambda c: -c.promise)
+    waiting = [c for c in near if c.promise > known[c.acting].log_weight + WORTH_FITTING]
+    for candidate in waiting[:RIVALS]:
+        one = known[candidate.acting]
+        exact = _exact(problem, [*acting, one.acting], np.concatenate([about.z, candidate.guess]))
+        if exact is not None and exact.evidence + one.log_prior > one.log_weight:
+            one.fit = exact
+            if one not in chosen:
+                chosen.append(one)
+
+
+def _without(fit: Fit, column: int, count: int) -> Fit:
+    """The point of a fit without `count` of its parameters."""
+    gone = np.arange(column, column + count)
+    return Fit(np.delete(fit.z, gone), fit.residual, np.delete(fit.jacobian, gone, axis=1))
+
+
+def _exact(problem: Problem, acting: list[Acting], start: np.ndarray) -> Fit | None:
+    try:
+        return problem.calibrate(acting, start)
+    except FloatingPointError:
+        return None
 
 
 def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Round]) -> tuple[list[Acting], Fit]:
-    """Ask again whether each earlier effect is needed, and whether a runner-up of its round would now do better."""
+    """Ask again whether each earlier effect is needed, and whether another candidate would now do better."""
     accepted = [r for r in rounds if r.accepted is not None]
+    column = len(problem.forward.nuisances)
     for number in range(len(acting) - 1):
         current = accepted[number]
+        count = len(acting[number][0].parameters)
         others = acting[:number] + acting[number + 1 :]
-        rivals = [c for c in current.shortlist if c.acting not in acting][:RIVALS]
+        about = _without(fit, column, count)
+        column += count
         options: list[tuple[float, Candidate | None, Fit]] = [
             (fit.evidence + current.accepted.log_prior, current.accepted, fit)
         ]
         without = problem.calibrate(others)
         options.append((without.evidence, None, without))
-        trials = problem.fit_candidates(without, others, [r.acting for r in rivals], [r.guess for r in rivals])
-        tried = [(rival, trial) for rival, trial in zip(rivals, trials, strict=True) if trial is not None]
-        near = CONTENDER + ROUGH * max(0.0, fit.evidence - without.evidence)
-        for rival, trial in tried:
-            if trial.evidence + rival.log_prior > options[0][0] - near:
-                exact = problem.calibrate([*others, rival.acting], trial.z)
-                options.append((exact.evidence + rival.log_prior, rival, exact))
+        rivals = [replace(c, fit=None) for c in likely(current.screened) if c.acting not in acting]
+        screen(problem, about, others, rivals)
+        rivals = sorted((c for c in rivals if c.promise > options[0][0] - CONTENDER), key=lambda c: -c.promise)
+        for rival in rivals[:RIVALS]:
+            exact = _exact(problem, [*others, rival.acting], np.concatenate([about.z, rival.guess]))
+            if exact is not None:
+                rival.fit = exact
+                options.append((rival.log_weight, rival, exact))
         _, best, found = max(options, key=lambda option: option[0])
         if best is current.accepted:
             continue

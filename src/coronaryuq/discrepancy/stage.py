@@ -33,13 +33,7 @@ def hide_in_loop(rest: str | Path, settings: Settings, seed: int, folder: str | 
         raise InputError(
             "configuration", "discrepancy.hidden_effect", settings.hidden_effect, "not in the library"
         ) from None
-    conditions = [
-        Condition("rest"),
-        Condition("hyperaemia", coronary_resistance_scale=HYPERAEMIA),
-        Condition("pacing", period_scale=0.75),
-        Condition("half dilated", coronary_resistance_scale=0.5, held_out=True),
-    ]
-    plan, place = plan_of(network), ""
+    conditions, plan, place = loop_conditions(), plan_of(network), ""
     random = generator(seed, "discrepancy", "place")
     inside = [e for e in plan.entries if e[0] == "pressure"][1:]
     fed = [location.split(":")[0] for _, location, _, _ in inside]
@@ -56,6 +50,16 @@ def hide_in_loop(rest: str | Path, settings: Settings, seed: int, folder: str | 
         folder / "truth.json",
         {"effect": one.name, "place": place, "size_z": settings.hidden_size, "visible_sd": truth.visible},
     )
+
+
+def loop_conditions() -> list[Condition]:
+    """Rest, hyperaemia and pacing to fit, half a dilatation to keep out of every fit."""
+    return [
+        Condition("rest"),
+        Condition("hyperaemia", coronary_resistance_scale=HYPERAEMIA),
+        Condition("pacing", period_scale=0.75),
+        Condition("half dilated", coronary_resistance_scale=0.5, held_out=True),
+    ]
 
 
 def plan_of(network: dict) -> hidden.Plan:

@@ -21,6 +21,10 @@ CAPTIONS = {
     "pairs_gap": "Error of FFR on held-out samples, with 90 % intervals over samples.",
     "pairs_effects": "Probability that each effect is part of a branch's law of pressure loss.",
 }
+TITLES = {
+    "pairs": "Pairs of simulated and measured outputs",
+    "hidden": "An effect hidden in the tuned loop",
+}
 SHOWN = 6
 """Disagreements listed at most."""
 
@@ -36,11 +40,20 @@ def environment() -> Environment:
     )
 
 
-def write_page(answers: Sequence[str], figures: Sequence[str], campaign: str, settings: dict, out: str | Path) -> None:
-    """Write the page of a discrepancy campaign. answers: `discrepancy.json` of every case; figures: PNG files."""
+def write_page(
+    answers: Sequence[str],
+    figures: Sequence[str],
+    campaign: str,
+    settings: dict,
+    out: str | Path,
+    truths: Sequence[str] = (),
+) -> None:
+    """Write the page of a discrepancy campaign. answers: `discrepancy.json` of every case; figures: PNG files; truths:
+    `truth.json` of cases made here.
+    """
     context = {
         "campaign": campaign,
-        "searches": searches(answers, figures),
+        "searches": searches(answers, figures, truths),
         "settings": yaml.safe_dump(settings, sort_keys=False),
         "provenance": [(f"SHA-256 of {case_of(path)}", provenance.checksum(path)) for path in answers],
     }
@@ -52,18 +65,23 @@ def case_of(path: str | Path) -> str:
     return Path(path).parts[-3]
 
 
-def searches(answers: Sequence[str], figures: Sequence[str]) -> list[dict]:
+def searches(answers: Sequence[str], figures: Sequence[str], truths: Sequence[str] = ()) -> list[dict]:
     """Every case as the templates want it."""
-    return [_search(path, [f for f in figures if case_of(f) == case_of(path)]) for path in answers]
+
+    def of_case(files, path):
+        return [file for file in files if case_of(file) == case_of(path)]
+
+    return [_search(path, of_case(figures, path), of_case(truths, path)) for path in answers]
 
 
-def _search(path: str, figures: list[str]) -> dict:
+def _search(path: str, figures: list[str], truths: list[str]) -> dict:
     answer = read_json(path)
     pairs = "gap_unit" in answer
     order = {name: number for number, name in enumerate(CAPTIONS)}
     return {
-        "title": "Pairs of simulated and measured outputs" if pairs else case_of(path),
+        "title": TITLES.get("pairs" if pairs else case_of(path), case_of(path)),
         "paragraph": answer["paragraph"],
+        "truth": "".join(_against(read_json(truth), answer["named"]) for truth in truths),
         "named": [_named(one) for one in answer["named"]],
         "located": [] if pairs else [_located(row) for row in answer["located"][:SHOWN]],
         **(_pair_gaps(answer) if pairs else _gaps(answer)),
@@ -72,6 +90,28 @@ def _search(path: str, figures: list[str]) -> dict:
             for f in sorted(figures, key=lambda f: order[Path(f).stem])
         ],
     }
+
+
+def _against(truth: dict, named: list[dict]) -> str:
+    """What was hidden, and how well the answer does beside it."""
+    effect, place = truth["effect"], truth["place"]
+    hidden = (
+        f"This case was made here: {effect.replace('_', ' ')} at {place} was hidden in the data, a trace of "
+        f"{truth['visible_sd']:.0f} standard deviations of the noise that recalibration cannot absorb. The search saw "
+        "the model without it, the measurements and their conditions."
+    )
+    classes = [[(m["effect"], m["place"]) for m in one["class"]] for one in named]
+    if named and (named[0]["effect"], named[0]["place"]) == (effect, place):
+        verdict = "Its first answer is right in name and place"
+    elif any((effect, place) in members for members in classes):
+        verdict = "The right name and place are in a class of answers that these data cannot tell apart"
+    elif any(effect == name for members in classes for name, _ in members):
+        verdict = "The effect is named, at another place"
+    else:
+        verdict = "It was not found"
+    beside = len(named) - 1 if "It was" not in verdict else len(named)
+    more = f"; it also names {beside} that {'is' if beside == 1 else 'are'} not there" if beside > 0 else ""
+    return f"{hidden} {verdict}{more}."
 
 
 def _named(one: dict) -> dict:

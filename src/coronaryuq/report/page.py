@@ -50,12 +50,13 @@ def write_report(
     logs: str | Path,
     configuration: dict,
     out: str | Path,
-    searches: tuple[Sequence[str], Sequence[str]] = ((), ()),
+    searches: tuple[Sequence[str], ...] = ((), ()),
 ) -> None:
     """Write the page. files: case, fit, summary, targets, failures, estimates, mesh → path, and mesh_study where it was
     run. figures: PNG files.
 
-    logs: folder whose job logs end in a line of costs. searches: answers and figures of searches for missing effects.
+    logs: folder whose job logs end in a line of costs. searches: answers, figures and truths of searches for missing
+    effects.
     """
     case, summary, targets = (read_json(files[name]) for name in ("case", "summary", "targets"))
     failures, estimates = read_json(files["failures"]), read_json(files["estimates"])

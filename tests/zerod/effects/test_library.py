@@ -93,6 +93,23 @@ def test_stenosis_takes_its_share_of_pressure_at_the_models_flow(tree):
     assert drop == pytest.approx(0.2 * anatomy.pressure)
 
 
+@pytest.mark.parametrize(("name", "place"), [("quadratic_stenosis", "lcx"), ("bifurcation_loss", "lad_proximal")])
+def test_a_loss_put_ahead_of_a_vessel_is_the_vessels_own(name, place, tree):
+    """Vessels that store blood get the loss in a vessel ahead: the same network, so the same flow into every bed."""
+    network, anatomy = tree
+    one, sizes = effect(name), {"loss": np.array([0.1])}
+    assert all(anatomy.vessels[vessel]["zero_d_element_values"]["C"] > 0.0 for vessel in one.vessels(place, anatomy))
+    own = copy.deepcopy(network)
+    for entry in own["vessels"]:
+        added = one.changes(network, place, sizes, anatomy, situation(anatomy))
+        if f"{entry['vessel_name']}.stenosis_coefficient" in added:
+            loss = float(added[f"{entry['vessel_name']}.stenosis_coefficient"][0])
+            entry["zero_d_element_values"]["stenosis_coefficient"] = loss
+    assert one.insert(network, place, anatomy)["vessels"][-1]["vessel_name"].endswith("_loss")
+    assert flows(network, anatomy, one, place, sizes) == pytest.approx(flows(own, anatomy), rel=1e-4)
+    assert flows(own, anatomy) != pytest.approx(flows(network, anatomy), rel=1e-2)
+
+
 def test_narrowing_follows_poiseuille(tree):
     """R ~ r^-4, L ~ r^-2, C ~ r^3 of one and the same radius."""
     network, anatomy = tree

@@ -85,6 +85,10 @@ class Effect(ABC):
         """The network with the elements that the effect needs, in a state that leaves the flow as it was."""
         return copy.deepcopy(network)
 
+    def inserts(self, place: str, anatomy: Anatomy) -> bool:
+        """Whether `insert` adds anything at that place."""
+        return type(self).insert is not Effect.insert
+
     def aliases(self, place: str, anatomy: Anatomy) -> dict[str, str]:
         """Old name → new name of every location that `insert` renames."""
         return {}

@@ -33,6 +33,31 @@ def open_end(network: dict, vessel: str, tag: str) -> tuple[dict, str, dict[str,
     return network, junction, {f"{vessel}:{bed}": f"{stub}:{bed}"}
 
 
+def put_ahead(network: dict, vessel: str, tag: str) -> dict:
+    """The network with a lossless vessel `VESSEL_TAG` between a vessel and what feeds it.
+
+    The location where the vessel began, `FEEDER:VESSEL`, is from then on `FEEDER:VESSEL_TAG`.
+    """
+    network = copy.deepcopy(network)
+    stub, junction = f"{vessel}_{tag}", f"J_{vessel}_{tag}"
+    below = next(v for v in network["vessels"] if v["vessel_name"] == vessel)
+    inlet = below.get("boundary_conditions", {}).pop("inlet", None)
+    number = add_vessel(network, stub, {"R_poiseuille": 0.0}, **({"inlet": inlet} if inlet else {}))
+    for feeder in [*network.get("junctions", []), *network.get("closed_loop_blocks", [])]:
+        for side, old, new in (("outlet_vessels", below["vessel_id"], number), ("outlet_blocks", vessel, stub)):
+            if side in feeder:
+                feeder[side] = [new if one == old else one for one in feeder[side]]
+    network.setdefault("junctions", []).append(
+        {
+            "junction_name": junction,
+            "junction_type": "NORMAL_JUNCTION",
+            "inlet_vessels": [number],
+            "outlet_vessels": [below["vessel_id"]],
+        }
+    )
+    return network
+
+
 def add_vessel(network: dict, name: str, values: dict[str, float], **ends: str) -> int:
     """Append a vessel with the element `values` and boundary conditions `inlet=`, `outlet=`; returns its id."""
     number = 1 + max(v["vessel_id"] for v in network["vessels"])

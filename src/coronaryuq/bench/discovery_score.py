@@ -1,0 +1,129 @@
+"""Discoveries against what was hidden: one entry a case, cells, totals with intervals, confusion matrix."""
+
+import numpy as np
+
+from coronaryuq.discrepancy import hidden
+from coronaryuq.discrepancy.output import named
+from coronaryuq.discrepancy.search import Discovery
+from coronaryuq.discrepancy.verify import gap, linearise
+
+
+def scored(truth: hidden.Truth, answer: Discovery) -> dict:
+    """What one answer is worth, given what was hidden."""
+    problem = answer.problem
+    classes = [[(c.effect.name, c.place) for c in entry.members] for entry in answer.named]
+    wanted = [(one.name, place) for one, place in truth.acting]
+    got = [any(name == e for members in classes for e, _ in members) for name, _ in wanted]
+    placed = [any(pair in members for members in classes) for pair in wanted]
+    first = classes[0] if classes else []
+    entry = {
+        "places": [place for _, place in wanted],
+        "visible": truth.visible,
+        "named": bool(wanted) and any(name == wanted[0][0] for name, _ in first) if len(wanted) == 1 else all(got),
+        "placed": bool(wanted) and all(placed),
+        "alarmed": answer.alarm,
+        "abstained": answer.outside_library or (answer.alarm and not classes),
+        "first": first[0][0] if first else ("outside" if answer.outside_library else "none"),
+        "classes": [["@".join(member) for member in members] for members in classes],
+        "before": answer.before.misfit,
+        "after": answer.before.misfit if answer.outside_library else answer.after.misfit,
+        "flexible": answer.flexible.misfit,
+        "remaining": answer.remaining.p,
+    }
+    rows = len(answer.before.residual)
+    entry["held_out_lpd_gain"] = 0.0 if answer.outside_library else answer.after.total_lpd - answer.before.total_lpd
+    # The mean square of m whitened residuals varies by sqrt(2 / m) by chance alone.
+    entry["worse"] = bool(entry["after"] ** 2 > answer.before.misfit**2 + 2.0 * np.sqrt(2.0 / rows))
+    if wanted:
+        oracle = problem.calibrate(truth.acting, np.concatenate([np.zeros(problem.count), truth.sizes]))
+        best = gap(problem, linearise(problem, oracle.z, truth.acting), answer.folds, 1).misfit
+        room = answer.before.misfit**2 - best**2
+        entry["oracle"] = best
+        entry["gap_closed_over_oracle"] = (
+            float((answer.before.misfit**2 - entry["after"] ** 2) / room) if room > 0.1 else None
+        )
+        entry["covered"] = _covered(answer, truth)
+    return entry
+
+
+def _covered(answer: Discovery, truth: hidden.Truth) -> bool | None:
+    """Whether the 90 % interval of the size holds the true one; None where the true effect was not the one added."""
+    if len(truth.acting) != 1 or not answer.named:
+        return None
+    (one, place), size = truth.acting[0], truth.sizes[0]
+    for entry in named(answer):
+        if (entry["effect"], entry["place"]) == (one.name, place):
+            parameter = one.parameters[0]
+            low, high = entry["sizes"][parameter.name]["interval_90"]
+            return bool(low <= float(parameter.from_standard(size)) <= high)
+    return None
+
+
+def wilson(successes: int, trials: int, z: float = 1.959963984540054) -> dict:
+    """Share with its 95 % interval (Wilson 1927)."""
+    if trials == 0:
+        return {"share": None, "low": None, "high": None, "trials": 0}
+    share = successes / trials
+    centre = (share + z * z / (2 * trials)) / (1 + z * z / trials)
+    half = z / (1 + z * z / trials) * np.sqrt(share * (1 - share) / trials + z * z / (4 * trials**2))
+    return {"share": share, "low": float(centre - half), "high": float(centre + half), "trials": trials}
+
+
+def score(found: list[dict]) -> dict:
+    """Cells, totals with Wilson intervals, confusion matrix, from scored cases."""
+    skipped = [e for e in found if e.get("skipped")]
+    found = [e for e in found if not e.get("skipped")]
+    single = [e for e in found if len(e["places"]) == 1]
+    double = [e for e in found if len(e["places"]) == 2]
+    nothing = [e for e in found if e["effect"] == "none"]
+    outside = [e for e in found if e["effect"].startswith("outside:")]
+    headline = [e for e in single if e["noise"] == "nominal" and e["strength"] == "medium"]
+    covered = [e["covered"] for e in single if e["covered"] is not None]
+    closed = [e["gap_closed_over_oracle"] for e in single + double if e["gap_closed_over_oracle"] is not None]
+
+    def share(entries, key):
+        return wilson(sum(bool(e[key]) for e in entries), len(entries))
+
+    cells: dict[tuple, list[dict]] = {}
+    for e in found:
+        cells.setdefault((e["effect"], e["strength"], e["noise"], e["network"]), []).append(e)
+    confusion: dict[str, dict[str, int]] = {}
+    for e in found:
+        row = confusion.setdefault(e["effect"], {})
+        row[e["first"]] = row.get(e["first"], 0) + 1
+    return {
+        "cells": [
+            {
+                "effect": key[0],
+                "strength": key[1],
+                "noise": key[2],
+                "network": key[3],
+                "seeds": len(entries),
+                "named": float(np.mean([e["named"] for e in entries])),
+                "placed": float(np.mean([e["placed"] for e in entries])),
+                "alarmed": float(np.mean([e["alarmed"] for e in entries])),
+                "abstained": float(np.mean([e["abstained"] for e in entries])),
+                "gap_closed_over_oracle": _mean([e.get("gap_closed_over_oracle") for e in entries]),
+            }
+            for key, entries in cells.items()
+        ],
+        "totals": {
+            "identification": share(headline, "named"),
+            "place": share(headline, "placed"),
+            "false_alarm": share(nothing, "alarmed"),
+            "abstention": share(outside, "abstained"),
+            "both_of_two": share(double, "named"),
+            "interval_coverage_90": wilson(sum(covered), len(covered)),
+            "gap_closed": float(np.median(closed)) if closed else None,
+            "gap_closed_above_90": wilson(sum(c >= 0.9 for c in closed), len(closed)),
+            "worse_than_recalibration": share(found, "worse"),
+        },
+        "confusion": confusion,
+        "invisible": {e["effect"]: sum(o["effect"] == e["effect"] for o in skipped) for e in skipped},
+        "cpu_s_per_discovery": _mean([e["cpu_s"] for e in found]),
+    }
+
+
+def _mean(values) -> float | None:
+    known = [v for v in values if v is not None]
+    return float(np.mean(known)) if known else None

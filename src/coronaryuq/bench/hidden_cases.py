@@ -1,0 +1,92 @@
+"""What the benchmark `discrepancy` hides effects in, and effects that the library does not have."""
+
+import numpy as np
+
+from coronaryuq import units
+from coronaryuq.discrepancy import hidden, openloop
+from coronaryuq.discrepancy.conditions import Condition
+from coronaryuq.discrepancy.stage import loop_conditions, plan_of
+from coronaryuq.zerod.effects.grafting import add_vessel, attach
+
+Made = tuple[dict, dict[str, Condition], hidden.Plan]
+"""A network, its conditions, and what is measured under each."""
+
+
+def open_loop() -> Made:
+    """Network, conditions and measurements of the bundled open-loop tree driven by aortic pressure."""
+    conditions = [
+        Condition("rest"),
+        Condition("hyperaemia", coronary_resistance_scale=0.3),
+        Condition("pacing", period_scale=0.7),
+        Condition("half dilated", coronary_resistance_scale=0.5, held_out=True),
+    ]
+    waveforms = [
+        ("flow", "AORTA:left_main", 0.04),
+        ("flow", "J0:lad_proximal", 0.04),
+        ("flow", "lcx:BC_lcx", 0.05),
+        ("pressure", "AORTA:left_main", 0.02),
+        ("pressure", "lad:BC_lad", 0.02),
+        ("pressure", "lcx:BC_lcx", 0.02),
+    ]
+    entries = [(quantity, place, "waveform", sd) for quantity, place, sd in waveforms]
+    entries += [("perfusion", f"BC_{bed}", "mean", 0.08) for bed in ("lad", "diagonal", "lcx")]
+    return openloop.left_coronary(), {c.name: c for c in conditions}, hidden.Plan(tuple(entries))
+
+
+def closed_loop(network: dict) -> Made:
+    """Conditions and measurements of a closed loop: those of the campaign's own hidden case."""
+    return network, {c.name: c for c in loop_conditions()}, plan_of(network)
+
+
+def outside(name: str, network: dict):
+    """A change of a condition's network that no effect of the library expresses."""
+    order = {"rest": 0.0, "hyperaemia": 1.0, "pacing": 2.0, "half dilated": 1.5}
+
+    def scale(network, names, factor):
+        for block in network["boundary_conditions"]:
+            if block["bc_name"] == names:
+                for key in ("Ra1", "Ra2", "Rv1"):
+                    block["bc_values"][key] *= factor
+        for vessel in network["vessels"]:
+            if vessel["vessel_name"] == names:
+                vessel["zero_d_element_values"]["R_poiseuille"] *= factor
+        return network
+
+    def miswired(network, condition):
+        first, second = (
+            next(b for b in network["boundary_conditions"] if b["bc_name"] == n) for n in ("BC_lad", "BC_lcx")
+        )
+        first["bc_values"], second["bc_values"] = second["bc_values"], first["bc_values"]
+        third = next(b for b in network["boundary_conditions"] if b["bc_name"] == "BC_diagonal")
+        third["bc_values"], second["bc_values"] = second["bc_values"], third["bc_values"]
+        return network
+
+    def pump(network, condition):
+        """Intramyocardial pressure of the LAD's bed turned upside down: an aneurysm that bulges in systole."""
+        for block in network["boundary_conditions"]:
+            if block["bc_name"] == "BC_lad":
+                pressure = np.asarray(block["bc_values"]["Pim"])
+                block["bc_values"]["Pim"] = (pressure.max() + pressure.min() - pressure).tolist()
+        return network
+
+    def thrombosed(network, condition):
+        """A side vessel behind the left main's first branch that lets blood through in late diastole only."""
+        aorta = next(b["bc_values"] for b in network["boundary_conditions"] if b["bc_name"] == "AORTA")
+        open_late = np.arange(len(aorta["t"])) > 0.55 * len(aorta["t"])
+        beyond = np.where(open_late, 5.0 * units.MMHG, aorta["P"])
+        block = {"bc_name": "CLOT", "bc_type": "PRESSURE", "bc_values": {"t": list(aorta["t"]), "P": beyond.tolist()}}
+        network["boundary_conditions"].append(block)
+        number = add_vessel(network, "side", {"R_poiseuille": 85.0 * units.MMHG / 0.8}, outlet="CLOT")
+        attach(network, "J1", "outlet", number)
+        return network
+
+    return {
+        "thrombosed_side_vessel": thrombosed,
+        "drifting_vessel": lambda n, c: scale(n, "lad_proximal", 1.0 + 12.0 * order[c]),
+        "drifting_bed": lambda n, c: scale(n, "BC_lcx", 1.0 + 0.5 * order[c]),
+        "miswired_outlets": miswired,
+        "bulging_territory": pump,
+    }[name]
+
+
+OUTSIDE = ("thrombosed_side_vessel", "drifting_vessel", "drifting_bed", "miswired_outlets", "bulging_territory")

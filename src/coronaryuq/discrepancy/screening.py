@@ -1,0 +1,125 @@
+"""Every candidate weighed from a few runs about one point, with the nuisance parameters recalibrated linearly."""
+
+import numpy as np
+
+from coronaryuq.discrepancy.candidates import Candidate
+from coronaryuq.discrepancy.forward import Acting
+from coronaryuq.discrepancy.inference import Fit
+from coronaryuq.discrepancy.problem import Problem
+
+MANY = 20
+"""More collaterals than this are ranked by superposed leaks before any is run."""
+LEAST_SENSITIVITY = 0.3
+"""Whitened norm below which data cannot see an effect of the tested size."""
+PROMISING = 40
+"""Candidates whose larger sizes are run too, by the score test."""
+POSITIVE, SIGNED = (-1.0, 0.3, 1.6), (0.3, 1.2, -1.2)
+"""Sizes that are run, in prior standard deviations; the first is that of the score test."""
+REACH = np.exp(np.linspace(np.log(1.0 / 3.0), np.log(3.0), 13))
+"""Multiples of a run's response that stand for the sizes between the runs."""
+
+
+def screen(problem: Problem, at: Fit, acting: list[Acting], candidates: list[Candidate]) -> None:
+    """Set `z_score`, `estimate` and `guess` of all candidates from runs of three sizes about the point `at`.
+
+    Score test: g'u / sqrt(g'Pg) with g the response to a small size, u the score and P the marginal precision of the
+    present model (Rao 1948); sizes that are positive by nature count only in their own direction. Estimate: log
+    evidence of the model with the candidate, linear in the nuisance parameters but not in the candidate's size: a
+    strong effect and the distortion that recalibration made of it are not small changes.
+    """
+    many = [c for c in candidates if c.effect.name == "collateral"]
+    direct = [c for c in candidates if len(many) <= MANY or c.effect.name != "collateral"]
+    own, small = _responses(problem, at, acting, [(c, _sizes(c)[0]) for c in direct])
+    linear = _Linear(at, own)
+    for candidate, response in zip(direct, small, strict=True):
+        linear.test(candidate, response)
+    if len(many) > MANY:
+        likely = _likely_collaterals(problem, linear, direct, small, many)
+        _, responses = _responses(problem, at, acting, [(c, _sizes(c)[0]) for c in likely])
+        for candidate, response in zip(likely, responses, strict=True):
+            linear.test(candidate, response)
+    ranked = sorted((c for c in candidates if c.guess is not None and c.z_score > 2.0), key=lambda c: -c.z_score)
+    larger = [(c, size) for c in ranked[:PROMISING] for size in _sizes(c)[1:]]
+    _, responses = _responses(problem, at, acting, larger) if larger else (own, [])
+    for (candidate, size), response in zip(larger, responses, strict=True):
+        linear.weigh(candidate, size, response)
+
+
+def _sizes(candidate: Candidate) -> tuple[float, ...]:
+    return POSITIVE if candidate.one_sided else SIGNED
+
+
+def _responses(problem, at, acting, wanted) -> tuple[np.ndarray, np.ndarray]:
+    """Whitened residual (N,) at the point, and the change (n, N) of predictions by each (candidate, size z) wanted."""
+    rows = [(at.z, list(acting))]
+    for candidate, size in wanted:
+        sizes = np.full(len(candidate.effect.parameters), size)
+        rows.append((np.concatenate([at.z, sizes]), [*acting, candidate.acting]))
+    grafts = [one for one in dict.fromkeys([*acting, *(c.acting for c, _ in wanted)]) if one[0].grafted]
+    found = problem.fitted(rows, grafts)
+    return found[0], found[0] - found[1:]
+
+
+class _Linear:
+    """The present model about one point, linear in its parameters: what responses of candidates are weighed against."""
+
+    def __init__(self, at: Fit, residual: np.ndarray):
+        linear = residual + at.jacobian @ at.z
+        self.at, self.score = at, at.project(linear)
+        self.evidence = -0.5 * float(linear @ self.score) - 0.5 * float(np.linalg.slogdet(at.precision)[1])
+
+    def test(self, candidate: Candidate, response: np.ndarray) -> None:
+        """The score test, and a first weighing."""
+        candidate.z_score, candidate.guess, candidate.estimate = 0.0, np.zeros(1), -np.inf
+        if np.isfinite(response).all():
+            length = float(np.sqrt(max(response @ self.at.project(response), 0.0)))
+            z = float(response @ self.score) / length if length > LEAST_SENSITIVITY else 0.0
+            candidate.z_score = max(z, 0.0) if candidate.one_sided else abs(z)
+            self.weigh(candidate, _sizes(candidate)[0], response)
+
+    def weigh(self, candidate: Candidate, size: float, response: np.ndarray) -> None:
+        """Let the candidate have the greatest log evidence that multiples of this response reach, if it is greater."""
+        if not np.isfinite(response).all():
+            return
+        along, square = float(response @ self.score), float(response @ self.at.project(response))
+        gain, best = _best_size(candidate, size, along, max(square, 0.0))
+        if self.evidence + gain > candidate.estimate:
+            candidate.estimate = self.evidence + gain
+            candidate.guess = np.full(len(candidate.effect.parameters), np.clip(best, -2.5, 2.5))
+
+
+def _best_size(candidate: Candidate, size: float, along: float, square: float) -> tuple[float, float]:
+    """Greatest log evidence over the present model, and the size z, among multiples of the response to one size.
+
+    In 2 log Z the response a d changes the misfit by a^2 d'Pd - 2 a d'u, the prior by -z^2, and the determinant by
+    1 + g'Pg with g the slope of a d in z.
+    """
+    if candidate.one_sided:
+        spread = candidate.effect.parameters[0].spread
+        sizes, slope = size + np.log(REACH) / spread, spread * REACH
+    else:
+        sizes, slope = size * REACH, np.full(len(REACH), 1.0 / size)
+    gains = REACH * along - 0.5 * REACH**2 * square - 0.5 * sizes**2 - 0.5 * np.log1p(slope**2 * square)
+    best = int(np.argmax(gains))
+    return float(gains[best]), float(sizes[best])
+
+
+def _likely_collaterals(problem, linear, direct, columns, many) -> list[Candidate]:
+    """The collaterals that superposed leaks, one end giving and the other taking, explain best."""
+    leaks = {c.place: columns[i] for i, c in enumerate(direct) if c.effect.name == "side_branch_leak"}
+    pressures = problem.forward.bed_pressures()
+    condition = problem.condition[problem.train]
+    anatomy = problem.forward.anatomy
+    guesses = np.zeros((len(linear.score), len(many)))
+    for number, candidate in enumerate(many):
+        one, other = candidate.place.split("~")
+        if one not in leaks or other not in leaks:
+            continue
+        per_flow = leaks[one] / anatomy.flow_scale(one) - leaks[other] / anatomy.flow_scale(other)
+        for name, pressure in pressures.items():
+            difference = pressure[anatomy.outlet_bc[one]] - pressure[anatomy.outlet_bc[other]]
+            guesses[condition == name, number] = difference * per_flow[condition == name]
+    guesses = np.nan_to_num(guesses)
+    norm = np.sqrt(np.maximum(np.einsum("ij,ij->j", guesses, linear.at.project(guesses)), 1e-300))
+    order = np.argsort(-(guesses.T @ linear.score) / norm, kind="stable")
+    return [many[i] for i in order[: MANY // 2]]
