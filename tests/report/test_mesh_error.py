@@ -31,6 +31,9 @@ def test_a_study_of_this_mesh_is_quoted(mesh, study):
     assert error.of("osi_max_lad") == "mesh: range 0.085"
     assert error.of("mean_flow:A:B") == ""
     assert "4000, 8000, 17000 nodes" in error.sentence and "2 of the samples" in error.sentence
+    assert (
+        "FFR is good to 0.0041 at the worst stenosis; extremes of wall shear and OSI have not settled" in error.sentence
+    )
 
 
 def test_without_a_study_the_page_says_so(mesh):

@@ -5,6 +5,9 @@ from pathlib import Path
 from coronaryuq import provenance
 from coronaryuq.files import read_json
 
+EXTREMES = ("tawss_min_", "osi_max_")
+COMPARE = "compare them between draws, not with other meshes."
+
 
 class MeshError:
     """Mesh error by 3D quantity, from the campaign's mesh study; none where it was not run or is of another mesh.
@@ -35,12 +38,21 @@ class MeshError:
         if self.study is None or self.of_another_mesh:
             why = "was measured on another mesh" if self.of_another_mesh else "was not measured"
             return said + (
-                f"Its error {why}; the target mesh_study measures it. Wall shear and OSI converge slowly: "
-                "compare them between draws, not with other meshes."
+                f"Its error {why}; the target mesh_study measures it. Extremes of wall shear and OSI settle slowly: "
+                + COMPARE
             )
         sizes = ", ".join(str(nodes) for nodes in self.study["nodes"])
         return said + (
             f"Its error was measured with {len(self.study['samples'])} of the samples on meshes of {sizes} nodes: "
             "mesh ± is the grid convergence index (Roache 1998) of the mean; where the values on the three meshes do "
-            "not settle, their range is given instead, which is what was seen and no bound."
+            "not settle, their range is given instead, which is what was seen and no bound. " + self._earned()
         )
+
+    def _earned(self) -> str:
+        """What may be said of single numbers on this mesh."""
+        found = self.study["quantities"]
+        ffr = max((value["error"] for name, value in found.items() if name.startswith("ffr_")), default=None)
+        said = "" if ffr is None else f"On this mesh FFR is good to {ffr:.2g} at the worst stenosis"
+        if all(value["converging"] for name, value in found.items() if name.startswith(EXTREMES)):
+            return f"{said}." if said else ""
+        return f"{said + '; e' if said else 'E'}xtremes of wall shear and OSI have not settled: {COMPARE}"
