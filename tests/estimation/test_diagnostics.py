@@ -78,6 +78,14 @@ def test_a_useless_model_is_named_and_a_useful_one_is_not():
     assert diagnostics.useless(-0.9, 100, "best") is not None
 
 
+def test_one_run_that_carries_most_of_what_is_left_is_named():
+    left = generator(3, "dominated").normal(size=40)
+    names = tuple(f"sample_{i}" for i in range(40))
+    assert diagnostics.dominated(left, names) is None and diagnostics.dominated(0 * left, names) is None
+    left[7] = 30.0
+    assert diagnostics.dominated(left, names).text.startswith("sample_7 alone carries 9")
+
+
 def test_methods_that_were_not_verified_say_so():
     assert "below 25 3D runs" in diagnostics.unverified("MFMC", 24).text and diagnostics.unverified("MFMC", 25) is None
     assert "below 50 3D runs" in diagnostics.unverified("best", 49).text and diagnostics.unverified("best", 50) is None

@@ -156,7 +156,7 @@ def analyse(
             "n_propagation": len(runs.theta_more),
             "emulator_error": design.emulator_error[row.column_0d],
             "integrated_exactly": settings.known_scaling if design.integrated else None,
-            "warnings": [str(f) for f in findings],
+            "warnings": [str(f) for f in (*findings, diagnostics.dominated(made["best"].residuals, runs.samples)) if f],
         })  # fmt: skip
     return results
 
