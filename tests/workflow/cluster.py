@@ -3,6 +3,7 @@
 Needs Debian's `slurm-wlm` and `munge`, and root, because job steps read /etc/slurm/slurm.conf only.
 """
 
+import fcntl
 import os
 import shutil
 import socket
@@ -10,6 +11,7 @@ import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import TextIOBase
 from pathlib import Path
 
 CONFIGURATION = Path("/etc/slurm/slurm.conf")
@@ -30,8 +32,8 @@ def why_not() -> str | None:
 
 
 @contextmanager
-def cluster(folder: Path, cpus: int = 4, memory_mb: int = 8000) -> Iterator["Cluster"]:
-    """Start controller and nodes with `cpus` declared (not real) cores each; stop them at the end."""
+def cluster(folder: Path, cpus: int = 4, memory_mb: int = 64000) -> Iterator["Cluster"]:
+    """Start controller and nodes with `cpus` cores and memory each, declared and not real; stop them at the end."""
     here = Cluster(folder, cpus, memory_mb)
     try:
         here.start()
@@ -44,11 +46,15 @@ class Cluster:
     def __init__(self, folder: Path, cpus: int, memory_mb: int):
         self.folder, self.cpus, self.memory_mb = folder, cpus, memory_mb
         self.processes: dict[str, subprocess.Popen] = {}
+        self.turn: TextIOBase | None = None
 
     def start(self) -> None:
         for part in ("state", *NODES):
             (self.folder / part).mkdir(parents=True, exist_ok=True)
         CONFIGURATION.parent.mkdir(exist_ok=True)
+        # The configuration has one place only: another run of the tests waits for its turn.
+        self.turn = open(CONFIGURATION.with_name("coronaryuq-test.lock"), "w")  # noqa: SIM115
+        fcntl.flock(self.turn, fcntl.LOCK_EX)
         CONFIGURATION.write_text(self._configuration())
         self._start_munge()
         self._spawn("slurmctld", "slurmctld", "-D", "-c")
@@ -98,7 +104,9 @@ class Cluster:
                 process.wait(10)
             except subprocess.TimeoutExpired:
                 process.kill()
-        CONFIGURATION.unlink(missing_ok=True)
+        if self.turn:
+            CONFIGURATION.unlink(missing_ok=True)
+            self.turn.close()
 
     def _configuration(self) -> str:
         ports = _free_ports(2 + len(NODES))
@@ -114,8 +122,11 @@ SlurmctldHost={host}(127.0.0.1)
 SlurmctldPort={ports[0]}
 SlurmUser=root
 AuthType=auth/munge
-ProctrackType=proctrack/pgid
+ProctrackType=proctrack/linuxproc
 TaskPlugin=task/none
+JobAcctGatherType=jobacct_gather/linux
+JobAcctGatherFrequency=task=1
+JobAcctGatherParams=OverMemoryKill
 SelectType=select/cons_tres
 SelectTypeParameters=CR_Core_Memory
 SlurmdParameters=config_overrides

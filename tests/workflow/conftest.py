@@ -2,6 +2,7 @@
 
 import pytest
 
+import smoke
 from checkout import Checkout
 
 
@@ -9,3 +10,9 @@ from checkout import Checkout
 def checkout(tmp_path):
     """A copy of the workflow in a temporary folder."""
     return Checkout(tmp_path)
+
+
+@pytest.fixture(scope="session")
+def results(tmp_path_factory):
+    """Results of the smoke campaign, run once for all tests of a session."""
+    return smoke.campaign(tmp_path_factory.mktemp("smoke"))

@@ -1,12 +1,19 @@
 """The campaign on a real SLURM: jobs submitted, MPI ranks by srun, the same results as without it."""
 
 import json
+import os
+import shutil
+import signal
 import subprocess
+import time
+from pathlib import Path
 
 import pytest
+import yaml
 
 import cluster
-from checkout import Checkout
+import smoke
+from checkout import ROOT, Checkout
 from coronaryuq import doctor
 from coronaryuq.files import read_json
 
@@ -24,8 +31,8 @@ SMALL = {
 ON_SLURM = [
     "--executor", "slurm", "--jobs", "8", "--slurm-status-command", "squeue", "--latency-wait", "20",
     "--slurm-init-seconds-before-status-checks", "1", "--seconds-between-status-checks", "2",
-    "--default-resources", "mem_mb=500", "runtime=10",
-    "--set-resources", "posterior_chains:mpi=srun", "posterior_chains:tasks=3", "posterior_chains:mem_mb_per_cpu=500",
+    "--default-resources", "mem_mb=2000", "runtime=10",
+    "--set-resources", "posterior_chains:mpi=srun", "posterior_chains:tasks=3", "posterior_chains:mem_mb_per_cpu=2000",
 ]  # fmt: skip
 
 
@@ -50,6 +57,102 @@ def test_jobs_on_slurm_give_the_same_bits_as_jobs_here(slurm, tmp_path):
     assert results[0] == results[1]
     listed = subprocess.run(["scontrol", "--oneliner", "show", "jobs"], capture_output=True, text=True).stdout
     assert listed.count("JobState=COMPLETED") >= 6, "every rule was a job of its own"
+
+
+@pytest.mark.long
+def test_the_whole_campaign_by_the_profile_gives_the_same_table(slurm, tmp_path):
+    """A site's copy of the profile; other ranks, batches, chunks and threads than the campaign here."""
+    site, here, there = tmp_path / "site", tmp_path / "here", tmp_path / "there"
+    shutil.copytree(ROOT / "workflow" / "profiles" / "slurm", site)
+    profile = yaml.safe_load((site / "config.yaml").read_text())
+    profile["set-resources"]["posterior_chains"]["tasks"] = 3
+    profile |= {"jobs": 8, "latency-wait": 20, "slurm-init-seconds-before-status-checks": 1}
+    (site / "config.yaml").write_text(yaml.safe_dump(profile))
+    here.mkdir()
+    there.mkdir()
+    table = ("--", "results/smoke/estimation/table.csv")
+    alone = smoke.campaign(here, *table, more=(smoke.SMALLER,))
+    spread = smoke.campaign(there, *table, profile=site, more=(smoke.SMALLER, smoke.OTHER_PORTIONS))
+    assert not smoke.differences(alone, spread)
+    assert read_json(spread / "provenance" / "posterior_chains.json")["resources"]["mpi_ranks"] == 3
+    assert len(list(spread.glob("flow3d/batch_*.jsonl"))) == 4 and len(list(alone.glob("flow3d/batch_*.jsonl"))) == 3
+
+
+def job_processes(folder: Path, rule: str) -> list[int]:
+    """Processes of a rule's script in a campaign's folder, on whatever node of this machine."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            line = path.read_bytes()
+        except OSError:
+            continue
+        if f"{rule}.py".encode() in line and b".snakemake/scripts" in line and str(folder).encode() in line:
+            found.append(int(path.parent.name))
+    return found
+
+
+def freeze(folder: Path) -> None:
+    """The first attempt hangs, as on a file system that does not answer."""
+    deadline = time.monotonic() + 120
+    while not (hanging := job_processes(folder, "perfusion_chunk")):
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    for pid in hanging:
+        os.kill(pid, signal.SIGSTOP)
+
+
+def cancel(folder: Path) -> None:
+    deadline = time.monotonic() + 120
+    while not job_processes(folder, "perfusion_chunk"):
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    subprocess.run(["scancel", "--state=RUNNING", "--user=root"], check=True)
+
+
+LIMITED = {
+    "name": "small",
+    "case": "given/case.yaml",
+    "perfusion": {"realisations": 40},
+    "samples": {"chunk_realisations": 40},
+}
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """The perfusion targets of a campaign here."""
+    checkout = Checkout(tmp_path_factory.mktemp("here"))
+    checkout.small_case()
+    target = "results/small/perfusion/targets.json"
+    assert checkout.run(target, settings=LIMITED).returncode == 0
+    return (checkout.folder / target).read_bytes()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("resource", "harm", "told"),
+    [
+        ("perfusion_chunk:mem_mb=60 * attempt ** 5", None, "Exceeded job memory limit"),
+        ("perfusion_chunk:runtime=1 + 9 * (attempt - 1)", freeze, "DUE TO TIME LIMIT"),
+        ("perfusion_chunk:mem_mb=2000", cancel, "CANCELLED AT"),
+    ],
+    ids=["memory", "time", "cancelled"],
+)
+def test_a_job_over_its_limit_is_run_again_with_more(slurm, undisturbed, tmp_path, resource, harm, told):
+    checkout, target, out = Checkout(tmp_path), "results/small/perfusion/targets.json", tmp_path / "out.log"
+    checkout.small_case()
+    with open(out, "w") as log:
+        command = checkout.command(target, *ON_SLURM, resource, "--retries", "2", settings=LIMITED)
+        process = subprocess.Popen(**command, stdout=log, stderr=log)
+        try:
+            if harm:
+                harm(tmp_path)
+            assert process.wait(500) == 0, out.read_text()[-3000:]
+        finally:
+            process.kill()
+    assert (tmp_path / target).read_bytes() == undisturbed
+    assert "Trying to restart job" in out.read_text()
+    logs = (tmp_path / ".snakemake" / "slurm_logs" / "rule_perfusion_chunk").rglob("*.log")
+    assert told in "".join(log.read_text() for log in logs)
 
 
 @pytest.mark.long

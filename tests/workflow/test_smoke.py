@@ -9,31 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import smoke
 from coronaryuq import explain
 from coronaryuq.errors import InputError
 from coronaryuq.files import read_csv, read_json
 from coronaryuq.records import read as read_records
 
 pytestmark = pytest.mark.workflow
-
-ROOT = Path(__file__).parents[2]
-
-
-def campaign(folder: Path, *arguments: str) -> Path:
-    """Run `config/smoke.yaml` in a folder; return its results."""
-    command = [
-        sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"), "--directory", str(folder),
-        "--profile", str(ROOT / "workflow" / "profiles" / "default"),
-        "--configfile", str(ROOT / "config" / "smoke.yaml"), *arguments,
-    ]  # fmt: skip
-    done = subprocess.run(command, capture_output=True, text=True, timeout=1800)
-    assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]
-    return folder / "results" / "smoke"
-
-
-@pytest.fixture(scope="module")
-def results(tmp_path_factory):
-    return campaign(tmp_path_factory.mktemp("smoke"))
 
 
 def test_the_table_has_every_row_and_estimator(results):
@@ -86,11 +68,10 @@ def test_every_result_tells_where_it_comes_from(results):
     assert len(files) > 60 and not unknown
 
 
-def test_a_spoiled_file_of_any_kind_is_told(results, tmp_path):
-    copy = shutil.copytree(results, tmp_path / "results" / "smoke")
-    assert explain.altered(copy) == []
-    told = {name for path in copy.glob("provenance/*.json") for name in read_json(path)["results"]}
-    files = sorted(path for path in map(tmp_path.joinpath, told) if path.is_file())
+def spoil_every_kind(folder: Path) -> list[Path]:
+    """Truncate, empty or alter one result of every kind, by folder and suffix, in turn; returns those spoiled."""
+    told = {name for path in folder.glob("results/smoke/provenance/*.json") for name in read_json(path)["results"]}
+    files = sorted(path for path in map(folder.joinpath, told) if path.is_file())
     kinds = {(path.parent.name, path.suffix): path for path in files}
     for number, path in enumerate(kinds.values()):
         whole = path.read_bytes()
@@ -98,20 +79,35 @@ def test_a_spoiled_file_of_any_kind_is_told(results, tmp_path):
         path.write_bytes(
             (whole[:middle], b"", whole[:middle] + bytes([whole[middle] ^ 255]) + whole[middle + 1 :])[number % 3]
         )
-    assert len(kinds) >= 20 and explain.altered(copy) == sorted(kinds.values())
+    return sorted(kinds.values())
+
+
+def test_a_spoiled_file_of_any_kind_is_told(results, tmp_path):
+    copy = shutil.copytree(results, tmp_path / "results" / "smoke")
+    assert explain.altered(copy) == []
+    spoiled = spoil_every_kind(tmp_path)
+    assert len(spoiled) >= 20 and explain.altered(copy) == spoiled
+
+
+@pytest.mark.long
+def test_spoiled_files_of_every_kind_are_made_again(results, tmp_path):
+    again = shutil.copytree(results.parents[1], tmp_path / "again")
+    spoil_every_kind(again)
+    command = [sys.executable, "-m", "coronaryuq.cli", "verify", "--remove", "results/smoke"]
+    assert subprocess.run(command, cwd=again).returncode == 0
+    assert not smoke.differences(results, smoke.campaign(again))
+    assert explain.altered(again / "results" / "smoke") == []
 
 
 def test_figures_are_redrawn_to_the_same_bytes(results):
     figures = sorted((results / "figures").glob("*.png"))
     before = [path.read_bytes() for path in figures]
     shutil.rmtree(results / "figures")
-    campaign(results.parents[1], "--", "figures")
+    smoke.campaign(results.parents[1], "--", "figures")
     assert [path.read_bytes() for path in figures] == before
 
 
 @pytest.mark.long
-def test_one_core_gives_the_same_bits_as_two(results, tmp_path):
-    alone = campaign(tmp_path, "--cores", "1", "--set-resources", "posterior_chains:tasks=1")
-    names = ("estimation/table.csv", "posterior/draws.csv", "runs/outputs_3d.csv", "runs/outputs_0d.csv")
-    for name in (*names, *(f"figures/{path.name}" for path in (results / "figures").glob("*.png"))):
-        assert (alone / name).read_bytes() == (results / name).read_bytes(), name
+def test_one_core_one_rank_and_other_portions_give_the_same_tables_and_figures(results, tmp_path):
+    one_rank = ("--cores", "1", "--set-resources", "posterior_chains:tasks=1")
+    assert not smoke.differences(results, smoke.campaign(tmp_path, *one_rank, more=(smoke.OTHER_PORTIONS,)))

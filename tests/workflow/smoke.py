@@ -1,0 +1,45 @@
+"""The smoke campaign, as a user runs it, and what must be the same whenever and wherever it runs."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+OTHER_PORTIONS = "samples: {batch_3d: 5, chunk_0d: 70, chunks_resampled: 3, chunk_realisations: 70}\n"
+"""As an additional configuration: the same samples, cut into other jobs."""
+
+SMALLER = """
+samples: {n_3d: 20, n_0d: 100, chunk_0d: 50, chunks_resampled: 2, chunk_realisations: 30}
+perfusion: {realisations: 60}
+calibration: {candidates: 4, starts: 1, rounds: 1, evaluations_per_parameter: 2, polish: 0}
+posterior: {dream: {generations: 500}, rhat_limit: 9.0, ess_limit: 1}
+estimation: {steps: [30, 20], curve_nodes: 9, folds: 2}
+"""
+"""As an additional configuration: every stage still, with less to do in it."""
+
+MEASURED = ("budget.png",)
+"""Figures that tell what runs have cost here, which is measured anew every time."""
+
+
+def campaign(folder: Path, *arguments: str, profile: Path | None = None, more: tuple[str, ...] = ()) -> Path:
+    """Run `config/smoke.yaml` in a folder; return its results. more: texts of configurations that change some of it."""
+    changes = [folder / f"changes_{number}.yaml" for number in range(len(more))]
+    for path, text in zip(changes, more, strict=True):
+        path.write_text(text)
+    command = [
+        sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"), "--directory", str(folder),
+        "--profile", str(profile or ROOT / "workflow" / "profiles" / "default"),
+        "--configfile", str(ROOT / "config" / "smoke.yaml"), *map(str, changes), *arguments,
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, timeout=1800)
+    assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]
+    return folder / "results" / "smoke"
+
+
+def differences(one: Path, other: Path) -> list[str]:
+    """Tables and figures of a campaign that are not the same bytes in another."""
+    tables = ["perfusion/targets.json", "posterior/draws.csv", "estimation/table.csv", "estimation/pairs.csv"]
+    tables += [f"runs/{path.name}" for path in sorted((one / "runs").glob("*.csv"))]
+    figures = [f"figures/{path.name}" for path in sorted(one.glob("figures/*.png")) if path.name not in MEASURED]
+    return [name for name in (*tables, *figures) if (one / name).read_bytes() != (other / name).read_bytes()]
