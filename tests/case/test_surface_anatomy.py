@@ -1,5 +1,8 @@
 """From a closed surface back to the tree that it was made of; and a real aortic root."""
 
+import re
+import shutil
+
 import numpy as np
 import pytest
 import pyvista as pv
@@ -216,13 +219,55 @@ def test_the_real_aortic_root_becomes_a_case(shared, tmp_path):
 
 
 def test_a_simvascular_project_becomes_a_tree(shared):
-    tree = read_project(shared / "data" / "coro0d-p1", 0.1)
+    tree, notes = read_project(shared / "data" / "coro0d-p1", 0.1)
+    assert notes == ()
     assert {v.name for v in tree.leaves()} == {"LAD", "LCx", "c1", "c2", "c3", "c4", "c5"}
     assert tree.root.name == "LAD_1"
     left = sum(v.length for v in tree.path("LAD"))
     assert 8 < left < 16
     assert 0.2 < tree.root.radii[0] < 0.3
     assert all(0.07 < v.radii[-1] < 0.13 for v in tree.leaves())
+
+
+@pytest.fixture
+def project(shared, tmp_path):
+    """A copy of the project to spoil."""
+    for name in ("Paths", "Segmentations"):
+        shutil.copytree(shared / "data" / "coro0d-p1" / name, tmp_path / name, copy_function=shutil.copyfile)
+        (tmp_path / name).chmod(0o755)
+    return tmp_path
+
+
+def test_contours_belong_to_the_path_that_they_name_and_lie_in_its_order(project):
+    tree, _ = read_project(project, 0.1)
+    group = project / "Segmentations" / "LAD.ctgr"
+    text = group.read_text()
+    contours = re.findall("<contour .*?</contour>", text, flags=re.DOTALL)
+    text = text.replace(contours[2], "@").replace(contours[5], contours[2]).replace("@", contours[5])
+    (project / "Segmentations" / "left anterior.ctgr").write_text(text)
+    group.unlink()
+    again, notes = read_project(project, 0.1)
+    assert notes == ()
+    for one, other in zip(tree, again, strict=True):
+        assert one.name == other.name and np.array_equal(one.points, other.points)
+
+
+def test_a_path_without_contours_is_left_out_and_named(project):
+    (project / "Segmentations" / "c3.ctgr").unlink()
+    tree, notes = read_project(project, 0.1)
+    assert notes == ("paths without two contours, left out: c3",) and "c3" not in tree
+    (project / "Segmentations" / "LCx.ctgr").unlink()
+    with pytest.raises(InputError, match="radii off the nearest.*; paths without two contours, left out: LCx, c3"):
+        read_project(project, 0.1)
+
+
+def test_a_contour_that_encloses_nothing_is_named(project):
+    group = project / "Segmentations" / "LAD.ctgr"
+    text = group.read_text()
+    contour = re.findall("<contour .*?</contour>", text, flags=re.DOTALL)[4]
+    group.write_text(text.replace(contour, re.sub('([xyz])="[^"]*"', r'\1="0"', contour)))
+    with pytest.raises(InputError, match="LAD.ctgr: contour 4: encloses nothing; draw it again"):
+        read_project(project, 0.1)
 
 
 def test_a_folder_that_is_no_project_is_refused(tmp_path):
@@ -237,7 +282,7 @@ def test_contours_without_an_aorta_become_a_case_with_one(shared, small_tree, tm
         perfusion=None, territory_flows="{file: flows.csv, unit: mL/min}",
     )  # fmt: skip
     branch = {"LCx": "LCx", "c4": "LCx", "c5": "LCx"}
-    names = [v.name for v in read_project(project, 0.1).leaves()]
+    names = [v.name for v in read_project(project, 0.1)[0].leaves()]
     rows = "".join(f"{name},{name},LV,{branch.get(name, 'LAD')}\n" for name in names)
     (tmp_path / "outlets.csv").write_text("name,vessel,perfuses,branch\n" + rows)
     (tmp_path / "flows.csv").write_text("name,flow\n" + "".join(f"{name},30\n" for name in names))
@@ -246,4 +291,4 @@ def test_contours_without_an_aorta_become_a_case_with_one(shared, small_tree, tm
     assert case.summary["systemic"] == ["BC_RCR1"] and len(case.summary["outlets"]) == 7
     first = next(v for v in case.tree if case.tree.ostial(v))
     assert case.tree.emergence(first.name) == pytest.approx(1.3, rel=0.02)
-    assert np.linalg.norm(first.points[1] - read_project(project, 0.1).root.points[0]) < 1e-9
+    assert np.linalg.norm(first.points[1] - read_project(project, 0.1)[0].root.points[0]) < 1e-9

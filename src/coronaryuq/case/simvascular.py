@@ -26,8 +26,8 @@ class Contoured:
     radii: np.ndarray
 
 
-def read_project(folder: str | Path, scale: float) -> Tree:
-    """The tree of a project with Paths/*.pth and Segmentations/*.ctgr; `scale` is its length unit in cm.
+def read_project(folder: str | Path, scale: float) -> tuple[Tree, tuple[str, ...]]:
+    """The tree of a project with Paths/*.pth and Segmentations/*.ctgr, and notes; `scale` is its length unit in cm.
 
     Every path that has contours becomes a vessel, from its first control point on; it starts on the path nearest there.
     Raises InputError for a missing folder, a broken file and a path that touches no other.
@@ -36,26 +36,33 @@ def read_project(folder: str | Path, scale: float) -> Tree:
     paths, groups = sorted((folder / "Paths").glob("*.pth")), sorted((folder / "Segmentations").glob("*.ctgr"))
     if not paths or not groups:
         raise InputError(folder, None, None, "wanted Paths/*.pth and Segmentations/*.ctgr")
-    contoured = [_contoured(path, {g.stem: g for g in groups}) for path in paths]
-    lines = [
-        Vessel(c.name, c.points * scale, c.radii * scale).resampled(SPACING) for c in contoured if c is not None
-    ]  # fmt: skip
+    of_path = {_path_name(group): group for group in groups} | {group.stem: group for group in groups}
+    contoured = {path.stem: _contoured(path, of_path) for path in paths}
+    left_out = [name for name, found in contoured.items() if found is None]
+    found = [c for c in contoured.values() if c is not None]
+    lines = [Vessel(c.name, c.points * scale, c.radii * scale).resampled(SPACING) for c in found]
     if not lines:
         raise InputError(folder, "Segmentations", None, "no path has a contour group of its name with two contours")
-    return joined(folder, lines)
+    notes = (f"paths without two contours, left out: {', '.join(left_out)}",) if left_out else ()
+    return joined(folder, lines, notes), notes
 
 
-def joined(folder: Path, lines: list[Vessel]) -> Tree:
+def _path_name(group: Path) -> str:
+    """The path that a contour group says it belongs to, or the file's own name."""
+    root = _xml(group).find("contourgroup")
+    return group.stem if root is None else root.get("path_name", group.stem)
+
+
+def joined(folder: Path, lines: list[Vessel], notes: tuple[str, ...] = ()) -> Tree:
     """One tree of overlapping lines: each starts at its nearest place on another, which is cut there.
 
-    The root is the line that leaves the others nearest to where they start.
+    The root is the line that leaves the others nearest to where they start. notes: what an error says beside itself.
     """
     attempts = [_attached(first, lines) for first in lines]
     reached, place, worst, (line, other) = min(attempts, key=lambda attempt: attempt[2])
     if worst > ATTACH:
-        raise InputError(
-            folder, line, None, f"starts {worst:.1f} radii off the nearest vessel, {other}; wanted at most {ATTACH}"
-        )
+        told = f"starts {worst:.1f} radii off the nearest vessel, {other}; wanted at most {ATTACH}"
+        raise InputError(folder, line, None, "; ".join([told, *notes]))
     return _cut(reached, place)
 
 
@@ -112,7 +119,7 @@ def _cut(lines: list[Vessel], place: dict[str, tuple[str, float]]) -> Tree:
 
 
 def _contoured(path: Path, groups: dict[str, Path]) -> Contoured | None:
-    """A path's contours in order: centre and radius of each; None for a path without two contours."""
+    """A path's contours in their order along it: centre and radius of each; None for a path without two contours."""
     root = _xml(path)
     control = _points(path, root, ".//control_points/point")
     if len(control) < 2:
@@ -120,12 +127,15 @@ def _contoured(path: Path, groups: dict[str, Path]) -> Contoured | None:
     if path.stem not in groups:
         return None
     centres, radii = [], []
-    for contour in _xml(groups[path.stem]).iter("contour"):
-        rim = _points(groups[path.stem], contour, "contour_points/point")
+    group = groups[path.stem]
+    for contour in sorted(_xml(group).iter("contour"), key=_place):
+        rim = _points(group, contour, "contour_points/point")
         if len(rim) < 3:
             continue
         centre = rim.mean(axis=0)
         area = 0.5 * np.linalg.norm(np.cross(rim - centre, np.roll(rim, -1, axis=0) - centre).sum(axis=0))
+        if area <= 0.0:
+            raise InputError(group, f"contour {contour.get('id')}", None, "encloses nothing; draw it again")
         centres.append(centre)
         radii.append(np.sqrt(area / np.pi))
     if len(centres) < 2:
@@ -135,6 +145,13 @@ def _contoured(path: Path, groups: dict[str, Path]) -> Contoured | None:
     lead = control[: np.argmin(np.linalg.norm(control - centres[0], axis=1)) + 1]
     lead = lead[(lead - centres[0]) @ along < -1e-6 * float(along @ along)]
     return Contoured(path.stem, np.vstack([lead, centres]), np.concatenate([np.full(len(lead), radii[0]), radii]))
+
+
+def _place(contour: ElementTree.Element) -> int:
+    """Number of a contour's place among the points of its path; files need not hold contours in that order."""
+    point = contour.find("path_point")
+    number = "" if point is None else point.get("id", "")
+    return int(number) if number.isdigit() else 0
 
 
 def _xml(path: Path) -> ElementTree.Element:
