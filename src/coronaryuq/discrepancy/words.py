@@ -9,13 +9,13 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
     if not found.alarm:
         return (
             f"The model, recalibrated within its priors, agrees with the {count} fitted measurements "
-            f"(global test p = {found.located.p:.2g}): there is nothing to explain. "
+            f"(global test {chance(found.located.p)}): there is nothing to explain. "
             f"On {_kept(held_out)} its misfit is {found.before.misfit:.2f} standard deviations of the noise."
         )
     worst = found.located.groups[0]
     text = (
         f"The model disagrees with the {count} fitted measurements beyond what recalibration can mend "
-        f"(global test p = {found.located.p:.2g}), most in the {worst.quantity} at {worst.location} "
+        f"(global test {chance(found.located.p)}), most in the {worst.quantity} at {worst.location} "
         f"under {worst.condition}. "
     )
     if found.outside_library:
@@ -42,7 +42,7 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
         "standard deviations of the noise, whose floor is 1. "
     )
     if found.remaining.alarm(found.problem.settings.alarm_level):
-        text += f"Something remains unexplained (p = {found.remaining.p:.2g})"
+        text += f"Something remains unexplained ({chance(found.remaining.p)})"
         if found.flexible.total_lpd > found.after.total_lpd:
             text += (
                 ": a flexible discrepancy predicts those measurements better than the named effects alone, and better "
@@ -51,8 +51,13 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
             )
         text += "."
     else:
-        text += f"What remains is within the noise (p = {found.remaining.p:.2g})."
+        text += f"What remains is within the noise ({chance(found.remaining.p)})."
     return text
+
+
+def chance(p: float) -> str:
+    """A p-value in words, where it is too small for a number too."""
+    return f"p = {p:.2g}" if p > 0.0 else "p below 1e-300"
 
 
 def _kept(held_out: list[str]) -> str:

@@ -8,6 +8,7 @@ from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 
+from coronaryuq import units
 from coronaryuq.figures.style import MUTED, saved
 from coronaryuq.files import read_csv
 from coronaryuq.seeds import generator
@@ -15,6 +16,7 @@ from coronaryuq.seeds import generator
 MEASURED, BEFORE, AFTER, FLEXIBLE = "#000000", "#0072B2", "#D55E00", "#009E73"
 TOGETHER = "#CC79A7"
 MOST_PANELS = 6
+SHOWN_IN = {"pressure": (units.MMHG, "mmHg"), "flow": (units.ML_PER_MIN, "mL/min"), "volume": (1.0, "mL")}
 
 
 def tree(table: str | Path, output: str | Path) -> None:
@@ -74,13 +76,15 @@ def residuals(table: str | Path, output: str | Path) -> None:
         for axis, ((quantity, location, condition), part) in zip(axes.flat, groups, strict=False):
             part = part.sort_values("phase")
             phase = part.phase.to_numpy() % 1.0 if part.phase.max() <= 2 else part.phase.to_numpy()
-            axis.errorbar(phase, part.measured, part.sd, fmt=".", ms=3, lw=0.6, color=MEASURED, label="measured, sd")
-            axis.plot(phase, part.recalibrated, color=BEFORE, lw=1.2, label="recalibrated")
-            axis.plot(phase, part.repaired, color=AFTER, lw=1.2, label="with the named effects")
+            one, unit = SHOWN_IN.get(quantity, (1.0, ""))
+            measured, sd = part.measured / one, part.sd / one
+            axis.errorbar(phase, measured, sd, fmt=".", ms=3, lw=0.6, color=MEASURED, label="measured, sd")
+            axis.plot(phase, part.recalibrated / one, color=BEFORE, lw=1.2, label="recalibrated")
+            axis.plot(phase, part.repaired / one, color=AFTER, lw=1.2, label="with the named effects")
             held = "" if bool(part.fitted.all()) else ", kept out of the fit"
             axis.set_title(f"{quantity} at {location}\n{condition}{held}", fontsize=7)
             axis.set_xlabel("phase of the cycle")
-            axis.set_ylabel({"pressure": "dyn/cm²", "flow": "mL/s", "volume": "mL"}.get(quantity, ""))
+            axis.set_ylabel(unit)
         for axis in axes.flat[len(groups) :]:
             axis.set_axis_off()
         axes.flat[0].legend(fontsize=6)
