@@ -149,7 +149,8 @@ def _at(x, y, z, a, b, ra, rb, first, blend, bounds, bound_first):
     """Distance at one point, the segment that owns it, and where along that segment."""
     total, owner, owner_along = FAR, -1, 0.0
     for part in range(len(first) - 1):
-        best, segment = FAR, -1
+        # A part farther off than its blend reaches changes nothing.
+        best, segment = total + blend[part], -1
         for k in range(bound_first[part], bound_first[part + 1]):
             dx, dy, dz = x - bounds[k, 0], y - bounds[k, 1], z - bounds[k, 2]
             if np.sqrt(dx * dx + dy * dy + dz * dz) - bounds[k, 3] >= best:
