@@ -19,7 +19,7 @@ def scored(truth: hidden.Truth, answer: Discovery) -> dict:
     entry = {
         "places": [place for _, place in wanted],
         "visible": truth.visible,
-        "named": bool(wanted) and any(name == wanted[0][0] for name, _ in first) if len(wanted) == 1 else all(got),
+        "named": any(name == wanted[0][0] for name, _ in first) if len(wanted) == 1 else bool(wanted) and all(got),
         "placed": bool(wanted) and all(placed),
         "alarmed": answer.alarm,
         "abstained": answer.outside_library or (answer.alarm and not classes),

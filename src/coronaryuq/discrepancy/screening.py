@@ -15,7 +15,7 @@ PROMISING = 40
 """Candidates whose larger sizes are run too, by the score test."""
 POSITIVE, SIGNED = (-1.0, 0.3, 1.6), (0.3, 1.2, -1.2)
 """Sizes that are run, in prior standard deviations; the first is that of the score test."""
-REACH = np.exp(np.linspace(np.log(1.0 / 3.0), np.log(3.0), 13))
+REACH = np.exp(np.linspace(np.log(1.0 / 3.0), np.log(3.0), 61))
 """Multiples of a run's response that stand for the sizes between the runs."""
 
 

@@ -1,0 +1,66 @@
+"""Candidates weighed from three runs: the estimate is a full fit's evidence where the model is linear but in size."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from coronaryuq.discrepancy.candidates import Candidate
+from coronaryuq.discrepancy.inference import Fit, Search, maximise
+from coronaryuq.discrepancy.screening import screen
+from coronaryuq.seeds import generator
+from coronaryuq.zerod.effects.base import Parameter
+
+ROWS, NUISANCES = 200, 6
+
+
+def case(kind, true):
+    """Whitened data of a linear model with one effect of true size z, and the model's residuals at any (z, sizes)."""
+    random = generator(8, "test", "screening", kind)
+    g, along = random.standard_normal((ROWS, NUISANCES)), random.standard_normal(ROWS)
+    parameter = Parameter("size", "1", kind, 1.0 if kind == "lognormal" else 0.0, 1.2, "")
+    y = g @ random.standard_normal(NUISANCES) + along * parameter.from_standard(true) + random.standard_normal(ROWS)
+
+    def residuals(rows, grafts=()):
+        sizes = [parameter.from_standard(z[NUISANCES]) if len(z) > NUISANCES else 0.0 for z, _ in rows]
+        return np.array([y - g @ z[:NUISANCES] - along * size for (z, _), size in zip(rows, sizes, strict=True)])
+
+    effect = type("MadeUp", (), {"name": "made up", "parameters": (parameter,), "grafted": False})()
+    return g, y, residuals, Candidate(effect, "here", -1.0)
+
+
+@pytest.mark.parametrize(("kind", "true"), [("lognormal", -0.8), ("lognormal", 1.4), ("normal", -1.1), ("normal", 0.7)])
+def test_the_estimate_is_the_evidence_of_a_full_fit(kind, true):
+    g, y, residuals, candidate = case(kind, true)
+    z = np.linalg.solve(np.eye(NUISANCES) + g.T @ g, g.T @ y)
+    screen(SimpleNamespace(fitted=residuals), Fit(z, y - g @ z, g), [], [candidate])
+    search = Search(None, np.append(z, candidate.guess), list(range(NUISANCES + 1)))
+    maximise(residuals, [search], 30, tolerance=1e-6)
+    # Sizes between the runs are tried on a grid of 0.03 prior standard deviations.
+    assert candidate.estimate == pytest.approx(search.fit.evidence, abs=2.0)
+    assert search.fit.evidence - Fit(z, y - g @ z, g).evidence > 10.0
+    assert candidate.guess[0] == pytest.approx(search.fit.z[-1], abs=0.2)
+    assert candidate.z_score > 3.0
+
+
+def test_the_estimate_does_not_depend_on_how_far_recalibration_has_gone():
+    """About a point that recalibration has not moved to yet the linear model gives the same estimate."""
+    g, y, residuals, candidate = case("lognormal", 0.5)
+    found = []
+    for z in (np.zeros(NUISANCES), np.full(NUISANCES, 0.7)):
+        screen(SimpleNamespace(fitted=residuals), Fit(z, y - g @ z, g), [], [candidate])
+        found.append(candidate.estimate)
+    assert found[0] == pytest.approx(found[1], rel=1e-9)
+
+
+def test_a_positive_size_is_no_candidate_for_the_other_direction():
+    g, y, _, candidate = case("lognormal", 0.5)
+    _, _, opposite, _ = case("lognormal", 0.5)
+    z = np.linalg.solve(np.eye(NUISANCES) + g.T @ g, g.T @ y)
+
+    def mirrored(rows, grafts=()):
+        own = opposite([(row[:NUISANCES], acting) for row, acting in rows])
+        return own + (own - opposite(rows))
+
+    screen(SimpleNamespace(fitted=mirrored), Fit(z, y - g @ z, g), [], [candidate])
+    assert candidate.z_score == 0.0
