@@ -13,6 +13,7 @@ from coronaryuq.estimation.estimators import predict
 from coronaryuq.estimation.folds import assign
 from coronaryuq.estimation.montecarlo import Interval
 from coronaryuq.estimation.runs import Row, Runs
+from coronaryuq.estimation.settings import Settings
 from coronaryuq.seeds import generator
 
 TRIALS, N, M, FOLDS = 200, 60, 1500, 10
@@ -73,3 +74,9 @@ def test_variance(trials):
 def test_sobol_indices_of_an_additive_model(trials, name, truth):
     found = [beyond.sobol(d, y, p)[name] for d, y, p in trials]
     check([(f["value"], f["std"], Interval(f["low"], f["high"], 0.95)) for f in found], truth)
+
+
+def test_a_quantile_with_few_runs_beyond_it_carries_a_warning(trials):
+    found = beyond.everything(trials[0][0], ROW, trials[0][2], Settings())
+    warned = {share for share, value in found["quantiles"].items() if "warning" in value}
+    assert warned == {"0.05", "0.95"}

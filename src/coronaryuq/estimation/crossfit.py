@@ -69,7 +69,7 @@ class Estimate:
 def combine(
     method: str, y: np.ndarray, held_out: np.ndarray, blocks: list[Propagated], fold: np.ndarray,
     n_0d: int, level: float = 0.95, beta: float | None = None, weights: np.ndarray | None = None,
-    between: Between | None = None,
+    between: Between | None = None, least: float = 0.0,
 ) -> Estimate:  # fmt: skip
     """Cross-fitted estimate from y (n,), held-out g (n,), blocks of propagation values in fold order, fold (n,).
 
@@ -93,7 +93,7 @@ def combine(
     mean = float(np.average(residuals, weights=weights))
     mean += beta * float(sum(s * b.mean for s, b in zip(share, blocks, strict=True)))
     centred = residuals - np.average(residuals, weights=weights)
-    from_residuals = float(np.sum((weights * centred) ** 2) / weights.sum() ** 2 * n / (n - 1))
+    from_residuals = max(least, float(np.sum((weights * centred) ** 2) / weights.sum() ** 2 * n / (n - 1)))
     from_blocks = beta**2 * from_blocks
     values, bound = weights * centred, from_residuals
     if between is not None:
