@@ -227,6 +227,10 @@ def test_a_simvascular_project_becomes_a_tree(shared):
     assert 8 < left < 16
     assert 0.2 < tree.root.radii[0] < 0.3
     assert all(0.07 < v.radii[-1] < 0.13 for v in tree.leaves())
+    # Straight pieces between its contours have a corner of 59 degrees.
+    along = np.diff(tree["LAD"].points[2:], axis=0)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    assert ((along[1:] * along[:-1]).sum(axis=1) > np.cos(np.radians(35.0))).all()
 
 
 @pytest.fixture
