@@ -1,0 +1,172 @@
+"""The paper's campaign at its full fan-out, with recorded results in the place of what computes: run by hand.
+
+    python tests/workflow/rehearsal.py results/smoke FOLDER              all of it on this machine
+    python tests/workflow/rehearsal.py results/smoke FOLDER --slurm 20   up to 20 of its 3D jobs, on a SLURM of its own
+
+500 3D jobs of one sample each, on SLURM with 96 tasks that `srun` really starts on declared cores; 2500 realisations,
+24 chains, 10,000 0D runs per input set, 80 jobs of resampled inputs. What a job would compute is copied from a record,
+made at the campaign's size from a finished smoke campaign (what that has not made, a figure say, is some file); runs
+are gathered in earnest. Prints one JSON object.
+"""
+
+import argparse
+import json
+import re
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import yaml
+
+sys.path.append(str(Path(__file__).parent))
+
+import cluster
+from checkout import ROOT, Checkout
+from coronaryuq import records
+from coronaryuq.files import read_csv, write_csv
+from coronaryuq.posterior.samples import theta
+
+IN_EARNEST = ("runs",)
+NAME = "rehearsal"
+
+COPY = """
+    shell:
+        "{launch}for f in {{output:q}}; do mkdir -p $(dirname $f);"
+        " if [ -e {record}/$f ]; then cp -rT {record}/$f $f; else cp {record}/note.json $f; fi; done;"
+        " echo done > {{log:q}}; mkdir -p results/{name}/provenance;"
+        " cp {record}/note.json 'results/{name}/provenance/{{rule}}-{{wildcards}}.json'"
+"""
+
+
+def record(smoke: Path, settings: dict, folder: Path) -> None:
+    """Results of the campaign at its size, each of a finished smoke campaign's kind, under `folder`/results."""
+    home = folder / "results" / NAME
+    shutil.copytree(smoke, home)
+    shutil.copy(next(smoke.glob("provenance/flow3d_batch*.json")), folder / "note.json")
+    for part in ("provenance", "logs", ".lock", "samples", "flow3d/checkpoints"):
+        path = home / part
+        shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+    draws = read_csv(smoke / "posterior" / "draws.csv")
+    beds = [name for name in draws.columns if name not in ("chain", "generation", "log_density")]
+    counts = {"pilot": settings["samples"]["n_3d"], "propagation": settings["samples"]["n_0d"]}
+    tables = {name: theta(draws, beds, name, count, (0.7, 1.25), 1) for name, count in counts.items()}
+    for name, table in tables.items():
+        write_csv(home / "samples" / f"{name}.csv", table)
+        runs = pd.read_parquet(smoke / "zerod" / f"{name}_0.parquet")
+        size = settings["samples"]["chunk_0d"]
+        for k, first in enumerate(range(0, len(table), size)):
+            part = table["sample"].iloc[first : first + size]
+            chunk = runs.iloc[np.arange(len(part)) % len(runs)].reset_index(drop=True)
+            chunk.assign(sample=part.to_numpy()).to_parquet(home / "zerod" / f"{name}_{k}.parquet")
+    held = records.read(smoke / "flow3d" / "batch_0.jsonl")
+    for k, row in enumerate(tables["pilot"].to_dict("records")):
+        one = held[k % len(held)]
+        one.sample, one.inputs = row.pop("sample"), row
+        records.write(home / "flow3d" / f"batch_{k}.jsonl", [one])
+    _repeat(home / "flow3d", "fields_{}.zip", counts["pilot"], smoke / "flow3d" / "fields_1.zip")
+    _repeat(home / "zerod", "resampled_{}.parquet", settings["samples"]["chunks_resampled"])
+    chunks = -(-settings["perfusion"]["realisations"] // settings["samples"]["chunk_realisations"])
+    _repeat(home / "perfusion", "chunk_{}.npz", chunks)
+
+
+def _repeat(folder: Path, name: str, count: int, source: Path | None = None) -> None:
+    source = source or folder / name.format(0)
+    for k in range(count):
+        if not (folder / name.format(k)).exists():
+            shutil.copy(source, folder / name.format(k))
+
+
+def copying(checkout: Checkout, folder: Path) -> None:
+    """Put copies of the record in the place of what the rules run."""
+    for path in (checkout.folder / "workflow" / "rules").glob("*.smk"):
+        whole = path.read_text()
+        for script in re.findall(r'\n    script:\n        "../scripts/(\w+)\.py"\n', whole):
+            if script not in IN_EARNEST:
+                launch = "{resources.mpi} -n {resources.tasks} true; " if script == "flow3d_batch" else ""
+                text = COPY.format(record=folder.as_posix(), name=NAME, launch=launch)
+                whole = whole.replace(f'\n    script:\n        "../scripts/{script}.py"\n', text)
+        path.write_text(whole)
+    (checkout.folder / "workflow" / "scripts" / "posterior_chains.py").write_text(
+        "import os, shutil, sys\n"
+        "(to,) = [word[7:] for word in sys.argv if word.startswith('chains=')]\n"
+        "if os.environ.get('PMI_RANK', os.environ.get('SLURM_PROCID', '0')) == '0':\n"
+        f"    shutil.copy({folder.as_posix()!r} + '/' + to, to)\n"
+    )
+
+
+def rehearse(smoke: Path, folder: Path, slurm: int | None) -> dict:
+    settings = yaml.safe_load((ROOT / "config" / "paper.yaml").read_text())
+    settings |= {"name": NAME, "backend": "svsolver"}
+    del settings["paper_data"]
+    settings["samples"] |= {"batch_3d": 1, "n_3d": slurm or 500}
+    record(smoke, settings, folder)
+    checkout = Checkout(folder / "campaign")
+    planned = _run(checkout.command("--dry-run", "--quiet", "all", "--scheduler", "greedy", settings=settings))
+    jobs = checkout.dry_run("--scheduler", "greedy", settings=settings)
+    copying(checkout, folder)
+    if slurm:
+        with cluster.cluster(folder / "slurm", cpus=960, memory_mb=4_000_000):
+            batches = [f"results/{NAME}/flow3d/batch_{k}.jsonl" for k in range(slurm)]
+            done = _run(checkout.command("--profile", str(_site(folder)), "--", *batches, settings=settings))
+            listed = subprocess.run(["scontrol", "--oneliner", "show", "jobs"], capture_output=True, text=True).stdout
+        tasks = re.findall(r"JobState=COMPLETED .*NumTasks=(\d+)", listed)
+        more = {"slurm_jobs_completed": len(tasks), "of_96_tasks": tasks.count("96")}
+    else:
+        profile = ROOT / "workflow" / "profiles" / "default"
+        done = _run(checkout.command("--profile", str(profile), "--cores", "1", settings=settings))
+        gathered = (checkout.folder / "results" / NAME / "runs" / "outputs_3d.csv").read_text().splitlines()
+        more = {"rows_gathered": len(gathered) - 1}
+    home = checkout.folder / "results" / NAME
+    files = [path for path in home.rglob("*") if path.is_file()]
+    return {
+        "jobs": sum(jobs.values()),
+        "jobs_3d": jobs["flow3d_batch"],
+        "dry_run_wall_s": round(planned["wall_s"], 1),
+        "dry_run_cpu_s": round(planned["own_cpu_s"], 1),
+        "wall_s": round(done["wall_s"]),
+        "snakemake_own_cpu_s": round(done["own_cpu_s"], 1),
+        "files": len(files),
+        "files_of_snakemake": sum(path.is_file() for path in (checkout.folder / ".snakemake").rglob("*")),
+        "megabytes": round(sum(path.stat().st_size for path in files) / 1e6, 1),
+        **more,
+    }
+
+
+def _site(folder: Path) -> Path:
+    """The profile `slurm` with 96 tasks for a 3D job."""
+    profile = yaml.safe_load((ROOT / "workflow" / "profiles" / "slurm" / "config.yaml").read_text())
+    profile["set-resources"]["flow3d_batch"] |= {"mpi": "srun", "tasks": 96}
+    profile |= {"latency-wait": 20, "slurm-init-seconds-before-status-checks": 1}
+    (folder / "site").mkdir()
+    (folder / "site" / "config.yaml").write_text(yaml.safe_dump(profile))
+    return folder / "site"
+
+
+def _run(command: dict) -> dict:
+    """Run Snakemake; its wall time and the CPU time of its own process, jobs left out."""
+    started, own = time.monotonic(), 0.0
+    with subprocess.Popen(**command, stdout=sys.stderr, stderr=sys.stderr) as process:
+        while process.poll() is None:
+            try:
+                spent = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()[11:13]
+                own = max(own, sum(map(int, spent)) / 100)
+            except (OSError, ValueError):
+                pass
+            time.sleep(0.2)
+    if process.returncode:
+        raise SystemExit(f"snakemake ended with code {process.returncode}")
+    return {"wall_s": time.monotonic() - started, "own_cpu_s": own}
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("smoke", type=Path, help="results of a finished smoke campaign")
+    parser.add_argument("folder", type=Path, help="where to rehearse; must not exist")
+    parser.add_argument("--slurm", type=int, metavar="N", help="up to that many 3D jobs, on a SLURM started for it")
+    given = parser.parse_args()
+    given.folder.mkdir(parents=True)
+    print(json.dumps(rehearse(given.smoke.resolve(), given.folder.resolve(), given.slurm), indent=1))
