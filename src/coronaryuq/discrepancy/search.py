@@ -7,6 +7,7 @@ import numpy as np
 from coronaryuq.discrepancy import outside
 from coronaryuq.discrepancy.candidates import (
     CONTENDER,
+    LARGEST_CLASS_ODDS,
     Candidate,
     all_candidates,
     fit_shortlist,
@@ -230,11 +231,15 @@ def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Rou
         if best is None:
             current.accepted = None
             return others, without
-        # Its round's other fits knew nothing of the later effects: they are no class of it, and its probability is that
-        # among what was tried here.
-        weights = np.exp([weight - max(o[0] for o in options) for weight, _, _ in options])
-        best.probability = float(weights.max() / weights.sum())
-        current.accepted, current.members = best, [best]
+        # Its round's other fits knew nothing of the later effects: its class and probabilities are those among what was
+        # tried here.
+        options.sort(key=lambda option: -option[0])
+        weights = np.exp([weight - options[0][0] for weight, _, _ in options])
+        for (_, one, _), share in zip(options, weights / weights.sum(), strict=True):
+            if one is not None:
+                one.probability = float(share)
+        near = [one for weight, one, _ in options if weight > options[0][0] - LARGEST_CLASS_ODDS]
+        current.accepted, current.members = best, [one for one in near if one is not None]
         # The rival's sizes stand last in its fit; keep the order of places in step with it.
         accepted.append(accepted.pop(number))
         return [*others, best.acting], found
