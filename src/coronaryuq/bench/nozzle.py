@@ -101,7 +101,7 @@ class NozzleFlow:
     change: float
 
 
-def solve(rings: int = 6, outer: int = 6, finest: float = 0.025, time: float = 3.0, dt: float = 4e-3) -> NozzleFlow:
+def solve(rings: int = 6, outer: int = 6, finest: float = 0.05, time: float = 1.2, dt: float = 2.5e-3) -> NozzleFlow:
     """The flow after `time` seconds, from rest behind an inlet whose profile is developed."""
     points, tets, caps = mesh(rings, outer, finest)
     space = Discretisation(points, tets, caps, ["inlet"], dt, DENSITY, VISCOSITY, reference_speed=SPEED)

@@ -121,7 +121,7 @@ def lumen(fields: str, case: str, tree: str, output: str, reach: float = 1.6, he
                     cut.copy(), scalars=name, cmap=colours, clim=limits, lighting=False,
                     scalar_bar_args=BAR | {"title": unit, "fmt": "%.0f", "n_labels": 3, "position_x": 0.93},
                 )  # fmt: skip
-                plotter.add_text(f"{stenoses[row]['name']}, {what}", position="lower_left", font_size=9, color="black")
+                plotter.add_text(f"{stenoses[row]['name']}, {what}", position="lower_right", font_size=9, color="black")
                 plotter.enable_parallel_projection()
                 focus = middle + 0.17 * along
                 plotter.camera_position = [focus + 5.0 * normal, focus, np.cross(normal, along)]
