@@ -19,8 +19,8 @@ SNAP = 0.3
 SHORT = 0.5
 """Edges of a rim below this many grid spacings are collapsed."""
 
-TURN = 0.5
-"""Cosine of the angle by which a triangle may turn when a vertex moves into a cap's plane or along its rim."""
+UPRIGHT = 0.2
+"""Least cosine between a triangle's normal and the surface's, after vertices have moved at a cap."""
 
 WALL = 1
 """Reference of wall triangles; cap number i has i + 2."""
@@ -75,7 +75,10 @@ def cut(points, triangles, refs, ref: int, cap: Cap, implicit: Implicit, spacing
     height = (points - cap.centre) @ cap.normal
     near = np.linalg.norm(points - cap.centre, axis=1) < 2.0 * cap.radius + 2.0 * spacing
     snapped = near & (np.abs(height) < SNAP * spacing)
-    points, snapped = _snapped(points, triangles, snapped, height, _into_plane(points[snapped], cap, implicit, spacing))
+    outward = np.zeros_like(points)
+    outward[near] = implicit.gradient(points[near], 1e-2 * spacing)
+    places = _into_plane(points[snapped], cap, implicit, spacing)
+    points, snapped = _snapped(points, triangles, snapped, height, places, outward)
     height[snapped] = 0.0
     beyond = _beyond(points, triangles, height, cap)
     side = np.where(beyond, height, -1.0)
@@ -107,12 +110,14 @@ def cut(points, triangles, refs, ref: int, cap: Cap, implicit: Implicit, spacing
             clipped_refs.append(old)
     in_plane = np.r_[snapped, np.ones(len(fresh), bool)]
     if fresh:
-        points = np.vstack([points, _into_plane(np.array(fresh), cap, implicit, spacing)])
+        added = _into_plane(np.array(fresh), cap, implicit, spacing)
+        points = np.vstack([points, added])
+        outward = np.vstack([outward, implicit.gradient(added, 1e-2 * spacing)])
     open_triangles = np.vstack([kept, np.array(clipped, np.int64).reshape(-1, 3)])
     open_refs = np.concatenate([kept_refs, np.array(clipped_refs, np.int64)])
     beside = in_plane[open_triangles].any(axis=1)
     border, border_refs = _without_short_rim(
-        points, open_triangles[beside], open_refs[beside], in_plane, cap, SHORT * spacing
+        points, outward, open_triangles[beside], open_refs[beside], in_plane, cap, SHORT * spacing
     )
     rim = _rim(border, in_plane, cap)
     centre = points[rim].mean(axis=0)
@@ -125,24 +130,27 @@ def cut(points, triangles, refs, ref: int, cap: Cap, implicit: Implicit, spacing
     )
 
 
-def _snapped(points, triangles, chosen: np.ndarray, height: np.ndarray, places: np.ndarray):
-    """Points with the chosen ones at their places, less those at which a triangle below the plane would turn over; and
-    which they are.
+def _snapped(points, triangles, chosen: np.ndarray, height: np.ndarray, places: np.ndarray, outward: np.ndarray):
+    """Points with the chosen ones at their places, less those at which a triangle below the plane would fall over; and
+    which they are. outward: the surface's normal at every point near the cap.
     """
     moved, chosen = points.copy(), chosen.copy()
     moved[chosen] = places
-    below = (chosen[triangles].any(axis=1)) & ((height < 0.0) & ~chosen)[triangles].any(axis=1)
-    triangles = triangles[below]
-    while (over := _turned_over(points[triangles], moved[triangles])).any():
-        back = np.unique(triangles[over])
+    triangles = triangles[chosen[triangles].any(axis=1)]
+    up = outward[triangles].sum(axis=1)
+    while True:
+        below = (~chosen & (height < 0.0))[triangles].any(axis=1) & chosen[triangles].any(axis=1)
+        fallen = below & (_cosine(moved[triangles], up) < UPRIGHT)
+        if not fallen.any():
+            return moved, chosen
+        back = np.unique(triangles[fallen])
         moved[back], chosen[back] = points[back], False
-    return moved, chosen
 
 
-def _turned_over(before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """Triangles (m,) of corners (m, 3, 3) that turn by more than `TURN` allows."""
-    old, new = (np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) for p in (before, after))
-    return (old * new).sum(axis=1) < TURN * np.linalg.norm(old, axis=1) * np.linalg.norm(new, axis=1)
+def _cosine(corners: np.ndarray, up: np.ndarray) -> np.ndarray:
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.linalg.norm(normal, axis=1) * np.linalg.norm(up, axis=1)
+    return (normal * up).sum(axis=1) / np.maximum(size, 1e-300)
 
 
 def _into_plane(points: np.ndarray, cap: Cap, implicit: Implicit, spacing: float) -> np.ndarray:
@@ -193,7 +201,7 @@ def _rim(triangles: np.ndarray, in_plane: np.ndarray, cap: Cap) -> np.ndarray:
     return np.array(loop)
 
 
-def _without_short_rim(points, triangles, refs, in_plane: np.ndarray, cap: Cap, shortest: float):
+def _without_short_rim(points, outward, triangles, refs, in_plane: np.ndarray, cap: Cap, shortest: float):
     """Collapse edges of the rim below `shortest`, where the surface stays a surface: mmgs would keep them."""
     rim = _rim(triangles, in_plane, cap).tolist()
     position = 0
@@ -201,7 +209,7 @@ def _without_short_rim(points, triangles, refs, in_plane: np.ndarray, cap: Cap, 
         here, onward = rim[position], rim[(position + 1) % len(rim)]
         short = np.linalg.norm(points[here] - points[onward]) < shortest
         ways = [(here, onward), (onward, here)] if short else []
-        goes = next((goes for stays, goes in ways if _may_collapse(points, triangles, stays, goes)), None)
+        goes = next((goes for stays, goes in ways if _may_collapse(points, outward, triangles, stays, goes)), None)
         if goes is None:
             position += 1
             continue
@@ -213,17 +221,18 @@ def _without_short_rim(points, triangles, refs, in_plane: np.ndarray, cap: Cap, 
     return triangles, refs
 
 
-def _may_collapse(points: np.ndarray, triangles: np.ndarray, stays: int, goes: int) -> bool:
+def _may_collapse(points: np.ndarray, outward: np.ndarray, triangles: np.ndarray, stays: int, goes: int) -> bool:
     """Whether an edge of the rim can go without harm: the two vertices share one neighbour, that of their one triangle
-    (link condition), and no triangle turns over.
+    (link condition), and no triangle falls over.
     """
     around = [set(np.unique(triangles[(triangles == v).any(axis=1)]).tolist()) for v in (stays, goes)]
     if len((around[0] & around[1]) - {stays, goes}) != 1:
         return False
-    before = triangles[(triangles == goes).any(axis=1)]
-    after = np.where(before == goes, stays, before)
-    whole = _whole(after)
-    return not _turned_over(points[before[whole]], points[after[whole]]).any()
+    before = triangles[(triangles == goes).any(axis=1) & ~(triangles == stays).any(axis=1)]
+    up = outward[before].sum(axis=1)
+    old, new = (_cosine(points[corners], up) for corners in (before, np.where(before == goes, stays, before)))
+    # Slivers of the isosurface need not stand upright from the first.
+    return not ((new < UPRIGHT) & (new < old)).any()
 
 
 def _whole(triangles: np.ndarray) -> np.ndarray:
