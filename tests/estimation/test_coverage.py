@@ -104,7 +104,7 @@ def test_benchmark_has_the_fixed_keys():
 
 def test_no_method_goes_without_a_warning_where_a_measured_cell_contradicts_it():
     """Published cells from a method's first verified size on: claim within 15 % of the spread, and a coverage whose
-    Wilson interval meets 93 to 97 %. That size is among the measured ones."""
+    Wilson interval reaches 93 %. That size is among the measured ones. More than 97 % is no ground for a warning."""
     lines = (Path(__file__).parents[2] / "docs" / "estimation-coverage.jsonl").read_text().splitlines()
     cells = [one for one in map(json.loads, lines) if "quantity" not in one]
     for method in {one["method"] for one in cells}:
@@ -113,7 +113,7 @@ def test_no_method_goes_without_a_warning_where_a_measured_cell_contradicts_it()
         for one in verified:
             held = binomtest(round(one["coverage_95"] * one["trials"]), one["trials"]).proportion_ci(method="wilson")
             assert one["trials"] >= 400 and abs(one["claimed_over_empirical"] - 1) <= 0.15, one
-            assert held.high >= 0.93 and held.low <= 0.97, one
+            assert held.high >= 0.93, one
 
 
 def test_cells_of_several_sizes_make_one_table(tmp_path):
