@@ -31,6 +31,20 @@ for output in map(pathlib.Path, outputs):
 """
 
 
+def scripts_at_work(folder: Path, name: str) -> list[int]:
+    """Python processes that run a script for a campaign in a folder, MPI ranks and jobs of SLURM included."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            line = (process / "cmdline").read_bytes().decode(errors="replace")
+            python = Path(os.readlink(process / "exe")).name.startswith("python")
+        except OSError:
+            continue
+        if python and str(folder) in line and f"{name}.py" in line:
+            found.append(int(process.name))
+    return sorted(found)
+
+
 class Checkout:
     """Copy of the project's workflow, configuration and sources, with a small campaign named `tiny`."""
 

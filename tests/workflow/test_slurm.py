@@ -13,7 +13,7 @@ import yaml
 
 import cluster
 import smoke
-from checkout import ROOT, Checkout
+from checkout import ROOT, Checkout, scripts_at_work
 from coronaryuq import doctor
 from coronaryuq.files import read_json
 
@@ -78,23 +78,10 @@ def test_the_whole_campaign_by_the_profile_gives_the_same_table(slurm, tmp_path)
     assert len(list(spread.glob("flow3d/batch_*.jsonl"))) == 4 and len(list(alone.glob("flow3d/batch_*.jsonl"))) == 3
 
 
-def job_processes(folder: Path, rule: str) -> list[int]:
-    """Processes of a rule's script in a campaign's folder, on whatever node of this machine."""
-    found = []
-    for path in Path("/proc").glob("[0-9]*/cmdline"):
-        try:
-            line = path.read_bytes()
-        except OSError:
-            continue
-        if f"{rule}.py".encode() in line and b".snakemake/scripts" in line and str(folder).encode() in line:
-            found.append(int(path.parent.name))
-    return found
-
-
 def freeze(folder: Path) -> None:
     """The first attempt hangs, as on a file system that does not answer."""
     deadline = time.monotonic() + 120
-    while not (hanging := job_processes(folder, "perfusion_chunk")):
+    while not (hanging := scripts_at_work(folder, "perfusion_chunk")):
         assert time.monotonic() < deadline
         time.sleep(0.02)
     for pid in hanging:
@@ -103,7 +90,7 @@ def freeze(folder: Path) -> None:
 
 def cancel(folder: Path) -> None:
     deadline = time.monotonic() + 120
-    while not job_processes(folder, "perfusion_chunk"):
+    while not scripts_at_work(folder, "perfusion_chunk"):
         assert time.monotonic() < deadline
         time.sleep(0.02)
     subprocess.run(["scancel", "--state=RUNNING", "--user=root"], check=True)

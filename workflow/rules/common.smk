@@ -12,6 +12,7 @@ from coronaryuq import config as configuration
 from coronaryuq import explain, files, provenance
 from coronaryuq.case.description import read_description
 from coronaryuq.case.named import files_named, lumen
+from coronaryuq.clock import bring_to_the_present
 from coronaryuq.errors import InputError
 from coronaryuq.exclusive import occupy
 
@@ -76,6 +77,8 @@ onstart:
         except InputError as error:
             print(f"error: {error}", file=sys.stderr, flush=True)
             sys.exit(InputError.EXIT_CODE)
+        if ahead := bring_to_the_present(results()):
+            print(f"note: {len(ahead)} results were dated later than now: the clock has been set", file=sys.stderr)
         cache = os.environ.get(explain.CACHE)
         if workflow.output_file_cache is not None and not os.access(cache, os.W_OK):
             print(f"note: {cache} cannot be written: results are taken from it, none are added", file=sys.stderr)

@@ -99,14 +99,19 @@ def unpack(archive: str | Path, folder: str | Path) -> None:
     """Unpack what `pack` made into `folder`/mesh-complete."""
     try:
         with zipfile.ZipFile(archive) as packed:
-            for name in packed.namelist():
-                if not name.startswith("mesh-complete/") or ".." in Path(name).parts:
-                    raise InputError(archive, "entry", name, "lies outside mesh-complete/; make the mesh again")
-            packed.extractall(folder)
+            names, torn = packed.namelist(), packed.testzip()
     except FileNotFoundError:
         raise InputError(archive, None, None, "no such file") from None
-    except (zipfile.BadZipFile, zlib.error, EOFError):
+    # What a broken archive may make zipfile raise: OSError too, where an offset points out of the file.
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, ValueError):
         raise InputError(archive, None, None, "not a zip archive; make the mesh again") from None
+    if torn is not None:
+        raise InputError(archive, "entry", torn, "is corrupted; make the mesh again")
+    for name in names:
+        if not name.startswith("mesh-complete/") or ".." in Path(name).parts:
+            raise InputError(archive, "entry", name, "lies outside mesh-complete/; make the mesh again")
+    with zipfile.ZipFile(archive) as packed:
+        packed.extractall(folder)
 
 
 def read(folder: str | Path) -> Mesh:

@@ -1,0 +1,67 @@
+"""Every reader of text against inputs that grow with the branches they reach (atheris, libFuzzer): by hand.
+
+Each reader has `FUZZ_SECONDS` (default 20), from one sound example on; it may say what is wrong and nothing else.
+"""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+pytest.importorskip("atheris", reason="needs atheris, which is not installed")
+
+pytestmark = pytest.mark.long
+
+READERS = {
+    "campaign.yaml": "coronaryuq.config.load",
+    "case.yaml": "coronaryuq.case.description.read_description",
+    "conditions.yaml": "coronaryuq.discrepancy.conditions.read_conditions",
+    "model.json": "coronaryuq.zerod.network.read_network",
+    "case/case.json": "coronaryuq.case.casefile.read_case",
+    "batch_0.jsonl": "coronaryuq.records.read",
+    "outlets.csv": "coronaryuq.case.tables.read_outlets",
+    "targets.csv": "coronaryuq.case.tables.read_case_targets",
+    "mesh-complete.zip": "coronaryuq.flow3d.mesh.folder.unpack",
+}
+
+GUIDED = """
+import importlib, sys, tempfile
+from pathlib import Path
+import atheris
+
+name, reader, seconds, corpus = sys.argv[1:5]
+module, _, function = reader.rpartition(".")
+with atheris.instrument_imports(include=["coronaryuq"]):
+    read = getattr(importlib.import_module(module), function)
+from coronaryuq.errors import InputError
+
+folder = Path(tempfile.mkdtemp())
+path = folder / Path(name).name
+more = (folder / "out",) if function == "unpack" else ()
+
+
+def once(data):
+    path.write_bytes(data)
+    try:
+        read(path, *more)
+    except InputError as error:
+        assert "\\n" not in str(error) and path.name in str(error), error
+    assert {p.name for p in folder.iterdir()} <= {path.name, "out"}, "something was written"
+
+
+options = [f"-max_total_time={seconds}", "-rss_limit_mb=3000", "-max_len=20000", "-verbosity=0", "-print_final_stats=1"]
+atheris.Setup([sys.argv[0], *options, corpus], once)
+atheris.Fuzz()
+"""
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_a_reader_reads_or_says_on_one_line_what_is_wrong(sound, tmp_path, name):
+    (tmp_path / "corpus").mkdir()
+    (tmp_path / "corpus" / "sound").write_bytes((sound / name).read_bytes())
+    seconds = os.environ.get("FUZZ_SECONDS", "20")
+    command = [sys.executable, "-c", GUIDED, name, READERS[name], seconds, str(tmp_path / "corpus")]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    print(*(line for line in done.stderr.splitlines() if "stat::number" in line))
+    assert done.returncode == 0, done.stderr[-3000:]
