@@ -44,9 +44,14 @@ def test_gauss_newton_solves_a_curved_problem():
 
 
 def test_a_failed_run_is_reported_not_raised():
-    search = Search(None, np.zeros(1), [0])
-    maximise(lambda rows: np.full((len(rows), 3), np.nan), [search], 3)
-    assert search.failed
+    search, asked = Search(None, np.zeros(1), [0]), []
+
+    def fails(rows):
+        asked.append(len(rows))
+        return np.full((len(rows), 3), np.nan)
+
+    maximise(fails, [search], 3)
+    assert search.failed and asked == [2]
 
 
 def test_score_has_covariance_p():

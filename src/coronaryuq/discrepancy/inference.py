@@ -95,6 +95,8 @@ def maximise(evaluate: Evaluate, searches: list[Search], iterations: int, tolera
             break
         _differentiate(evaluate, active)
         active = [search for search in active if not search.done]
+        if not active:
+            break
         steps = {id(search): _step(search) for search in active}
         trials = [(search, search.z + length * steps[id(search)]) for search in active for length in LENGTHS]
         values = evaluate([(z, search.label) for search, z in trials])
