@@ -142,6 +142,21 @@ def test_no_triangle_turns_over_at_a_rim_on_a_coarse_grid():
         assert ((normal * outward).sum(axis=1) > 0.0).all()
 
 
+def test_no_triangle_falls_over_at_the_caps_of_a_tree():
+    # Here the isosurface has slivers within reach of three of its caps.
+    tree, _ = random_tree(3)
+    kept = trees(tree)
+    ends = paths.caps(tree, kept, list(kept))
+    along = paths.paths(tree, kept, list(kept))
+    body = Implicit(along)
+    points, triangles, refs = surface(body, ends, 0.6 * min(line.radii.min() for line in along))
+    corners = points[triangles[refs == 1]]
+    centres = corners.mean(axis=1)
+    near = np.any([np.linalg.norm(centres - cap.centre, axis=1) < 1.6 * cap.radius for cap in ends], axis=0)
+    normal = np.cross(corners[near, 1] - corners[near, 0], corners[near, 2] - corners[near, 0])
+    assert ((normal * body.gradient(centres[near], 1e-3)).sum(axis=1) > 0.0).all()
+
+
 def test_a_cap_within_another_vessel_is_named():
     tree, _ = tube(length=1.5, radius=0.2)
     kept = trees(tree)
