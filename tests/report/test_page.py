@@ -41,9 +41,16 @@ def test_costs_are_those_of_each_jobs_last_attempt(tmp_path):
     assert (total["name"], total["jobs"], total["cpu"]) == ("all", 2, "6")
 
 
-@pytest.mark.parametrize(("low", "high", "kind"), [(0.6, 0.9, "bad"), (0.1, 0.4, "good"), (0.4, 0.6, "warn")])
+@pytest.mark.parametrize(("low", "high", "kind"), [(0.92, 0.97, "bad"), (0.01, 0.06, "good"), (0.42, 0.47, "warn")])
 def test_the_verdict_follows_the_whole_interval(low, high, kind):
     assert page._verdict({"low": low, "high": high})["class"] == kind
+
+
+def test_a_narrow_interval_of_a_probability_gets_a_decimal():
+    narrow = page._probability({"value": 0.031, "low": 0.027, "high": 0.035})
+    wide = page._probability({"value": 0.02, "low": -0.01, "high": 0.11})
+    assert narrow == {"value": "3.1 %", "low": "2.7 %", "high": "3.5 %"}
+    assert wide == {"value": "2 %", "low": "0 %", "high": "11 %"}
 
 
 @pytest.mark.parametrize(("value", "text"), [(0.5, "0.50"), (-0.953, "-0.953"), (0.99962, "0.99962"), (None, "–")])

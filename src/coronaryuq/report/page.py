@@ -41,6 +41,8 @@ PLACES = {
 }
 FFR_DECIMALS = 3
 """A pressure wire reads two; one more shows how near the threshold the mean lies."""
+LIKELY = 0.9
+"""How probable one side of the threshold has to be, over the whole interval, before the page takes it."""
 COST = re.compile(r"cost: wall ([\d.]+) s, cpu ([\d.]+) s, memory (\d+) MB")
 
 
@@ -164,18 +166,19 @@ def _quantity(value: dict, most_decimals: int = 6) -> dict:
 def _probability(found: dict | None) -> dict:
     if found is None:
         return {"value": "–", "low": "–", "high": "–"}
-    ends = {end: f"{100 * min(max(found[end], 0.0), 1.0):.0f} %" for end in ("low", "high")}
-    return {"value": f"{100 * min(max(found['value'], 0.0), 1.0):.0f} %", **ends}
+    share = {name: 100 * min(max(found[name], 0.0), 1.0) for name in ("value", "low", "high")}
+    decimals = 1 if share["high"] - share["low"] < 2 else 0
+    return {name: f"{value:.{decimals}f} %" for name, value in share.items()}
 
 
 def _verdict(found: dict | None) -> dict:
     if found is None:
         return {"class": "muted", "verdict": ""}
-    if found["low"] > 0.5:
-        return {"class": "bad", "verdict": "More likely than not it limits flow."}
-    if found["high"] < 0.5:
-        return {"class": "good", "verdict": "More likely than not it limits no flow."}
-    return {"class": "warn", "verdict": "The runs do not decide it."}
+    if found["low"] > LIKELY:
+        return {"class": "bad", "verdict": "It very likely limits flow."}
+    if found["high"] < 1 - LIKELY:
+        return {"class": "good", "verdict": "It very likely limits no flow."}
+    return {"class": "warn", "verdict": "The data leave open whether it limits flow."}
 
 
 class _Notes:
