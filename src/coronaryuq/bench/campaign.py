@@ -39,7 +39,7 @@ def run(quick: bool, config: str | None = None) -> dict:
     return {
         "config": configuration.name,
         "jobs": _jobs(planned.output),
-        "jobs_run": len(intervals),
+        "jobs_run": _jobs_run(done.output),
         "dry_run_s": round(planned.wall_s, 2),
         "wall_s": round(done.wall_s, 2),
         "cpu_s": round(done.cpu_s, 2),
@@ -81,8 +81,12 @@ def _jobs(output: str) -> int:
     return int(re.search(r"^total\s+(\d+)", output, re.MULTILINE).group(1))
 
 
+def _jobs_run(output: str) -> int:
+    return int(re.findall(r"^(\d+) of \d+ steps", output, re.MULTILINE)[-1])
+
+
 def _intervals(folder: Path) -> list[tuple[float, float]]:
-    """Start and end of every job, from Snakemake's records (one per output file; those of one job coincide)."""
+    """Start and end of every job, from Snakemake's records: one per output file, whose ends differ within a job."""
     found = set()
     for path in (folder / ".snakemake" / "metadata").rglob("*"):
         if path.is_file():
