@@ -20,6 +20,22 @@ def straight(name, start, direction, length, radii, parent=None, branch="aorta",
     )
 
 
+def small_tree(**points: int) -> Tree:
+    """An aorta with a left main that divides once, and a right coronary artery; lengths are round numbers.
+
+    points: of a vessel, where it needs other than 21.
+    """
+    vessels = (
+        ("aorta", (0, 0, 0), (0, 0, 1), 2.0, (1.2, 1.2)),
+        ("branch1", (0, 0, 2), (1, 0, 0), 3.2, (0.2, 0.2), "aorta", "LM"),
+        ("lca1", (3.2, 0, 2), (1, 0, -1), 4.0, (0.16, 0.12), "branch1", "LAD"),
+        ("lca2", (3.2, 0, 2), (1, 1, 0), 3.0, (0.15, 0.10), "branch1", "LCx"),
+        ("rca1", (0, 0, 2), (-1, 0, 0), 6.2, (0.18, 0.12), "aorta", "RCA"),
+        ("aorta_outlet", (0, 0, 2), (0, 0, 1), 3.0, (1.2, 1.2), "aorta"),
+    )
+    return Tree([straight(*vessel, points=points.get(vessel[0], 21)) for vessel in vessels])
+
+
 def write_case(folder: Path, tree: Tree, **changes: str) -> Path:
     """Write a sound case of `small_tree` and return its `case.yaml`; `changes` replace or add (None removes) lines."""
     import pyvista as pv

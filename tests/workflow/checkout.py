@@ -10,8 +10,6 @@ from pathlib import Path
 
 import yaml
 
-from coronaryuq.case.tree import Tree
-
 ROOT = Path(__file__).parents[2]
 sys.path.append(str(ROOT / "tests" / "case"))
 
@@ -93,17 +91,9 @@ class Checkout:
 
     def small_case(self) -> str:
         """Write a case of five vessels beside the workflow; its path, as the configuration names it."""
-        from case_files import straight, write_case
+        from case_files import small_tree, write_case
 
-        tree = [
-            straight("aorta", (0, 0, 0), (0, 0, 1), 2.0, (1.2, 1.2)),
-            straight("branch1", (0, 0, 2), (1, 0, 0), 3.2, (0.2, 0.2), "aorta", "LM"),
-            straight("lca1", (3.2, 0, 2), (1, 0, -1), 4.0, (0.16, 0.12), "branch1", "LAD"),
-            straight("lca2", (3.2, 0, 2), (1, 1, 0), 3.0, (0.15, 0.10), "branch1", "LCx"),
-            straight("rca1", (0, 0, 2), (-1, 0, 0), 6.2, (0.18, 0.12), "aorta", "RCA"),
-            straight("aorta_outlet", (0, 0, 2), (0, 0, 1), 3.0, (1.2, 1.2), "aorta"),
-        ]
-        write_case(self.folder / "given", Tree(tree))
+        write_case(self.folder / "given", small_tree())
         return "given/case.yaml"
 
     def edit(self, module: str) -> None:

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from sound_inputs import write_image
 
-from conftest import write_image
 from coronaryuq import config, records
 from coronaryuq.calibration.targets import read_targets
 from coronaryuq.case.casefile import read_case

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from sound_inputs import BEDS, PERFUSION
 
-from conftest import BEDS, PERFUSION
 from coronaryuq import config
 from coronaryuq.calibration.targets import read_targets
 from coronaryuq.case.settings import Settings as CaseSettings
