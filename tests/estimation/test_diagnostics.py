@@ -55,15 +55,6 @@ def test_samples_too_unlike_are_not_mended():
     assert (diagnostics.balancing_weights(runs(3.0)) == 1).all()
 
 
-def test_failures_that_depend_on_an_input_are_told_from_those_at_random():
-    rng = generator(3, "failures")
-    at_random, at_low = np.exp(rng.normal(0, 0.3, (12, 3))), np.exp(rng.normal(0, 0.3, (12, 3)))
-    at_low[:, 1] = np.exp(rng.normal(-0.6, 0.1, 12))
-    assert diagnostics.failed_not_at_random(runs(failed=at_random)) is None
-    assert diagnostics.failed_not_at_random(runs(failed=at_low)).text.split(": ")[1].startswith("b differs")
-    assert diagnostics.failed_not_at_random(runs(failed=np.repeat(at_random, 4, axis=0))).code == "many failures"
-
-
 def test_resampled_inputs_outside_the_training_box():
     inside = runs().theta
     assert diagnostics.outside_support(inside, inside, ("a", "b", "c")) is None

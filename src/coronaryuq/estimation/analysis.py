@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from coronaryuq.errors import InputError
-from coronaryuq.estimation import beyond, diagnostics, estimators, mfmc_ae, report
+from coronaryuq.estimation import beyond, diagnostics, estimators, failures, mfmc_ae, report
 from coronaryuq.estimation.design import Design, make_design
 from coronaryuq.estimation.folds import assign, count
 from coronaryuq.estimation.montecarlo import correlation, mfmc_variance
@@ -102,7 +102,8 @@ def analyse(
     enough(runs, settings)
     k = count(len(runs), settings.folds)
     design = design or make_design(runs, rows, k, seed, settings.known_scaling)
-    findings = [f for f in (diagnostics.different_inputs(runs), diagnostics.failed_not_at_random(runs)) if f]
+    failed = failures.failed_not_at_random(runs, seed, settings.known_scaling)
+    findings = [f for f in (diagnostics.different_inputs(runs), failed) if f]
     weights = diagnostics.balancing_weights(runs) if findings else None
     best, results = {}, []
     for row in rows:

@@ -75,34 +75,6 @@ def balancing_weights(runs: Runs) -> np.ndarray:
     return weights if good else np.ones(n)
 
 
-def failed_not_at_random(runs: Runs) -> Finding | None:
-    """Failed 3D runs against those that ended: Mann-Whitney test of every input, and the share that failed."""
-    failed = len(runs.theta_failed)
-    if failed == 0:
-        return None
-    share = failed / (failed + len(runs))
-    p = {
-        name: stats.mannwhitneyu(runs.theta_failed[:, j], runs.theta[:, j]).pvalue
-        for j, name in enumerate(runs.inputs)
-        if np.ptp(runs.theta[:, j]) > 0
-    }
-    low = {name: value for name, value in p.items() if value * len(p) < 0.01}
-    if low:
-        worst = min(low, key=low.get)
-        return Finding(
-            "failures depend on inputs",
-            f"{failed} of {failed + len(runs)} 3D runs failed, not at random: {worst} differs (p = {low[worst]:.1e})",
-            "runs that ended are reweighted to the means of the propagation sample",
-        )
-    if share > 0.1:
-        return Finding(
-            "many failures",
-            f"{failed} of {failed + len(runs)} 3D runs failed ({share:.0%})",
-            "left out; no dependence on inputs was found, with so many a weak one may hide",
-        )
-    return None
-
-
 def outside_support(theta: np.ndarray, support: np.ndarray, inputs: tuple[str, ...]) -> Finding | None:
     """Resampled 0D inputs (m, d) that leave the box of the training inputs (n, d)."""
     low, high = support.min(axis=0), support.max(axis=0)

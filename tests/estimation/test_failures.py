@@ -1,0 +1,109 @@
+"""Failed runs that depend on θ are told, in one input or in several together, and those at random are not."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from coronaryuq.estimation import failures
+from coronaryuq.estimation.runs import Runs
+from coronaryuq.seeds import generator
+
+BEDS, SCALING = 14, "R_cor_scaling"
+INPUTS = (*(f"bed_{j}" for j in range(BEDS)), SCALING)
+
+
+def drawn(rng, count: int) -> np.ndarray:
+    """θ as in a campaign: beds with a common part, and a uniform scaling."""
+    beds = rng.normal(0, 0.15, (count, BEDS)) + rng.normal(0, 0.05, (count, 1))
+    return np.column_stack([np.exp(beds), rng.uniform(0.7, 1.25, count)])
+
+
+def split(theta: np.ndarray, score: np.ndarray, failed: int) -> tuple[np.ndarray, np.ndarray]:
+    """The highest scores fail."""
+    order = np.argsort(-score)
+    return theta[order[:failed]], theta[order[failed:]]
+
+
+def found(failed: np.ndarray, ended: np.ndarray):
+    frame = pd.DataFrame({"y": np.zeros(len(ended))})
+    names = tuple(map(str, range(len(ended))))
+    runs = Runs(Path("."), INPUTS, names, ended, frame, frame, ended, None, failed)
+    return failures.failed_not_at_random(runs, 1, SCALING)
+
+
+REASONS = {
+    "one input": lambda x: x[:, 3],
+    "mean resistance": lambda x: x[:, :BEDS].mean(axis=1),
+    "total resistance": lambda x: x[:, :BEDS].mean(axis=1) + x[:, BEDS],
+    "half of the beds": lambda x: x[:, :7].sum(axis=1) - x[:, 7:BEDS].sum(axis=1),
+}
+SAID = {
+    "one input": "bed_3 differs",
+    "mean resistance": "the mean of all inputs but R_cor_scaling differs",
+    "total resistance": "R_cor_scaling times the mean of the others differs",
+    "half of the beds": "inputs together differ, most bed_",
+}
+
+
+@pytest.mark.parametrize(("reason", "failed", "count"), [
+    ("one input", 3, 60), ("mean resistance", 3, 60), ("total resistance", 3, 60), ("half of the beds", 6, 60),
+])  # fmt: skip
+def test_the_runs_that_are_farthest_in_a_direction(reason, failed, count):
+    theta = drawn(generator(5, "sharp", reason), count)
+    finding = found(*split(theta, REASONS[reason](np.log(theta)), failed))
+    assert finding.text.startswith(f"{failed} of {count} 3D runs failed, not at random: {SAID[reason]}")
+
+
+def trials(number: int, count: int, failed: int, reason=None, permutations: int = 999) -> np.ndarray:
+    """p-values of repeated campaigns; the score that decides holds a reason and as much noise, or noise alone."""
+    p = np.empty(number)
+    for trial in range(number):
+        rng = generator(7, "trial", count, failed, trial)
+        theta, noise = drawn(rng, count), rng.normal(size=count)
+        known = np.zeros(count) if reason is None else REASONS[reason](np.log(theta))
+        score = known / (known.std() or 1.0) + noise
+        p[trial] = failures.dependence(*split(theta, score, failed), INPUTS, trial, SCALING, permutations)[0]
+    return p
+
+
+@pytest.mark.parametrize(("count", "failed"), [(24, 2), (60, 3), (100, 8)])
+def test_false_alarms_come_at_the_level(count, failed):
+    """Within three binomial standard errors; a test with ties may fall short of its level, never beyond."""
+    p, number = trials(400, count, failed), 400
+    for level in (0.01, 0.05, 0.2, 0.5):
+        share, error = (p <= level).mean(), math.sqrt(level * (1 - level) / number)
+        assert share < level + 3 * error
+        if failed > 2:
+            assert share > level - 3 * error
+
+
+@pytest.mark.parametrize("reason", REASONS)
+def test_power(reason):
+    """Half of the score that decides is noise: 25 failures of 500 are told in nine of ten campaigns at least."""
+    assert (trials(20, 500, 25, reason) < failures.SIGNIFICANCE).mean() >= 0.9
+
+
+def test_one_failure_says_nothing_and_many_are_told():
+    theta = drawn(generator(5, "one"), 60)
+    assert found(*split(theta, theta[:, 0], 1)) is None
+    assert found(*split(theta, generator(5, "noise").normal(size=60), 0)) is None
+    many = found(*split(theta, generator(5, "noise").normal(size=60), 9))
+    assert many.code == "many failures" and many.text == "9 of 60 3D runs failed (15%)"
+
+
+def test_inputs_that_do_not_move_and_inputs_that_move_as_one():
+    theta = drawn(generator(5, "still"), 60)
+    theta[:, 5] = 1.0
+    theta[:, 6] = theta[:, 7]
+    assert found(*split(theta, theta[:, 3], 3)).text.split(": ")[1].startswith("bed_3 differs")
+    assert failures.dependence(np.ones((2, 15)), np.ones((9, 15)), INPUTS, 1)[0] == 1.0
+
+
+def test_the_same_seed_gives_the_same_p():
+    theta = drawn(generator(5, "seed"), 60)
+    parts = split(theta, theta[:, 3] + 0.3 * generator(5, "noise").normal(size=60), 4)
+    p = [failures.dependence(*parts, INPUTS, seed, SCALING)[0] for seed in (1, 1, 2)]
+    assert p[0] == p[1] and p[0] == pytest.approx(p[2], abs=0.01)
