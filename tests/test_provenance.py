@@ -1,6 +1,9 @@
 """A result's sources are all the files it could depend on, and no others."""
 
+import ast
 from pathlib import Path
+
+import pytest
 
 from coronaryuq import provenance
 
@@ -17,6 +20,28 @@ def test_sources_follow_imports_to_the_ground():
 
 def test_sources_leave_out_what_is_not_imported():
     assert "seeds.py" not in names("coronaryuq.records")
+
+
+def test_imports_are_those_that_the_whole_file_parsed_gives():
+    files = sorted(Path(provenance.__file__).parent.rglob("*.py"))
+    assert len(files) > 200
+    for path in files:
+        assert set(provenance._imported(path)) == set(provenance._names(ast.parse(path.read_text()))), path
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("from coronaryuq.a import (  # why (not)\n    b,\n)\n", {"coronaryuq.a", "coronaryuq.a.b"}),
+        ("def f():\n    import coronaryuq.a as x, coronaryuq.b\n", {"coronaryuq.a", "coronaryuq.b"}),
+        ("from coronaryuq import a, \\\n    b\n", {"coronaryuq", "coronaryuq.a", "coronaryuq.b"}),
+        ("from . import a\nimport numpy\n", set()),
+    ],
+)
+def test_imports_written_in_other_ways(tmp_path, text, found):
+    path = tmp_path / "module.py"
+    path.write_text(text)
+    assert set(provenance._imported(path)) == found
 
 
 def test_digest_does_not_depend_on_key_order():

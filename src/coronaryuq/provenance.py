@@ -5,13 +5,16 @@ import hashlib
 import importlib.metadata
 import json
 import platform
+import re
 import subprocess
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import coronaryuq
 
+IMPORT = re.compile(r"^[ \t]*((?:from|import)[ \t][^\n(]*(?:\([^)]*\))?)", re.MULTILINE)
 LIBRARIES = ("numpy", "scipy", "numba", "torch", "pyvista", "snakemake")
 
 
@@ -76,6 +79,7 @@ def sources(*modules: str) -> list[Path]:
     return sorted(found.values())
 
 
+@cache
 def _module_file(name: str) -> Path | None:
     base = Path(coronaryuq.__file__).parent.joinpath(*name.split(".")[1:])
     for path in (base.with_suffix(".py"), base / "__init__.py"):
@@ -86,10 +90,24 @@ def _module_file(name: str) -> Path | None:
 
 @cache
 def _imported(path: Path) -> tuple[str, ...]:
-    names = []
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    """Modules of the package that a file imports, anywhere in it.
+
+    Only statements that may be imports are parsed: every job of a campaign asks this of every file.
+    """
+    text = path.read_text(encoding="utf-8")
+    try:
+        trees = [ast.parse(statement) for statement in IMPORT.findall(text)]
+    except SyntaxError:
+        trees = [ast.parse(text)]
+    return tuple(dict.fromkeys(name for tree in trees for name in _names(tree)))
+
+
+def _names(tree: ast.Module) -> Iterator[str]:
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            names += [alias.name for alias in node.names]
+            names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-            names += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-    return tuple(name for name in names if name.split(".")[0] == "coronaryuq")
+            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        else:
+            continue
+        yield from (name for name in names if name.split(".")[0] == "coronaryuq")
