@@ -4,9 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from pydantic import ValidationError
-
-from coronaryuq.errors import InputError
+from coronaryuq import byhand
 from coronaryuq.files import read_csv
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.flow3d.stage import run_batch
@@ -27,17 +25,15 @@ def main() -> int:
     parser.add_argument("--count", type=int, help="how many rows; default: all that follow")
     given = parser.parse_args()
     mesh, out = Path(given.mesh), Path(given.records)
-    try:
-        settings = Settings.model_validate_json(given.settings)
+
+    def work(settings: Settings) -> None:
         count = given.count or len(read_csv(given.samples, ("sample",))) - given.first
         run_batch(
             given.case, given.network, mesh / "mesh-complete", mesh / "mesh.json", given.samples, given.first, count,
             settings, out, out.parent / "checkpoints", out.parent / "fields", Ranks.of_this_job(),
         )  # fmt: skip
-    except (InputError, ValidationError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return InputError.EXIT_CODE
-    return 0
+
+    return byhand.run(work, Settings, given.settings)
 
 
 if __name__ == "__main__":

@@ -3,9 +3,7 @@
 import argparse
 import sys
 
-from pydantic import ValidationError
-
-from coronaryuq.errors import InputError
+from coronaryuq import byhand
 from coronaryuq.posterior.settings import Settings
 from coronaryuq.posterior.stage import sample
 
@@ -20,13 +18,11 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1, help="threads of each rank")
     given = parser.parse_args()
-    try:
-        settings = Settings.model_validate_json(given.settings)
+
+    def work(settings: Settings) -> None:
         sample(given.case, given.network, given.targets, settings, given.seed, given.chains, given.threads)
-    except (InputError, ValidationError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return InputError.EXIT_CODE
-    return 0
+
+    return byhand.run(work, Settings, given.settings)
 
 
 if __name__ == "__main__":
