@@ -17,11 +17,10 @@ from coronaryuq.flow3d.mesh.grading import Grading
 from coronaryuq.flow3d.mesh.implicit import Implicit
 from coronaryuq.flow3d.mesh.lumen import simplified
 from coronaryuq.flow3d.mesh.paths import Cap, Size
-from coronaryuq.flow3d.mesh.piece import mesh_implicit
+from coronaryuq.flow3d.mesh.piece import mesh_closed
 from coronaryuq.flow3d.mesh.settings import Settings
 from coronaryuq.zerod.network import Network
 
-INSET = 0.25
 SHORTEST = 0.01
 """Of the smallest radius: shorter edges of a surface are left out."""
 
@@ -50,21 +49,17 @@ def mesh_closed_surface(
 ) -> tuple[folder.Mesh, dict]:
     """Tetrahedra inside a closed surface, sized by the tree's radii; raises MeshError when all attempts fail.
 
-    The lumen is cut `INSET` radii behind each of its caps, so that the cut is flat and its rim clean.
+    The lumen is cut a little behind each of its caps, so that the cut is flat and its rim clean.
     """
     flat = _at_vessel_ends(surface, tree)
     kept, caps = match(file, tree, [(f"cap{k}", cap.centre, cap.normal, cap.radius) for k, cap in enumerate(flat)])
-    caps = [
-        replace(
-            cap,
-            name=f"{'inlet' if cap.inlet else 'outlet'}_{cap.vessel}",
-            centre=cap.centre - INSET * cap.radius * cap.normal,
-        )
-        for cap in caps
-    ]
+    caps = [replace(cap, name=f"{'inlet' if cap.inlet else 'outlet'}_{cap.vessel}") for cap in caps]
     along = Implicit([path for piece in domain.pieces(tree, kept) for path in paths.paths(tree, kept, piece)])
     smallest = min(float(path.radii.min()) for path in along.paths)
     arguments = {
+        "points": surface.points,
+        "triangles": surface.triangles,
+        "faces": [cap.faces for cap in flat],
         "implicit": simplified(surface.points, surface.triangles, SHORTEST * smallest),
         "caps": caps,
         "size": Size(along, stenoses, settings),
@@ -72,7 +67,7 @@ def mesh_closed_surface(
         "gradation": settings.gradation,
         "grading": Grading(along, stenoses, settings.wall_grading),
     }
-    piece, failures = worker.run(file.name, (mesh_implicit, arguments), settings.time_limit, settings.attempts)
+    piece, failures = worker.run(file.name, (mesh_closed, arguments), settings.time_limit, settings.attempts)
     mesh = assemble([piece], [[cap.name for cap in caps]])
     return _described(mesh, kept, caps, tree, stenoses, network, settings, "surface", failures)
 

@@ -1,11 +1,11 @@
 """One piece of the mesh, from implicit surface to checked tetrahedra."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from coronaryuq.flow3d.mesh import quality, volume
+from coronaryuq.flow3d.mesh import quality, trim, volume
 from coronaryuq.flow3d.mesh.errors import MeshError
 from coronaryuq.flow3d.mesh.grading import Grading, stand_off
 from coronaryuq.flow3d.mesh.implicit import Implicit
@@ -16,6 +16,12 @@ from coronaryuq.flow3d.mesh.surface import WALL, enclosed_volume, surface
 THINNEST = 0.05
 """Radius ratio of a tetrahedron (1 is regular) down to which nodes may be drawn to the wall."""
 
+INSET = 0.25
+"""In radii of a cap: the isosurface is cut this far behind it, so that the cut is flat and its rim clean."""
+
+SHORTEST = 0.02
+"""Of the smallest radius: shorter edges of a given surface are left out."""
+
 WORST_DIHEDRAL = 3.0
 """Degrees; a piece with a flatter tetrahedron is meshed again with other settings."""
 
@@ -23,7 +29,8 @@ WORST_DIHEDRAL = 3.0
 @dataclass(frozen=True)
 class Attempt:
     """What differs from try to try: grid spacing and surface deviation in smallest radii, shortest edge in smallest
-    sizes, angle (degrees) from which an edge of the wall is kept sharp, factor on the element size.
+    sizes, angle (degrees) from which an edge of the wall is kept sharp, factor on the element size, and whether a
+    given surface's own triangles are taken.
     """
 
     spacing: float
@@ -31,11 +38,12 @@ class Attempt:
     shortest: float
     sharp: float
     scale: float
+    own: bool = False
 
 
 ATTEMPTS = (
-    Attempt(0.60, 0.25, 0.40, 120.0, 1.0),
-    Attempt(0.50, 0.30, 0.70, 179.0, 0.97),
+    Attempt(0.60, 0.25, 0.40, 120.0, 1.0, own=True),
+    Attempt(0.50, 0.30, 0.70, 179.0, 0.97, own=True),
     Attempt(0.43, 0.20, 0.25, 90.0, 0.94),
     Attempt(0.37, 0.35, 0.50, 75.0, 0.91),
     Attempt(0.30, 0.15, 0.30, 120.0, 0.88),
@@ -54,7 +62,39 @@ class Piece:
     refs: np.ndarray
 
 
-def mesh_implicit(
+def mesh_implicit(implicit: Implicit, caps: Sequence[Cap], radius: float, attempt: Attempt, **shape) -> Piece:
+    """Mesh the inside of an implicit surface cut at `caps`; `radius` is the smallest of the piece, cm; shape: size,
+    gradation and grading.
+    """
+    start = surface(implicit, caps, attempt.spacing * radius)
+    return _mesh(start, implicit, caps, radius=radius, attempt=attempt, **shape)
+
+
+def mesh_closed(
+    points: np.ndarray,
+    triangles: np.ndarray,
+    faces: Sequence[np.ndarray],
+    implicit: Lumen,
+    caps: Sequence[Cap],
+    radius: float,
+    attempt: Attempt,
+    **shape,
+) -> Piece:
+    """Mesh the inside of a closed surface from its own triangles, those of its caps in `faces`; where they fail, from
+    its isosurface.
+
+    The isosurface repairs what cuts or touches itself, but has the grid spacing of the smallest vessel everywhere.
+    """
+    if not attempt.own:
+        behind = [replace(cap, centre=cap.centre - INSET * cap.radius * cap.normal) for cap in caps]
+        return mesh_implicit(implicit, behind, radius, attempt, **shape)
+    start = trim.trimmed(points, triangles, faces, caps, SHORTEST * radius)
+    flat = [replace(cap, centre=cap.centre - trim.INSET * cap.radius * cap.normal) for cap in caps]
+    return _mesh(start, implicit, flat, radius=radius, attempt=attempt, **shape)
+
+
+def _mesh(
+    start: tuple[np.ndarray, np.ndarray, np.ndarray],
     implicit: Implicit | Lumen,
     caps: Sequence[Cap],
     size: Callable,
@@ -63,8 +103,8 @@ def mesh_implicit(
     grading: Grading,
     attempt: Attempt,
 ) -> Piece:
-    """Mesh the inside of an implicit surface cut at `caps`; `radius` is the smallest of the piece, cm."""
-    points, triangles, refs = surface(implicit, caps, attempt.spacing * radius)
+    """Tetrahedra inside a closed surface: vertices, outward triangles and their references."""
+    points, triangles, refs = start
 
     def project(nodes: np.ndarray) -> np.ndarray:
         return implicit.project(nodes, 1e-3 * radius)
