@@ -11,7 +11,7 @@ from coronaryuq.units import PRESSURES
 
 
 def main(folder: str) -> None:
-    flow, laboratories = nozzle.solve(), nozzle.measured(folder)
+    flow, exact, laboratories = nozzle.solve(), nozzle.reference(), nozzle.measured(folder)
     with saved(Path(__file__).with_name("pictures") / "flow3d-nozzle.png", nrows=2, figsize=(7, 6), sharex=True) as (
         _,
         (above, below),
@@ -21,6 +21,9 @@ def main(folder: str) -> None:
             flow.pressure_z, (flow.pressure - np.interp(0.0, flow.pressure_z, flow.pressure)) / PRESSURES["Pa"],
             color=SIMULATED,
         )  # fmt: skip
+        above.plot(exact.z, exact.axial, "--", color="0.3", lw=1, label="axisymmetric solution")
+        zero = np.interp(0.0, exact.pressure_z, exact.pressure)
+        below.plot(exact.pressure_z, (exact.pressure - zero) / PRESSURES["Pa"], "--", color="0.3", lw=1)
         for marker, (name, curves) in zip("os^v", laboratories.items(), strict=False):
             z, axial = curves["axial"].T
             above.plot(z, axial, marker, color=MEASURED, fillstyle="none", label=f"laboratory {name}")

@@ -1,4 +1,4 @@
-"""Steady axisymmetric Navier-Stokes flow through a tube of any radius: an independent reference for the 3D solver.
+"""Steady axisymmetric Navier-Stokes flow through a tube or nozzle: an independent reference for the 3D solver.
 
 Taylor-Hood triangles (quadratic velocity, linear pressure) in the (z, r) half plane, Newton's method with continuation
 in density, direct solves. Nothing in it is shared with the 3D solver.
@@ -26,14 +26,32 @@ _WEIGHTS = np.repeat([0.116786275726379, 0.050844906370207, 0.082851075618374], 
 
 @dataclass(frozen=True)
 class AxisymmetricFlow:
-    """z (k,) levels of nodes; wall_shear (k,) dyn/cm2 along z at the wall; pressure (k,) dyn/cm2 mean over the
-    cross-section at each level; axial (k,) velocity on the axis, cm/s.
+    """z (k,) levels of nodes; pressure (k,) dyn/cm2 mean over the cross-section at each level; axial (k,) velocity on
+    the axis, cm/s; at the wall, wall_pressure and wall_shear along z, (k,) dyn/cm2. At a step in radius the wall is the
+    inner corner, and wall_shear there is that of the neighbouring wall.
     """
 
     z: np.ndarray
     wall_shear: np.ndarray
     pressure: np.ndarray
     axial: np.ndarray
+    wall_pressure: np.ndarray
+
+
+@dataclass(frozen=True)
+class Grid:
+    """z (levels,) and r (levels, rings + 1), cm, from the axis outwards; wet (levels − 1,): how many rings between two
+    levels hold fluid, counted from the axis.
+    """
+
+    z: np.ndarray
+    r: np.ndarray
+    wet: np.ndarray
+
+
+def graded(rings: int) -> np.ndarray:
+    """Radii (rings + 1,) from 0 to 1 that lie closer together towards the wall."""
+    return 1.0 - (1.0 - np.linspace(0.0, 1.0, rings + 1)) ** 1.4
 
 
 def solve(
@@ -43,14 +61,31 @@ def solve(
     flow: float,
     density: float,
     viscosity: float,
-    continuation: tuple[float, ...] = (0.0, 0.1, 0.3, 0.6, 1.0),
 ) -> AxisymmetricFlow:
     """Flow (mL/s) through a tube along z (cm levels, increasing) of `radius`(z), developed at the inlet."""
-    eta = 1.0 - (1.0 - np.linspace(0.0, 1.0, rings + 1)) ** 1.4
-    nodes_z, nodes_r = np.repeat(z, rings + 1), np.outer(radius(z), eta).ravel()
-    number = np.arange(len(nodes_z)).reshape(len(z), rings + 1)
-    a, b, c, d = number[:-1, :-1].ravel(), number[1:, :-1].ravel(), number[1:, 1:].ravel(), number[:-1, 1:].ravel()
+    grid = Grid(z, np.outer(radius(z), graded(rings)), np.full(len(z) - 1, rings))
+    return solve_on(grid, flow, density, viscosity)
+
+
+def solve_on(
+    grid: Grid,
+    flow: float,
+    density: float,
+    viscosity: float,
+    continuation: tuple[float, ...] = (0.0, 0.1, 0.3, 0.6, 1.0),
+) -> AxisymmetricFlow:
+    """Flow (mL/s) from the first level, where it is developed, to the last, where it leaves freely."""
+    nodes_z, nodes_r = np.repeat(grid.z, grid.r.shape[1]), grid.r.ravel()
+    number = np.arange(len(nodes_z)).reshape(grid.r.shape)
+    wet = (np.arange(grid.r.shape[1] - 1) < grid.wet[:, None]).ravel()
+    a, b, c, d = (x.ravel()[wet] for x in (number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]))
     corners = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    used, corners = np.unique(corners, return_inverse=True)
+    corners = corners.reshape(-1, 3)
+    nodes_z, nodes_r = nodes_z[used], nodes_r[used]
+    place = np.full(number.size, -1)
+    place[used] = np.arange(len(used))
+    number = place[number]
     pairs = np.sort(np.concatenate([corners[:, [1, 2]], corners[:, [2, 0]], corners[:, [0, 1]]]), axis=1)
     edges, edge = np.unique(pairs, axis=0, return_inverse=True)
     n, m, e = len(nodes_z), len(nodes_z) + len(edges), len(corners)
@@ -84,11 +119,15 @@ def solve(
     r = np.einsum("ql,el->eq", _POINTS, cr)
     weight = 0.5 * np.abs(twice)[:, None] * _WEIGHTS[None] * r
 
-    wall = np.isclose(xr, radius(xz), rtol=0, atol=1e-12) | np.isin(
-        np.arange(m), n + np.flatnonzero(_both(edges, number[:, -1]))
-    )
-    axis, inlet = xr < 1e-14, xz <= z[0] + 1e-14
-    inflow = 2 * flow / (np.pi * radius(z[:1])[0] ** 2) * (1 - (xr / radius(z[:1])[0]) ** 2)
+    rim = np.bincount(edge.ravel(), minlength=len(edges)) == 1
+    end_z, end_r = nodes_z[edges], nodes_r[edges]
+    for border in (end_r == 0, end_z == grid.z[0], end_z == grid.z[-1]):
+        rim &= ~border.all(axis=1)
+    wall = np.zeros(m, bool)
+    wall[edges[rim]] = wall[n + np.flatnonzero(rim)] = True
+    axis, inlet = xr == 0, xz == grid.z[0]
+    outer = grid.r[0, grid.wet[0]]
+    inflow = 2 * flow / (np.pi * outer**2) * (1 - (xr / outer) ** 2)
     fixed = np.concatenate([wall | inlet, wall | inlet | axis, np.zeros(n, bool)])
     solution = np.zeros(2 * m + n)
     solution[:m][inlet & ~wall] = inflow[inlet & ~wall]
@@ -147,32 +186,32 @@ def solve(
         else:
             raise RuntimeError(f"Newton's method did not converge at {share} of the density")
     _, force = assemble(density)
-    return _measure(z, number, nodes_r, edges, m, solution, force)
+    return _measure(grid, number, nodes_r, edges, m, solution, force)
 
 
-def _both(edges, nodes):
-    inside = np.isin(edges, nodes)
-    return inside.all(axis=1)
-
-
-def _measure(z, number, nodes_r, edges, m, solution, force) -> AxisymmetricFlow:
+def _measure(grid, number, nodes_r, edges, m, solution, force) -> AxisymmetricFlow:
     """Wall shear from the consistent nodal forces on the wall, axial and radial together, spread over the arc."""
-    wall = number[:, -1]
-    n = len(nodes_r)
+    z, n = grid.z, len(nodes_r)
+    top = np.minimum(np.r_[grid.wet, grid.wet[-1]], np.r_[grid.wet[0], grid.wet])
+    wall = number[np.arange(len(z)), top]
     lookup = {tuple(edge): n + k for k, edge in enumerate(edges.tolist())}
-    between = np.array([lookup[tuple(sorted(pair))] for pair in zip(wall[:-1], wall[1:], strict=True)])
+    pairs = [tuple(sorted(pair)) for pair in zip(wall[:-1].tolist(), wall[1:].tolist(), strict=True)]
+    along_wall = np.array([pair in lookup for pair in pairs])
+    between = np.array([lookup[pair] for pair in pairs if pair in lookup])
     radii = nodes_r[wall]
-    dz, dr = np.diff(z), np.diff(radii)
+    dz, dr = np.diff(z)[along_wall], np.diff(radii)[along_wall]
     length = np.hypot(dz, dr)
     along = (dz * force[between] + dr * force[m + between]) / length
     # A quadratic edge gives 2/3 of its length to its middle node; the ring's radius comes with the axisymmetric weight.
-    shear = np.abs(along) / (2.0 / 3.0 * length * 0.5 * (radii[1:] + radii[:-1]))
-    shear = np.interp(z, 0.5 * (z[1:] + z[:-1]), shear)
+    shear = np.abs(along) / (2.0 / 3.0 * length * 0.5 * (radii[1:] + radii[:-1])[along_wall])
+    shear = np.interp(z, 0.5 * (z[1:] + z[:-1])[along_wall], shear)
     p = solution[2 * m :]
-    weight = np.zeros_like(nodes_r[number])
-    r = nodes_r[number]
-    step = np.diff(r, axis=1)
-    weight[:, :-1] += step * (2 * r[:, :-1] + r[:, 1:]) / 6
-    weight[:, 1:] += step * (r[:, :-1] + 2 * r[:, 1:]) / 6
-    pressure = (weight * p[number]).sum(axis=1) / weight.sum(axis=1)
-    return AxisymmetricFlow(z, shear, pressure, solution[number[:, 0]])
+    pressure = np.empty(len(z))
+    for level, outermost in enumerate(top):
+        row = number[level, : outermost + 1]
+        r = nodes_r[row]
+        step, weight = np.diff(r), np.zeros(len(r))
+        weight[:-1] += step * (2 * r[:-1] + r[1:]) / 6
+        weight[1:] += step * (r[:-1] + 2 * r[1:]) / 6
+        pressure[level] = (weight * p[row]).sum() / weight.sum()
+    return AxisymmetricFlow(z, shear, pressure, solution[number[:, 0]], p[wall])
