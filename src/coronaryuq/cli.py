@@ -55,7 +55,9 @@ def _parser() -> argparse.ArgumentParser:
     bench.add_argument("--json", action="store_true", help="one line of JSON (default: indented)")
     bench.add_argument("--data", metavar="FOLDER", help="published runs (table, coverage)")
     bench.add_argument("--rows", metavar="FILE", help="rows of the table: row, column_3d, column_0d (table)")
-    bench.add_argument("--network", metavar="FILE", help="svZeroDSolver JSON (zerod)")
+    bench.add_argument("--network", metavar="FILE", help="svZeroDSolver JSON (zerod, discrepancy)")
+    bench.add_argument("--seeds", metavar="N", type=int, help="repetitions of every cell (discrepancy)")
+    bench.add_argument("--offset", metavar="SEED", type=int, help="first of the seeds (discrepancy)")
     bench.add_argument("--config", metavar="FILE", help="configuration (campaign)")
     bench.set_defaults(run=_bench)
 
@@ -110,7 +112,11 @@ def _verify(chosen: argparse.Namespace) -> int:
 
 def _bench(chosen: argparse.Namespace) -> int:
     module = importlib.import_module(f"coronaryuq.bench.{chosen.name}")
-    given = {name: getattr(chosen, name) for name in ("data", "rows", "network", "config") if getattr(chosen, name)}
+    given = {
+        name: getattr(chosen, name)
+        for name in ("data", "rows", "network", "seeds", "offset", "config")
+        if getattr(chosen, name)
+    }
     result = {"benchmark": chosen.name, "quick": chosen.quick, **module.run(quick=chosen.quick, **given)}
     print(json.dumps(result, indent=None if chosen.json else 1, default=lambda value: value.tolist()))
     return 0

@@ -28,13 +28,15 @@ STRENGTHS = {"weak": (-1.0, 0.6), "medium": (0.0, 1.2), "strong": (1.0, 2.0)}
 """Sizes in prior standard deviations: of positive sizes, and the magnitude of signed ones."""
 NOISES = {"half": 0.5, "nominal": 1.0, "double": 2.0}
 LEAST_VISIBLE = 6.0
-"""Hidden effects whose trace in the fitted data is below this many noise sd are drawn again elsewhere, and counted."""
+"""Hidden effects whose trace in the fitted data is below this many noise sd are drawn again elsewhere, and counted; of
+two effects, each must leave one beside the other."""
 DRAWS = 6
 NOTHING_PER_SEED = 5
 """Cases with nothing hidden per seed: one discovery ends after its first step, and a small share wants many."""
 PAIRS_OF_TWO = (
     ("quadratic_stenosis", "pressure_offset"),
     ("diffuse_narrowing", "mbf_underestimation"),
+    ("diffuse_narrowing", "pressure_gain"),
     ("intramyocardial_pressure", "quadratic_stenosis"),
     ("back_pressure", "flow_gain"),
 )

@@ -90,11 +90,12 @@ def likely(candidates: list[Candidate], count: int = 40) -> list[Candidate]:
     return sorted((c for c in candidates if c.z_score > 2.0), key=lambda c: -c.promise)[:count]
 
 
-def fit_shortlist(problem: Problem, base: Fit, acting: list[Acting], chosen: list[Candidate], exact: int = 5) -> None:
-    """Fit the shortlist with frozen nuisance sensitivities, then the best `exact` in full."""
-    for candidate, fit in zip(
-        chosen, problem.fit_candidates(base, acting, [c.acting for c in chosen], [c.guess for c in chosen]), strict=True
-    ):
+def fit_shortlist(
+    problem: Problem, base: Fit, acting: list[Acting], chosen: list[Candidate], vantage: Fit, exact: int = 5
+) -> None:
+    """Fit the shortlist from `vantage` with its sensitivities frozen, then the best `exact` in full."""
+    found = problem.fit_candidates(vantage, acting, [c.acting for c in chosen], [c.guess for c in chosen])
+    for candidate, fit in zip(chosen, found, strict=True):
         candidate.fit = fit
     ranked = sorted(chosen, key=lambda c: -c.log_weight)
     near = CONTENDER + ROUGH * max(0.0, ranked[0].log_weight - base.evidence) if ranked else 0.0

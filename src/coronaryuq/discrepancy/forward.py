@@ -10,9 +10,11 @@ from coronaryuq.discrepancy.conditions import HEART, Condition, under
 from coronaryuq.discrepancy.measurements import Measured
 from coronaryuq.discrepancy.networks import WAVE_POINTS, carried_over, differences, sampled, scalars
 from coronaryuq.discrepancy.nuisance import Nuisance
+from coronaryuq.discrepancy.starts import Point, Starts, Structure
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Effect, Situation
 from coronaryuq.zerod.engine import Engine
+from coronaryuq.zerod.result import Result
 
 Acting = tuple[Effect, str]
 """An effect at a place."""
@@ -24,6 +26,8 @@ TOLERANCE = 1e-4
 
 LOOSE, MOST_CYCLES = 5e-3, 25
 """Cycle error that will do where valves that open a step earlier or later keep a run from settling to `TOLERANCE`."""
+NEAR_SETTLED = 0.2
+"""Cycle error below which a run that did not settle goes on from where it is."""
 
 
 @dataclass
@@ -43,14 +47,23 @@ class _Prepared:
     renamed: dict[str, str]
     start: dict[str, np.ndarray | None]
 
+    @property
+    def structure(self) -> Structure:
+        return Structure(self.engine, self.renamed)
+
 
 @dataclass(frozen=True)
 class _Job:
-    """One run: row of a batch of predictions under one condition, with what it changes in the condition's network."""
+    """One run: a point under one condition, with what it changes in the condition's network."""
 
-    row: int
+    point: Point
     condition: str
     table: dict
+
+    @property
+    def key(self) -> tuple:
+        """What tells two runs apart: tissue masses and other conditions' parameters need none of their own."""
+        return self.condition, *((name, np.asarray(value).tobytes()) for name, value in self.table.items())
 
 
 @dataclass
@@ -76,6 +89,7 @@ class Forward:
     """A further change of the network under a condition; hidden cases outside the library use it."""
     runs: int = 0
     _engines: dict = field(default_factory=dict)
+    _met: Starts = field(default_factory=Starts)
 
     @property
     def size(self) -> int:
@@ -214,7 +228,7 @@ class Forward:
             }
         prepared.start = dict.fromkeys(prepared.networks)
         nominal = prepared.engine.run(
-            _stack(prepared, [_Job(i, name, {}) for i, name in enumerate(prepared.networks)]),
+            _stack(prepared, [_Job(self._point(), name, {}) for name in prepared.networks]),
             periodic=True,
             steps_per_cycle=self.steps_per_cycle,
             tolerance=TOLERANCE,
@@ -236,7 +250,7 @@ class Forward:
         felt = {name: [dict(self.resting) for _ in rows] for name in conditions}
         for _ in range(rounds):
             jobs = [
-                _Job(i, name, self._changes(prepared, name, z, acting, values, felt[name][i]))
+                _Job(self._point(z, acting), name, self._changes(prepared, name, z, acting, values, felt[name][i]))
                 for name in conditions
                 for i, ((z, acting), values) in enumerate(zip(rows, sizes, strict=True))
             ]
@@ -263,7 +277,7 @@ class Forward:
             at = {bed: f"pressure:{prepared.renamed.get(place, place)}" for bed, place in beds.items()}
             for _ in range(FEEDBACK_ROUNDS - 1):
                 table = self._changes(prepared, name, z, acting, sizes, pressure)
-                waves = self._run(prepared, [_Job(0, name, table)], list(at.values()))
+                waves = self._run(prepared, [_Job(self._point(z, acting), name, table)], list(at.values()))
                 pressure = {bed: float(waves[place][0, :-1].mean()) for bed, place in at.items()}
         return self._changes(prepared, name, z, acting, sizes, pressure), prepared.networks[name]
 
@@ -302,14 +316,33 @@ class Forward:
                         changes[name] = (changes[name] if name in changes else own[name]) * factor
         return changes
 
+    def _point(self, z: np.ndarray | None = None, acting: Collection[Acting] = ()) -> Point:
+        """Where a run stands; without z the model as it is."""
+        count = len(self.nuisances)
+        if z is None:
+            return Point(np.zeros(count), {})
+        sizes, column = {}, count
+        for effect, place in acting:
+            if effect.side == "network":
+                sizes[effect.name, place] = z[column : column + len(effect.parameters)]
+            column += len(effect.parameters)
+        return Point(np.where([n.mass is None for n in self.nuisances], z[:count], 0.0), sizes)
+
     def _run(self, prepared: _Prepared, jobs: list[_Job], names: list[str]) -> dict[str, np.ndarray]:
         """Waveforms name → (jobs, steps + 1); NaN where a run failed."""
+        seat: dict[tuple, int] = {}
+        seats = [seat.setdefault(job.key, len(seat)) for job in jobs]
+        found = self._run_each(prepared, [jobs[seats.index(k)] for k in range(len(seat))], names)
+        return {name: waves[seats] for name, waves in found.items()}
+
+    def _run_each(self, prepared: _Prepared, jobs: list[_Job], names: list[str]) -> dict[str, np.ndarray]:
         self.runs += len(jobs)
         found = {name: np.full((len(jobs), self.steps_per_cycle + 1), np.nan) for name in names}
         starts = [prepared.start[job.condition] for job in jobs]
-        start = None if any(state is None for state in starts) else np.array(starts)
+        own = None if any(state is None for state in starts) else np.array(starts)
         for numbers in _batches(prepared, jobs):
             changes, left = _stack(prepared, [jobs[i] for i in numbers]), np.array(numbers)
+            start = None if own is None else self._start(prepared, [jobs[i] for i in numbers], own[left], changes)
             for tolerance in (TOLERANCE, LOOSE):
                 mine = np.isin(numbers, left)
                 result = prepared.engine.run(
@@ -319,15 +352,30 @@ class Forward:
                     cycles=MOST_CYCLES,
                     steps_per_cycle=self.steps_per_cycle,
                     tolerance=tolerance,
-                    start=None if start is None else start[left],
+                    start=start,
                     threads=self.threads,
                 )
                 for name in names:
                     found[name][left] = result.waveforms[name]
+                self._remember(prepared, [jobs[i] for i in left], result)
+                start = None if own is None else _from_there(result, own[left])
                 left = left[~result.ok]
                 if not left.size:
                     break
         return found
+
+    def _start(self, prepared: _Prepared, jobs: list[_Job], own: np.ndarray, changes: dict) -> np.ndarray:
+        """Where the runs start; in an open loop, which forgets, by the model as it is."""
+        if not self.anatomy.closed_loop or self.alter is not None:
+            return own
+        conditions, points = [job.condition for job in jobs], [job.point for job in jobs]
+        return self._met.near(conditions, points, prepared.structure, own, changes)
+
+    def _remember(self, prepared: _Prepared, jobs: list[_Job], result: Result) -> None:
+        if self.anatomy.closed_loop and self.alter is None:
+            for job, ok, state in zip(jobs, result.ok, result.state, strict=True):
+                if ok:
+                    self._met.keep(job.condition, job.point, prepared.structure, state)
 
     def _variable(self, series: Measured, renamed: dict[str, str]) -> tuple[str, ...]:
         """Engine names of the waveforms that a series is made of."""
@@ -345,10 +393,11 @@ class Forward:
     def bed_pressures(self) -> dict[str, dict[str, float]]:
         """Mean pressure before every bed under every condition, of the model as it is; the network's unit."""
         names = {bed: f"pressure:{vessel}:{bed}" for bed, vessel in self.anatomy.beds.items()}
-        jobs = [_Job(i, name, {}) for i, name in enumerate(self.conditions)]
+        jobs = [_Job(self._point(), name, {}) for name in self.conditions]
         waves = self._run(self._prepared([]), jobs, list(names.values()))
         return {
-            job.condition: {bed: float(waves[name][job.row, :-1].mean()) for bed, name in names.items()} for job in jobs
+            job.condition: {bed: float(waves[name][i, :-1].mean()) for bed, name in names.items()}
+            for i, job in enumerate(jobs)
         }
 
     @property
@@ -389,6 +438,13 @@ def _batches(prepared: _Prepared, jobs: list[_Job]) -> list[list[int]]:
     apart = [any(nominal.get(name) == 0.0 for name in job.table) for job in jobs]
     groups = [[i for i, other in enumerate(apart) if other is kind] for kind in (False, True)]
     return [group for group in groups if group]
+
+
+def _from_there(result: Result, own: np.ndarray) -> np.ndarray:
+    """Starts of a second attempt of the runs that failed: where the first ended, if it was near to settling."""
+    failed = ~result.ok
+    near = result.cycle_error[failed] < NEAR_SETTLED
+    return np.where(near[:, None], result.state[failed], own[failed])
 
 
 def _stack(prepared: _Prepared, jobs: list[_Job]) -> dict[str, np.ndarray]:

@@ -41,7 +41,7 @@ class Truth:
     sizes: np.ndarray
     nuisance: np.ndarray
     visible: float
-    """Norm of the effect in the fitted data, in noise sd, that recalibration cannot absorb."""
+    """Norm of the effect in the fitted data, in noise sd, that recalibration cannot absorb; the least of several."""
 
 
 def hide(
@@ -75,20 +75,28 @@ def hide(
     for column, entry in enumerate(forward.nuisances):
         if entry.mass is not None:
             nuisance[column] = 0.2 * random.standard_normal()
-    rows = [(np.concatenate([nuisance, sizes]), acting), (nuisance, [])]
-    predicted, unaffected = forward.predict_rows(rows) if acting else (forward.predict(nuisance)[0],) * 2
+    rows = [(np.concatenate([nuisance, sizes]), acting), *_each_left_out(nuisance, sizes, acting)]
+    predicted, *unaffected = forward.predict_rows(rows)
     if not np.isfinite(predicted).all():
         raise FloatingPointError("the hidden case does not run")
     if outside is not None:
         forward.alter = None
         forward._engines.clear()
-        unaffected = forward.predict(nuisance)[0]
+        unaffected = [forward.predict(nuisance)[0]]
     sd = _write(network, conditions, plan, forward.measured, forward.split(predicted[None, :]), noise, random, folder)
     forward.steps_per_cycle = Settings().steps_per_cycle
     forward._engines.clear()
-    return Truth(
-        acting, np.asarray(sizes, dtype=float), nuisance, _visible(problem, nuisance, predicted - unaffected, sd)
-    )
+    traces = [_visible(problem, nuisance, predicted - without, sd) for without in unaffected]
+    return Truth(acting, np.asarray(sizes, dtype=float), nuisance, min(traces, default=0.0))
+
+
+def _each_left_out(nuisance: np.ndarray, sizes: np.ndarray, acting: list[Acting]) -> list[tuple]:
+    """The rows (z, acting) of the truth with all effects but one."""
+    ends = np.cumsum([0, *(len(effect.parameters) for effect, _ in acting)])
+    return [
+        (np.concatenate([nuisance, np.delete(sizes, np.arange(*ends[i : i + 2]))]), acting[:i] + acting[i + 1 :])
+        for i in range(len(acting))
+    ]
 
 
 def _visible(problem, nuisance: np.ndarray, signal: np.ndarray, sd: np.ndarray) -> float:

@@ -61,7 +61,8 @@ class Fit:
 class Search:
     """One maximisation under way: where it is, which sensitivities it recomputes, and what it found.
 
-    label: what `evaluate` needs to know of the model; fresh: columns of z whose sensitivities are recomputed.
+    label: what `evaluate` needs to know of the model; fresh: columns of z whose sensitivities are recomputed;
+    renewed: z at which they were last; stale: whether they have to be now.
     """
 
     label: object
@@ -69,6 +70,8 @@ class Search:
     fresh: list[int]
     jacobian: np.ndarray | None = None
     residual: np.ndarray | None = None
+    renewed: np.ndarray | None = None
+    stale: bool = True
     failed: bool = False
     done: bool = False
 
@@ -81,24 +84,35 @@ Evaluate = Callable[[list[tuple[np.ndarray, object]]], np.ndarray]
 """Rows (z, label) → whitened residuals (n, N), NaN where a run failed."""
 
 
+LENGTHS = (1.0, 0.4, 0.1)
+"""Shares of the Gauss-Newton step that are tried side by side."""
+GOOD_STEP = 0.7
+"""Share of the gain that the linear model promised, above which its sensitivities serve for the next step too."""
+MOVED = 0.3
+"""Distance, in prior standard deviations, from where they were recomputed at which sensitivities still hold."""
+
+
 def maximise(evaluate: Evaluate, searches: list[Search], iterations: int, tolerance: float = 0.02) -> list[Search]:
     """Gauss-Newton with a step search, all `searches` in lockstep so that their runs share batches.
 
-    Sensitivities outside `fresh` start as given and are only updated along the steps taken. A search is done when its
-    objective falls by less than `tolerance`, or by less than a thousandth of itself.
+    Sensitivities in `fresh` are recomputed where a step gains less than the linear model promised, the others start as
+    given; steps taken update all of them. A search is done when its objective falls by less than `tolerance`, or by
+    less than a thousandth of itself, with sensitivities that were recomputed close by.
     """
-    for search in searches:
-        search.residual = None
+    if not searches:
+        return []
+    for search, residual in zip(searches, evaluate([(s.z, s.label) for s in searches]), strict=True):
+        search.residual, search.stale = residual, True
+        search.failed = search.done = not np.isfinite(residual).all()
     for _ in range(iterations):
         active = [search for search in searches if not search.done]
         if not active:
             break
-        _differentiate(evaluate, active)
-        active = [search for search in active if not search.done]
-        if not active:
-            break
-        steps = {id(search): _step(search) for search in active}
-        trials = [(search, search.z + length * steps[id(search)]) for search in active for length in LENGTHS]
+        _differentiate(evaluate, [search for search in active if search.stale])
+        steps = [_step(search) for search in active]
+        trials = [
+            (search, search.z + length * step) for search, step in zip(active, steps, strict=True) for length in LENGTHS
+        ]
         values = evaluate([(z, search.label) for search, z in trials])
         for number, search in enumerate(active):
             mine = slice(number * len(LENGTHS), (number + 1) * len(LENGTHS))
@@ -106,31 +120,23 @@ def maximise(evaluate: Evaluate, searches: list[Search], iterations: int, tolera
     return searches
 
 
-LENGTHS = (1.0, 0.4, 0.1)
-"""Shares of the Gauss-Newton step that are tried side by side."""
-
-
-def _differentiate(evaluate: Evaluate, active: list[Search]) -> None:
+def _differentiate(evaluate: Evaluate, stale: list[Search]) -> None:
     rows = []
-    for search in active:
-        rows.append((search.z, search.label))
+    for search in stale:
         for column in search.fresh:
             moved = search.z.copy()
             moved[column] += STEP
             rows.append((moved, search.label))
-    found, first = evaluate(rows), 0
-    for search in active:
-        mine = found[first : first + 1 + len(search.fresh)]
+    found, first = evaluate(rows) if rows else [], 0
+    for search in stale:
+        mine = found[first : first + len(search.fresh)]
         first += len(mine)
-        if not np.isfinite(mine[0]).all():
-            search.failed = search.done = True
-            continue
-        search.residual = mine[0]
         if search.jacobian is None:
-            search.jacobian = np.zeros((mine[0].size, len(search.z)))
-        for column, row in zip(search.fresh, mine[1:], strict=True):
+            search.jacobian = np.zeros((search.residual.size, len(search.z)))
+        for column, row in zip(search.fresh, mine, strict=True):
             if np.isfinite(row).all():
-                search.jacobian[:, column] = -(row - mine[0]) / STEP
+                search.jacobian[:, column] = -(row - search.residual) / STEP
+        search.renewed, search.stale = search.z, False
 
 
 def _step(search: Search) -> np.ndarray:
@@ -143,9 +149,15 @@ def _step(search: Search) -> np.ndarray:
 
 def _update(search: Search, step: np.ndarray, change: np.ndarray) -> None:
     """Broyden's update: sensitivities that are not recomputed learn what the step has shown of them."""
-    if len(search.fresh) < len(step):
-        missing = change - search.jacobian @ step
-        search.jacobian = search.jacobian + np.outer(missing, step / (step @ step))
+    missing = change - search.jacobian @ step
+    search.jacobian = search.jacobian + np.outer(missing, step / (step @ step))
+
+
+def _promised(search: Search, z: np.ndarray) -> float:
+    """By how much the objective falls on the way to z if the model is linear."""
+    step = z - search.z
+    residual = search.residual - search.jacobian @ step
+    return search.fit.objective - float(residual @ residual + z @ z)
 
 
 def _advance(search: Search, trials: list[np.ndarray], values: np.ndarray, tolerance: float) -> None:
@@ -153,7 +165,10 @@ def _advance(search: Search, trials: list[np.ndarray], values: np.ndarray, toler
     objectives = [v @ v + z @ z if np.isfinite(v).all() else np.inf for v, z in zip(values, trials, strict=True)]
     best = int(np.argmin(objectives))
     gained = present - objectives[best]
+    search.stale = gained < GOOD_STEP * _promised(search, trials[0])
     if gained > 0:
         _update(search, trials[best] - search.z, search.residual - values[best])
         search.z, search.residual = trials[best], values[best]
-    search.done = gained < max(tolerance, 1e-3 * present)
+    if gained < max(tolerance, 1e-3 * present):
+        search.done = float(np.linalg.norm(search.z - search.renewed)) < MOVED
+        search.stale = True

@@ -5,13 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from coronaryuq.discrepancy.forward import Acting, Forward
-from coronaryuq.discrepancy.inference import Fit, Search, maximise
+from coronaryuq.discrepancy.inference import STEP, Fit, Search, maximise
 from coronaryuq.discrepancy.settings import Settings
 
 OTHER_STARTS = (-1.0, 1.0, -2.0, 2.0, 0.0)
 """Further starting points of an effect's sizes, in prior standard deviations."""
 SMALLER = -2.0
 """Starting point where a candidate's own does not run, in prior standard deviations."""
+DISTORTED = 3.0
+"""Prior standard deviations that recalibration moves a nuisance parameter by where something else is missing."""
 FAR_BEHIND = 40.0
 """Log evidence behind the best after two iterations at which a candidate is not fitted further."""
 
@@ -58,6 +60,25 @@ class Problem:
             raise FloatingPointError("the model could not be run")
         return search.fit
 
+    def distorted(self, fit: Fit) -> bool:
+        """Whether recalibration has left the prior, so that what is missing is better looked for from elsewhere."""
+        return bool(np.abs(fit.z[: self.count]).max(initial=0.0) > DISTORTED)
+
+    def vantage(self, fit: Fit, acting: list[Acting]) -> Fit:
+        """Where candidates are looked at from: the fit, or, if it is distorted, the prior's mean with the fit's sizes.
+
+        With the right effect the nuisance parameters are within their prior, and about its mean that effect looks as
+        it is; about a distorted fit a neighbour that shares the distortion may look better.
+        """
+        if not self.distorted(fit):
+            return fit
+        z = np.concatenate([np.zeros(self.count), fit.z[self.count :]])
+        rows = np.vstack([z, z + STEP * np.eye(len(z))])
+        found = self.fitted([(row, list(acting)) for row in rows])
+        if not np.isfinite(found).all():
+            return fit
+        return Fit(z, found[0], -((found[1:] - found[0]) / STEP).T)
+
     def fit_candidates(
         self, base: Fit, acting: list[Acting], candidates: list[Acting], guesses: list[np.ndarray]
     ) -> list[Fit | None]:
@@ -98,9 +119,11 @@ class Problem:
         return found
 
     def sensitivity(self, z: np.ndarray, acting: list[Acting]) -> np.ndarray:
-        """Whitened sensitivities (N, p) of all rows, held-out ones included."""
-        moved = np.repeat(z[None, :], len(z) + 1, axis=0)
-        step = 0.1
-        moved[np.arange(1, len(z) + 1), np.arange(len(z))] += step
-        found = self.whitened([(row, list(acting)) for row in moved])
-        return -((found[1:] - found[0]) / step).T
+        """Whitened sensitivities (N, p) of all rows, held-out ones included; nought where the model runs to no side."""
+        around = self.whitened([(row, list(acting)) for row in [z, *(z + STEP * np.eye(len(z)))]])
+        found = -((around[1:] - around[0]) / STEP).T
+        failed = np.flatnonzero(~np.isfinite(found).all(axis=0))
+        if failed.size:
+            back = self.whitened([(row, list(acting)) for row in z - STEP * np.eye(len(z))[failed]])
+            found[:, failed] = np.nan_to_num((back - around[0]).T / STEP)
+        return found

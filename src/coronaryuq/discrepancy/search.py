@@ -16,6 +16,7 @@ from coronaryuq.discrepancy.candidates import (
     posterior,
     shortlist,
 )
+from coronaryuq.discrepancy.conservation import redistribution
 from coronaryuq.discrepancy.forward import Acting
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.locate import Located, locate
@@ -70,6 +71,8 @@ class Discovery:
     flexible: Gap
     both: Gap
     folds: list
+    redistributed: bool
+    """Whether the named effects are flow gains that blood which goes elsewhere explains as well, with one cause."""
     candidates_tested: int = 0
 
     @property
@@ -84,13 +87,13 @@ def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = LIBRARY)
     settings = problem.settings
     base = fit = problem.calibrate([])
     acting: list[Acting] = []
-    located, everything = assess(problem, fit, acting, library)
+    located, everything, vantage = assess(problem, fit, acting, library)
     remaining, alarm = located, located.alarm(settings.alarm_level)
     rounds: list[Round] = []
     features = outside.features(problem)
     tested = len(everything)
     while remaining.alarm(settings.alarm_level) and len(acting) < settings.max_effects:
-        found = name_one(problem, fit, acting, features, everything)
+        found = name_one(problem, fit, acting, features, everything, vantage)
         rounds.append(found)
         if found.accepted is None:
             break
@@ -101,7 +104,7 @@ def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = LIBRARY)
             acting, fit = look_back(problem, acting, fit, rounds)
             if acting == before:
                 break
-        remaining, everything = assess(problem, fit, acting, library)
+        remaining, everything, vantage = assess(problem, fit, acting, library)
         tested += len(everything)
     if len(acting) > 1:
         for entry in (r for r in rounds if r.accepted is not None):
@@ -115,7 +118,10 @@ def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = LIBRARY)
     flexible = gap(problem, plain.extended(amplitude * features), parts, seed)
     _, amplitude = outside.gain(fit, features[problem.train])
     both = gap(problem, repaired.extended(amplitude * features), parts, seed) if acting else flexible
-    abstained = alarm and _outside(remaining.alarm(settings.alarm_level), after, flexible, both)
+    named = {entry.accepted.acting: entry.accepted.log_prior for entry in rounds if entry.accepted is not None}
+    effects = len({candidate.effect.name for candidate in everything})
+    redistributed = redistribution(problem, fit, acting, [named[one] for one in acting], effects) > 0.0
+    abstained = alarm and (redistributed or _outside(remaining.alarm(settings.alarm_level), after, flexible, both))
     return Discovery(
         problem=problem,
         base=base,
@@ -126,6 +132,7 @@ def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = LIBRARY)
         fit=fit,
         remaining=remaining,
         outside_library=abstained,
+        redistributed=redistributed,
         before=before,
         after=after,
         flexible=flexible,
@@ -137,21 +144,30 @@ def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = LIBRARY)
 
 def assess(
     problem: Problem, fit: Fit, acting: list[Acting], library: tuple[Effect, ...] = LIBRARY
-) -> tuple[Located, list[Candidate]]:
-    """Locate what disagrees and score every candidate; the global test counts the best of them (Bonferroni)."""
+) -> tuple[Located, list[Candidate], Fit]:
+    """Locate what disagrees and score every candidate; the global test counts the best of them (Bonferroni).
+
+    Returns also where the candidates were looked at from.
+    """
     everything = all_candidates(problem, acting, library)
-    screen(problem, fit, acting, everything)
+    vantage = problem.vantage(fit, acting)
+    screen(problem, vantage, acting, everything)
     located = locate(problem, fit)
     directed = min((c.p_value for c in everything), default=1.0) * max(len(everything), 1)
-    return located.with_test("best candidate", directed), everything
+    return located.with_test("best candidate", directed), everything, vantage
 
 
 def name_one(
-    problem: Problem, fit: Fit, acting: list[Acting], features: np.ndarray, everything: list[Candidate]
+    problem: Problem,
+    fit: Fit,
+    acting: list[Acting],
+    features: np.ndarray,
+    everything: list[Candidate],
+    vantage: Fit,
 ) -> Round:
     """One round: fit the shortlist of scored candidates, weigh, accept the best where the odds suffice."""
     chosen = shortlist(everything, problem.settings.shortlist)
-    fit_shortlist(problem, fit, acting, chosen)
+    fit_shortlist(problem, fit, acting, chosen, vantage)
     chosen = [c for c in chosen if c.fit is not None]
     for _ in range(SECOND_LOOKS if chosen else 0):
         before = max(chosen, key=lambda c: c.log_weight)
@@ -172,8 +188,11 @@ def look_again(
     """Screen all candidates in the place of the best one, about its fit; add to `chosen` those that now look as good.
 
     Recalibration without the right effect distorts the nuisance parameters, and about such a point a neighbour of the
-    right place may look best. About the best fit so far they are nearly as they should be.
+    right place may look best. About the best fit so far they are nearly as they should be, if it has left them within
+    their prior.
     """
+    if problem.distorted(best.fit):
+        return
     about = _without(best.fit, len(best.fit.z) - len(best.effect.parameters), len(best.effect.parameters))
     known = {c.acting: c for c in everything}
     fresh = [replace(c, fit=None) for c in likely(everything)]

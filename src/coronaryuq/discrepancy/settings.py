@@ -41,7 +41,7 @@ class Settings(BaseModel):
         3.0, ge=0, description="log posterior odds over the present model that an effect needs"
     )
     starts: int = Field(3, ge=1, description="starting sizes of an effect per fit")
-    iterations: int = Field(8, ge=1, description="Gauss-Newton iterations of a fit at most")
+    iterations: int = Field(12, ge=1, description="Gauss-Newton iterations of a fit at most")
     steps_per_cycle: int = Field(300, ge=50, description="time steps per cycle of the 0D runs")
     threads: int = Field(1, ge=1, description="threads of the 0D engine")
     sd_bed: float = Field(0.15, gt=0, description="resistance of each bed")

@@ -18,6 +18,14 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
         f"(global test {chance(found.located.p)}), most in the {worst.quantity} at {worst.location} "
         f"under {worst.condition}. "
     )
+    if found.redistributed:
+        places = " and ".join(entry.accepted.place for entry in found.rounds if entry.accepted is not None)
+        text += (
+            f"Flow probes off at {places} would explain it, but what one reads too much the other reads too little: "
+            "blood that goes elsewhere than the network says, as through swapped or wrongly wired outlets, explains "
+            "the same with one cause, which the library does not have. It is not named."
+        )
+        return text
     if found.outside_library:
         text += (
             "No effect of the library explains it: a flexible discrepancy predicts measurements that no fit had seen "

@@ -29,6 +29,14 @@ class BloodVolume:
                 total = total + holds(block, state, _Parameters(block, changes))
         return total
 
+    def filled(self, state: np.ndarray, volume: np.ndarray) -> np.ndarray:
+        """States (n, unknowns) with so much more blood (n,), mL, in the right atrium; loops with a heart only."""
+        heart = next(b for b in self.model.blocks.values() if b.kind == "ClosedLoopHeartAndPulmonary")
+        names = INTERNAL[heart.kind]
+        state = state.copy()
+        state[:, heart.variables[len(heart.variables) - len(names) + names.index("V_RA")]] += volume
+        return state
+
 
 class _Parameters:
     """A block's parameters with the changes in place."""

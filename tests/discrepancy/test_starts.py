@@ -1,0 +1,143 @@
+"""Runs of a closed loop begun at a neighbour's periodic state are those begun at the model's own: the same blood."""
+
+import numpy as np
+import pytest
+
+from coronaryuq.case.network import HEART
+from coronaryuq.discrepancy.conditions import Condition
+from coronaryuq.discrepancy.measurements import Measured
+from coronaryuq.discrepancy.model import make_problem
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.discrepancy.starts import Point, Starts, Structure
+from coronaryuq.units import MMHG
+from coronaryuq.zerod.blood_volume import BloodVolume
+from coronaryuq.zerod.effects.library import effect
+
+
+def vessel(number, name, outlet=None, **values):
+    ends = {"boundary_conditions": {"outlet": outlet}} if outlet else {}
+    return {
+        "vessel_id": number,
+        "vessel_name": name,
+        "vessel_length": 1.0,
+        "zero_d_element_type": "BloodVessel",
+        "zero_d_element_values": {"R_poiseuille": 5.0, "L": 1.0, **values},
+    } | ends
+
+
+def bed(name, share):
+    total = 60.0 * MMHG / share
+    values = {"Ra": 0.32 * total, "Ram": 0.52 * total, "Rv": 0.16 * total, "Ca": 0.05 / total, "Cim": 0.6 / total}
+    return {"bc_name": name, "bc_type": "ClosedLoopCoronaryLeft", "bc_values": values}
+
+
+def loop():
+    """Heart, aorta, one systemic bed and two coronary beds behind vessels that store blood."""
+    systemic = {"Rp": 0.1 * MMHG, "Rd": 1.1 * MMHG, "C": 0.6 / MMHG, "closed_loop_outlet": True}
+    full = {"V_RA:CLH": 38.0, "V_RV:CLH": 96.0, "V_LA:CLH": 38.0, "V_LV:CLH": 96.0, "P_pul:CLH": 8.0 * MMHG}
+    return {
+        "simulation_parameters": {
+            "number_of_cardiac_cycles": 6,
+            "number_of_time_pts_per_cardiac_cycle": 401,
+            "steady_initial": False,
+        },
+        "vessels": [
+            vessel(0, "aorta", R_poiseuille=1.0, C=0.1 / MMHG),
+            vessel(1, "outlet", "BC_RCR1", R_poiseuille=1.0),
+            vessel(2, "lca1", "BC_lca1", R_poiseuille=500.0, C=1e-7),
+            vessel(3, "lca2", "BC_lca2", R_poiseuille=500.0, C=1e-7),
+        ],
+        "junctions": [
+            {
+                "junction_name": "J0",
+                "junction_type": "NORMAL_JUNCTION",
+                "inlet_vessels": [0],
+                "outlet_vessels": [1, 2, 3],
+            }
+        ],
+        "boundary_conditions": [
+            {"bc_name": "BC_RCR1", "bc_type": "ClosedLoopRCR", "bc_values": systemic},
+            bed("BC_lca1", 0.6),
+            bed("BC_lca2", 0.4),
+        ],
+        "closed_loop_blocks": [
+            {
+                "outlet_blocks": ["aorta"],
+                "closed_loop_type": "ClosedLoopHeartAndPulmonary",
+                "cardiac_cycle_period": 1.0,
+                "parameters": dict(HEART),
+            }
+        ],
+        "initial_condition": full | {"pressure_all": 70.0 * MMHG},
+    }
+
+
+STENOSIS = (effect("quadratic_stenosis"), "lca1")
+
+
+def fresh():
+    conditions = {c.name: c for c in (Condition("rest"), Condition("hyperaemia", coronary_resistance_scale=0.3))}
+    time = np.linspace(0.0, 0.975, 40)
+    places = (("pressure", "J_heart_outlet:aorta"), ("pressure", "lca1:BC_lca1"), ("flow", "J0:lca2"))
+    measured = [
+        Measured(name, quantity, place, "waveform", time, 1.0, np.ones(40), np.ones(40))
+        for name in conditions
+        for quantity, place in places
+    ]
+    return make_problem(loop(), conditions, measured, Settings(steps_per_cycle=200))
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return fresh()
+
+
+def row(problem, shift):
+    z = np.where([n.mass is None for n in problem.forward.nuisances], 1.0 + shift, 0.0)
+    return np.append(z, 0.3), [STENOSIS]
+
+
+def test_a_known_neighbour_changes_nothing_but_the_cycles(problem):
+    """Compliances, resistances and the heart moved: predictions from next door are those from far away."""
+    wanted = fresh().forward.predict_rows([row(problem, 0.0)])[0]
+    problem.forward.predict_rows([row(problem, -0.4)])
+    again = problem.forward.predict_rows([row(problem, 0.0)])[0]
+    neighbour = problem.forward.predict_rows([row(problem, -0.4)])[0]
+    size = np.abs(wanted).max()
+    assert np.abs(again - wanted).max() / size < 1e-3 < 10.0 * np.abs(neighbour - wanted).max() / size
+
+
+def test_a_start_from_elsewhere_holds_the_blood_of_the_own_one(problem):
+    """A state of the plain loop for one with a stenosis put in, with other compliances."""
+    forward = problem.forward
+    plain, grafted = forward._prepared([]), forward._prepared([STENOSIS])
+    starts, known = Starts(), Point(np.full(problem.count, 0.5), {})
+    state = plain.start["rest"].copy()
+    state[plain.engine.state_names.index("V_LV:CLH")] += 7.0
+    starts.keep("rest", known, plain.structure, state)
+    own = np.array([grafted.start["rest"]])
+    changes = {"BC_RCR1.C": np.array([1.3 * grafted.values["rest"]["BC_RCR1.C"]])}
+    structure = Structure(grafted.engine, grafted.renamed)
+    found = starts.near(["rest"], [Point(np.full(problem.count, 0.6), {})], structure, own, changes)
+    volume = BloodVolume(grafted.engine.model)
+    assert volume.of(found, changes)[0] == pytest.approx(volume.of(own, changes)[0], rel=1e-12)
+    names = grafted.engine.state_names
+    assert found[0, names.index("V_LV:CLH")] == pytest.approx(own[0, names.index("V_LV:CLH")] + 7.0)
+
+
+def test_far_points_start_at_the_models_own_state(problem):
+    forward = problem.forward
+    plain = forward._prepared([])
+    starts = Starts()
+    starts.keep("rest", Point(np.full(problem.count, 3.0), {}), plain.structure, plain.start["rest"] + 1.0)
+    own = np.array([plain.start["rest"]])
+    assert (starts.near(["rest"], [Point(np.zeros(problem.count), {})], plain.structure, own, {}) == own).all()
+
+
+def test_runs_that_differ_in_tissue_mass_or_another_condition_alone_are_one(problem):
+    forward = fresh().forward
+    z = np.zeros((2, problem.count))
+    z[1, [n.condition == "hyperaemia" for n in forward.nuisances]] = 0.5
+    before = forward.runs
+    forward.predict(z)
+    assert forward.runs - before == 2 + 3
