@@ -1,4 +1,6 @@
-"""Mesh error from three meshes: known limits and orders come back; what does not settle is given its whole range."""
+"""Numerical error from three meshes and half the step: known limits and orders come back; what does not settle is given
+its whole range.
+"""
 
 import numpy as np
 import pytest
@@ -31,9 +33,14 @@ def write(folder, value, failed=()):
     return meshes
 
 
+def study(folder, meshes, halved=None):
+    """The study whose step changes nothing, unless `halved` says so."""
+    return mesh_study(meshes, "own", halved or meshes["own"][1], folder / "study.json")
+
+
 def test_second_order_convergence_gives_the_limit_and_its_distance(tmp_path):
     meshes = write(tmp_path, lambda q, h, k: 0.8 + 0.01 * k + 30.0 * h**2, failed={("fine", 3)})
-    found = mesh_study(meshes, "own", tmp_path / "study.json")
+    found = study(tmp_path, meshes)
     assert found == files.read_json(tmp_path / "study.json")
     assert found["meshes"] == ["coarse", "own", "fine"] and found["samples"] == ["s0", "s1", "s2"]
     assert found["checksum"] == provenance.checksum(meshes["own"][0])
@@ -47,9 +54,22 @@ def test_second_order_convergence_gives_the_limit_and_its_distance(tmp_path):
 
 def test_the_spread_is_that_of_the_samples_own_differences(tmp_path):
     meshes = write(tmp_path, lambda q, h, k: 1.0 + k * h**2)
-    found = mesh_study(meshes, "own", tmp_path / "study.json")["quantities"]["ffr_lad"]
+    found = study(tmp_path, meshes)["quantities"]["ffr_lad"]
     step = NODES["own"] ** (-2 / 3) - NODES["fine"] ** (-2 / 3)
     assert found["spread"] == pytest.approx(np.std(range(4)) * step)
+
+
+def test_the_steps_error_is_twice_what_halving_it_changes(tmp_path):
+    meshes = write(tmp_path, lambda q, h, k: 1.0 + 0.1 * k)
+    halved = tmp_path / "halved_step.jsonl"
+    rows = [Record(f"s{k}", {}, {"ffr_lad": 0.99 + 0.1 * k, "osi_max_lad": 1.2 + 0.1 * k}) for k in (1, 2)]
+    records.write(halved, [*rows, Record.failed("s3", {}, "blew up", solver={})])
+    found = study(tmp_path, meshes, halved)["quantities"]
+    assert found["ffr_lad"]["step_error"] == pytest.approx(0.02)
+    assert found["osi_max_lad"]["step_error"] == pytest.approx(0.4)
+    records.write(halved, [Record.failed("s0", {}, "blew up", solver={})])
+    with pytest.raises(InputError, match="half the time step"):
+        study(tmp_path, meshes, halved)
 
 
 @given(st.floats(1.05, 2.0), st.floats(-2.0, 2.0), st.floats(0.1, 5.0))
@@ -85,4 +105,4 @@ def test_values_that_do_not_settle_are_given_their_range():
 def test_no_common_sample_is_refused(tmp_path):
     meshes = write(tmp_path, lambda q, h, k: 1.0, failed={("own", k) for k in range(4)})
     with pytest.raises(InputError, match="no sample was finished on every mesh"):
-        mesh_study(meshes, "own", tmp_path / "study.json")
+        study(tmp_path, meshes)

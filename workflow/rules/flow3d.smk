@@ -59,8 +59,8 @@ rule flow3d_batch:
         "../scripts/flow3d_batch.py"
 
 
-# How far from converged the mesh is: its first samples again on a coarser and a finer one. On demand, as it costs about
-# three blocks of samples on the finer mesh.
+# How far from converged mesh and time step are: the first samples again on a coarser and a finer mesh, and with half the
+# step. On demand, as it costs about three blocks of samples on the finer mesh.
 
 STUDY = {"coarse": 3 / 4, "fine": 4 / 3}
 STUDIED = (0, min(8, campaign.samples.n_3d, campaign.samples.batch_3d))
@@ -116,11 +116,34 @@ use rule flow3d_batch as study_batch with:
         portion=STUDIED,
 
 
+def halved_step(wildcards):
+    """The campaign's 3D settings with twice the steps."""
+    settings = block("flow3d")
+    settings["steps_per_cycle"] *= 2
+    settings["simvascular"]["steps_per_cycle"] *= 2
+    return settings
+
+
+use rule flow3d_batch as study_step with:
+    output:
+        records=results("mesh_study", "halved_step.jsonl"),
+        fields=results("mesh_study", "halved_step_fields.zip"),
+    log:
+        log_of("mesh_study", "halved_step.log"),
+    params:
+        settings=halved_step,
+        posterior=block("posterior"),
+        backend=campaign.backend,
+        seed=campaign.seed,
+        portion=STUDIED,
+
+
 rule mesh_study:
     input:
         coarse=[results("mesh_study", "coarse", "mesh.json"), results("mesh_study", "coarse", "batch.jsonl")],
         campaign=[rules.mesh.output.description, results("flow3d", "batch_0.jsonl")],
         fine=[results("mesh_study", "fine", "mesh.json"), results("mesh_study", "fine", "batch.jsonl")],
+        halved_step=rules.study_step.output.records,
         code=code("coronaryuq.flow3d.mesh_study"),
     output:
         study=results("mesh_study", "mesh_study.json"),

@@ -1,7 +1,7 @@
 """Momentum: the linearised system of a time step for every sample, and its Gauss-Seidel solution.
 
-The increment δ = u* − ū from the extrapolated velocity ū solves A(ū) δ = r(ū). r is exact in double precision; A is
-kept in single precision, since δ is of the order of the time step squared and its error enters as a product.
+The increment δ = u* − u from the velocity u at the step's beginning solves A(u) δ = r(u). r is exact in double
+precision; A is kept in single precision, since δ is of the order of the time step and its error enters as a product.
 """
 
 import numba as nb

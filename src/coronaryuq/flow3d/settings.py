@@ -37,7 +37,7 @@ class Settings(BaseModel):
         200, ge=20, le=10000, description="How often per cycle wall shear stress and pressure on planes are read."
     )
     momentum_tolerance: float = Field(
-        1e-2, gt=0.0, lt=1.0, description="Relative change at which the momentum sweeps of a step stop."
+        3e-3, gt=0.0, lt=1.0, description="Relative change at which the momentum sweeps of a step stop."
     )
     momentum_sweeps: int = Field(60, ge=5, le=1000, description="Momentum sweeps of a step at most.")
     backflow_stabilisation: float = Field(

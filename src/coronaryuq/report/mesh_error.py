@@ -1,4 +1,4 @@
-"""What the report says of the mesh's own error, which no statistical interval holds."""
+"""What the report says of the error of mesh and time step, which no statistical interval holds."""
 
 from pathlib import Path
 
@@ -10,7 +10,8 @@ COMPARE = "compare them between draws, not with other meshes."
 
 
 class MeshError:
-    """Mesh error by 3D quantity, from the campaign's mesh study; none where it was not run or is of another mesh.
+    """Error of mesh and time step by 3D quantity, from the campaign's mesh study; none where it was not run or is of
+    another mesh.
 
     mesh: mesh.json of the campaign; study: mesh_study.json, or None.
     """
@@ -21,12 +22,15 @@ class MeshError:
         self.of_another_mesh = bool(self.study) and self.study["checksum"] != provenance.checksum(mesh)
 
     def of(self, column: str) -> str:
-        """`mesh ± error` of a quantity whose values converge, `mesh range` of one whose values do not, or nothing."""
+        """`mesh ± error` of a quantity whose values converge, `mesh: range` of one whose values do not, with the error
+        of the time step behind it; or nothing.
+        """
         found = None if self.study is None or self.of_another_mesh else self.study["quantities"].get(column)
         if found is None:
             return ""
         size = f"{found['error']:.2g}"
-        return f"mesh ± {size}" if found["converging"] else f"mesh: range {size}"
+        mesh = f"mesh ± {size}" if found["converging"] else f"mesh: range {size}"
+        return f"{mesh}, time step ± {found['step_error']:.2g}"
 
     @property
     def sentence(self) -> str:
@@ -45,13 +49,17 @@ class MeshError:
         return said + (
             f"Its error was measured with {len(self.study['samples'])} of the samples on meshes of {sizes} nodes: "
             "mesh ± is the grid convergence index (Roache 1998) of the mean; where the values on the three meshes do "
-            "not settle, their range is given instead, which is what was seen and no bound. " + self._earned()
+            "not settle, their range is given instead, which is what was seen and no bound. Time step ± is twice the "
+            "change with half the step. " + self._earned()
         )
 
     def _earned(self) -> str:
         """What may be said of single numbers on this mesh."""
         found = self.study["quantities"]
-        ffr = max((value["error"] for name, value in found.items() if name.startswith("ffr_")), default=None)
+        ffr = max(
+            (value["error"] + value["step_error"] for name, value in found.items() if name.startswith("ffr_")),
+            default=None,
+        )
         said = "" if ffr is None else f"On this mesh FFR is good to {ffr:.2g} at the worst stenosis"
         if all(value["converging"] for name, value in found.items() if name.startswith(EXTREMES)):
             return f"{said}." if said else ""
