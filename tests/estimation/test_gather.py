@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from coronaryuq.errors import InputError
-from coronaryuq.estimation.gather import gather
+from coronaryuq.estimation.gather import coarse_cost, gather
 from coronaryuq.estimation.runs import read_rows, read_runs
 from coronaryuq.files import read_json, write_csv, write_json
 from coronaryuq.records import Record, write
@@ -41,21 +41,26 @@ def record(row, failed):
 def campaign(tmp_path):
     """Writes a campaign's files, with the named samples failed, and gathers them."""
 
-    def run(failed_3d=(), failed_0d=(), min_3d=4, lost=()):
-        pilot, propagation = theta("pilot", 12), theta("propagation", 20)
+    def run(failed_3d=(), failed_0d=(), min_3d=4, lost=(), per_fine=0, failed_coarse=()):
+        table, propagation = theta("pilot", 12 * max(1, per_fine)), theta("propagation", 20)
+        pilot = table.iloc[:12]
         write_json(tmp_path / "case.json", CASE)
-        write_csv(tmp_path / "pilot.csv", pilot)
+        write_csv(tmp_path / "pilot.csv", table)
         write_csv(tmp_path / "propagation.csv", propagation)
         batches = []
         for k in range(3):
             rows = [row for _, row in pilot.iloc[4 * k : 4 * k + 4].iterrows() if row["sample"] not in lost]
             batches.append(tmp_path / f"batch_{k}.jsonl")
             write(batches[-1], [record(row, failed_3d) for row in rows])
-        zerod(pilot, failed_0d).to_parquet(tmp_path / "pilot_0.parquet")
+        coarse = [tmp_path / "coarse_0.jsonl"] if per_fine else []
+        for path in coarse:
+            write(path, [record(row, failed_coarse) for _, row in table.iloc[::-1].iterrows()])
+        zerod(table, failed_0d).to_parquet(tmp_path / "pilot_0.parquet")
         zerod(propagation, failed_0d).to_parquet(tmp_path / "propagation_0.parquet")
         gather(
             tmp_path / "case.json", tmp_path / "pilot.csv", tmp_path / "propagation.csv", batches,
             [tmp_path / "pilot_0.parquet"], [tmp_path / "propagation_0.parquet"], LIMITS, min_3d, tmp_path / "runs",
+            coarse=coarse, runs_per_fine=per_fine,
         )  # fmt: skip
         return tmp_path / "runs"
 
@@ -95,3 +100,26 @@ def test_too_few_3d_runs_stop_with_the_commonest_reason(campaign):
 def test_a_lost_sample_is_named(campaign):
     with pytest.raises(InputError, match="pilot_00005.*has no 3D run"):
         campaign(lost=["pilot_00005"])
+
+
+def test_a_coarse_level_stands_beside_the_pilot_and_goes_on_beyond_it(campaign):
+    folder = campaign(
+        per_fine=3, failed_3d=["pilot_00003"], failed_coarse=["pilot_00004", "pilot_00020"], failed_0d=["pilot_00030"]
+    )
+    runs = read_runs(folder)
+    assert len(runs) == 11 and len(runs.theta_coarse) == 23 == len(runs.q_coarse) and len(runs.coarse) == 11 + 23
+    failed = runs.coarse["ffr_lad"].isna().to_numpy().nonzero()[0].tolist()
+    assert failed == [3, 11 + 8], "the pilot without its failed fine run, then sample 20, the ninth beyond it"
+    inputs = np.concatenate([runs.theta, runs.theta_coarse])[:, 0]
+    ended = runs.coarse["ffr_lad"].notna()
+    np.testing.assert_array_equal(runs.coarse["ffr_lad"][ended], inputs[ended])
+    failures = read_json(folder / "failures.json")
+    assert failures["coarse"]["runs"] == 36 and len(failures["coarse"]["failed"]) == 2
+    assert failures["cost"]["coarse_cpu_s"] == 72.0 and failures["cost"]["zerod_cpu_s"] == (36 + 20) * 0.5
+    assert coarse_cost(folder / "failures.json") == {"runs": 36, "failed": 2, "coarse_cpu_s": 2.0, "fine_cpu_s": 2.0}
+
+
+def test_tables_of_a_coarse_level_that_is_no_longer_there_go(campaign):
+    campaign(per_fine=3)
+    folder = campaign()
+    assert read_runs(folder).coarse is None and coarse_cost(folder / "failures.json") is None

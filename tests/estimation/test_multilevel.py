@@ -72,21 +72,58 @@ def test_cross_fitted_claims_hold_and_approach_the_closed_form(n):
     assert claim.mean() < 1.3 * blue_variance(dict(counts), COVARIANCE)
 
 
-def test_a_coarse_mesh_is_one_more_model_of_the_campaign(folder):
-    """Coarse outputs at pilot and propagation samples: an estimator of its own, recommended where it claims least."""
-    coarse = pd.read_csv(folder / "params.csv"), pd.read_csv(folder / "params_propagation.csv").iloc[:150]
-    lines = pd.concat([f.assign(osi=np.sin(f["BC_lca1"]) + 0.02 * f["R_cor_scaling"]) for f in coarse])
+@pytest.fixture
+def with_coarse(folder):
+    """The small campaign with a coarse level: its pilot and 120 inputs more."""
+    rng = generator(7, "coarse")
+    names = ["BC_lca1", "R_cor_scaling"]
+    beyond = pd.DataFrame(rng.uniform(0.5, 2, (120, 2)), columns=names)
+    beyond.insert(0, "sample", [f"sample_{i:04d}" for i in range(40, 160)])
+    beyond.to_csv(folder / "params_coarse.csv", index=False)
+    low = {"mean_flow:lca1:BC_lca1": 1 / beyond["BC_lca1"], "ffr_lad": 1 - 0.2 / beyond["R_cor_scaling"]}
+    pd.DataFrame({"sample": beyond["sample"], **low}).to_csv(folder / "outputs_0d_coarse.csv", index=False)
+    lines = pd.concat([pd.read_csv(folder / "params.csv"), beyond])
+    lines = lines.assign(osi=np.sin(lines["BC_lca1"]) + 0.02 * lines["R_cor_scaling"])
     lines[["sample", "osi"]].to_csv(folder / "outputs_3d_coarse.csv", index=False)
+    return folder
+
+
+def test_a_coarse_mesh_is_one_more_model_of_the_campaign(with_coarse):
+    """Coarse outputs at the pilot's and further samples: estimators of their own."""
+    folder = with_coarse
     runs, settings = read_runs(folder), Settings(autoencoder=False)
     (row,) = analyse(runs, read_rows(folder / "rows.csv"), settings, 3, beyond_mean=False)
     made = row["estimators"]
     assert made["BLUE"]["std"] < made["MFMC"]["std"] and made["BLUE"]["rho_held_out"] > 0.99
     assert made["BLUE"]["residual_variance"] < 0.5 * made["MFMC"]["residual_variance"]
     assert made["BLUE"]["calibrated"]["low"] < (np.cos(0.5) - np.cos(2)) / 1.5 < made["BLUE"]["calibrated"]["high"]
-    assert made["BLUE"]["warnings"] == [] and row["recommended"] in ("BLUE", "best")
+    assert made["BLUE"]["warnings"] == [] and row["recommended"] in ("BLUE", "best", "multilevel")
+    assert made["multilevel"]["std"] < made["MFMC"]["std"]
+    assert row["levels"]["fine"] < row["levels"]["cheap"], "the coarse run tells most of the fine one"
 
 
-def test_coarse_outputs_of_a_stranger_are_refused(folder):
-    (folder / "outputs_3d_coarse.csv").write_text("sample,osi\nnobody,0.1\n")
-    with pytest.raises(InputError, match="nobody"):
-        read_runs(folder)
+def test_a_coarse_run_that_failed_leaves_the_pilot_whole(with_coarse):
+    lines = pd.read_csv(with_coarse / "outputs_3d_coarse.csv")
+    lines.drop(index=[3, 100]).to_csv(with_coarse / "outputs_3d_coarse.csv", index=False)
+    runs = read_runs(with_coarse)
+    assert len(runs) == 40 and runs.coarse["osi"].isna().to_numpy().nonzero()[0].tolist() == [3, 100]
+    (row,) = analyse(runs, read_rows(with_coarse / "rows.csv"), Settings(autoencoder=False), 3, beyond_mean=False)
+    assert "multilevel" in row["estimators"] and "BLUE" not in row["estimators"]
+    cut = runs.pilot(np.arange(2, 6))
+    assert len(cut.coarse) == 4 + 120 and np.isnan(cut.coarse["osi"][1]) and len(cut.theta_coarse) == 120
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "said"),
+    [
+        ("outputs_3d_coarse.csv", "sample,osi\nnobody,0.1\n", "nobody"),
+        ("outputs_3d_coarse.csv", "sample,ffr\nsample_0000,0.1\n", "ffr.*no such column in outputs_3d.csv"),
+        ("params_coarse.csv", "sample,BC_lca1\nsample_0040,1.0\n", "R_cor_scaling"),
+        ("params_coarse.csv", "sample,BC_lca1,R_cor_scaling\nsample_0001,1.0,1.0\n", "sample_0040"),
+        ("outputs_0d_coarse.csv", "sample,ffr_lad\nsample_0040,0.9\n", "mean_flow:lca1:BC_lca1 of sample_0040"),
+    ],
+)
+def test_tables_of_the_coarse_level_that_do_not_fit_are_refused(with_coarse, file, text, said):
+    (with_coarse / file).write_text(text)
+    with pytest.raises(InputError, match=said):
+        read_runs(with_coarse)

@@ -50,6 +50,14 @@ def test_more_samples_leave_the_old_ones_alone(finished):
     assert set(jobs) == {"flow3d_batch", "zerod_chunk", "samples"} | ESTIMATES
 
 
+def test_a_coarse_level_adds_a_mesh_its_own_batches_and_0d_runs_and_leaves_the_rest_alone(finished):
+    """Four coarse runs for each of sixteen fine ones: eight batches, and 0D runs at the inputs that go on."""
+    jobs = finished.dry_run(settings=changed(finished, flow3d={"coarse": {"runs_per_fine": 4}}))
+    assert jobs["coarse_batch"] == 8 and jobs["coarse_mesh"] == jobs["coarse_mesh_folder"] == 1
+    assert jobs["zerod_chunk"] == 2, "the pilot's chunk of 16 has grown to 32, one more has 32"
+    assert set(jobs) == {"coarse_batch", "coarse_mesh", "coarse_mesh_folder", "zerod_chunk", "samples"} | ESTIMATES
+
+
 def test_a_new_seed_keeps_the_patient_and_the_mesh(finished):
     jobs = set(finished.dry_run(settings=changed(finished, seed=7)))
     assert {"perfusion_chunk", "calibration", "posterior_chains", "flow3d_batch", "zerod_chunk"} <= jobs

@@ -123,6 +123,10 @@ if GROWS:
     COUNTS["pilot"] = max(COUNTS["pilot"], campaign.estimation.most_3d or 0)
     COUNTS["propagation"] = max(COUNTS["propagation"], campaign.estimation.most_0d or 0)
 BATCHES = portions(COUNTS["pilot"], campaign.samples.batch_3d)
+# A coarse level runs the pilot's inputs and goes on in the same table of inputs, where a larger pilot would go on too.
+COARSE = campaign.flow3d.coarse
+COUNTS["pilot"] *= max(1, COARSE.runs_per_fine)
+COARSE_BATCHES = portions(COUNTS["pilot"] if COARSE.runs_per_fine else 0, campaign.samples.batch_3d)
 CHUNKS = {name: portions(count, campaign.samples.chunk_0d) for name, count in COUNTS.items()}
 
 

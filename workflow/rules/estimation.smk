@@ -6,6 +6,10 @@ RESAMPLED = range(campaign.samples.chunks_resampled if campaign.estimation.autoe
 FIRST_COUNTS = {"n_3d": campaign.samples.n_3d, "n_0d": campaign.samples.n_0d}
 
 
+# Tables of the coarse level, where there is one.
+COARSE_TABLES = ("params_coarse", "outputs_3d_coarse", "outputs_0d_coarse") if COARSE.runs_per_fine else ()
+
+
 def decision(number):
     """What round `number` of a growing campaign decided; Snakemake runs the round first."""
     return files.read_json(checkpoints.allocation.get(r=number).output.round)
@@ -21,9 +25,12 @@ def runs_of(counts):
     def first(portioned, total):
         return [k for k, (start, _) in portioned.items() if start < total]
 
+    coarse = COARSE.runs_per_fine * counts["n_3d"]
+    pilot = first(CHUNKS["pilot"], max(coarse, counts["n_3d"]))
     return {
         "records": expand(rules.flow3d_batch.output.records, k=first(BATCHES, counts["n_3d"])),
-        "zerod_pilot": expand(results("zerod", "pilot_{k}.parquet"), k=first(CHUNKS["pilot"], counts["n_3d"])),
+        "coarse": expand(rules.coarse_batch.output.records, k=first(COARSE_BATCHES, coarse)),
+        "zerod_pilot": expand(results("zerod", "pilot_{k}.parquet"), k=pilot),
         "zerod_propagation": expand(
             results("zerod", "propagation_{k}.parquet"), k=first(CHUNKS["propagation"], counts["n_0d"])
         ),
@@ -63,6 +70,7 @@ checkpoint allocation:
         seed=campaign.seed,
         number=lambda wildcards: int(wildcards.r),
         first=FIRST_COUNTS,
+        runs_per_fine=COARSE.runs_per_fine,
         portion={"n_3d": campaign.samples.batch_3d, "n_0d": campaign.samples.chunk_0d},
     script:
         "../scripts/allocation.py"
@@ -76,6 +84,7 @@ rule runs:
         propagation=results("samples", "propagation.csv"),
         code=code("coronaryuq.estimation.gather"),
     output:
+        **{name: results("runs", f"{name}.csv") for name in COARSE_TABLES},
         params=results("runs", "params.csv"),
         outputs_3d=results("runs", "outputs_3d.csv"),
         outputs_0d=results("runs", "outputs_0d.csv"),
@@ -89,6 +98,8 @@ rule runs:
     params:
         settings=block("estimation"),
         posterior=block("posterior"),
+        counts=FIRST_COUNTS,
+        runs_per_fine=COARSE.runs_per_fine,
     script:
         "../scripts/runs.py"
 

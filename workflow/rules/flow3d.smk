@@ -50,13 +50,85 @@ rule flow3d_batch:
     resources:
         **({} if campaign.backend == "ensemble" else {"mpi": "mpiexec", "tasks": 2}),
     params:
-        settings=block("flow3d"),
+        settings=block("flow3d", without=["coarse"]),
         posterior=block("posterior"),
         backend=campaign.backend,
         seed=campaign.seed,
         portion=lambda wildcards: BATCHES[int(wildcards.k)],
     script:
         "../scripts/flow3d_batch.py"
+
+
+def mesh_settings(factor):
+    """The campaign's mesh settings with every resolution times a factor, as far down as settings may go."""
+    settings = block("mesh")
+    for name in ("throat_resolution", "resolution", "jet_resolution", "core_resolution"):
+        least = 2.0 if name == "throat_resolution" else 1.5 if settings[name] else 0.0
+        settings[name] = max(least, settings[name] * factor)
+    return settings
+
+
+# The coarse level, where one is asked for: a model between 3D and 0D, for the estimates.
+
+
+def coarse_settings():
+    """Settings of the coarse runs, of either solver, without fields."""
+    settings = block("flow3d", without=["coarse"])
+    cycles = min(COARSE.max_cycles, settings["max_cycles"])
+    external = settings["simvascular"]
+    frames = external["frames_per_cycle"]
+    return settings | {
+        "steps_per_cycle": max(100, round(COARSE.steps * settings["steps_per_cycle"])),
+        "max_cycles": cycles,
+        "min_cycles": min(settings["min_cycles"], cycles),
+        "fields": 0,
+        "simvascular": external
+        | {
+            "steps_per_cycle": frames * max(1, round(COARSE.steps * external["steps_per_cycle"] / frames)),
+            "cycles": min(COARSE.max_cycles, external["cycles"]),
+        },
+    }
+
+
+use rule mesh as coarse_mesh with:
+    output:
+        archive=results("coarse", "mesh-complete.zip"),
+        description=results("coarse", "mesh.json"),
+    log:
+        log_of("coarse", "mesh.log"),
+    params:
+        settings=mesh_settings(COARSE.resolution),
+        lumen=LUMEN,
+
+
+use rule mesh_folder as coarse_mesh_folder with:
+    input:
+        archive=rules.coarse_mesh.output.archive,
+    output:
+        folder=directory(results("coarse", "mesh-complete")),
+    log:
+        log_of("coarse", "mesh_folder.log"),
+
+
+use rule flow3d_batch as coarse_batch with:
+    input:
+        case=rules.case.output.case,
+        network=rules.calibration.output.hyperaemia,
+        mesh_folder=rules.coarse_mesh_folder.output.folder,
+        mesh=rules.coarse_mesh.output.description,
+        draws=rules.posterior.output.draws,
+        code=code("coronaryuq.flow3d.stage", "coronaryuq.posterior.samples"),
+    output:
+        records=results("coarse", "batch_{k}.jsonl"),
+        fields=results("coarse", "fields_{k}.zip"),
+    log:
+        log_of("coarse", "batch_{k}.log"),
+    params:
+        settings=coarse_settings(),
+        posterior=block("posterior"),
+        backend=campaign.backend,
+        seed=campaign.seed,
+        portion=lambda wildcards: COARSE_BATCHES[int(wildcards.k)],
 
 
 # How far from converged mesh and time step are: the first samples again on a coarser and a finer mesh, and with half the
@@ -66,15 +138,6 @@ STUDY = {"coarse": 3 / 4, "fine": 4 / 3}
 STUDIED = (0, min(8, campaign.samples.n_3d, campaign.samples.batch_3d))
 
 
-def study_settings(wildcards):
-    """The campaign's mesh settings with every resolution times the level's factor, as far down as settings may go."""
-    settings = block("mesh")
-    for name in ("throat_resolution", "resolution", "jet_resolution", "core_resolution"):
-        least = 2.0 if name == "throat_resolution" else 1.5 if settings[name] else 0.0
-        settings[name] = max(least, settings[name] * STUDY[wildcards.level])
-    return settings
-
-
 use rule mesh as study_mesh with:
     output:
         archive=results("mesh_study", "{level}", "mesh-complete.zip"),
@@ -82,7 +145,7 @@ use rule mesh as study_mesh with:
     log:
         log_of("mesh_study", "{level}_mesh.log"),
     params:
-        settings=study_settings,
+        settings=lambda wildcards: mesh_settings(STUDY[wildcards.level]),
         lumen=LUMEN,
 
 
@@ -109,7 +172,7 @@ use rule flow3d_batch as study_batch with:
     log:
         log_of("mesh_study", "{level}_batch.log"),
     params:
-        settings=block("flow3d"),
+        settings=block("flow3d", without=["coarse"]),
         posterior=block("posterior"),
         backend=campaign.backend,
         seed=campaign.seed,
@@ -118,7 +181,7 @@ use rule flow3d_batch as study_batch with:
 
 def halved_step(wildcards):
     """The campaign's 3D settings with twice the steps."""
-    settings = block("flow3d")
+    settings = block("flow3d", without=["coarse"])
     settings["steps_per_cycle"] *= 2
     settings["simvascular"]["steps_per_cycle"] *= 2
     return settings

@@ -15,6 +15,8 @@ with job(globals()) as this:
             "flow3d": this.input["records"],
             "zerod_pilot": this.input["zerod_pilot"],
             "zerod_propagation": this.input["zerod_propagation"],
+            "coarse": this.input["coarse"],
+            "runs_per_fine": this.params["runs_per_fine"],
         },
         {"r": posterior["prior"], "R_cor_scaling": posterior["scaling"]},
         Settings(**this.params["settings"]),

@@ -7,7 +7,9 @@ from coronaryuq.estimation.gather import gather
 from job import job
 
 with job(globals()) as this:
-    posterior = this.params["posterior"]
+    posterior, counts = this.params["posterior"], this.params["counts"]
+    if "allocation" in this.input:
+        counts = files.read_json(this.input["allocation"])["counts"]
     gather(
         this.input["case"],
         this.input["pilot"],
@@ -18,5 +20,7 @@ with job(globals()) as this:
         {"r": posterior["prior"], "R_cor_scaling": posterior["scaling"]},
         this.params["settings"]["min_3d"],
         Path(this.output["params"]).parent,
-        files.read_json(this.input["allocation"])["counts"] if "allocation" in this.input else None,
+        counts,
+        this.input["coarse"],
+        this.params["runs_per_fine"],
     )

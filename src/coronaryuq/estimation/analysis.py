@@ -1,12 +1,12 @@
 """Every estimate of every row of one set of runs; the stage and the benchmarks call this."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pandas as pd
 
 from coronaryuq.errors import InputError
-from coronaryuq.estimation import beyond, diagnostics, estimators, failures, mfmc_ae, report
+from coronaryuq.estimation import beyond, diagnostics, estimators, failures, levels, mfmc_ae, report
 from coronaryuq.estimation.design import Design, make_design
 from coronaryuq.estimation.folds import assign, count
 from coronaryuq.estimation.montecarlo import correlation, mfmc_variance
@@ -105,7 +105,7 @@ def analyse(
     failed = failures.failed_not_at_random(runs, seed, settings.known_scaling)
     findings = [f for f in (diagnostics.different_inputs(runs), failed) if f]
     weights = diagnostics.balancing_weights(runs) if findings else None
-    best, results = {}, []
+    best, several, results = {}, {}, []
     for row in rows:
         y, q = pair(runs, row)
         level = settings.level
@@ -132,9 +132,18 @@ def analyse(
                 finding = diagnostics.outside_support(theta, runs.theta, runs.inputs)
                 if finding:
                     made["MFMC-AE"] = replace(made["MFMC-AE"], warnings=(*made["MFMC-AE"].warnings, str(finding)))
-        levels = estimators.several_models(design, row, seed, level)
-        if levels is not None:
-            made["BLUE"] = levels
+        left = None
+        if weights is None:
+            # Pilot runs that are reweighted to the propagation inputs would need weights on a coarse level too.
+            blue = estimators.several_models(design, row, seed, level)
+            made |= {"BLUE": blue} if blue is not None else {}
+            if row.column_3d not in several:
+                several[row.column_3d] = levels.multilevel(design, row, level)
+            if several[row.column_3d] is not None:
+                made["multilevel"], left = several[row.column_3d]
+                finding = diagnostics.coarse_failures(runs)
+                if finding:
+                    made["multilevel"] = replace(made["multilevel"], warnings=(str(finding),))
         for name in made:
             finding = diagnostics.unverified(name, len(y))
             if finding:
@@ -145,7 +154,7 @@ def analyse(
                 made[name] = replace(made[name], warnings=(*made[name].warnings, str(finding)))
         if design.emulator_error[row.column_0d] > EMULATOR_SHARE:
             made["MFMC"] = replace(made["MFMC"], warnings=(*made["MFMC"].warnings, _poor(design, row)))
-        order = [name for name in ("MC", "MFMC", "MFMC-AE", "BLUE", "best") if name in made]
+        order = [name for name in ("MC", "MFMC", "MFMC-AE", "BLUE", "best", "multilevel") if name in made]
         printed = paper_row(y, q, max(len(runs.theta_more), len(y)))  # the paper counts the pilot into its N_0D
         results.append({
             "row": row.name, "label": row.label, "column_3d": row.column_3d, "column_0d": row.column_0d,
@@ -154,6 +163,7 @@ def analyse(
             "estimators": {name: report.estimate(made[name]) | more.get(name, {}) for name in order},
             "recommended": recommended(made),
             "beyond_the_mean": best[row.column_3d][1],
+            "levels": None if left is None else asdict(left),
             "n_propagation": len(runs.theta_more),
             "emulator_error": design.emulator_error[row.column_0d],
             "integrated_exactly": settings.known_scaling if design.integrated else None,

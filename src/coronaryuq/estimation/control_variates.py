@@ -16,21 +16,31 @@ from coronaryuq.estimation import gaussian_process
 
 @dataclass(frozen=True)
 class Seen:
-    """What a control variate may see of m samples: log θ (m, d), a row's 0D output (m,), more of them (m, p)."""
+    """What a control variate may see of m samples: log θ (m, d), a row's 0D output (m,), more of them (m, p).
+
+    coarse (m,): the quantity itself on a coarse 3D level, or None.
+    """
 
     log_theta: np.ndarray
     row_output: np.ndarray
     outputs: np.ndarray
+    coarse: np.ndarray | None = None
 
     def __getitem__(self, index) -> "Seen":
-        return Seen(self.log_theta[index], self.row_output[index], self.outputs[index])
+        coarse = None if self.coarse is None else self.coarse[index]
+        return Seen(self.log_theta[index], self.row_output[index], self.outputs[index], coarse)
 
     def __len__(self) -> int:
         return len(self.log_theta)
 
     @property
+    def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return self.log_theta, self.row_output, self.outputs
+
+    @property
     def everything(self) -> np.ndarray:
-        return np.column_stack([self.log_theta, self.outputs])
+        coarse = [] if self.coarse is None else [self.coarse]
+        return np.column_stack([self.log_theta, self.outputs, *coarse])
 
 
 @dataclass(frozen=True)
@@ -109,6 +119,8 @@ METHODS: dict[str, Method] = {
     "constant": constant,
     "linear 0D": linear("linear 0D", lambda s: s.row_output[:, None]),
     "linear 0D outputs": linear("linear 0D outputs", lambda s: s.outputs),
+    "linear coarse": linear("linear coarse", lambda s: s.coarse[:, None]),
+    "linear coarse and 0D": linear("linear coarse and 0D", lambda s: np.column_stack([s.coarse, s.row_output])),
     "linear theta": linear("linear theta", lambda s: s.log_theta),
     "quadratic 0D outputs": linear("quadratic 0D outputs", lambda s: quadratic(s.outputs[:, :5])),
     "process theta": process("process theta", lambda s: s.log_theta),

@@ -40,7 +40,8 @@ class Design:
 
     fold (n,); blocks, one per fold; held_out: 0D output → (n,) emulated without the sample's own fold; shared: names
     of the 0D outputs that every control variate may see, those of all rows among them; emulator_error: 0D output →
-    held-out mean square error over variance.
+    held-out mean square error over variance. coarse: per fold its samples of the coarse 3D level beyond the pilot;
+    empty without such a level.
     """
 
     runs: Runs
@@ -50,6 +51,7 @@ class Design:
     shared: list[str]
     emulator_error: dict[str, float]
     integrated: bool
+    coarse: tuple[Block, ...] = ()
 
     @property
     def log_theta(self) -> np.ndarray:
@@ -70,7 +72,24 @@ class Design:
 
     def propagated(self, row: Row, k: int) -> Seen:
         """What the propagation samples of fold k show."""
-        block = self.blocks[k]
+        return self._of(row, self.blocks[k])
+
+    def coarse_training(self, row: Row, k: int) -> tuple[Seen, np.ndarray]:
+        """What the samples of the coarse level without those of fold k show, and their indices: the pilot first."""
+        pilot, index = self.training(row, k)
+        q, part = self.runs.q_coarse, np.ones(len(self.runs.theta_coarse), dtype=bool)
+        part[self.coarse[k].index] = False
+        more = Seen(np.log(self.runs.theta_coarse), q[row.column_0d].to_numpy(float), q[self.shared].to_numpy(float))[
+            part
+        ]
+        both = (np.concatenate(pair) for pair in zip(pilot.arrays, more.arrays, strict=True))
+        return Seen(*both), np.concatenate([index, len(self.runs) + np.flatnonzero(part)])
+
+    def coarse_held(self, row: Row, k: int) -> tuple[Seen, np.ndarray]:
+        """What the samples of fold k of the coarse level beyond the pilot show, and their indices."""
+        return self._of(row, self.coarse[k]), len(self.runs) + self.coarse[k].index
+
+    def _of(self, row: Row, block: Block) -> Seen:
         outputs = np.column_stack([block.outputs[c] for c in self.shared])
         return Seen(block.log_theta, block.outputs[row.column_0d], outputs)
 
@@ -91,6 +110,7 @@ def make_design(runs: Runs, rows: list[Row], k: int, seed: int, scaling: str | N
     names = informative(runs.q, wanted, max(most, len(wanted)))
     order = generator(seed, "estimation", "blocks").permutation(m) % k
     log_theta, held_out, blocks = np.log(runs.theta), {name: np.empty(n) for name in names}, []
+    coarse, part = [], None if runs.coarse is None else folds.assign(len(runs.theta_coarse), k, seed, "coarse")
     for j in range(k):
         train, held = fold != j, fold == j
         emulator = Emulator(log_theta[train], runs.q.loc[train, names])
@@ -99,10 +119,14 @@ def make_design(runs: Runs, rows: list[Row], k: int, seed: int, scaling: str | N
         index = np.flatnonzero(order == j)
         spread, repeats = _spread(runs, index, scaling if integrated else None)
         blocks.append(Block(index, spread, emulator.predict(spread), repeats))
+        if runs.coarse is not None:
+            index = np.flatnonzero(part == j)
+            log_coarse = np.log(runs.theta_coarse[index])
+            coarse.append(Block(index, log_coarse, emulator.predict(log_coarse), 1))
     error = {
         name: float(np.mean((held_out[name] - runs.q[name]) ** 2) / (np.var(runs.q[name]) or 1.0)) for name in names
     }
-    return Design(runs, fold, blocks, held_out, names, error, integrated)
+    return Design(runs, fold, blocks, held_out, names, error, integrated, tuple(coarse))
 
 
 def integrable(runs: Runs, scaling: str) -> bool:

@@ -79,26 +79,27 @@ def predict(design: Design, row: Row, simple: bool = False) -> Predictions:
 
 
 def several_models(design: Design, row: Row, seed: int, level: float) -> Estimate | None:
-    """Multilevel BLUE over the coarse mesh and the row's 0D output; None where no coarse mesh was run."""
+    """Multilevel BLUE over the coarse level and 0D outputs, the row's own first; None where no coarse level was run.
+
+    One cheap model for every ten pilot runs, and these two at least: weights of more are not known. None where a coarse
+    run failed too: group means without it would be of another law.
+    """
     runs = design.runs
     if runs.coarse is None or row.column_3d not in runs.coarse:
         return None
-    y, q = pair(runs, row)
-    coarse = runs.coarse[row.column_3d].dropna()
-    more = None if runs.q_more is None else runs.q_more[row.column_0d].to_numpy(float)
-    with_coarse = coarse.reindex(list(runs.samples)).to_numpy(float)
-    if not np.isfinite(with_coarse).all():
+    y, _ = pair(runs, row)
+    n, coarse = len(y), runs.coarse[row.column_3d].to_numpy(float)
+    if not np.isfinite(coarse).all():
         return None
-    again = coarse.reindex(list(runs.samples_more)).to_numpy(float)
-    ran = np.isfinite(again)
-    groups = [Group((0, 1, 2), np.column_stack([y, with_coarse, q]))]
-    if more is None:
-        groups.append(Group((1,), again[ran][:, None]))
-    else:
-        groups += [Group((1, 2), np.column_stack([again, more])[ran]), Group((2,), more[~ran][:, None])]
+    others = [name for name in design.shared if name != row.column_0d and runs.q[name].nunique() > 1]
+    columns = [row.column_0d, *others[: max(0, n // 10 - 2)]]
+    cheap = tuple(range(2, 2 + len(columns)))
+    groups = [Group((0, 1, *cheap), np.column_stack([y, coarse[:n], runs.q[columns]]))]
+    groups.append(Group((1, *cheap), np.column_stack([coarse[n:], runs.q_coarse[columns]])))
+    if runs.q_more is not None:
+        groups.append(Group(cheap, runs.q_more[columns].to_numpy(float)))
     folds = len(design.blocks)
-    groups = [groups[0]] + [g for g in groups[1:] if len(g.outputs) >= 2 * folds]
-    return multilevel.estimate(groups, folds, seed, level)
+    return multilevel.estimate([g for g in groups if len(g.outputs) >= 2 * folds], folds, seed, level)
 
 
 def best(design: Design, row: Row, made: Predictions, level: float, weights=None) -> Estimate:

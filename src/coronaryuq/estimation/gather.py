@@ -34,24 +34,32 @@ def gather(
     min_3d: int,
     out: str | Path,
     counts: dict[str, int] | None = None,
+    coarse: Sequence[str | Path] = (),
+    runs_per_fine: int = 0,
 ) -> None:
     """Write `params.csv`, `outputs_3d.csv`, `outputs_0d.csv`, `params_propagation.csv`, `outputs_0d_propagation.csv`,
-    `param_limits.json`, `rows.csv` and `failures.json` into `out`.
+    `param_limits.json`, `rows.csv` and `failures.json` into `out`, for a coarse 3D level `params_coarse.csv`,
+    `outputs_3d_coarse.csv` and `outputs_0d_coarse.csv` too.
 
     A pilot sample whose 3D run failed stays in `params.csv` without outputs, so that the estimators can ask whether
     failures depend on θ. A sample whose 0D run failed is left out. Raises InputError if fewer than `min_3d` 3D runs
     ended well, with the commonest reason. limits: bounds of θ by column, "r" standing for every bed. counts: {n_3d,
-    n_0d}, how many of the first samples count; all where it is None.
+    n_0d}, how many of the first samples count; all where it is None. coarse: records of a coarse 3D level, which ran
+    the first `runs_per_fine` · n_3d samples of the pilot's table: those beyond the pilot go into `params_coarse.csv`.
     """
     out = Path(out)
-    pilot, propagation = read_csv(pilot_csv, ("sample",)), read_csv(propagation_csv, ("sample",))
+    table, propagation = read_csv(pilot_csv, ("sample",)), read_csv(propagation_csv, ("sample",))
+    n_3d = len(table) // max(1, runs_per_fine)
     if counts is not None:
-        pilot, propagation = pilot.iloc[: counts["n_3d"]], propagation.iloc[: counts["n_0d"]]
+        n_3d, propagation = counts["n_3d"], propagation.iloc[: counts["n_0d"]]
+    pilot, beyond = table.iloc[:n_3d], table.iloc[n_3d : max(1, runs_per_fine) * n_3d]
     runs = [record for path in flow3d for record in records.read(path) if record.sample in set(pilot["sample"])]
     cheap, cheap_failed = _zerod(zerod_pilot, pilot["sample"])
+    beside, beside_failed = _zerod(zerod_pilot, beyond["sample"])
     more, more_failed = _zerod(zerod_propagation, propagation["sample"])
     _complete("3D", pilot["sample"], [record.sample for record in runs], flow3d)
     _complete("0D", pilot["sample"], [*cheap["sample"], *cheap_failed["sample"]], zerod_pilot)
+    _complete("0D", beyond["sample"], [*beside["sample"], *beside_failed["sample"]], zerod_pilot)
     _complete("0D", propagation["sample"], [*more["sample"], *more_failed["sample"]], zerod_propagation)
     failed = [record for record in runs if not record.ok]
     if len(runs) - len(failed) < min_3d:
@@ -69,6 +77,18 @@ def gather(
     write_csv(out / "outputs_0d.csv", cheap)
     write_csv(out / "params_propagation.csv", propagation[propagation["sample"].isin(more["sample"])])
     write_csv(out / "outputs_0d_propagation.csv", more)
+    second = _coarse(coarse, pd.concat([pilot, beyond])) if runs_per_fine else []
+    if second:
+        ended = pd.DataFrame([{"sample": r.sample, **r.outputs} for r in second if r.ok], columns=outputs_3d.columns)
+        write_csv(out / "params_coarse.csv", beyond[beyond["sample"].isin(beside["sample"])])
+        write_csv(out / "outputs_0d_coarse.csv", beside)
+        write_csv(
+            out / "outputs_3d_coarse.csv",
+            ended[ended["sample"].isin(kept["sample"]) | ended["sample"].isin(beside["sample"])],
+        )
+    else:
+        for name in ("params_coarse.csv", "outputs_0d_coarse.csv", "outputs_3d_coarse.csv"):
+            (out / name).unlink(missing_ok=True)
     bounds = {name: limits.get(name, limits["r"]) for name in columns}
     ends = (("min", 0), ("max", 1))
     write_json(out / "param_limits.json", {end: {name: bounds[name][k] for name in columns} for end, k in ends})
@@ -81,12 +101,20 @@ def gather(
                 "failed": [{"sample": r.sample, "reason": r.reason, "inputs": r.inputs} for r in failed],
             },
             "zerod": {
-                "runs": len(pilot) + len(propagation),
-                "failed": pd.concat([cheap_failed, more_failed])[["sample", "reason"]].to_dict("records"),
+                "runs": len(pilot) + len(beyond) + len(propagation),
+                "failed": pd.concat([cheap_failed, beside_failed, more_failed])[["sample", "reason"]].to_dict(
+                    "records"
+                ),
+            },
+            "coarse": {
+                "runs": len(second),
+                "failed": [{"sample": r.sample, "reason": r.reason, "inputs": r.inputs} for r in second if not r.ok],
             },
             "cost": {
                 "flow3d_cpu_s": float(sum(r.cost.get("cpu_s", 0.0) for r in runs)),
-                "zerod_cpu_s": _cost(zerod_pilot, pilot["sample"]) + _cost(zerod_propagation, propagation["sample"]),
+                "zerod_cpu_s": _cost(zerod_pilot, [*pilot["sample"], *beyond["sample"]])
+                + _cost(zerod_propagation, propagation["sample"]),
+                "coarse_cpu_s": float(sum(r.cost.get("cpu_s", 0.0) for r in second)),
             },
         },
     )
@@ -120,6 +148,30 @@ def cost_ratio(failures_json: str | Path, otherwise: float) -> float:
     return low / high if high > 0 and 0 < low < high else otherwise
 
 
+def coarse_cost(failures_json: str | Path) -> dict | None:
+    """{runs, failed, coarse_cpu_s, fine_cpu_s}, costs per run, of a coarse level; None without one or where they do not
+    tell.
+    """
+    held = read_json(failures_json)
+    coarse, fine, cost = held.get("coarse", {"runs": 0}), held["flow3d"], held["cost"]
+    if not coarse["runs"] or not fine["runs"] or not min(cost["flow3d_cpu_s"], cost["coarse_cpu_s"]) > 0:
+        return None
+    return {
+        "runs": coarse["runs"],
+        "failed": len(coarse["failed"]),
+        "coarse_cpu_s": cost["coarse_cpu_s"] / coarse["runs"],
+        "fine_cpu_s": cost["flow3d_cpu_s"] / fine["runs"],
+    }
+
+
+def _coarse(paths: Sequence[str | Path], table: pd.DataFrame) -> list[records.Record]:
+    """Records of a coarse level at every sample of a table, in its order."""
+    found = [record for path in paths for record in records.read(path) if record.sample in set(table["sample"])]
+    _complete("coarse 3D", table["sample"], [record.sample for record in found], paths)
+    place = {sample: k for k, sample in enumerate(table["sample"])}
+    return sorted(found, key=lambda record: place[record.sample])
+
+
 def _zerod(paths: Sequence[str | Path], samples: pd.Series) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Outputs of the runs of `samples` that ended well, and the failed runs."""
     table = pd.concat([read_parquet(path, ("sample", "status", "reason")) for path in paths], ignore_index=True)
@@ -128,7 +180,7 @@ def _zerod(paths: Sequence[str | Path], samples: pd.Series) -> tuple[pd.DataFram
     return table[ok].drop(columns=[c for c in BOOKKEEPING if c in table]), table[~ok]
 
 
-def _cost(paths: Sequence[str | Path], samples: pd.Series) -> float:
+def _cost(paths: Sequence[str | Path], samples: Sequence[str]) -> float:
     tables = (read_parquet(path, ("sample", "cpu_s")) for path in paths)
     return float(np.sum([t.loc[t["sample"].isin(samples), "cpu_s"].sum() for t in tables]))
 

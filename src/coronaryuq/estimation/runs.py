@@ -22,7 +22,8 @@ class Runs:
     inputs: columns of θ, d of them. theta (n, d): the n samples whose 3D and 0D runs both ended well. y: 3D outputs,
     q: 0D outputs (n rows each). theta_more (m, d): propagation samples. q_more: their 0D outputs (m rows), or None
     where nobody ran them. theta_failed (f, d): pilot samples without a 3D run. limits: (d, 2) bounds of θ or None.
-    coarse: outputs of a cheaper 3D model (a coarse mesh), index `sample`, at pilot and propagation samples, or None.
+    coarse: outputs of a coarse 3D level at the n pilot samples and then at m_c further ones, NaN where a run failed;
+    None without one. theta_coarse (m_c, d), q_coarse: inputs and 0D outputs of the further samples.
     """
 
     folder: Path
@@ -37,16 +38,22 @@ class Runs:
     limits: np.ndarray | None = None
     samples_more: tuple[str, ...] = field(default=())
     coarse: pd.DataFrame | None = None
+    theta_coarse: np.ndarray | None = None
+    q_coarse: pd.DataFrame | None = None
 
     def __len__(self) -> int:
         return len(self.theta)
 
     def pilot(self, index: np.ndarray) -> "Runs":
         """The same runs with the pilot cut down to `index`."""
+        coarse = self.coarse
+        if coarse is not None:
+            coarse = coarse.iloc[[*index, *range(len(self), len(coarse))]].reset_index(drop=True)
         return Runs(
             self.folder, self.inputs, tuple(self.samples[i] for i in index), self.theta[index],
             self.y.iloc[index].reset_index(drop=True), self.q.iloc[index].reset_index(drop=True),
-            self.theta_more, self.q_more, self.theta_failed, self.limits, self.samples_more, self.coarse,
+            self.theta_more, self.q_more, self.theta_failed, self.limits, self.samples_more, coarse,
+            self.theta_coarse, self.q_coarse,
         )  # fmt: skip
 
 
@@ -66,8 +73,9 @@ def read_runs(folder: str | Path) -> Runs:
     Propagation inputs come from `params_propagation.csv` (a header as `params.csv`) or
     `params_propagation_normalized.csv` (no header, columns of `params.csv`, [−1, 1] within `param_limits.json`).
     A pilot sample that is missing or not finite in any column of `outputs_3d.csv` counts as failed; columns without
-    any value are left out. `outputs_3d_coarse.csv`, where there is one, holds the same columns from a coarse mesh at
-    any of the samples. Raises `InputError` for anything missing, doubled, foreign or not a number.
+    any value are left out. `outputs_3d_coarse.csv`, where there is one, holds the same columns from a coarse 3D level
+    at the pilot's samples and at those of `params_coarse.csv`, whose 0D outputs are in `outputs_0d_coarse.csv`; a
+    sample that is missing has failed there. Raises `InputError` for anything missing, doubled, foreign or not a number.
     """
     folder = Path(folder)
     params = _table(folder / "params.csv")
@@ -102,7 +110,7 @@ def read_runs(folder: str | Path) -> Runs:
     return Runs(
         folder, inputs, tuple(params.index[ended]), theta[ended],
         y[ended].reset_index(drop=True), q[ended].reset_index(drop=True),
-        theta_more, q_more, theta[~ended], limits, samples_more, _coarse(folder, y, params.index, samples_more),
+        theta_more, q_more, theta[~ended], limits, samples_more, *_coarse(folder, y, q, params.index[ended], inputs),
     )  # fmt: skip
 
 
@@ -182,18 +190,37 @@ def _limits(path: Path, inputs: tuple[str, ...]) -> np.ndarray | None:
     return bounds
 
 
-def _coarse(folder: Path, y: pd.DataFrame, pilot: pd.Index, samples_more: tuple[str, ...]) -> pd.DataFrame | None:
-    path = folder / "outputs_3d_coarse.csv"
+def _coarse(folder: Path, y: pd.DataFrame, q: pd.DataFrame, ended: pd.Index, inputs: tuple[str, ...]):
+    """`Runs.coarse`, `theta_coarse` and `q_coarse`; `ended`: the pilot's samples that count."""
+    path, beyond = folder / "outputs_3d_coarse.csv", folder / "params_coarse.csv"
     if not path.exists():
-        return None
-    frame = _table(path)
-    foreign = frame.index.difference(pilot.union(pd.Index(samples_more)))
+        return None, None, None
+    frame, params = _table(path), _table(beyond)
+    missing = [name for name in inputs if name not in params]
+    if missing:
+        raise InputError(beyond, missing[0], None, "column missing; wanted the columns of params.csv")
+    foreign = frame.index.difference(y.index.union(params.index))
     if len(foreign):
-        raise InputError(path, "sample", str(foreign[0]), "neither a pilot nor a propagation sample")
+        raise InputError(path, "sample", str(foreign[0]), "neither in params.csv nor in params_coarse.csv")
+    twice = params.index.intersection(y.index)
+    if len(twice):
+        raise InputError(beyond, "sample", str(twice[0]), "in params.csv too; keep it there")
     strange = frame.columns.difference(y.columns)
     if len(strange):
         raise InputError(path, str(strange[0]), None, "no such column in outputs_3d.csv")
-    return frame
+    q_coarse = _table(folder / "outputs_0d_coarse.csv").reindex(params.index).reindex(columns=q.columns)
+    lost = np.argwhere(~np.isfinite(q_coarse.to_numpy(dtype=float)))
+    if len(lost):
+        i, j = lost[0]
+        raise InputError(
+            folder / "outputs_0d_coarse.csv", f"{q.columns[j]} of {params.index[i]}", None,
+            "no finite 0D output; run the 0D model at this sample, or take it out of params_coarse.csv",
+        )  # fmt: skip
+    return (
+        frame.reindex(ended.append(params.index)).reset_index(drop=True),
+        _finite(beyond, params[list(inputs)]),
+        q_coarse.reset_index(drop=True),
+    )
 
 
 def _propagation(folder: Path, inputs: tuple[str, ...], limits) -> tuple[np.ndarray, tuple[str, ...]]:

@@ -26,6 +26,8 @@ def choose(seen: Seen, y: np.ndarray, simple: bool = False) -> Fitted:
         "linear theta": seen.log_theta.shape[1] + 4,
         "quadratic 0D outputs": QUADRATIC_RUNS,
     }
+    if seen.coarse is not None:
+        least_runs |= {"linear coarse": 5, "linear coarse and 0D": 6}
     candidates = [METHODS[name](seen, y) for name, least in least_runs.items() if len(y) >= least]
     spread = y.var()
     if spread == 0:

@@ -9,7 +9,8 @@ import pandas as pd
 from coronaryuq import files
 from coronaryuq.errors import InputError
 from coronaryuq.estimation import analysis, report, studies
-from coronaryuq.estimation.gather import cost_ratio
+from coronaryuq.estimation.gather import coarse_cost, cost_ratio
+from coronaryuq.estimation.level_allocation import Costs, worth
 from coronaryuq.estimation.mfmc_ae import Networks
 from coronaryuq.estimation.runs import read_rows, read_runs
 from coronaryuq.estimation.settings import Settings
@@ -47,7 +48,12 @@ def estimate(
     results = analysis.analyse(runs, rows, settings, seed, networks, outputs)
     files.write_json(
         estimates_json,
-        {"rows": results, "settings": settings.model_dump(mode="json"), "provenance": stamp(seed=seed)},
+        {
+            "rows": results,
+            "coarse": _coarse_level(Path(runs_folder) / "failures.json", results, settings),
+            "settings": settings.model_dump(mode="json"),
+            "provenance": stamp(seed=seed),
+        },
     )
     files.write_csv(table_csv, report.table(results))
 
@@ -104,6 +110,16 @@ def read_resampled(paths: list[str | Path]) -> pd.DataFrame:
             paths[0], "sample", frame["sample"][frame["sample"].duplicated()].iloc[0], "twice among the 0D runs"
         )
     return frame.set_index(frame.pop("sample").astype(str))
+
+
+def _coarse_level(failures_json: Path, results: list[dict], settings: Settings) -> dict | None:
+    """What the coarse level cost and what it gained, row by row; None where there is none or its cost is not known."""
+    level = coarse_cost(failures_json) if failures_json.exists() else None
+    if level is None:
+        return None
+    costs = Costs(level["coarse_cpu_s"] / level["fine_cpu_s"], cost_ratio(failures_json, settings.cost_ratio))
+    gained = {result["row"]: worth(result, level["runs"], costs) for result in results}
+    return level | {"rows": {name: value for name, value in gained.items() if value is not None}}
 
 
 def _read(runs_folder, rows_csv, settings):

@@ -13,7 +13,14 @@ import matplotlib.pyplot as plt
 from coronaryuq.files import replacing
 
 # Okabe & Ito (2008): told apart with any colour vision, and in print.
-ESTIMATORS = {"MC": "#000000", "MFMC": "#0072B2", "MFMC-AE": "#D55E00", "BLUE": "#CC79A7", "best": "#009E73"}
+ESTIMATORS = {
+    "MC": "#000000",
+    "MFMC": "#0072B2",
+    "MFMC-AE": "#D55E00",
+    "BLUE": "#CC79A7",
+    "best": "#009E73",
+    "multilevel": "#E69F00",
+}
 BRANCHES = {"LAD": "#D55E00", "LCx": "#0072B2", "RCA": "#009E73"}
 MEASURED, SIMULATED = "#555555", "#0072B2"
 MUTED = "#999999"

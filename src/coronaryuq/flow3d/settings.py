@@ -1,8 +1,37 @@
 """Settings of the 3D runs."""
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from coronaryuq.flow3d.simvascular_settings import SimVascularSettings
+
+
+class Coarse(BaseModel):
+    """A cheaper 3D level: the same solver and inputs on a coarser mesh with longer time steps."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    runs_per_fine: int = Field(
+        0,
+        ge=0,
+        le=100,
+        description="Coarse 3D runs per 3D run of the pilot: the pilot's own inputs and further draws of the "
+        "posterior; 0: no coarse level.",
+    )
+    resolution: float = Field(
+        0.75,
+        gt=0.0,
+        lt=1.0,
+        description="Every resolution of the coarse mesh in those of `mesh`, as far down as these may go.",
+    )
+    steps: float = Field(0.5, gt=0.0, le=1.0, description="Time steps per cycle in those of the fine runs.")
+    max_cycles: int = Field(2, ge=2, le=200, description="Whole cycles run at most, and never more than the fine runs.")
+
+    @field_validator("runs_per_fine")
+    @classmethod
+    def _more_than_the_pilot(cls, value: int) -> int:
+        if value == 1:
+            raise ValueError("the coarse level runs more than the pilot's inputs: 2 or more, or 0 for none")
+        return value
 
 
 class Settings(BaseModel):
@@ -58,6 +87,7 @@ class Settings(BaseModel):
         ge=0,
         description="For how many samples of the campaign, the first ones, fields are kept for pictures (VTU, VTP).",
     )
+    coarse: Coarse = Field(default_factory=Coarse, description="A coarse 3D level for the estimates, off by default.")
     simvascular: SimVascularSettings = Field(
         default_factory=SimVascularSettings, description="svSolver and svMultiPhysics, where they run the samples."
     )

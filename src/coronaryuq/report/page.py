@@ -12,10 +12,10 @@ import yaml
 
 from coronaryuq import provenance
 from coronaryuq.files import read_csv, read_json, write_text
-from coronaryuq.report import discrepancy
+from coronaryuq.report import coarse_level, discrepancy
 from coronaryuq.report.mesh_error import MeshError
 
-ESTIMATORS = ("MC", "MFMC", "MFMC-AE", "BLUE", "best")
+ESTIMATORS = ("MC", "MFMC", "MFMC-AE", "BLUE", "best", "multilevel")
 QUANTITIES = ("ffr", "tawss_min", "osi_max")
 CAPTIONS = {
     "intervals_wss": "Maximum OSI and minimum TAWSS by estimator. An exclamation mark: the interval carries a warning.",
@@ -74,6 +74,7 @@ def write_report(
         "vessels": [_vessel(stenosis, rows, _outlet_names(case), mesh) for stenosis in case["stenoses"]],
         "table": [_estimators(row, notes) | {"mesh": mesh.of(row["column_3d"])} for row in rows],
         "notes": notes.texts,
+        "coarse_level": coarse_level.sentence(estimates),
         "mesh": mesh.sentence,
         "matched": _matched(read_csv(files["fit"]), summary),
         "noise": _noise(targets),
