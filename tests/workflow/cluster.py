@@ -141,7 +141,7 @@ SlurmdLogFile={self.folder}/%n/slurmd.log
 SchedulerParameters=sched_interval=1,bf_interval=2
 SlurmdTimeout=30
 KillWait=5
-MinJobAge=600
+MinJobAge=86400
 {nodes}
 PartitionName=main Nodes=ALL Default=YES MaxTime=INFINITE State=UP
 """

@@ -37,9 +37,15 @@ COPY = """
     shell:
         "{launch}for f in {{output:q}}; do mkdir -p $(dirname $f);"
         " if [ -e {record}/$f ]; then cp -rT {record}/$f $f; else cp {record}/note.json $f; fi; done;"
-        " echo done > {{log:q}}; mkdir -p results/{name}/provenance;"
+        " echo done > {{log:q}}; {spent}mkdir -p results/{name}/provenance;"
         " cp {record}/note.json 'results/{name}/provenance/{{rule}}-{{wildcards}}.json'"
 """
+
+SPENT = (
+    "for p in $(grep -lsz ^SLURM_JOB_ID=$SLURM_JOB_ID$ /proc/[0-9]*/environ | cut -d/ -f3); do"
+    " cat /proc/$p/stat; done > {record}/spent/$SLURM_JOB_ID 2> {record}/spent/lost || true; "
+)
+"""Takes down the CPU time of what SLURM has started for a job: both Snakemakes."""
 
 
 def record(smoke: Path, settings: dict, folder: Path) -> None:
@@ -80,14 +86,17 @@ def _repeat(folder: Path, name: str, count: int, source: Path | None = None) -> 
             shutil.copy(source, folder / name.format(k))
 
 
-def copying(checkout: Checkout, folder: Path) -> None:
+def copying(checkout: Checkout, folder: Path, slurm: bool) -> None:
     """Put copies of the record in the place of what the rules run."""
     for path in (checkout.folder / "workflow" / "rules").glob("*.smk"):
         whole = path.read_text()
         for script in re.findall(r'\n    script:\n        "../scripts/(\w+)\.py"\n', whole):
             if script not in IN_EARNEST:
-                launch = "{resources.mpi} -n {resources.tasks} true; " if script == "flow3d_batch" else ""
-                text = COPY.format(record=folder.as_posix(), name=NAME, launch=launch)
+                launch, spent = "", ""
+                if script == "flow3d_batch":
+                    launch = "{resources.mpi} -n {resources.tasks} true; "
+                    spent = SPENT.format(record=folder.as_posix()) if slurm else ""
+                text = COPY.format(record=folder.as_posix(), name=NAME, launch=launch, spent=spent)
                 whole = whole.replace(f'\n    script:\n        "../scripts/{script}.py"\n', text)
         path.write_text(whole)
     (checkout.folder / "workflow" / "scripts" / "posterior_chains.py").write_text(
@@ -98,23 +107,23 @@ def copying(checkout: Checkout, folder: Path) -> None:
     )
 
 
-def rehearse(smoke: Path, folder: Path, slurm: int | None) -> dict:
+def rehearse(smoke: Path, folder: Path, slurm: int | None, cpus: int) -> dict:
     settings = yaml.safe_load((ROOT / "config" / "paper.yaml").read_text())
     settings |= {"name": NAME, "backend": "svsolver"}
     del settings["paper_data"]
-    settings["samples"] |= {"batch_3d": 1, "n_3d": slurm or 500}
+    settings["samples"] |= {"batch_3d": 1, "n_3d": 500, "chunks_resampled": 80}
     record(smoke, settings, folder)
     checkout = Checkout(folder / "campaign")
     planned = _run(checkout.command("--dry-run", "--quiet", "all", "--scheduler", "greedy", settings=settings))
     jobs = checkout.dry_run("--scheduler", "greedy", settings=settings)
-    copying(checkout, folder)
+    copying(checkout, folder, slurm is not None)
     if slurm:
-        with cluster.cluster(folder / "slurm", cpus=960, memory_mb=4_000_000):
+        (folder / "spent").mkdir()
+        with cluster.cluster(folder / "slurm", cpus=cpus, memory_mb=4_000_000):
             batches = [f"results/{NAME}/flow3d/batch_{k}.jsonl" for k in range(slurm)]
             done = _run(checkout.command("--profile", str(_site(folder)), "--", *batches, settings=settings))
             listed = subprocess.run(["scontrol", "--oneliner", "show", "jobs"], capture_output=True, text=True).stdout
-        tasks = re.findall(r"JobState=COMPLETED .*NumTasks=(\d+)", listed)
-        more = {"slurm_jobs_completed": len(tasks), "of_96_tasks": tasks.count("96")}
+        more = _queue(listed) | _spent(folder / "spent")
     else:
         profile = ROOT / "workflow" / "profiles" / "default"
         done = _run(checkout.command("--profile", str(profile), "--cores", "1", settings=settings))
@@ -134,6 +143,35 @@ def rehearse(smoke: Path, folder: Path, slurm: int | None) -> dict:
         "megabytes": round(sum(path.stat().st_size for path in files) / 1e6, 1),
         **more,
     }
+
+
+def _queue(listed: str) -> dict:
+    """What SLURM says of its jobs: how many, how fast they came, how long they waited and ran."""
+    jobs = [dict(word.split("=", 1) for word in line.split() if "=" in word) for line in listed.splitlines()]
+    jobs = [job for job in jobs if job["JobState"] == "COMPLETED"]
+    submitted, started, ended = (
+        np.array([np.datetime64(job[name]) for job in jobs]).astype(float)
+        for name in ("SubmitTime", "StartTime", "EndTime")
+    )
+    large = np.array([job["NumTasks"] == "96" for job in jobs])
+    at_once = [int(((started[large] <= t) & (ended[large] > t)).sum()) for t in started[large]]
+    return {
+        "slurm_jobs_completed": len(jobs),
+        "of_96_tasks": int(large.sum()),
+        "of_96_tasks_at_once": max(at_once),
+        "submitted_within_s": float(np.ptp(submitted[large])),
+        "ran_s_median": float(np.median((ended - started)[large])),
+        "first_start_to_last_end_s": float(ended[large].max() - started[large].min()),
+    }
+
+
+def _spent(folder: Path) -> dict:
+    """CPU-seconds of what SLURM had started for a job when that came to its work."""
+    spent = []
+    for path in folder.glob("[0-9]*"):
+        rows = [line.rpartition(")")[2].split() for line in path.read_text().splitlines()]
+        spent.append(sum(int(row[11]) + int(row[12]) for row in rows) / 100)
+    return {"cpu_s_of_a_job_median": round(float(np.median(spent)), 2)} if spent else {}
 
 
 def _site(folder: Path) -> Path:
@@ -167,6 +205,7 @@ if __name__ == "__main__":
     parser.add_argument("smoke", type=Path, help="results of a finished smoke campaign")
     parser.add_argument("folder", type=Path, help="where to rehearse; must not exist")
     parser.add_argument("--slurm", type=int, metavar="N", help="up to that many 3D jobs, on a SLURM started for it")
+    parser.add_argument("--cpus", type=int, default=960, help="declared cores of each of SLURM's two nodes")
     given = parser.parse_args()
     given.folder.mkdir(parents=True)
-    print(json.dumps(rehearse(given.smoke.resolve(), given.folder.resolve(), given.slurm), indent=1))
+    print(json.dumps(rehearse(given.smoke.resolve(), given.folder.resolve(), given.slurm, given.cpus), indent=1))
