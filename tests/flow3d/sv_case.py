@@ -30,7 +30,14 @@ def make_case(folder: Path, **settings) -> Case:
     )
     stenoses = [Stenosis("LAD", "LAD", 1.1, 1.9)]
     network = network_from_tree(tree, [Bed("BC_LAD", "LAD", right=False)], {"BC_RCR": "arch"}, stenoses)
-    coarse = Settings(throat_resolution=2.0, resolution=1.5, upstream_diameters=1.0, downstream_diameters=2.0)
+    coarse = Settings(
+        throat_resolution=2.0,
+        resolution=1.5,
+        core_resolution=0.0,
+        wall_grading=0.0,
+        upstream_diameters=1.0,
+        downstream_diameters=2.0,
+    )
     mesh_tree(tree, stenoses, network, coarse, folder / "mesh")
     write_network(folder / "network.json", network)
     case = {"name": "tube", "aorta": {"pressure": "J_heart_outlet:aorta"}, "density": 1.06, "viscosity": 0.04}

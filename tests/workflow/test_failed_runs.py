@@ -21,7 +21,13 @@ SETTINGS = {
     "perfusion": {"realisations": 40},
     "calibration": {"candidates": 4, "starts": 1, "rounds": 1, "evaluations_per_parameter": 2, "polish": 0},
     "posterior": {"dream": {"chains": 12, "generations": 400}, "rhat_limit": 9.0, "ess_limit": 1},
-    "mesh": {"throat_resolution": 2.0, "jet_resolution": 1.5, "resolution": 1.5},
+    "mesh": {
+        "throat_resolution": 2.0,
+        "jet_resolution": 1.5,
+        "resolution": 1.5,
+        "core_resolution": 0,
+        "wall_grading": 0,
+    },
     "estimation": {"autoencoder": False, "trials": 5, "convergence_sizes": [20, 30, 40]},
 }
 AT_RANDOM = {"pilot_00007": "diverges", "pilot_00023": "hangs", "pilot_00041": "cut short"}

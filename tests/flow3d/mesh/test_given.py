@@ -22,7 +22,7 @@ from coronaryuq.flow3d.mesh.stage import make_mesh, mesh_tree
 def forked(tmp_path_factory):
     tree, stenoses = random_tree(0, generations=2)
     out = tmp_path_factory.mktemp("forked")
-    settings = Settings(domain="trees", throat_resolution=2.0, resolution=1.5)
+    settings = Settings(domain="trees", throat_resolution=2.0, resolution=1.5, core_resolution=0.0, wall_grading=0.0)
     network = network_of(tree, stenoses)
     return out / "mesh-complete", mesh_tree(tree, stenoses, network, settings, out), tree, stenoses, network, settings
 
@@ -76,7 +76,7 @@ def case_in_mm(forked, tmp_path_factory):
 
 
 def rule(here, out, **changes):
-    settings = Settings(domain="lumen", throat_resolution=2.0, resolution=1.5)
+    settings = Settings(domain="lumen", throat_resolution=2.0, resolution=1.5, core_resolution=0.0, wall_grading=0.0)
     return make_mesh(here / "case.json", here / "tree.vtp", here / "network.json", settings, out, **changes)
 
 

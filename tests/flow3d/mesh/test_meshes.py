@@ -118,7 +118,9 @@ def test_several_pieces_are_one_mesh_and_couple_to_a_closed_loop(tmp_path):
     settings = Settings(
         throat_resolution=2.5,
         resolution=1.6,
+        jet_resolution=2.5,
         core_resolution=1.0,
+        wall_grading=0.0,
         upstream_diameters=1.0,
         downstream_diameters=1.5,
         stub_diameters=1.0,

@@ -22,7 +22,11 @@ def meshes(seed: int, settings: Settings, out) -> None:
 
 @pytest.mark.parametrize("seed", [3, 26])
 def test_random_segments(seed, tmp_path):
-    meshes(seed, Settings(throat_resolution=2.5, resolution=1.6), tmp_path)
+    meshes(
+        seed,
+        Settings(throat_resolution=2.5, resolution=1.6, jet_resolution=2.5, core_resolution=0.0, wall_grading=0.0),
+        tmp_path,
+    )
 
 
 @pytest.mark.long

@@ -100,7 +100,7 @@ class Implicit:
         corners = cells * np.stack(np.meshgrid(*map(np.arange, count), indexing="ij"), axis=-1).reshape(-1, 3)
         reach = 0.5 * np.sqrt(3.0) * cells * spacing
         centres = low + spacing * (corners + 0.5 * cells)
-        crossed = np.abs(self.distance(centres)) < STEEPEST * reach + float(self.blend.max())
+        crossed = np.abs(self.distance(centres)) < STEEPEST * reach
         for corner, centre in zip(corners[crossed], centres[crossed], strict=True):
             yield corner, _block(low + spacing * corner, spacing, cells + 1, centre, reach, *self._arrays())
 

@@ -19,25 +19,25 @@ class Settings(BaseModel):
         "radii; `lumen`: the case's own closed surface or mesh-complete folder, whatever it holds.",
     )
     throat_resolution: float = Field(
-        4.0, ge=2.0, le=20.0, description="Radius over element size (R/h) at the throat of a stenosis."
+        3.0, ge=2.0, le=20.0, description="Radius over element size (R/h) at the throat of a stenosis."
     )
     resolution: float = Field(2.0, ge=1.5, le=20.0, description="Local radius over element size (R/h) elsewhere.")
     jet_resolution: float = Field(
-        3.0,
+        2.0,
         ge=1.5,
         le=20.0,
         description="Least local radius over element size (R/h) from a throat to the end of the stenosis region, where "
         "the jet sets wall shear; `throat_resolution` if that is less.",
     )
     core_resolution: float = Field(
-        0.0,
+        2.0,
         ge=0.0,
         le=20.0,
         description="Radius of the throat over element size within one and a half such radii of the axis, from the "
         "throat to the end of the stenosis region, so that the jet is not mixed away; 0: as the rest.",
     )
     wall_grading: float = Field(
-        0.0,
+        0.5,
         ge=0.0,
         le=1.0,
         description="How far nodes are drawn to the wall at a throat, where the boundary layer is thin: depth over "

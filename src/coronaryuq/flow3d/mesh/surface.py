@@ -10,8 +10,8 @@ from coronaryuq.flow3d.mesh.errors import MeshError
 from coronaryuq.flow3d.mesh.implicit import Implicit
 from coronaryuq.flow3d.mesh.paths import Cap
 
-BLOCK = 12
-"""Grid cells along the edge of a block."""
+BLOCK = 6
+"""Grid cells along the edge of a block: in larger ones more points lie far off the surface, smaller ones share more."""
 
 SNAP = 0.3
 """Vertices nearer to a cap's plane than this, in grid spacings, move into it, so that the cut leaves no tiny edges."""
@@ -75,6 +75,9 @@ def cut(points, triangles, refs, ref: int, cap: Cap, implicit: Implicit, spacing
     height = (points - cap.centre) @ cap.normal
     near = np.linalg.norm(points - cap.centre, axis=1) < 2.0 * cap.radius + 2.0 * spacing
     snapped = near & (np.abs(height) < SNAP * spacing)
+    # Another vessel may run through the cap's plane within reach of a wide cap.
+    beside = triangles[_beyond(points, triangles, height, cap)[triangles].any(axis=1)]
+    snapped &= np.isin(np.arange(len(points)), beside)
     outward = np.zeros_like(points)
     outward[near] = implicit.gradient(points[near], 1e-2 * spacing)
     places = _into_plane(points[snapped], cap, implicit, spacing)
