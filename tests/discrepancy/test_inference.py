@@ -101,3 +101,18 @@ def test_flexible_gain_is_the_exact_ratio_of_evidences():
         for a in AMPLITUDES
     ]
     assert gain(fit_of(g, y), features)[0] == pytest.approx(np.log(np.mean(ratios)))
+
+
+def test_sensitivities_are_renewed_only_where_a_step_gains_too_little():
+    """A nearly linear problem takes one set of sensitivities and still ends at its optimum."""
+    g, y = linear_case(8)
+    asked = []
+
+    def residuals(rows):
+        asked.append(len(rows))
+        return np.array([y - g @ z - 0.01 * z[0] ** 2 for z, _ in rows])
+
+    search = maximise(residuals, [Search(None, np.zeros(5), list(range(5)))], 12)[0]
+    assert asked.count(5) < len([n for n in asked if n == 3])
+    slope = -np.gradient([np.sum(residuals([(search.z + h * np.eye(5)[0], None)])[0] ** 2) for h in (-0.01, 0, 0.01)])
+    assert abs(slope[1] / 0.01 - 2.0 * search.z[0]) < 0.5

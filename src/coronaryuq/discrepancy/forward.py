@@ -343,7 +343,7 @@ class Forward:
         for numbers in _batches(prepared, jobs):
             changes, left = _stack(prepared, [jobs[i] for i in numbers]), np.array(numbers)
             start = None if own is None else self._start(prepared, [jobs[i] for i in numbers], own[left], changes)
-            for tolerance in (TOLERANCE, LOOSE):
+            for tolerance in (TOLERANCE, LOOSE, LOOSE):
                 mine = np.isin(numbers, left)
                 result = prepared.engine.run(
                     {name: value[mine] for name, value in changes.items()},
@@ -358,7 +358,8 @@ class Forward:
                 for name in names:
                     found[name][left] = result.waveforms[name]
                 self._remember(prepared, [jobs[i] for i in left], result)
-                start = None if own is None else _from_there(result, own[left])
+                again = tolerance == LOOSE
+                start = None if own is None else own[left[~result.ok]] if again else _from_there(result, own[left])
                 left = left[~result.ok]
                 if not left.size:
                     break

@@ -103,7 +103,8 @@ def _visible(problem, nuisance: np.ndarray, signal: np.ndarray, sd: np.ndarray) 
     """Norm in noise sd of what the effect does to the fitted data that recalibration within the prior cannot absorb."""
     problem.sd = sd
     train = problem.train
-    fit = Fit(nuisance, (signal / sd)[train], problem.sensitivity(nuisance, [])[train])
+    sensitivity = problem.sensitivity(nuisance, problem.whitened([(nuisance, [])])[0], [])
+    fit = Fit(nuisance, (signal / sd)[train], sensitivity[train])
     whitened = (signal / sd)[train]
     return float(np.sqrt(max(whitened @ fit.project(whitened), 0.0)))
 

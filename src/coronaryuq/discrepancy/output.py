@@ -10,7 +10,6 @@ from coronaryuq.discrepancy.candidates import Candidate
 from coronaryuq.discrepancy.repair import write_repaired
 from coronaryuq.discrepancy.search import Discovery
 from coronaryuq.discrepancy.separate import separating
-from coronaryuq.discrepancy.verify import linearise
 from coronaryuq.discrepancy.words import paragraph
 
 Z_90 = 1.6448536269514722
@@ -122,8 +121,7 @@ def write(found: Discovery, folder: Path) -> dict:
 def _residuals(found: Discovery) -> pd.DataFrame:
     problem = found.problem
     series = [problem.forward.measured[i] for i in problem.owner]
-    plain = linearise(problem, found.base.z, []).residual
-    repaired = linearise(problem, found.fit.z, found.acting).residual if found.acting else plain
+    plain, repaired = problem.whitened([(found.base.z, []), (found.fit.z, found.acting)])
     times = np.concatenate([np.full(1, np.nan) if s.time is None else s.time for s in problem.forward.measured])
     return pd.DataFrame(
         {

@@ -52,6 +52,7 @@ LOSSES = ("linear", "quadratic")
 RECALIBRATION = ("bed", "own")
 BEYOND = "beyond"
 """Loss behind the place where the distal pressure is taken: it lowers flow but is no part of the drop to that place."""
+SLOPE_STEP = float(np.sqrt(np.finfo(float).eps))
 MOST_EFFECTIVE = 100
 """Samples that count at most: the error of one law is common to all samples and does not average out over them."""
 
@@ -68,6 +69,8 @@ class LawFit:
 
 def predict(branch: Branch, terms: dict[str, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """FFR, flow and outlet pressure over root pressure, (n,) each, of every sample from simulated outputs alone.
+
+    terms: numbers, or (m, 1) each for m sets side by side, which gives (m, n).
 
     Solves P_root = z + (own D_0/Q_0 + R + R_end + bed R_bed) Q + S Q^2 per sample: D_0 the simulated drop to the distal
     place, R_end the resistance from there to the outlet (the simulated one and what lies beyond), R_bed the bed's,
@@ -109,30 +112,37 @@ def fit_law(branch: Branch, law: Law, rows: np.ndarray) -> LawFit:
         found = {}
         for name, value in zip(names, z, strict=True):
             if name in RECALIBRATION:
-                found[name] = float(np.exp(SD_RECALIBRATION * value))
+                found[name] = np.exp(SD_RECALIBRATION * value)
             elif name == BEYOND:
-                found[name] = float(scale[name] * MEDIAN_BEYOND * np.exp(SD_LOSS * value))
+                found[name] = scale[name] * MEDIAN_BEYOND * np.exp(SD_LOSS * value)
             elif name in LOSSES:
-                found[name] = float(scale[name] * MEDIAN_LOSS * np.exp(SD_LOSS * value))
+                found[name] = scale[name] * MEDIAN_LOSS * np.exp(SD_LOSS * value)
             else:
-                found[name] = float(scale[name] * value)
+                found[name] = scale[name] * value
         return found
 
-    def objective(z):
-        predicted, flow, outlet = predict(branch, terms(z))
-        misfit = 0.0
+    def objectives(points):
+        """At points (m, k) in one go, (m,)."""
+        predicted, flow, outlet = predict(branch, terms(points.T[:, :, None]))
+        misfit = np.zeros(len(points))
         errors = (predicted - ffr, flow / branch.flow3 - 1.0, outlet - branch.outlet3 / branch.root3)
         for error, floor in zip(errors, (FLOOR_FFR, FLOOR_FLOW, FLOOR_OUTLET), strict=True):
-            variance = float(np.mean(error[rows] ** 2))
-            sd2 = max(variance, floor**2)
+            variance = np.mean(error[:, rows] ** 2, axis=1)
+            sd2 = np.maximum(variance, floor**2)
             misfit += 0.5 * weight * (np.log(sd2) + variance / sd2)
-        return misfit + 0.5 * float(z @ z)
+        return misfit + 0.5 * np.sum(points**2, axis=1)
+
+    def with_slope(z):
+        steps = SLOPE_STEP * np.maximum(1.0, np.abs(z))
+        found = objectives(np.vstack([z, z + np.diag(steps)]))
+        return found[0], (found[1:] - found[0]) / steps
 
     starts = [np.zeros(len(names))] + [
         np.r_[0.0, 0.0, 0.0, np.full(len(law.terms), k)] for k in (-1.0, 1.0) if law.terms
     ]
-    best = min((minimize(objective, start, method="BFGS") for start in starts), key=lambda found: found.fun)
-    chosen = terms(best.x)
+    found = [minimize(with_slope, start, method="BFGS", jac=True) for start in starts]
+    best = min(found, key=lambda one: one.fun)
+    chosen = {name: float(value) for name, value in terms(best.x).items()}
     rms = float(np.sqrt(np.mean((predict(branch, chosen)[0] - ffr)[rows] ** 2)))
     evidence = -float(best.fun) - 0.5 * len(law.terms) * np.log(weight) - len(law.effects) * np.log(10.0)
     return LawFit(law, chosen, evidence, rms)

@@ -118,12 +118,14 @@ class Problem:
         search(again, self.settings.iterations)
         return found
 
-    def sensitivity(self, z: np.ndarray, acting: list[Acting]) -> np.ndarray:
-        """Whitened sensitivities (N, p) of all rows, held-out ones included; nought where the model runs to no side."""
-        around = self.whitened([(row, list(acting)) for row in [z, *(z + STEP * np.eye(len(z)))]])
-        found = -((around[1:] - around[0]) / STEP).T
+    def sensitivity(self, z: np.ndarray, residual: np.ndarray, acting: list[Acting]) -> np.ndarray:
+        """Whitened sensitivities (N, p) of all rows, held-out ones included, about z (p,) with its whitened residual.
+
+        Nought where the model runs to neither side.
+        """
+        found = -(self.whitened([(row, list(acting)) for row in z + STEP * np.eye(len(z))]) - residual).T / STEP
         failed = np.flatnonzero(~np.isfinite(found).all(axis=0))
         if failed.size:
             back = self.whitened([(row, list(acting)) for row in z - STEP * np.eye(len(z))[failed]])
-            found[:, failed] = np.nan_to_num((back - around[0]).T / STEP)
+            found[:, failed] = np.nan_to_num((back - residual).T / STEP)
         return found

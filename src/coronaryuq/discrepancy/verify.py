@@ -29,8 +29,15 @@ class Linear:
 
 
 def linearise(problem: Problem, z: np.ndarray, acting: list[Acting]) -> Linear:
-    residual = problem.whitened([(z, list(acting))])[0]
-    return Linear(z, residual, problem.sensitivity(z, acting))
+    """At the fit z (p,), or, where the model does not run there under every condition, at the prior's mean with its
+    sizes. Raises FloatingPointError where it does not run there either.
+    """
+    centred = np.concatenate([np.zeros(problem.count), z[problem.count :]])
+    for point in (z, centred):
+        residual = problem.whitened([(point, list(acting))])[0]
+        if np.isfinite(residual).all():
+            return Linear(point, residual, problem.sensitivity(point, residual, acting))
+    raise FloatingPointError("the model could not be run under every condition")
 
 
 def predict(model: Linear, train: np.ndarray, test: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
