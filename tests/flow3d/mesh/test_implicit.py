@@ -166,3 +166,17 @@ def test_a_cap_within_another_vessel_is_named():
     points, triangles = isosurface(crossing, 0.06)
     with pytest.raises(MeshError, match="outlet_LAD"):
         cut(points, triangles, np.ones(len(triangles), int), 2, outlet, crossing, 0.06)
+
+
+def test_a_vessel_that_runs_through_the_plane_of_a_cap_stays_whole():
+    trunk = path([(0, 0, -0.5), (0, 0, 1.5)], [0.5, 0.5])
+    branch = path([(0, 0, 1), (0.85, 0, 0.9), (0.9, 0, 0.205), (0.9, 1, 0.205)], [0.2, 0.2, 0.2, 0.2])
+    ends = [
+        paths.Cap("low", "v", 0.0, True, np.zeros(3), np.array([0.0, 0.0, -1.0]), 0.5),
+        paths.Cap("high", "v", 0.0, False, np.array([0.0, 0.0, 1.4]), np.array([0.0, 0.0, 1.0]), 0.5),
+        paths.Cap("side", "v", 0.0, False, np.array([0.9, 0.8, 0.205]), np.array([0.0, 1.0, 0.0]), 0.2),
+    ]
+    points, triangles, refs = surface(Implicit([trunk, branch]), ends, 0.05)
+    assert len(borders(triangles, refs)) == sum(len(borders(triangles, np.where(refs == k, 2, 1))) for k in (2, 3, 4))
+    low = triangles[refs == 2]
+    assert np.linalg.norm(points[np.unique(low), :2], axis=1).max() < 0.55
