@@ -1,4 +1,4 @@
-"""Random trees are meshed: a few always, fifty trees and sixty segments by hand (`-m long tests/flow3d/mesh`)."""
+"""Random trees are meshed: a few always, fifty coarse ones and sixty segments by hand (`-m long tests/flow3d/mesh`)."""
 
 import pytest
 from random_trees import network_of, random_tree
@@ -6,6 +6,8 @@ from random_trees import network_of, random_tree
 from coronaryuq.flow3d.mesh import folder
 from coronaryuq.flow3d.mesh.settings import Settings
 from coronaryuq.flow3d.mesh.stage import mesh_tree
+
+COARSE = {"throat_resolution": 2.5, "resolution": 1.6, "core_resolution": 0.0, "wall_grading": 0.0}
 
 
 def meshes(seed: int, settings: Settings, out) -> None:
@@ -22,11 +24,7 @@ def meshes(seed: int, settings: Settings, out) -> None:
 
 @pytest.mark.parametrize("seed", [3, 26])
 def test_random_segments(seed, tmp_path):
-    meshes(
-        seed,
-        Settings(throat_resolution=2.5, resolution=1.6, jet_resolution=2.5, core_resolution=0.0, wall_grading=0.0),
-        tmp_path,
-    )
+    meshes(seed, Settings(**COARSE, jet_resolution=2.5), tmp_path)
 
 
 @pytest.mark.long
@@ -38,4 +36,4 @@ def test_sixty_random_segments(seed, tmp_path):
 @pytest.mark.long
 @pytest.mark.parametrize("seed", range(50))
 def test_fifty_random_trees(seed, tmp_path):
-    meshes(seed, Settings(domain="trees"), tmp_path)
+    meshes(seed, Settings(domain="trees", **COARSE, jet_resolution=1.6), tmp_path)
