@@ -1,17 +1,12 @@
 """Three levels with a known mean: unbiased, claims against repeated trials and closed forms, counts by cost."""
 
-import sys
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
+import three_levels
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-sys.path.append(str(Path(__file__).parent))
-
-import three_levels
 
 from coronaryuq.estimation import diagnostics, selector
 from coronaryuq.estimation.control_variates import METHODS

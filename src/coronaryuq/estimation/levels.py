@@ -32,6 +32,9 @@ from coronaryuq.estimation.influence import CENTRE, Influence, changes
 from coronaryuq.estimation.montecarlo import correlation
 from coronaryuq.estimation.runs import Row, pair
 
+LEAST = 0.5
+"""Share of the coarse runs that must have ended: below it the emulation of the others is no level of its own."""
+
 
 @dataclass(frozen=True)
 class Parts:
@@ -45,7 +48,7 @@ class Parts:
 def multilevel(
     design: Design, row: Row, level: float, choose: Callable[[Seen, np.ndarray], Fitted] = selector.choose
 ) -> tuple[Estimate, Parts] | None:
-    """The estimate of one row and what its parts leave; None where no coarse level was run for it.
+    """The estimate of one row and what its parts leave; None without a coarse level for it, or where it mostly failed.
 
     `choose` fits f, and the emulator of the coarse run, within each training set.
     """
@@ -54,6 +57,8 @@ def multilevel(
         return None
     y, _ = pair(runs, row)
     coarse = runs.coarse[row.column_3d].to_numpy(float)
+    if np.isfinite(coarse).mean() < LEAST:
+        return None
     fits = [_Fit(design, row, k, y, coarse, choose) for k in range(len(design.blocks))]
     return _combined(design, y, fits, level)
 
