@@ -83,7 +83,7 @@ def walls(fields: str, case: str, tree: str, output: str) -> None:
             {"cmap": "turbo", "clim": (5.0, highest), "log_scale": True},
             {"title": "TAWSS dyn/cm2", "fmt": "%.0f"},
         ),
-        ("OSI", {"cmap": "YlOrRd", "clim": (0.0, 0.3)}, {"title": "OSI"}),
+        ("OSI", {"cmap": "YlOrRd", "clim": (0.0, 0.5)}, {"title": "OSI", "fmt": "%.2f"}),
     )
     with _picture(output, rows=2, columns=len(pieces)) as plotter:
         for row, (name, look, bar) in enumerate(panels):
@@ -92,8 +92,8 @@ def walls(fields: str, case: str, tree: str, output: str) -> None:
                 shown = piece.copy()
                 shown[name] = np.maximum(shown[name], look["clim"][0])
                 plotter.add_mesh(
-                    shown, scalars=name, ambient=0.3, show_scalar_bar=column == len(pieces) - 1,
-                    scalar_bar_args=BAR | bar | {"fmt": "%.3g"}, **look,
+                    shown, scalars=name, ambient=0.6, diffuse=0.5, show_scalar_bar=column == len(pieces) - 1,
+                    scalar_bar_args=BAR | bar, **look,
                 )  # fmt: skip
                 _label_stenoses(plotter, {"stenoses": _within(piece, stenoses, vessels)}, vessels)
         plotter.subplot(0, 0)
