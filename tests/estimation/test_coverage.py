@@ -41,11 +41,11 @@ def test_references_beyond_the_mean_are_the_closed_forms():
 
 def test_networks_of_trials_trained_together_give_each_trial_its_own_estimate():
     settings = Settings(steps=(100, 60), restarts=1)
-    trials = list(coverage_autoencoder.estimates(from_pair(PAIRS["smooth"]), 100, 3, 3, settings))
+    trials = list(coverage_autoencoder.estimates(from_pair(PAIRS["smooth"]), 100, range(3), 3, settings))
     assert len({estimate.mean for _, estimate in trials}) == 3
-    for trial, estimate in trials:
+    for truth, estimate in trials:
         assert estimate.rho_held_out > 0.7
-        assert abs(estimate.mean - trial.truth) < 5 * estimate.std
+        assert abs(estimate.mean - truth) < 5 * estimate.std
 
 
 @pytest.mark.parametrize("method", ["MC", "MFMC"])

@@ -79,6 +79,11 @@ def test_one_run_that_carries_most_of_what_is_left_is_named():
 
 def test_methods_that_were_not_verified_say_so():
     assert "below 25 3D runs" in diagnostics.unverified("MFMC", 24).text and diagnostics.unverified("MFMC", 25) is None
-    assert "below 100 3D runs" in diagnostics.unverified("best", 99).text
-    assert diagnostics.unverified("best", 100) is None
     assert "repeated trials" in diagnostics.unverified("MFMC-AE", 500).text
+
+
+def test_the_selector_is_verified_only_where_its_residuals_hardly_count():
+    assert "more than 5% of its variance: here 40%" in str(diagnostics.unverified("best", 500, 0.4))
+    assert diagnostics.unverified("best", 50, 0.05) is None
+    assert "below 50 3D runs" in str(diagnostics.unverified("best", 40, 0.01))
+    assert diagnostics.unverified("MFMC", 25, 1.0) is None

@@ -5,9 +5,11 @@ import pandas as pd
 import pytest
 
 from coronaryuq.errors import InputError
+from coronaryuq.estimation.allocation import allocate
 from coronaryuq.estimation.gather import coarse_cost, gather
 from coronaryuq.estimation.runs import read_rows, read_runs
-from coronaryuq.files import read_json, write_csv, write_json
+from coronaryuq.estimation.settings import Settings
+from coronaryuq.files import read_csv, read_json, write_csv, write_json
 from coronaryuq.records import Record, write
 
 CASE = {"stenoses": [{"name": "LAD", "outlet": "BC_lca1"}, {"name": "RCA", "outlet": "BC_rca1"}]}
@@ -21,8 +23,8 @@ def theta(name, count):
     return pd.DataFrame({"sample": samples, **columns, "R_cor_scaling": random.uniform(0.7, 1.25, count)})
 
 
-def zerod(table, failed=()):
-    frame = pd.DataFrame({"sample": table["sample"], "status": "ok", "reason": "", "cpu_s": 0.5})
+def zerod(table, failed=(), cpu_s=0.5):
+    frame = pd.DataFrame({"sample": table["sample"], "status": "ok", "reason": "", "cpu_s": cpu_s})
     for column in ("mean_flow:lca1:BC_lca1", "mean_flow:rca1:BC_rca1", "ffr_lad", "ffr_rca"):
         frame[column] = 1 / table["R_cor_scaling"]
     frame.loc[frame["sample"].isin(failed), ["status", "reason"]] = "failed", "no convergence"
@@ -123,3 +125,26 @@ def test_tables_of_a_coarse_level_that_is_no_longer_there_go(campaign):
     campaign(per_fine=3)
     folder = campaign()
     assert read_runs(folder).coarse is None and coarse_cost(folder / "failures.json") is None
+
+
+def test_a_growing_campaign_asks_for_the_same_runs_whatever_they_cost_this_time(tmp_path, campaign, capsys):
+    """Half-widths are not met, so the plan decides; bytes of its file after runs of quite different CPU times."""
+    campaign()
+    paths = {
+        "case_json": tmp_path / "case.json", "pilot_csv": tmp_path / "pilot.csv",
+        "propagation_csv": tmp_path / "propagation.csv", "flow3d": [tmp_path / f"batch_{k}.jsonl" for k in range(3)],
+        "zerod_pilot": [tmp_path / "pilot_0.parquet"], "zerod_propagation": [tmp_path / "propagation_0.parquet"],
+    }  # fmt: skip
+    settings = Settings(wanted={"ffr_flow_lad": 1e-3}, most_3d=48, most_0d=200, min_3d=4, cost_ratio=0.01)
+    found = []
+    for cpu_s in (0.5, 0.004):
+        for name in ("pilot", "propagation"):
+            table = read_csv(tmp_path / f"{name}.csv")
+            zerod(table, cpu_s=cpu_s).to_parquet(tmp_path / f"{name}_0.parquet")
+        counts, portion = {"n_3d": 12, "n_0d": 20}, {"n_3d": 4, "n_0d": 10}
+        allocate(paths, LIMITS, settings, 1, 0, counts, portion, tmp_path / "round_0.json")
+        found.append((tmp_path / "round_0.json").read_bytes())
+    assert found[0] == found[1] and not read_json(tmp_path / "round_0.json")["done"]
+    first, second = capsys.readouterr().out.strip().splitlines()
+    assert first.endswith("measured so far: 0.25; declare cost_ratio: 0.2 for a cheaper plan")
+    assert second.endswith("measured so far: 0.002; declare cost_ratio: 0.002 for a cheaper plan")

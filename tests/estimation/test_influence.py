@@ -5,9 +5,10 @@ from itertools import product
 import numpy as np
 import pytest
 
-from coronaryuq.bench.coverage import cell
-from coronaryuq.bench.problems import from_runs
+from coronaryuq.bench.coverage import cell, cross_fitted
+from coronaryuq.bench.problems import Trial, from_runs
 from coronaryuq.estimation import gaussian_process as gp
+from coronaryuq.estimation import matern
 from coronaryuq.estimation.control_variates import METHODS, Seen
 from coronaryuq.estimation.crossfit import Propagated, combine
 from coronaryuq.estimation.influence import Influence
@@ -39,8 +40,7 @@ def test_a_change_of_a_process_is_that_of_the_linear_smoother_it_is():
     y = np.sin(2 * x[:, 0]) + x[:, 1] ** 2
     model = gp.fit(x, y)
     a = (x - model.shift) / model.scale
-    k = gp._kernel(model.parameters, a)[0]
-    k[np.diag_indices_from(k)] += np.exp(2 * model.parameters[4]) + gp.JITTER * (1 + np.exp(2 * model.parameters[2]))
+    k = matern.covariance(model.parameters, a, gp.JITTER)[0]
     others = np.delete(np.arange(25), 3)
     b = (y - model.mean) / model.spread
     alpha = np.linalg.solve(k[np.ix_(others, others)], b[others])
@@ -58,7 +58,7 @@ def test_claim_with_the_covariance_between_folds_is_exact_where_everything_can_b
         x = np.array(theta)
         moved = np.array([[0, x[0] * x[1]], [x[1] * x[0], 0]])
         centres = [np.zeros((1, 2))] * 2
-        between = Influence(np.arange(2), moved, centres, [np.ones(1)] * 2).between()
+        between = Influence(np.arange(2), moved, centres, [np.ones(1)] * 2, np.ones(2), [np.ones(1)] * 2).between()
         got = combine("", x, x * x[::-1], [Propagated(np.zeros(1))] * 2, np.arange(2), 2, beta=1.0, between=between)
         means.append(got.mean)
         alone.append(np.var(got.residuals, ddof=1) / 2)
@@ -95,3 +95,16 @@ def test_long_tails_widen_the_interval_and_well_known_propagation_narrows_it():
     assert factor(tailed, empty, none) > 2.5
     wide = [Propagated(rng.normal(0, 100, 20)) for _ in range(5)]
     assert factor(tailed, wide, none) == pytest.approx(1.96, abs=0.01)
+
+
+def test_a_pilot_without_a_corner_of_the_inputs_claims_more():
+    """An exponential seen in a half of its range: the process expects to miss more where no run is, and claims so."""
+    rng = generator(4, "reach")
+    fold = np.arange(30) % 5
+    claims = []
+    for low in (-1.0, 0.0):
+        x, more = rng.uniform(low, 1, (30, 1)), rng.uniform(-1, 1, (200, 1))
+        trial = Trial(seen_of(x), np.exp(2 * x[:, 0]) + 0.01 * rng.normal(size=30), seen_of(more), more_y=np.zeros(200))
+        got = cross_fitted(trial, fold, METHODS["process theta"])
+        claims.append(got.residual_variance / np.var(got.residuals, ddof=1) * 30 * 200 / 230)
+    assert claims[0] < 10 < 1000 < claims[1]

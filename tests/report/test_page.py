@@ -67,6 +67,13 @@ def test_only_outlets_clear_of_zero_are_named_as_drivers():
     assert page._drivers(sobol, {"BC_b": "D1 (lca3)"}) == "D1 (lca3) 50 %, BC_a 20 %"
 
 
+def test_quantiles_with_few_runs_beyond_them_say_so():
+    quantiles = {end: {"value": 0.8, "warning": "some 5 of 100 runs lie beyond it"} for end in ("0.95", "0.05")}
+    said = "5 % and 95 % quantile: some 5 of 100 runs lie beyond it."
+    assert page._rare(quantiles | {"0.50": {"value": 0.8}}) == said
+    assert page._rare({"0.50": {"value": 0.8}}) == ""
+
+
 def test_the_spread_over_draws_is_told_by_its_outermost_quantiles():
     quantiles = {key: {"value": value} for key, value in (("0.50", 0.8), ("0.95", 0.88), ("0.05", 0.71))}
     assert page._draws(quantiles) == "90 % of draws: 0.71 to 0.88"

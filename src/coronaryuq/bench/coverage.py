@@ -59,16 +59,15 @@ def run(
     return {"cells": cells, "beyond_the_mean": beyond, "trials": trials, "cpu_s": time.process_time() - start}
 
 
-def cell(problem: Problem, n: int, method: str, trials: int) -> dict:
-    """One problem, pilot size and method."""
+def cell(problem: Problem, n: int, method: str, trials: int, first: int = 0) -> dict:
+    """One problem, pilot size and method. first: number of the first trial; a rule that was chosen by looking at some
+    trials is judged by others."""
+    numbers = range(first, first + trials)
     if method == "MFMC-AE":
-        found = coverage_autoencoder.estimates(problem, n, trials, FOLDS)
+        found = coverage_autoencoder.estimates(problem, n, numbers, FOLDS)
     else:
-        found = _estimates(problem, n, trials, CONTROL_VARIATES[method])
-    values = [
-        (e.mean - t.truth, e.std * t.factor, abs(e.mean - t.truth) <= e.interval.half_width * t.factor)
-        for t, e in found
-    ]
+        found = _estimates(problem, n, numbers, CONTROL_VARIATES[method])
+    values = [(e.mean - truth, e.std, e.interval.holds(truth)) for truth, e in found]
     errors, stds, holds = (np.array(v) for v in zip(*values, strict=True))
     return {"problem": problem.name, "method": method, "n_3d": n} | judged(errors, stds, holds) | {
         "warned": unverified(method, n) is not None
@@ -100,28 +99,29 @@ def judged(errors: np.ndarray, stds: np.ndarray, holds: np.ndarray) -> dict:
     }
 
 
-def _estimates(problem: Problem, n: int, trials: int, fit) -> Iterator[tuple[Trial, Estimate]]:
-    for number in range(trials):
-        trial = problem.draw(n, number)
-        yield trial, cross_fitted(trial, assign(n, count(n, FOLDS), SEED, "coverage", number), fit)
+def _estimates(problem: Problem, n: int, numbers: range, fit) -> Iterator[tuple[float, Estimate]]:
+    for number in numbers:
+        trial, fold = problem.draw(n, number), assign(n, count(n, FOLDS), SEED, "coverage", number)
+        yield trial.truth(fold), cross_fitted(trial, fold, fit)
 
 
 def cross_fitted(trial: Trial, fold: np.ndarray, fit) -> Estimate:
     """Cross-fitted estimate of one trial."""
-    seen, y, more, known = trial.seen, trial.y, trial.more, trial.known
-    n, k = len(y), int(fold.max()) + 1
-    held, moved, blocks, centres = np.empty(n), np.zeros((n, n)), [], []
-    for j in range(k):
+    seen, y, n = trial.seen, trial.y, len(trial.y)
+    held, moved, variance, blocks, centres, variances = np.empty(n), np.zeros((n, n)), np.empty(n), [], [], []
+    for j, block in enumerate(trial.blocks(int(fold.max()) + 1)):
         train, test = np.flatnonzero(fold != j), np.flatnonzero(fold == j)
         fitted = fit(seen[train], y[train])
-        held[test] = fitted.predict(seen[test])
+        held[test], variance[test] = fitted.predict(seen[test]), fitted.variance(seen[test])
         moved[test] = changes(fitted, seen[test], train, n)
-        mine = more if known else more[np.arange(len(more)) % k == j]
-        values = fitted.predict(mine)
-        blocks.append(Propagated(np.full(2, values.mean()) if known else values))
-        centres.append(changes(fitted, mine[: 8 * CENTRE], train, n))
-    between = Influence(fold, moved, centres, [np.ones(len(c)) for c in centres]).between()
-    return combine("", y, held, blocks, fold, n, beta=1.0 if known else None, between=between)
+        mine = trial.more[block]
+        blocks.append(Propagated(fitted.predict(mine)))
+        some = mine[:CENTRE]
+        centres.append(changes(fitted, some, train, n))
+        variances.append(fitted.variance(some))
+    weights = [np.ones(len(c)) for c in centres]
+    between = Influence(fold, moved, centres, weights, variance, variances).between()
+    return combine("", y, held, blocks, fold, n, between=between, target=trial.target)
 
 
 def tabulate(found: list[str | Path], table_csv: str | Path) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from coronaryuq.bench.problems import ROW, SEED, Problem, Trial, as_design, runs_of
 from coronaryuq.estimation import analysis, estimators, mfmc_ae
-from coronaryuq.estimation.crossfit import Estimate, Propagated, combine
+from coronaryuq.estimation.crossfit import Estimate
 from coronaryuq.estimation.folds import assign, count
 from coronaryuq.estimation.settings import Settings
 
@@ -15,20 +15,20 @@ TOGETHER = 4
 
 
 def estimates(
-    problem: Problem, n: int, trials: int, folds: int, settings: Settings | None = None
-) -> Iterator[tuple[Trial, Estimate]]:
-    """Trials and their cross-fitted estimates, trained as `settings` say."""
+    problem: Problem, n: int, trials: range, folds: int, settings: Settings | None = None
+) -> Iterator[tuple[float, Estimate]]:
+    """The wanted mean of each trial and its cross-fitted estimate, trained as `settings` say."""
     settings = settings or Settings()
     k = count(n, folds)
-    for first in range(0, trials, TOGETHER):
-        numbers = range(first, min(first + TOGETHER, trials))
+    for first in range(0, len(trials), TOGETHER):
+        numbers = trials[first : first + TOGETHER]
         drawn = [problem.draw(n, number) for number in numbers]
         fold = [assign(n, k, SEED, "coverage", number) for number in numbers]
-        networks = _trained(drawn, fold, settings, SEED + first)
+        networks = _trained(drawn, fold, settings, SEED + numbers[0])
         for at, (trial, mine) in enumerate(zip(drawn, fold, strict=True)):
             # Nothing is asked of a fit to all runs: the last network stands in its place.
             fits = [*range(at * k, at * k + k), at * k + k - 1]
-            yield trial, _estimate(problem, trial, mine, networks.select(ROW.name, fits), settings)
+            yield trial.truth(mine), _estimate(problem, trial, mine, networks.select(ROW.name, fits), settings)
 
 
 def _trained(drawn: list[Trial], fold: list[np.ndarray], settings: Settings, seed: int) -> mfmc_ae.Networks:
@@ -47,8 +47,4 @@ def _estimate(problem: Problem, trial: Trial, fold: np.ndarray, networks: mfmc_a
     for k in range(len(design.blocks)):
         places = mfmc_ae.nodes(networks, ROW.name, k, settings.curve_nodes)
         curves[k] = places, problem.low(mfmc_ae.resampled(networks, ROW.name, k, places))
-    if not trial.known:
-        return estimators.autoencoder(design, ROW, networks, curves, settings.level)
-    held, values = estimators.follow(design, ROW, networks, curves)
-    blocks = [Propagated(np.full(2, v.mean())) for v in values]
-    return combine("MFMC-AE", trial.y, held, blocks, fold, len(fold), settings.level, beta=1.0)
+    return estimators.autoencoder(design, ROW, networks, curves, settings.level)

@@ -21,21 +21,33 @@ ROW = Row("row", "y", "q0", "")
 
 @dataclass(frozen=True)
 class Trial:
-    """What one trial sees: pilot and its 3D outputs (n,), propagation samples; and the true mean.
+    """What one trial sees: pilot and its 3D outputs (n,), propagation samples; and the mean of the law.
 
-    factor: that on a claimed standard deviation; above 1 where `more` is all there is, so that the mean of a control
-    variate over it is exact.
+    more_y (m,): 3D outputs at the propagation samples, which nothing may see, where their mean is wanted in place of
+    the law's.
     """
 
     seen: Seen
     y: np.ndarray
     more: Seen
-    truth: float
-    factor: float = 1.0
+    mean: float = np.nan
+    more_y: np.ndarray | None = None
 
     @property
-    def known(self) -> bool:
-        return self.factor > 1
+    def target(self) -> int:
+        return 0 if self.more_y is None else len(self.more)
+
+    def blocks(self, k: int) -> list[np.ndarray]:
+        """Propagation samples of each of k folds."""
+        return [np.arange(j, len(self.more), k) for j in range(k)]
+
+    def truth(self, fold: np.ndarray) -> float:
+        """The wanted mean; of a finite set with each fold's block in the share that the fold (n,) has of the pilot, as
+        estimates have it."""
+        if self.more_y is None:
+            return self.mean
+        runs = np.bincount(fold)
+        return float(np.average([self.more_y[b].mean() for b in self.blocks(len(runs))], weights=runs))
 
 
 @dataclass(frozen=True)
@@ -66,8 +78,8 @@ def from_runs(runs: Runs, row: Row) -> Problem:
     """Pilots from the published runs without replacement.
 
     The runs left over are the propagation samples, and the mean of their 3D outputs, which nothing has seen, is the
-    truth. Pilot and rest differ with the variance var (1 / N_3D + 1 / rest), so claimed variances carry the factor
-    N / rest. The 0D model at other inputs is an emulator of all runs.
+    truth: a finite set that shares no run with the pilot, so its residuals add var(residuals) / rest to the claim. The
+    0D model at other inputs is an emulator of all runs.
     """
     y, q = pair(runs, row)
     outputs = runs.q[informative(runs.q, [row.column_0d])].to_numpy(float)
@@ -76,8 +88,7 @@ def from_runs(runs: Runs, row: Row) -> Problem:
     def draw(n, trial):
         order = generator(SEED, "coverage", "runs", n, trial).permutation(len(y))
         index, rest = order[:n], order[n:]
-        factor = float(np.sqrt(len(y) / len(rest)))
-        return Trial(everything[index], y[index], everything[rest], float(y[rest].mean()), factor)
+        return Trial(everything[index], y[index], everything[rest], more_y=y[rest])
 
     @cache
     def emulator():
@@ -87,18 +98,15 @@ def from_runs(runs: Runs, row: Row) -> Problem:
 
 
 def as_design(trial: Trial, fold: np.ndarray) -> Design:
-    """The trial as a campaign's estimators take it, row `ROW`; its 0D outputs need no emulator.
-
-    Folds share out the propagation samples, or each has them all where there are no more.
-    """
+    """The trial as a campaign's estimators take it, row `ROW`; its 0D outputs need no emulator."""
     k, more = int(fold.max()) + 1, trial.more
     names = [f"q{i}" for i in range(more.outputs.shape[1])]
-    shares = [np.arange(len(more)) if trial.known else np.arange(j, len(more), k) for j in range(k)]
     blocks = [
-        Block(share, more.log_theta[share], dict(zip(names, more.outputs[share].T, strict=True)), 1) for share in shares
+        Block(share, more.log_theta[share], dict(zip(names, more.outputs[share].T, strict=True)), 1)
+        for share in trial.blocks(k)
     ]
     held_out = dict(zip(names, trial.seen.outputs.T, strict=True))
-    return Design(runs_of(trial), fold, blocks, held_out, names, dict.fromkeys(names, 0.0), False)
+    return Design(runs_of(trial), fold, blocks, held_out, names, dict.fromkeys(names, 0.0), False, target=trial.target)
 
 
 def runs_of(trial: Trial) -> Runs:

@@ -13,12 +13,14 @@ import numpy as np
 from coronaryuq import files
 from coronaryuq.errors import InputError
 from coronaryuq.estimation import analysis, studies
-from coronaryuq.estimation.gather import cost_ratio, gather
+from coronaryuq.estimation.gather import gather, measured_cost_ratio
 from coronaryuq.estimation.runs import read_rows, read_runs
 from coronaryuq.estimation.settings import Settings
 
 # A pilot knows its own correlations only roughly: no round goes further than this factor on what it knows.
 GROWTH = 2
+# The best N_0D / N_3D goes with the root of the cost ratio: a ratio further off than this wastes more than it has to.
+FAR = 4
 
 
 def decide(
@@ -46,13 +48,16 @@ def allocate(
 ) -> None:  # fmt: skip
     """Round `number`: gather the first `counts` runs, estimate without networks, plan, decide, write.
 
+    The plan goes by the declared `settings.cost_ratio`, for a measured one is another in every campaign, and so would
+    be the runs that it asks for. What was measured is printed beside.
+
     inputs: paths as `gather` names them. limits: bounds of θ. portion: runs per job, {n_3d, n_0d}.
     """
     settings = settings.model_copy(update={"autoencoder": False, "rows": []})
     with TemporaryDirectory() as folder:
         gather(**inputs, limits=limits, min_3d=settings.min_3d, out=folder, counts=counts)
         runs, rows = read_runs(folder), read_rows(Path(folder) / "rows.csv")
-        ratio = cost_ratio(Path(folder) / "failures.json", settings.cost_ratio)
+        measured = measured_cost_ratio(Path(folder) / "failures.json")
     known = {row.name for row in rows}
     for name in settings.wanted:
         if name not in known:
@@ -61,7 +66,16 @@ def allocate(
             )
     rows = [row for row in rows if row.name in settings.wanted]
     results = analysis.analyse(runs, rows, settings, seed, beyond_mean=False)
-    plan = studies.plan(results, settings.wanted, ratio)
+    print(_costs(settings.cost_ratio, measured))
+    plan = studies.plan(results, settings.wanted, settings.cost_ratio)
     most = {"n_3d": settings.most_3d or counts["n_3d"], "n_0d": settings.most_0d or counts["n_0d"]}
     decided = decide(plan, counts, most, portion, number + 1 >= settings.rounds)
     files.write_json(out_json, {"round": number, "counts": counts, "plan": [asdict(want) for want in plan], **decided})
+
+
+def _costs(declared: float, measured: float | None) -> str:
+    said = f"a 0D run counts as {declared:.2g} 3D runs (estimation.cost_ratio)"
+    if measured is None:
+        return f"{said}; the runs so far do not tell what it costs"
+    advice = "" if 1 / FAR < measured / declared < FAR else f"; declare cost_ratio: {measured:.1g} for a cheaper plan"
+    return f"{said}; measured so far: {measured:.2g}{advice}"

@@ -7,6 +7,7 @@ import pandas as pd
 
 from coronaryuq.errors import InputError
 from coronaryuq.estimation import beyond, diagnostics, estimators, failures, levels, mfmc_ae, report
+from coronaryuq.estimation.crossfit import Estimate
 from coronaryuq.estimation.design import Design, make_design
 from coronaryuq.estimation.folds import assign, count
 from coronaryuq.estimation.montecarlo import correlation, mfmc_variance
@@ -145,7 +146,7 @@ def analyse(
                 if finding:
                     made["multilevel"] = replace(made["multilevel"], warnings=(str(finding),))
         for name in made:
-            finding = diagnostics.unverified(name, len(y))
+            finding = diagnostics.unverified(name, len(y), _residual_share(made[name]))
             if finding:
                 made[name] = replace(made[name], warnings=(*made[name].warnings, str(finding)))
         for name in [name for name in made if name != "MC"]:
@@ -176,6 +177,11 @@ def recommended(made: dict) -> str:
     """The estimator with the least claimed standard deviation among plain MC and those without a warning."""
     sound = {name: value.std for name, value in made.items() if name == "MC" or not value.warnings}
     return min(sound, key=sound.get)
+
+
+def _residual_share(estimate: Estimate) -> float:
+    total = estimate.residual_variance + estimate.propagation_variance
+    return estimate.residual_variance / total if total > 0 else 1.0
 
 
 def _poor(design: Design, row: Row) -> str:

@@ -3,7 +3,8 @@ predict.
 
 A method is `fit(seen, y) -> Fitted`; `Fitted.predict(seen)` gives the control variate, `Fitted.leave_one_out` (n,)
 what it misses at its own training runs when each is left out, from which a choice among methods is made within a
-training set, `Fitted.influence(seen)` (m, n) how much of each prediction goes when a training run is left out.
+training set, `Fitted.influence(seen)` (m, n) how much of each prediction goes when a training run is left out,
+`Fitted.variance(seen)` (m,) the expected square of what it misses there.
 """
 
 from collections.abc import Callable
@@ -49,6 +50,7 @@ class Fitted:
     predict: Callable[[Seen], np.ndarray]
     leave_one_out: np.ndarray
     influence: Callable[[Seen], np.ndarray]
+    variance: Callable[[Seen], np.ndarray]
 
     @property
     def missed(self) -> float:
@@ -63,8 +65,10 @@ def constant(seen: Seen, y: np.ndarray) -> Fitted:
     """No control variate at all: plain Monte Carlo."""
     missed = (y - y.mean()) * len(y) / (len(y) - 1)
     return Fitted(
-        "constant", lambda new: np.full(len(new), y.mean()), missed, lambda new: np.tile(missed / len(y), (len(new), 1))
-    )
+        "constant", lambda new: np.full(len(new), y.mean()), missed,
+        lambda new: np.tile(missed / len(y), (len(new), 1)),
+        lambda new: np.full(len(new), np.mean(missed**2)),
+    )  # fmt: skip
 
 
 def linear(name: str, columns: Callable[[Seen], np.ndarray]) -> Method:
@@ -81,6 +85,7 @@ def linear(name: str, columns: Callable[[Seen], np.ndarray]) -> Method:
         return Fitted(
             name, lambda new: back(columns(new)) @ coefficients, missed,
             lambda new: back(columns(new)) @ inverse @ u.T * missed,
+            lambda new: np.mean(missed**2) * (1 + ((back(columns(new)) @ inverse) ** 2).sum(axis=1)),
         )  # fmt: skip
 
     return fit
@@ -93,7 +98,7 @@ def process(name: str, columns: Callable[[Seen], np.ndarray], directions: int = 
         model = gaussian_process.fit(columns(seen), y, directions, evaluations)
         return Fitted(
             name, lambda new: model.predict(columns(new)), model.leave_one_out,
-            lambda new: model.influence(columns(new)),
+            lambda new: model.influence(columns(new)), lambda new: model.variance(columns(new)),
         )  # fmt: skip
 
     return fit

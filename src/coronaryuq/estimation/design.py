@@ -41,7 +41,7 @@ class Design:
     fold (n,); blocks, one per fold; held_out: 0D output → (n,) emulated without the sample's own fold; shared: names
     of the 0D outputs that every control variate may see, those of all rows among them; emulator_error: 0D output →
     held-out mean square error over variance. coarse: per fold its samples of the coarse 3D level beyond the pilot;
-    empty without such a level.
+    empty without such a level. target: as in `crossfit.combine`.
     """
 
     runs: Runs
@@ -52,6 +52,7 @@ class Design:
     emulator_error: dict[str, float]
     integrated: bool
     coarse: tuple[Block, ...] = ()
+    target: int = 0
 
     @property
     def log_theta(self) -> np.ndarray:

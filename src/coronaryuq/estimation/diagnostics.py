@@ -133,15 +133,24 @@ def coarse_failures(runs: Runs) -> Finding | None:
 
 
 # Fewest 3D runs from which the coverage benchmark holds for a method: spread within 15 %, coverage 93 to 97 % (cells in
-# docs/estimation.md); None: from none measured. MFMC-AE and multilevel: too few trials. "best" at 50 runs holds
-# in 91.8 % of trials on one published row, three binomial errors below 95, so it counts from 100.
-VERIFIED_FROM = {"MC": 25, "MFMC": 25, "MFMC-AE": None, "BLUE": 25, "best": 100, "multilevel": None}
+# docs/estimation.md); None: from none measured. MFMC-AE and multilevel: too few trials. "best" misses on published
+# row 9, where a corner of the inputs decides that most pilots have no run in.
+VERIFIED_FROM = {"MC": 25, "MFMC": 25, "MFMC-AE": None, "BLUE": 25, "best": None, "multilevel": None}
+# What its residuals claim hardly counts where they are so small a share of the variance: with errors 1.7 times as wide
+# as claimed there, as on that row, an interval of 95 % still holds in 94 %. Then it is verified from the second number.
+SMALL_SHARE, VERIFIED_WHERE_SMALL = 0.05, {"best": 50}
 
 
-def unverified(method: str, n_3d: int) -> Finding | None:
-    """A method on fewer 3D runs than the coverage benchmark has verified it for, or that it never saw."""
-    least = VERIFIED_FROM[method]
+def unverified(method: str, n_3d: int, residual_share: float = 1.0) -> Finding | None:
+    """A method on fewer 3D runs than the coverage benchmark has verified it for, or that it never saw.
+
+    residual_share: of the claimed variance, what comes from the 3D runs' residuals and not from propagation samples.
+    """
+    small = residual_share <= SMALL_SHARE and method in VERIFIED_WHERE_SMALL
+    least = VERIFIED_WHERE_SMALL[method] if small else VERIFIED_FROM[method]
     if least is not None and n_3d >= least:
         return None
     where = "by repeated trials" if least is None else f"below {least} 3D runs, and there are {n_3d}"
+    if least is None and method in VERIFIED_WHERE_SMALL:
+        where = f"where 3D residuals are more than {SMALL_SHARE:.0%} of its variance: here {residual_share:.0%}"
     return Finding("unverified", f"the interval of {method} is not verified {where}", "shown, not recommended")

@@ -1,13 +1,15 @@
 """The estimators of one row: MC, MFMC, MFMC-AE and the best cross-fitted control variate, side by side."""
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from coronaryuq.estimation import mfmc_ae, multilevel, selector
 from coronaryuq.estimation.blue import Group
-from coronaryuq.estimation.control_variates import METHODS
+from coronaryuq.estimation.control_variates import METHODS, Fitted, Seen
 from coronaryuq.estimation.crossfit import Estimate, Propagated, combine
 from coronaryuq.estimation.design import Design
 from coronaryuq.estimation.influence import CENTRE, Influence, changes
@@ -48,14 +50,15 @@ class Predictions:
     """Cross-fitted predictions of one 3D quantity.
 
     held (n,): at each pilot run, by the fold that did not see it. raw: per fold, at its propagation samples and the
-    nodes of an integrated input (m_k · s,). noise (n,): leave-one-out standard deviation of the fit that made `held`.
-    influence: of pilot runs on them. methods: what the selector took, fold by fold.
+    nodes of an integrated input (m_k · s,).
+    influence: of pilot runs on them. doubt: per fold, variance of y given the prediction (m · s,) at the first m of its
+    propagation samples. methods: what the selector took, fold by fold.
     """
 
     held: np.ndarray
     raw: list[np.ndarray]
-    noise: np.ndarray
     influence: Influence
+    doubt: list[Callable[[int], np.ndarray]]
     methods: tuple[str, ...]
 
 
@@ -63,19 +66,27 @@ def predict(design: Design, row: Row, simple: bool = False) -> Predictions:
     """Fit the selector's choice within each training set and predict its held-out runs and propagation samples."""
     y, _ = pair(design.runs, row)
     n = len(y)
-    held, noise, raw, taken = np.empty(n), np.empty(n), [], []
-    moved, centres, weights = np.zeros((n, n)), [], []
+    held, raw, doubt, taken = np.empty(n), [], [], []
+    moved, variance, centres, variances, weights = np.zeros((n, n)), np.empty(n), [], [], []
     for k, block in enumerate(design.blocks):
         trained, train = design.training(row, k)
         fitted = selector.choose(trained, y[train], simple=simple)
         (seen, index), more = design.held(row, k), design.propagated(row, k)
-        held[index], noise[index] = fitted.predict(seen), fitted.missed**0.5
+        held[index], variance[index] = fitted.predict(seen), fitted.variance(seen)
         raw.append(fitted.predict(more))
         taken.append(fitted.method)
         weights.append(block.weights(min(CENTRE, len(block.index))))
         moved[index] = changes(fitted, seen, train, n)
-        centres.append(changes(fitted, more[: len(weights[-1])], train, n))
-    return Predictions(held, raw, noise, Influence(design.fold, moved, centres, weights), tuple(taken))
+        some = more[: len(weights[-1])]
+        centres.append(changes(fitted, some, train, n))
+        variances.append(fitted.variance(some))
+        doubt.append(partial(_doubt, fitted, more, block.repeats))
+    influence = Influence(design.fold, moved, centres, weights, variance, variances)
+    return Predictions(held, raw, influence, doubt, tuple(taken))
+
+
+def _doubt(fitted: Fitted, more: Seen, repeats: int, samples: int) -> np.ndarray:
+    return fitted.variance(more[: samples * repeats])
 
 
 def several_models(design: Design, row: Row, seed: int, level: float) -> Estimate | None:
@@ -109,7 +120,9 @@ def best(design: Design, row: Row, made: Predictions, level: float, weights=None
     counted = Counter(made.methods).most_common()
     name = "best: " + ", ".join(f"{method} {times}/{len(made.methods)}" for method, times in counted)
     between = made.influence.between(shares=weights)
-    return combine(name, y, made.held, blocks, design.fold, len(y), level, weights=weights, between=between)
+    return combine(
+        name, y, made.held, blocks, design.fold, len(y), level, weights=weights, between=between, target=design.target
+    )
 
 
 def autoencoder(
@@ -120,7 +133,7 @@ def autoencoder(
     held, raw = follow(design, row, networks, curves)
     blocks = [Propagated(b.average(v), b.repeats) for b, v in zip(design.blocks, raw, strict=True)]
     n_0d = len(y) + sum(len(places) for k, (places, _) in curves.items() if k != mfmc_ae.IN_SAMPLE)
-    return combine("MFMC-AE", y, held, blocks, design.fold, n_0d, level, weights=weights)
+    return combine("MFMC-AE", y, held, blocks, design.fold, n_0d, level, weights=weights, target=design.target)
 
 
 def follow(design: Design, row: Row, networks: mfmc_ae.Networks, curves: dict) -> tuple[np.ndarray, list[np.ndarray]]:

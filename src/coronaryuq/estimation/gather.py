@@ -140,12 +140,12 @@ def rows(case: dict, columns_0d: Sequence[str]) -> pd.DataFrame:
     return pd.DataFrame(lines)
 
 
-def cost_ratio(failures_json: str | Path, otherwise: float) -> float:
-    """Cost of a 0D run in 3D runs from `failures.json`; `otherwise` where the runs do not tell."""
+def measured_cost_ratio(failures_json: str | Path) -> float | None:
+    """Cost of a 0D run in 3D runs from `failures.json`; None where the runs do not tell."""
     held = read_json(failures_json)
     high = held["cost"]["flow3d_cpu_s"] / max(held["flow3d"]["runs"], 1)
     low = held["cost"]["zerod_cpu_s"] / max(held["zerod"]["runs"], 1)
-    return low / high if high > 0 and 0 < low < high else otherwise
+    return low / high if high > 0 and 0 < low < high else None
 
 
 def coarse_cost(failures_json: str | Path) -> dict | None:

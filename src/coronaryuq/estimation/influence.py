@@ -11,6 +11,10 @@ coefficient, and not small for a Gaussian process on a small pilot, whose residu
 function. A leave-one-out update at fixed hyper-parameters gives a_il in closed form for least squares and Gaussian
 processes alike: the weight of y_l in g(θ_i), times the leave-one-out residual of run l. Decomposition: Efron and Stein
 1981.
+
+Residuals of the pilot say nothing of places where it has no run. A pilot that by bad luck lacks a corner of the inputs
+has small residuals and misses most in that corner. The control variate's own posterior variance knows it: `reach` is
+its mean at the propagation samples over its mean at the held-out runs.
 """
 
 from collections.abc import Sequence
@@ -26,22 +30,29 @@ CENTRE = 50
 
 @dataclass(frozen=True)
 class Between:
-    """Between folds, of the mean of y − g: covariance, its bound, and what each run adds through others' g (n,)."""
+    """Of the mean of y − g, between folds: covariance, its bound, and what each run adds through others' g (n,).
+
+    reach: expected square of y − g at the propagation samples over that at the pilot's runs; 1 at least.
+    """
 
     covariance: float
     bound: float
     indirect: np.ndarray
+    reach: float = 1.0
 
 
 @dataclass(frozen=True)
 class Influence:
     """Changes of held-out predictions (n, n), of run i by run l; per fold those at some propagation samples (m, n), and
-    the weights (m,) of these samples."""
+    the weights (m,) of these samples. variance (n,), variances (m,) per fold: of y given the prediction, there;
+    without them the reach is not asked for."""
 
     fold: np.ndarray
     held: np.ndarray
     changes: list[np.ndarray]
     weights: list[np.ndarray]
+    variance: np.ndarray | None = None
+    variances: Sequence[np.ndarray] = ()
 
     def between(
         self, slope: np.ndarray | None = None, slopes: Sequence[np.ndarray] = (), shares: np.ndarray | None = None
@@ -62,7 +73,17 @@ class Influence:
         # A claim does not profit from a covariance below zero.
         pairs = len(a) * (len(a) - 1)
         both, bound = np.sum(a * a.T) / pairs, np.sum(a**2) / pairs
-        return Between(max(0.0, float(both)), float(bound), a.sum(axis=0))
+        return Between(max(0.0, float(both)), float(bound), a.sum(axis=0), self._reach(slope, slopes, shares))
+
+    def _reach(self, slope, slopes, shares) -> float:
+        if self.variance is None:
+            return 1.0
+        held = self.variance if slope is None else slope**2 * self.variance
+        there = self.variances if slope is None else [s**2 * v for s, v in zip(slopes, self.variances, strict=True)]
+        runs = np.bincount(self.fold, shares, len(there))
+        wanted = np.average([np.average(v, weights=w) for v, w in zip(there, self.weights, strict=True)], weights=runs)
+        found = np.average(held, weights=shares)
+        return max(1.0, float(wanted / found)) if found > 0 else 1.0
 
 
 def changes(fitted: Fitted, seen: Seen, train: np.ndarray, n: int) -> np.ndarray:

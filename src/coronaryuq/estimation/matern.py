@@ -1,7 +1,9 @@
 """Compiled parts of a Gaussian process on its own training points.
 
 Every matrix is symmetric there, and none is allocated twice: at a few hundred points fresh memory costs more than
-arithmetic.
+arithmetic, at a few dozen the calls between array operations do.
+
+`parameters`: as in `gaussian_process.negative_log_posterior`.
 """
 
 import numba
@@ -9,16 +11,18 @@ import numpy as np
 
 
 @numba.njit(cache=True)
-def covariance(
-    dots: np.ndarray, along: np.ndarray, signal: float, linear: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Covariance (n, n), its Matérn 5/2 part, and that part's derivative by r².
+def covariance(parameters: np.ndarray, a: np.ndarray, jitter: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Covariance (n, n) of outputs at standardised inputs (n, d), its Matérn 5/2 part, and its slope by r².
 
-    dots (n, n): inner products of scaled inputs, overwritten by the covariance. along (n, p): places along the
-    directions.
+    jitter: what is added to the noise, of a variance of one and of the signal's.
     """
-    n, p = along.shape
-    value, slope = np.empty((n, n)), np.empty((n, n))
+    n, d = a.shape
+    p = len(parameters[d + 3 :]) // d
+    signal, linear, noise = np.exp(2 * parameters[d]), np.exp(2 * parameters[d + 1]), np.exp(2 * parameters[d + 2])
+    noise += jitter * (1 + signal)
+    scaled = a * np.exp(-parameters[:d])
+    along = a @ np.ascontiguousarray(parameters[d + 3 :]).reshape(d, p)
+    dots, value, slope = scaled @ scaled.T, np.empty((n, n)), np.empty((n, n))
     norm = np.empty(n)
     for i in range(n):
         norm[i] = dots[i, i]
@@ -34,22 +38,61 @@ def covariance(
             slope[i, j] = slope[j, i] = -5 / 6 * fall * (1 + root)
             dots[i, j] = dots[j, i] = value[i, j] + linear * dots[i, j]
         value[i, i], slope[i, i] = signal, -5 / 6 * signal
-        dots[i, i] = signal + linear * norm[i]
+        dots[i, i] = signal + linear * norm[i] + noise
     return dots, value, slope
 
 
 @numba.njit(cache=True)
-def derivative(inverse: np.ndarray, weights: np.ndarray, value: np.ndarray, slope: np.ndarray) -> float:
-    """Turns `inverse` (n, n), of which the lower triangle counts, into w wᵀ − inverse and `slope` into their product.
+def gradient(
+    parameters: np.ndarray, a: np.ndarray, inverse: np.ndarray, weights: np.ndarray,
+    value: np.ndarray, slope: np.ndarray, jitter: float,
+) -> np.ndarray:  # fmt: skip
+    """Gradient of the negative log likelihood by the parameters.
 
-    Returns the sum of that difference times `value`.
+    inverse (n, n), of which the upper triangle counts, and slope are overwritten; jitter as in `covariance`.
     """
-    n, total = len(inverse), 0.0
+    n, d = a.shape
+    p = len(parameters[d + 3 :]) // d
+    signal, linear, noise = np.exp(2 * parameters[d]), np.exp(2 * parameters[d + 1]), np.exp(2 * parameters[d + 2])
+    by_signal, trace, sums = 0.0, 0.0, np.zeros(n)
+    # `inverse` becomes w wᵀ − inverse and `slope` their product.
     for i in range(n):
-        for j in range(i + 1):
+        for j in range(i, n):
             outer = weights[i] * weights[j] - inverse[i, j]
-            total += (1.0 if i == j else 2.0) * outer * value[i, j]
+            by_signal += (1.0 if i == j else 2.0) * outer * value[i, j]
             inverse[i, j] = inverse[j, i] = outer
             pull = outer * slope[i, j]
             slope[i, j] = slope[j, i] = pull
-    return total
+            sums[i] += pull
+            if i != j:
+                sums[j] += pull
+        trace += inverse[i, i]
+    lengths = np.exp(-parameters[:d])
+    scaled = a * lengths
+    met = inverse @ scaled
+    # Σ_ij pull_ij (x_i − x_j)(x_i − x_j)ᵀ without an (n, n, d) array; r² = |(x − x') M|² has dr²/dM from it.
+    pulled = slope @ a
+    found = np.zeros(len(parameters))
+    if p == 0:
+        for j in range(d):
+            moment = 0.0
+            for i in range(n):
+                moment += a[i, j] * (sums[i] * a[i, j] - pulled[i, j])
+            found[j] = 2 * moment * lengths[j] ** 2
+    else:
+        moments = 2 * (a.T @ (np.expand_dims(sums, 1) * a - pulled))
+        for j in range(d):
+            found[j] = moments[j, j] * lengths[j] ** 2
+        along = np.ascontiguousarray(parameters[d + 3 :]).reshape(d, p)
+        found[d + 3 :] = -(moments @ along).ravel()
+    by_linear = 0.0
+    for j in range(d):
+        one = 0.0
+        for i in range(n):
+            one += scaled[i, j] * met[i, j]
+        found[j] += linear * one
+        by_linear += linear * one
+    found[d] = -by_signal - jitter * signal * trace
+    found[d + 1] = -by_linear
+    found[d + 2] = -noise * trace
+    return found

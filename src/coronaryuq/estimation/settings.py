@@ -14,7 +14,11 @@ class Settings(BaseModel):
     folds: int = Field(5, ge=2, le=50, description="folds of cross-fitting; pilots below 100 use twice as many")
     ffr_threshold: float = Field(0.80, gt=0, lt=1, description="FFR at or below which a stenosis counts as significant")
     cost_ratio: float = Field(
-        1e-5, gt=0, lt=1, description="cost of a 0D run in 3D runs, where the runs themselves do not tell"
+        1e-5,
+        gt=0,
+        lt=1,
+        description="cost of a 0D run in 3D runs; a campaign with `wanted` grows by this one, so that it repeats, and "
+        "the budget figures take the measured one where the runs tell",
     )
     known_scaling: str | None = Field(
         "R_cor_scaling",

@@ -9,7 +9,7 @@ import pandas as pd
 from coronaryuq import files
 from coronaryuq.errors import InputError
 from coronaryuq.estimation import analysis, report, studies
-from coronaryuq.estimation.gather import coarse_cost, cost_ratio
+from coronaryuq.estimation.gather import coarse_cost, measured_cost_ratio
 from coronaryuq.estimation.level_allocation import Costs, worth
 from coronaryuq.estimation.mfmc_ae import Networks
 from coronaryuq.estimation.runs import read_rows, read_runs
@@ -73,13 +73,13 @@ def budget(
 ):
     """Write the curves of both budget figures, {"budget": [...], "plan": [...]}.
 
-    The cost of a 0D run in 3D runs comes from `failures_json` (its `cost`, CPU seconds) where given, else from
-    settings.
+    The cost of a 0D run in 3D runs comes from `failures_json` (its `cost`, CPU seconds) where given and known, else
+    from settings.
     """
     results = files.read_json(estimates_json)["rows"]
     ratio = settings.cost_ratio
     if failures_json:
-        ratio = cost_ratio(failures_json, ratio)
+        ratio = measured_cost_ratio(failures_json) or ratio
     for name in settings.wanted:
         if name not in {result["row"] for result in results}:
             raise InputError("estimation.wanted", name, settings.wanted[name], "no such row among the estimates")
@@ -117,7 +117,9 @@ def _coarse_level(failures_json: Path, results: list[dict], settings: Settings) 
     level = coarse_cost(failures_json) if failures_json.exists() else None
     if level is None:
         return None
-    costs = Costs(level["coarse_cpu_s"] / level["fine_cpu_s"], cost_ratio(failures_json, settings.cost_ratio))
+    costs = Costs(
+        level["coarse_cpu_s"] / level["fine_cpu_s"], measured_cost_ratio(failures_json) or settings.cost_ratio
+    )
     gained = {result["row"]: worth(result, level["runs"], costs) for result in results}
     return level | {"rows": {name: value for name, value in gained.items() if value is not None}}
 

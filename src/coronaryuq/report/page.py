@@ -125,6 +125,7 @@ def _vessel(stenosis: dict, rows: list[dict], outlets: Mapping[str, str], mesh: 
         "name": stenosis["name"],
         "ffr": _quantity(ffr, FFR_DECIMALS) | {"mesh": mesh.of(f"ffr_{branch}")},
         "draws": _draws(beyond.get("quantiles", {})),
+        "rare": _rare(beyond.get("quantiles", {})),
         "drivers": _drivers(beyond.get("sobol_first_order", {}), outlets),
         "quantities": [_quantity(value) | {"mesh": mesh.of(f"{q}_{branch}")} for q, (_, value) in of_quantity.items()],
         "significant": _probability(probability),
@@ -147,6 +148,15 @@ def _draws(quantiles: Mapping[str, dict]) -> str:
     low, high = (quantiles[end]["value"] for end in (ends[0], ends[-1]))
     share = 100 * (float(ends[-1]) - float(ends[0]))
     return f"{share:.0f} % of draws: {low:.2f} to {high:.2f}"
+
+
+def _rare(quantiles: Mapping[str, dict]) -> str:
+    """What the outermost quantiles of FFR over the posterior warn of."""
+    warned = [end for end in sorted(quantiles, key=float) if "warning" in quantiles[end]]
+    if not warned:
+        return ""
+    shares = " and ".join(f"{100 * float(end):.0f} %" for end in warned)
+    return f"{shares} quantile: {quantiles[warned[0]]['warning']}."
 
 
 def _drivers(sobol: Mapping[str, dict], outlets: Mapping[str, str], shown: int = 3) -> str:
