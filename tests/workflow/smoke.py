@@ -22,17 +22,22 @@ MEASURED = ("budget.png",)
 """Figures that tell what runs have cost here, which is measured anew every time."""
 
 
-def campaign(folder: Path, *arguments: str, profile: Path | None = None, more: tuple[str, ...] = ()) -> Path:
-    """Run `config/smoke.yaml` in a folder; return its results. more: texts of configurations that change some of it."""
+def command(folder: Path, *arguments: str, profile: Path | None = None, more: tuple[str, ...] = ()) -> list[str]:
+    """Snakemake on `config/smoke.yaml` in a folder. more: texts of configurations that change some of it."""
     changes = [folder / f"changes_{number}.yaml" for number in range(len(more))]
     for path, text in zip(changes, more, strict=True):
         path.write_text(text)
-    command = [
+    return [
         sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"), "--directory", str(folder),
         "--profile", str(profile or ROOT / "workflow" / "profiles" / "default"),
         "--configfile", str(ROOT / "config" / "smoke.yaml"), *map(str, changes), *arguments,
     ]  # fmt: skip
-    done = subprocess.run(command, capture_output=True, text=True, timeout=1800)
+
+
+def campaign(folder: Path, *arguments: str, profile: Path | None = None, more: tuple[str, ...] = ()) -> Path:
+    """Run it to its end; return its results."""
+    whole = command(folder, *arguments, profile=profile, more=more)
+    done = subprocess.run(whole, capture_output=True, text=True, timeout=1800)
     assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]
     return folder / "results" / "smoke"
 
