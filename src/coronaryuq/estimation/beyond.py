@@ -18,7 +18,7 @@ from coronaryuq.estimation.montecarlo import Interval
 from coronaryuq.estimation.runs import Row, pair
 from coronaryuq.estimation.settings import Settings
 
-# Runs beyond a quantile below which its interval is not verified: with 2.5 of them it held in 85 % of trials.
+# Runs beyond a quantile below which its interval is not verified: with 2.5 of them it has been tried on few pairs only.
 TAIL_RUNS = 10
 # Expected runs on another side of a threshold than predicted from which they correct the predictions: there
 # sqrt(D) / n, what the correction costs, is as large as the bound of what it mends, some D / (0.56 n).
