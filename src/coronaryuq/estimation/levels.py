@@ -85,6 +85,8 @@ class _Fit:
         self.f_held, self.g_held, moved = self._both(held, coarse[self.held], n)
         f_beyond, g_beyond, moved_beyond = self._both(beyond, coarse[at], n)
         self.between = f_beyond - g_beyond
+        self.variance = self.fitted.variance(self._with(held, coarse[self.held]))
+        self.variance_beyond = self.fitted.variance(self._with(beyond, coarse[at])).mean()
         self.moved, self.moved_g = moved
         self.centre = (moved_beyond[0] - moved_beyond[1]).mean(axis=0)
         block = design.blocks[k]
@@ -109,8 +111,9 @@ class _Fit:
 
 def _combined(design: Design, y: np.ndarray, fits: list[_Fit], level: float) -> tuple[Estimate, Parts]:
     n = len(y)
-    f, g, moved, moved_g = np.empty(n), np.empty(n), np.empty((n, n)), np.empty((n, n))
+    f, g, variance, moved, moved_g = np.empty(n), np.empty(n), np.empty(n), np.empty((n, n)), np.empty((n, n))
     for fit in fits:
+        variance[fit.held] = fit.variance
         f[fit.held], g[fit.held], moved[fit.held], moved_g[fit.held] = fit.f_held, fit.g_held, fit.moved, fit.moved_g
     between = np.concatenate([fit.between for fit in fits])
     # f − g is averaged over the pilot and the coarse runs beyond it, g over the pilot and the propagation samples.
@@ -125,6 +128,8 @@ def _combined(design: Design, y: np.ndarray, fits: list[_Fit], level: float) -> 
         on_coarse * (moved - moved_g) + on_cheap * moved_g,
         [(on_coarse * fit.centre + on_cheap * fit.centre_g)[None] for fit in fits],
         [np.ones(1)] * len(fits),
+        variance,
+        [np.array([fit.variance_beyond]) for fit in fits],
     )
     counted = Counter(_name(fit) for fit in fits).most_common()
     made = combine(
