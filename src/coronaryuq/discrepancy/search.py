@@ -223,10 +223,10 @@ def _exact(problem: Problem, acting: list[Acting], start: np.ndarray) -> Fit | N
 
 def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Round]) -> tuple[list[Acting], Fit]:
     """Ask again whether each earlier effect is needed, and whether another candidate would now do better."""
-    accepted = [r for r in rounds if r.accepted is not None]
+    accepted = {r.accepted.acting: r for r in rounds if r.accepted is not None}
     column = len(problem.forward.nuisances)
     for number in range(len(acting) - 1):
-        current = accepted[number]
+        current = accepted[acting[number]]
         count = len(acting[number][0].parameters)
         others = acting[:number] + acting[number + 1 :]
         about = _without(fit, column, count)
@@ -259,8 +259,7 @@ def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Rou
                 one.probability = float(share)
         near = [one for weight, one, _ in options if weight > options[0][0] - LARGEST_CLASS_ODDS]
         current.accepted, current.members = best, [one for one in near if one is not None]
-        # The rival's sizes stand last in its fit; keep the order of places in step with it.
-        accepted.append(accepted.pop(number))
+        # The rival's sizes stand last in its fit.
         return [*others, best.acting], found
     return acting, fit
 
