@@ -51,7 +51,7 @@ def interrupt(folder: Path, moment: random.Random, whole_group: bool) -> str | N
 
 def scripts(session: int) -> str:
     """Scripts that run in a session."""
-    listed = subprocess.run(["ps", "-o", "args=", "-s", str(session)], capture_output=True, text=True).stdout
+    listed = subprocess.run(["ps", "-ww", "-o", "args=", "-s", str(session)], capture_output=True, text=True).stdout
     named = re.findall(r"scripts/(?:tmp\w+\.)?(\w+)\.py", listed)
     return " ".join(sorted(set(named)))
 
