@@ -58,6 +58,9 @@ def _parser() -> argparse.ArgumentParser:
     bench.add_argument("--network", metavar="FILE", help="svZeroDSolver JSON (zerod, discrepancy)")
     bench.add_argument("--seeds", metavar="N", type=int, help="repetitions of every cell (discrepancy)")
     bench.add_argument("--offset", metavar="SEED", type=int, help="first of the seeds (discrepancy)")
+    sizes, noises = ("weak", "medium", "strong"), ("half", "nominal", "double")
+    bench.add_argument("--strengths", nargs="+", choices=sizes, help="of hidden effects; default: medium (discrepancy)")
+    bench.add_argument("--noises", nargs="+", choices=noises, help="of measurements; default: nominal (discrepancy)")
     bench.add_argument("--config", metavar="FILE", help="configuration (campaign)")
     bench.set_defaults(run=_bench)
 
@@ -114,7 +117,7 @@ def _bench(chosen: argparse.Namespace) -> int:
     module = importlib.import_module(f"coronaryuq.bench.{chosen.name}")
     given = {
         name: getattr(chosen, name)
-        for name in ("data", "rows", "network", "seeds", "offset", "config")
+        for name in ("data", "rows", "network", "seeds", "offset", "strengths", "noises", "config")
         if getattr(chosen, name)
     }
     result = {"benchmark": chosen.name, "quick": chosen.quick, **module.run(quick=chosen.quick, **given)}
