@@ -91,13 +91,7 @@ def read_runs(folder: str | Path) -> Runs:
             )
     y = outputs_3d.dropna(axis=1, how="all").reindex(params.index)
     q = outputs_0d.dropna(axis=1, how="all").reindex(params.index)
-    lost = np.argwhere(~np.isfinite(q.to_numpy(dtype=float)))
-    if len(lost):
-        i, j = lost[0]
-        raise InputError(
-            folder / "outputs_0d.csv", f"{q.columns[j]} of {q.index[i]}", None,
-            "no finite 0D output; run the 0D model at this sample, or take the column out",
-        )  # fmt: skip
+    _all_ran(folder / "outputs_0d.csv", q, "the column out")
     ended = np.isfinite(y.to_numpy(dtype=float)).all(axis=1)
     if ended.sum() < 2:
         raise InputError(
@@ -190,15 +184,31 @@ def _limits(path: Path, inputs: tuple[str, ...]) -> np.ndarray | None:
     return bounds
 
 
+def _further(path: Path, inputs: tuple[str, ...]) -> pd.DataFrame:
+    """Samples beyond the pilot: the columns of its inputs, index `sample`."""
+    frame = _table(path)
+    missing = [name for name in inputs if name not in frame]
+    if missing:
+        raise InputError(path, missing[0], None, "column missing; wanted the columns of params.csv")
+    return frame[list(inputs)]
+
+
+def _all_ran(path: Path, q: pd.DataFrame, what: str) -> None:
+    lost = np.argwhere(~np.isfinite(q.to_numpy(dtype=float)))
+    if len(lost):
+        i, j = lost[0]
+        raise InputError(
+            path, f"{q.columns[j]} of {q.index[i]}", None,
+            f"no finite 0D output; run the 0D model at this sample, or take {what}",
+        )  # fmt: skip
+
+
 def _coarse(folder: Path, y: pd.DataFrame, q: pd.DataFrame, ended: pd.Index, inputs: tuple[str, ...]):
     """`Runs.coarse`, `theta_coarse` and `q_coarse`; `ended`: the pilot's samples that count."""
     path, beyond = folder / "outputs_3d_coarse.csv", folder / "params_coarse.csv"
     if not path.exists():
         return None, None, None
-    frame, params = _table(path), _table(beyond)
-    missing = [name for name in inputs if name not in params]
-    if missing:
-        raise InputError(beyond, missing[0], None, "column missing; wanted the columns of params.csv")
+    frame, params = _table(path), _further(beyond, inputs)
     foreign = frame.index.difference(y.index.union(params.index))
     if len(foreign):
         raise InputError(path, "sample", str(foreign[0]), "neither in params.csv nor in params_coarse.csv")
@@ -209,16 +219,10 @@ def _coarse(folder: Path, y: pd.DataFrame, q: pd.DataFrame, ended: pd.Index, inp
     if len(strange):
         raise InputError(path, str(strange[0]), None, "no such column in outputs_3d.csv")
     q_coarse = _table(folder / "outputs_0d_coarse.csv").reindex(params.index).reindex(columns=q.columns)
-    lost = np.argwhere(~np.isfinite(q_coarse.to_numpy(dtype=float)))
-    if len(lost):
-        i, j = lost[0]
-        raise InputError(
-            folder / "outputs_0d_coarse.csv", f"{q.columns[j]} of {params.index[i]}", None,
-            "no finite 0D output; run the 0D model at this sample, or take it out of params_coarse.csv",
-        )  # fmt: skip
+    _all_ran(folder / "outputs_0d_coarse.csv", q_coarse, "it out of params_coarse.csv")
     return (
         frame.reindex(ended.append(params.index)).reset_index(drop=True),
-        _finite(beyond, params[list(inputs)]),
+        _finite(beyond, params),
         q_coarse.reset_index(drop=True),
     )
 
@@ -226,11 +230,7 @@ def _coarse(folder: Path, y: pd.DataFrame, q: pd.DataFrame, ended: pd.Index, inp
 def _propagation(folder: Path, inputs: tuple[str, ...], limits) -> tuple[np.ndarray, tuple[str, ...]]:
     physical, normalised = folder / "params_propagation.csv", folder / "params_propagation_normalized.csv"
     if physical.exists():
-        frame = _table(physical)
-        missing = [name for name in inputs if name not in frame]
-        if missing:
-            raise InputError(physical, missing[0], None, "column missing; wanted the columns of params.csv")
-        frame = frame[list(inputs)]
+        frame = _further(physical, inputs)
         return _finite(physical, frame), tuple(frame.index)
     if not normalised.exists():
         return np.empty((0, len(inputs))), ()
