@@ -5,8 +5,8 @@ import numpy as np
 from coronaryuq.figures.style import MEASURED, MUTED, SIMULATED, saved
 from coronaryuq.files import read_csv
 
-NARROW, WIDE = 5.0, 60.0
-"""Per cent: the band that counts as matched, and the axis' half width."""
+NARROW, WIDEST = 5.0, 60.0
+"""Per cent: the band that counts as matched, and the largest half width of the axis."""
 
 
 def cardiac_function(fit: str, output: str) -> None:
@@ -18,20 +18,21 @@ def cardiac_function(fit: str, output: str) -> None:
     table = read_csv(fit, columns=("description", "unit", "measured", "simulated", "tuned", "clinical"))
     table = table[table["tuned"]].sort_values("clinical", ascending=False, kind="stable")
     off = 100 * (table["simulated"] / table["measured"].where(table["measured"] != 0) - 1)
+    wide = float(np.clip(1.2 * off.abs().max(), 2 * NARROW, WIDEST))
     y = np.arange(len(table))[::-1]
     with saved(output, figsize=(7.6, 0.21 * len(table) + 1.0)) as (_, axis):
         axis.axvspan(-NARROW, NARROW, color=MUTED, alpha=0.18, lw=0)
         axis.axvline(0, color=MEASURED, lw=0.8)
         clinical = table["clinical"].to_numpy(bool)
-        shown = np.clip(off, -WIDE, WIDE)
+        shown = np.clip(off, -wide, wide)
         for chosen, colour, label in (
             (clinical, SIMULATED, "measured in this patient"),
             (~clinical, MUTED, "taken from the literature"),
         ):
             axis.hlines(y[chosen], 0, shown[chosen], color=colour, lw=1)
-            within = chosen & (off.abs() <= WIDE).to_numpy()
+            within = chosen & (off.abs() <= wide).to_numpy()
             axis.plot(shown[within], y[within], "o", color=colour, ms=4, label=label)
-            for beyond, marker in ((off > WIDE, ">"), (off < -WIDE, "<")):
+            for beyond, marker in ((off > wide, ">"), (off < -wide, "<")):
                 there = chosen & beyond.to_numpy()
                 axis.plot(shown[there], y[there], marker, color=colour, ms=6)
         for place, (_, row) in zip(y, table.iterrows(), strict=True):
@@ -41,7 +42,7 @@ def cardiac_function(fit: str, output: str) -> None:
                 transform=axis.get_yaxis_transform(),
             )  # fmt: skip
         axis.set_yticks(y, table["description"], fontsize=7.5)
-        axis.set_xlim(-WIDE * 1.03, WIDE * 1.03)
+        axis.set_xlim(-1.03 * wide, 1.03 * wide)
         axis.set_xlabel("tuned model against target (%); grey: within 5 %; numbers: target → model")
         axis.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, fontsize=7.5)
         axis.spines["left"].set_visible(False)

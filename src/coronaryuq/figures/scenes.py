@@ -1,70 +1,80 @@
-"""Three-dimensional pictures, drawn off screen: territories and perfusion, the tree by FFR, vessel walls and lumens."""
+"""Three-dimensional pictures: territories and perfusion, the tree by FFR, vessel walls and lumens."""
 
 import tempfile
 import zipfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pyvista as pv
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm, Normalize, to_hex, to_rgb
+from matplotlib.patheffects import withStroke
 
 from coronaryuq.case.tree import Tree, read_tree
 from coronaryuq.errors import InputError
-from coronaryuq.figures.style import BRANCHES
-from coronaryuq.files import read_csv, read_json, replacing
+from coronaryuq.figures.render import Camera, Rendering, rendered
+from coronaryuq.figures.style import BRANCHES, saved
+from coronaryuq.files import read_csv, read_json
 from coronaryuq.units import MBF_PER_MIN_PER_G, MMHG
 
-VIEW = (0.65, -1.0, 0.2)
-"""Where the heart is seen from, in left-posterior-superior axes: from in front and its left, a little above."""
-BEHIND = (0.1, 0.75, -0.65)
+FRONT = Camera((0.65, -1.0, 0.2))
+"""Left-posterior-superior axes: from in front and its left, a little above."""
+BACK = Camera((0.1, 0.75, -0.65))
 """From behind and below: the territories of the right coronary and circumflex arteries."""
 
-BAR = {"vertical": True, "position_x": 0.86, "position_y": 0.2, "height": 0.6, "width": 0.06, "fmt": "%.2f",
-       "title_font_size": 15, "label_font_size": 13, "n_labels": 5, "color": "black"}  # fmt: skip
+EDGE = [withStroke(linewidth=2.2, foreground="white")]
+BOX = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
 
 
 def territories(case: str, lv: str, tree: str, output: str) -> None:
     """Myocardial blood flow, and the territory of each LV-perfusing outlet from in front and from behind."""
     outlets = [outlet for outlet in read_json(case)["outlets"] if outlet["perfuses"] == "LV"]
     wall, vessels = pv.read(lv), read_tree(tree)
+    ends = np.array([outlet["point"] for outlet in outlets])
+    labels = [outlet.get("label") or outlet["name"] for outlet in outlets]
     centres = wall.cell_centers().points
-    nearest = np.argmin([np.linalg.norm(centres - np.array(o["point"]), axis=1) for o in outlets], axis=0)
-    wall.cell_data["mL/min/g"] = wall.cell_data["MBF"] / MBF_PER_MIN_PER_G
-    wall.cell_data["territory"] = nearest
+    wall.cell_data["flow"] = wall.cell_data["MBF"] / MBF_PER_MIN_PER_G
+    wall.cell_data["territory"] = np.argmin([np.linalg.norm(centres - end, axis=1) for end in ends], axis=0)
     surface = wall.extract_surface(algorithm="dataset_surface")
-    with _picture(output, columns=3, views=(VIEW, VIEW, BEHIND)) as plotter:
-        plotter.add_mesh(surface, scalars="mL/min/g", cmap="viridis", scalar_bar_args=BAR)
-        _add_tree(plotter, vessels, color="#B22222")
-        plotter.add_text("Myocardial blood flow", font_size=10, color="black")
-        for column, view, where in ((1, VIEW, "in front"), (2, BEHIND, "behind and below")):
-            plotter.subplot(0, column)
-            plotter.add_mesh(surface.copy(), scalars="territory", cmap=_shades(outlets), show_scalar_bar=False)
-            _add_tree(plotter, vessels, color="#444444")
-            facing = [o for o in outlets if (np.array(o["point"]) - centres.mean(axis=0)) @ np.array(view) > 0.5]
-            points, labels = [o["point"] for o in facing], [o.get("label") or o["name"] for o in facing]
-            plotter.add_point_labels(
-                np.array(points), labels, font_size=13, shape_opacity=0.75, show_points=False, always_visible=True,
-                text_color="black", shape_color="white",
-            )  # fmt: skip
-            plotter.add_text(f"Perfusion territories, from {where}", font_size=10, color="black")
+    norm = Normalize(*(float(limit(wall.cell_data["flow"])) for limit in (np.min, np.max)))
+    flow = {"scalars": "flow", "cmap": "viridis", "clim": (norm.vmin, norm.vmax)}
+    shares = {"scalars": "territory", "cmap": _shades(outlets), "clim": (-0.5, len(outlets) - 0.5)}
+    pictures = [rendered([(surface.copy(), flow), *_tubes(vessels, "#B22222")], FRONT)]
+    shown = []
+    for camera in (FRONT, BACK):
+        facing = (ends - centres.mean(axis=0)) @ np.array(camera.view) > 0.5
+        shown.append([label for label, faces in zip(labels, facing, strict=True) if faces])
+        items = [(surface.copy(), shares), *_tubes(vessels, "#444444")]
+        pictures.append(rendered(items, camera, marks=ends[facing]))
+    titles = ("Myocardial blood flow", "Perfusion territories, from in front", "from behind and below")
+    with _row(output, pictures) as (figure, axes):
+        for axis, picture, title in zip(axes, pictures, titles, strict=True):
+            _show(axis, picture, title)
+        for axis, picture, names in zip(axes[1:], pictures[1:], shown, strict=True):
+            for place, name in zip(picture.places, names, strict=True):
+                axis.annotate(name, place, ha="center", va="center", fontsize=6.5, bbox=BOX)
+        _scale(figure, axes[0], norm, "viridis", "mL/min/g")
 
 
 def tree_by_ffr(case: str, tree: str, pressures: str, output: str) -> None:
     """The tree coloured by mean pressure over mean aortic pressure; `pressures`: vessel, position (0 to 1), ffr."""
     vessels, table = read_tree(tree), read_csv(pressures, columns=("vessel", "position", "ffr"))
-    with _picture(output) as plotter:
-        for vessel in vessels:
-            along = table[table["vessel"] == vessel.name].sort_values("position")
-            if along.empty:
-                continue
-            values = np.interp(vessel.arc / vessel.length, along["position"], along["ffr"])
-            plotter.add_mesh(
-                _tube(vessel.points, vessel.radii, values), scalars="value", cmap="RdYlBu", clim=(0.6, 1.0),
-                scalar_bar_args=BAR | {"title": "FFR"},
-            )  # fmt: skip
-        _label_stenoses(plotter, read_json(case), vessels)
-        plotter.add_text("Fractional flow reserve, 0D, posterior mean", font_size=10, color="black")
+    norm, items = Normalize(0.6, 1.0), []
+    for vessel in vessels:
+        along = table[table["vessel"] == vessel.name].sort_values("position")
+        if along.empty:
+            continue
+        values = np.interp(vessel.arc / vessel.length, along["position"], along["ffr"])
+        look = {"scalars": "value", "cmap": "RdYlBu", "clim": (norm.vmin, norm.vmax)}
+        items.append((_tube(vessel.points, vessel.radii, values), look))
+    names, marks = _stenoses(read_json(case)["stenoses"], vessels)
+    pictures = [rendered(items, camera, marks) for camera in (FRONT, BACK)]
+    with _row(output, pictures) as (figure, axes):
+        for axis, picture, title in zip(axes, pictures, ("from in front", "from behind and below"), strict=True):
+            _show(axis, picture, f"FFR, 0D, posterior mean, {title}")
+            _point_out(axis, picture, names)
+        _scale(figure, axes, norm, "RdYlBu", "FFR")
 
 
 def walls(fields: str, case: str, tree: str, output: str) -> None:
@@ -76,28 +86,34 @@ def walls(fields: str, case: str, tree: str, output: str) -> None:
     wall = _first(fields, "_wall.vtp")
     vessels, stenoses = read_tree(tree), read_json(case)["stenoses"]
     pieces = [piece.extract_surface(algorithm="dataset_surface") for piece in wall.connectivity().split_bodies()]
-    highest = float(np.quantile(wall["TAWSS"], 0.999))
     panels = (
-        (
-            "TAWSS",
-            {"cmap": "turbo", "clim": (5.0, highest), "log_scale": True},
-            {"title": "TAWSS dyn/cm2", "fmt": "%.0f"},
-        ),
-        ("OSI", {"cmap": "YlOrRd", "clim": (0.0, 0.5)}, {"title": "OSI", "fmt": "%.2f"}),
+        ("TAWSS", "turbo", LogNorm(5.0, float(np.quantile(wall["TAWSS"], 0.999))), "TAWSS (dyn/cm²)"),
+        ("OSI", "YlOrRd", Normalize(0.0, 0.5), "OSI"),
     )
-    with _picture(output, rows=2, columns=len(pieces)) as plotter:
-        for row, (name, look, bar) in enumerate(panels):
-            for column, piece in enumerate(pieces):
-                plotter.subplot(row, column)
-                shown = piece.copy()
-                shown[name] = np.maximum(shown[name], look["clim"][0])
-                plotter.add_mesh(
-                    shown, scalars=name, ambient=0.6, diffuse=0.5, show_scalar_bar=column == len(pieces) - 1,
-                    scalar_bar_args=BAR | bar, **look,
-                )  # fmt: skip
-                _label_stenoses(plotter, {"stenoses": _within(piece, stenoses, vessels)}, vessels)
-        plotter.subplot(0, 0)
-        plotter.add_text("Wall shear of the first 3D sample", font_size=10, color="black")
+    marked = [_stenoses(_within(piece, stenoses, vessels), vessels) for piece in pieces]
+    pictures = [
+        [_wall(piece, name, colours, norm, marks) for piece, (_, marks) in zip(pieces, marked, strict=True)]
+        for name, colours, norm, _ in panels
+    ]
+    widths = [picture.aspect for picture in pictures[0]]
+    size = (min(8.0, 2.9 * sum(widths) + 0.8), 5.8)
+    with saved(
+        output, nrows=2, ncols=len(pieces), figsize=size, squeeze=False, width_ratios=widths, layout="compressed"
+    ) as (figure, axes):
+        for row, shown, (_, colours, norm, label) in zip(axes, pictures, panels, strict=True):
+            for axis, picture, (names, _) in zip(row, shown, marked, strict=True):
+                _show(axis, picture)
+                _point_out(axis, picture, names)
+            _scale(figure, row, norm, colours, label)
+
+
+def _wall(piece: pv.PolyData, name: str, colours: str, norm: Normalize, marks: np.ndarray) -> Rendering:
+    shown = piece.copy()
+    shown[name] = np.maximum(shown[name], norm.vmin)
+    look = {
+        "scalars": name, "cmap": colours, "clim": (norm.vmin, norm.vmax), "log_scale": isinstance(norm, LogNorm),
+    }  # fmt: skip
+    return rendered([(shown, look)], FRONT, marks)
 
 
 def lumen(fields: str, case: str, tree: str, output: str, reach: float = 1.6, height: float = 1.0) -> None:
@@ -110,26 +126,24 @@ def lumen(fields: str, case: str, tree: str, output: str, reach: float = 1.6, he
     inside["speed"] = np.linalg.norm(inside["mean_velocity"], axis=1)
     inside["mmHg"] = inside["mean_pressure"] / MMHG
     vessels, stenoses = read_tree(tree), read_json(case)["stenoses"]
-    cuts = [_cut(inside, vessels[stenosis["vessel"]], stenosis, reach) for stenosis in stenoses]
-    panels = (("speed", "turbo", "cm/s", "mean speed"), ("mmHg", "viridis", "mmHg", "mean pressure"))
-    with _picture(output, rows=len(cuts), columns=2, views=(), panel=(900, 240)) as plotter:
-        for column, (name, colours, unit, what) in enumerate(panels):
-            limits = [f(f(cut[name]) for cut, *_ in cuts) for f in (min, max)]
-            for row, (cut, middle, normal, along) in enumerate(cuts):
-                plotter.subplot(row, column)
-                plotter.add_mesh(
-                    cut.copy(), scalars=name, cmap=colours, clim=limits, lighting=False,
-                    scalar_bar_args=BAR | {"title": unit, "fmt": "%.0f", "n_labels": 3, "position_x": 0.93},
-                )  # fmt: skip
-                plotter.add_text(f"{stenoses[row]['name']}, {what}", position="lower_right", font_size=9, color="black")
-                plotter.enable_parallel_projection()
-                focus = middle + 0.17 * along
-                plotter.camera_position = [focus + 5.0 * normal, focus, np.cross(normal, along)]
-                plotter.camera.parallel_scale = height / 2.0
+    cuts = [_cut(inside, vessels[stenosis["vessel"]], stenosis, reach, height) for stenosis in stenoses]
+    panels = (("speed", "turbo", "mean speed (cm/s)"), ("mmHg", "viridis", "mean pressure (mmHg)"))
+    with saved(
+        output, nrows=len(cuts), ncols=2, figsize=(8.6, 1.15 * len(cuts) + 0.4), squeeze=False, layout="compressed"
+    ) as (figure, axes):
+        for column, (name, colours, what) in enumerate(panels):
+            norm = Normalize(*(float(limit([limit(cut[name]) for cut, _ in cuts])) for limit in (np.min, np.max)))
+            look = {"scalars": name, "cmap": colours, "clim": (norm.vmin, norm.vmax), "lighting": False}
+            for row, (cut, camera) in enumerate(cuts):
+                picture = rendered([(cut.copy(), look)], camera, size=(1280, 400))
+                _show(axes[row, column], picture, stenoses[row]["name"])
+            _scale(figure, axes[:, column], norm, colours, what)
+        axes[-1, 0].plot([20, 20 + 0.5 * 400 / height], [380, 380], color="black", lw=1.5)
+        axes[-1, 0].text(20, 365, "0.5 cm", fontsize=6.5)
 
 
-def _cut(inside: pv.UnstructuredGrid, vessel, stenosis: dict, reach: float) -> tuple:
-    """A stenosis cut along its centreline: the cut, its middle, the plane's normal, and the direction of flow."""
+def _cut(inside: pv.UnstructuredGrid, vessel, stenosis: dict, reach: float, height: float) -> tuple[pv.DataSet, Camera]:
+    """A stenosis cut along its centreline, and the camera that sees blood flow through it from left to right."""
     near = (vessel.arc > stenosis["start"] - 0.5) & (vessel.arc < stenosis["end"] + 1.0)
     points = vessel.points[near]
     normal = np.linalg.svd(points - points.mean(axis=0))[2][2]
@@ -139,7 +153,7 @@ def _cut(inside: pv.UnstructuredGrid, vessel, stenosis: dict, reach: float) -> t
     cut = inside.slice(normal=normal, origin=middle).connectivity("closest", closest_point=middle)
     for end in (-1.0, 1.0):
         cut = cut.clip(normal=end * along, origin=middle + end * reach * along)
-    return cut, middle, normal, along
+    return cut, Camera(normal, up=np.cross(normal, along), focus=middle, height=height)
 
 
 def _first(fields: str, ending: str) -> pv.DataSet:
@@ -160,32 +174,42 @@ def _within(piece: pv.PolyData, stenoses: list[dict], tree: Tree) -> list[dict]:
     return [s for s in stenoses if (places[s["name"]] > low).all() and (places[s["name"]] < high).all()]
 
 
-@contextmanager
-def _picture(
-    output: str, rows: int = 1, columns: int = 1, views=(VIEW,), panel: tuple[int, int] = (600, 560)
-) -> Iterator[pv.Plotter]:
-    """A plotter whose picture is written to `output` at the end; `views`: where each column is seen from, the last for
-    all that follow; none where the caller places every camera.
-    """
-    plotter = pv.Plotter(
-        off_screen=True, shape=(rows, columns), window_size=(panel[0] * columns, panel[1] * rows), border=False
-    )
-    plotter.set_background("white")
-    try:
-        yield plotter
-        for row, column in np.ndindex(rows, columns) if views else ():
-            plotter.subplot(row, column)
-            plotter.view_vector(views[min(column, len(views) - 1)], viewup=(0, 0, 1))
-            plotter.camera.zoom(1.25)
-        with replacing(output) as beside:
-            plotter.screenshot(str(beside))
-    finally:
-        plotter.close()
+def _row(output: str, pictures: list[Rendering]):
+    """A figure with the pictures side by side, all of one height."""
+    widths = [picture.aspect for picture in pictures]
+    size = (8.6, min(8.6 / (sum(widths) + 0.35) + 0.3, 6.0))
+    return saved(output, ncols=len(pictures), figsize=size, width_ratios=widths, layout="compressed")
 
 
-def _add_tree(plotter: pv.Plotter, tree: Tree, **look) -> None:
-    for vessel in tree:
-        plotter.add_mesh(_tube(vessel.points, vessel.radii), **look)
+def _show(axis, picture: Rendering, title: str | None = None) -> None:
+    axis.imshow(picture.image, interpolation="antialiased")
+    axis.set_axis_off()
+    if title:
+        axis.set_title(title, loc="left")
+
+
+def _point_out(axis, picture: Rendering, names: list[str]) -> None:
+    """Names beside what they name, away from the middle of the picture, with a line to it."""
+    height, width = picture.image.shape[:2]
+    for name, place in zip(names, picture.places, strict=True):
+        away = np.array([1.0 if place[0] > 0.5 * width else -1.0, 0.45 if place[1] < 0.5 * height else -0.45])
+        axis.annotate(
+            name, place, xytext=26 * away, textcoords="offset points", ha="center", va="center", fontsize=8,
+            fontweight="bold", bbox=BOX, annotation_clip=False,
+            arrowprops={"arrowstyle": "-", "lw": 0.8, "shrinkA": 0, "shrinkB": 0, "path_effects": EDGE},
+        )  # fmt: skip
+
+
+def _scale(figure, axes, norm: Normalize, colours: str, label: str) -> None:
+    bar = figure.colorbar(ScalarMappable(norm, matplotlib.colormaps[colours]), ax=axes, shrink=0.8, aspect=24, pad=0.02)
+    bar.set_label(label)
+    if isinstance(norm, LogNorm):
+        bar.ax.yaxis.set_major_formatter("{x:g}")
+    bar.outline.set_visible(False)
+
+
+def _tubes(tree: Tree, colour: str) -> list:
+    return [(_tube(vessel.points, vessel.radii), {"color": colour}) for vessel in tree]
 
 
 def _tube(points: np.ndarray, radii: np.ndarray, values: np.ndarray | None = None) -> pv.PolyData:
@@ -196,20 +220,16 @@ def _tube(points: np.ndarray, radii: np.ndarray, values: np.ndarray | None = Non
     return line.tube(scalars="radius", absolute=True, n_sides=16)
 
 
-def _label_stenoses(plotter: pv.Plotter, case: dict, tree: Tree) -> None:
+def _stenoses(stenoses: list[dict], tree: Tree) -> tuple[list[str], np.ndarray]:
+    """Names and middles, (n, 3), of the stenoses of vessels that the tree has."""
     names = {vessel.name for vessel in tree}
-    known = [s for s in case["stenoses"] if s["vessel"] in names]
+    known = [stenosis for stenosis in stenoses if stenosis["vessel"] in names]
     middles = [tree[s["vessel"]].position_at(0.5 * (s["start"] + s["end"])) for s in known]
-    plotter.add_point_labels(
-        np.array(middles), [s["name"] for s in known], font_size=15, bold=True, show_points=False, always_visible=True,
-        shape_color="white", shape_opacity=0.8, text_color="black",
-    )  # fmt: skip
+    return [stenosis["name"] for stenosis in known], np.array(middles).reshape(-1, 3)
 
 
 def _shades(outlets: list[dict]) -> list[str]:
     """A shade of its branch's colour for every outlet, so that neighbours differ and branches are recognised."""
-    from matplotlib.colors import to_hex, to_rgb
-
     shades, seen = [], {}
     for outlet in outlets:
         number = seen[outlet["branch"]] = seen.get(outlet["branch"], -1) + 1

@@ -1,0 +1,82 @@
+"""Meshes drawn off screen: the picture, cut to what is on it, and where given points lie in it."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pyvista as pv
+from vtkmodules.vtkRenderingCore import vtkCoordinate
+
+Item = tuple[pv.DataSet, dict]
+"""A mesh, and how `pyvista.Plotter.add_mesh` is to show it."""
+
+SHADE = {"ambient": 0.65, "diffuse": 0.4}
+"""Enough shading to see a shape by, little enough to read a colour off its scale."""
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Where a scene is seen from.
+
+    view: direction from the scene to the eye; up: upwards in the picture. focus: point in the middle of the picture and
+    height: what the picture's height spans, cm (parallel projection); without them all of the scene is shown.
+    """
+
+    view: Sequence[float]
+    up: Sequence[float] = (0.0, 0.0, 1.0)
+    focus: Sequence[float] | None = None
+    height: float | None = None
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """image: (height, width, 3), 0 to 255; places: (n, 2), pixels to the right and down, one row per marked point."""
+
+    image: np.ndarray
+    places: np.ndarray
+
+    @property
+    def aspect(self) -> float:
+        """Width over height."""
+        return self.image.shape[1] / self.image.shape[0]
+
+
+def rendered(
+    items: Iterable[Item], camera: Camera, marks: Sequence = (), size: tuple[int, int] = (1100, 1100), margin: int = 10
+) -> Rendering:
+    """The scene on white, lit from the eye, so that a colour means the same value on every side of it.
+
+    marks: (n, 3), points whose places are asked for. size: in pixels, before the white around the scene is cut off
+    down to `margin` (not where the camera says what is shown).
+    """
+    plotter = pv.Plotter(off_screen=True, window_size=size, lighting="none")
+    try:
+        plotter.set_background("white")
+        plotter.add_light(pv.Light(light_type="headlight"))
+        for mesh, look in items:
+            plotter.add_mesh(mesh, show_scalar_bar=False, **(SHADE | look))
+        if camera.focus is None:
+            plotter.view_vector(camera.view, viewup=camera.up)
+        else:
+            plotter.enable_parallel_projection()
+            focus = np.asarray(camera.focus)
+            plotter.camera_position = [focus + 5.0 * np.asarray(camera.view), focus, camera.up]
+            plotter.camera.parallel_scale = camera.height / 2.0
+        image = np.asarray(plotter.screenshot(return_img=True))[..., :3]
+        places = np.array([_place(plotter, mark) for mark in marks]).reshape(-1, 2)
+    finally:
+        plotter.close()
+    places[:, 1] = image.shape[0] - places[:, 1]
+    if camera.focus is not None:
+        return Rendering(image, places)
+    drawn = (image < 250).any(axis=2)
+    rows, columns = np.flatnonzero(drawn.any(axis=1)), np.flatnonzero(drawn.any(axis=0))
+    top, left = max(rows[0] - margin, 0), max(columns[0] - margin, 0)
+    return Rendering(image[top : rows[-1] + margin, left : columns[-1] + margin], places - [left, top])
+
+
+def _place(plotter: pv.Plotter, point: Sequence[float]) -> tuple[float, float]:
+    coordinate = vtkCoordinate()
+    coordinate.SetCoordinateSystemToWorld()
+    coordinate.SetValue(*map(float, point))
+    return coordinate.GetComputedDoubleDisplayValue(plotter.renderer)
