@@ -13,6 +13,17 @@ from coronaryuq import __version__
 from coronaryuq.errors import InputError
 
 BENCHMARKS = ("zerod", "perfusion", "dream", "flow3d", "table", "coverage", "discrepancy", "campaign")
+OPTIONS = {
+    "data": ("flow3d", "table", "coverage"),
+    "rows": ("table", "coverage"),
+    "network": ("zerod", "discrepancy"),
+    "seeds": ("discrepancy",),
+    "offset": ("discrepancy",),
+    "strengths": ("discrepancy",),
+    "noises": ("discrepancy",),
+    "config": ("campaign",),
+}
+"""Which benchmarks take an option of `coronaryuq bench`: here, because to ask their modules is to import them."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -53,15 +64,18 @@ def _parser() -> argparse.ArgumentParser:
     bench.add_argument("name", choices=BENCHMARKS, metavar="NAME", help=", ".join(BENCHMARKS))
     bench.add_argument("--quick", action="store_true", help="a smaller size, within 50 s on two cores")
     bench.add_argument("--json", action="store_true", help="one line of JSON (default: indented)")
-    bench.add_argument("--data", metavar="FOLDER", help="published runs (table, coverage)")
-    bench.add_argument("--rows", metavar="FILE", help="rows of the table: row, column_3d, column_0d (table)")
-    bench.add_argument("--network", metavar="FILE", help="svZeroDSolver JSON (zerod, discrepancy)")
-    bench.add_argument("--seeds", metavar="N", type=int, help="repetitions of every cell (discrepancy)")
-    bench.add_argument("--offset", metavar="SEED", type=int, help="first of the seeds (discrepancy)")
     sizes, noises = ("weak", "medium", "strong"), ("half", "nominal", "double")
-    bench.add_argument("--strengths", nargs="+", choices=sizes, help="of hidden effects; default: medium (discrepancy)")
-    bench.add_argument("--noises", nargs="+", choices=noises, help="of measurements; default: nominal (discrepancy)")
-    bench.add_argument("--config", metavar="FILE", help="configuration (campaign)")
+    for name, told, how in (
+        ("data", "published runs; flow3d: a folder per mesh of one patient", {"metavar": "FOLDER"}),
+        ("rows", "rows of the table: row, column_3d, column_0d", {"metavar": "FILE"}),
+        ("network", "svZeroDSolver JSON", {"metavar": "FILE"}),
+        ("seeds", "repetitions of every cell", {"metavar": "N", "type": int}),
+        ("offset", "first of the seeds", {"metavar": "SEED", "type": int}),
+        ("strengths", "of hidden effects; default: medium", {"nargs": "+", "choices": sizes}),
+        ("noises", "of measurements; default: nominal", {"nargs": "+", "choices": noises}),
+        ("config", "configuration", {"metavar": "FILE"}),
+    ):
+        bench.add_argument(f"--{name}", help=f"{told} ({', '.join(OPTIONS[name])})", **how)
     bench.set_defaults(run=_bench)
 
     doctor = commands.add_parser("doctor", help="check this machine: libraries, MPI, pictures, space, solvers")
@@ -114,12 +128,13 @@ def _verify(chosen: argparse.Namespace) -> int:
 
 
 def _bench(chosen: argparse.Namespace) -> int:
+    given = {name: getattr(chosen, name) for name in OPTIONS if getattr(chosen, name) is not None}
+    for name, value in given.items():
+        if chosen.name not in OPTIONS[name]:
+            *others, last = OPTIONS[name]
+            owners = f"{', '.join(others)} and {last}" if others else last
+            raise InputError(f"bench {chosen.name}", f"--{name}", value, f"not an option of it, but of {owners}")
     module = importlib.import_module(f"coronaryuq.bench.{chosen.name}")
-    given = {
-        name: getattr(chosen, name)
-        for name in ("data", "rows", "network", "seeds", "offset", "strengths", "noises", "config")
-        if getattr(chosen, name)
-    }
     result = {"benchmark": chosen.name, "quick": chosen.quick, **module.run(quick=chosen.quick, **given)}
     print(json.dumps(result, indent=None if chosen.json else 1, default=lambda value: value.tolist()))
     return 0

@@ -23,41 +23,47 @@ _SHARED = Path(__file__).parents[4] / "shared" / "data"
 _PRESSURE_LIKE = ("R", "L", "E", "Kxp")
 
 
-def run(quick: bool = False, **options) -> dict:
+def run(
+    quick: bool = False,
+    network: str | None = None,
+    samples: int | None = None,
+    steps: int = 1000,
+    cycles: int | None = None,
+) -> dict:
     """Benchmark `zerod`; keys as in BENCHMARKS.md and a few more.
 
-    options: network (JSON file; default the shared closed-loop-22 with svZeroDSolver's published heart parameters, or,
-    where that is absent, a made-up loop of the same size, and `network` says so), samples (64), steps (1000),
-    cycles (6). Ratios are of CPU time on one core, taken in the same run.
+    network: JSON file; default the shared closed-loop-22 with svZeroDSolver's published heart parameters, or, where
+    that is absent, a made-up loop of the same size, and `network` says so. samples: 64 (quick: 32). steps per cycle.
+    cycles: 6 (quick: 2). Ratios are of CPU time on one core, taken in the same run.
     """
-    name, network = _network(options.get("network"))
-    samples = int(options.get("samples") or (32 if quick else 64))
-    steps, cycles = int(options.get("steps") or 1000), int(options.get("cycles") or (2 if quick else 6))
-    engine = Engine(network, name)
+    name, loop = _network(network)
+    samples = samples or (32 if quick else 64)
+    cycles = cycles or (2 if quick else 6)
+    engine = Engine(loop, name)
     spent = time.process_time()
     engine.run(cycles=1, steps_per_cycle=16)
     first = time.process_time() - spent
     random = seeds.generator(1, "bench", "zerod")
-    found = beds(network)
-    changes = resistance_changes(network, {bed: random.uniform(0.5, 2.0, samples) for bed in found})
+    found = beds(loop)
+    changes = resistance_changes(loop, {bed: random.uniform(0.5, 2.0, samples) for bed in found})
     places = [unknown for unknown in engine.unknowns if unknown.split(":")[-1] in found and unknown.startswith("flow")]
     quantities = [f"mean_{place}" for place in places] or [f"mean_{engine.unknowns[0]}"]
-    options_ = {"steps_per_cycle": steps, "quantities": quantities}
-    engine.run(changes, cycles=1, **{**options_, "steps_per_cycle": 16})
+    options = {"steps_per_cycle": steps, "quantities": quantities}
+    engine.run(changes, cycles=1, **{**options, "steps_per_cycle": 16})
     spent = time.process_time()
-    result = engine.run(changes, cycles=cycles, **options_)
+    result = engine.run(changes, cycles=cycles, **options)
     marched = (time.process_time() - spent) / samples
     groups = -(-samples // LANES)
     base = engine.run(periodic=True, steps_per_cycle=steps)
     spent = time.process_time()
-    periodic = engine.run(changes, periodic=True, start=base.state[0], **options_)
+    periodic = engine.run(changes, periodic=True, start=base.state[0], **options)
     settled = (time.process_time() - spent) / samples
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-    theirs, periodic_theirs, difference = _against_svzerod(engine, network, cycles, steps, settled)
+    theirs, periodic_theirs, difference = _against_svzerod(engine, loop, cycles, steps, settled)
     return {
         "network": name,
         "quick": quick,
-        "vessels": len(network.get("vessels", [])),
+        "vessels": len(loop.get("vessels", [])),
         "unknowns": len(engine.unknowns),
         "samples": samples,
         "steps_per_cycle": steps,
@@ -71,7 +77,7 @@ def run(quick: bool = False, **options) -> dict:
         "cycles_periodic": float(periodic.cycles.mean()),
         "cycle_error": float(periodic.cycle_error.max()),
         "failed_periodic": int(np.sum(periodic.status != "ok")),
-        "compile_s": first if quick else _compile_time(network),
+        "compile_s": first if quick else _compile_time(loop),
         "compile_cached": quick,
         "peak_rss_mb": peak,
         "svzerod_cpu_s_per_sample": theirs,
