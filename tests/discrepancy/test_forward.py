@@ -56,9 +56,9 @@ def test_rows_do_not_depend_on_what_else_is_asked(problem):
 
 
 def test_conditions_that_are_not_asked_for_are_not_run(problem):
-    before = problem.forward.runs
+    before = problem.forward.simulation.runs
     found = problem.forward.predict_rows([(np.zeros(problem.count), [])], {"rest", "pacing"})[0]
-    assert problem.forward.runs - before == 2
+    assert problem.forward.simulation.runs - before == 2
     asked = np.isin(problem.condition, ["rest", "pacing"])
     assert np.isfinite(found[asked]).all() and np.isnan(found[~asked]).all()
 
@@ -72,7 +72,8 @@ def test_an_error_of_the_map_sees_all_conditions(problem):
 
 def test_time_step_error_is_as_large_as_the_error(problem):
     """Against steps a fifth as long: within a factor of three of what it says, root mean square over all rows."""
-    forward, finer = problem.forward, replace(problem.forward, steps_per_cycle=1500, _engines={})
+    forward = problem.forward
+    finer = replace(forward, simulation=forward.simulation.changed(steps_per_cycle=1500))
     z = 0.3 * np.ones(problem.count)
     error = np.sqrt(np.mean(((forward.predict(z) - finer.predict(z))[0] / problem.sd) ** 2))
     said = np.sqrt(np.mean((time_step_error(forward) / problem.sd) ** 2))

@@ -110,7 +110,7 @@ def test_a_known_neighbour_changes_nothing_but_the_cycles(problem):
 def test_a_start_from_elsewhere_holds_the_blood_of_the_own_one(problem):
     """A state of the plain loop for one with a stenosis put in, with other compliances."""
     forward = problem.forward
-    plain, grafted = forward._prepared([]), forward._prepared([STENOSIS])
+    plain, grafted = forward.simulation.prepared([]), forward.simulation.prepared([STENOSIS])
     starts, known = Starts(), Point(np.full(problem.count, 0.5), {})
     state = plain.start["rest"].copy()
     state[plain.engine.state_names.index("V_LV:CLH")] += 7.0
@@ -127,7 +127,7 @@ def test_a_start_from_elsewhere_holds_the_blood_of_the_own_one(problem):
 
 def test_far_points_start_at_the_models_own_state(problem):
     forward = problem.forward
-    plain = forward._prepared([])
+    plain = forward.simulation.prepared([])
     starts = Starts()
     starts.keep("rest", Point(np.full(problem.count, 3.0), {}), plain.structure, plain.start["rest"] + 1.0)
     own = np.array([plain.start["rest"]])
@@ -138,6 +138,6 @@ def test_runs_that_differ_in_tissue_mass_or_another_condition_alone_are_one(prob
     forward = fresh().forward
     z = np.zeros((2, problem.count))
     z[1, [n.condition == "hyperaemia" for n in forward.nuisances]] = 0.5
-    before = forward.runs
+    before = forward.simulation.runs
     forward.predict(z)
-    assert forward.runs - before == 2 + 3
+    assert forward.simulation.runs - before == 2 + 3

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from coronaryuq.discrepancy.forward import Acting
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.problem import Problem
+from coronaryuq.discrepancy.simulation import Acting
 from coronaryuq.zerod.effects.base import Effect
 from coronaryuq.zerod.effects.library import LIBRARY
 

@@ -7,9 +7,9 @@ probes off in opposite directions by the same flow. No effect of the library say
 import numpy as np
 
 from coronaryuq.discrepancy.candidates import PRIOR_NAMED
-from coronaryuq.discrepancy.forward import Acting
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.problem import Problem
+from coronaryuq.discrepancy.simulation import Acting
 
 PROBE = "flow_gain"
 

@@ -11,11 +11,11 @@ import yaml
 
 from coronaryuq import files
 from coronaryuq.discrepancy.conditions import Condition, period_of, under
-from coronaryuq.discrepancy.forward import Acting
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.measurements import Measured
 from coronaryuq.discrepancy.model import make_problem
 from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.discrepancy.simulation import Acting
 from coronaryuq.seeds import generator
 
 UNIT = {"flow": "mL/s", "pressure": "dyn/cm2", "volume": "mL", "perfusion": "mL/s/g", "ratio": "1"}
@@ -70,7 +70,7 @@ def hide(
     blank = _blank(truth_network, conditions, plan, random)
     problem = make_problem(truth_network, conditions, blank, settings)
     forward = problem.forward
-    forward.alter = outside
+    forward.simulation = forward.simulation.changed(alter=outside)
     nuisance = nuisance_spread * random.standard_normal(len(forward.nuisances))
     for column, entry in enumerate(forward.nuisances):
         if entry.mass is not None:
@@ -80,12 +80,10 @@ def hide(
     if not np.isfinite(predicted).all():
         raise FloatingPointError("the hidden case does not run")
     if outside is not None:
-        forward.alter = None
-        forward._engines.clear()
+        forward.simulation = forward.simulation.changed(alter=None)
         unaffected = [forward.predict(nuisance)[0]]
     sd = _write(network, conditions, plan, forward.measured, forward.split(predicted[None, :]), noise, random, folder)
-    forward.steps_per_cycle = Settings().steps_per_cycle
-    forward._engines.clear()
+    forward.simulation = forward.simulation.changed(steps_per_cycle=Settings().steps_per_cycle)
     traces = [_visible(problem, nuisance, predicted - without, sd) for without in unaffected]
     return Truth(acting, np.asarray(sizes, dtype=float), nuisance, min(traces, default=0.0))
 

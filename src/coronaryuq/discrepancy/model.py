@@ -13,6 +13,7 @@ from coronaryuq.discrepancy.nuisance import nuisances
 from coronaryuq.discrepancy.numerics import time_step_error
 from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.discrepancy.simulation import Simulation
 from coronaryuq.errors import InputError
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.engine import Engine
@@ -73,14 +74,10 @@ def make_problem(
     anatomy.period = period_of(network)
     parameters = nuisances(network, conditions, measured, settings)
     forward = Forward(
-        network,
-        conditions,
+        Simulation(network, conditions, anatomy, settings.steps_per_cycle, settings.threads),
         measured,
         parameters,
-        anatomy,
         pressure_factor(settings.pressure_unit, values[root]),
-        settings.steps_per_cycle,
-        settings.threads,
         {series.condition: series.period for series in measured},
         {bed: values[name] for bed, name in at_beds.items()},
     )

@@ -20,7 +20,8 @@ def time_step_error(forward: Forward) -> np.ndarray:
     """
     points = SPREAD * generator(0, "discrepancy", "time steps").standard_normal((DRAWS, len(forward.nuisances)))
     points[0] = 0.0
-    finer = replace(forward, steps_per_cycle=FINER * forward.steps_per_cycle, runs=0, _engines={})
+    finer_steps = FINER * forward.simulation.steps_per_cycle
+    finer = replace(forward, simulation=forward.simulation.changed(steps_per_cycle=finer_steps))
     change = forward.predict(points) - finer.predict(points)
     change = change[np.isfinite(change).all(axis=1)]
     if not len(change):

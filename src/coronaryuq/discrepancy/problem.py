@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coronaryuq.discrepancy.forward import Acting, Forward
+from coronaryuq.discrepancy.forward import Forward
 from coronaryuq.discrepancy.inference import STEP, Fit, Search, maximise
 from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.discrepancy.simulation import Acting
 
 OTHER_STARTS = (-1.0, 1.0, -2.0, 2.0, 0.0)
 """Further starting points of an effect's sizes, in prior standard deviations."""

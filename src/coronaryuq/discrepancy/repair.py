@@ -9,9 +9,10 @@ import yaml
 
 from coronaryuq import files
 from coronaryuq.discrepancy.conditions import HEART, Condition, under
-from coronaryuq.discrepancy.forward import Acting, Forward
+from coronaryuq.discrepancy.forward import Forward
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.networks import scalars, with_waveforms
+from coronaryuq.discrepancy.simulation import Acting
 
 SAME = 1e-9
 
@@ -19,7 +20,7 @@ SAME = 1e-9
 def repaired_network(forward: Forward, acting: list[Acting], z: np.ndarray) -> dict:
     """The network at rest with the elements and values of the acting effects, recalibrated to z (p,)."""
     plain = Condition("the network as it is")
-    alone = replace(forward, conditions={plain.name: plain}, measured=[], _engines={})
+    alone = replace(forward, simulation=forward.simulation.changed(conditions={plain.name: plain}), measured=[])
     table, structure = alone.condition_changes(plain.name, z, acting)
     return _written(structure, table)
 

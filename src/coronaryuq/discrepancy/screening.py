@@ -3,9 +3,9 @@
 import numpy as np
 
 from coronaryuq.discrepancy.candidates import Candidate
-from coronaryuq.discrepancy.forward import Acting
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.problem import Problem
+from coronaryuq.discrepancy.simulation import Acting
 
 MANY = 20
 """More collaterals than this are ranked by superposed leaks before any is run."""

@@ -17,11 +17,11 @@ from coronaryuq.discrepancy.candidates import (
     shortlist,
 )
 from coronaryuq.discrepancy.conservation import redistribution
-from coronaryuq.discrepancy.forward import Acting
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.locate import Located, locate
 from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.screening import screen
+from coronaryuq.discrepancy.simulation import Acting
 from coronaryuq.discrepancy.verify import Gap, folds, gap, linearise
 from coronaryuq.zerod.effects.base import Effect
 from coronaryuq.zerod.effects.library import LIBRARY

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
-from coronaryuq.discrepancy.forward import Acting
 from coronaryuq.discrepancy.problem import Problem
+from coronaryuq.discrepancy.simulation import Acting
 from coronaryuq.seeds import generator
 
 BLOCKS = 4
