@@ -1,0 +1,45 @@
+"""The table of estimates: every estimator of every row, and the warnings below it."""
+
+from collections.abc import Sequence
+
+from coronaryuq.report.numbers import correlation, interval, number
+
+ESTIMATORS = ("MC", "MFMC", "MFMC-AE", "BLUE", "best", "multilevel")
+
+
+class Notes:
+    """Warnings below the table, each once; a line of the table names them by number."""
+
+    def __init__(self):
+        self.texts: list[str] = []
+
+    def numbers(self, warnings: Sequence[str]) -> str:
+        for text in warnings:
+            if text not in self.texts:
+                self.texts.append(text)
+        return " ".join(f"[{self.texts.index(text) + 1}]" for text in warnings)
+
+
+def lines_of(row: dict, notes: Notes) -> dict:
+    quantity, paired, branch = (row["label"].split(", ") + ["", ""])[:3]
+    lines = []
+    for name in ESTIMATORS:
+        if name not in row["estimators"]:
+            continue
+        value = row["estimators"][name]
+        plain = name == "MC"
+        lines.append(
+            {
+                "estimator": value["method"] + (" ✓" if name == row["recommended"] else ""),
+                "mean": number(value["mean"], 4),
+                "std": number(value["std"]),
+                "chebyshev": " to ".join(interval(value["chebyshev_95"]["low"], value["chebyshev_95"]["high"])),
+                "calibrated": " to ".join(interval(value["calibrated"]["low"], value["calibrated"]["high"])),
+                "rho_in": "–" if plain else correlation(value.get("rho_in_sample")),
+                "rho_out": "–" if plain else correlation(value["rho_held_out"]),
+                "n_3d": value["n_3d"],
+                "n_0d": "–" if plain else value["n_0d"],
+                "notes": notes.numbers(value["warnings"] if plain else [*row["warnings"], *value["warnings"]]),
+            }
+        )
+    return {"quantity": quantity, "paired": paired, "branch": branch, "lines": lines}

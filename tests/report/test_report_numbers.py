@@ -1,0 +1,26 @@
+"""Numbers on the page are rounded as their error deserves."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from coronaryuq.report import numbers
+
+
+@given(st.floats(-1e3, 1e3), st.floats(1e-5, 1e3))
+def test_ends_of_an_interval_stay_apart_and_near(middle, half):
+    low, high = numbers.interval(middle - half, middle + half)
+    assert float(low) < float(high)
+    assert abs(float(low) - (middle - half)) <= 0.05 * 2 * half + 1e-6
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.81234, "0.812"), (None, "–"), (float("nan"), "–"), (12345.6, "1.23e+04")]
+)
+def test_numbers_have_three_digits_or_a_dash(value, text):
+    assert numbers.number(value) == text
+
+
+@pytest.mark.parametrize(("value", "text"), [(0.5, "0.50"), (-0.953, "-0.953"), (0.99962, "0.99962"), (None, "–")])
+def test_a_correlation_keeps_its_nines(value, text):
+    assert numbers.correlation(value) == text
