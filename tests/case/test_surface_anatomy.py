@@ -17,7 +17,7 @@ from coronaryuq.case.narrowing import tightest
 from coronaryuq.case.settings import Settings
 from coronaryuq.case.simvascular import read_project
 from coronaryuq.case.surface import Surface, read_surface, surface_of
-from coronaryuq.case.tree import Stenosis, Tree, area_ratio, throat
+from coronaryuq.case.tree import Stenosis, Tree, Vessel, area_ratio, throat
 from coronaryuq.errors import InputError
 from coronaryuq.seeds import generator
 from coronaryuq.synthetic.anatomy import narrowed
@@ -69,6 +69,16 @@ def recovered(tree: Tree, surface: Surface) -> Tree:
     return centreline_tree("surface", surface, cap_at(tree.root.points[0]), ends)
 
 
+def resistance(path: list[Vessel], begin: float) -> float:
+    """Integral of radius^-4 along a path from `begin` (cm) on, to which Poiseuille's resistance is proportional."""
+    total, before = 0.0, 0.0
+    for vessel in path:
+        arc, radius = (vessel.arc[1:] + vessel.arc[:-1]) / 2 + before, (vessel.radii[1:] + vessel.radii[:-1]) / 2
+        total += float(np.sum((np.diff(vessel.arc) / radius**4)[arc > begin]))
+        before += vessel.length
+    return total
+
+
 def topology(tree: Tree) -> set[frozenset[str]]:
     """Sets of ends that share a vessel: what a tree is, whatever its inner vessels are called."""
     ends = {v.name for v in tree.leaves()}
@@ -95,6 +105,9 @@ def test_a_surface_gives_back_the_tree_that_it_was_made_of(seed, outlets):
             continue
         true = sum(v.length for v in tree.path(vessel.name))
         assert sum(v.length for v in found.path(vessel.name)) == pytest.approx(true, rel=0.05)
+        # Through all bifurcations, from where the first vessel has left the aorta.
+        path = tree.path(vessel.name)[1:]
+        assert resistance(found.path(vessel.name)[1:], 0.8) == pytest.approx(resistance(path, 0.8), rel=0.02)
         line = found[vessel.name]
         inner = (line.arc > 3 * vessel.radii[0]) & (line.arc < line.length - 2 * vessel.radii[-1])
         for point, radius in zip(line.points[inner], line.radii[inner], strict=True):

@@ -20,6 +20,8 @@ SPACING = 0.25
 """Between centreline points, in local radii."""
 SMOOTHING = 0.7
 """Standard deviation of the smoothing along a vessel, in local radii."""
+REACH = 1.8
+"""How far a cross-section counts to a vessel, in radii of the ball inscribed in the lumen."""
 MERGE = 1.0
 """A vessel between two bifurcations shorter than this many radii is none: its ends are one junction."""
 
@@ -103,8 +105,8 @@ def centreline_tree(
     """The tree from the aortic inlet to every other cap, radii in cm.
 
     outlets: name of each end's vessel → its cap. Inner vessels are named `branchN` by their place in the tree, the
-    first `aorta`; branches are left to be labelled. Radii are those of the inscribed ball, or of a disc of the
-    cross-section's area where the vessel has a compact one.
+    first `aorta`; branches are left to be labelled. Radii are those of discs of the
+    cross-sections' areas, as far out as `REACH` says.
     Raises InputError when a cap cannot be reached through the lumen.
     """
     axis = medial_axis(surface, spacing or min(cap.radius for cap in outlets.values()) / 3)
@@ -216,7 +218,8 @@ def _tree(surface: Surface, axis: MedialAxis, pieces: list[_Piece], inlet: Cap, 
         if k == 0:
             arc = np.linalg.norm(points - points[0], axis=1)
             radius = np.where(arc < inlet.radius, np.maximum(radius, inlet.radius), radius)
-        radius = cut.area_radii(points, radius)
+        inner = slice(1 if k == 0 else 0, -1 if k in caps else None)
+        radius[inner] = cut.area_radii(points, radius)[inner]
         parent = pieces[k].parent
         if parent is not None:
             radius = _own_radius(points, radius, float(lines[parent][1][-1]))
@@ -275,37 +278,27 @@ class _Slicer:
     """Cross-sections of the surface near a point."""
 
     def __init__(self, surface: Surface):
-        caps = np.concatenate([cap.faces for cap in surface.caps])
-        wall = np.setdiff1d(np.arange(len(surface.triangles)), caps)
-        self.corners = surface.points[surface.triangles[wall]]
+        self.corners = surface.points[surface.triangles]
         self.centroids = self.corners.mean(axis=1)
         self.size = float(np.linalg.norm(self.corners - self.centroids[:, None], axis=2).max())
         self.kd = cKDTree(self.centroids)
 
     def area_radii(self, points: np.ndarray, inscribed: np.ndarray) -> np.ndarray:
-        """Radius (n,) cm of a disc of the cross-section's area where that is compact, else of the inscribed ball.
+        """Radius (n,) cm of a disc of the cross-section's area as far as `REACH` inscribed radii from the point.
 
-        A section counts where it surrounds the point and none of it is farther than 1.8 inscribed radii: beside a
-        bifurcation it opens into the other vessel and does not.
+        Beside a bifurcation a section opens into the other vessel, or is an oval that is about to divide. The
+        inscribed ball is far too narrow there: tubes of its radius have several times the lumen's resistance.
         """
         along = np.gradient(points, axis=0)
         along /= np.linalg.norm(along, axis=1, keepdims=True)
-        radii = inscribed.copy()
-        for k in range(1, len(points) - 1):
-            area = self._area(points[k], along[k], inscribed[k])
-            if area is not None:
-                radii[k] = max(inscribed[k], np.sqrt(area / np.pi))
-        return radii
+        areas = [self._area(p, t, REACH * r) for p, t, r in zip(points, along, inscribed, strict=True)]
+        return np.maximum(inscribed, np.sqrt(np.array(areas) / np.pi))
 
-    def _area(self, point: np.ndarray, normal: np.ndarray, inscribed: float) -> float | None:
-        near = np.array(self.kd.query_ball_point(point, 2.0 * inscribed + self.size), dtype=int)
-        if len(near) < 6:
-            return None
+    def _area(self, point: np.ndarray, normal: np.ndarray, reach: float) -> float:
+        near = np.array(self.kd.query_ball_point(point, reach + self.size), dtype=int)
         height = (self.corners[near] - point) @ normal
         crossing = (height.min(axis=1) < 0) & (height.max(axis=1) >= 0)
         corners, height = self.corners[near[crossing]], height[crossing]
-        if len(corners) < 6:
-            return None
         ends = []
         for a, b in ((0, 1), (1, 2), (2, 0)):
             through = (height[:, a] < 0) != (height[:, b] < 0)
@@ -317,11 +310,11 @@ class _Slicer:
         # The wall seen from the point along every direction of the plane: the nearest crossing of each segment.
         u = np.linalg.svd(normal[None])[2][1:]
         flat = two @ u.T
-        return _star_area(flat, inscribed)
+        return _star_area(flat, reach)
 
 
-def _star_area(segments: np.ndarray, inscribed: float, rays: int = 72) -> float | None:
-    """Area that a point sees of a plane section of segments (m, 2, 2) around it; None if it is open or too wide."""
+def _star_area(segments: np.ndarray, reach: float, rays: int = 72) -> float:
+    """Area that a point sees of a plane section of segments (m, 2, 2) around it, no farther than `reach`."""
     angle = 2 * np.pi * (np.arange(rays) + 0.5) / rays
     ray = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     p, d = segments[:, 0], segments[:, 1] - segments[:, 0]
@@ -329,7 +322,5 @@ def _star_area(segments: np.ndarray, inscribed: float, rays: int = 72) -> float 
     with np.errstate(divide="ignore", invalid="ignore"):
         far = (p[None, :, 0] * d[None, :, 1] - p[None, :, 1] * d[None, :, 0]) / cross
         along = (p[None, :, 0] * ray[:, None, 1] - p[None, :, 1] * ray[:, None, 0]) / cross
-    hit = np.where((far > 0) & (along >= -1e-9) & (along <= 1 + 1e-9), far, np.inf).min(axis=1)
-    if not np.isfinite(hit).all() or hit.max() > 1.8 * inscribed:
-        return None
+    hit = np.where((far > 0) & (along >= -1e-9) & (along <= 1 + 1e-9), far, reach).min(axis=1, initial=reach)
     return float(np.sum(hit**2) * np.pi / rays)
