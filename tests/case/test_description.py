@@ -189,3 +189,22 @@ def test_the_description_of_the_small_case(small_tree, tmp_path):
     description = read_description(write_case(tmp_path, small_tree))
     assert description.anatomy.kind == "centrelines"
     assert (description.density, description.viscosity, description.hyperaemia) == (1.06, 0.04, 0.24)
+
+
+def test_a_wrong_length_unit_shows_in_the_arteries(small_tree, tmp_path):
+    """The tree is in cm, its ends 1 to 1.2 mm in radius."""
+    good = write_case(tmp_path / "cm", small_tree)
+    assert "anatomy: 16 cm of coronary arteries, 2.0 to 4.0 mm in diameter" in check_case(good)[1]
+    territories = {
+        "perfusion": None,
+        "territory_flows": "{file: flows.csv, unit: mL/min}",
+        "anatomy": "{centrelines: tree.vtp, unit: m}",
+        "stenoses": "[]",
+    }
+    path = write_case(tmp_path / "m", small_tree, **territories)
+    (path.parent / "flows.csv").write_text("name,flow\nlca1,90\nlca2,90\nrca1,90\n")
+    assert "anatomy.unit = 'm': makes the coronary arteries end 12 cm in radius" in check_case(path)[0][0]
+    territories["anatomy"] = "{centrelines: tree.vtp, unit: mm}"
+    path = write_case(tmp_path / "mm", small_tree, **territories)
+    (path.parent / "flows.csv").write_text("name,flow\nlca1,90\nlca2,90\nrca1,90\n")
+    assert "note: anatomy: in mm the coronary arteries end 0.12 mm in radius; check anatomy.unit" in check_case(path)[1]

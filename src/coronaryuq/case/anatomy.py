@@ -20,6 +20,8 @@ from coronaryuq.units import LENGTHS
 
 FARTHEST = 0.5
 """cm: an outlet's or stenosis's point must be this near to the tree, or twice the local radius if that is more."""
+WIDEST_END, THINNEST_END = 0.4, 0.02
+"""cm, median radius of the coronary ends: no animal's are wider, and CT shows none that are thinner."""
 
 
 @dataclass(frozen=True)
@@ -88,19 +90,27 @@ def _name_caps(
     free = list(surface.caps)
     ends: dict[str, Cap] = {}
 
+    def shown(caps: Sequence[Cap]) -> str:
+        """Caps in the unit in which the table is to name them."""
+        places = [
+            "(" + ", ".join(f"{x / scale:.4g}" for x in cap.centre) + f") radius {cap.radius / scale:.3g}"
+            for cap in caps
+        ]
+        return f"{'; '.join(places) or 'none'} ({description.anatomy.unit})"
+
     def take(where: Path, field: str, point) -> Cap:
         place = np.array(point) * scale
         cap = min(free, key=lambda cap: float(np.linalg.norm(cap.centre - place)), default=None)
         if cap is None or np.linalg.norm(cap.centre - place) > max(FARTHEST, 2 * cap.radius):
-            shown = "; ".join(str(c) for c in free)
-            raise InputError(where, field, list(point), f"no free cap of the surface there; caps: {shown or 'none'}")
+            raise InputError(where, field, list(point), f"no free cap of the surface there; caps: {shown(free)}")
         free.remove(cap)
         return cap
 
     for row in rows:
         if row.point is None:
-            shown = "; ".join(str(cap) for cap in surface.caps)
-            raise InputError(table, f"x y z of {row.name}", None, f"needed with a surface; its caps: {shown}")
+            raise InputError(
+                table, f"x y z of {row.name}", None, f"needed with a surface; its caps: {shown(surface.caps)}"
+            )
         ends[row.name] = take(table, f"x y z of {row.name}", row.point)
     for outlet in description.systemic_outlets:
         if outlet.point is not None:
@@ -115,7 +125,7 @@ def _name_caps(
         raise InputError(file, "anatomy.inlet", None, "no cap is left for the aortic inlet")
     for k, cap in enumerate(free):
         if cap.radius < 2 * max(ends[row.name].radius for row in rows):
-            raise InputError(table, "name", str(cap), "a cap as small as the coronary ones is no row's; add it")
+            raise InputError(table, "name", shown([cap]), "a cap as small as the coronary ones is no row's; add it")
         ends["aorta_outlet" if k == 0 else f"aorta_outlet{k + 1}"] = cap
     return inlet, ends
 
@@ -153,8 +163,20 @@ def place_outlets(
     missing = [name for name in left if name not in systemic.values()]
     if missing:
         raise InputError(table, "vessel", ", ".join(missing), "ends of the tree without an outlet; add them")
+    notes += _plausible_size(file, description.anatomy.unit, [float(tree[v].radii[-1]) for v in vessels.values()])
     branches = {vessels[row.name]: row.branch for row in rows}
     return labelled(tree, branches), Placed(rows, vessels, systemic, notes)
+
+
+def _plausible_size(file: Path, unit: str, radii: list[float]) -> tuple[str, ...]:
+    """A note where coronary ends are thinner than any seen by CT; InputError where no heart has such wide ones."""
+    usual = float(np.median(radii))
+    if usual > WIDEST_END:
+        remedy = f"makes the coronary arteries end {usual:.2g} cm in radius; check the unit"
+        raise InputError(file, "anatomy.unit", unit, remedy)
+    if usual < THINNEST_END:
+        return (f"anatomy: in {unit} the coronary arteries end {10 * usual:.2g} mm in radius; check anatomy.unit",)
+    return ()
 
 
 def _aorta_added(file: Path, tree: Tree) -> Tree:
@@ -217,7 +239,11 @@ def place_stenoses(
         found = tightest(tree, settings.narrowing)
         if not found:
             raise InputError(
-                file, "stenoses", "auto", f"no narrowing below an area ratio of {settings.narrowing}; name them"
+                file,
+                "stenoses",
+                "auto",
+                f"no narrowing below an area ratio of {settings.narrowing}; name them, "
+                "or write [] for a patient without",
             )
         return found, tuple(f"stenosis {s.name}: found on {s.vessel}, {s.start:.2f} to {s.end:.2f} cm" for s in found)
     placed = [_stenosis(file, description, tree, wanted) for wanted in description.stenoses if wanted.block is None]

@@ -6,6 +6,7 @@ from pathlib import Path
 from coronaryuq.case.assembly import Case, assemble
 from coronaryuq.case.perfusion_map import distances_to_outlets
 from coronaryuq.case.settings import Settings
+from coronaryuq.case.tree import AORTA
 from coronaryuq.errors import InputError
 from coronaryuq.units import MBF_PER_MIN_PER_G, ML_PER_MIN
 
@@ -33,6 +34,14 @@ def _summary(case: Case) -> list[str]:
         f"left ventricle: {wall.mesh.n_cells} cells, {wall.volume:.1f} mL of wall, {flow / ML_PER_MIN:.0f} mL/min, "
         f"{flow / mass / MBF_PER_MIN_PER_G:.2f} mL/min/g on average",
     ]
+    if case.description.anatomy is not None:
+        coronary = [vessel for vessel in case.tree if vessel.branch != AORTA]
+        widest, narrowest = max(v.radii.max() for v in coronary), min(v.radii.min() for v in coronary)
+        lines.insert(
+            1,
+            f"anatomy: {sum(v.length for v in coronary):.0f} cm of coronary arteries, {20 * narrowest:.1f} to "
+            f"{20 * widest:.1f} mm in diameter",
+        )
     if case.description.perfusion is not None:
         away = distances_to_outlets(wall, facts["outlets"])
         lines[-1] += f"; its outlets lie {away.min():.1f} to {away.max():.1f} cm from it"

@@ -231,10 +231,8 @@ def _one_line(path: str | Path, errors: ValidationError) -> InputError:
         message = f"unknown field; known here: {', '.join(_model_at(where[:-1]).model_fields)}"
     elif first["type"] == "missing":
         message = "required field is missing"
-    others = len(found) - 1
-    return InputError(
-        path, field, value, message[0].lower() + message[1:] + (f" (and {others} more)" if others else "")
-    )
+    others = ", ".join(dict.fromkeys(".".join(map(str, error["loc"])) or "the whole" for error in found[1:]))
+    return InputError(path, field, value, message[0].lower() + message[1:] + (f" (also: {others})" if others else ""))
 
 
 def _model_at(where: list[str]) -> type[BaseModel]:
