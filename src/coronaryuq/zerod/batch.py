@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from coronaryuq.zerod.group import Group, seat
 from coronaryuq.zerod.lanes import LANES
-from coronaryuq.zerod.program import Group, seat
 
 
 @dataclass

@@ -14,11 +14,12 @@ from coronaryuq.errors import InputError
 from coronaryuq.zerod.assembly import Assembly, Context
 from coronaryuq.zerod.elements import ELEMENTS
 from coronaryuq.zerod.engine import Engine
+from coronaryuq.zerod.group import fill
 from coronaryuq.zerod.kernels import Record, march
 from coronaryuq.zerod.lanes import LANES, table
 from coronaryuq.zerod.model import Block
 from coronaryuq.zerod.network import Network, copy_of
-from coronaryuq.zerod.program import fill, make_program, write_elements
+from coronaryuq.zerod.program import make_program, write_elements
 
 _CAP = "CapOf3D"
 

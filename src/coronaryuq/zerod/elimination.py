@@ -40,6 +40,19 @@ class Tape:
     backward: np.ndarray
     backward_first: np.ndarray
 
+    def forward_of(self, first: int, last: int) -> list[list[tuple[int, int]]]:
+        """For each pivot's row, the (slot, pivot row) that pivots `first` to `last` subtract from its right side."""
+        position = {int(row): p for p, row in enumerate(self.pivots[:, 0])}
+        found = [[] for _ in self.pivots]
+        for row, slot, pivot_row in self.forward[self.forward_first[first] : self.forward_first[last]]:
+            found[position[int(row)]].append((int(slot), int(pivot_row)))
+        return found
+
+    def backward_of(self, p: int) -> list[tuple[int, int]]:
+        """(slot, column) of pivot p's row to the right of its pivot."""
+        part = self.backward[self.backward_first[p] : self.backward_first[p + 1]]
+        return [(int(slot), int(column)) for _, slot, column in part]
+
 
 class Singular(ValueError):
     """No admissible pivot is left; `row` is the equation that cannot be solved for."""

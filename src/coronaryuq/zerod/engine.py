@@ -11,12 +11,13 @@ from coronaryuq.zerod import quantities as named
 from coronaryuq.zerod.assembly import Context
 from coronaryuq.zerod.batch import Batch
 from coronaryuq.zerod.elements import coronary_offset
+from coronaryuq.zerod.group import fill
 from coronaryuq.zerod.kernels import Record, Scheme, march
 from coronaryuq.zerod.lanes import LANES, table
 from coronaryuq.zerod.model import Model
 from coronaryuq.zerod.network import Network
 from coronaryuq.zerod.periodic import Anderson, drift
-from coronaryuq.zerod.program import Program, fill, make_program, write_elements
+from coronaryuq.zerod.program import Program, make_program, write_elements
 from coronaryuq.zerod.result import OK, Result
 
 _STEADY_STEPS, _STEADY_STEPS_PER_CYCLE = 31, 10
