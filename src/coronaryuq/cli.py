@@ -21,6 +21,8 @@ OPTIONS = {
     "offset": ("discrepancy",),
     "strengths": ("discrepancy",),
     "noises": ("discrepancy",),
+    "effects": ("discrepancy",),
+    "solver": ("discrepancy",),
     "config": ("campaign",),
 }
 """Which benchmarks take an option of `coronaryuq bench`: here, because to ask their modules is to import them."""
@@ -40,6 +42,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # whoever read standard output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as error:  # a result cannot be written where it was asked for
+        if error.filename is None:
+            raise
+        print(f"error: {error.filename2 or error.filename}: {error.strerror}", file=sys.stderr)
+        return InputError.EXIT_CODE
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -73,6 +80,8 @@ def _parser() -> argparse.ArgumentParser:
         ("offset", "first of the seeds", {"metavar": "SEED", "type": int}),
         ("strengths", "of hidden effects; default: medium", {"nargs": "+", "choices": sizes}),
         ("noises", "of measurements; default: nominal", {"nargs": "+", "choices": noises}),
+        ("effects", "cells wanted, as they are labelled; default: all", {"nargs": "+", "metavar": "CELL"}),
+        ("solver", "that the hidden cases' data come from; default: 0d", {"choices": ("0d", "3d")}),
         ("config", "configuration", {"metavar": "FILE"}),
     ):
         bench.add_argument(f"--{name}", help=f"{told} ({', '.join(OPTIONS[name])})", **how)

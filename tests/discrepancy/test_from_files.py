@@ -12,7 +12,7 @@ from coronaryuq import files
 from coronaryuq.bench.discovery_score import wilson
 from coronaryuq.bench.discrepancy import Case, hide
 from coronaryuq.bench.hidden_cases import open_loop
-from coronaryuq.discrepancy import command
+from coronaryuq.discrepancy import command, hidden
 from coronaryuq.discrepancy.conditions import Condition, read_conditions, under
 from coronaryuq.discrepancy.model import read_problem
 from coronaryuq.discrepancy.openloop import left_coronary
@@ -150,6 +150,18 @@ def test_nothing_hidden_is_said_so(tmp_path, capsys):
     answer = json.loads(capsys.readouterr().out)
     assert not answer["alarm"] and answer["named"] == []
     assert "nothing to explain" in answer["paragraph"]
+
+
+def test_a_size_beyond_its_prior_is_said_so(hidden_stenosis, tmp_path, capsys):
+    """A sensor off by four prior standard deviations is named with a word of doubt, one within its prior without."""
+    network, conditions, plan = open_loop()
+    acting = [(effect("pressure_offset"), "lad:BC_lad")]
+    hidden.hide(network, conditions, plan, acting, np.array([4.0]), 1.0, 3, tmp_path)
+    for folder, beyond in ((tmp_path, ["offset"]), (hidden_stenosis[0], [])):
+        command.main(case_arguments(folder, tmp_path / "out"))
+        answer = json.loads(capsys.readouterr().out)
+        assert [one["beyond_prior"] for one in answer["named"]] == [beyond]
+        assert ("beyond the central 99 %" in answer["paragraph"]) == bool(beyond)
 
 
 def pair_tables(folder, quadratic, count=120):

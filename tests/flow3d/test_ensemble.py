@@ -13,7 +13,7 @@ RESISTANCES = np.linspace(20000.0, 45000.0, 10)
 
 @pytest.fixture(scope="module")
 def outcomes():
-    return ensemble().run({"OUT.Rd": RESISTANCES}, len(RESISTANCES))
+    return ensemble().run({"OUT.Rd": RESISTANCES}, len(RESISTANCES), waveforms=["flow:B:J1", "pressure:A:J0"])
 
 
 def test_agrees_with_the_loop_in_0d_alone(outcomes):
@@ -28,6 +28,17 @@ def test_agrees_with_the_loop_in_0d_alone(outcomes):
         exact = result.values["mean_pressure:J0:B"][k] - result.values["mean_pressure:B:J1"][k]
         # Three cells over the radius: the 0D vessel is Poiseuille's.
         assert drop == pytest.approx(exact, rel=0.1)
+
+
+def test_waveforms_are_those_of_0d_from_the_beginning_of_the_cycle(outcomes):
+    """Flow behind the tube and pressure before it; a ramp of a quarter of a cycle went before the first whole one."""
+    names = ["flow:B:J1", "pressure:A:J0"]
+    result = Engine(network()).run({"OUT.Rd": RESISTANCES}, waveforms=names, periodic=True, steps_per_cycle=200)
+    for k, outcome in enumerate(outcomes):
+        flow = outcome.waveforms["flow:B:J1"]
+        assert flow[:-1].mean() == pytest.approx(outcome.values["mean_flow:B:J1"], rel=1e-10)
+        for name in names:
+            assert outcome.waveforms[name] == pytest.approx(result.waveforms[name][k], rel=0.02)
 
 
 def test_flows_balance(outcomes):

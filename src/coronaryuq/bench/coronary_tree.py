@@ -1,4 +1,4 @@
-"""A closed loop with a made-up coronary tree of 22 outlets, for benchmarks where no patient's network is at hand."""
+"""A closed loop with a made-up coronary tree, for benchmarks where no patient's network is at hand."""
 
 import numpy as np
 
@@ -13,34 +13,39 @@ END_RADIUS, LENGTH, NARROWEST = 0.06, 2.0, 0.6
 """cm, cm, and the radius of a stenosis over the healthy one."""
 
 
-def made_loop() -> Network:
-    """Aorta, two trees of halving branches with radii by Murray's law, a stenosis in LAD, LCx and RCA; 50 vessels."""
+def made_loop(left: int = LEFT, right: int = RIGHT, end_radius: float = END_RADIUS, stenosed: bool = True) -> Network:
+    """Aorta and two trees of halving branches with radii by Murray's law; with 22 outlets 50 vessels.
+
+    left, right: outlets of the coronary arteries. end_radius: cm. stenosed: whether LAD, LCx and RCA have a stenosis.
+    """
     vessels = [
         _straight("aorta", np.zeros(3), np.array([0.0, 0.0, 1.0]), 1.2, None, "aorta"),
         _straight("aorta_end", np.array([0.0, 0.0, LENGTH]), np.array([0.0, 0.0, 1.0]), 1.2, "aorta", "aorta"),
     ]
     beds: list[Bed] = []
-    _grow(vessels, beds, "lca", LEFT, 0.0, np.pi, "LM")
-    _grow(vessels, beds, "rca", RIGHT, np.pi, np.pi, "RCA")
+    _grow(vessels, beds, "lca", left, end_radius, 0.0, np.pi, "LM")
+    _grow(vessels, beds, "rca", right, end_radius, np.pi, np.pi, "RCA")
     stenoses = []
-    for artery, place in (("LAD", "lca0"), ("LCx", "lca1"), ("RCA", "rca0")):
+    for artery, place in (("LAD", "lca0"), ("LCx", "lca1"), ("RCA", "rca0")) if stenosed else ():
         at = next(k for k, vessel in enumerate(vessels) if vessel.name == place)
         stenoses.append(Stenosis(artery, place, 0.5 * LENGTH, 0.75 * LENGTH))
         vessels[at] = _narrowed(vessels[at], stenoses[-1])
     return network_from_tree(Tree(vessels), beds, {"BC_RCR1": "aorta_end"}, stenoses, Physics())
 
 
-def _grow(vessels: list, beds: list, name: str, outlets: int, angle: float, spread: float, branch: str) -> None:
+def _grow(
+    vessels: list, beds: list, name: str, outlets: int, end: float, angle: float, spread: float, branch: str
+) -> None:
     parent = next(v for v in vessels if v.name == (name[:-1] or name)) if name[-1].isdigit() else vessels[0]
     direction = np.array([np.cos(angle), np.sin(angle), 0.0])
-    radius = END_RADIUS * outlets ** (1.0 / MURRAY_EXPONENT)
+    radius = end * outlets ** (1.0 / MURRAY_EXPONENT)
     vessels.append(_straight(name, parent.points[-1], direction, radius, parent.name, branch))
     if outlets == 1:
         beds.append(Bed(f"BC_{name}", name, branch == "RCA"))
         return
     for side, share in enumerate((outlets - outlets // 2, outlets // 2)):
         of = ("LAD", "LCx")[side] if branch == "LM" else branch
-        _grow(vessels, beds, f"{name}{side}", share, angle + (side - 0.5) * spread / 2, spread / 2, of)
+        _grow(vessels, beds, f"{name}{side}", share, end, angle + (side - 0.5) * spread / 2, spread / 2, of)
 
 
 def _straight(name: str, start, direction, radius: float, parent: str | None, branch: str) -> Vessel:

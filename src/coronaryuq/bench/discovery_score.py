@@ -7,6 +7,9 @@ from coronaryuq.discrepancy.output import named
 from coronaryuq.discrepancy.search import Discovery
 from coronaryuq.discrepancy.verify import gap, linearise
 
+WORTHS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
+"""Thresholds of `search.WORTH` for which answers are counted; those of cases that never come to it stay as they are."""
+
 
 def scored(truth: hidden.Truth, answer: Discovery) -> dict:
     """What one answer is worth, given what was hidden."""
@@ -25,10 +28,13 @@ def scored(truth: hidden.Truth, answer: Discovery) -> dict:
         "abstained": answer.outside_library or (answer.alarm and not classes),
         "first": first[0][0] if first else ("outside" if answer.outside_library else "none"),
         "classes": [["@".join(member) for member in members] for members in classes],
+        "sizes": [one.parameters[0].from_standard(z) for (one, _), z in zip(truth.acting, truth.firsts, strict=True)],
+        "found": [_told(one) for one in named(answer)],
         "before": answer.before.misfit,
         "after": answer.before.misfit if answer.outside_library else answer.after.misfit,
         "flexible": answer.flexible.misfit,
         "remaining": answer.remaining.p,
+        "helped": None if answer.redistributed else answer.helped,
     }
     rows = len(answer.before.residual)
     entry["held_out_lpd_gain"] = 0.0 if answer.outside_library else answer.after.total_lpd - answer.before.total_lpd
@@ -44,6 +50,13 @@ def scored(truth: hidden.Truth, answer: Discovery) -> dict:
         )
         entry["covered"] = _covered(answer, truth)
     return entry
+
+
+def _told(one: dict) -> dict:
+    """A named effect in one line: place, probability of its class, its first size with its interval."""
+    name, size = next(iter(one["sizes"].items()))
+    told = {key: one[key] for key in ("effect", "place", "class_probability", "beyond_prior")}
+    return told | {name: [size["value"], *size["interval_90"]]}
 
 
 def _covered(answer: Discovery, truth: hidden.Truth) -> bool | None:
@@ -77,7 +90,7 @@ def score(found: list[dict]) -> dict:
     double = [e for e in found if len(e["places"]) == 2]
     nothing = [e for e in found if e["effect"] == "none"]
     outside = [e for e in found if e["effect"].startswith("outside:")]
-    headline = [e for e in single if e["noise"] == "nominal" and e["strength"] == "medium"]
+    headline = [e for e in single if "shape" in e or (e["noise"] == "nominal" and e["strength"] == "medium")]
     covered = [e["covered"] for e in single if e["covered"] is not None]
     closed = [e["gap_closed_over_oracle"] for e in single + double if e["gap_closed_over_oracle"] is not None]
 
@@ -119,8 +132,22 @@ def score(found: list[dict]) -> dict:
             "worse_than_recalibration": share(found, "worse"),
         },
         "confusion": confusion,
+        "by_worth": [_with_worth(worth, single, outside) for worth in WORTHS],
         "invisible": {e["effect"]: sum(o["effect"] == e["effect"] for o in skipped) for e in skipped},
         "cpu_s_per_discovery": _mean([e["cpu_s"] for e in found]),
+    }
+
+
+def _with_worth(worth: float, single: list[dict], outside: list[dict]) -> dict:
+    """Names and abstentions if named effects had to add `worth` nats per row to a flexible discrepancy."""
+
+    def abstained(entry):
+        return entry["abstained"] if entry.get("helped") is None else entry["helped"] <= worth
+
+    return {
+        "worth": worth,
+        "abstention": wilson(sum(map(abstained, outside)), len(outside)),
+        "single_abstained": wilson(sum(map(abstained, single)), len(single)),
     }
 
 

@@ -6,13 +6,22 @@ import tempfile
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from coronaryuq import files
 from coronaryuq.bench.discovery_score import score, scored
-from coronaryuq.bench.hidden_cases import OUTSIDE, Made, closed_loop, open_loop, outside
+from coronaryuq.bench.hidden_cases import (
+    OUTSIDE,
+    OUTSIDE_LOOP,
+    Made,
+    closed_loop,
+    known_stenosis,
+    open_loop,
+    outside,
+)
 from coronaryuq.discrepancy import hidden
 from coronaryuq.discrepancy.conditions import read_conditions
 from coronaryuq.discrepancy.model import read_problem
@@ -20,7 +29,7 @@ from coronaryuq.discrepancy.search import Discovery, discover
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.seeds import generator
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import Series
+from coronaryuq.zerod.effects.base import Effect, Series
 from coronaryuq.zerod.effects.library import LIBRARY, effect
 from coronaryuq.zerod.network import read_network
 
@@ -31,6 +40,8 @@ LEAST_VISIBLE = 6.0
 """Hidden effects whose trace in the fitted data is below this many noise sd are drawn again elsewhere, and counted; of
 two effects, each must leave one beside the other."""
 DRAWS = 6
+MANY = 60
+"""Places of one effect in one network from which one is drawn."""
 NOTHING_PER_SEED = 5
 """Cases with nothing hidden per seed: one discovery ends after its first step, and a small share wants many."""
 PAIRS_OF_TWO = (
@@ -40,21 +51,22 @@ PAIRS_OF_TWO = (
     ("intramyocardial_pressure", "quadratic_stenosis"),
     ("back_pressure", "flow_gain"),
 )
-
-
-LOOP_EFFECTS = ("quadratic_stenosis", "diffuse_narrowing", "aortic_regurgitation", "collateral")
-"""Hidden in a closed loop, where one search takes a minute, beside nothing at all."""
+LOOP_PAIRS = (("quadratic_stenosis", "pressure_offset"), ("intramyocardial_pressure", "diffuse_narrowing"))
+BESIDE_A_STENOSIS = ("collateral", "shifted_territory", "rotated_territories")
+"""Effects that leave a trace only where beds differ: on closed loops hidden beside a stenosis that the model knows of,
+strong, at half the noise."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """One hidden case before it is made. effects: names; places are drawn by `seed`."""
+    """One hidden case before it is made. effects: names; places are drawn by `seed`. known: beside a known stenosis."""
 
     effects: tuple[str, ...]
     strength: str
     noise: str
     seed: int
     outside: str = ""
+    known: bool = False
 
     @property
     def label(self) -> str:
@@ -81,12 +93,21 @@ def cases(quick: bool, seeds: int, strengths: tuple[str, ...], noises: tuple[str
             yield Case(pair, "medium", "nominal", seed)
 
 
-def loop_cases(seeds: int, offset: int) -> Iterator[Case]:
-    """The cases of a closed loop: nothing hidden, and effects of the vessels, of the heart and between arteries."""
+def loop_cases(seeds: int, strengths: tuple[str, ...], noises: tuple[str, ...], offset: int) -> Iterator[Case]:
+    """The cases of a closed loop: nothing hidden, every effect of the library, two at once, outside it."""
     for seed in range(offset, offset + seeds):
-        for name in LOOP_EFFECTS:
-            yield Case((name,), "medium", "nominal", seed)
-        yield Case((), "none", "nominal", seed)
+        for noise in noises:
+            yield Case((), "none", noise, seed)
+            for strength in strengths:
+                for one in LIBRARY:
+                    if one.name not in BESIDE_A_STENOSIS:
+                        yield Case((one.name,), strength, noise, seed)
+        for name in BESIDE_A_STENOSIS:
+            yield Case((name,), "strong", "half", seed, known=True)
+        for name in OUTSIDE_LOOP:
+            yield Case((), "medium", "nominal", seed, name)
+        for pair in LOOP_PAIRS:
+            yield Case(pair, "medium", "nominal", seed)
 
 
 def run(
@@ -96,25 +117,53 @@ def run(
     strengths: tuple[str, ...] = ("medium",),
     noises: tuple[str, ...] = ("nominal",),
     offset: int = 100,
+    effects: tuple[str, ...] = (),
+    solver: str = "0d",
     seconds: float | None = None,
 ) -> dict:
     """Hide, discover, score; see BENCHMARKS for the keys.
 
     network: a closed loop (svZeroDSolver JSON) to hide in, by default the bundled open-loop tree. seeds: repetitions of
-    every cell. seconds: stop starting new cases after this much CPU time (40 when quick).
+    every cell. effects: labels of the cells that are wanted, such as "none", "collateral" or "outside:drifting_bed", by
+    default all. solver: "3d" takes the data from runs of the 3D ensemble solver, see `hidden_3d`. seconds: stop
+    starting new cases after this much CPU time (40 when quick).
     """
-    made = closed_loop(read_network(network)) if network else open_loop()
-    todo = loop_cases(seeds, offset) if network else cases(quick, seeds, strengths, noises, offset)
     limit = seconds if seconds is not None else (40.0 if quick else np.inf)
+    if solver == "3d":
+        entries = trials_3d(range(offset, offset + seeds), effects or (("lca1:moderate",) if quick else ()))
+    else:
+        made = closed_loop(read_network(network)) if network else open_loop()
+        every = loop_cases if network else partial(cases, quick)
+        todo = [one for one in every(seeds, strengths, noises, offset) if not effects or one.label in effects]
+        entries = (trial(case, made) for case in todo)
     start, found = time.process_time(), []
-    for case in todo:
+    for entry in entries:
+        if entry is not None:
+            found.append({"network": Path(network).stem if network else "open_loop", **entry})
+            print(json.dumps(found[-1], default=float), file=sys.stderr, flush=True)
         if time.process_time() - start > limit:
             break
-        entry = trial(case, made)
-        if entry is not None:
-            found.append(entry | {"network": Path(network).stem if network else "open_loop"})
-            print(json.dumps(found[-1], default=float), file=sys.stderr, flush=True)
     return {"quick": quick, **score(found), "cases": found}
+
+
+def trials_3d(seeds: range, wanted: tuple[str, ...]) -> Iterator[dict]:
+    """Every shape of a vessel with data from the 3D solver, searched and scored; wanted: labels, all where empty."""
+    from coronaryuq.bench import hidden_3d
+
+    for shape in hidden_3d.SHAPES:
+        if wanted and shape.label not in wanted:
+            continue
+        with tempfile.TemporaryDirectory() as name:
+            folders = [Path(name) / str(seed) for seed in seeds]
+            for folder in folders:
+                folder.mkdir()
+            begin = time.process_time()
+            truths = hidden_3d.hide(shape, seeds, folders)
+            spent = (time.process_time() - begin) / len(truths)
+            for seed, folder, truth in zip(seeds, folders, truths, strict=True):
+                told = {"effect": "+".join(shape.effects) or "none", "strength": shape.kind, "noise": "nominal"}
+                told |= {"network": "3d", "seed": seed, "shape": shape.label, "cpu_s_3d": spent}
+                yield told | _searched(truth, folder)
 
 
 def trial(case: Case, made: Made) -> dict | None:
@@ -124,11 +173,14 @@ def trial(case: Case, made: Made) -> dict | None:
         truth, redrawn = hide(case, made, folder)
         if truth is None:
             return None if not redrawn else {"effect": case.label, "skipped": True, "redrawn": redrawn}
-        begin = time.process_time()
-        answer = analyse(folder)
-        cpu = time.process_time() - begin
-    told = {"effect": case.label, "strength": case.strength, "noise": case.noise, "seed": case.seed}
-    return {**told, **scored(truth, answer), "redrawn": redrawn, "cpu_s": cpu}
+        told = {"effect": case.label, "strength": case.strength, "noise": case.noise, "seed": case.seed}
+        return {**told, **_searched(truth, folder), "redrawn": redrawn}
+
+
+def _searched(truth: hidden.Truth, folder: Path) -> dict:
+    begin = time.process_time()
+    answer = analyse(folder)
+    return {"cpu_s": time.process_time() - begin, **scored(truth, answer)}
 
 
 def analyse(folder: Path) -> Discovery:
@@ -141,27 +193,25 @@ def analyse(folder: Path) -> Discovery:
 
 def hide(case: Case, made: Made, folder: Path) -> tuple[hidden.Truth | None, int]:
     """Write one case into `folder`; what was hidden, None where it left no trace, and how often it was drawn again."""
-    network, conditions, plan = made
+    network, conditions, plan = made = known_stenosis(made) if case.known else made
     random = generator(case.seed, "discrepancy", "bench", *case.effects, case.outside, case.strength, case.noise)
-    anatomy = Anatomy(network, pressure=1e5)
-    series = [
-        Series(c, quantity, place, statistic, np.zeros(1) if statistic == "waveform" else None, 1.0)
-        for c in conditions
-        for quantity, place, statistic, _ in plan.entries
-    ]
+    places = {name: _places(effect(name), made, random) for name in case.effects}
+    if not all(places.values()):
+        return None, 0
+    if Anatomy(network).closed_loop:
+        places = {name: _visible(effect(name), found, case, made) for name, found in places.items()}
+        if not all(places.values()):
+            return None, DRAWS
     for draw in range(DRAWS):
         acting, sizes = [], []
         for name in case.effects:
             one = effect(name)
-            places = one.places(anatomy, series)
-            if not places:
-                return None, 0
-            acting.append((one, places[int(random.integers(len(places)))]))
+            acting.append((one, places[name][int(random.integers(len(places[name])))]))
             positive, signed = STRENGTHS[case.strength]
             for parameter in one.parameters:
                 sign = random.choice((-1.0, 1.0))
                 sizes.append(positive if parameter.kind == "lognormal" else sign * signed)
-        strange = outside(case.outside, network) if case.outside else None
+        strange = outside(case.outside, network, random) if case.outside else None
         # Noise and nuisance parameters of their own in every cell, so that trials are independent.
         seed = int(random.integers(2**31))
         truth = hidden.hide(
@@ -170,3 +220,24 @@ def hide(case: Case, made: Made, folder: Path) -> tuple[hidden.Truth | None, int
         if (not acting and not case.outside) or truth.visible >= LEAST_VISIBLE:
             return truth, draw
     return None, DRAWS
+
+
+def _places(one: Effect, made: Made, random: np.random.Generator) -> list[str]:
+    """Where it may be hidden; of very many places some."""
+    network, conditions, plan = made
+    series = [
+        Series(c, quantity, place, statistic, np.zeros(1) if statistic == "waveform" else None, 1.0)
+        for c in conditions
+        for quantity, place, statistic, _ in plan.entries
+    ]
+    places = one.places(Anatomy(network, pressure=1e5), series)
+    return places if len(places) <= MANY else list(random.choice(places, MANY, replace=False))
+
+
+def _visible(one: Effect, places: list[str], case: Case, made: Made) -> list[str]:
+    """Those of the places where it would leave a trace: in a loop few do, and a draw takes seconds."""
+    network, conditions, plan = made
+    positive, signed = STRENGTHS[case.strength]
+    size = np.array([positive if parameter.kind == "lognormal" else signed for parameter in one.parameters])
+    left = hidden.traces(network, conditions, plan, NOISES[case.noise], [((one, place), size) for place in places])
+    return [place for place, trace in zip(places, left, strict=True) if trace >= LEAST_VISIBLE]

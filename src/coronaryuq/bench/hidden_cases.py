@@ -1,12 +1,17 @@
 """What the benchmark `discrepancy` hides effects in, and effects that the library does not have."""
 
+import copy
+
 import numpy as np
 
 from coronaryuq import units
 from coronaryuq.discrepancy import hidden, openloop
 from coronaryuq.discrepancy.conditions import Condition
 from coronaryuq.discrepancy.stage import loop_conditions, plan_of
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.base import vessel_values
 from coronaryuq.zerod.effects.grafting import add_vessel, attach
+from coronaryuq.zerod.engine import Engine
 
 Made = tuple[dict, dict[str, Condition], hidden.Plan]
 """A network, its conditions, and what is measured under each."""
@@ -38,27 +43,56 @@ def closed_loop(network: dict) -> Made:
     return network, {c.name: c for c in loop_conditions()}, plan_of(network)
 
 
-def outside(name: str, network: dict):
-    """A change of a condition's network that no effect of the library expresses."""
+KNOWN_LOSS = 0.5
+"""Mean pressure lost in the stenosis that the model knows of, at the model's own mean flow, over the mean pressure."""
+
+
+def known_stenosis(made: Made) -> Made:
+    """The same with a stenosis in the model itself, in the vessel that feeds nearest half of the beds of an artery.
+
+    Beds that differ neither in pressure nor in how they dilate can show neither a collateral between them nor a map of
+    territories that is off.
+    """
+    network, conditions, plan = made
+    network = copy.deepcopy(network)
+    anatomy = Anatomy(network)
+    artery = max(anatomy.ostia, key=lambda vessel: len(anatomy.beds_below(vessel)))
+    half = len(anatomy.beds_below(artery)) / 2
+    chosen = min(anatomy.below(artery), key=lambda vessel: abs(len(anatomy.beds_below(vessel)) - half))
+    names = [f"mean_flow:{anatomy.inlet(chosen)}", f"mean_pressure:{anatomy.inlet(anatomy.roots[0])}"]
+    flow, pressure = (float(v[0]) for v in Engine(network).run(quantities=names, periodic=True).values.values())
+    vessel_values(network, chosen).update({"stenosis_coefficient": KNOWN_LOSS * pressure / flow**2, "C": 0.0})
+    return network, conditions, plan
+
+
+def outside(name: str, network: dict, random: np.random.Generator):
+    """A change of a condition's network that no effect of the library expresses; in a closed loop at a random place."""
+    anatomy = Anatomy(network)
+    vessel, bed, swapped = "lad_proximal", "BC_lcx", ("BC_lad", "BC_diagonal", "BC_lcx")
+    if anatomy.closed_loop:
+        shared = [one for one in anatomy.coronary_vessels if len(anatomy.beds_below(one)) > 2]
+        vessel = shared[int(random.integers(len(shared)))]
+        left, right = (anatomy.beds_below(ostium) for ostium in anatomy.ostia[:2])
+        bed = left[int(random.integers(len(left)))]
+        swapped = (bed, right[int(random.integers(len(right)))])
     order = {"rest": 0.0, "hyperaemia": 1.0, "pacing": 2.0, "half dilated": 1.5}
 
     def scale(network, names, factor):
         for block in network["boundary_conditions"]:
             if block["bc_name"] == names:
-                for key in ("Ra1", "Ra2", "Rv1"):
-                    block["bc_values"][key] *= factor
+                for key in ("Ra1", "Ra2", "Rv1", "Ra", "Ram", "Rv"):
+                    if key in block["bc_values"]:
+                        block["bc_values"][key] *= factor
         for vessel in network["vessels"]:
             if vessel["vessel_name"] == names:
                 vessel["zero_d_element_values"]["R_poiseuille"] *= factor
         return network
 
     def miswired(network, condition):
-        first, second = (
-            next(b for b in network["boundary_conditions"] if b["bc_name"] == n) for n in ("BC_lad", "BC_lcx")
-        )
-        first["bc_values"], second["bc_values"] = second["bc_values"], first["bc_values"]
-        third = next(b for b in network["boundary_conditions"] if b["bc_name"] == "BC_diagonal")
-        third["bc_values"], second["bc_values"] = second["bc_values"], third["bc_values"]
+        blocks = [next(b for b in network["boundary_conditions"] if b["bc_name"] == name) for name in swapped]
+        values = [block["bc_values"] for block in blocks]
+        for block, other in zip(blocks, [values[-1], *values[:-1]], strict=True):
+            block["bc_values"] = other
         return network
 
     def pump(network, condition):
@@ -82,11 +116,13 @@ def outside(name: str, network: dict):
 
     return {
         "thrombosed_side_vessel": thrombosed,
-        "drifting_vessel": lambda n, c: scale(n, "lad_proximal", 1.0 + 12.0 * order[c]),
-        "drifting_bed": lambda n, c: scale(n, "BC_lcx", 1.0 + 0.5 * order[c]),
+        "drifting_vessel": lambda n, c: scale(n, vessel, 1.0 + 12.0 * order[c]),
+        "drifting_bed": lambda n, c: scale(n, bed, 1.0 + 0.5 * order[c]),
         "miswired_outlets": miswired,
         "bulging_territory": pump,
     }[name]
 
 
 OUTSIDE = ("thrombosed_side_vessel", "drifting_vessel", "drifting_bed", "miswired_outlets", "bulging_territory")
+OUTSIDE_LOOP = ("drifting_vessel", "drifting_bed", "miswired_outlets")
+"""Those of a closed loop, which keeps its blood and whose beds are compressed by its own heart."""

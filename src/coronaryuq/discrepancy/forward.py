@@ -103,17 +103,22 @@ class Forward:
     def _predict_group(self, rows, names: list[str], inserted: list[Acting]) -> np.ndarray:
         sizes = [self._sizes(z, acting) for z, acting in rows]
         z = np.array([row[: len(self.nuisances)] for row, _ in rows])
-        blocks = [np.full((len(rows), series.value.size), np.nan) for series in self.measured]
         waveforms, renamed = self._simulate(rows, sizes, names, inserted)
+        return np.concatenate(self.readings(waveforms, z, renamed), axis=1)
+
+    def readings(self, waveforms: dict[str, dict], z: np.ndarray, renamed: dict[str, str]) -> list[np.ndarray]:
+        """What is measured of waveforms, condition → engine name → (n, k + 1) over a cycle: (n, values) of each series.
+
+        z: (n, p), for the tissue masses. renamed: old → new names of locations. NaN under conditions not given.
+        """
+        blocks = [np.full((len(z), series.value.size), np.nan) for series in self.measured]
         for i, series in enumerate(self.measured):
-            if series.condition in names:
-                waves = waveforms[series.condition]
+            if series.condition in waveforms:
+                used = [waveforms[series.condition][name] for name in self.variables(series, renamed)]
                 period = self.periods.get(series.condition, series.period)
-                time = np.linspace(0.0, period, self.simulation.steps_per_cycle + 1)
-                used = [waves[name] for name in self._variable(series, renamed)]
-                blocks[i] = self._series(series, used, time, z)
+                blocks[i] = self._series(series, used, np.linspace(0.0, period, used[0].shape[1]), z)
                 blocks[i][~np.isfinite(used[0]).all(axis=1)] = np.nan
-        return np.concatenate(blocks, axis=1)
+        return blocks
 
     def _observe(self, row: np.ndarray, z, acting: list[Acting]) -> np.ndarray:
         blocks = self.split(row[None, :])
@@ -142,7 +147,7 @@ class Forward:
         prepared = self.simulation.prepared(inserted)
         renamed = prepared.renamed
         names = [
-            n for series in self.measured if series.condition in conditions for n in self._variable(series, renamed)
+            n for series in self.measured if series.condition in conditions for n in self.variables(series, renamed)
         ]
         beds = {bed: f"pressure:{renamed.get(f'{v}:{bed}', f'{v}:{bed}')}" for bed, v in self.anatomy.beds.items()}
         rounds = FEEDBACK_ROUNDS if any(effect.feedback for _, acting in rows for effect, _ in acting) else 1
@@ -229,7 +234,7 @@ class Forward:
             column += len(effect.parameters)
         return Point(np.where([n.mass is None for n in self.nuisances], z[:count], 0.0), sizes)
 
-    def _variable(self, series: Measured, renamed: dict[str, str]) -> tuple[str, ...]:
+    def variables(self, series: Measured, renamed: dict[str, str]) -> tuple[str, ...]:
         """Engine names of the waveforms that a series is made of."""
         location = renamed.get(series.location, series.location)
         if series.quantity == "perfusion":

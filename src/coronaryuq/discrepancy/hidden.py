@@ -11,9 +11,11 @@ import yaml
 
 from coronaryuq import files
 from coronaryuq.discrepancy.conditions import Condition, period_of, under
+from coronaryuq.discrepancy.forward import Forward
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.measurements import Measured
 from coronaryuq.discrepancy.model import make_problem
+from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.simulation import Acting
 from coronaryuq.seeds import generator
@@ -43,6 +45,12 @@ class Truth:
     visible: float
     """Norm of the effect in the fitted data, in noise sd, that recalibration cannot absorb; the least of several."""
 
+    @property
+    def firsts(self) -> list[float]:
+        """The size z of each effect's first parameter."""
+        ends = np.cumsum([0, *(len(effect.parameters) for effect, _ in self.acting)])
+        return [float(self.sizes[start]) for start in ends[:-1]]
+
 
 def hide(
     network: dict,
@@ -71,10 +79,7 @@ def hide(
     problem = make_problem(truth_network, conditions, blank, settings)
     forward = problem.forward
     forward.simulation = forward.simulation.changed(alter=outside)
-    nuisance = nuisance_spread * random.standard_normal(len(forward.nuisances))
-    for column, entry in enumerate(forward.nuisances):
-        if entry.mass is not None:
-            nuisance[column] = 0.2 * random.standard_normal()
+    nuisance = _nuisance(forward, nuisance_spread, random)
     rows = [(np.concatenate([nuisance, sizes]), acting), *_each_left_out(nuisance, sizes, acting)]
     predicted, *unaffected = forward.predict_rows(rows)
     if not np.isfinite(predicted).all():
@@ -86,6 +91,72 @@ def hide(
     forward.simulation = forward.simulation.changed(steps_per_cycle=Settings().steps_per_cycle)
     traces = [_visible(problem, nuisance, predicted - without, sd) for without in unaffected]
     return Truth(acting, np.asarray(sizes, dtype=float), nuisance, min(traces, default=0.0))
+
+
+@dataclass(frozen=True)
+class Unmeasured:
+    """A case whose data other runs than the 0D engine's make: its problem, true nuisance parameters, random numbers."""
+
+    problem: Problem
+    plan: Plan
+    nuisance: np.ndarray
+    random: np.random.Generator
+
+    def write(self, waveforms: dict[str, dict], acting: list[Acting], sizes: np.ndarray, folder: Path) -> Truth:
+        """Measure waveforms, condition → unknown of the network → (k + 1,) over the cycle, and write the case's files.
+
+        acting, sizes: the library's effects that come nearest to what was hidden, with sizes z.
+        """
+        forward = self.problem.forward
+        rows = {condition: {name: wave[None, :] for name, wave in of.items()} for condition, of in waveforms.items()}
+        readings = forward.readings(rows, self.nuisance[None, :], {})
+        sd = _write(
+            forward.network, forward.conditions, self.plan, forward.measured, readings, 1.0, self.random, folder
+        )
+        without = forward.predict(self.nuisance)[0]
+        visible = _visible(self.problem, self.nuisance, np.concatenate(readings, axis=1)[0] - without, sd)
+        return Truth(acting, sizes, self.nuisance, visible)
+
+
+def prepare(
+    network: dict, conditions: dict[str, Condition], plan: Plan, seed: int, nuisance_spread: float = 0.6
+) -> Unmeasured:
+    """What `hide` draws, for data that are run elsewhere."""
+    random = generator(seed, "discrepancy", "hidden")
+    problem = make_problem(network, conditions, _blank(network, conditions, plan, random), Settings())
+    return Unmeasured(problem, plan, _nuisance(problem.forward, nuisance_spread, random), random)
+
+
+def _nuisance(forward: Forward, spread: float, random: np.random.Generator) -> np.ndarray:
+    """True nuisance parameters z (p,)."""
+    found = spread * random.standard_normal(len(forward.nuisances))
+    for column, entry in enumerate(forward.nuisances):
+        if entry.mass is not None:
+            found[column] = 0.2 * random.standard_normal()
+    return found
+
+
+def traces(
+    network: dict, conditions: dict[str, Condition], plan: Plan, noise: float, choices: list[tuple[Acting, np.ndarray]]
+) -> np.ndarray:
+    """What each choice (an effect at a place, with its sizes z) would leave in the fitted data, (n,) in noise sd.
+
+    As `Truth.visible`, about the model as it is; nought where the model does not run with it.
+    """
+    problem = make_problem(
+        network, conditions, _blank(network, conditions, plan, generator(0, "discrepancy", "traces")), Settings()
+    )
+    nothing = np.zeros(problem.count)
+    plain = problem.forward.predict(nothing)[0]
+    shares = _deviations(plan, problem.forward.measured, problem.forward.split(plain[None, :]), noise)
+    problem.y, problem.sd = plain, np.repeat(shares, [one.value.size for one in problem.forward.measured])
+    sensitivity = problem.sensitivity(nothing, np.zeros(plain.size), [])[problem.train]
+    fit = Fit(nothing, np.zeros(len(sensitivity)), sensitivity)
+    rows = [(np.concatenate([nothing, sizes]), [acting]) for acting, sizes in choices]
+    grafts = list(dict.fromkeys(acting for acting, _ in choices if acting[0].grafted))
+    changes = problem.fitted(rows, grafts)
+    squares = [change @ fit.project(change) if np.isfinite(change).all() else 0.0 for change in changes]
+    return np.sqrt(np.maximum(squares, 0.0))
 
 
 def _each_left_out(nuisance: np.ndarray, sizes: np.ndarray, acting: list[Acting]) -> list[tuple]:
@@ -126,20 +197,24 @@ def _blank(network, conditions, plan, random) -> list[Measured]:
     return found
 
 
+def _deviations(plan: Plan, series: list[Measured], predicted: list[np.ndarray], noise: float) -> list[float]:
+    """Standard deviation of the noise of every series: the plan's share of its size where that is largest."""
+    shares = {entry[:3]: entry[3] for entry in plan.entries}
+    keys = [(one.quantity, one.location, one.statistic) for one in series]
+    sizes: dict[tuple, float] = {}
+    for key, values in zip(keys, predicted, strict=True):
+        sizes[key] = max(sizes.get(key, 0.0), float(np.abs(values).mean()))
+    return [noise * shares[key] * sizes[key] for key in keys]
+
+
 def _write(network, conditions, plan, series, predicted, noise, random, folder) -> np.ndarray:
     """Write the case's three files; returns the standard deviations (N,) of the measurements."""
-    shares = {entry[:3]: entry[3] for entry in plan.entries}
-    sizes: dict[tuple, float] = {}
-    for one, values in zip(series, predicted, strict=True):
-        key = (one.quantity, one.location, one.statistic)
-        sizes[key] = max(sizes.get(key, 0.0), float(np.abs(values).mean()))
     rows = []
-    for one, values in zip(series, predicted, strict=True):
-        key = (one.quantity, one.location, one.statistic)
-        sd = noise * shares[key] * sizes[key]
+    for one, values, sd in zip(series, predicted, _deviations(plan, series, predicted, noise), strict=True):
         read = values[0] + sd * random.standard_normal(values.shape[1])
         for i, value in enumerate(read):
             time = "" if one.time is None else float(one.time[i])
+            key = (one.quantity, one.location, one.statistic)
             rows.append((one.condition, *key, time, float(value), sd, UNIT[one.quantity]))
     columns = ["condition", "quantity", "location", "statistic", "time", "value", "sd", "unit"]
     files.write_json(folder / "model.json", network)

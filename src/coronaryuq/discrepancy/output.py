@@ -78,6 +78,7 @@ def named(found: Discovery) -> list[dict]:
                 "class": [_member(c) for c in entry.members],
                 "class_probability": float(sum(c.probability for c in entry.members)),
                 "sizes": sizes,
+                "beyond_prior": [parameter.name for parameter in found.beyond_prior((effect, place))],
                 "physical": effect.physical(place, mid, forward.anatomy),
                 "formula": effect.formula,
                 "source": effect.source,

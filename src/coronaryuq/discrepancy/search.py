@@ -23,7 +23,7 @@ from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.screening import screen
 from coronaryuq.discrepancy.simulation import Acting
 from coronaryuq.discrepancy.verify import Gap, folds, gap, linearise
-from coronaryuq.zerod.effects.base import Effect
+from coronaryuq.zerod.effects.base import Effect, Parameter
 from coronaryuq.zerod.effects.library import LIBRARY
 
 RIVALS = 5
@@ -31,6 +31,8 @@ RIVALS = 5
 SECOND_LOOKS = 3
 WORTH_FITTING = 0.5
 """Log evidence by which an estimate must beat a candidate's own fit to have it fitted again."""
+CENTRAL_99 = 2.5758293035489004
+"""Standard deviations of a normal prior that hold its central 99 %."""
 WORTH = 0.2
 """Held-out log predictive density per row that named effects must add to a flexible discrepancy to be named beside it.
 
@@ -71,6 +73,8 @@ class Discovery:
     flexible: Gap
     both: Gap
     folds: list
+    helped: float | None
+    """As the function of that name gives it; `WORTH` is what it is compared with."""
     redistributed: bool
     """Whether the named effects are flow gains that blood which goes elsewhere explains as well, with one cause."""
     candidates_tested: int = 0
@@ -80,6 +84,16 @@ class Discovery:
         """Rounds that named an effect, the one worth most first; none where the effect is outside the library."""
         kept = [] if self.outside_library else [r for r in self.rounds if r.accepted is not None]
         return sorted(kept, key=lambda r: -r.worth)
+
+    def beyond_prior(self, one: Acting) -> list[Parameter]:
+        """Sizes of a named effect that lie outside the central 99 % of their prior: it may stand for something else."""
+        column = self.problem.count
+        for effect, place in self.acting:
+            sizes = self.fit.z[column : column + len(effect.parameters)]
+            if (effect, place) == one:
+                return [p for p, z in zip(effect.parameters, sizes, strict=True) if abs(z) > CENTRAL_99]
+            column += len(effect.parameters)
+        return []
 
 
 def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = LIBRARY) -> Discovery:
@@ -121,7 +135,8 @@ def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = LIBRARY)
     named = {entry.accepted.acting: entry.accepted.log_prior for entry in rounds if entry.accepted is not None}
     effects = len({candidate.effect.name for candidate in everything})
     redistributed = redistribution(problem, fit, acting, [named[one] for one in acting], effects) > 0.0
-    abstained = alarm and (redistributed or _outside(remaining.alarm(settings.alarm_level), after, flexible, both))
+    help_given = helped(remaining.alarm(settings.alarm_level), after, flexible, both)
+    abstained = alarm and (redistributed or (help_given is not None and help_given <= WORTH))
     return Discovery(
         problem=problem,
         base=base,
@@ -133,6 +148,7 @@ def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = LIBRARY)
         remaining=remaining,
         outside_library=abstained,
         redistributed=redistributed,
+        helped=help_given,
         before=before,
         after=after,
         flexible=flexible,
@@ -264,15 +280,15 @@ def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Rou
     return acting, fit
 
 
-def _outside(still: bool, after: Gap, flexible: Gap, both: Gap) -> bool:
-    """True when the named effects leave something, and a flexible discrepancy does without them.
+def helped(still: bool, after: Gap, flexible: Gap, both: Gap) -> float | None:
+    """Nats per held-out row that the named effects add to a flexible discrepancy, nought where not clearly.
 
-    It does where it predicts held-out data clearly better than the named effects, and where their company does not
-    clearly help it: by `WORTH` nats per row and two standard errors at least.
+    None where the question does not arise: the named effects leave nothing, or a flexible discrepancy does not predict
+    held-out data clearly better than they do. Clearly: by two standard errors, and half of one.
     """
     if not still or not _better(flexible, after, 0.5):
-        return False
-    return not (_better(both, flexible, 2.0) and both.lpd - flexible.lpd > WORTH)
+        return None
+    return both.lpd - flexible.lpd if _better(both, flexible, 2.0) else 0.0
 
 
 def _better(one: Gap, other: Gap, errors: float) -> bool:

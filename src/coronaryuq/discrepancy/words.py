@@ -1,6 +1,6 @@
 """One paragraph in plain words about what was found, for the report."""
 
-from coronaryuq.discrepancy.search import Discovery
+from coronaryuq.discrepancy.search import CENTRAL_99, Discovery
 
 
 def paragraph(found: Discovery, held_out: list[str]) -> str:
@@ -45,6 +45,12 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
             others = ", ".join(f"{m.effect.name.replace('_', ' ')} at {m.place}" for m in entry.members[1:])
             text += f", together with what these data cannot tell from it: {others}"
         text += "). "
+        for parameter in found.beyond_prior(one.acting):
+            low, high = (float(parameter.from_standard(k * CENTRAL_99)) for k in (-1, 1))
+            text += (
+                f"Its {parameter.name} lies beyond the central 99 % of what is thought possible ({low:.3g} to "
+                f"{high:.3g}): it may stand for something that the library does not have. "
+            )
     text += (
         f"On {_kept(held_out)} the misfit falls from {found.before.misfit:.2f} to {found.after.misfit:.2f} "
         "standard deviations of the noise, whose floor is 1. "

@@ -31,7 +31,9 @@ class Outcome:
     """One sample's end: `values` of the quantities of interest (empty when failed), `reason` when failed.
 
     diagnostics: cycles, steps, change (of the last cycle, per `Settings.tolerance`), converged, cfl, mass balance,
-    backflow. fields: nodal arrays for pictures, when they were asked for.
+    backflow. fields: nodal arrays for pictures, when they were asked for. waveforms: unknowns of the network over the
+    last cycle, (steps + 1,) from the heart's beginning of it, when they were asked for; a checkpoint does not keep
+    those of finished samples.
     """
 
     values: dict[str, float] = field(default_factory=dict)
@@ -40,6 +42,7 @@ class Outcome:
     cpu_s: float = 0.0
     wall_s: float = 0.0
     fields: dict[str, np.ndarray] = field(default_factory=dict)
+    waveforms: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def ok(self) -> bool:
@@ -69,11 +72,15 @@ class Ensemble:
         checkpoint: Path | None = None,
         fields: Sequence[bool] | None = None,
         report=None,
+        waveforms: Sequence[str] = (),
+        start: np.ndarray | None = None,
     ) -> list[Outcome]:
         """Run samples: "BLOCK.parameter" → (samples,) values; one outcome each, in order. Never raises for a sample.
 
         Blocks of LANES samples run one after the other; a sample's numbers do not depend on its block. checkpoint:
-        stem of the files that keep a block's state from cycle to cycle. fields: whose fields are wanted.
+        stem of the files that keep a block's state from cycle to cycle. fields: whose fields are wanted. waveforms:
+        unknowns of the whole network, such as `pressure:A:B`, whose last cycle is wanted. start: (samples, unknowns),
+        where the search for the periodic 0D states begins: a closed loop keeps the blood that it starts with.
         """
         changes = {name: np.broadcast_to(np.asarray(value, float), (samples,)) for name, value in changes.items()}
         wanted = [False] * samples if fields is None else list(fields)
@@ -89,7 +96,8 @@ class Ensemble:
                 )
                 label = f"{block[0] + 1} to {block[-1] + 1} of {samples}"
                 keep = any(wanted[k] for k in block)
-                done = Block(self, part, len(block), refinement, stem, keep, report, label).run()
+                begin = None if start is None else np.asarray(start, float)[block]
+                done = Block(self, part, len(block), refinement, stem, keep, report, label, waveforms, begin).run()
                 for k, outcome in zip(block, done, strict=True):
                     before = outcomes[k]
                     if before is not None:
@@ -133,6 +141,8 @@ class Block:
         fields,
         report,
         label="",
+        waveforms: Sequence[str] = (),
+        start: np.ndarray | None = None,
     ):
         self.ensemble, self.samples, self.checkpoint, self.report = ensemble, samples, checkpoint, report
         settings = self.settings = ensemble.settings
@@ -145,20 +155,22 @@ class Block:
         )
         self.observer = Observer(ensemble.geometry, self.space, bool(fields))
         self.refinement, self.begun = refinement, time.perf_counter()
-        self.label = label
+        self.label, self.waveforms = label, list(waveforms)
+        self.begin = None if start is None else start[lanes]
         self.key = provenance.digest(
             {
                 "settings": settings.model_dump(),
                 "mesh": provenance.digest(ensemble.geometry.description),
                 "network": provenance.digest(ensemble.network),
                 "changes": {name: value.tolist() for name, value in self.changes.items()},
+                "start": None if self.begin is None else provenance.digest(self.begin.tolist()),
                 "refinement": refinement,
             }
         )
 
     def run(self) -> list[Outcome]:
         cpu, wall = time.process_time(), time.perf_counter()
-        result = self.ensemble.engine.run(self.changes, periodic=True, tolerance=1e-5)
+        result = self.ensemble.engine.run(self.changes, periodic=True, tolerance=1e-5, start=self.begin)
         status = np.broadcast_to(result.status, (LANES,))
         self.reasons = ["" if one == "ok" else f"0D start: {one}" for one in status]
         self.zerod = CoupledNetwork(
@@ -170,6 +182,8 @@ class Block:
             self.steps,
         )
         self._aortic_row = self.zerod.rows([self.ensemble.aorta])[0]
+        self._recorded = self.zerod.rows([self.ensemble.case.renamed(name) for name in self.waveforms])
+        self.waves = np.empty((len(self._recorded), self.steps, LANES))
         self.alive = np.array([not reason for reason in self.reasons])
         self.outcomes: list[Outcome | None] = [None] * LANES
         self.previous: dict[str, np.ndarray] | None = None
@@ -226,6 +240,7 @@ class Block:
             self.stepper.step(self.zerod)
             self.total_steps += 1
             if observe:
+                self.waves[:, self.zerod.position] = self.zerod.state[self._recorded, :LANES]
                 self.observer.every_step(self.stepper, self.zerod.state[self._aortic_row, :LANES])
                 if step % stride == 0:
                     self.observer.at_wall_sample(self.stepper, weight)
@@ -270,6 +285,7 @@ class Block:
                     | self._diagnostics(k)
                     | {"change": float(change[k]), "converged": bool(converged)},
                     fields=self._fields(k),
+                    waveforms={n: np.append(w[:, k], w[0, k]) for n, w in zip(self.waveforms, self.waves, strict=True)},
                 )
 
     def _counts(self) -> dict[str, object]:

@@ -1,0 +1,61 @@
+"""A look back that replaces an effect keeps every round with its own effect."""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from coronaryuq.discrepancy.candidates import Candidate
+from coronaryuq.discrepancy.inference import Fit
+from coronaryuq.discrepancy.search import Round, look_back
+from coronaryuq.seeds import generator
+from coronaryuq.zerod.effects.base import Parameter
+
+ROWS, NUISANCES, PRIOR = 120, 2, -3.0
+SIZE = Parameter("size", "1", "normal", 0.0, 1.0, "")
+
+
+class Linear:
+    """A linear problem with three effects: c is what was hidden, a and b together come near to it."""
+
+    def __init__(self):
+        random = generator(4, "test", "look back")
+        self.nuisance = random.standard_normal((ROWS, NUISANCES))
+        a, b, own = random.standard_normal((3, ROWS))
+        along = {"a": a, "b": b, "c": a + b + 0.8 * own}
+        self.acting = {
+            name: (type("MadeUp", (), {"name": name, "parameters": (SIZE,), "grafted": False})(), "here")
+            for name in along
+        }
+        self.along = {acting: along[name] for name, acting in self.acting.items()}
+        self.y = 1.5 * along["c"] + random.standard_normal(ROWS)
+        self.forward = SimpleNamespace(nuisances=[None] * NUISANCES)
+
+    def columns(self, acting):
+        return np.column_stack([self.nuisance, *(self.along[one] for one in acting)])
+
+    def fitted(self, rows, grafts=()):
+        return np.array([self.y - self.columns(acting) @ z for z, acting in rows])
+
+    def calibrate(self, acting, start=None):
+        g = self.columns(acting)
+        z = np.linalg.solve(np.eye(g.shape[1]) + g.T @ g, g.T @ self.y)
+        return Fit(z, self.y - g @ z, g)
+
+
+def test_after_a_replacement_the_effect_that_is_no_longer_needed_goes():
+    problem = Linear()
+    everything = {name: Candidate(*acting, PRIOR) for name, acting in problem.acting.items()}
+    for candidate in everything.values():
+        candidate.z_score, candidate.guess = 10.0, np.ones(1)
+    rounds = [Round([], {}, everything[name], [everything[name]], list(everything.values())) for name in "ab"]
+    acting = [problem.acting[name] for name in "ab"]
+    fit = problem.calibrate(acting)
+
+    acting, fit = look_back(problem, acting, fit, rounds)
+    assert [effect.name for effect, _ in acting] == ["b", "c"]
+    assert [entry.accepted.effect.name for entry in rounds] == ["c", "b"]
+
+    acting, fit = look_back(problem, acting, fit, rounds)
+    assert [effect.name for effect, _ in acting] == ["c"]
+    assert rounds[0].accepted.acting == acting[0] and rounds[1].accepted is None
+    assert len(fit.z) == NUISANCES + 1
