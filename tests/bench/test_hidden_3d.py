@@ -28,6 +28,17 @@ def test_the_healthy_tube_is_the_vessel_of_the_analysts_model():
     assert len({entry[:3] for entry in plan.entries}) == len(plan.entries)
 
 
+def test_3d_runs_begin_from_the_loss_of_the_published_rules():
+    """Young and Tsai's loss of a 75 % stenosis in the healthy vessel: 9 times K_t rho / (2 A^2)."""
+    network, _, _ = hidden_3d.loop()
+    physics = Physics()
+    for place in PLACES:
+        area = np.pi * hidden_3d._healthy(network, place) ** 2
+        near = vessel_values(hidden_3d._near(Shape(place, "moderate"), network), place)
+        exact = 9.0 * physics.stenosis_loss * physics.density / (2.0 * area**2)
+        assert near["stenosis_coefficient"] == pytest.approx(exact, rel=1e-6)
+
+
 @pytest.mark.long
 def test_a_stenosis_in_3d_is_found_from_its_measurements_and_a_healthy_vessel_raises_no_alarm():
     """Two vessels in 3D under four conditions each; the search reads the 0D model without them and the table alone."""

@@ -163,7 +163,9 @@ def trials_3d(seeds: range, wanted: tuple[str, ...]) -> Iterator[dict]:
             for seed, folder, truth in zip(seeds, folders, truths, strict=True):
                 told = {"effect": "+".join(shape.effects) or "none", "strength": shape.kind, "noise": "nominal"}
                 told |= {"network": "3d", "seed": seed, "shape": shape.label, "cpu_s_3d": spent}
-                yield told | _searched(truth, folder)
+                entry = told | _searched(truth, folder)
+                # What a smooth stenosis loses to friction looks like a narrowing, and may be the larger part.
+                yield entry | {"at_vessel": any(one["place"] == shape.place for one in entry["found"])}
 
 
 def trial(case: Case, made: Made) -> dict | None:

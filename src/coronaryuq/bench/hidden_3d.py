@@ -32,7 +32,7 @@ NARROWED = 0.75
 """Radius of a diffusely narrowed vessel over the healthy one."""
 TAPER = 0.1
 """Share of a narrowed vessel's length over which its radius changes, at either end."""
-RUN = Settings(steps_per_cycle=600, min_cycles=4, max_cycles=4, wall_samples_per_cycle=20, checkpoints=False, fields=0)
+RUN = Settings(steps_per_cycle=600, min_cycles=3, max_cycles=3, wall_samples_per_cycle=20, checkpoints=False, fields=0)
 RINGS, LEVELS = 4, 60
 """Cells from the axis to the wall, and along the vessel: 3,721 nodes."""
 
@@ -151,14 +151,11 @@ def _healthy(network: dict, place: str) -> float:
 
 def _near(shape: Shape, network: dict) -> dict:
     """The network with the shape in 0D: where the 3D runs begin, so that few cycles will do."""
-    network = copy.deepcopy(network)
-    along = np.linspace(0.0, 1.0, 401)
-    thinner = float(np.mean(shape.radius(along) ** -4.0))
+    network, healthy = copy.deepcopy(network), _healthy(network, shape.place)
     values = vessel_values(network, shape.place)
-    values["R_poiseuille"] *= thinner
+    values["R_poiseuille"] *= float(np.mean(shape.radius(np.linspace(0.0, 1.0, 401)) ** -4.0))
     if shape.kind in STENOSES:
-        ratio = STENOSES[shape.kind] ** 2
-        values["stenosis_coefficient"] = stenosis_coefficient(ratio, _healthy(network, shape.place), Physics())
+        values["stenosis_coefficient"] = stenosis_coefficient(STENOSES[shape.kind] ** 2, healthy, Physics())
     return network
 
 
