@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coronaryuq import files, records
+from coronaryuq import cli, files, records
 from coronaryuq.errors import InputError
 
 floats = st.floats(allow_nan=False, allow_infinity=False)
@@ -30,6 +30,52 @@ def test_broken_json_is_named_on_one_line(tmp_path, text):
     with pytest.raises(InputError) as caught:
         files.read_json(path)
     assert "case.json" in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "raw",
+    [
+        b"name,value\nvan Gogh,1.5\nb,-2\n",
+        b"\xef\xbb\xbfname,value\r\nvan Gogh,1.5\r\nb,-2\r\n",
+        b"# by hand\nname,value\nvan Gogh,1.5\n# and more\nb,-2\n",
+        b"name;value\nvan Gogh;1,5\nb;-2\n",
+        b"name;value\nvan Gogh;1.5\nb;-2\n",
+        b"name\tvalue\nvan Gogh\t1.5\nb\t-2\n",
+        "name,value\nvan Gogh,1.5\nb,-2\n".encode("utf-16"),
+    ],
+)
+def test_a_table_reads_the_same_however_a_spreadsheet_wrote_it(tmp_path, raw):
+    (tmp_path / "t.csv").write_bytes(raw)
+    frame = files.read_csv(tmp_path / "t.csv", ("name", "value"))
+    assert frame["name"].tolist() == ["van Gogh", "b"] and frame["value"].tolist() == [1.5, -2.0]
+
+
+def test_a_table_in_windows_western_code_page(tmp_path):
+    (tmp_path / "t.csv").write_bytes("name,note\na,3 µm\n".encode("cp1252"))
+    assert files.read_csv(tmp_path / "t.csv")["note"].tolist() == ["3 µm"]
+
+
+def test_a_result_that_cannot_be_written_is_one_line(tmp_path, capsys):
+    network = {
+        "simulation_parameters": {"number_of_cardiac_cycles": 1, "number_of_time_pts_per_cardiac_cycle": 3},
+        "boundary_conditions": [
+            {"bc_name": "IN", "bc_type": "FLOW", "bc_values": {"t": [0, 1], "Q": [1, 1]}},
+            {"bc_name": "OUT", "bc_type": "RESISTANCE", "bc_values": {"R": 1.0, "Pd": 0.0}},
+        ],
+        "junctions": [],
+        "vessels": [
+            {
+                "vessel_id": 0,
+                "vessel_name": "v",
+                "boundary_conditions": {"inlet": "IN", "outlet": "OUT"},
+                "zero_d_element_type": "BloodVessel",
+                "zero_d_element_values": {"R_poiseuille": 1.0},
+            }
+        ],
+    }
+    files.write_json(tmp_path / "n.json", network)
+    assert cli.main(["solve", str(tmp_path / "n.json"), str(tmp_path)]) == 2
+    assert capsys.readouterr().err == f"error: {tmp_path}: Is a directory\n"
 
 
 def test_missing_column_is_named_with_those_present(tmp_path):

@@ -1,7 +1,10 @@
 """Files that are whole or absent: written beside their place, then renamed."""
 
+import codecs
+import io
 import json
 import os
+import re
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -123,16 +126,41 @@ def write_csv(path: str | Path, frame) -> None:
 
 
 def read_csv(path: str | Path, columns: tuple[str, ...] = ()):
-    """Read a CSV into a DataFrame; a missing file, a broken one or a missing column is an `InputError`."""
+    """Read a CSV into a DataFrame; a missing file, a broken one or a missing column is an `InputError`.
+
+    Takes what spreadsheets write, too: see `table_text`; with semicolons, decimal commas.
+    """
     import pandas as pd
 
+    text, separator = table_text(path)
+    decimal = "," if separator == ";" and re.search(r"(?:^|;)\s*[-+]?\d*,\d+\s*(?:;|$)", text, re.MULTILINE) else "."
     try:
-        frame = pd.read_csv(path, skipinitialspace=True)
+        frame = pd.read_csv(io.StringIO(text), sep=separator, decimal=decimal, skipinitialspace=separator != "\t")
+    except ValueError as error:
+        reason = " ".join(str(error).split())
+        raise InputError(path, None, None, f"not a readable CSV ({reason})") from None
+    return _with_columns(path, frame, columns)
+
+
+def table_text(path: str | Path) -> tuple[str, str]:
+    """Text of a table without lines that begin with #, and what separates its cells: a comma, semicolon or tab.
+
+    UTF-8 with or without a mark, UTF-16 with one, else Windows' Western code page. The first line tells the separator.
+    """
+    try:
+        raw = Path(path).read_bytes()
     except FileNotFoundError:
         raise InputError(path, None, None, "no such file") from None
-    except (ValueError, OSError) as error:
-        raise InputError(path, None, None, f"not a readable CSV ({error})") from None
-    return _with_columns(path, frame, columns)
+    except OSError as error:
+        raise InputError(path, None, None, f"cannot be read ({error.strerror})") from None
+    try:
+        text = raw.decode("utf-16" if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8-sig")
+    except UnicodeDecodeError:
+        text = raw.decode("cp1252", errors="replace")
+    lines = [line for line in text.splitlines(keepends=True) if not line.startswith("#")]
+    first = next((line for line in lines if line.strip()), "")
+    separator = next((mark for mark in ",;\t" if mark in first), ",")
+    return "".join(lines), separator
 
 
 def _with_columns(path: str | Path, frame, columns: tuple[str, ...]):

@@ -13,7 +13,7 @@ from coronaryuq.case.description import Branch, TerritoryFlows
 from coronaryuq.case.perfusion_map import PLAUSIBLE_FLOW, PLAUSIBLE_VOLUME
 from coronaryuq.case.yamlfile import read_yaml
 from coronaryuq.errors import InputError
-from coronaryuq.files import read_csv
+from coronaryuq.files import read_csv, table_text
 from coronaryuq.units import FLOWS, MBF_PER_MIN_PER_G, PRESSURES, TISSUE_DENSITY, perfusions
 
 BRANCHES = get_args(Branch)
@@ -228,16 +228,14 @@ def read_case_targets(path: Path) -> dict[str, dict]:
 
 def _csv_targets(path: Path) -> dict[str, tuple]:
     given: dict[str, tuple] = {}
-    try:
-        lines = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
-    except UnicodeDecodeError:
-        raise InputError(path, None, None, "not a text file") from None
-    for number, row in enumerate(lines, start=1):
+    text, separator = table_text(path)
+    for number, row in enumerate(csv.reader(text.splitlines(), delimiter=separator), start=1):
         if not row or not any(cell.strip() for cell in row):
             continue
         if len(row) != 3:
             raise InputError(path, f"line {number}", ",".join(row), "wanted name, description, value")
         name, description, value = (cell.strip() for cell in row)
+        value = value.replace(",", ".") if separator == ";" else value
         if number == 1 and (name, value) == ("name", "value"):
             continue
         if name in given:

@@ -66,7 +66,10 @@ def read_measurements(path: str | Path, conditions, locations: dict[str, list[st
 def _table(path: str | Path) -> pd.DataFrame:
     """The table with words trimmed, numbers as numbers where they are, and units in this project's spelling."""
     frame = read_csv(path)
-    frame.columns = [str(name).strip() for name in frame.columns]
+    names = [str(name).strip() for name in frame.columns]
+    frame.columns = [name if name.lower() in names else name.lower() for name in names]
+    if "time" not in frame.columns:
+        frame["time"] = np.nan
     for column in COLUMNS:
         if column not in frame.columns:
             raise InputError(path, column, None, f"column missing; the file has {', '.join(frame.columns)}")
@@ -75,6 +78,8 @@ def _table(path: str | Path) -> pd.DataFrame:
         raise InputError(path, None, None, "holds no measurement")
     for column in ("condition", "quantity", "location", "statistic", "unit"):
         frame[column] = ["" if pd.isna(cell) else str(cell).strip() for cell in frame[column]]
+    for column in ("quantity", "statistic"):
+        frame[column] = frame[column].str.lower()
     for column in ("time", "value", "sd"):
         numbers = pd.to_numeric(frame[column], errors="coerce")
         frame[column] = (
@@ -114,7 +119,7 @@ def _check_row(path, number: int, row, conditions, locations) -> None:
     if str(row.unit) not in UNITS[row.quantity]:
         fail("unit", row.unit, f"not a unit of {row.quantity}; know {', '.join(UNITS[row.quantity])}")
     if not _number(row.value):
-        fail("value", row.value, "want a number")
+        fail("value", row.value, "want a number; leave a row without one out")
     if not _number(row.sd) or row.sd <= 0:
         fail("sd", row.sd, "want the standard deviation of the measurement, a positive number in the unit of the value")
     if row.statistic == "waveform" and not _number(row.time):
@@ -139,7 +144,8 @@ def _check_waveform(path, key, time: np.ndarray, period: float) -> None:
             path,
             where,
             round(gap, 3),
-            f"waveform does not cover the cycle of {period:.4g} s: a gap of {gap:.0%}; give it whole",
+            f"waveform does not cover the cycle of {period:.4g} s: a gap of {gap:.0%}; give it whole, "
+            "or the condition's period_scale",
         )
 
 
