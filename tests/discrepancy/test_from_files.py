@@ -329,6 +329,42 @@ def test_recordings_of_an_animal_become_a_case(tmp_path, flow, unit):
     read_problem(network, tmp_path / "case" / "measurements.csv", conditions, "c", Settings())
 
 
+def test_recordings_of_another_artery_in_other_units(tmp_path):
+    """The same beats under other headings make the same case, but for the artery's name."""
+    for name in ("X1_baseline", "X1_rest"):
+        recording(tmp_path, name, 30.0)
+        frame = pd.read_csv(tmp_path / f"{name}.csv")
+        other = {"Time [ms]": 1000 * frame["t abs [s]"], "LCx flow [mL/min]": frame["LAD Flow [ml/s]"]}
+        other |= {f"{p} [kPa]": frame[f"{p} [mmHg]"] * MMHG / 1e4 for p in ("LVP", "AoP")}
+        pd.DataFrame(other).to_csv(tmp_path / f"X2_{name[3:]}.csv", index=False)
+    prepare(tmp_path, "X1", tmp_path / "one")
+    prepare(tmp_path, "X2", tmp_path / "two")
+    one, two = (pd.read_csv(tmp_path / folder / "measurements.csv") for folder in ("one", "two"))
+    assert set(two.location) == {"AORTA:lcx"}
+    pd.testing.assert_frame_equal(one.drop(columns="location"), two.drop(columns="location"), rtol=1e-12)
+    one, two = (files.read_json(tmp_path / folder / "model.json") for folder in ("one", "two"))
+    one, two = (network["boundary_conditions"][0]["bc_values"]["P"] for network in (one, two))
+    assert two == pytest.approx(one, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("AoP [mmHg]", "AoP [bar]", "X1_rest.csv: AoP [bar] = 'bar': know dyn/cm2, mmhg, pa, kpa"),
+        ("AoP [mmHg]", "Pa [mmHg]", "X1_rest.csv: AoP [mmHg]: column missing"),
+        ("LAD Flow", "LCx Flow", "X1_rest.csv: flow = 'lcx ml/s': the other recordings hold lad ml/s"),
+    ],
+)
+def test_recordings_that_do_not_agree(tmp_path, old, new, said):
+    for name in ("X1_baseline", "X1_rest"):
+        recording(tmp_path, name, 30.0)
+    path = tmp_path / "X1_rest.csv"
+    path.write_text(path.read_text().replace(old, new))
+    with pytest.raises(InputError) as caught:
+        prepare(tmp_path, "X1", tmp_path / "case")
+    assert said in str(caught.value)
+
+
 def test_recordings_of_one_condition_are_too_few(tmp_path):
     recording(tmp_path, "X1_baseline", 30.0)
     with pytest.raises(InputError, match="X1_CONDITION.csv of two conditions"):
