@@ -370,3 +370,16 @@ def test_recordings_of_one_condition_are_too_few(tmp_path):
     with pytest.raises(InputError, match="X1_CONDITION.csv of two conditions"):
         prepare(tmp_path, "X1", tmp_path / "case")
     assert not (tmp_path / "case").exists()
+
+
+def test_pairs_with_a_gap_name_the_sample(tmp_path):
+    count = 24
+    flow, root = np.linspace(1.0, 2.0, count), np.linspace(90.0, 100.0, count)
+    table = {"sample": [f"s{i}" for i in range(count)], "ffr_lad": 0.9, "mean_flow:lad:BC_lad": flow}
+    table |= {"mean_pressure:AORTA:aorta": root, "mean_pressure:lad:BC_lad": 0.9 * root}
+    table = pd.DataFrame(table)
+    table.to_csv(tmp_path / "simulated.csv", index=False)
+    table.loc[5, "ffr_lad"] = np.nan
+    table.to_csv(tmp_path / "measured.csv", index=False)
+    with pytest.raises(InputError, match="ffr_lad = 'nan': s5 has no number"):
+        discover_pairs(tmp_path / "simulated.csv", tmp_path / "measured.csv", tmp_path / "out", 1)

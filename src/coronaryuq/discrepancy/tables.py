@@ -92,10 +92,11 @@ def branches(simulated: pd.DataFrame, measured: pd.DataFrame, file: str | Path) 
             source = "measured"
         ends = (simulated[p0].to_numpy(), measured[p3].to_numpy())
         parts = (root0, root3, distal0, distal3, *ends, flow0, flow3)
-        if not all(np.isfinite(part).all() for part in parts):
-            raise InputError(
-                file, f"ffr_{name}", "nan", "missing or not a number in some sample; leave that sample out"
-            )
+        whole = np.all([np.isfinite(part) for part in parts], axis=0)
+        if not whole.all():
+            sample = simulated.index[int(np.argmin(whole))]
+            remedy = f"{sample} has no number here, in the other table, or in a pressure or flow; leave it out"
+            raise InputError(file, f"ffr_{name}", "nan", remedy)
         found.append(Branch(name, place, *parts, venous, source))
     return found
 
