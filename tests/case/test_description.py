@@ -1,10 +1,16 @@
 """`case.yaml`: a sound one is read, each mistake is one line that says where and what is allowed."""
 
+import re
+import textwrap
+from pathlib import Path
+
 import pytest
 from case_files import write_case
 
 from coronaryuq.case.check import check_case
 from coronaryuq.case.description import read_description, schema
+from coronaryuq.case.reference import reference
+from coronaryuq.case.tables import read_case_targets, read_outlets
 
 
 def test_a_sound_case_has_no_findings_and_says_what_it_holds(small_tree, tmp_path):
@@ -178,6 +184,21 @@ def test_a_wrong_target_is_named(small_tree, tmp_path, mistake):
     path = write_case(tmp_path, small_tree)
     (tmp_path / "targets.csv").write_text(text + "\n")
     assert expected in check_case(path)[0][0]
+
+
+def test_the_examples_of_the_documentation_are_valid_and_its_fields_those_of_the_model(small_tree, tmp_path):
+    text = (Path(__file__).parents[2] / "docs" / "case.md").read_text(encoding="utf-8")
+    fields = text[text.index("### `case.yaml`") :]
+    assert fields == reference(), "run workflow/scripts/config_docs.py"
+    blocks = [block for block in re.findall(r"(?:^    .*\n)+", text, re.MULTILINE) if block.startswith("    name: ")]
+    assert len(blocks) == 3
+    for block in blocks:
+        (tmp_path / "case.yaml").write_text(textwrap.dedent(block))
+        read_description(tmp_path / "case.yaml")
+    for name, read in (("name,vessel,perfuses", read_outlets), ("PaoMin,", read_case_targets)):
+        start = text.index(f"    {name}")
+        (tmp_path / "table.csv").write_text(textwrap.dedent(text[start : text.index("\n\n", start)]))
+        assert len(read(tmp_path / "table.csv")) > 3
 
 
 def test_the_schema_describes_every_field():

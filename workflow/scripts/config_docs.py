@@ -1,11 +1,14 @@
-"""Write config/README.md and config/schema.json from the configuration model."""
+"""Write config/README.md, config/schema.json and the fields in docs/case.md from the models that check them."""
 
 from pathlib import Path
 
 from coronaryuq import config
+from coronaryuq.case.reference import reference
 from coronaryuq.files import write_json, write_text
 
 if __name__ == "__main__":
-    folder = Path(__file__).parents[2] / "config"
-    write_text(folder / "README.md", config.readme())
-    write_json(folder / "schema.json", config.schema())
+    root = Path(__file__).parents[2]
+    write_text(root / "config" / "README.md", config.readme())
+    write_json(root / "config" / "schema.json", config.schema())
+    case = root / "docs" / "case.md"
+    write_text(case, case.read_text(encoding="utf-8").partition("### `case.yaml`")[0] + reference())

@@ -37,9 +37,6 @@ class Anatomy(_Model):
     inlet: Point | None = Field(
         None, description="a point near the aortic inlet (valve side), where the two aortic ends could be confused"
     )
-    left: Point | None = Field(
-        None, description="a point near the left main or any left outlet, where the outlets table does not say it"
-    )
 
     @model_validator(mode="after")
     def _one_kind(self):
@@ -183,7 +180,9 @@ class Description(_Model):
     period: float | None = Field(None, gt=0.2, lt=3, description="cardiac period, s; default from the network, or 1.0")
     density: float = Field(BLOOD_DENSITY, ge=0.9, le=1.2, description="blood density, g/cm3")
     viscosity: float = Field(BLOOD_VISCOSITY, ge=0.005, le=0.2, description="blood viscosity, poise")
-    haematocrit: float | None = Field(None, gt=0.1, lt=0.7, description="volume fraction of red cells, if measured")
+    haematocrit: float | None = Field(
+        None, gt=0.1, lt=0.7, description="red cells' share of volume, for the record; give viscosity"
+    )
     tissue_density: float = Field(TISSUE_DENSITY, ge=0.9, le=1.2, description="density of myocardium, g/mL")
     hyperaemia: float = Field(
         0.24, gt=0, le=1, description="factor on coronary resistance from rest to the state in which the map was taken"
