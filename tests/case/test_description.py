@@ -212,6 +212,12 @@ def test_the_description_of_the_small_case(small_tree, tmp_path):
     assert (description.density, description.viscosity, description.hyperaemia) == (1.06, 0.04, 0.24)
 
 
+def test_a_case_without_stenoses_says_what_that_leaves_out(small_tree, tmp_path):
+    findings, summary = check_case(write_case(tmp_path, small_tree, stenoses="[]"))
+    assert findings == [] and any(line.startswith("stenoses: none, so nothing to be run in 3D") for line in summary)
+    assert "name a stretch of an artery" in check_case(write_case(tmp_path, small_tree, stenoses="auto"))[0][0]
+
+
 def test_a_wrong_length_unit_shows_in_the_arteries(small_tree, tmp_path):
     """The tree is in cm, its ends 1 to 1.2 mm in radius."""
     good = write_case(tmp_path / "cm", small_tree)

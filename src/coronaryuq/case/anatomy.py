@@ -242,8 +242,8 @@ def place_stenoses(
                 file,
                 "stenoses",
                 "auto",
-                f"no narrowing below an area ratio of {settings.narrowing}; name them, "
-                "or write [] for a patient without",
+                f"no narrowing below an area ratio of {settings.narrowing}; "
+                "name a stretch of an artery (vessel, start, end), or write [] for none in 3D",
             )
         return found, tuple(f"stenosis {s.name}: found on {s.vessel}, {s.start:.2f} to {s.end:.2f} cm" for s in found)
     placed = [_stenosis(file, description, tree, wanted) for wanted in description.stenoses if wanted.block is None]

@@ -50,6 +50,8 @@ def _summary(case: Case) -> list[str]:
         narrowing = "" if ratio is None else f", {1 - ratio:.0%} of the area, {1 - ratio**0.5:.0%} of the diameter"
         extent = "" if start is None else f", {start:.2f} to {stenosis['end']:.2f} cm"
         lines.append(f"stenosis {stenosis['name']}: vessel {stenosis['vessel']}{extent}{narrowing}")
+    if not facts["stenoses"]:
+        lines.append("stenoses: none, so nothing to be run in 3D; a stretch of an artery, narrow or not, may be named")
     given = [name for name, target in facts["targets"].items() if target["value"] is not None]
     lines.append(f"targets: {', '.join(given) or 'none'}")
     return lines + [f"note: {note}" for note in case.notes]

@@ -37,13 +37,28 @@ def test_resolution_at_the_throat_is_the_one_asked_for(stenosed):
     assert content["quality"]["throat_resolution"]["LAD"] == pytest.approx(3.0, rel=0.15)
 
 
+def test_elements_at_the_throat_are_twice_as_long_as_wide(stenosed):
+    out, *_ = stenosed
+    mesh = folder.read(out / "mesh-complete")
+
+    def length_over_width(between):
+        x = mesh.points[mesh.tets].mean(axis=1)[:, 0]
+        cells = mesh.tets[(x > between[0]) & (x < between[1])]
+        ends = mesh.points[np.unique(np.sort(cells[:, quality.EDGES].reshape(-1, 2)), axis=0)]
+        edge = np.abs(ends[:, 1] - ends[:, 0])
+        return edge[:, 0].mean() / np.hypot(edge[:, 1], edge[:, 2]).mean() / (2.0 / np.pi)  # 1 for all directions alike
+
+    assert length_over_width((1.0, 1.4)) == pytest.approx(2.0, rel=0.2)
+    assert length_over_width((0.1, 0.5)) == pytest.approx(1.0, rel=0.2)
+
+
 def test_quality_is_what_the_elements_have(stenosed):
     out, content, *_ = stenosed
     mesh = folder.read(out / "mesh-complete")
     ratio = quality.radius_ratio(mesh.points, mesh.tets)
     assert content["quality"]["radius_ratio_min"] == pytest.approx(ratio.min())
     assert ratio.min() >= 0.05
-    assert content["quality"]["dihedral_min"] > 8.0
+    assert content["quality"]["dihedral_min"] > 5.0
     assert content["nodes"] == len(mesh.points)
     assert content["volume"] == pytest.approx(quality.volumes(mesh.points, mesh.tets).sum())
 
@@ -200,10 +215,12 @@ def test_network_of_other_names_is_refused(stenosed):
         parts_of(tree, stenoses, other)
 
 
-def test_segments_without_stenosis_are_refused(tmp_path):
+@pytest.mark.parametrize("domain", ["segments", "trees"])
+def test_a_case_without_stenosis_is_refused_before_anything_runs(tmp_path, domain):
     (tmp_path / "case.json").write_text('{"stenoses": []}')
-    with pytest.raises(InputError, match="stenoses"):
-        make_mesh(tmp_path / "case.json", tmp_path / "t.vtp", tmp_path / "n.json", Settings(), tmp_path / "out")
+    settings = Settings(domain=domain)
+    with pytest.raises(InputError, match="stenoses = .*name a stretch of an artery"):
+        make_mesh(tmp_path / "case.json", tmp_path / "t.vtp", tmp_path / "n.json", settings, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 

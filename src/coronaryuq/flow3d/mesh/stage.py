@@ -38,8 +38,10 @@ def _make_mesh(case: Path, tree: Path, network: Path, settings: Settings, out: P
     if content.get("schematic"):
         raise InputError(case, "anatomy", None, "the case has none, and a drawing of a 0D network is not to be meshed")
     stenoses = read_stenoses(case)
-    if settings.domain == "segments" and not stenoses:
-        raise InputError(case, "stenoses", [], "domain `segments` needs at least one; choose `trees` or `whole`")
+    if not stenoses:
+        # Refused here rather than when the runs are done and there is no row to estimate.
+        remedy = "FFR and wall shear are asked of stenoses alone; name a stretch of an artery, narrow or not"
+        raise InputError(case, "stenoses", [], remedy)
     whole, loop = read_tree(tree), read_network(network)
     if settings.domain != "lumen":
         return mesh_tree(whole, stenoses, loop, settings, out)
