@@ -35,6 +35,7 @@ def make_case(folder: Path, **settings) -> Case:
         resolution=1.5,
         core_resolution=0.0,
         wall_grading=0.0,
+        axial_stretch=1.0,
         upstream_diameters=1.0,
         downstream_diameters=2.0,
     )

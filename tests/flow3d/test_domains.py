@@ -15,7 +15,7 @@ from coronaryuq.zerod.beds import HYPERAEMIA
 
 COARSE = {
     "throat_resolution": 2.0, "jet_resolution": 1.5, "resolution": 1.5, "core_resolution": 0.0, "wall_grading": 0.0,
-    "upstream_diameters": 1.5,    "downstream_diameters": 2.5, "ffr_diameters": 2.0,
+    "axial_stretch": 1.0, "upstream_diameters": 1.5, "downstream_diameters": 2.5, "ffr_diameters": 2.0,
 }  # fmt: skip
 SHORT = Settings(steps_per_cycle=300, ramp_cycles=0.2, max_cycles=2, wall_samples_per_cycle=50)
 DOMAINS = ("segments", "trees", "whole")

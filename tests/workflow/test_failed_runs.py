@@ -27,6 +27,7 @@ SETTINGS = {
         "resolution": 1.5,
         "core_resolution": 0,
         "wall_grading": 0,
+        "axial_stretch": 1,
     },
     "estimation": {"autoencoder": False, "trials": 5, "convergence_sizes": [20, 30, 40]},
 }

@@ -73,8 +73,10 @@ def shape(mesh: Mesh) -> dict:
 
 
 def resolution(tree: Tree, stenosis: Stenosis, mesh: Mesh) -> float:
-    """R/h at the throat: its radius over the mean edge of the tetrahedra within half a radius of it along the
-    vessel.
+    """R/h at the throat: its radius over the mean width of the tetrahedra within half a radius of it along the vessel.
+
+    The width is what their edges measure across the vessel over π/4, the share of edges in all directions, so that it
+    is the edge's length where elements are as long as wide.
     """
     place, radius = throat(tree, stenosis)
     vessel = tree[stenosis.vessel]
@@ -82,4 +84,6 @@ def resolution(tree: Tree, stenosis: Stenosis, mesh: Mesh) -> float:
     offset = mesh.points[mesh.tets].mean(axis=1) - centre
     axial = np.abs(offset @ tangent)
     near = (axial < 0.5 * radius) & (np.linalg.norm(offset, axis=1) < 1.5 * radius)
-    return float(radius / quality.edge_lengths(mesh.points, mesh.tets[near]).mean()) if near.any() else 0.0
+    across = mesh.points - ((mesh.points - centre) @ tangent)[:, None] * tangent
+    width = quality.edge_lengths(across, mesh.tets[near]).mean() / (np.pi / 4.0) if near.any() else np.inf
+    return float(radius / width)

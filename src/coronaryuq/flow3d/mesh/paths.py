@@ -1,6 +1,7 @@
 """From kept intervals of vessels to the paths, caps and element sizes of one piece of the mesh."""
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -110,19 +111,23 @@ class Size:
     `throat_resolution` at the throat. From there to the downstream end of the stenosis region it is
     `jet_resolution` at least (the throat's if that is less), since elements as large as the jet mix it away and spoil
     its wall shear; in its core, `CORE` radii of the throat about the axis, it is `core_resolution` of the throat's
-    radius.
+    radius. These are widths: from the throat to the end of the region elements are `axial_stretch` times as long along
+    the vessel, and upstream of the throat less with the radius lost.
+
+    factor: on all sizes. stretched: whether any element is longer than wide.
     """
 
     def __init__(self, implicit: Implicit, stenoses: Sequence[Stenosis], settings: Settings):
-        self.implicit = implicit
-        self._sizes, self._cores = [], []
+        self.implicit, self.factor = implicit, 1.0
+        self._sizes, self._stretches, self._cores = [], [], []
         for path in implicit.paths:
-            ratio = np.full(len(path.radii), settings.resolution)
+            ratio, stretch = np.full(len(path.radii), settings.resolution), np.ones(len(path.radii))
             for stenosis in stenoses:
                 within, lost = narrowed(path, stenosis)
                 if not len(within):
                     continue
                 ratio[within] += (settings.throat_resolution - settings.resolution) * lost
+                stretch[within] = np.maximum(stretch[within], 1.0 + (settings.axial_stretch - 1.0) * lost)
                 throat = within[np.argmax(lost)]
                 jet = slice(throat, None)
                 length = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(path.points[jet], axis=0), axis=1))]
@@ -130,13 +135,16 @@ class Size:
                 reach = length[last] + 2.0 * settings.region_downstream_diameters * path.radii[jet][last]
                 least = min(settings.jet_resolution, settings.throat_resolution)
                 ratio[jet] = np.where(length <= reach, np.maximum(ratio[jet], least), ratio[jet])
+                stretch[jet] = np.where(length <= reach, settings.axial_stretch, stretch[jet])
                 if settings.core_resolution:
                     line = path.points[jet][length <= reach]
                     self._cores.append((line, float(path.radii[throat]), settings.core_resolution))
             self._sizes.append(path.radii / ratio)
+            self._stretches.append(stretch)
+        self.stretched = any(bool((stretch > 1.0).any()) for stretch in self._stretches)
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
-        """Wanted edge length (m,) at points (m, 3), cm."""
+        """Wanted edge length (m,) across the vessel at points (m, 3), cm."""
         path, segment, along = self.implicit.nearest(points)
         size = np.empty(len(points))
         for index, values in enumerate(self._sizes):
@@ -145,7 +153,29 @@ class Size:
         for line, radius, resolution in self._cores:
             off, _ = cKDTree(line).query(points)
             size = np.minimum(size, radius / resolution + 0.5 * np.maximum(off - CORE * radius, 0.0))
-        return size
+        return self.factor * size
+
+    def varied(self, factor: float, stretched: bool) -> "Size":
+        """The same with all sizes times `factor`, and without stretch if so wanted."""
+        other = copy(self)
+        other.factor, other.stretched = self.factor * factor, self.stretched and stretched
+        return other
+
+    def metric(self, points: np.ndarray) -> np.ndarray:
+        """Metric (m, 6), cm^-2: xx, xy, xz, yy, yz, zz of the tensor in which every wanted edge is of length 1."""
+        path, segment, along = self.implicit.nearest(points)
+        stretch, tangent = np.empty(len(points)), np.empty((len(points), 3))
+        for index, values in enumerate(self._stretches):
+            own = np.flatnonzero(path == index)
+            first, t = segment[own], along[own]
+            stretch[own] = values[first] * (1.0 - t) + values[first + 1] * t
+            line = self.implicit.paths[index].points
+            tangent[own] = line[first + 1] - line[first]
+        tangent /= np.linalg.norm(tangent, axis=1)[:, None]
+        across = self(points) ** -2.0
+        less = across * (1.0 - stretch**-2.0)
+        i, j = np.triu_indices(3)
+        return across[:, None] * (i == j) - less[:, None] * tangent[:, i] * tangent[:, j]
 
 
 def narrowed(path: Path, stenosis: Stenosis) -> tuple[np.ndarray, np.ndarray]:

@@ -10,7 +10,7 @@ from coronaryuq.flow3d.mesh.errors import MeshError
 from coronaryuq.flow3d.mesh.grading import Grading, stand_off
 from coronaryuq.flow3d.mesh.implicit import Implicit
 from coronaryuq.flow3d.mesh.lumen import Lumen
-from coronaryuq.flow3d.mesh.paths import Cap
+from coronaryuq.flow3d.mesh.paths import Cap, Size
 from coronaryuq.flow3d.mesh.surface import WALL, enclosed_volume, surface
 
 THINNEST = 0.05
@@ -29,8 +29,8 @@ WORST_DIHEDRAL = 3.0
 @dataclass(frozen=True)
 class Attempt:
     """What differs from try to try: grid spacing and surface deviation in smallest radii, shortest edge in smallest
-    sizes, angle (degrees) from which an edge of the wall is kept sharp, factor on the element size, and whether a
-    given surface's own triangles are taken.
+    sizes, angle (degrees) from which an edge of the wall is kept sharp, factor on the element size, whether a given
+    surface's own triangles are taken, and whether elements are stretched where that is wanted.
     """
 
     spacing: float
@@ -39,14 +39,15 @@ class Attempt:
     sharp: float
     scale: float
     own: bool = False
+    stretched: bool = True
 
 
 ATTEMPTS = (
     Attempt(0.60, 0.25, 0.40, 120.0, 1.0, own=True),
     Attempt(0.50, 0.30, 0.70, 179.0, 0.97, own=True),
     Attempt(0.43, 0.20, 0.25, 90.0, 0.94),
-    Attempt(0.37, 0.35, 0.50, 75.0, 0.91),
-    Attempt(0.30, 0.15, 0.30, 120.0, 0.88),
+    Attempt(0.37, 0.35, 0.50, 75.0, 0.91, stretched=False),
+    Attempt(0.30, 0.15, 0.30, 120.0, 0.88, stretched=False),
 )
 
 
@@ -97,7 +98,7 @@ def _mesh(
     start: tuple[np.ndarray, np.ndarray, np.ndarray],
     implicit: Implicit | Lumen,
     caps: Sequence[Cap],
-    size: Callable,
+    size: Size,
     radius: float,
     gradation: float,
     grading: Grading,
@@ -109,14 +110,12 @@ def _mesh(
     def project(nodes: np.ndarray) -> np.ndarray:
         return implicit.project(nodes, 1e-3 * radius)
 
-    def wanted(nodes: np.ndarray) -> np.ndarray:
-        return attempt.scale * size(nodes)
-
+    size = size.varied(attempt.scale, attempt.stretched)
     enclosed = enclosed_volume(points, triangles)
     knobs = (attempt.deviation * radius, gradation, attempt.shortest, attempt.sharp)
-    points, triangles, refs = volume.remesh_surface(points, triangles, refs, wanted, *knobs)
+    points, triangles, refs = volume.remesh_surface(points, triangles, refs, size, *knobs)
     points, tets = volume.fill(points, triangles)
-    points, tets, triangles, refs = volume.remesh_volume(points, tets, triangles, refs, wanted, *knobs)
+    points, tets, triangles, refs = volume.remesh_volume(points, tets, triangles, refs, size, *knobs)
     triangles, refs = volume.outer_references(tets, triangles, refs)
     points = _fit(points, tets, triangles, refs, caps, project)
     points = _graded(points, tets, triangles, refs, implicit, grading, 1e-3 * radius)

@@ -19,7 +19,7 @@ class Settings(BaseModel):
         "radii; `lumen`: the case's own closed surface or mesh-complete folder, whatever it holds.",
     )
     throat_resolution: float = Field(
-        3.0, ge=2.0, le=20.0, description="Radius over element size (R/h) at the throat of a stenosis."
+        4.0, ge=2.0, le=20.0, description="Radius over element size (R/h) at the throat of a stenosis."
     )
     resolution: float = Field(2.0, ge=1.5, le=20.0, description="Local radius over element size (R/h) elsewhere.")
     jet_resolution: float = Field(
@@ -30,7 +30,7 @@ class Settings(BaseModel):
         "the jet sets wall shear; `throat_resolution` if that is less.",
     )
     core_resolution: float = Field(
-        2.0,
+        3.0,
         ge=0.0,
         le=20.0,
         description="Radius of the throat over element size within one and a half such radii of the axis, from the "
@@ -42,6 +42,13 @@ class Settings(BaseModel):
         le=1.0,
         description="How far nodes are drawn to the wall at a throat, where the boundary layer is thin: depth over "
         "radius to the power of 1 plus this; 0: not at all.",
+    )
+    axial_stretch: float = Field(
+        2.0,
+        ge=1.0,
+        le=3.0,
+        description="Length along the vessel over width of elements at a throat and behind it to the end of the "
+        "stenosis region, where flow changes quickly across the vessel and slowly along it; sizes above are widths.",
     )
     gradation: float = Field(
         1.3, gt=1.0, le=2.0, description="Largest ratio of neighbouring edge lengths that the mesher may leave."

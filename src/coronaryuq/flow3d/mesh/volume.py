@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from coronaryuq.flow3d.mesh.errors import MeshError
+from coronaryuq.flow3d.mesh.paths import Size
 from coronaryuq.flow3d.mesh.quality import boundary, volumes
 
 Project = Callable[[np.ndarray], np.ndarray]
@@ -14,7 +15,7 @@ def remesh_surface(
     points: np.ndarray,
     triangles: np.ndarray,
     refs: np.ndarray,
-    size: Callable[[np.ndarray], np.ndarray],
+    size: Size,
     deviation: float,
     gradation: float,
     shortest: float,
@@ -27,15 +28,14 @@ def remesh_surface(
     """
     import mmgpy
 
-    wanted = size(points)
     mesh = mmgpy.MmgMeshS()
     rims = borders(triangles, refs)
     mesh.set_mesh_size(vertices=len(points), triangles=len(triangles), edges=len(rims))
     mesh.set_vertices(points)
     mesh.set_triangles(triangles.astype(np.int32), refs.astype(np.int32))
     _keep_sharp(mesh, rims)
-    mesh.set_field("metric", wanted[:, None])
-    mesh.remesh(hausd=deviation, hgrad=gradation, ar=sharp, hmin=float(wanted.min() * shortest), verbose=-1)
+    smallest = _ask(mesh, size, points)
+    mesh.remesh(hausd=deviation, hgrad=gradation, ar=sharp, hmin=smallest * shortest, verbose=-1)
     triangles, refs = mesh.get_triangles_with_refs()
     return np.asarray(mesh.get_vertices(), float), np.asarray(triangles, np.int64), np.asarray(refs, np.int64)
 
@@ -57,7 +57,7 @@ def remesh_volume(
     tets: np.ndarray,
     triangles: np.ndarray,
     refs: np.ndarray,
-    size: Callable[[np.ndarray], np.ndarray],
+    size: Size,
     deviation: float,
     gradation: float,
     shortest: float,
@@ -66,7 +66,6 @@ def remesh_volume(
     """Points, tetrahedra, boundary triangles and their references after mmg3d; arguments as in `remesh_surface`."""
     import mmgpy
 
-    wanted = size(points)
     mesh = mmgpy.MmgMesh3D()
     rims = borders(triangles, refs)
     mesh.set_mesh_size(vertices=len(points), tetrahedra=len(tets), triangles=len(triangles), edges=len(rims))
@@ -74,8 +73,8 @@ def remesh_volume(
     mesh.set_tetrahedra(tets.astype(np.int32))
     mesh.set_triangles(triangles.astype(np.int32), refs.astype(np.int32))
     _keep_sharp(mesh, rims)
-    mesh.set_field("metric", wanted[:, None])
-    mesh.remesh(hausd=deviation, hgrad=gradation, ar=sharp, hmin=float(wanted.min() * shortest), verbose=-1)
+    smallest = _ask(mesh, size, points)
+    mesh.remesh(hausd=deviation, hgrad=gradation, ar=sharp, hmin=smallest * shortest, verbose=-1)
     triangles, refs = mesh.get_triangles_with_refs()
     points, tets = np.asarray(mesh.get_vertices(), float), np.asarray(mesh.get_tetrahedra(), np.int64)
     return points, oriented(points, tets), np.asarray(triangles, np.int64), np.asarray(refs, np.int64)
@@ -87,6 +86,16 @@ def borders(triangles: np.ndarray, refs: np.ndarray) -> np.ndarray:
     order = np.lexsort(edges.T[::-1])
     edges, side = edges[order], np.tile(refs, 3)[order]
     return edges[::2][side[::2] != side[1::2]]
+
+
+def _ask(mesh, size: Size, points: np.ndarray) -> float:
+    """Ask mmg for the wanted sizes at its vertices; returns the smallest width, cm."""
+    wanted = size(points)
+    if size.stretched:
+        mesh.set_field("tensor", size.metric(points))
+    else:
+        mesh.set_field("metric", wanted[:, None])
+    return float(wanted.min())
 
 
 def _keep_sharp(mesh, rims: np.ndarray) -> None:
