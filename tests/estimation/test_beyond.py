@@ -7,7 +7,10 @@ import pandas as pd
 import pytest
 from scipy.stats import norm
 
+from coronaryuq.bench.problems import ROW as ANY
+from coronaryuq.bench.problems import Trial, as_design
 from coronaryuq.estimation import beyond
+from coronaryuq.estimation.control_variates import Seen
 from coronaryuq.estimation.design import Block, Design
 from coronaryuq.estimation.estimators import predict
 from coronaryuq.estimation.folds import assign
@@ -64,6 +67,22 @@ def test_quantile(trials, share):
     truth = norm.ppf(share) * np.sqrt(1.3125)
     assert held_share(found, truth) >= 0.95 - 3 * np.sqrt(0.95 * 0.05 / len(found))
     assert abs(np.mean([v for v, _, _ in found]) - truth) < 0.05
+
+
+@pytest.mark.parametrize("share", [0.052, 0.503, 0.951])
+def test_a_quantile_of_a_finite_set_that_is_predicted_to_a_hair_is_the_one_of_the_set(share):
+    """400 values are wanted, and intervals far narrower than what lies between two of them."""
+    rng = generator(5, "beyond", "finite")
+    x, more = rng.normal(size=(50, 2)), rng.normal(size=(400, 2))
+    trial = Trial(seen_of(x), np.exp(0.1 * x[:, 0]), seen_of(more), more_y=np.exp(0.1 * more[:, 0]))
+    design = as_design(trial, assign(50, 10, 5, "finite"))
+    _, _, interval = beyond.quantile(design, trial.y, predict(design, ANY), share)
+    assert interval.holds(np.sort(trial.more_y)[int(share * 400)])
+    assert interval.half_width < 2e-4
+
+
+def seen_of(x):
+    return Seen(x, x[:, 0], x)
 
 
 def test_variance(trials):

@@ -9,7 +9,7 @@ from coronaryuq.bench.coverage import cell, cross_fitted
 from coronaryuq.bench.problems import Trial, from_runs
 from coronaryuq.estimation import gaussian_process as gp
 from coronaryuq.estimation import matern
-from coronaryuq.estimation.control_variates import METHODS, Seen
+from coronaryuq.estimation.control_variates import METHODS, RUNS_PER_POWER, Seen, with_rival
 from coronaryuq.estimation.crossfit import Propagated, combine
 from coronaryuq.estimation.influence import Influence
 from coronaryuq.estimation.runs import read_rows, read_runs
@@ -48,6 +48,33 @@ def test_a_change_of_a_process_is_that_of_the_linear_smoother_it_is():
         model.parameters, (new - model.shift) / model.scale, a[others], alpha
     )
     np.testing.assert_allclose(model.influence(new)[:, 3], model.predict(new) - without, atol=1e-6)
+
+
+def test_a_change_of_a_process_of_a_logarithm_is_that_of_its_exponential():
+    """And so are its leave-one-out residuals: prediction and influence at a training run come to the same."""
+    rng = generator(4, "influence", "logarithm")
+    x, new = rng.normal(size=(25, 2)), rng.normal(size=(7, 2))
+    y = np.exp(0.3 * x[:, 0] + 0.1 * x[:, 1] ** 2)
+    model, fitted = gp.fit(np.column_stack([x, x]), np.log(y)), METHODS["process of logarithm"](seen_of(x), y)
+    both = np.column_stack([new, new])
+    np.testing.assert_allclose(fitted.predict(seen_of(new)), np.exp(model.predict(both)), rtol=1e-12)
+    without = np.exp(model.predict(both)[:, None] - model.influence(both))
+    change = fitted.predict(seen_of(new))[:, None] - without
+    np.testing.assert_allclose(fitted.influence(seen_of(new)), change, atol=1e-12)
+    np.testing.assert_allclose(np.log(y - fitted.leave_one_out), np.log(y) - model.leave_one_out, atol=1e-12)
+
+
+def test_a_rival_that_says_something_else_widens_the_doubt_by_what_a_mixture_would_have():
+    rng = generator(4, "rival")
+    x, far = seen_of(rng.uniform(0, 1, (20, 1))), seen_of(np.full((3, 1), 3.0))
+    y = 1 + x.row_output
+    line, curve = (METHODS[name](x, y + 0.01 * np.cos(9 * y)) for name in ("linear 0D", "process of logarithm"))
+    weights = np.array([line.missed, curve.missed]) ** (-20 / RUNS_PER_POWER)
+    weights /= weights.sum()
+    apart = line.predict(far) - curve.predict(far)
+    wanted = line.variance(far) + weights.prod() * apart**2
+    np.testing.assert_allclose(with_rival(line, curve).variance(far), wanted)
+    np.testing.assert_array_equal(with_rival(line, curve).predict(far), line.predict(far))
 
 
 def test_claim_with_the_covariance_between_folds_is_exact_where_everything_can_be_enumerated():

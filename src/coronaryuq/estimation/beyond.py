@@ -25,6 +25,9 @@ TAIL_RUNS = 10
 DISAGREEMENTS, PRIOR = 1 / 3, 5
 # Propagation samples per fold at which the doubt is asked for, and the share of them that counts as near a threshold.
 SAMPLES, NEAR = 200, 0.05
+# A distribution function is inverted at so many places, in rounds around what the one before found, until the interval
+# is so many times as wide as the distance of two places.
+ROUNDS, PLACES, FINE = 8, 31, 10
 # Of the polynomial that stands for the effect of one input.
 DEGREE = 7
 
@@ -58,14 +61,21 @@ def quantile(design: Design, y: np.ndarray, made: Predictions, share: float, lev
     rough = np.quantile(np.concatenate([y, *made.raw]), [max(share - 0.15, 0), min(share + 0.15, 1)])
     # Room for what no run and no prediction has reached.
     room = 0.25 * (rough[1] - rough[0])
-    grid = np.linspace(rough[0] - room, rough[1] + room, 91)
+    start, end = rough[0] - room, rough[1] + room
     doubts = _doubts(design, made)
-    found = [_probability(design, y, made, doubts, at, level) for at in grid]
-    middle, half = np.array([f.value for f in found]), np.array([f.half for f in found])
-    # Every place whose interval holds the share, so the interval is as good as that of a probability; the value in
-    # the middle of the first and last crossing, for the estimated function need not rise everywhere.
-    low, high = _crossing(grid, _risen(middle + half), share), _crossing(grid, _yet_to_fall(middle - half), share)
-    value = (_crossing(grid, _risen(middle), share) + _crossing(grid, _yet_to_fall(middle), share)) / 2
+    for _ in range(ROUNDS):
+        grid = np.linspace(start, end, PLACES)
+        found = [_probability(design, y, made, doubts, at, level) for at in grid]
+        middle, half = np.array([f.value for f in found]), np.array([f.half for f in found])
+        # Every place whose interval holds the share, so the interval is as good as that of a probability; the value in
+        # the middle of the first and last crossing, for the estimated function need not rise everywhere.
+        low, high = _first(grid, middle + half, share), _last(grid, middle - half, share)
+        value = (_first(grid, middle, share) + _last(grid, middle, share)) / 2
+        # The estimated function may have steps, and the interval be narrower than the distance of two places.
+        cell = grid[1] - grid[0]
+        if high - low > FINE * cell:
+            break
+        start, end = min(low, value) - 2 * cell, max(high, value) + 2 * cell
     z = ndtri((1 + level) / 2)
     return value, (high - low) / (2 * z), Interval(min(low, value), max(high, value), level)
 
@@ -251,17 +261,20 @@ def _blocks(design: Design, made: Predictions, of) -> list[Propagated]:
     return [Propagated(b.average(of(v)), b.repeats) for b, v in zip(design.blocks, made.raw, strict=True)]
 
 
-def _risen(curve: np.ndarray) -> np.ndarray:
-    return np.maximum.accumulate(curve)
+def _first(grid: np.ndarray, curve: np.ndarray, at: float) -> float:
+    """Where a curve that need not rise everywhere first reaches `at`; the end of the grid where it does not."""
+    reached = np.flatnonzero(curve >= at)
+    if len(reached) == 0:
+        return float(grid[-1])
+    i = reached[0]
+    if i == 0:
+        return float(grid[0])
+    return float(grid[i - 1] + (grid[i] - grid[i - 1]) * (at - curve[i - 1]) / (curve[i] - curve[i - 1]))
 
 
-def _yet_to_fall(curve: np.ndarray) -> np.ndarray:
-    return np.minimum.accumulate(curve[::-1])[::-1]
-
-
-def _crossing(grid: np.ndarray, rising: np.ndarray, at: float) -> float:
-    """Where a curve that does not fall reaches `at`."""
-    return float(np.interp(at, rising, grid))
+def _last(grid: np.ndarray, curve: np.ndarray, at: float) -> float:
+    """Where it is for the last time no more than `at`."""
+    return -_first(-grid[::-1], -curve[::-1], -at)
 
 
 def _rare(n: int, share: float) -> dict:
