@@ -27,6 +27,7 @@ from coronaryuq.discrepancy.conditions import read_conditions
 from coronaryuq.discrepancy.model import read_problem
 from coronaryuq.discrepancy.search import Discovery, discover
 from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.errors import InputError
 from coronaryuq.seeds import generator
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Effect, Series
@@ -132,7 +133,7 @@ def run(
     if solver == "3d":
         entries = trials_3d(range(offset, offset + seeds), effects or (("lca1:moderate",) if quick else ()))
     else:
-        made = closed_loop(read_network(network)) if network else open_loop()
+        made = _loop(network) if network else open_loop()
         every = loop_cases if network else partial(cases, quick)
         todo = [one for one in every(seeds, strengths, noises, offset) if not effects or one.label in effects]
         entries = (trial(case, made) for case in todo)
@@ -144,6 +145,14 @@ def run(
         if time.process_time() - start > limit:
             break
     return {"quick": quick, **score(found), "cases": found}
+
+
+def _loop(path: str) -> Made:
+    network = read_network(path)
+    anatomy = Anatomy(network)
+    if not anatomy.closed_loop or not anatomy.beds:
+        raise InputError(path, None, None, "no closed loop with coronary beds; tune one by coronaryuq tune")
+    return closed_loop(network)
 
 
 def trials_3d(seeds: range, wanted: tuple[str, ...]) -> Iterator[dict]:
@@ -214,6 +223,8 @@ def hide(case: Case, made: Made, folder: Path) -> tuple[hidden.Truth | None, int
                 sign = random.choice((-1.0, 1.0))
                 sizes.append(positive if parameter.kind == "lognormal" else sign * signed)
         strange = outside(case.outside, network, random) if case.outside else None
+        if case.outside and strange is None:
+            return None, 0
         # Noise and nuisance parameters of their own in every cell, so that trials are independent.
         seed = int(random.integers(2**31))
         truth = hidden.hide(

@@ -66,15 +66,23 @@ def known_stenosis(made: Made) -> Made:
 
 
 def outside(name: str, network: dict, random: np.random.Generator):
-    """A change of a condition's network that no effect of the library expresses; in a closed loop at a random place."""
+    """A change of a condition's network that no effect of the library expresses; in a closed loop at a random place.
+
+    None where the loop has no place for it: no second bed to be swapped with.
+    """
     anatomy = Anatomy(network)
     vessel, bed, swapped = "lad_proximal", "BC_lcx", ("BC_lad", "BC_diagonal", "BC_lcx")
     if anatomy.closed_loop:
-        shared = [one for one in anatomy.coronary_vessels if len(anatomy.beds_below(one)) > 2]
+        fed = {one: len(anatomy.beds_below(one)) for one in anatomy.coronary_vessels}
+        shared = [one for one, beds in fed.items() if beds >= min(3, max(fed.values()))]
         vessel = shared[int(random.integers(len(shared)))]
-        left, right = (anatomy.beds_below(ostium) for ostium in anatomy.ostia[:2])
+        left, *others = (anatomy.beds_below(ostium) for ostium in anatomy.ostia)
         bed = left[int(random.integers(len(left)))]
-        swapped = (bed, right[int(random.integers(len(right)))])
+        # A second artery's, or, where one coronary feeds the heart, another one of its own.
+        right = others[0] if others else [one for one in left if one != bed]
+        if name == "miswired_outlets" and not right:
+            return None
+        swapped = (bed, right[int(random.integers(len(right)))]) if right else ()
     order = {"rest": 0.0, "hyperaemia": 1.0, "pacing": 2.0, "half dilated": 1.5}
 
     def scale(network, names, factor):
