@@ -47,9 +47,10 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
         text += "). "
         for parameter in found.beyond_prior(one.acting):
             low, high = (float(parameter.from_standard(k * CENTRAL_99)) for k in (-1, 1))
+            size = parameter.name.replace("_", " ")
             text += (
-                f"Its {parameter.name} lies beyond the central 99 % of what is thought possible ({low:.3g} to "
-                f"{high:.3g}): it may stand for something that the library does not have. "
+                f"Its {size} lies beyond the central 99 % of what is thought possible ({low:.3g} to {high:.3g}): "
+                "it may stand for something that the library does not have. "
             )
     text += (
         f"On {_kept(held_out)} the misfit falls from {found.before.misfit:.2f} to {found.after.misfit:.2f} "
