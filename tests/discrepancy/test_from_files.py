@@ -14,9 +14,10 @@ from coronaryuq.bench.discrepancy import Case, hide
 from coronaryuq.bench.hidden_cases import open_loop
 from coronaryuq.discrepancy import command, hidden
 from coronaryuq.discrepancy.conditions import Condition, read_conditions, under
+from coronaryuq.discrepancy.laws import LAWS, predict
 from coronaryuq.discrepancy.model import read_problem
 from coronaryuq.discrepancy.openloop import left_coronary
-from coronaryuq.discrepancy.pairs import LAWS, discover_pairs, predict
+from coronaryuq.discrepancy.pairs import discover_pairs
 from coronaryuq.discrepancy.recordings import prepare
 from coronaryuq.discrepancy.repair import repaired_conditions, repaired_network
 from coronaryuq.discrepancy.settings import Settings
