@@ -211,9 +211,11 @@ class Model:
     def _check_ends(self, block: Block) -> None:
         ends = len(block.inlets), len(block.outlets)
         if block.kind in VESSELS and ends != (1, 1):
-            raise InputError(self.file, f"vessels.{block.name}", ends, "a vessel needs one inlet and one outlet")
+            told = f"has {ends[0]} inlets and {ends[1]} outlets; wanted one of each: a junction or a boundary condition"
+            raise InputError(self.file, f"vessels.{block.name}", None, told)
         if block.kind in ("NORMAL_JUNCTION", "internal_junction", "BloodVesselJunction") and 0 in ends:
-            raise InputError(self.file, f"junctions.{block.name}", ends, "a junction needs inlets and outlets")
+            told = f"has {ends[0]} inlets and {ends[1]} outlets; wanted one of each at least"
+            raise InputError(self.file, f"junctions.{block.name}", None, told)
         if block.kind in BOUNDARIES and not any(ends):
             raise InputError(self.file, f"boundary_conditions.{block.name}", None, "is connected to no vessel")
         if block.kind.startswith("ClosedLoop") and ends != (1, 1):
