@@ -22,10 +22,7 @@ def osi_scatter(pairs: str, output: str) -> None:
     with saved(output, ncols=max(len(rows), 1), figsize=(3.2 * max(len(rows), 1), 3.6), squeeze=False) as (_, axes):
         for axis, row in zip(axes[0], rows, strict=False):
             part = table[table["row"] == row]
-            for column, ink, word in (
-                ("q", MUTED, "same θ"),
-                ("q_resampled", SIMULATED, "resampled, held out, folds aligned"),
-            ):
+            for column, ink, word in SCATTERED:
                 seen = part[column].notna()
                 if not seen.any():
                     continue
