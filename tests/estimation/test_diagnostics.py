@@ -83,7 +83,7 @@ def test_methods_that_were_not_verified_say_so():
 
 
 def test_the_selector_is_verified_only_where_its_residuals_hardly_count():
-    assert "more than 5% of its variance: here 40%" in str(diagnostics.unverified("best", 500, 0.4))
-    assert diagnostics.unverified("best", 50, 0.05) is None
+    assert "more than 25% of its variance: here 40%" in str(diagnostics.unverified("best", 500, 0.4))
+    assert diagnostics.unverified("best", 50, 0.25) is None
     assert "below 50 3D runs" in str(diagnostics.unverified("best", 40, 0.01))
     assert diagnostics.unverified("MFMC", 25, 1.0) is None

@@ -133,12 +133,12 @@ def coarse_failures(runs: Runs) -> Finding | None:
 
 
 # Fewest 3D runs from which the coverage benchmark holds for a method: spread within 15 %, coverage 93 to 97 % (cells in
-# docs/estimation.md); None: from none measured. MFMC-AE and multilevel: too few trials. "best" misses on published
-# row 9, where a corner of the inputs decides that most pilots have no run in.
+# docs/estimation.md); None: from none measured. MFMC-AE and multilevel: too few trials. "best" holds at 50 runs and
+# misses at 100: published row 9 holds in 91 %, row 5 claims 1.19 of its spread.
 VERIFIED_FROM = {"MC": 25, "MFMC": 25, "MFMC-AE": None, "BLUE": 25, "best": None, "multilevel": None}
-# What its residuals claim hardly counts where they are so small a share of the variance: with errors 1.7 times as wide
-# as claimed there, as on that row, an interval of 95 % still holds in 94 %. Then it is verified from the second number.
-SMALL_SHARE, VERIFIED_WHERE_SMALL = 0.05, {"best": 50}
+# Where its residuals are no more than this share of the variance, an interval of 95 % holds in 93 % even if they miss
+# as much more than claimed as the lower end of the worst cell's Wilson interval says. There the second number counts.
+SMALL_SHARE, VERIFIED_WHERE_SMALL = 0.25, {"best": 50}
 
 
 def unverified(method: str, n_3d: int, residual_share: float = 1.0) -> Finding | None:
