@@ -67,7 +67,7 @@ def test_a_row_that_names_no_column_lists_the_columns(folder):
         ("row,column_3d,column_0d\n", "no rows"),
         ("row,column_3d,column_0d\n1,osi,ffr_lad\n2,osi,\n", "column_0d of line 3: empty"),
         ("row,column_3d,column_0d\n,osi,ffr_lad\n", "row of line 2: empty"),
-        ("row;column_3d;column_0d\n1;osi;ffr_lad\n", "column missing"),
+        ("row|column_3d|column_0d\n1|osi|ffr_lad\n", "column missing"),
         ("row,column_3d,column_0d\n1,osi,ffr_lad\n1,osi,ffr_lad\n", "twice"),
     ],
 )
