@@ -154,7 +154,7 @@ def pairs(table: str | Path, output: str | Path) -> None:
             top, bottom = axes[:, column]
             top.plot(part.flow, part.drop_measured, ".", ms=2, color=MEASURED, label="measured")
             top.plot(part.flow, part.drop_model_at_flow, ".", ms=2, color=BEFORE, label="model at that flow")
-            top.set(title=name.upper(), xlabel="flow", ylabel="pressure drop")
+            top.set(title=name.upper(), xlabel="flow (the table's unit)", ylabel="pressure drop (the table's unit)")
             for key, colour, label in (
                 ("ffr_simulated", BEFORE, "as it is"),
                 ("ffr_recalibrated", FLEXIBLE, "recalibrated"),
