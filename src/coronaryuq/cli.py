@@ -45,6 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:  # a result cannot be written where it was asked for
         if error.filename is None:
             raise
+        # A finished file is renamed: what the user named is the second of the two.
         print(f"error: {error.filename2 or error.filename}: {error.strerror}", file=sys.stderr)
         return InputError.EXIT_CODE
 

@@ -61,7 +61,6 @@ class Estimate:
     n_0d: int
     predictions: int
     beta: float
-    residual_share: float
     interval: Interval
     warnings: tuple[str, ...] = ()
     residual_variance: float = 0.0
@@ -113,10 +112,8 @@ def combine(
     std = (from_residuals + from_blocks) ** 0.5
     well_known = from_blocks + trust * expected
     half = _quantile(values, bound - trust * expected, well_known, level) * (bound + from_blocks) ** 0.5
-    total = np.var(y)
     return Estimate(
         method, mean, std, correlation(y, held_out), n, n_0d, sum(b.predictions for b in blocks), beta,
-        float(np.var(y - held_out) / total) if total > 0 else 0.0,
         Interval(mean - half, mean + half, level), residual_variance=from_residuals,
         propagation_variance=from_blocks, residuals=residuals,
     )  # fmt: skip
