@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from coronaryuq import files
+from coronaryuq import cli, files
 from coronaryuq.bench.discovery_score import wilson
 from coronaryuq.bench.discrepancy import Case, hide
 from coronaryuq.bench.hidden_cases import open_loop
@@ -47,45 +47,51 @@ def hidden_stenosis(tmp_path_factory):
     return folder, truth
 
 
-def spoiled(folder, tmp_path, change):
-    for name in ("model.json", "conditions.yaml"):
-        (tmp_path / name).write_text((folder / name).read_text())
-    table = pd.read_csv(folder / "measurements.csv")
-    change(table).to_csv(tmp_path / "measurements.csv", index=False)
-    with pytest.raises(InputError) as caught:
-        command.main(case_arguments(tmp_path, tmp_path / "out"))
-    assert "\n" not in str(caught.value)
-    assert not (tmp_path / "out").exists()
-    return str(caught.value)
+@pytest.fixture
+def spoiled(hidden_stenosis, tmp_path, capsys):
+    """What the console command says of the case with a changed table: one line, and nothing written."""
+
+    def said(change):
+        for name in ("model.json", "conditions.yaml"):
+            (tmp_path / name).write_text((hidden_stenosis[0] / name).read_text())
+        table = pd.read_csv(hidden_stenosis[0] / "measurements.csv")
+        change(table).to_csv(tmp_path / "measurements.csv", index=False)
+        paths = ("--model", "model.json", "--measurements", "measurements.csv", "--conditions", "conditions.yaml")
+        words = [word if word.startswith("--") else str(tmp_path / word) for word in (*paths, "--out", "out")]
+        assert cli.main(["discrepancy", *words]) == InputError.EXIT_CODE
+        output, line = capsys.readouterr()
+        assert not output and not (tmp_path / "out").exists()
+        assert line.startswith("error: ") and line.count("\n") == 1
+        return line
+
+    return said
 
 
-def test_unknown_location(hidden_stenosis, tmp_path):
-    message = spoiled(
-        hidden_stenosis[0], tmp_path, lambda t: t.assign(location=t.location.replace("lad:BC_lad", "lad:BC_lda"))
-    )
+def test_unknown_location(spoiled):
+    message = spoiled(lambda t: t.assign(location=t.location.replace("lad:BC_lad", "lad:BC_lda")))
     assert "BC_lda" in message and "near: " in message and "lad:BC_lad" in message
 
 
-def test_wrong_unit(hidden_stenosis, tmp_path):
-    message = spoiled(hidden_stenosis[0], tmp_path, lambda t: t.assign(unit=t.unit.replace("mL/s", "mmHg")))
+def test_wrong_unit(spoiled):
+    message = spoiled(lambda t: t.assign(unit=t.unit.replace("mL/s", "mmHg")))
     assert "unit" in message and "'mmHg'" in message and "mL/min" in message
 
 
-def test_missing_sd(hidden_stenosis, tmp_path):
+def test_missing_sd(spoiled):
     def change(table):
         table.loc[3, "sd"] = np.nan
         return table
 
-    assert "line 5: sd" in spoiled(hidden_stenosis[0], tmp_path, change)
+    assert "line 5: sd" in spoiled(change)
 
 
-def test_one_condition_only(hidden_stenosis, tmp_path):
-    message = spoiled(hidden_stenosis[0], tmp_path, lambda t: t[t.condition == "rest"])
+def test_one_condition_only(spoiled):
+    message = spoiled(lambda t: t[t.condition == "rest"])
     assert "one condition only" in message
 
 
-def test_waveform_that_misses_part_of_the_cycle(hidden_stenosis, tmp_path):
-    message = spoiled(hidden_stenosis[0], tmp_path, lambda t: t[~(t.time > 0.5)])
+def test_waveform_that_misses_part_of_the_cycle(spoiled):
+    message = spoiled(lambda t: t[~(t.time > 0.5)])
     assert "does not cover the cycle" in message
 
 
@@ -289,8 +295,8 @@ def test_the_same_measurements_written_otherwise(hidden_stenosis, tmp_path, chan
         "twice",
     ],
 )
-def test_bad_tables_get_one_line(hidden_stenosis, tmp_path, change, said):
-    assert said in spoiled(hidden_stenosis[0], tmp_path, change)
+def test_bad_tables_get_one_line(spoiled, change, said):
+    assert said in spoiled(change)
 
 
 def test_every_measured_condition_held_out(hidden_stenosis, tmp_path):
