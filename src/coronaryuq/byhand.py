@@ -6,7 +6,7 @@ from typing import TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from coronaryuq.errors import InputError
+from coronaryuq.errors import InputError, refusal
 
 Settings = TypeVar("Settings", bound=BaseModel)
 
@@ -17,6 +17,11 @@ def run(work: Callable[[Settings], object], model: type[Settings], settings: str
         work(_read(model, settings))
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
+        return InputError.EXIT_CODE
+    except OSError as error:
+        if refusal(error) is None:
+            raise
+        print(f"error: {refusal(error)}", file=sys.stderr)
         return InputError.EXIT_CODE
     return 0
 

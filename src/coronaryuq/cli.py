@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 
 from coronaryuq import __version__
-from coronaryuq.errors import InputError
+from coronaryuq.errors import InputError, refusal
 
 BENCHMARKS = ("zerod", "perfusion", "dream", "flow3d", "table", "coverage", "discrepancy", "campaign")
 OPTIONS = {
@@ -43,10 +43,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:  # a result cannot be written where it was asked for
-        if error.filename is None:
+        if error.filename is None and refusal(error) is None:
             raise
-        # A finished file is renamed: what the user named is the second of the two.
-        print(f"error: {error.filename2 or error.filename}: {error.strerror}", file=sys.stderr)
+        print(f"error: {refusal(error) or f'{error.filename2 or error.filename}: {error.strerror}'}", file=sys.stderr)
         return InputError.EXIT_CODE
 
 

@@ -12,25 +12,34 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from coronaryuq.errors import InputError
+from coronaryuq.errors import REMEDIES, InputError
 
 
 @contextmanager
-def replacing(path: str | Path) -> Iterator[Path]:
+def replacing(path: str | Path, room: int = 0) -> Iterator[Path]:
     """Give a temporary path in the same folder; on success it takes the place of `path`, on any error it vanishes.
 
-    The temporary keeps the suffix of `path`, because many writers choose their format by it.
+    The temporary keeps the suffix of `path`, because many writers choose their format by it. An OSError while it is
+    written names `path`. room: bytes that must be free, asked for first: for writers that a full disk brings down.
     """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
     try:
-        yield beside
-        with open(beside, "rb") as written:
-            os.fsync(written.fileno())
-        os.replace(beside, path)
-    finally:
-        beside.unlink(missing_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            if room:
+                with open(beside, "wb") as reserved:
+                    os.posix_fallocate(reserved.fileno(), 0, room)
+            yield beside
+            with open(beside, "rb") as written:
+                os.fsync(written.fileno())
+            os.replace(beside, path)
+        finally:
+            beside.unlink(missing_ok=True)
+    except OSError as error:
+        if error.errno not in REMEDIES or error.filename not in (None, str(beside)):
+            raise
+        raise OSError(error.errno, os.strerror(error.errno), str(path)) from error
 
 
 def write_text(path: str | Path, text: str) -> None:
@@ -117,6 +126,13 @@ def read_vtk(path: str | Path):
     if data.n_points == 0:
         raise InputError(path, None, None, "holds no points; make it again")
     return data
+
+
+def write_vtk(path: str | Path, data) -> None:
+    """Write a pyvista data set in the format of the suffix."""
+    # VTK aborts the process on a full disk. Compressed and in base64 a file takes 4/3 of the data at most.
+    with replacing(path, room=1536 * data.GetActualMemorySize() + 65536) as beside:
+        data.save(beside)
 
 
 def write_csv(path: str | Path, frame) -> None:

@@ -19,14 +19,14 @@ import sys
 import time
 import traceback
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from coronaryuq.errors import InputError
+from coronaryuq.errors import InputError, refusal
 from coronaryuq.explain import write_note
 
 
@@ -52,13 +52,15 @@ class Tee:
 
     def write(self, text: str) -> int:
         for stream in self.streams:
-            stream.write(text)
-            stream.flush()
+            with suppress(OSError):  # a log on a full disk keeps nothing from the terminal
+                stream.write(text)
+                stream.flush()
         return len(text)
 
     def flush(self) -> None:
         for stream in self.streams:
-            stream.flush()
+            with suppress(OSError):
+                stream.flush()
 
     def isatty(self) -> bool:
         return False
@@ -90,13 +92,18 @@ def job(script_globals: dict[str, Any]) -> Iterator[Job]:
     except InputError as error:
         print(f"{this.name}: error: {error}", file=sys.stderr)
         sys.exit(InputError.EXIT_CODE)
-    except Exception:
-        traceback.print_exc()
+    except Exception as error:
+        told = refusal(error) if isinstance(error, OSError) else None
+        if told:
+            print(f"{this.name}: error: {told}", file=sys.stderr)
+        else:
+            traceback.print_exc()
         sys.exit(1)
     finally:
         sys.stderr = terminal
         if log:
-            log.close()
+            with suppress(OSError):
+                log.close()
 
 
 def leave_note(this: Job, cost: dict[str, float]) -> None:

@@ -11,7 +11,7 @@ from coronaryuq.case.narrowing import tightest
 from coronaryuq.case.surface import read_surface
 from coronaryuq.case.tree import Tree
 from coronaryuq.case.ventricle_atlas import atlas_wall, read_atlas, register_to_arteries
-from coronaryuq.files import replacing, write_text
+from coronaryuq.files import write_text, write_vtk
 from coronaryuq.units import MM
 
 OUTLETS = (
@@ -74,10 +74,8 @@ def write_aortic_root_case(
     tree = labelled(
         centreline_tree(out, surface, inlet, ends, surface_spacing), {o[0]: o[3] for o in OUTLETS}
     )  # fmt: skip
-    with replacing(out / "lumen.stl") as beside:
-        surface.polydata().save(beside)
-    with replacing(out / "lv.vtu") as beside:
-        _perfused_wall(data / "lv-atlas" / "LV_ED_mean.vtk", tree, seed).save(beside)
+    write_vtk(out / "lumen.stl", surface.polydata())
+    write_vtk(out / "lv.vtu", _perfused_wall(data / "lv-atlas" / "LV_ED_mean.vtk", tree, seed))
     write_text(
         out / "outlets.csv",
         "name,x,y,z,perfuses,branch,label\n"

@@ -5,7 +5,7 @@ from pathlib import Path
 from coronaryuq.case.assembly import assemble
 from coronaryuq.case.settings import Settings
 from coronaryuq.case.tree import write_tree
-from coronaryuq.files import replacing, write_json
+from coronaryuq.files import write_json, write_vtk
 from coronaryuq.provenance import stamp
 
 
@@ -19,6 +19,5 @@ def prepare_case(case_yaml: str | Path, settings: Settings, out_dir: str | Path)
     }
     write_tree(out / "tree.vtp", case.tree)
     write_json(out / "network.json", case.network)
-    with replacing(out / "lv.vtu") as beside:
-        case.wall.mesh.save(beside)
+    write_vtk(out / "lv.vtu", case.wall.mesh)
     write_json(out / "case.json", summary)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from coronaryuq.errors import InputError
-from coronaryuq.files import read_vtk, replacing
+from coronaryuq.files import read_vtk, write_vtk
 
 AORTA = "aorta"
 CORONARY_BRANCHES = ("LM", "LAD", "LCx", "RCA")
@@ -237,8 +237,7 @@ def write_tree(path: str | Path, tree: Tree) -> None:
     mesh.cell_data["VesselName"] = [v.name for v in tree]
     mesh.cell_data["Parent"] = [v.parent or "" for v in tree]
     mesh.cell_data["Branch"] = [v.branch for v in tree]
-    with replacing(path) as beside:
-        mesh.save(beside)
+    write_vtk(path, mesh)
 
 
 def read_tree(path: str | Path, scale: float = 1.0) -> Tree:

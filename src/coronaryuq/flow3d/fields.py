@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from coronaryuq.files import replacing
+from coronaryuq.files import write_vtk
 from coronaryuq.flow3d.geometry import Geometry
 
 
@@ -20,6 +20,5 @@ def write_fields(folder: Path, sample: str, geometry: Geometry, fields: dict[str
     wall = pv.PolyData.from_regular_faces(geometry.points[used], np.searchsorted(used, faces))
     for name in ("TAWSS", "OSI", "mean_pressure"):
         wall.point_data[name] = fields[name][used]
-    for data, path in ((lumen, folder / f"{sample}.vtu"), (wall, folder / f"{sample}_wall.vtp")):
-        with replacing(path) as beside:
-            data.save(beside)
+    write_vtk(folder / f"{sample}.vtu", lumen)
+    write_vtk(folder / f"{sample}_wall.vtp", wall)

@@ -12,7 +12,7 @@ import numpy as np
 
 from coronaryuq.case import casefile
 from coronaryuq.errors import InputError
-from coronaryuq.files import write_json
+from coronaryuq.files import write_json, write_vtk
 from coronaryuq.flow3d.backend import RunFailed, Sample
 from coronaryuq.flow3d.coupled_network import CoupledCase, couple
 from coronaryuq.flow3d.elements import face_vectors
@@ -168,7 +168,7 @@ def _initial_field(case: Case, pressures: Mapping[str, float], path: Path) -> No
         grid.point_data[name] = pressure
     for name in ("velocity", "Velocity"):
         grid.point_data[name] = np.zeros((n, 3))
-    grid.save(path)
+    write_vtk(path, grid)
 
 
 class Fields:

@@ -148,7 +148,8 @@ def summarise(chains: dict, settings: Settings, seed: int, posterior_nc: str | P
         )
     for group in data.groups():
         data[group].attrs.pop("created_at", None)  # equal posteriors are equal files
-    with replacing(posterior_nc) as beside:
+    size = sum(data[group].nbytes for group in data.groups())
+    with replacing(posterior_nc, room=size + 2**17) as beside:  # HDF5 loses the error on a full disk
         data.to_netcdf(str(beside))
     stride = max(1, -(-n * length // settings.draws))
     chosen = np.arange(0, n * length, stride)

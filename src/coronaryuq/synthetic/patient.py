@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 from coronaryuq.case.tree import write_tree
-from coronaryuq.files import replacing, write_csv, write_json, write_text
+from coronaryuq.files import write_csv, write_json, write_text, write_vtk
 from coronaryuq.synthetic.truth import Patient, State, bed_name
 from coronaryuq.units import MMHG
 from coronaryuq.zerod.beds import distal_resistances
@@ -46,8 +46,7 @@ def write_files(patient: Patient, folder: str | Path) -> None:
     folder = Path(folder)
     anatomy = patient.anatomy
     write_tree(folder / "tree.vtp", anatomy.tree)
-    with replacing(folder / "lv.vtu") as beside:
-        patient.wall.save(beside)
+    write_vtk(folder / "lv.vtu", patient.wall)
     outlets = [
         {"name": o.vessel, "vessel": o.vessel, "perfuses": o.perfuses, "branch": o.branch, "label": o.label}
         for o in anatomy.outlets

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from coronaryuq.errors import InputError
-from coronaryuq.files import read_vtk, replacing
+from coronaryuq.files import read_vtk, replacing, write_vtk
 from coronaryuq.flow3d.mesh.quality import areas, boundary, volumes
 from coronaryuq.flow3d.mesh.volume import oriented
 
@@ -58,11 +58,11 @@ def write(folder: str | Path, mesh: Mesh) -> None:
     grid.point_data["GlobalNodeID"] = nodes
     grid.cell_data["GlobalElementID"] = np.arange(1, len(mesh.tets) + 1, dtype=np.int32)
     grid.cell_data["ModelRegionID"] = np.ones(len(mesh.tets), np.int32)
-    _save(grid, folder / VOLUME)
-    _save(_surface(mesh, np.ones(len(mesh.face), bool)), folder / EXTERIOR)
-    _save(_surface(mesh, mesh.wall_triangles()), folder / WALLS)
+    write_vtk(folder / VOLUME, grid)
+    write_vtk(folder / EXTERIOR, _surface(mesh, np.ones(len(mesh.face), bool)))
+    write_vtk(folder / WALLS, _surface(mesh, mesh.wall_triangles()))
     for number, name in mesh.names.items():
-        _save(_surface(mesh, mesh.face == number), folder / SURFACES / f"{name}.vtp")
+        write_vtk(folder / SURFACES / f"{name}.vtp", _surface(mesh, mesh.face == number))
 
 
 def _surface(mesh: Mesh, chosen: np.ndarray):
@@ -76,11 +76,6 @@ def _surface(mesh: Mesh, chosen: np.ndarray):
     surface.cell_data["ModelFaceID"] = mesh.face[chosen].astype(np.int32)
     surface.cell_data["Region"] = mesh.region[chosen].astype(np.int32)
     return surface
-
-
-def _save(data, path: Path) -> None:
-    with replacing(path) as beside:
-        data.save(beside)
 
 
 def pack(folder: str | Path, archive: str | Path) -> None:

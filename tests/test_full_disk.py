@@ -1,0 +1,103 @@
+"""What cannot be written is one line that names the file, the reason and the remedy; nothing half written is left."""
+
+import contextlib
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from coronaryuq import byhand, cli, files
+from coronaryuq.flow3d.settings import Settings
+
+REPOSITORY = Path(__file__).parents[1]
+NO_ROOM = "No space left on device: make room there and run again\n"
+
+
+@pytest.fixture
+def disk(tmp_path):
+    """A file system of 256 kB, and a function that changes its options."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=256k", "none", str(folder)], capture_output=True).returncode:
+        pytest.skip("needs the right to mount a small file system")
+    try:
+        yield folder, lambda option: subprocess.run(["mount", "-o", f"remount,{option}", str(folder)], check=True)
+    finally:
+        subprocess.run(["umount", str(folder)], check=True)
+
+
+def arrays(path):
+    with files.replacing(path) as beside:
+        np.savez(beside, values=np.zeros(100_000))
+
+
+def packed(path):
+    with files.replacing(path) as beside, zipfile.ZipFile(beside, "w") as archive:
+        archive.writestr("values", bytes(1_000_000))
+
+
+def parquet(path):
+    with files.replacing(path) as beside:
+        pd.DataFrame({"x": np.random.default_rng(1).random(100_000)}).to_parquet(beside)
+
+
+WRITERS = {
+    "t.json": lambda path: files.write_json(path, list(range(100_000))),
+    "t.csv": lambda path: files.write_csv(path, pd.DataFrame({"x": np.arange(100_000)})),
+    "t.npz": arrays,
+    "t.zip": packed,
+    "t.parquet": parquet,
+}
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_full_disk_is_one_line(disk, capsys, name):
+    folder, _ = disk
+    files.write_text(folder / name, "before")
+    assert byhand.run(lambda settings: WRITERS[name](folder / name), Settings, "{}") == 2
+    assert capsys.readouterr().err == f"error: {folder / name}: {NO_ROOM}"
+    assert [path.name for path in folder.iterdir()] == [name] and (folder / name).read_text() == "before"
+
+
+def test_a_folder_that_takes_no_files_is_one_line(disk, capsys):
+    folder, remount = disk
+    remount("ro")
+    assert byhand.run(lambda settings: files.write_json(folder / "a" / "t.json", 1), Settings, "{}") == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"error: {folder / 'a'}") and "Read-only file system: name a folder elsewhere" in said
+
+
+def test_a_command_on_a_full_disk_is_one_line(disk, capsys, monkeypatch):
+    folder, _ = disk
+    monkeypatch.setattr("coronaryuq.cli._check", lambda chosen: WRITERS["t.csv"](folder / "t.csv"))
+    assert cli.main(["check", "case.yaml"]) == 2
+    assert capsys.readouterr().err == f"error: {folder / 't.csv'}: {NO_ROOM}"
+
+
+@pytest.mark.parametrize("name", ["t.vtu", "t.vtp"])
+def test_a_job_whose_mesh_and_log_find_no_room_says_so_in_one_line(disk, name):
+    """In a process of its own: VTK's writers bring it down on a full disk."""
+    folder, _ = disk
+    with contextlib.suppress(OSError):
+        (folder / "rest").write_bytes(bytes(2**20))
+    script = f"""
+import sys
+sys.path.insert(0, {str(REPOSITORY / "workflow" / "scripts")!r})
+import numpy as np, pyvista as pv
+from coronaryuq import files
+from job import job
+with job(globals()):
+    points = np.random.default_rng(1).random((100_000, 3))
+    mesh = pv.PolyData(points) if {name!r} == "t.vtp" else pv.PolyData(points).cast_to_unstructured_grid()
+    files.write_vtk({str(folder / name)!r}, mesh)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", script, "--log", str(folder / "job.log")], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert done.stderr == f"-c: started\n-c: error: {folder / name}: {NO_ROOM}"
+    assert not list(folder.glob(".*part*")) and not (folder / name).exists()
