@@ -51,7 +51,7 @@ class Shape:
     @property
     def effects(self) -> tuple[str, ...]:
         """The library's effects that stand for it."""
-        return {"healthy": (), "narrowed": ("diffuse_narrowing",)}.get(self.kind, ("quadratic_stenosis",))
+        return {"healthy": (), "narrowed": ("diffuse_narrowing",)}.get(self.kind, ("stenosis_with_friction",))
 
     def radius(self, along: np.ndarray) -> np.ndarray:
         """Over the healthy one, at shares of the length; a cosine stenosis takes the middle 40 % of it."""
@@ -184,8 +184,8 @@ def _drop(shape: Shape, network: dict) -> tuple[str, str, str]:
 def _nearest(shape: Shape, case: hidden.Unmeasured, waveforms: dict[str, dict]) -> tuple[list, np.ndarray]:
     """The effect of the library that stands for the shape, with the size z that the 3D drop of pressure has.
 
-    Least squares of drop = R Q + S |Q| Q + L dQ/dt over all conditions: S of a stenosis, R beyond the model's of a
-    narrowing.
+    Least squares of drop = R Q + S |Q| Q + L dQ/dt over all conditions: S, and R beyond the model's, of a
+    stenosis; that R alone of a narrowing.
     """
     anatomy, network = case.problem.forward.anatomy, case.problem.forward.network
     rows, drops = [], []
@@ -199,7 +199,9 @@ def _nearest(shape: Shape, case: hidden.Unmeasured, waveforms: dict[str, dict]) 
     acting = [(effect(name), shape.place) for name in shape.effects]
     if not acting:
         return acting, np.zeros(0)
-    added = resistance - vessel_values(network, shape.place)["R_poiseuille"]
-    loss = (square * scale if shape.kind in STENOSES else added) * scale / anatomy.pressure
-    (parameter,) = acting[0][0].parameters
-    return acting, np.array([float(parameter.to_standard(loss))])
+    friction = (resistance - vessel_values(network, shape.place)["R_poiseuille"]) * scale
+    sizes = (square * scale**2 / anatomy.pressure, friction / (square * scale**2))
+    if shape.kind not in STENOSES:
+        sizes = (friction / anatomy.pressure,)
+    parameters = acting[0][0].parameters
+    return acting, np.array([float(one.to_standard(size)) for one, size in zip(parameters, sizes, strict=True)])

@@ -93,6 +93,19 @@ def test_stenosis_takes_its_share_of_pressure_at_the_models_flow(tree):
     assert drop == pytest.approx(0.2 * anatomy.pressure)
 
 
+def test_a_stenosis_with_friction_loses_both_of_its_shares(tree):
+    """At the reference flow S Q^2 is the first share of the mean pressure, R Q the second size times that."""
+    network, anatomy = tree
+    one, flow = effect("stenosis_with_friction"), anatomy.flow["lcx"]
+    network = one.insert(network, "lcx", anatomy)
+    sizes = {"loss": np.array([0.02, 0.05]), "friction": np.array([2.0, 0.5])}
+    found = one.changes(network, "lcx", sizes, anatomy, situation(anatomy))
+    assert found["lcx_loss.stenosis_coefficient"] * flow**2 == pytest.approx(sizes["loss"] * anatomy.pressure)
+    assert found["lcx_loss.R_poiseuille"] * flow == pytest.approx(0.04 * anatomy.pressure * np.array([1.0, 0.625]))
+    alone = effect("quadratic_stenosis").changes(network, "lcx", sizes, anatomy, situation(anatomy))
+    assert alone == {"lcx_loss.stenosis_coefficient": pytest.approx(found["lcx_loss.stenosis_coefficient"])}
+
+
 @pytest.mark.parametrize(("name", "place"), [("quadratic_stenosis", "lcx"), ("bifurcation_loss", "lad_proximal")])
 def test_a_loss_put_ahead_of_a_vessel_is_the_vessels_own(name, place, tree):
     """Vessels that store blood get the loss in a vessel ahead: the same network, so the same flow into every bed."""

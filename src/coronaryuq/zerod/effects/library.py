@@ -9,13 +9,14 @@ from coronaryuq.zerod.effects.leak import SideBranchLeak
 from coronaryuq.zerod.effects.narrowing import DiffuseNarrowing
 from coronaryuq.zerod.effects.perfusion import RenkinCrone, RotatedTerritories, ShiftedTerritories
 from coronaryuq.zerod.effects.sensors import FlowGain, PressureDelay, PressureGain, PressureOffset
-from coronaryuq.zerod.effects.stenosis import QuadraticStenosis
+from coronaryuq.zerod.effects.stenosis import QuadraticStenosis, StenosisWithFriction
 from coronaryuq.zerod.effects.storage import EpicardialCompliance, Inertance
 from coronaryuq.zerod.effects.valve import AorticRegurgitation, AorticStenosis
 from coronaryuq.zerod.effects.viscosity import Haematocrit
 
 LIBRARY: tuple[Effect, ...] = (
     QuadraticStenosis(),
+    StenosisWithFriction(),
     DiffuseNarrowing(),
     Collateral(),
     SideBranchLeak(),
