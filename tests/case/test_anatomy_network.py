@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from case_files import straight
 
+from coronaryuq.case.anatomy import labelled
 from coronaryuq.case.graph import graph_of
 from coronaryuq.case.network import (
     CORONARY_CAPACITANCE,
@@ -15,7 +16,7 @@ from coronaryuq.case.network import (
     segments,
     stenosis_coefficient,
 )
-from coronaryuq.case.tree import Stenosis, area_ratio
+from coronaryuq.case.tree import Stenosis, Tree, area_ratio
 from coronaryuq.synthetic.anatomy import narrowed
 from coronaryuq.units import MMHG
 
@@ -116,6 +117,22 @@ def test_the_split_vessels_resistance_is_that_of_the_narrow_lumen(small_tree):
     expected = stenosis_coefficient(area_ratio(tree, stenosis), float(tree["rca1"].radius_at(3.0)), Physics())
     assert values["rca1_seg1"]["stenosis_coefficient"] == expected > 0
     assert without["rca1_seg1"]["stenosis_coefficient"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_what_feeds_several_arteries_is_named_by_what_parts_behind_it(small_tree):
+    """Also in a heart with a single coronary artery, whose trunk feeds LAD, LCx and RCA."""
+
+    def branches(tree, **ends):
+        return {vessel.name: vessel.branch for vessel in labelled(tree, ends)}
+
+    assert branches(small_tree, lca1="LAD", lca2="LCx", rca1="RCA") == {
+        "aorta": "aorta", "branch1": "LM", "lca1": "LAD", "lca2": "LCx", "rca1": "RCA", "aorta_outlet": "aorta",
+    }  # fmt: skip
+    single = Tree([vessel for vessel in small_tree if vessel.name != "rca1"])
+    third = straight("rca1", (3.2, 0, 2), (1, -1, 0), 6.0, (0.18, 0.12), "branch1")
+    single = Tree([*single, third])
+    named = branches(single, lca1="LAD", lca2="LCx", rca1="RCA")
+    assert named["branch1"] == "coronary" and named["aorta"] == "aorta" and named["rca1"] == "RCA"
 
 
 def test_an_end_without_a_bed_is_named(small_tree):

@@ -123,6 +123,30 @@ def test_a_ready_network_needs_no_anatomy(shared, tmp_path):
     assert 1.06 * 3.33927399 / (np.pi * radius["lca1"] ** 2) == pytest.approx(126.25582734240001, rel=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("stenoses", "expected"),
+    [
+        (
+            "{name: LCx, block: branch20_seg0}, {name: RCA, block: branch20_seg0}",
+            "case.yaml: stenoses of LCx and RCA are one 0D vessel, branch20_seg0; name the block of each",
+        ),
+        (
+            "{name: RCA, block: branch20_seg0}",
+            "case.yaml: stenoses.RCA.block = 'branch20_seg0': feeds LCx; wanted a vessel towards the RCA",
+        ),
+        (
+            "{name: RCA, block: aorta_outlet}",
+            "case.yaml: stenoses.RCA.block = 'aorta_outlet': feeds no coronary outlet; wanted a vessel towards the RCA",
+        ),
+    ],
+)
+def test_a_block_that_cannot_be_that_stenosis_is_one_line(shared, tmp_path, stenoses, expected):
+    path = closed_loop_22(shared, tmp_path)
+    path.write_text(path.read_text().replace("{name: LCx, block: branch20_seg0}", stenoses))
+    findings, _ = check_case(path)
+    assert findings == [f"{tmp_path}/{expected}"]
+
+
 def test_a_ready_network_in_mmhg_is_the_same_case(shared, tmp_path):
     path = closed_loop_22(shared, tmp_path / "mmhg")
     network = json.loads((tmp_path / "mmhg/network.json").read_text())

@@ -14,7 +14,7 @@ from coronaryuq.case.settings import Settings
 from coronaryuq.case.simvascular import read_project
 from coronaryuq.case.surface import Cap, Surface, read_surface
 from coronaryuq.case.tables import OutletRow
-from coronaryuq.case.tree import AORTA, Stenosis, Tree, read_tree
+from coronaryuq.case.tree import AORTA, Stenosis, Tree, branch_of, read_tree
 from coronaryuq.errors import InputError
 from coronaryuq.units import LENGTHS
 
@@ -187,15 +187,14 @@ def _aorta_added(file: Path, tree: Tree) -> Tree:
 
 
 def labelled(tree: Tree, branches: dict[str, str]) -> Tree:
-    """The tree with every vessel's branch: of its outlets if they agree, LM before LAD and LCx part, else the aorta.
+    """The tree with every vessel's branch, by the ends that it feeds (`branch_of`).
 
     branches: coronary end vessel → LAD, LCx or RCA; other ends are aortic.
     """
     relabelled = []
     for vessel in tree:
         fed = {branches.get(v.name, AORTA) for v in tree.subtree(vessel.name) if not tree.children(v.name)}
-        branch = fed.pop() if len(fed) == 1 else "LM" if fed == {"LAD", "LCx"} else AORTA
-        relabelled.append(replace(vessel, branch=branch))
+        relabelled.append(replace(vessel, branch=branch_of(fed)))
     return Tree(relabelled)
 
 

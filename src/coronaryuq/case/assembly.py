@@ -201,6 +201,10 @@ def _stenoses(path: Path, description: Description, tree, stenoses, graph: Graph
         block = narrow.get(name) or blocks.get(name)
         if block is None or block not in graph.children:
             raise InputError(path, f"stenoses.{name}.block", block, "wanted a vessel of the given network")
+        fed = {entry["branch"] for entry in entries if entry["bc"] in graph.beds(block)}
+        if name not in fed:
+            remedy = f"feeds {', '.join(sorted(fed)) or 'no coronary outlet'}; wanted a vessel towards the {name}"
+            raise InputError(path, f"stenoses.{name}.block", block, remedy)
         children = graph.children[block]
         entry = {
             "name": name,

@@ -199,6 +199,11 @@ class Description(_Model):
             for name in names:
                 if names.count(name) > 1:
                     raise ValueError(f"stenoses names {name} twice; one stenosis per artery")
+            blocks = [s.block for s in self.stenoses if s.block is not None]
+            for block in blocks:
+                if blocks.count(block) > 1:
+                    arteries = " and ".join(s.name for s in self.stenoses if s.block == block)
+                    raise ValueError(f"stenoses of {arteries} are one 0D vessel, {block}; name the block of each")
             if self.anatomy is None and any(s.block is None for s in self.stenoses):
                 raise ValueError("without anatomy, every stenosis is given by its block of the network")
             if self.network is None and any(s.block is not None for s in self.stenoses):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from coronaryuq.case.graph import CORONARY, Graph
-from coronaryuq.case.tree import AORTA, Tree, Vessel
+from coronaryuq.case.tree import AORTA, Tree, Vessel, branch_of
 
 FAN = np.radians(150.0)
 """Angle over which the ends of the network are spread, in the plane z = 0."""
@@ -27,8 +27,7 @@ def schematic_tree(graph: Graph, density: float, branches: dict[str, str]) -> Tr
         radius = radius_from_inertance(graph, name, density)
         owners = {branches.get(bc, AORTA) for bc in graph.beds(name) if graph.types[bc] in CORONARY}
         owners |= {AORTA for bc in graph.beds(name) if graph.types[bc] not in CORONARY}
-        branch = owners.pop() if len(owners) == 1 else "LM" if owners == {"LAD", "LCx"} else AORTA
-        vessels[name] = Vessel(name, points, np.full(11, radius or 0.1), parent, branch)
+        vessels[name] = Vessel(name, points, np.full(11, radius or 0.1), parent, branch_of(owners))
     return Tree(vessels.values())
 
 

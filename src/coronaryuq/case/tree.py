@@ -11,7 +11,8 @@ from coronaryuq.errors import InputError
 from coronaryuq.files import read_vtk, write_vtk
 
 AORTA = "aorta"
-CORONARY_BRANCHES = ("LM", "LAD", "LCx", "RCA")
+TRUNK = "coronary"
+CORONARY_BRANCHES = ("LM", "LAD", "LCx", "RCA", TRUNK)
 BRANCHES = (AORTA, *CORONARY_BRANCHES)
 
 
@@ -20,7 +21,8 @@ class Vessel:
     """A vessel between two bifurcations.
 
     points: (n, 3) cm, from the parent's last point onwards. radii: (n,) cm. parent: name, None for the root.
-    branch: "aorta", or the coronary artery that it belongs to: "LM", "LAD", "LCx" or "RCA".
+    branch: "aorta", or the coronary artery that it belongs to: "LM", "LAD", "LCx" or "RCA";
+    "coronary" where others than LAD and LCx have yet to part (a single coronary artery).
     """
 
     name: str
@@ -184,6 +186,18 @@ class Tree:
     def with_vessels(self, changed: dict[str, Vessel]) -> "Tree":
         """The tree with some vessels replaced by others of the same name."""
         return Tree(changed.get(v.name, v) for v in self)
+
+
+def branch_of(fed: set[str]) -> str:
+    """Branch of a vessel that feeds ends of these: theirs if they agree, LM before LAD and LCx part.
+
+    Where others part it is a coronary trunk; where an end of the aorta is among them, the aorta.
+    """
+    if len(fed) == 1:
+        return next(iter(fed))
+    if not fed or AORTA in fed:
+        return AORTA
+    return "LM" if fed == {"LAD", "LCx"} else TRUNK
 
 
 def project(vessel: Vessel, point) -> tuple[float, float]:
