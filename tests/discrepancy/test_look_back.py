@@ -3,6 +3,7 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from coronaryuq.discrepancy.candidates import Candidate
 from coronaryuq.discrepancy.inference import Fit
@@ -54,6 +55,10 @@ def test_after_a_replacement_the_effect_that_is_no_longer_needed_goes():
     acting, fit = look_back(problem, acting, fit, rounds)
     assert [effect.name for effect, _ in acting] == ["b", "c"]
     assert [entry.accepted.effect.name for entry in rounds] == ["c", "b"]
+    replaced = rounds[0]
+    assert replaced.accepted is replaced.shortlist[0] and replaced.shortlist[1].effect.name == "a"
+    assert replaced.accepted.probability > 0.99
+    assert sum(one.probability for one in replaced.shortlist) + replaced.probabilities["none"] == pytest.approx(1.0)
 
     acting, fit = look_back(problem, acting, fit, rounds)
     assert [effect.name for effect, _ in acting] == ["c"]

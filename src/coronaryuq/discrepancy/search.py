@@ -267,13 +267,16 @@ def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Rou
         if best is None:
             current.accepted = None
             return others, without
-        # Its round's other fits knew nothing of the later effects: its class and probabilities are those among what was
-        # tried here.
+        # Its round's other fits knew nothing of the later effects: its class, ranking and probabilities are those among
+        # what was tried here.
         options.sort(key=lambda option: -option[0])
         weights = np.exp([weight - options[0][0] for weight, _, _ in options])
         for (_, one, _), share in zip(options, weights / weights.sum(), strict=True):
             if one is not None:
                 one.probability = float(share)
+            else:
+                current.probabilities["none"] = float(share)
+        current.shortlist = [one for _, one, _ in options if one is not None]
         near = [one for weight, one, _ in options if weight > options[0][0] - LARGEST_CLASS_ODDS]
         current.accepted, current.members = best, [one for one in near if one is not None]
         # The rival's sizes stand last in its fit.
