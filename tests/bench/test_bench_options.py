@@ -46,3 +46,43 @@ def test_another_benchmark_s_option_is_one_line(words, line, capsys):
     assert main(["bench", *words]) == InputError.EXIT_CODE
     said = capsys.readouterr()
     assert (said.out, said.err) == ("", line)
+
+
+@pytest.mark.parametrize(
+    "words, line",
+    [
+        (
+            ["discrepancy", "--quick", "--effects", "stenosis"],
+            "error: bench discrepancy: --effects = 'stenosis': no cell of this benchmark; it has none, "
+            "quadratic_stenosis, outside:bulging_territory\n",
+        ),
+        (
+            ["discrepancy", "--solver", "3d", "--effects", "none"],
+            "error: bench discrepancy: --effects = 'none': no cell of this benchmark; it has lca0_seg0:healthy, ",
+        ),
+        (
+            ["discrepancy", "--solver", "3d", "--strengths", "weak"],
+            "error: bench discrepancy: --strengths = ('weak',): not an option of --solver 3d\n",
+        ),
+        (
+            ["discrepancy", "--solver", "3d", "--network", "loop.json"],
+            "error: bench discrepancy: --network = 'loop.json': not an option of --solver 3d\n",
+        ),
+        (
+            ["coverage", "--rows", "table1.csv"],
+            "error: bench coverage: --rows = 'table1.csv': is of published runs: --data wanted\n",
+        ),
+    ],
+)
+def test_an_option_that_would_do_nothing_is_one_line(words, line, capsys):
+    assert main(["bench", *words]) == InputError.EXIT_CODE
+    said = capsys.readouterr()
+    assert said.out == "" and said.err.startswith(line) and said.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("seeds", ["0", "-2", "many"])
+def test_seeds_are_a_number_of_one_or_more(seeds, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["bench", "discrepancy", "--seeds", seeds])
+    assert ended.value.code == 2
+    assert f"argument --seeds: '{seeds}' is no number of 1 or more" in capsys.readouterr().err

@@ -12,6 +12,7 @@ from scipy.stats import binomtest
 from coronaryuq.bench import coverage_autoencoder, coverage_beyond
 from coronaryuq.bench.pairs import PAIRS
 from coronaryuq.bench.problems import SEED, Problem, Trial, from_pair, from_runs
+from coronaryuq.errors import InputError
 from coronaryuq.estimation import selector
 from coronaryuq.estimation.control_variates import METHODS
 from coronaryuq.estimation.crossfit import Estimate, Propagated, combine
@@ -40,6 +41,8 @@ def run(
     interval. `methods` may name MFMC-AE, which takes some 5 CPU-s per trial and is left out by default. `quick`: linear
     methods, 25 and 50 runs, 400 trials.
     """
+    if rows and not data:
+        raise InputError("bench coverage", "--rows", rows, "is of published runs: --data wanted")
     sizes = sizes or ((25, 50) if quick else SIZES)
     methods = methods or (("MC", "MFMC") if quick else tuple(CONTROL_VARIATES))
     start, cells = time.process_time(), []

@@ -131,12 +131,15 @@ def run(
     """
     limit = seconds if seconds is not None else (40.0 if quick else np.inf)
     if solver == "3d":
+        given = {"network": network, "strengths": tuple(strengths), "noises": tuple(noises)}
+        _takes_no(given, {"network": None, "strengths": ("medium",), "noises": ("nominal",)})
         entries = trials_3d(range(offset, offset + seeds), effects or (("lca1:moderate",) if quick else ()))
     else:
         made = _loop(network) if network else open_loop()
         every = loop_cases if network else partial(cases, quick)
-        todo = [one for one in every(seeds, strengths, noises, offset) if not effects or one.label in effects]
-        entries = (trial(case, made) for case in todo)
+        todo = list(every(seeds, strengths, noises, offset))
+        _known_cells(effects, [one.label for one in todo])
+        entries = (trial(case, made) for case in todo if not effects or case.label in effects)
     start, found = time.process_time(), []
     for entry in entries:
         if entry is not None:
@@ -145,6 +148,20 @@ def run(
         if time.process_time() - start > limit:
             break
     return {"quick": quick, **score(found), "cases": found}
+
+
+def _takes_no(given: dict, left_out: dict) -> None:
+    """Options that data from the 3D solver do not know are not passed over in silence."""
+    for name, value in given.items():
+        if value != left_out[name]:
+            raise InputError("bench discrepancy", f"--{name}", value, "not an option of --solver 3d")
+
+
+def _known_cells(wanted: tuple[str, ...], cells: list[str]) -> None:
+    for label in wanted:
+        if label not in cells:
+            remedy = f"no cell of this benchmark; it has {', '.join(dict.fromkeys(cells))}"
+            raise InputError("bench discrepancy", "--effects", label, remedy)
 
 
 def _loop(path: str) -> Made:
@@ -159,6 +176,7 @@ def trials_3d(seeds: range, wanted: tuple[str, ...]) -> Iterator[dict]:
     """Every shape of a vessel with data from the 3D solver, searched and scored; wanted: labels, all where empty."""
     from coronaryuq.bench import hidden_3d
 
+    _known_cells(wanted, [shape.label for shape in hidden_3d.SHAPES])
     for shape in hidden_3d.SHAPES:
         if wanted and shape.label not in wanted:
             continue
