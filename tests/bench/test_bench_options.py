@@ -69,12 +69,16 @@ def test_another_benchmark_s_option_is_one_line(words, line, capsys):
             "error: bench discrepancy: --network = 'loop.json': not an option of --solver 3d\n",
         ),
         (
+            ["flow3d", "--data", "nowhere"],
+            "error: nowhere: want at least two folders with mesh.json and batch*.jsonl\n",
+        ),
+        (
             ["coverage", "--rows", "table1.csv"],
             "error: bench coverage: --rows = 'table1.csv': is of published runs: --data wanted\n",
         ),
     ],
 )
-def test_an_option_that_would_do_nothing_is_one_line(words, line, capsys):
+def test_an_option_that_would_do_nothing_is_one_line_at_once(words, line, capsys):
     assert main(["bench", *words]) == InputError.EXIT_CODE
     said = capsys.readouterr()
     assert said.out == "" and said.err.startswith(line) and said.err.count("\n") == 1

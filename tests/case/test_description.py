@@ -214,7 +214,10 @@ def test_the_description_of_the_small_case(small_tree, tmp_path):
 
 def test_a_case_without_stenoses_says_what_that_leaves_out(small_tree, tmp_path):
     findings, summary = check_case(write_case(tmp_path, small_tree, stenoses="[]"))
-    assert findings == [] and any(line.startswith("stenoses: none, so nothing to be run in 3D") for line in summary)
+    (told,) = [line for line in summary if line.startswith("stenoses: none, so nothing to be run in 3D")]
+    proposed = re.search(r"such as stenoses: (\[.*\])$", told)[1]
+    assert proposed == "[{name: RCA, vessel: rca1, start: 3.20, end: 4.20}]"
+    assert check_case(write_case(tmp_path, small_tree, stenoses=proposed))[0] == []
     assert "name a stretch of an artery" in check_case(write_case(tmp_path, small_tree, stenoses="auto"))[0][0]
 
 

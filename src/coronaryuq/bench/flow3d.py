@@ -29,6 +29,7 @@ def run(quick: bool, data: str | None = None) -> dict:
     samples; without it `convergence` is empty. The nozzle's error is null where the laboratories' files are not found
     in `../shared`, and when quick.
     """
+    converged = convergence(data) if data else []  # first: a wrong folder is told before the minutes of the rest
     meshes = []
     for rings, levels in MESHES[: 1 if quick else 3]:
         for samples in (LANES,) if quick else (1, 16):
@@ -38,7 +39,7 @@ def run(quick: bool, data: str | None = None) -> dict:
         "quick": quick,
         "meshes": meshes,
         "verification": verification(quick),
-        "convergence": convergence(data) if data else [],
+        "convergence": converged,
     }
 
 
@@ -163,9 +164,8 @@ def convergence(data: str | Path) -> list[dict]:
     not converge (see `flow3d.mesh_study.richardson`).
     """
     meshes = {
-        folder.name: (folder / "mesh.json", sorted(folder.glob("batch*.jsonl")))
-        for folder in sorted(Path(data).iterdir())
-        if (folder / "mesh.json").exists()
+        found.parent.name: (found, sorted(found.parent.glob("batch*.jsonl")))
+        for found in sorted(Path(data).glob("*/mesh.json"))
     }
     if len(meshes) < 2:
         raise InputError(data, None, None, "want at least two folders with mesh.json and batch*.jsonl")

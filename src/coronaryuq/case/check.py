@@ -4,6 +4,7 @@ from collections import Counter
 from pathlib import Path
 
 from coronaryuq.case.assembly import Case, assemble
+from coronaryuq.case.narrowing import example
 from coronaryuq.case.perfusion_map import distances_to_outlets
 from coronaryuq.case.settings import Settings
 from coronaryuq.case.tree import AORTA
@@ -50,8 +51,13 @@ def _summary(case: Case) -> list[str]:
         narrowing = "" if ratio is None else f", {1 - ratio:.0%} of the area, {1 - ratio**0.5:.0%} of the diameter"
         extent = "" if start is None else f", {start:.2f} to {stenosis['end']:.2f} cm"
         lines.append(f"stenosis {stenosis['name']}: vessel {stenosis['vessel']}{extent}{narrowing}")
-    if not facts["stenoses"]:
-        lines.append("stenoses: none, so nothing to be run in 3D; a stretch of an artery, narrow or not, may be named")
+    if case.description.anatomy is None:
+        lines.append("no anatomy, so nothing to be run in 3D: a campaign goes as far as its target posterior")
+    elif not facts["stenoses"]:
+        lines.append(
+            "stenoses: none, so nothing to be run in 3D: a campaign goes as far as its target posterior; for FFR and "
+            f"wall shear name a stretch of an artery, narrow or not, such as stenoses: [{example(case.tree)}]"
+        )
     given = [name for name, target in facts["targets"].items() if target["value"] is not None]
     lines.append(f"targets: {', '.join(given) or 'none'}")
     return lines + [f"note: {note}" for note in case.notes]

@@ -66,6 +66,17 @@ def tightest(tree: Tree, below: float) -> list[Stenosis]:
     return found
 
 
+def example(tree: Tree) -> str:
+    """How `stenoses` of `case.yaml` names a stretch of this tree: a centimetre, or less, amid the longest vessel."""
+    arteries = [vessel for vessel in tree if vessel.branch in ("LAD", "LCx", "RCA")]
+    if not arteries:
+        return "{name: LAD, vessel: LAD, start: 2.0, end: 3.0}"
+    vessel = max(arteries, key=lambda one: one.length - tree.emergence(one.name))
+    first = tree.emergence(vessel.name)
+    middle, half = (first + vessel.length) / 2, min(1.0, (vessel.length - first) / 2) / 2
+    return f"{{name: {vessel.branch}, vessel: {vessel.name}, start: {middle - half:.2f}, end: {middle + half:.2f}}}"
+
+
 def _shoulders(arc: np.ndarray, radius: np.ndarray, throat: int) -> tuple[float, float]:
     """Where the calibre stops growing on either side of the throat, at least `SHORTEST` apart."""
     i = j = throat

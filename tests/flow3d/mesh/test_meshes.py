@@ -216,10 +216,13 @@ def test_network_of_other_names_is_refused(stenosed):
 
 
 @pytest.mark.parametrize("domain", ["segments", "trees"])
-def test_a_case_without_stenosis_is_refused_before_anything_runs(tmp_path, domain):
+def test_a_case_without_stenosis_is_refused_before_anything_runs(stenosed, tmp_path, domain):
     (tmp_path / "case.json").write_text('{"stenoses": []}')
+    write_tree(tmp_path / "t.vtp", stenosed[2])
     settings = Settings(domain=domain)
-    with pytest.raises(InputError, match="stenoses = .*name a stretch of an artery"):
+    with pytest.raises(
+        InputError, match=r"no vessel to make a 3D model of.*stenoses: \[\{name: LAD, vessel: LAD, start: "
+    ):
         make_mesh(tmp_path / "case.json", tmp_path / "t.vtp", tmp_path / "n.json", settings, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from coronaryuq.case.casefile import read_case
+from coronaryuq.case.narrowing import example
 from coronaryuq.case.surface import read_surface
 from coronaryuq.case.tree import Stenosis, Tree, read_tree
 from coronaryuq.errors import InputError
@@ -37,12 +38,15 @@ def _make_mesh(case: Path, tree: Path, network: Path, settings: Settings, out: P
     content = read_json(case)
     if content.get("schematic"):
         raise InputError(case, "anatomy", None, "the case has none, and a drawing of a 0D network is not to be meshed")
-    stenoses = read_stenoses(case)
+    stenoses, whole = read_stenoses(case), read_tree(tree)
     if not stenoses:
         # Refused here rather than when the runs are done and there is no row to estimate.
-        remedy = "FFR and wall shear are asked of stenoses alone; name a stretch of an artery, narrow or not"
+        remedy = (
+            "no vessel to make a 3D model of, so that the campaign ends at its target posterior; name a stretch of an "
+            f"artery in case.yaml, narrow or not, such as stenoses: [{example(whole)}]"
+        )
         raise InputError(case, "stenoses", [], remedy)
-    whole, loop = read_tree(tree), read_network(network)
+    loop = read_network(network)
     if settings.domain != "lumen":
         return mesh_tree(whole, stenoses, loop, settings, out)
     if lumen is None:
