@@ -8,6 +8,7 @@ from coronaryuq.discrepancy import outside
 from coronaryuq.discrepancy.candidates import (
     CONTENDER,
     LARGEST_CLASS_ODDS,
+    ROUGH,
     Candidate,
     all_candidates,
     fit_shortlist,
@@ -255,7 +256,9 @@ def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Rou
         options.append((without.evidence, None, without))
         rivals = [replace(c, fit=None) for c in likely(current.screened) if c.acting not in acting]
         screen(problem, about, others, rivals)
-        rivals = sorted((c for c in rivals if c.promise > options[0][0] - CONTENDER), key=lambda c: -c.promise)
+        # Other effects may have grown by then: what a rival promises is as rough as on the first shortlist.
+        least = options[0][0] - CONTENDER - ROUGH * max(0.0, fit.evidence - without.evidence)
+        rivals = sorted((c for c in rivals if c.promise > least), key=lambda c: -c.promise)
         for rival in rivals[:RIVALS]:
             exact = _exact(problem, [*others, rival.acting], np.concatenate([about.z, rival.guess]))
             if exact is not None:
