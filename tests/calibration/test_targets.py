@@ -57,6 +57,40 @@ def test_a_wrong_value_is_named_on_one_line(tmp_path, text, field):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "name,description,value\nPaoMin,Minimum,69\nPaoMean,Mean,90.5\nEFLV,Ejection,0.68\n",
+        "PaoMin;Minimum;69\nPaoMean;Mean;90,5\nEFLV;Ejection;0,68\n",
+        "PaoMin\tMinimum\t69\nPaoMean\tMean\t90.5\nEFLV\tEjection\t0.68\n",
+        "Name,Value,Unit\nPaoMin,9.1992,kPa\nPaoMean,90.5,mmHg\nEFLV,68,%\n",
+        "# by hand\nPaoMin,Minimum, as measured by cuff,69\nPaoMean,Mean,90.5\nEFLV,Ejection,0.68\n",
+    ],
+)
+def test_a_table_may_have_a_header_units_and_a_spreadsheet_s_marks(tmp_path, text):
+    for encoding in ("utf-8", "utf-16"):
+        (tmp_path / "targets.csv").write_bytes(text.encode(encoding))
+        targets = read_targets(tmp_path / "targets.csv")
+        assert targets == pytest.approx({"PaoMin": 69.0, "PaoMean": 90.5, "EFLV": 0.68}, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "text, said",
+    [
+        ("PaoMean,72\n", "line 1 = 'PaoMean,72': wanted name, description, value; or a header with name and value"),
+        ("PaoMean,Mean,72 mmHg\n", "PaoMean = '72 mmHg': wanted a number or none; a unit goes into a column `unit`"),
+        ("PaoMean,Mean,72\nPaoMean,Mean,80\n", "PaoMean = '80': given twice"),
+        ("PaoMean,Mean,93\nEFLV,Ejection,61\n", "EFLV = 61.0: implausible: 61, wanted 0.05 to 0.95; a fraction, not"),
+        ("PaoMin,Min,120\nPaoMean,Mean,93\n", "PaoMin = 120.0: not below PaoMean, 93"),
+        ("name,value,unit\nPaoMean,93,bar\n", "PaoMean.unit = 'bar': wanted mmHg"),
+    ],
+)
+def test_what_is_wrong_with_a_table_is_told(tmp_path, text, said):
+    with pytest.raises(InputError) as error:
+        read_targets(written(tmp_path, text))
+    assert said in str(error.value)
+
+
 def test_a_case_gives_units_with_its_targets():
     case = {
         "targets": {

@@ -235,7 +235,7 @@ WRONG = [
     (case, "outlets.csv", lambda p: p.write_bytes(b"\x89PNG\r\n\x1a\n\x00\xff"), "outlets.csv"),
     (case, "targets.csv", text("PaoMean,Mean,ninety\n"), "ninety"),
     (case, "targets.csv", text("PaoMeen,Mean,90\n"), "PaoMeen"),
-    (clinical, "targets.csv", text("PaoMean,Mean,-90\n"), "PaoMean = '-90': implausible"),
+    (clinical, "targets.csv", text("PaoMean,Mean,-90\n"), "PaoMean = -90.0: implausible"),
     (clinical, "targets.csv", text("PaoMean,Mean,nan\n"), "PaoMean"),
     (image_case, "mbf.nii.gz", cut(0.5), "mbf.nii.gz"),
     (image_case, "mbf.nii.gz", text("none"), "not a readable image"),

@@ -1,12 +1,12 @@
 """Clinical and literature targets of stage one: what each means, how closely to meet it, and how a file gives it."""
 
-import csv
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from coronaryuq.case.tables import csv_targets
 from coronaryuq.errors import InputError
 from coronaryuq.units import MMHG, PRESSURES, RATIOS, VOLUMES
 
@@ -79,32 +79,22 @@ def from_case(case: Mapping, file: str | Path) -> dict[str, float]:
 
 
 def read_targets(file: str | Path, unit_system: str = "auto") -> dict[str, float]:
-    """Targets in their own units from a headless CSV of name, description, value or `none`.
+    """Targets in their own units from a table of name, description, value or `none` (see `case.tables.csv_targets`).
 
     `unit_system`: `cgs` (pressures in dyn/cm2), `mmHg` or `auto`, which decides by the mean or maximum aortic
-    pressure: below 1000 it can only be mmHg, above only dyn/cm2.
+    pressure: below 1000 it can only be mmHg, above only dyn/cm2. A column `unit` has the last word.
     """
-    try:
-        with open(file, newline="", encoding="utf-8") as handle:
-            rows = [row for row in csv.reader(handle) if row and any(cell.strip() for cell in row)]
-    except FileNotFoundError:
-        raise InputError(file, None, None, "no such file") from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(file, None, None, f"not a readable table ({error})") from None
-    raw = {}
-    for row in rows:
-        if len(row) < 3:
-            raise InputError(file, row[0], None, "wanted name, description, value")
-        raw[row[0].strip()] = row[-1].strip()
-    pressure = {"cgs": "dyn/cm2", "mmHg": "mmHg"}.get(unit_system) or _pressure_unit(raw, file)
+    table = csv_targets(Path(file))
+    values = {name: value for name, (_, value, _) in table.items()}
+    pressure = {"cgs": "dyn/cm2", "mmHg": "mmHg"}.get(unit_system) or _pressure_unit(values, file)
     units = {target.name: pressure if target.unit == "mmHg" else target.unit for target in TARGETS}
-    return _given({name: (value, units.get(name)) for name, value in raw.items()}, file)
+    return _given({name: (value, unit or units.get(name)) for name, (_, value, unit) in table.items()}, file)
 
 
-def _pressure_unit(raw: Mapping[str, str], file: str | Path) -> str:
+def _pressure_unit(values: Mapping[str, float | None], file: str | Path) -> str:
     for name in ("PaoMean", "PaoMax", "PaoMin", "PpulMean"):
-        value = _number(raw.get(name))
-        if value is not None and np.isfinite(value):
+        value = values.get(name)
+        if value is not None:
             return "mmHg" if value < 1000.0 else "dyn/cm2"
     raise InputError(file, "PaoMean", None, "an aortic pressure is needed; without one there is nothing to tune to")
 
@@ -131,8 +121,15 @@ def _given(entries: Mapping[str, tuple], file: str | Path) -> dict[str, float]:
         number *= _into(target, unit, file)
         low, high = target.plausible
         if not low <= number <= high:
-            raise InputError(file, name, value, f"implausible: {number:.6g} {target.unit}, wanted {low:g} to {high:g}")
+            unit = "" if target.unit == "1" else f" {target.unit}"
+            remedy = f"implausible: {number:.6g}{unit}, wanted {low:g} to {high:g}{unit}"
+            if target.unit == "1" and low <= number / 100 <= high:
+                remedy += "; a fraction, not per cent"
+            raise InputError(file, name, value, remedy)
         found[name] = number
+    for smaller, larger in (("PaoMin", "PaoMean"), ("PaoMean", "PaoMax"), ("PaoMin", "PaoMax"), ("ESV", "EDV")):
+        if smaller in found and larger in found and found[smaller] >= found[larger]:
+            raise InputError(file, smaller, found[smaller], f"not below {larger}, {found[larger]:g}")
     return found
 
 

@@ -203,14 +203,14 @@ def _plausible(file: str | Path, flows: TerritoryFlows, flow: float, volume: flo
 def read_case_targets(path: Path) -> dict[str, dict]:
     """Clinical targets as `case.json` holds them: name → description, value or None, unit.
 
-    A CSV row is name, description, value or `none`; YAML is `NAME: value` or `NAME: {value, unit, description}`.
+    A CSV is read as by `csv_targets`; YAML is `NAME: value` or `NAME: {value, unit, description}`.
     Without a unit, pressures are dyn/cm2 if the largest in the file is 1000 or more, else mmHg: no body has both.
     """
     _sane(path)
     if path.suffix.lower() in (".yaml", ".yml"):
         given = {name: _yaml_target(path, name, entry) for name, entry in read_yaml(path).items()}
     else:
-        given = _csv_targets(path)
+        given = csv_targets(path)
     pressures = [abs(given[name][1]) for name in _PRESSURES if name in given and given[name][1] is not None]
     pressure = "mmHg" if max(pressures, default=0.0) < 1000.0 else "dyn/cm2"
     targets = {}
@@ -226,21 +226,30 @@ def read_case_targets(path: Path) -> dict[str, dict]:
     return targets
 
 
-def _csv_targets(path: Path) -> dict[str, tuple]:
+def csv_targets(path: Path) -> dict[str, tuple[str | None, float | None, str | None]]:
+    """Targets of a table: name → description, value or None, unit or None.
+
+    With a header: columns name and value, if wanted description and unit. Without: name, description, value.
+    """
     given: dict[str, tuple] = {}
     text, separator = table_text(path)
-    for number, row in enumerate(csv.reader(text.splitlines(), delimiter=separator), start=1):
-        if not row or not any(cell.strip() for cell in row):
-            continue
-        if len(row) != 3:
-            raise InputError(path, f"line {number}", ",".join(row), "wanted name, description, value")
-        name, description, value = (cell.strip() for cell in row)
+    rows = list(enumerate(csv.reader(text.splitlines(), delimiter=separator), start=1))
+    rows = [(number, [cell.strip() for cell in row]) for number, row in rows if any(cell.strip() for cell in row)]
+    header = [cell.lower() for cell in rows[0][1]] if rows else []
+    headed = "name" in header and "value" in header
+    for number, row in rows[1:] if headed else rows:
+        if headed and len(row) == len(header):
+            cells = dict(zip(header, row, strict=True))
+        elif not headed and len(row) >= 3:
+            cells = {"name": row[0], "description": ", ".join(row[1:-1]), "value": row[-1]}
+        else:
+            wanted = ", ".join(header) if headed else "name, description, value; or a header with name and value"
+            raise InputError(path, f"line {number}", separator.join(row), f"wanted {wanted}")
+        name, value = cells["name"], cells["value"]
         value = value.replace(",", ".") if separator == ";" else value
-        if number == 1 and (name, value) == ("name", "value"):
-            continue
         if name in given:
             raise InputError(path, name, value, "given twice")
-        given[name] = (description, _number(path, name, value), None)
+        given[name] = cells.get("description") or None, _number(path, name, value), cells.get("unit") or None
     return given
 
 
@@ -261,7 +270,10 @@ def _number(path: Path, name: str, value) -> float | None:
     except (TypeError, ValueError):
         number = math.nan
     if isinstance(value, bool) or not math.isfinite(number):
-        raise InputError(path, name, value, "wanted a number or none")
+        remedy = "wanted a number or none"
+        if isinstance(value, str) and re.match(r"[-+]?[\d.]+\s*[A-Za-z%]", value):
+            remedy += "; a unit goes into a column `unit`, under a header"
+        raise InputError(path, name, value, remedy)
     return number
 
 
