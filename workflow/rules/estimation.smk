@@ -44,11 +44,14 @@ def runs_of_round(wildcards):
     return runs_of(decision(number - 1)["next"]) | {"before": results("allocation", f"round_{number - 1}.json")}
 
 
+def end_of_growth(wildcards):
+    """What the last round of a growing campaign decided, by name."""
+    return {"allocation": results("allocation", f"round_{last_round()}.json")} if GROWS else {}
+
+
 def runs_of_campaign(wildcards):
-    if not GROWS:
-        return runs_of(FIRST_COUNTS)
-    number = last_round()
-    return runs_of(decision(number)["counts"]) | {"allocation": results("allocation", f"round_{number}.json")}
+    counts = decision(last_round())["counts"] if GROWS else FIRST_COUNTS
+    return runs_of(counts) | end_of_growth(wildcards)
 
 
 checkpoint allocation:

@@ -64,6 +64,7 @@ MESH_STUDY = {"path": study, "checksum": provenance.checksum(study)} if Path(stu
 
 rule report:
     input:
+        unpack(end_of_growth),
         case=rules.case.output.case,
         fit=rules.calibration.output.fit,
         targets=rules.perfusion.output.targets,
@@ -71,6 +72,7 @@ rule report:
         mesh=rules.mesh.output.description,
         failures=rules.runs.output.failures,
         estimates=rules.estimation.output.estimates,
+        budget=rules.budget.output.budget,
         figures=expand(rules.figure.output.figure, figure=FIGURES),
         answers=DISCREPANCY_ANSWERS if campaign.discrepancy.in_report else [],
         drawn=DISCREPANCY_DRAWN if campaign.discrepancy.in_report else [],

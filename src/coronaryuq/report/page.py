@@ -10,7 +10,7 @@ import yaml
 
 from coronaryuq import provenance
 from coronaryuq.files import read_csv, read_json, write_text
-from coronaryuq.report import coarse_level, discrepancy
+from coronaryuq.report import coarse_level, discrepancy, wanted
 from coronaryuq.report.costs import costs
 from coronaryuq.report.mesh_error import MeshError
 from coronaryuq.report.numbers import number
@@ -49,8 +49,8 @@ def write_report(
     out: str | Path,
     searches: tuple[Sequence[str], ...] = ((), ()),
 ) -> None:
-    """Write the page. files: case, fit, summary, targets, failures, estimates, mesh → path, and mesh_study where it was
-    run. figures: PNG files.
+    """Write the page. files: case, fit, summary, targets, failures, estimates, budget, mesh → path; mesh_study where it
+    was run, allocation (its last round) where the campaign grew. figures: PNG files.
 
     logs: folder whose job logs end in a line of costs. searches: answers, figures and truths of searches for missing
     effects.
@@ -70,6 +70,7 @@ def write_report(
         "table": [lines_of(row, notes) | {"mesh": mesh.of(row["column_3d"])} for row in rows],
         "notes": notes.texts,
         "coarse_level": coarse_level.sentence(estimates),
+        "wanted": wanted.sentences(rows, files["budget"], files.get("allocation")),
         "mesh": mesh.sentence,
         "matched": _matched(read_csv(files["fit"]), summary),
         "noise": _noise(targets),

@@ -1,0 +1,47 @@
+"""The page says whether a wanted interval was reached, why a campaign stopped, what half the width would cost."""
+
+import json
+
+import pytest
+
+from coronaryuq.report.wanted import sentences
+
+ROWS = [
+    {"row": name, "label": f"FFR, FFR, {name}", "recommended": "MFMC", "estimators": {"MFMC": {"method": "MFMC"}}}
+    for name in ("LAD", "LCx")
+]
+MET = {"row": "LAD", "wanted": 0.01, "now": 0.0081, "more_3d": 0, "more_0d": 0, "cost": 0.0, "cost_of_half": 61.24}
+SHORT = {"row": "LCx", "wanted": 0.002, "now": 0.0041, "more_3d": 77, "more_0d": 0, "cost": 77.0, "cost_of_half": 400.0}
+
+
+@pytest.fixture
+def written(tmp_path):
+    def write(plan, ended=None):
+        (tmp_path / "budget.json").write_text(json.dumps({"plan": plan}))
+        (tmp_path / "round.json").write_text(json.dumps(ended))
+        return str(tmp_path / "budget.json"), str(tmp_path / "round.json") if ended else None
+
+    return write
+
+
+def test_a_row_that_is_met_and_one_that_is_not(written):
+    met, short = sentences(ROWS, *written([MET, SHORT]))
+    assert met["met"] and met["text"] == (
+        "FFR, FFR, LAD: ± 0.01 wanted, ± 0.0081 reached by MFMC. "
+        "Half the wanted width, ± 0.005, would cost about 61.2 3D runs more."
+    )
+    assert not short["met"] and "not met, it would take about 77 3D runs more." in short["text"]
+
+
+@pytest.mark.parametrize(
+    ("why", "says"), [("met", "reached"), ("bounds reached", "most_3d"), ("rounds spent", "rounds")]
+)
+def test_a_campaign_that_grew_says_why_it_stopped(written, why, says):
+    ended = {"round": 1, "counts": {"n_3d": 48, "n_0d": 400}, "why": why}
+    (last,) = sentences(ROWS, *written([], ended))
+    assert "in round 2 with 48 3D and 400 propagation runs" in last["text"] and says in last["text"]
+    assert last["met"] == (why == "met")
+
+
+def test_without_wanted_widths_nothing_is_said(written):
+    assert sentences(ROWS, *written([])) == []
