@@ -78,6 +78,16 @@ def test_a_result_that_cannot_be_written_is_one_line(tmp_path, capsys):
     assert capsys.readouterr().err == f"error: {tmp_path}: Is a directory\n"
 
 
+@pytest.mark.parametrize("command", ["tune", "fit", "discrepancy"])
+def test_a_folder_for_results_that_is_a_file_is_told_before_the_work(tmp_path, capsys, command):
+    (tmp_path / "file").write_text("")
+    words = {"tune": ["n.json", "t.csv"], "fit": ["n.json", "t.csv"], "discrepancy": ["--pairs", "s.csv", "m.csv"]}
+    for out in (tmp_path / "file", tmp_path / "file" / "below"):
+        assert cli.main([command, *words[command], "--out", str(out)]) == 2
+        said = f"error: {out}: wanted a folder for results, and {tmp_path / 'file'} is a file\n"
+        assert capsys.readouterr().err == said
+
+
 def test_missing_column_is_named_with_those_present(tmp_path):
     (tmp_path / "t.csv").write_text("a,b\n1,2\n")
     with pytest.raises(InputError, match="t.csv: c: column missing; the file has a, b"):

@@ -42,6 +42,17 @@ def replacing(path: str | Path, room: int = 0) -> Iterator[Path]:
         raise OSError(error.errno, os.strerror(error.errno), str(path)) from error
 
 
+def check_folder(path: str | Path) -> Path:
+    """`path`, if results can be written there: asked before long work, and nothing is made. Else an `InputError`."""
+    path = Path(path)
+    existing = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
+    if not existing.is_dir():
+        raise InputError(path, None, None, f"wanted a folder for results, and {existing} is a file")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise InputError(path, None, None, f"wanted a folder for results, and {existing} takes no files")
+    return path
+
+
 def write_text(path: str | Path, text: str) -> None:
     with replacing(path) as beside:
         beside.write_text(text, encoding="utf-8", newline="\n")

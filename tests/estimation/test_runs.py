@@ -1,11 +1,15 @@
 """What a folder of runs may hold, and what is refused."""
 
+import json
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from coronaryuq.errors import InputError
 from coronaryuq.estimation.runs import pair, read_rows, read_runs
+
+BOUNDS = {"min": 0.1, "max": 9.0}
 
 
 def test_reads_the_published_runs(menon):
@@ -38,6 +42,8 @@ def test_a_failed_3d_run_is_set_apart_not_read_as_zero(folder):
     [
         ("params.csv", lambda f: f.assign(BC_lca1=np.inf), "BC_lca1"),
         ("params.csv", lambda f: pd.concat([f, f.iloc[:1]]), "twice"),
+        ("params.csv", lambda f: f.assign(BC_lca1=-f["BC_lca1"]), "BC_lca1 of sample_0000 = "),
+        ("params.csv", lambda f: f[["sample"]], "holds no inputs"),
         ("outputs_3d.csv", lambda f: f.assign(sample=["x"] * len(f)), "twice"),
         ("outputs_3d.csv", lambda f: f.assign(osi="high"), "not a number"),
         ("outputs_3d.csv", lambda f: f.iloc[:1], "at least 2"),
@@ -53,6 +59,31 @@ def test_bad_input_is_one_line_that_names_file_and_fault(folder, file, spoil, sa
     with pytest.raises(InputError) as caught:
         read_runs(folder)
     assert file in str(caught.value) and says in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("limits", "says"),
+    [
+        ("null", "wanted a JSON object with min, max"),
+        ('{"min": [1, 2], "max": [3, 4]}', "min.BC_lca1: wanted a number, as of every column of params.csv"),
+        ('{"min": {"BC_lca1": "low"}, "max": {}}', "min.BC_lca1 = 'low': wanted a number"),
+    ],
+)
+def test_limits_that_are_none_are_one_line(folder, limits, says):
+    (folder / "param_limits.json").write_text(limits)
+    with pytest.raises(InputError) as caught:
+        read_runs(folder)
+    assert says in str(caught.value)
+
+
+def test_an_empty_propagation_file_is_one_line_without_a_warning(folder, recwarn):
+    (folder / "params_propagation.csv").unlink()
+    limits = {name: dict.fromkeys(pd.read_csv(folder / "params.csv").columns[1:], v) for name, v in BOUNDS.items()}
+    (folder / "param_limits.json").write_text(json.dumps(limits))
+    (folder / "params_propagation_normalized.csv").write_text("")
+    with pytest.raises(InputError, match=r"params_propagation_normalized.csv: empty; draw inputs"):
+        read_runs(folder)
+    assert not len(recwarn)
 
 
 def test_a_row_that_names_no_column_lists_the_columns(folder):

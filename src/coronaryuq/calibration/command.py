@@ -5,6 +5,7 @@ import sys
 
 from coronaryuq.calibration.settings import Settings
 from coronaryuq.calibration.stage import tune_files
+from coronaryuq.files import check_folder
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,6 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(chosen: argparse.Namespace) -> int:
     """Run the command, progress on standard error and the fit on standard output; returns the exit code."""
+    check_folder(chosen.out)
     tuned = tune_files(
         chosen.network,
         chosen.targets,

@@ -11,6 +11,7 @@ from coronaryuq.discrepancy.recordings import prepare
 from coronaryuq.discrepancy.search import discover
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.errors import InputError
+from coronaryuq.files import check_folder
 from coronaryuq.zerod.network import read_network
 
 
@@ -34,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Run the command; returns the exit code. Raises `InputError` for bad input, before anything is written."""
-    out = Path(args.out)
+    out = check_folder(args.out)
     if args.pairs:
         answer = pairs.discover_pairs(*args.pairs, out=out, seed=getattr(args, "seed", 1))
     elif args.recordings:

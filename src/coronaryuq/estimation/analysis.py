@@ -29,11 +29,14 @@ def chosen_rows(rows: list[Row], settings: Settings, file) -> list[Row]:
 def enough(runs: Runs, settings: Settings) -> None:
     if len(runs) < settings.min_3d:
         raise InputError(
-            runs.folder / "outputs_3d.csv", None, len(runs), f"usable 3D runs; min_3d is {settings.min_3d}"
+            runs.folder / "outputs_3d.csv", "usable 3D runs", len(runs), f"estimation.min_3d is {settings.min_3d}"
         )
     if len(runs.theta_more) < 2 * count(len(runs), settings.folds):
         raise InputError(
-            runs.folder / "params_propagation.csv", None, len(runs.theta_more), "propagation inputs; draw more of them"
+            runs.folder / "params_propagation.csv",
+            "samples",
+            len(runs.theta_more),
+            "draw inputs at which the 0D model alone is run (or params_propagation_normalized.csv)",
         )
 
 

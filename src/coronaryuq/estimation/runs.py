@@ -80,6 +80,8 @@ def read_runs(folder: str | Path) -> Runs:
     folder = Path(folder)
     params = _table(folder / "params.csv")
     inputs = tuple(params.columns)
+    if not inputs:
+        raise InputError(folder / "params.csv", None, None, "holds no inputs; wanted a column of each beside `sample`")
     limits = _limits(folder / "param_limits.json", inputs)
     theta = _finite(folder / "params.csv", params)
     outputs_3d, outputs_0d = _table(folder / "outputs_3d.csv"), _table(folder / "outputs_0d.csv")
@@ -166,19 +168,24 @@ def _finite(path: Path, frame: pd.DataFrame) -> np.ndarray:
     if len(bad):
         i, j = bad[0]
         raise InputError(path, f"{frame.columns[j]} of {frame.index[i]}", values[i, j], "not a finite number")
+    bad = np.argwhere(values <= 0)
+    if len(bad):
+        i, j = bad[0]
+        remedy = "inputs multiply resistances and are positive"
+        raise InputError(path, f"{frame.columns[j]} of {frame.index[i]}", values[i, j], remedy)
     return values
 
 
 def _limits(path: Path, inputs: tuple[str, ...]) -> np.ndarray | None:
     if not path.exists():
         return None
-    limits = read_json(path)
-    try:
-        bounds = np.array([[limits["min"][name], limits["max"][name]] for name in inputs], dtype=float)
-    except (KeyError, TypeError) as error:
-        raise InputError(
-            path, None, None, f"wanted min and max of every column of params.csv, {error} is missing"
-        ) from None
+    limits = read_json(path, ("min", "max"))
+    for bound in ("min", "max"):
+        for name in inputs:
+            value = limits[bound].get(name) if isinstance(limits[bound], dict) else None
+            if isinstance(value, bool) or not isinstance(value, int | float):
+                raise InputError(path, f"{bound}.{name}", value, "wanted a number, as of every column of params.csv")
+    bounds = np.array([[limits["min"][name], limits["max"][name]] for name in inputs], dtype=float)
     if not (bounds[:, 0] < bounds[:, 1]).all():
         raise InputError(path, inputs[int(np.argmin(np.diff(bounds)))], None, "min is not below max")
     return bounds
@@ -238,6 +245,8 @@ def _propagation(folder: Path, inputs: tuple[str, ...], limits) -> tuple[np.ndar
         raise InputError(
             folder / "param_limits.json", None, None, "no such file; normalised propagation inputs need it"
         )
+    if not normalised.read_bytes().strip():
+        raise InputError(normalised, None, None, "empty; draw inputs at which the 0D model alone is run")
     try:
         values = np.loadtxt(normalised, delimiter=",", ndmin=2)
     except ValueError as error:

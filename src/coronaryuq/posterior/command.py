@@ -25,10 +25,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(chosen: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from coronaryuq.files import write_csv
+    from coronaryuq.files import check_folder, write_csv
     from coronaryuq.posterior.flow_table import fit_table
     from coronaryuq.zerod.network import write_network
 
+    if chosen.out:
+        check_folder(chosen.out)
     table, fitted = fit_table(chosen.network, chosen.flows, chosen.hyperaemia)
     if chosen.out:
         write_csv(Path(chosen.out) / "fractions.csv", table)
