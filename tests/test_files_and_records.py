@@ -41,6 +41,7 @@ def test_broken_json_is_named_on_one_line(tmp_path, text):
         b"name;value\nvan Gogh;1,5\nb;-2\n",
         b"name;value\nvan Gogh;1.5\nb;-2\n",
         b"name\tvalue\nvan Gogh\t1.5\nb\t-2\n",
+        b"name;value\r\nvan Gogh;1.5\r\n;\r\nb;-2\r\n ; \r\n;\r\n",
         "name,value\nvan Gogh,1.5\nb,-2\n".encode("utf-16"),
     ],
 )

@@ -170,7 +170,9 @@ def read_csv(path: str | Path, columns: tuple[str, ...] = ()):
 
 
 def table_text(path: str | Path) -> tuple[str, str]:
-    """Text of a table without lines that begin with #, and what separates its cells: a comma, semicolon or tab.
+    """Text of a table, and what separates its cells: a comma, semicolon or tab.
+
+    Lines that begin with # are left out, and those of empty cells, as spreadsheets have them below a table.
 
     UTF-8 with or without a mark, UTF-16 with one, else Windows' Western code page. The first line tells the separator.
     """
@@ -187,7 +189,7 @@ def table_text(path: str | Path) -> tuple[str, str]:
     lines = [line for line in text.splitlines(keepends=True) if not line.startswith("#")]
     first = next((line for line in lines if line.strip()), "")
     separator = next((mark for mark in ",;\t" if mark in first), ",")
-    return "".join(lines), separator
+    return "".join(line for line in lines if not line.strip() or line.strip(f"{separator} \r\n")), separator
 
 
 def _with_columns(path: str | Path, frame, columns: tuple[str, ...]):

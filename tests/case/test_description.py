@@ -49,6 +49,10 @@ MISTAKES = {
         },
         "stenoses names LAD twice",
     ),
+    "stenoses in a word": (
+        {"stenoses": "none"},
+        "stenoses = 'none': wanted auto, or a list such as [{name: LAD, vessel: LAD, start: 2.0, end: 3.0}], or []",
+    ),
     "stenosis on no vessel": (
         {"stenoses": "[{name: LAD, vessel: lad9, start: 1, end: 2}]"},
         "stenoses.LAD.vessel = 'lad9': no vessel of the tree; it has aorta, branch1, lca1",

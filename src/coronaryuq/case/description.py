@@ -231,6 +231,10 @@ def _one_line(path: str | Path, errors: ValidationError) -> InputError:
     field = ".".join(where) or None
     value = None if first["type"] in ("missing", "value_error") else first["input"]
     message = first["msg"].removeprefix("Value error, ")
+    if "literal['auto']" in first["loc"]:
+        message = "wanted auto, or a list such as [{name: LAD, vessel: LAD, start: 2.0, end: 3.0}], or [] for none"
+        found = [error for error in found if error["loc"][:1] != first["loc"][:1]]
+        found.insert(0, first)
     if first["type"] == "extra_forbidden":
         message = f"unknown field; known here: {', '.join(_model_at(where[:-1]).model_fields)}"
     elif first["type"] == "missing":
