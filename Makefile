@@ -1,6 +1,10 @@
-# make run    environment, then the laptop campaign; the last line says where the report is
-# make test   environment, then the tests
-# make env    the environment alone, in .venv/
+# make run       environment, then the laptop campaign (CONFIG=smoke: another); the last line says where the report is
+# make test      environment, then the tests
+# make env       the environment alone, in .venv/
+# make lint      style, formatting, one-way imports
+# make dry-run   what every shipped configuration would run
+# make lock      pins of what envs/requirements.in names, at the versions of the environment
+# make help      these lines
 
 CONFIG ?= laptop
 CORES ?= all
@@ -10,8 +14,11 @@ READY := $(VENV)/.ready
 PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
   command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && { echo $$p; break; }; done)
 
-.PHONY: run test env lock lint dry-run
+.PHONY: run test env lock lint dry-run help
 .DEFAULT_GOAL := run
+
+help:
+	@sed -n 's/^# \(make [a-z-]* \)/\1/p' $(firstword $(MAKEFILE_LIST))
 
 run: env
 	@test ! -d results/$(CONFIG)/provenance || $(BIN)/coronaryuq verify --remove results/$(CONFIG)
