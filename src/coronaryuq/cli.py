@@ -54,7 +54,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"coronaryuq {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
-    check = commands.add_parser("check", help="read a case file and all that it names; say what is wrong with it")
+    check = commands.add_parser(
+        "check", help="read a case file and all that it names; say what it holds, or its first mistake"
+    )
     check.add_argument("case", metavar="CASE", help="path of a case.yaml")
     check.set_defaults(run=_check)
 
