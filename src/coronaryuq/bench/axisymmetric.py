@@ -67,6 +67,40 @@ def solve(
     return solve_on(grid, flow, density, viscosity)
 
 
+@dataclass(frozen=True)
+class _Elements:
+    """Triangles of the fluid. z, r: of the m velocity nodes, cm, the n corners first, then a middle of every edge.
+
+    corners (e, 3) and nodes (e, 6) of the elements. edges (k, 2): their corners. number (levels, rings + 1): the
+    corner at each point of the grid, −1 where it is dry. wall (m,): whether a node lies on it.
+    """
+
+    z: np.ndarray
+    r: np.ndarray
+    n: int
+    corners: np.ndarray
+    nodes: np.ndarray
+    edges: np.ndarray
+    number: np.ndarray
+    wall: np.ndarray
+
+    @property
+    def m(self) -> int:
+        return len(self.z)
+
+
+@dataclass(frozen=True)
+class _Rule:
+    """Quadrature: shape (q, 6) quadratic shape functions; grad (e, q, 6, 2) their gradients, 1/cm; r (e, q) radius of
+    the points, cm; weight (e, q) of the rule with that radius, cm3.
+    """
+
+    shape: np.ndarray
+    grad: np.ndarray
+    r: np.ndarray
+    weight: np.ndarray
+
+
 def solve_on(
     grid: Grid,
     flow: float,
@@ -75,6 +109,23 @@ def solve_on(
     continuation: tuple[float, ...] = (0.0, 0.1, 0.3, 0.6, 1.0),
 ) -> AxisymmetricFlow:
     """Flow (mL/s) from the first level, where it is developed, to the last, where it leaves freely."""
+    elements = _triangulated(grid)
+    rule = _rule(elements)
+    solution, free = _start(grid, elements, flow)
+    for share in continuation:
+        for _ in range(25):
+            matrix, residual = _assemble(elements, rule, solution, share * density, viscosity)
+            step = splu(matrix[free][:, free].tocsc()).solve(residual[free])
+            solution[free] -= step
+            if np.abs(step[step.size // 2 :]).max() == 0 or np.linalg.norm(step) < 1e-9 * np.linalg.norm(solution):
+                break
+        else:
+            raise RuntimeError(f"Newton's method did not converge at {share} of the density")
+    _, force = _assemble(elements, rule, solution, density, viscosity)
+    return _measure(grid, elements, solution, force)
+
+
+def _triangulated(grid: Grid) -> _Elements:
     nodes_z, nodes_r = np.repeat(grid.z, grid.r.shape[1]), grid.r.ravel()
     number = np.arange(len(nodes_z)).reshape(grid.r.shape)
     wet = (np.arange(grid.r.shape[1] - 1) < grid.wet[:, None]).ravel()
@@ -85,14 +136,28 @@ def solve_on(
     nodes_z, nodes_r = nodes_z[used], nodes_r[used]
     place = np.full(number.size, -1)
     place[used] = np.arange(len(used))
-    number = place[number]
     pairs = np.sort(np.concatenate([corners[:, [1, 2]], corners[:, [2, 0]], corners[:, [0, 1]]]), axis=1)
     edges, edge = np.unique(pairs, axis=0, return_inverse=True)
-    n, m, e = len(nodes_z), len(nodes_z) + len(edges), len(corners)
-    elements = np.concatenate([corners, n + edge.reshape(3, e).T], axis=1)
-    xz = np.concatenate([nodes_z, nodes_z[edges].mean(axis=1)])
-    xr = np.concatenate([nodes_r, nodes_r[edges].mean(axis=1)])
+    n = len(nodes_z)
+    rim = np.bincount(edge.ravel(), minlength=len(edges)) == 1
+    end_z, end_r = nodes_z[edges], nodes_r[edges]
+    for border in (end_r == 0, end_z == grid.z[0], end_z == grid.z[-1]):
+        rim &= ~border.all(axis=1)
+    wall = np.zeros(n + len(edges), bool)
+    wall[edges[rim]] = wall[n + np.flatnonzero(rim)] = True
+    return _Elements(
+        z=np.concatenate([nodes_z, end_z.mean(axis=1)]),
+        r=np.concatenate([nodes_r, end_r.mean(axis=1)]),
+        n=n,
+        corners=corners,
+        nodes=np.concatenate([corners, n + edge.reshape(3, len(corners)).T], axis=1),
+        edges=edges,
+        number=place[number],
+        wall=wall,
+    )
 
+
+def _rule(elements: _Elements) -> _Rule:
     l1, l2, l3 = _POINTS.T
     shape = np.stack(
         [l1 * (2 * l1 - 1), l2 * (2 * l2 - 1), l3 * (2 * l3 - 1), 4 * l2 * l3, 4 * l3 * l1, 4 * l1 * l2], axis=1
@@ -106,7 +171,7 @@ def solve_on(
         ],
         axis=2,
     )
-    cz, cr = nodes_z[corners], nodes_r[corners]
+    cz, cr = elements.z[elements.corners], elements.r[elements.corners]
     twice = (cz[:, 1] - cz[:, 0]) * (cr[:, 2] - cr[:, 0]) - (cz[:, 2] - cz[:, 0]) * (cr[:, 1] - cr[:, 0])
     grad_l = np.stack(
         [
@@ -117,88 +182,85 @@ def solve_on(
     ) / twice[:, None, None]  # fmt: skip
     grad = np.einsum("qil,elk->eqik", by_l, grad_l)
     r = np.einsum("ql,el->eq", _POINTS, cr)
-    weight = 0.5 * np.abs(twice)[:, None] * _WEIGHTS[None] * r
+    return _Rule(shape, grad, r, 0.5 * np.abs(twice)[:, None] * _WEIGHTS[None] * r)
 
-    rim = np.bincount(edge.ravel(), minlength=len(edges)) == 1
-    end_z, end_r = nodes_z[edges], nodes_r[edges]
-    for border in (end_r == 0, end_z == grid.z[0], end_z == grid.z[-1]):
-        rim &= ~border.all(axis=1)
-    wall = np.zeros(m, bool)
-    wall[edges[rim]] = wall[n + np.flatnonzero(rim)] = True
-    axis, inlet = xr == 0, xz == grid.z[0]
+
+def _start(grid: Grid, elements: _Elements, flow: float) -> tuple[np.ndarray, np.ndarray]:
+    """Unknowns (2 m + n,), axial and radial velocity and pressure, at rest but for the inlet's parabola, and which of
+    them are free: not on the wall, the inlet or, for radial velocity, the axis.
+    """
+    m, wall, inlet = elements.m, elements.wall, elements.z == grid.z[0]
     outer = grid.r[0, grid.wet[0]]
-    inflow = 2 * flow / (np.pi * outer**2) * (1 - (xr / outer) ** 2)
-    fixed = np.concatenate([wall | inlet, wall | inlet | axis, np.zeros(n, bool)])
-    solution = np.zeros(2 * m + n)
+    inflow = 2 * flow / (np.pi * outer**2) * (1 - (elements.r / outer) ** 2)
+    fixed = np.concatenate([wall | inlet, wall | inlet | (elements.r == 0), np.zeros(elements.n, bool)])
+    solution = np.zeros(2 * m + elements.n)
     solution[:m][inlet & ~wall] = inflow[inlet & ~wall]
-    free = np.flatnonzero(~fixed)
-
-    def assemble(rho):
-        u = np.stack([solution[:m][elements], solution[m : 2 * m][elements]], axis=2)
-        p = solution[2 * m :][corners]
-        at = np.einsum("qi,eic->eqc", shape, u)
-        slope = np.einsum("eqik,eic->eqck", grad, u)
-        pressure = np.einsum("ql,el->eq", _POINTS, p)
-        hoop = at[:, :, 1] / r
-        through = slope[:, :, 0, 0] + slope[:, :, 1, 1] + hoop
-        carried = np.einsum("eqk,eqck->eqc", at, slope)
-        residual = np.einsum("eq,qi,eqc->eic", weight, shape, rho * carried)
-        residual += np.einsum("eq,eqik,eqck->eic", weight * viscosity, grad, slope)
-        residual -= np.einsum("eq,eqic->eic", weight * pressure, grad)
-        residual[:, :, 1] += np.einsum("eq,qi->ei", weight * (viscosity * hoop - pressure) / r, shape)
-        mass = -np.einsum("eq,ql->el", weight * through, _POINTS)
-        # Jacobian blocks [test, trial]
-        stiff = viscosity * np.einsum("eq,eqik,eqjk->eij", weight, grad, grad)
-        stiff += rho * np.einsum("eq,qi,eqk,eqjk->eij", weight, shape, at, grad)
-        block = {}
-        for x in range(2):
-            for y in range(2):
-                value = rho * np.einsum("eq,qi,qj->eij", weight * slope[:, :, x, y], shape, shape)
-                if x == y:
-                    value = value + stiff
-                if x == y == 1:
-                    value = value + np.einsum("eq,qi,qj->eij", weight * viscosity / r**2, shape, shape)
-                block[x, y] = value
-        divergence = [grad[..., 0], grad[..., 1] + shape[None] / r[:, :, None]]
-        parts = []
-        for (x, y), value in block.items():
-            parts.append((elements + x * m, elements + y * m, value))
-        for x in range(2):
-            value = -np.einsum("eq,eqi,ql->eil", weight, divergence[x], _POINTS)
-            parts.append((elements + x * m, corners + 2 * m, value))
-            parts.append((corners + 2 * m, elements + x * m, value.transpose(0, 2, 1)))
-        rows = np.concatenate([np.repeat(i, j.shape[1], axis=1).ravel() for i, j, _ in parts])
-        columns = np.concatenate([np.tile(j, (1, i.shape[1])).ravel() for i, j, _ in parts])
-        data = np.concatenate([value.ravel() for _, _, value in parts])
-        total = np.zeros(2 * m + n)
-        np.add.at(total, elements, residual[:, :, 0])
-        np.add.at(total, elements + m, residual[:, :, 1])
-        np.add.at(total, corners + 2 * m, mass)
-        return sp.csc_matrix((data, (rows, columns)), shape=(len(solution),) * 2), total
-
-    for share in continuation:
-        for _ in range(25):
-            matrix, residual = assemble(share * density)
-            step = splu(matrix[free][:, free].tocsc()).solve(residual[free])
-            solution[free] -= step
-            if np.abs(step[step.size // 2 :]).max() == 0 or np.linalg.norm(step) < 1e-9 * np.linalg.norm(solution):
-                break
-        else:
-            raise RuntimeError(f"Newton's method did not converge at {share} of the density")
-    _, force = assemble(density)
-    return _measure(grid, number, nodes_r, edges, m, solution, force)
+    return solution, np.flatnonzero(~fixed)
 
 
-def _measure(grid, number, nodes_r, edges, m, solution, force) -> AxisymmetricFlow:
+def _assemble(
+    elements: _Elements, rule: _Rule, solution: np.ndarray, rho: float, viscosity: float
+) -> tuple[sp.csc_matrix, np.ndarray]:
+    """Jacobian and residual of the weak form in all unknowns, boundary values included."""
+    m, n, corners, every = elements.m, elements.n, elements.corners, elements.nodes
+    shape, grad, r, weight = rule.shape, rule.grad, rule.r, rule.weight
+    u = np.stack([solution[:m][every], solution[m : 2 * m][every]], axis=2)
+    p = solution[2 * m :][corners]
+    at = np.einsum("qi,eic->eqc", shape, u)
+    slope = np.einsum("eqik,eic->eqck", grad, u)
+    pressure = np.einsum("ql,el->eq", _POINTS, p)
+    hoop = at[:, :, 1] / r
+    through = slope[:, :, 0, 0] + slope[:, :, 1, 1] + hoop
+    carried = np.einsum("eqk,eqck->eqc", at, slope)
+    residual = np.einsum("eq,qi,eqc->eic", weight, shape, rho * carried)
+    residual += np.einsum("eq,eqik,eqck->eic", weight * viscosity, grad, slope)
+    residual -= np.einsum("eq,eqic->eic", weight * pressure, grad)
+    residual[:, :, 1] += np.einsum("eq,qi->ei", weight * (viscosity * hoop - pressure) / r, shape)
+    total = np.zeros(2 * m + n)
+    np.add.at(total, every, residual[:, :, 0])
+    np.add.at(total, every + m, residual[:, :, 1])
+    np.add.at(total, corners + 2 * m, -np.einsum("eq,ql->el", weight * through, _POINTS))
+    return _jacobian(elements, rule, at, slope, rho, viscosity), total
+
+
+def _jacobian(
+    elements: _Elements, rule: _Rule, at: np.ndarray, slope: np.ndarray, rho: float, viscosity: float
+) -> sp.csc_matrix:
+    """at (e, q, 2): velocity at the rule's points; slope (e, q, 2, 2): its gradient."""
+    m, corners, every = elements.m, elements.corners, elements.nodes
+    shape, grad, r, weight = rule.shape, rule.grad, rule.r, rule.weight
+    stiff = viscosity * np.einsum("eq,eqik,eqjk->eij", weight, grad, grad)
+    stiff += rho * np.einsum("eq,qi,eqk,eqjk->eij", weight, shape, at, grad)
+    parts = []  # rows, columns and values of blocks [test, trial]
+    for x in range(2):
+        for y in range(2):
+            value = rho * np.einsum("eq,qi,qj->eij", weight * slope[:, :, x, y], shape, shape)
+            if x == y:
+                value = value + stiff
+            if x == y == 1:
+                value = value + np.einsum("eq,qi,qj->eij", weight * viscosity / r**2, shape, shape)
+            parts.append((every + x * m, every + y * m, value))
+    divergence = [grad[..., 0], grad[..., 1] + shape[None] / r[:, :, None]]
+    for x in range(2):
+        value = -np.einsum("eq,eqi,ql->eil", weight, divergence[x], _POINTS)
+        parts.append((every + x * m, corners + 2 * m, value))
+        parts.append((corners + 2 * m, every + x * m, value.transpose(0, 2, 1)))
+    rows = np.concatenate([np.repeat(i, j.shape[1], axis=1).ravel() for i, j, _ in parts])
+    columns = np.concatenate([np.tile(j, (1, i.shape[1])).ravel() for i, j, _ in parts])
+    data = np.concatenate([value.ravel() for _, _, value in parts])
+    return sp.csc_matrix((data, (rows, columns)), shape=(2 * m + elements.n,) * 2)
+
+
+def _measure(grid: Grid, elements: _Elements, solution: np.ndarray, force: np.ndarray) -> AxisymmetricFlow:
     """Wall shear from the consistent nodal forces on the wall, axial and radial together, spread over the arc."""
-    z, n = grid.z, len(nodes_r)
+    z, n, m, number = grid.z, elements.n, elements.m, elements.number
     top = np.minimum(np.r_[grid.wet, grid.wet[-1]], np.r_[grid.wet[0], grid.wet])
     wall = number[np.arange(len(z)), top]
-    lookup = {tuple(edge): n + k for k, edge in enumerate(edges.tolist())}
+    lookup = {tuple(edge): n + k for k, edge in enumerate(elements.edges.tolist())}
     pairs = [tuple(sorted(pair)) for pair in zip(wall[:-1].tolist(), wall[1:].tolist(), strict=True)]
     along_wall = np.array([pair in lookup for pair in pairs])
     between = np.array([lookup[pair] for pair in pairs if pair in lookup])
-    radii = nodes_r[wall]
+    radii = elements.r[wall]
     dz, dr = np.diff(z)[along_wall], np.diff(radii)[along_wall]
     length = np.hypot(dz, dr)
     along = (dz * force[between] + dr * force[m + between]) / length
@@ -209,7 +271,7 @@ def _measure(grid, number, nodes_r, edges, m, solution, force) -> AxisymmetricFl
     pressure = np.empty(len(z))
     for level, outermost in enumerate(top):
         row = number[level, : outermost + 1]
-        r = nodes_r[row]
+        r = elements.r[row]
         step, weight = np.diff(r), np.zeros(len(r))
         weight[:-1] += step * (2 * r[:-1] + r[1:]) / 6
         weight[1:] += step * (r[:-1] + 2 * r[1:]) / 6
