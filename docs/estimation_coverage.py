@@ -1,0 +1,129 @@
+"""Puts cells of the coverage benchmark into estimation-coverage.jsonl and its tables into estimation.md.
+
+Arguments: files with further cells, one JSON object a line (`bench.coverage.cell`, with `first_trial`), or none.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import binomtest
+
+FOLDER = Path(__file__).parent
+CELLS, PAGE = FOLDER / "estimation-coverage.jsonl", FOLDER / "estimation.md"
+METHODS, SIZES, TRIALS = ("MC", "MFMC", "best", "MFMC-AE"), (25, 50, 100, 250), 400
+FORMER = {"best, without logarithm", "best, without reach"}
+"""Cells of `best` as it was; they stand where it has not been measured since."""
+PROBLEMS = ("smooth", "dissimilar inputs", "useless 0D", "non-monotone", "constrained manifold", "long tail")
+PROBLEMS += tuple(f"row {number}" for number in range(1, 13))
+
+
+def read(path: str | Path) -> list[dict]:
+    return [json.loads(line) for line in Path(path).read_text(encoding="utf-8").splitlines() if line]
+
+
+def key(cell: dict) -> tuple:
+    """What a cell measures. A former selector's cells are those of `best`."""
+    method = "best" if cell["method"] in FORMER else cell["method"]
+    return cell.get("quantity", "mean"), METHODS.index(method), cell["n_3d"], cell["problem"]
+
+
+def pooled(one: dict, other: dict) -> dict:
+    """A cell of two disjoint sets of trials."""
+    trials = one["trials"] + other["trials"]
+    both = [
+        (c["trials"], c["empirical_std"], c["bias_z"] * c["empirical_std"] / np.sqrt(c["trials"])) for c in (one, other)
+    ]
+    mean = sum(t * m for t, _, m in both) / trials
+    spread = np.sqrt(sum((t - 1) * s**2 + t * (m - mean) ** 2 for t, s, m in both) / (trials - 1))
+    claims = [c["trials"] * (c["claimed_over_empirical"] * c["empirical_std"]) ** 2 for c in (one, other)]
+    held = sum(c["coverage_95"] * c["trials"] for c in (one, other)) / trials
+    wilson = wilson_of(held, trials)
+    return one | {
+        "trials": trials,
+        "claimed_over_empirical": float(np.sqrt(sum(claims) / trials) / spread),
+        "coverage_95": held,
+        "coverage_95_error": float(np.sqrt(0.95 * 0.05 / trials)),
+        "coverage_95_low": wilson[0],
+        "coverage_95_high": wilson[1],
+        "bias_z": float(mean / (spread / np.sqrt(trials))),
+        "empirical_std": float(spread),
+        "first_trial": min(one.get("first_trial", 0), other.get("first_trial", 0)),
+    }
+
+
+def merged(cells: list[dict], more: list[dict]) -> list[dict]:
+    """Cells with more of them in: trials that follow a cell's own are pooled with it, no fewer others stand in its
+    place, and a former selector's cell goes where the present one is measured."""
+    found = {}
+    for cell in [*cells, *more]:
+        had = found.get(key(cell))
+        if had is None or is_former(had):
+            found[key(cell)] = cell
+        elif not is_former(cell) and cell.get("first_trial", 0) == had.get("first_trial", 0) + had["trials"]:
+            found[key(cell)] = pooled(had, cell)
+        elif not is_former(cell) and cell["trials"] >= had["trials"]:
+            found[key(cell)] = cell
+    return sorted(found.values(), key=order)
+
+
+def is_former(cell: dict) -> bool:
+    return cell["method"] in FORMER
+
+
+def order(cell: dict) -> tuple:
+    quantity, method, size, problem = key(cell)
+    return quantity != "mean", quantity, method, size, PROBLEMS.index(problem)
+
+
+def wilson_of(held: float, trials: int) -> tuple[float, float]:
+    interval = binomtest(round(held * trials), trials).proportion_ci(method="wilson")
+    return float(interval.low), float(interval.high)
+
+
+def shown(cell: dict | None) -> str:
+    """Claimed over empirical, coverage in %; bold where a claim is more than 15 % off or too few intervals hold."""
+    if cell is None:
+        return "–"
+    low, high = wilson_of(cell["coverage_95"], cell["trials"])
+    text = f"{cell['claimed_over_empirical']:.2f}, {100 * cell['coverage_95']:.1f}"
+    if abs(cell["claimed_over_empirical"] - 1) > 0.15 or high < 0.93:
+        text = f"**{text}**"
+    if cell["trials"] != TRIALS:
+        text += f" ({cell['trials']} trials: {100 * low:.0f} to {100 * high:.0f})"
+    return text + (" †" if is_former(cell) else "")
+
+
+def table(cells: list[dict], method: str) -> list[str]:
+    mine = {(key(c)[3], c["n_3d"]): c for c in cells if "quantity" not in c and METHODS[key(c)[1]] == method}
+    sizes = [n for n in SIZES if any(size == n for _, size in mine)]
+    lines = [f"| {method} | " + " | ".join(f"N_3D = {n}" for n in sizes) + " | largest bias / its error |"]
+    lines.append("|" + "---|" * (len(sizes) + 2))
+    for problem in PROBLEMS:
+        row = [mine.get((problem, n)) for n in sizes]
+        if any(row):
+            bias = max((cell["bias_z"] for cell in row if cell), key=abs)
+            lines.append(f"| {problem} | " + " | ".join(map(shown, row)) + f" | {bias:.1f} |")
+    return lines
+
+
+def put(page: str, name: str, lines: list[str]) -> str:
+    """The page with other lines between its marks."""
+    before, _, rest = page.partition(f"<!-- {name} -->\n")
+    _, end, after = rest.partition(f"<!-- end of {name} -->\n")
+    assert end, f"{PAGE.name} lacks the marks of {name}"
+    return "".join([before, f"<!-- {name} -->\n", "\n".join(lines), "\n", end, after])
+
+
+def main(more: list[str]) -> None:
+    cells = merged(read(CELLS), [cell for path in more for cell in read(path)])
+    CELLS.write_text("".join(json.dumps(cell) + "\n" for cell in cells), encoding="utf-8")
+    page = PAGE.read_text(encoding="utf-8")
+    for method in METHODS:
+        page = put(page, f"coverage of {method}", table(cells, method))
+    PAGE.write_text(page, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

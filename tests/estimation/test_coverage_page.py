@@ -1,0 +1,46 @@
+"""Cells of the coverage benchmark and their tables in the documents are one."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from coronaryuq.bench.coverage import judged
+from coronaryuq.seeds import generator
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+@pytest.fixture(scope="module")
+def script():
+    found = importlib.util.spec_from_file_location("estimation_coverage", DOCS / "estimation_coverage.py")
+    module = importlib.util.module_from_spec(found)
+    found.loader.exec_module(module)
+    return module
+
+
+def cell(first, trials, method="best", problem="row 9", n_3d=250):
+    """Cells of one long list of trials."""
+    rng = generator(1, "page")
+    errors, stds = rng.normal(0.1, 1, 400)[first : first + trials], rng.uniform(0.8, 1.2, 400)[first : first + trials]
+    named = {"problem": problem, "method": method, "n_3d": n_3d, "first_trial": first}
+    return named | judged(errors, stds, np.abs(errors) < 2 * stds)
+
+
+def test_the_page_holds_the_tables_of_the_cells(script):
+    page, cells = script.PAGE.read_text(encoding="utf-8"), script.read(script.CELLS)
+    for method in script.METHODS:
+        assert script.put(page, f"coverage of {method}", script.table(cells, method)) == page, method
+
+
+def test_trials_that_follow_are_pooled_as_if_they_had_been_run_together(script):
+    (got,) = script.merged([cell(0, 100)], [cell(100, 300)])
+    assert got == pytest.approx(cell(0, 400))
+    assert script.merged([got], [cell(0, 100), cell(100, 300)]) == [got], "put in once more, they change nothing"
+
+
+def test_a_former_selectors_cell_goes_where_the_present_one_is_measured(script):
+    former = [cell(0, 400, "best, without reach"), cell(0, 400, "best, without reach", problem="row 8")]
+    assert [c["method"] for c in script.merged(former, [cell(0, 100)])] == ["best, without reach", "best"]
+    assert script.merged([cell(0, 100)], former[:1]) == [cell(0, 100)]
