@@ -1,6 +1,7 @@
 """Gathers a campaign's runs into the published-runs format, a folder that the estimators and anybody else can read."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -48,76 +49,102 @@ def gather(
     the first `runs_per_fine` · n_3d samples of the pilot's table: those beyond the pilot go into `params_coarse.csv`.
     """
     out = Path(out)
+    pilot, beyond, propagation = _portions(pilot_csv, propagation_csv, counts, runs_per_fine)
+    runs = _records("3D", flow3d, pilot)
+    cheap = _zerod(zerod_pilot, pilot)
+    beside = _zerod(zerod_pilot, beyond)
+    more = _zerod(zerod_propagation, propagation)
+    _enough(flow3d[0], runs, min_3d)
+    kept = pilot[pilot["sample"].isin(cheap.ended["sample"])]
+    outputs_3d = _ended(runs)
+    write_csv(out / "params.csv", kept)
+    write_csv(out / "outputs_3d.csv", outputs_3d[outputs_3d["sample"].isin(kept["sample"])])
+    write_csv(out / "outputs_0d.csv", cheap.ended)
+    write_csv(out / "params_propagation.csv", propagation[propagation["sample"].isin(more.ended["sample"])])
+    write_csv(out / "outputs_0d_propagation.csv", more.ended)
+    second = _coarse(coarse, pd.concat([pilot, beyond])) if runs_per_fine else []
+    _write_coarse(out, second, outputs_3d.columns, kept, beyond, beside.ended)
+    columns = [name for name in pilot.columns if name != "sample"]
+    bounds = {name: limits.get(name, limits["r"]) for name in columns}
+    ends = (("min", 0), ("max", 1))
+    write_json(out / "param_limits.json", {end: {name: bounds[name][k] for name in columns} for end, k in ends})
+    write_csv(out / "rows.csv", rows(read_case(case_json, "stenoses.name", "stenoses.outlet"), cheap.ended.columns))
+    write_json(out / "failures.json", _failures(runs, (cheap, beside, more), second))
+
+
+@dataclass(frozen=True)
+class _Cheap:
+    """0D runs of one set: how many were wanted, outputs of those that ended well, the failed ones, their CPU time."""
+
+    wanted: int
+    ended: pd.DataFrame
+    failed: pd.DataFrame
+    cpu_s: float
+
+
+def _portions(
+    pilot_csv: str | Path, propagation_csv: str | Path, counts: dict[str, int] | None, runs_per_fine: int
+) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
+    """Inputs of the pilot, of the coarse level's samples beyond it, and of propagation."""
     table, propagation = read_csv(pilot_csv, ("sample",)), read_csv(propagation_csv, ("sample",))
     n_3d = len(table) // max(1, runs_per_fine)
     if counts is not None:
         n_3d, propagation = counts["n_3d"], propagation.iloc[: counts["n_0d"]]
-    pilot, beyond = table.iloc[:n_3d], table.iloc[n_3d : max(1, runs_per_fine) * n_3d]
-    runs = [record for path in flow3d for record in records.read(path) if record.sample in set(pilot["sample"])]
-    cheap, cheap_failed = _zerod(zerod_pilot, pilot["sample"])
-    beside, beside_failed = _zerod(zerod_pilot, beyond["sample"])
-    more, more_failed = _zerod(zerod_propagation, propagation["sample"])
-    _complete("3D", pilot["sample"], [record.sample for record in runs], flow3d)
-    _complete("0D", pilot["sample"], [*cheap["sample"], *cheap_failed["sample"]], zerod_pilot)
-    _complete("0D", beyond["sample"], [*beside["sample"], *beside_failed["sample"]], zerod_pilot)
-    _complete("0D", propagation["sample"], [*more["sample"], *more_failed["sample"]], zerod_propagation)
+    return table.iloc[:n_3d], table.iloc[n_3d : max(1, runs_per_fine) * n_3d], propagation
+
+
+def _enough(path: str | Path, runs: list[records.Record], least: int) -> None:
     failed = [record for record in runs if not record.ok]
-    if len(runs) - len(failed) < min_3d:
+    if len(runs) - len(failed) < least:
         reasons = pd.Series([record.reason for record in failed])
         most = reasons.value_counts().index[0] if len(reasons) else "too few samples asked for"
         said = f"{len(runs) - len(failed)} of {len(runs)}"
-        raise InputError(
-            flow3d[0], "3D runs that ended well", said, f"at least {min_3d} are needed; most often: {most}"
-        )
-    columns = [name for name in pilot.columns if name != "sample"]
-    kept = pilot[pilot["sample"].isin(cheap["sample"])]
-    outputs_3d = pd.DataFrame([{"sample": r.sample, **r.outputs} for r in runs if r.ok])
-    write_csv(out / "params.csv", kept)
-    write_csv(out / "outputs_3d.csv", outputs_3d[outputs_3d["sample"].isin(kept["sample"])])
-    write_csv(out / "outputs_0d.csv", cheap)
-    write_csv(out / "params_propagation.csv", propagation[propagation["sample"].isin(more["sample"])])
-    write_csv(out / "outputs_0d_propagation.csv", more)
-    second = _coarse(coarse, pd.concat([pilot, beyond])) if runs_per_fine else []
-    if second:
-        ended = pd.DataFrame([{"sample": r.sample, **r.outputs} for r in second if r.ok], columns=outputs_3d.columns)
-        write_csv(out / "params_coarse.csv", beyond[beyond["sample"].isin(beside["sample"])])
-        write_csv(out / "outputs_0d_coarse.csv", beside)
-        write_csv(
-            out / "outputs_3d_coarse.csv",
-            ended[ended["sample"].isin(kept["sample"]) | ended["sample"].isin(beside["sample"])],
-        )
-    else:
+        raise InputError(path, "3D runs that ended well", said, f"at least {least} are needed; most often: {most}")
+
+
+def _ended(runs: list[records.Record], columns: Sequence[str] | None = None) -> pd.DataFrame:
+    """Outputs of the runs that ended well, one row each."""
+    return pd.DataFrame([{"sample": r.sample, **r.outputs} for r in runs if r.ok], columns=columns)
+
+
+def _write_coarse(
+    out: Path,
+    second: list[records.Record],
+    columns: Sequence[str],
+    kept: pd.DataFrame,
+    beyond: pd.DataFrame,
+    beside: pd.DataFrame,
+) -> None:
+    """Files of a coarse level; without one, those of an earlier run with one are removed."""
+    if not second:
         for name in ("params_coarse.csv", "outputs_0d_coarse.csv", "outputs_3d_coarse.csv"):
             (out / name).unlink(missing_ok=True)
-    bounds = {name: limits.get(name, limits["r"]) for name in columns}
-    ends = (("min", 0), ("max", 1))
-    write_json(out / "param_limits.json", {end: {name: bounds[name][k] for name in columns} for end, k in ends})
-    write_csv(out / "rows.csv", rows(read_case(case_json, "stenoses.name", "stenoses.outlet"), cheap.columns))
-    write_json(
-        out / "failures.json",
-        {
-            "flow3d": {
-                "runs": len(runs),
-                "failed": [{"sample": r.sample, "reason": r.reason, "inputs": r.inputs} for r in failed],
-            },
-            "zerod": {
-                "runs": len(pilot) + len(beyond) + len(propagation),
-                "failed": pd.concat([cheap_failed, beside_failed, more_failed])[["sample", "reason"]].to_dict(
-                    "records"
-                ),
-            },
-            "coarse": {
-                "runs": len(second),
-                "failed": [{"sample": r.sample, "reason": r.reason, "inputs": r.inputs} for r in second if not r.ok],
-            },
-            "cost": {
-                "flow3d_cpu_s": float(sum(r.cost.get("cpu_s", 0.0) for r in runs)),
-                "zerod_cpu_s": _cost(zerod_pilot, [*pilot["sample"], *beyond["sample"]])
-                + _cost(zerod_propagation, propagation["sample"]),
-                "coarse_cpu_s": float(sum(r.cost.get("cpu_s", 0.0) for r in second)),
-            },
+        return
+    ended = _ended(second, columns)
+    paired = ended["sample"].isin(kept["sample"]) | ended["sample"].isin(beside["sample"])
+    write_csv(out / "params_coarse.csv", beyond[beyond["sample"].isin(beside["sample"])])
+    write_csv(out / "outputs_0d_coarse.csv", beside)
+    write_csv(out / "outputs_3d_coarse.csv", ended[paired])
+
+
+def _failures(runs: list[records.Record], zerod: tuple[_Cheap, _Cheap, _Cheap], second: list[records.Record]) -> dict:
+    """What `failures.json` holds: runs, the failed ones and cost of the 3D level, the 0D model and the coarse level."""
+    pilot, beside, propagation = zerod
+    failed = pd.concat([one.failed for one in zerod])[["sample", "reason"]]
+    return {
+        "flow3d": {"runs": len(runs), "failed": _told(runs)},
+        "zerod": {"runs": sum(one.wanted for one in zerod), "failed": failed.to_dict("records")},
+        "coarse": {"runs": len(second), "failed": _told(second)},
+        "cost": {
+            "flow3d_cpu_s": float(sum(r.cost.get("cpu_s", 0.0) for r in runs)),
+            "zerod_cpu_s": pilot.cpu_s + beside.cpu_s + propagation.cpu_s,
+            "coarse_cpu_s": float(sum(r.cost.get("cpu_s", 0.0) for r in second)),
         },
-    )
+    }
+
+
+def _told(runs: list[records.Record]) -> list[dict]:
+    return [{"sample": r.sample, "reason": r.reason, "inputs": r.inputs} for r in runs if not r.ok]
 
 
 def rows(case: dict, columns_0d: Sequence[str]) -> pd.DataFrame:
@@ -166,18 +193,26 @@ def coarse_cost(failures_json: str | Path) -> dict | None:
 
 def _coarse(paths: Sequence[str | Path], table: pd.DataFrame) -> list[records.Record]:
     """Records of a coarse level at every sample of a table, in its order."""
-    found = [record for path in paths for record in records.read(path) if record.sample in set(table["sample"])]
-    _complete("coarse 3D", table["sample"], [record.sample for record in found], paths)
     place = {sample: k for k, sample in enumerate(table["sample"])}
-    return sorted(found, key=lambda record: place[record.sample])
+    return sorted(_records("coarse 3D", paths, table), key=lambda record: place[record.sample])
 
 
-def _zerod(paths: Sequence[str | Path], samples: pd.Series) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Outputs of the runs of `samples` that ended well, and the failed runs."""
+def _records(kind: str, paths: Sequence[str | Path], table: pd.DataFrame) -> list[records.Record]:
+    """Records of every sample of a table, in the order of the files."""
+    wanted = set(table["sample"])
+    found = [record for path in paths for record in records.read(path) if record.sample in wanted]
+    _complete(kind, table["sample"], [record.sample for record in found], paths)
+    return found
+
+
+def _zerod(paths: Sequence[str | Path], inputs: pd.DataFrame) -> _Cheap:
+    samples = inputs["sample"]
     table = pd.concat([read_parquet(path, ("sample", "status", "reason")) for path in paths], ignore_index=True)
     table = table[table["sample"].isin(samples)]
     ok = table["status"] == records.OK
-    return table[ok].drop(columns=[c for c in BOOKKEEPING if c in table]), table[~ok]
+    ended, failed = table[ok].drop(columns=[c for c in BOOKKEEPING if c in table]), table[~ok]
+    _complete("0D", samples, [*ended["sample"], *failed["sample"]], paths)
+    return _Cheap(len(inputs), ended, failed, _cost(paths, samples))
 
 
 def _cost(paths: Sequence[str | Path], samples: Sequence[str]) -> float:
