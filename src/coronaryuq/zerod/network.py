@@ -5,15 +5,13 @@ network that passes can be solved; what an element means is in `zerod.elements`.
 """
 
 import copy
-import math
-from collections.abc import Callable, Iterable
-from numbers import Real
 from pathlib import Path
 from typing import Any
 
 from coronaryuq import files
 from coronaryuq.errors import InputError
-from coronaryuq.zerod.parameters import BOUNDARIES, CLOSED_LOOP, COUPLINGS, JUNCTIONS, VESSELS, Parameters
+from coronaryuq.zerod.blocks import check_keys, check_shapes, check_values, finite, named, register
+from coronaryuq.zerod.parameters import BOUNDARIES, CLOSED_LOOP, COUPLINGS, JUNCTIONS, VESSELS
 
 Network = dict[str, Any]
 
@@ -82,7 +80,7 @@ def check_network(network: Network, file: str | Path = "network") -> None:
     """Raise `InputError` unless every block, key and value is one that the engine knows and the blocks fit together."""
     if not isinstance(network, dict):
         raise InputError(file, None, None, "want a JSON object with simulation_parameters, vessels, ...")
-    _keys(network, _TOP, file, "")
+    check_keys(network, _TOP, file, "")
     for unsupported in ("valves", "chambers"):
         if network.get(unsupported):
             entry = network[unsupported][0]
@@ -96,69 +94,22 @@ def check_network(network: Network, file: str | Path = "network") -> None:
             raise InputError(file, required, None, "missing")
     if not isinstance(network["simulation_parameters"], dict):
         raise InputError(file, "simulation_parameters", network["simulation_parameters"], "want an object")
-    _check_shapes(network, file)
+    check_shapes(network, file)
     _check_simulation(network["simulation_parameters"], file)
     names: dict[str, str] = {}
-    for vessel in _entries(network, "vessels", "vessel_name", file):
+    for vessel in named(network, "vessels", "vessel_name", file):
         _check_vessel(vessel, names, file)
-    for block in _entries(network, "external_solver_coupling_blocks", "name", file):
+    for block in named(network, "external_solver_coupling_blocks", "name", file):
         _check_coupling(block, names, file)
-    for block in _entries(network, "boundary_conditions", "bc_name", file):
+    for block in named(network, "boundary_conditions", "bc_name", file):
         _check_boundary(block, names, file)
     ids = {vessel["vessel_id"]: vessel["vessel_name"] for vessel in network.get("vessels", [])}
     if len(ids) < len(network.get("vessels", [])):
         raise InputError(file, "vessels", None, "two vessels share a vessel_id; number them apart")
-    for junction in _entries(network, "junctions", "junction_name", file):
+    for junction in named(network, "junctions", "junction_name", file):
         _check_junction(junction, names, ids, file)
     _check_closed_loop(network, names, file)
     _check_references(network, names, file)
-
-
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str)
-
-
-def _is_object(value: Any) -> bool:
-    return isinstance(value, dict)
-
-
-def _is_list_of(kind: type) -> Callable[[Any], bool]:
-    return lambda value: isinstance(value, list) and all(type(entry) is kind for entry in value)
-
-
-_SHAPES = {
-    "vessels": {
-        "zero_d_element_type": (_is_text, "text"),
-        "boundary_conditions": (lambda v: _is_object(v) and all(map(_is_text, v.values())), "an object of names"),
-    },
-    "boundary_conditions": {"bc_type": (_is_text, "text")},
-    "external_solver_coupling_blocks": {"type": (_is_text, "text"), "location": (_is_text, "text")},
-    "closed_loop_blocks": {
-        "closed_loop_type": (_is_text, "text"),
-        "outlet_blocks": (_is_list_of(str), "a list of block names"),
-    },
-    "junctions": {
-        "junction_type": (_is_text, "text"),
-        "junction_values": (_is_object, "an object"),
-        **{f"{side}_vessels": (_is_list_of(int), "a list of vessel_id") for side in ("inlet", "outlet")},
-        **{f"{side}_blocks": (_is_list_of(str), "a list of block names") for side in ("inlet", "outlet")},
-    },
-}
-"""What kind of value a key has, where the checks that follow rely on it."""
-
-
-def _check_shapes(network: Network, file) -> None:
-    for part, keys in _SHAPES.items():
-        entries = network.get(part, [])
-        if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
-            raise InputError(file, part, None, "want a list of objects")
-        for number, entry in enumerate(entries):
-            for key, (fits, wanted) in keys.items():
-                if key in entry and not fits(entry[key]):
-                    raise InputError(file, f"{part}[{number}].{key}", entry[key], f"want {wanted}")
-    for part in ("initial_condition", "initial_condition_d"):
-        if not isinstance(network.get(part, {}), dict):
-            raise InputError(file, part, network[part], "want an object")
 
 
 def vessel_names(network: Network) -> dict[int, str]:
@@ -173,15 +124,15 @@ def copy_of(network: Network) -> Network:
 
 def _check_simulation(block: dict, file) -> None:
     where = "simulation_parameters"
-    _keys(block, set(_SIMULATION), file, where)
+    check_keys(block, set(_SIMULATION), file, where)
     for key, kind in _SIMULATION.items():
         if key not in block:
             continue
         value = block[key]
         fits = {
             bool: isinstance(value, bool),
-            int: _finite(value) and float(value).is_integer(),
-            float: _finite(value),
+            int: finite(value) and float(value).is_integer(),
+            float: finite(value),
             str: isinstance(value, str),
         }[kind]
         if not fits:
@@ -202,28 +153,28 @@ def _check_simulation(block: dict, file) -> None:
 
 
 def _check_vessel(vessel: dict, names: dict[str, str], file) -> None:
-    name = _register(vessel, "vessel_name", "zero_d_element_type", VESSELS, names, file, "vessels")
+    name = register(vessel, "vessel_name", "zero_d_element_type", VESSELS, names, file, "vessels")
     where = f"vessels.{name}"
-    _keys(vessel, _VESSEL, file, where)
+    check_keys(vessel, _VESSEL, file, where)
     if not isinstance(vessel.get("vessel_id"), int) or isinstance(vessel.get("vessel_id"), bool):
         raise InputError(file, f"{where}.vessel_id", vessel.get("vessel_id"), "want an integer")
-    _values(vessel, "zero_d_element_values", VESSELS[vessel["zero_d_element_type"]], file, where)
+    check_values(vessel, "zero_d_element_values", VESSELS[vessel["zero_d_element_type"]], file, where)
     for side in vessel.get("boundary_conditions", {}):
         if side not in ("inlet", "outlet"):
             raise InputError(file, f"{where}.boundary_conditions", side, "want inlet or outlet")
 
 
 def _check_boundary(block: dict, names: dict[str, str], file) -> None:
-    name = _register(block, "bc_name", "bc_type", BOUNDARIES, names, file, "boundary_conditions")
-    _keys(block, _BOUNDARY, file, f"boundary_conditions.{name}")
-    _values(block, "bc_values", BOUNDARIES[block["bc_type"]], file, f"boundary_conditions.{name}")
+    name = register(block, "bc_name", "bc_type", BOUNDARIES, names, file, "boundary_conditions")
+    check_keys(block, _BOUNDARY, file, f"boundary_conditions.{name}")
+    check_values(block, "bc_values", BOUNDARIES[block["bc_type"]], file, f"boundary_conditions.{name}")
 
 
 def _check_coupling(block: dict, names: dict[str, str], file) -> None:
-    name = _register(block, "name", "type", COUPLINGS, names, file, "external_solver_coupling_blocks")
+    name = register(block, "name", "type", COUPLINGS, names, file, "external_solver_coupling_blocks")
     where = f"external_solver_coupling_blocks.{name}"
-    _keys(block, _COUPLING, file, where)
-    _values(block, "values", COUPLINGS[block["type"]], file, where)
+    check_keys(block, _COUPLING, file, where)
+    check_values(block, "values", COUPLINGS[block["type"]], file, where)
     if block.get("location") not in ("inlet", "outlet"):
         raise InputError(file, f"{where}.location", block.get("location"), "want inlet or outlet")
     if not isinstance(block.get("connected_block"), str):
@@ -231,9 +182,9 @@ def _check_coupling(block: dict, names: dict[str, str], file) -> None:
 
 
 def _check_junction(block: dict, names: dict[str, str], ids: dict[int, str], file) -> None:
-    name = _register(block, "junction_name", "junction_type", JUNCTIONS, names, file, "junctions")
+    name = register(block, "junction_name", "junction_type", JUNCTIONS, names, file, "junctions")
     where = f"junctions.{name}"
-    _keys(block, _JUNCTION, file, where)
+    check_keys(block, _JUNCTION, file, where)
     for side in ("inlet", "outlet"):
         if f"{side}_vessels" in block:
             for number in block[f"{side}_vessels"]:
@@ -244,18 +195,18 @@ def _check_junction(block: dict, names: dict[str, str], ids: dict[int, str], fil
     parameters = JUNCTIONS[block["junction_type"]]
     if not parameters:
         if block.get("junction_values"):
-            _keys(block["junction_values"], set(), file, f"{where}.junction_values")
+            check_keys(block["junction_values"], set(), file, f"{where}.junction_values")
         return
     inlets, outlets = junction_sides(block, ids)
     if block["junction_type"] == "BloodVesselJunction" and len(inlets) != 1:
         raise InputError(file, f"{where}.inlet_vessels", inlets, "a BloodVesselJunction has one inlet")
     values = block.get("junction_values", {})
-    _keys(values, set(parameters), file, f"{where}.junction_values")
+    check_keys(values, set(parameters), file, f"{where}.junction_values")
     for key, spec in parameters.items():
         if key not in values and not spec.required:
             continue
         numbers = values.get(key)
-        if not isinstance(numbers, list) or len(numbers) != len(outlets) or not all(map(_finite, numbers)):
+        if not isinstance(numbers, list) or len(numbers) != len(outlets) or not all(map(finite, numbers)):
             raise InputError(
                 file,
                 f"{where}.junction_values.{key}",
@@ -272,13 +223,13 @@ def _check_closed_loop(network: Network, names: dict[str, str], file) -> None:
         )
     for block in blocks:
         where = f"closed_loop_blocks.{HEART}"
-        _keys(block, _LOOP, file, where)
+        check_keys(block, _LOOP, file, where)
         kind = block.get("closed_loop_type")
         if kind not in CLOSED_LOOP:
             raise InputError(file, f"{where}.closed_loop_type", kind, f"unknown element; know {', '.join(CLOSED_LOOP)}")
-        _values(block, "parameters", CLOSED_LOOP[kind], file, where)
+        check_values(block, "parameters", CLOSED_LOOP[kind], file, where)
         period = block.get("cardiac_cycle_period")
-        if not _finite(period) or period <= 0:
+        if not finite(period) or period <= 0:
             raise InputError(file, f"{where}.cardiac_cycle_period", period, "want a positive time in s")
         if not isinstance(block.get("outlet_blocks"), list) or not block["outlet_blocks"]:
             raise InputError(file, f"{where}.outlet_blocks", block.get("outlet_blocks"), "want a list of block names")
@@ -319,7 +270,7 @@ def _check_references(network: Network, names: dict[str, str], file) -> None:
             raise InputError(file, where, target, "no block has this name")
     for part in ("initial_condition", "initial_condition_d"):
         for key, value in network.get(part, {}).items():
-            if not key.startswith("_") and not _finite(value):
+            if not key.startswith("_") and not finite(value):
                 raise InputError(file, f"{part}.{key}", value, "want a number")
 
 
@@ -328,69 +279,3 @@ def junction_sides(block: dict, ids: dict[int, str]) -> tuple[list[str], list[st
     if "inlet_vessels" in block and "outlet_vessels" in block:
         return [ids[i] for i in block["inlet_vessels"]], [ids[i] for i in block["outlet_vessels"]]
     return list(block.get("inlet_blocks", [])), list(block.get("outlet_blocks", []))
-
-
-def _entries(network: Network, part: str, key: str, file) -> Iterable[dict]:
-    entries = network.get(part, [])
-    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
-        raise InputError(file, part, None, "want a list of objects")
-    for number, entry in enumerate(entries):
-        if not isinstance(entry.get(key), str) or not entry[key]:
-            raise InputError(file, f"{part}[{number}].{key}", entry.get(key), "want a name")
-    return entries
-
-
-def _register(block: dict, name_key: str, type_key: str, known: dict, names: dict[str, str], file, part: str) -> str:
-    name, kind = block[name_key], block.get(type_key)
-    if kind not in known:
-        raise InputError(file, f"{part}.{name}.{type_key}", kind, f"unknown element; know {', '.join(known)}")
-    if name in names:
-        raise InputError(file, f"{part}.{name}", None, f"name already taken by {names[name]}; rename one")
-    names[name] = f"{part}.{name}"
-    return name
-
-
-def _keys(block: dict, known: set[str], file, where: str) -> None:
-    for key in block:
-        if key not in known and not key.startswith("_"):
-            field = f"{where}.{key}" if where else key
-            raise InputError(file, field, None, f"unknown key; know {', '.join(sorted(known))}")
-
-
-def _values(block: dict, key: str, parameters: Parameters, file, where: str) -> None:
-    values = block.get(key)
-    if not isinstance(values, dict):
-        raise InputError(file, f"{where}.{key}", values, "want an object")
-    _keys(values, set(parameters), file, f"{where}.{key}")
-    series = [name for name, spec in parameters.items() if spec.series]
-    for name, spec in parameters.items():
-        field = f"{where}.{key}.{name}"
-        if name not in values:
-            if spec.required:
-                raise InputError(file, field, None, "missing")
-            continue
-        value = values[name]
-        if spec.flag:
-            if not isinstance(value, bool):
-                raise InputError(file, field, value, "want true or false")
-        elif spec.series:
-            if not isinstance(value, list) or not value or not all(map(_finite, value)):
-                raise InputError(file, field, value, "want a list of numbers")
-            if len(value) > 1 and len(value) != len(values.get("t", [])):
-                raise InputError(file, field, len(value), f"has not as many entries as t ({len(values.get('t', []))})")
-        elif not _finite(value):
-            raise InputError(file, field, value, "want a number")
-        elif spec.positive and not value > 0:
-            raise InputError(file, field, value, "want a positive number")
-    times = values.get("t", [])
-    if series and any(later <= earlier for earlier, later in zip(times, times[1:], strict=False)):
-        raise InputError(file, f"{where}.{key}.t", None, "times must increase")
-
-
-def _finite(value: Any) -> bool:
-    if not isinstance(value, Real) or isinstance(value, bool):
-        return False
-    try:
-        return math.isfinite(value)
-    except OverflowError:  # an integer beyond the range of floats
-        return False
