@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from loops import RADIUS, ensemble, network
 
-from coronaryuq.flow3d import ensemble as module
+from coronaryuq.flow3d.block import _stride
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.zerod.engine import Engine
 
@@ -116,9 +116,9 @@ def test_a_sample_that_always_blows_up_is_an_outcome_with_a_reason():
 
 
 def test_stride_divides_the_cycle():
-    assert module._stride(800, 200) == 4
-    assert module._stride(1000, 300) == 2
-    assert module._stride(210, 200) == 1
+    assert _stride(800, 200) == 4
+    assert _stride(1000, 300) == 2
+    assert _stride(210, 200) == 1
 
 
 def test_a_network_runs_as_it_is(outcomes):

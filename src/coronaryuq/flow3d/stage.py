@@ -7,7 +7,8 @@ from pathlib import Path
 from coronaryuq import files, provenance, records
 from coronaryuq.case.casefile import read_case
 from coronaryuq.errors import InputError
-from coronaryuq.flow3d.ensemble import Block, Ensemble, Outcome
+from coronaryuq.flow3d.block import Block, Outcome
+from coronaryuq.flow3d.ensemble import Ensemble
 from coronaryuq.flow3d.fields import write_fields
 from coronaryuq.flow3d.geometry import read_geometry
 from coronaryuq.flow3d.lanes import LANES
