@@ -2,8 +2,8 @@
 
 Every array has the sample index innermost, LANES long. Kernels read a row of an array into one machine vector, compute
 with `+ - *`, `fma`, `absolute`, `square_root`, and store it back. The vectoriser cannot do this by itself, because it
-must suppose that the arrays overlap. Numba does not see when this file changes: delete the caches of the kernels that
-use it after editing. Each lane sees the same operations in the same order whatever the others hold.
+must suppose that the arrays overlap. Each lane sees the same operations in the same order whatever the others hold.
+Numba does not see when this file changes, which is why `coronaryuq.compiled` names the caches' folder by what is in it.
 """
 
 import operator

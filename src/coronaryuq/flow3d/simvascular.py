@@ -21,6 +21,7 @@ from coronaryuq.flow3d.mesh import folder
 from coronaryuq.flow3d.observation import area_quantile
 from coronaryuq.flow3d.section import section_weights
 from coronaryuq.flow3d.simvascular_settings import SimVascularSettings
+from coronaryuq.records import Record
 from coronaryuq.zerod.beds import theta_changes
 from coronaryuq.zerod.engine import Engine
 from coronaryuq.zerod.model import Model
@@ -254,6 +255,20 @@ def cap_quantities(case: Case, waves: Mapping[str, np.ndarray]) -> dict[str, flo
 def aortic_pressure(case: Case, waves: Mapping[str, np.ndarray]) -> float:
     """Mean aortic pressure of the last cycle, dyn/cm2."""
     return float(waves[case.coupled.renamed(f"pressure:{case.aorta}")].mean())
+
+
+def record(
+    case: Case, sample: Sample, fields: Fields, waves: Mapping[str, np.ndarray], solver: Mapping[str, str]
+) -> Record:
+    """The record of a run that ended well. fields, waves: of its last cycle; solver: name and version."""
+    return Record(
+        sample.name,
+        dict(sample.theta),
+        fields.quantities(aortic_pressure(case, waves)) | cap_quantities(case, waves),
+        solver=dict(solver),
+        cost={"cycles": case.settings.cycles, "steps": case.steps},
+        diagnostics={"steps_per_cycle": case.settings.steps_per_cycle, "frames": fields.count},
+    )
 
 
 def load(path: Path):

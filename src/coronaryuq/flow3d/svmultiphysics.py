@@ -50,15 +50,7 @@ class SvMultiPhysics:
             pressure = simvascular.field(data, "Pressure", path)[order]
             fields.add(pressure, simvascular.field(data, "WSS", path)[order], path.name)
         waves = simvascular.histories(case, _histories(run, results))
-        outputs = fields.quantities(simvascular.aortic_pressure(case, waves)) | simvascular.cap_quantities(case, waves)
-        return Record(
-            sample.name,
-            dict(sample.theta),
-            outputs,
-            solver=dict(self.solver),
-            cost={"cycles": case.settings.cycles, "steps": case.steps},
-            diagnostics={"steps_per_cycle": case.settings.steps_per_cycle, "frames": fields.count},
-        )
+        return simvascular.record(case, sample, fields, waves, self.solver)
 
 
 def _histories(run: Path, results: Path) -> Path:

@@ -65,15 +65,7 @@ class SvSolver:
             shear[nodes] = simvascular.field(wall, f"vWSS_{step:05d}", run / ALL_VTP)
             fields.add(pressure, shear, f"step {step}")
         waves = simvascular.histories(case, _histories(run))
-        outputs = fields.quantities(simvascular.aortic_pressure(case, waves)) | simvascular.cap_quantities(case, waves)
-        return Record(
-            sample.name,
-            dict(sample.theta),
-            outputs,
-            solver=dict(self.solver),
-            cost={"cycles": case.settings.cycles, "steps": case.steps},
-            diagnostics={"steps_per_cycle": case.settings.steps_per_cycle, "frames": fields.count},
-        )
+        return simvascular.record(case, sample, fields, waves, self.solver)
 
 
 def _nodes(data, case: simvascular.Case, path: Path) -> np.ndarray:

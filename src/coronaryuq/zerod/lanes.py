@@ -3,7 +3,7 @@
 Plain numba loops over a short inner axis cost more in aliasing checks than in arithmetic. Here `load`, arithmetic and
 `store` compile to vector instructions of whatever width the processor has, so that a sample's result cannot depend on
 who sits in the other lanes. Kernels that use this module keep numba's cache on; numba does not see when this file
-changes, so delete their cache after editing it.
+changes, which is why `coronaryuq.compiled` names the cache's folder by what is in it.
 """
 
 import operator
