@@ -20,6 +20,9 @@ estimation: {steps: [30, 20], curve_nodes: 9, folds: 2}
 
 MEASURED = ("budget.png",)
 """Figures that tell what runs have cost here, which is measured anew every time."""
+COSTS = {*MEASURED, "budget.json", "failures.json", "report.html", ".lock"}
+"""Files that hold measured costs."""
+APART = {"logs", "provenance", "chains", "checkpoints"}
 
 
 def command(folder: Path, *arguments: str, profile: Path | None = None, more: tuple[str, ...] = ()) -> list[str]:
@@ -48,3 +51,14 @@ def differences(one: Path, other: Path) -> list[str]:
     tables += [f"runs/{path.name}" for path in sorted((one / "runs").glob("*.csv"))]
     figures = [f"figures/{path.name}" for path in sorted(one.glob("figures/*.png")) if path.name not in MEASURED]
     return [name for name in (*tables, *figures) if (one / name).read_bytes() != (other / name).read_bytes()]
+
+
+def differing(one: Path, other: Path) -> list[str]:
+    """Files that are missing in another campaign or not the same bytes, those apart that hold measured costs."""
+    paths = {path.relative_to(one) for path in one.rglob("*") if path.is_file() and path.name not in COSTS}
+    compared = [path for path in paths if not APART & set(path.parts) and path.suffix not in (".parquet", ".jsonl")]
+    return [
+        str(path)
+        for path in sorted(compared)
+        if not (other / path).exists() or (one / path).read_bytes() != (other / path).read_bytes()
+    ]

@@ -18,8 +18,6 @@ pytestmark = [pytest.mark.workflow, pytest.mark.long]
 KILLS = 20
 JOBS_BETWEEN, SECONDS_MORE = (-0.5, 2.5), (0.0, 6.0)
 """What passes between the first job of a start and its kill: jobs that end, so that long ones do, and then time."""
-COSTS = {"budget.json", "budget.png", "failures.json", "report.html", ".lock"}
-APART = {"logs", "provenance", "chains", "checkpoints"}
 
 
 def jobs_ended(folder: Path) -> int:
@@ -68,15 +66,4 @@ def test_killed_at_twenty_moments_of_the_whole_campaign(results, tmp_path):
     ended = smoke.campaign(tmp_path)
     assert len(moments) >= KILLS * 3 // 4, moments
     assert not smoke.differences(results, ended)
-    assert not differing(results, ended)
-
-
-def differing(one: Path, other: Path) -> list[str]:
-    """Files that are missing in another campaign or not the same bytes, those apart that hold measured costs."""
-    paths = {path.relative_to(one) for path in one.rglob("*") if path.is_file() and path.name not in COSTS}
-    compared = [path for path in paths if not APART & set(path.parts) and path.suffix not in (".parquet", ".jsonl")]
-    return [
-        str(path)
-        for path in sorted(compared)
-        if not (other / path).exists() or (one / path).read_bytes() != (other / path).read_bytes()
-    ]
+    assert not smoke.differing(results, ended)

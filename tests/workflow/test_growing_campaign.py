@@ -1,0 +1,85 @@
+"""A campaign with wanted intervals, every stage real: the same bytes from two copies, and what its page says."""
+
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+import smoke
+from checkout import ROOT, Checkout
+from coronaryuq.files import read_csv, read_json
+from coronaryuq.records import read as read_records
+
+pytestmark = [pytest.mark.workflow, pytest.mark.long]
+
+ROW, WANTED = "ffr_flow_lad", 0.013
+"""From 24 runs this takes a second round; a tenth of it takes more than MOST allows."""
+MOST = {"most_3d": 48, "most_0d": 300}
+
+
+def grow(checkout: Checkout, wanted: float, cores: int) -> Path:
+    settings = yaml.safe_load((ROOT / "config" / "smoke.yaml").read_text())
+    for block, changes in yaml.safe_load(smoke.SMALLER).items():
+        settings[block] = settings.get(block, {}) | changes
+    settings["samples"] |= {"n_3d": 24, "n_0d": 200}
+    settings["estimation"] |= MOST | {"wanted": {ROW: wanted}}
+    done = checkout.run("--nolock", "--cores", str(cores), settings=settings)
+    assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]
+    return checkout.folder / "results" / "smoke"
+
+
+def rounds(results: Path) -> list[dict]:
+    return [read_json(path) for path in sorted((results / "allocation").glob("round_*.json"))]
+
+
+def said(results: Path) -> list[str]:
+    """What the page says of wanted intervals."""
+    (listed,) = re.findall("Wanted intervals</b></p><ul>(.*?)</ul>", (results / "report.html").read_text(), re.DOTALL)
+    return re.findall(r"<li[^>]*>(.*?)</li>", listed, re.DOTALL)
+
+
+def half_width(results: Path) -> float:
+    """Of the recommended estimator, from the table that a reader gets."""
+    (row,) = [row for row in read_json(results / "estimation" / "estimates.json")["rows"] if row["row"] == ROW]
+    table = read_csv(results / "estimation" / "table.csv").set_index(["row", "estimator"])
+    line = table.loc[(ROW, row["recommended"])]
+    return (line["calibrated_high"] - line["calibrated_low"]) / 2
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory):
+    checkout = Checkout(tmp_path_factory.mktemp("grows") / "one")
+    return checkout, grow(checkout, WANTED, cores=2)
+
+
+def test_it_grows_until_the_wanted_width_is_met_and_says_so(first):
+    _, results = first
+    decided = rounds(results)
+    assert len(decided) >= 2 and [one["done"] for one in decided] == [False] * (len(decided) - 1) + [True]
+    assert decided[0]["plan"][0]["now"] > WANTED and decided[-1]["why"] == "met"
+    for before, after in zip(decided, decided[1:], strict=False):
+        assert after["counts"] == before["next"]
+    ran = sum(len(read_records(path)) for path in (results / "flow3d").glob("batch_*.jsonl"))
+    assert ran == decided[-1]["counts"]["n_3d"] == len(read_csv(results / "runs" / "params.csv"))
+    assert half_width(results) <= WANTED
+    row, end = said(results)
+    assert f"± {WANTED} wanted" in row and "not met" not in row and "Half the wanted width, ± 0.0065, would cost" in row
+    assert "every wanted interval was reached" in end
+
+
+def test_another_copy_on_one_core_gives_the_same_bytes(first, tmp_path):
+    _, results = first
+    again = grow(Checkout(tmp_path / "another" / "folder"), WANTED, cores=1)
+    assert not smoke.differing(results, again) and not smoke.differing(again, results)
+    assert [one["plan"] for one in rounds(results)] == [one["plan"] for one in rounds(again)]
+
+
+def test_at_the_bounds_it_stops_and_says_what_is_missing(first):
+    checkout, _ = first
+    results = grow(checkout, WANTED / 10, cores=2)
+    decided = rounds(results)
+    assert decided[-1]["why"] == "bounds reached" and decided[-1]["counts"]["n_3d"] == MOST["most_3d"]
+    assert half_width(results) > WANTED / 10
+    row, end = said(results)
+    assert re.search(r"not met, it would take about \d+ 3D runs", row) and "no more runs are allowed" in end
