@@ -11,7 +11,7 @@ ROWS = [
     for name in ("LAD", "LCx")
 ]
 MET = {"row": "LAD", "wanted": 0.01, "now": 0.0081, "more_3d": 0, "more_0d": 0, "cost": 0.0, "cost_of_half": 61.24}
-SHORT = {"row": "LCx", "wanted": 0.002, "now": 0.0041, "more_3d": 77, "more_0d": 0, "cost": 77.0, "cost_of_half": 400.0}
+SHORT = {"row": "LCx", "wanted": 0.002, "now": 0.0041, "more_3d": 1077, "more_0d": 20, "cost": 1077.0, "cost_of_half": 400.0}
 
 
 @pytest.fixture
@@ -28,9 +28,9 @@ def test_a_row_that_is_met_and_one_that_is_not(written):
     met, short = sentences(ROWS, *written([MET, SHORT]))
     assert met["met"] and met["text"] == (
         "FFR, FFR, LAD: ± 0.01 wanted, ± 0.0081 reached by MFMC. "
-        "Half the wanted width, ± 0.005, would cost about 61.2 3D runs more."
+        "Half the wanted width, ± 0.005, would cost about 61 3D runs more."
     )
-    assert not short["met"] and "not met, it would take about 77 3D runs more." in short["text"]
+    assert not short["met"] and "not met, it would take about 1,077 3D runs and 20 0D runs more." in short["text"]
 
 
 @pytest.mark.parametrize(

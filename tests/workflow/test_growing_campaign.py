@@ -82,4 +82,4 @@ def test_at_the_bounds_it_stops_and_says_what_is_missing(first):
     assert decided[-1]["why"] == "bounds reached" and decided[-1]["counts"]["n_3d"] == MOST["most_3d"]
     assert half_width(results) > WANTED / 10
     row, end = said(results)
-    assert re.search(r"not met, it would take about \d+ 3D runs", row) and "no more runs are allowed" in end
+    assert re.search(r"not met, it would take about [\d,]+ 3D runs", row) and "no more runs are allowed" in end

@@ -31,10 +31,10 @@ def _of_row(want: dict, label: str, estimator: str) -> dict:
     met = want["now"] <= want["wanted"]
     text = f"{label}: ± {number(want['wanted'])} wanted, ± {number(want['now'])} reached by {estimator}"
     text += "." if met else f": not met, it would take about {_runs(want)} more."
-    half, cost = number(want["wanted"] / 2), number(want["cost_of_half"])
+    half, cost = number(want["wanted"] / 2), f"{want['cost_of_half']:,.0f}"
     return {"text": f"{text} Half the wanted width, ± {half}, would cost about {cost} 3D runs more.", "met": met}
 
 
 def _runs(want: dict) -> str:
-    parts = [f"{want[key]} {name} runs" for key, name in (("more_3d", "3D"), ("more_0d", "0D")) if want[key]]
+    parts = [f"{want[key]:,} {name} runs" for key, name in (("more_3d", "3D"), ("more_0d", "0D")) if want[key]]
     return " and ".join(parts)
