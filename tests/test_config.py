@@ -1,8 +1,10 @@
 """The configuration model, and what is made from it."""
 
+import re
 from pathlib import Path
 
 import pytest
+import yaml
 
 from coronaryuq import config
 from coronaryuq.errors import InputError
@@ -25,6 +27,21 @@ def test_the_paper_configuration_has_the_papers_size():
 def test_readme_and_schema_are_those_of_the_model():
     assert (FOLDER / "README.md").read_text() == config.readme(), "run workflow/scripts/config_docs.py"
     assert read_json(FOLDER / "schema.json") == config.schema(), "run workflow/scripts/config_docs.py"
+
+
+def test_a_default_of_the_readme_may_be_pasted_into_a_configuration(tmp_path):
+    """All of them together are the campaign that a name alone gives."""
+    pasted: dict = {"name": "pasted"}
+    for setting, default in re.findall(r"^\| `([\w.]+)` \| `(.*?)` \| ", config.readme(), re.MULTILINE):
+        *blocks, name = setting.split(".")
+        place = pasted
+        for block in blocks:
+            place = place.setdefault(block, {})
+        place[name] = yaml.safe_load(default)
+    (tmp_path / "pasted.yaml").write_text(yaml.safe_dump(pasted))
+    (tmp_path / "plain.yaml").write_text("name: pasted\n")
+    assert len(pasted) > 8
+    assert config.load(tmp_path / "pasted.yaml") == config.load(tmp_path / "plain.yaml")
 
 
 def test_every_setting_is_described():

@@ -1,9 +1,11 @@
 """A campaign's configuration: one model, from which the defaults, the JSON schema and the README of `config/` come."""
 
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from coronaryuq.calibration.settings import Settings as CalibrationSettings
 from coronaryuq.case.settings import Settings as CaseSettings
@@ -111,11 +113,19 @@ def readme() -> str:
         "# Configuration",
         "",
         "Made from the configuration model by `python workflow/scripts/config_docs.py`; do not edit.",
-        "A file holds only what differs from the defaults. `schema.json` beside this file helps an editor.",
+        "A file holds only what differs from the defaults, which are written here as they would be there (`null`: none).",
+        "`schema.json` beside this file helps an editor.",
         "",
         *_table(Campaign, ""),
     ]
     return "\n".join(lines).rstrip() + "\n"
+
+
+def _yaml(value: Any) -> str:
+    """A default as it would stand in a configuration file, on one line."""
+    plain = TypeAdapter(Any).dump_python(value, mode="json", exclude_defaults=True)
+    text = yaml.safe_dump(plain, default_flow_style=True, width=math.inf, sort_keys=False, allow_unicode=True)
+    return text.removesuffix("\n").removesuffix("\n...")
 
 
 def _table(model: type[BaseModel], prefix: str) -> list[str]:
@@ -126,7 +136,7 @@ def _table(model: type[BaseModel], prefix: str) -> list[str]:
         if isinstance(kind, type) and issubclass(kind, BaseModel):
             blocks.append((name, kind, field.description))
             continue
-        default = "required" if field.is_required() else f"`{field.get_default(call_default_factory=True)}`"
+        default = "required" if field.is_required() else f"`{_yaml(field.get_default(call_default_factory=True))}`"
         what = (field.description or "").replace("|", "\\|")
         rows.append(f"| `{prefix}{name}` | {default.replace('|', '¦')} | {what} |")
     lines = [*rows, ""] if len(rows) > 2 else []
