@@ -11,7 +11,7 @@ ROWS = [
     for name in ("LAD", "LCx")
 ]
 MET = {"row": "LAD", "wanted": 0.01, "now": 0.0081, "more_3d": 0, "more_0d": 0, "cost": 0.0, "cost_of_half": 61.24}
-SHORT = {"row": "LCx", "wanted": 0.002, "now": 0.0041, "more_3d": 1077, "more_0d": 20, "cost": 1077, "cost_of_half": 400}
+SHORT = {"row": "LCx", "wanted": 0.002, "now": 0.004, "more_3d": 1077, "more_0d": 20, "cost": 1077, "cost_of_half": 400}
 
 
 @pytest.fixture
