@@ -113,7 +113,7 @@ def readme() -> str:
         "# Configuration",
         "",
         "Made from the configuration model by `python workflow/scripts/config_docs.py`; do not edit.",
-        "A file holds only what differs from the defaults, which are written here as they would be there (`null`: none).",
+        "A file holds only what differs from the defaults, which stand here as they would there (`null`: none).",
         "`schema.json` beside this file helps an editor.",
         "",
         *_table(Campaign, ""),
