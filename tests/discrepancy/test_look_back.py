@@ -1,4 +1,4 @@
-"""A look back that replaces an effect keeps every round with its own effect."""
+"""A look back keeps every round with its own effect, and with the class that the later effects leave it."""
 
 from types import SimpleNamespace
 
@@ -16,19 +16,22 @@ SIZE = Parameter("size", "1", "normal", 0.0, 1.0, "")
 
 
 class Linear:
-    """A linear problem with three effects: c is what was hidden, a and b together come near to it."""
+    """A linear problem with three effects: c is what was hidden, a and b together come near to it.
 
-    def __init__(self):
+    twins: a and b are what was hidden, and c is nearly a.
+    """
+
+    def __init__(self, twins: bool = False):
         random = generator(4, "test", "look back")
         self.nuisance = random.standard_normal((ROWS, NUISANCES))
         a, b, own = random.standard_normal((3, ROWS))
-        along = {"a": a, "b": b, "c": a + b + 0.8 * own}
+        along = {"a": a, "b": b, "c": a + 0.05 * own if twins else a + b + 0.8 * own}
         self.acting = {
             name: (type("MadeUp", (), {"name": name, "parameters": (SIZE,), "grafted": False})(), "here")
             for name in along
         }
         self.along = {acting: along[name] for name, acting in self.acting.items()}
-        self.y = 1.5 * along["c"] + random.standard_normal(ROWS)
+        self.y = 1.5 * (a + b if twins else along["c"]) + random.standard_normal(ROWS)
         self.forward = SimpleNamespace(nuisances=[None] * NUISANCES)
 
     def columns(self, acting):
@@ -64,3 +67,18 @@ def test_after_a_replacement_the_effect_that_is_no_longer_needed_goes():
     assert [effect.name for effect, _ in acting] == ["c"]
     assert rounds[0].accepted.acting == acting[0] and rounds[1].accepted is None
     assert len(fit.z) == NUISANCES + 1
+
+
+def test_what_cannot_be_told_from_a_kept_effect_is_judged_beside_the_later_ones():
+    problem = Linear(twins=True)
+    everything = {name: Candidate(*acting, PRIOR) for name, acting in problem.acting.items()}
+    for candidate in everything.values():
+        candidate.z_score, candidate.guess = 10.0, np.ones(1)
+    rounds = [Round([], {}, everything[name], [everything[name]], list(everything.values())) for name in "ab"]
+    acting = [problem.acting[name] for name in "ab"]
+    assert look_back(problem, acting, problem.calibrate(acting), rounds)[0] == acting
+    first = rounds[0]
+    assert [one.effect.name for one in first.members] == ["a", "c"]
+    assert first.beside == [problem.acting["b"]]
+    for one in first.members:
+        assert one.fit.z == pytest.approx(problem.calibrate([*first.beside, one.acting]).z)

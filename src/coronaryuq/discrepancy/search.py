@@ -7,7 +7,6 @@ import numpy as np
 from coronaryuq.discrepancy import outside
 from coronaryuq.discrepancy.candidates import (
     CONTENDER,
-    LARGEST_CLASS_ODDS,
     ROUGH,
     Candidate,
     all_candidates,
@@ -53,6 +52,8 @@ class Round:
     """Accepted one and those that the data cannot tell from it."""
     screened: list[Candidate] = field(default_factory=list)
     """Every candidate of the round."""
+    beside: list[Acting] = field(default_factory=list)
+    """Other effects in the fits of the shortlist; a candidate's own sizes stand last in them."""
     worth: float = np.inf
     """Log evidence that the accepted effect adds to all the others."""
 
@@ -196,8 +197,8 @@ def name_one(
     probabilities = posterior(fit, chosen, flexible)
     chosen.sort(key=lambda c: -c.log_weight)
     if not chosen or chosen[0].log_weight - fit.evidence < problem.settings.least_log_odds:
-        return Round(chosen, probabilities, None)
-    return Round(chosen, probabilities, chosen[0], indistinguishable(chosen[0], chosen), everything)
+        return Round(chosen, probabilities, None, beside=acting)
+    return Round(chosen, probabilities, chosen[0], indistinguishable(chosen[0], chosen), everything, acting)
 
 
 def look_again(
@@ -240,7 +241,8 @@ def _exact(problem: Problem, acting: list[Acting], start: np.ndarray) -> Fit | N
 
 
 def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Round]) -> tuple[list[Acting], Fit]:
-    """Ask again whether each earlier effect is needed, and whether another candidate would now do better."""
+    """Ask again whether each earlier effect is needed, whether another candidate would now do better, and which ones
+    the data cannot tell from it now: its round's fits knew nothing of the later effects."""
     accepted = {r.accepted.acting: r for r in rounds if r.accepted is not None}
     column = len(problem.forward.nuisances)
     for number in range(len(acting) - 1):
@@ -248,43 +250,37 @@ def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Rou
         count = len(acting[number][0].parameters)
         others = acting[:number] + acting[number + 1 :]
         about = _without(fit, column, count)
+        present = replace(current.accepted, fit=_last(fit, column, count))
         column += count
-        options: list[tuple[float, Candidate | None, Fit]] = [
-            (fit.evidence + current.accepted.log_prior, current.accepted, fit)
-        ]
         without = problem.calibrate(others)
-        options.append((without.evidence, None, without))
         rivals = [replace(c, fit=None) for c in likely(current.screened) if c.acting not in acting]
         screen(problem, about, others, rivals)
         # Other effects may have grown by then: what a rival promises is as rough as on the first shortlist.
-        least = options[0][0] - CONTENDER - ROUGH * max(0.0, fit.evidence - without.evidence)
+        least = present.log_weight - CONTENDER - ROUGH * max(0.0, fit.evidence - without.evidence)
         rivals = sorted((c for c in rivals if c.promise > least), key=lambda c: -c.promise)
-        for rival in rivals[:RIVALS]:
-            exact = _exact(problem, [*others, rival.acting], np.concatenate([about.z, rival.guess]))
-            if exact is not None:
-                rival.fit = exact
-                options.append((rival.log_weight, rival, exact))
-        _, best, found = max(options, key=lambda option: option[0])
-        if best is current.accepted:
-            continue
-        if best is None:
+        alike = {member.acting for member in current.members}
+        for rival in [*rivals[:RIVALS], *(c for c in rivals[RIVALS:] if c.acting in alike)]:
+            rival.fit = _exact(problem, [*others, rival.acting], np.concatenate([about.z, rival.guess]))
+        tried = sorted([present, *(c for c in rivals if c.fit is not None)], key=lambda c: -c.log_weight)
+        best = tried[0]
+        if without.evidence > best.log_weight:
             current.accepted = None
             return others, without
-        # Its round's other fits knew nothing of the later effects: its class, ranking and probabilities are those among
-        # what was tried here.
-        options.sort(key=lambda option: -option[0])
-        weights = np.exp([weight - options[0][0] for weight, _, _ in options])
-        for (_, one, _), share in zip(options, weights / weights.sum(), strict=True):
-            if one is not None:
-                one.probability = float(share)
-            else:
-                current.probabilities["none"] = float(share)
-        current.shortlist = [one for _, one, _ in options if one is not None]
-        near = [one for weight, one, _ in options if weight > options[0][0] - LARGEST_CLASS_ODDS]
-        current.accepted, current.members = best, [one for one in near if one is not None]
-        # The rival's sizes stand last in its fit.
-        return [*others, best.acting], found
+        weights = np.exp([without.evidence - best.log_weight, *(c.log_weight - best.log_weight for c in tried)])
+        current.probabilities["none"], *shares = (weights / weights.sum()).tolist()
+        for candidate, share in zip(tried, shares, strict=True):
+            candidate.probability = share
+        current.shortlist, current.beside = tried, others
+        current.accepted, current.members = best, indistinguishable(best, tried)
+        if best is not present:
+            return [*others, best.acting], best.fit
     return acting, fit
+
+
+def _last(fit: Fit, column: int, count: int) -> Fit:
+    """The same fit with `count` of its parameters moved to the end."""
+    order = np.r_[0:column, column + count : len(fit.z), column : column + count]
+    return Fit(fit.z[order], fit.residual, fit.jacobian[:, order])
 
 
 def helped(still: bool, after: Gap, flexible: Gap, both: Gap) -> float | None:

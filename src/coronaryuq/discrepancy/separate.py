@@ -27,12 +27,10 @@ def separating(found: Discovery, entry: Round) -> list[dict]:
     if len(members) < 2:
         return []
     forward = found.problem.forward
-    position = found.rounds.index(entry)
-    before = [e.accepted.acting for e in found.rounds[:position] if e.accepted is not None]
     feasible = _feasible(forward)
     asked = replace(forward, measured=feasible)
     count = len(forward.nuisances)
-    rows = [(c.fit.z, [*before, c.acting]) for c in members if c.effect.side == "network"]
+    rows = [(c.fit.z, [*entry.beside, c.acting]) for c in members if c.effect.side == "network"]
     usable = [(z, acting) for z, acting in rows if len(z) == count + len(forward.parameters(acting))]
     if len(usable) < 2:
         return []
