@@ -108,6 +108,26 @@ def table(cells: list[dict], method: str) -> list[str]:
     return lines
 
 
+def summary(cells: list[dict]) -> list[str]:
+    """What the cells of `best` say, size by size."""
+    lines = ["| N_3D | problems | coverage, % | claim | outside what is wanted |", "|---|---|---|---|---|"]
+    for n in SIZES:
+        mine = [c for c in cells if c["method"] == "best" and c["n_3d"] == n and "quantity" not in c]
+        if not mine:
+            continue
+        held, claims = ([c[name] for c in mine] for name in ("coverage_95", "claimed_over_empirical"))
+        outside = []
+        for cell in mine:
+            low, high = (100 * end for end in wilson_of(cell["coverage_95"], cell["trials"]))
+            if cell["coverage_95"] < 0.93:
+                outside.append(f"{cell['problem']} {100 * cell['coverage_95']:.1f} % ({low:.1f} to {high:.1f})")
+            if abs(cell["claimed_over_empirical"] - 1) > 0.15:
+                outside.append(f"{cell['problem']} claims {cell['claimed_over_empirical']:.2f}")
+        ranges = f"{100 * min(held):.1f} to {100 * max(held):.1f} | {min(claims):.2f} to {max(claims):.2f}"
+        lines.append(f"| {n} | {len(mine)} | {ranges} | {', '.join(outside) or 'none'} |")
+    return lines
+
+
 def put(page: str, name: str, lines: list[str]) -> str:
     """The page with other lines between its marks."""
     before, _, rest = page.partition(f"<!-- {name} -->\n")
@@ -122,6 +142,7 @@ def main(more: list[str]) -> None:
     page = PAGE.read_text(encoding="utf-8")
     for method in METHODS:
         page = put(page, f"coverage of {method}", table(cells, method))
+    page = put(page, "summary of best", summary(cells))
     PAGE.write_text(page, encoding="utf-8")
 
 

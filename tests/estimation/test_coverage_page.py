@@ -32,6 +32,7 @@ def test_the_page_holds_the_tables_of_the_cells(script):
     page, cells = script.PAGE.read_text(encoding="utf-8"), script.read(script.CELLS)
     for method in script.METHODS:
         assert script.put(page, f"coverage of {method}", script.table(cells, method)) == page, method
+    assert script.put(page, "summary of best", script.summary(cells)) == page
 
 
 def test_trials_that_follow_are_pooled_as_if_they_had_been_run_together(script):
