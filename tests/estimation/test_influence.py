@@ -72,9 +72,10 @@ def test_a_rival_that_says_something_else_widens_the_doubt_by_what_a_mixture_wou
     weights = np.array([line.missed, curve.missed]) ** (-20 / RUNS_PER_POWER)
     weights /= weights.sum()
     apart = line.predict(far) - curve.predict(far)
-    wanted = line.variance(far) + weights.prod() * apart**2
-    np.testing.assert_allclose(with_rival(line, curve).variance(far), wanted)
-    np.testing.assert_array_equal(with_rival(line, curve).predict(far), line.predict(far))
+    for most in (2 * np.abs(apart).max(), 0.5 * np.abs(apart).min()):
+        wanted = line.variance(far) + weights.prod() * np.minimum(np.abs(apart), most) ** 2
+        np.testing.assert_allclose(with_rival(line, curve, most).variance(far), wanted)
+    np.testing.assert_array_equal(with_rival(line, curve, 1.0).predict(far), line.predict(far))
 
 
 def test_claim_with_the_covariance_between_folds_is_exact_where_everything_can_be_enumerated():

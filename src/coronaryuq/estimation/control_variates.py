@@ -135,19 +135,23 @@ def process_of_logarithm(name: str, columns: Callable[[Seen], np.ndarray], evalu
     return fit
 
 
-def with_rival(taken: Fitted, rival: Fitted) -> Fitted:
+def with_rival(taken: Fitted, rival: Fitted, most: float) -> Fitted:
     """`taken`, whose variance knows where a control variate that is nearly as good says something else.
 
     Both fit the runs, and part where there are none, which neither's own posterior variance tells: the variance grows
     by that of a mixture of both. Weights are powers of their mean square leave-one-out residuals; the power rises with
-    the number of runs, as in a likelihood, but slowly, for what counts is where no run is.
+    the number of runs, as in a likelihood, but slowly, for what counts is where no run is. most: a difference beyond
+    it counts as this; the range of the runs' y, because an exponential may say anything in a corner without runs.
     """
-    least, most = sorted((taken.missed, rival.missed))
-    odds = (least / most) ** (len(taken.leave_one_out) / RUNS_PER_POWER) if most > 0 else 0.0
+    less, more = sorted((taken.missed, rival.missed))
+    odds = (less / more) ** (len(taken.leave_one_out) / RUNS_PER_POWER) if more > 0 else 0.0
     share = odds / (1 + odds) ** 2
-    return replace(
-        taken, variance=lambda new: taken.variance(new) + share * (taken.predict(new) - rival.predict(new)) ** 2
-    )
+
+    def variance(new: Seen) -> np.ndarray:
+        apart = np.clip(taken.predict(new) - rival.predict(new), -most, most)
+        return taken.variance(new) + share * apart**2
+
+    return replace(taken, variance=variance)
 
 
 def quadratic(columns: np.ndarray) -> np.ndarray:

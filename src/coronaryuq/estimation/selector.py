@@ -51,5 +51,5 @@ def choose(seen: Seen, y: np.ndarray, simple: bool = False) -> Fitted:
     if logarithm is None:
         return taken
     if logarithm.missed < BETTER * taken.missed:
-        return with_rival(logarithm, taken)
-    return with_rival(taken, logarithm)
+        return with_rival(logarithm, taken, float(np.ptp(y)))
+    return with_rival(taken, logarithm, float(np.ptp(y)))
