@@ -27,7 +27,7 @@ def replacing(path: str | Path, room: int = 0) -> Iterator[Path]:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
-            if room:
+            if room and hasattr(os, "posix_fallocate"):  # which macOS lacks
                 with open(beside, "wb") as reserved:
                     os.posix_fallocate(reserved.fileno(), 0, room)
             yield beside

@@ -70,11 +70,8 @@ class _Linear:
 
     def test(self, candidate: Candidate, response: np.ndarray) -> None:
         """The score test, and a first weighing."""
-        candidate.z_score, candidate.guess, candidate.estimate = (
-            0.0,
-            np.zeros(len(candidate.effect.parameters)),
-            -np.inf,
-        )
+        candidate.z_score, candidate.estimate = 0.0, -np.inf
+        candidate.guess = np.zeros(len(candidate.effect.parameters))
         if np.isfinite(response).all():
             length = float(np.sqrt(max(response @ self.at.project(response), 0.0)))
             z = float(response @ self.score) / length if length > LEAST_SENSITIVITY else 0.0
