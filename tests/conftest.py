@@ -3,6 +3,14 @@
 from pathlib import Path
 
 import pytest
+from threadpoolctl import threadpool_limits
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_thread_of_linear_algebra():
+    """As many as a job of the campaign has: the tests themselves run side by side on all cores."""
+    with threadpool_limits(1):
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,7 @@ from coronaryuq.bench.discrepancy import Case, hide
 from coronaryuq.bench.hidden_cases import open_loop
 from coronaryuq.discrepancy.conditions import read_conditions
 from coronaryuq.discrepancy.model import read_problem
-from coronaryuq.discrepancy.numerics import time_step_error
+from coronaryuq.discrepancy.numerics import time_steps
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.provenance import sources
 from coronaryuq.zerod.effects.library import effect
@@ -70,14 +70,43 @@ def test_an_error_of_the_map_sees_all_conditions(problem):
     assert some == pytest.approx(problem.forward.predict_rows([row])[0])
 
 
-def test_time_step_error_is_as_large_as_the_error(problem):
-    """Against steps a fifth as long: within a factor of three of what it says, root mean square over all rows."""
-    forward = problem.forward
+def test_an_effect_that_feels_pressures_fails_where_a_run_before_did(problem, monkeypatch):
+    """And leaves the other rows of its batch as they are alone."""
+    rows = [(np.append(k * np.ones(problem.count), 1.0), [(effect("autoregulation"), "all beds")]) for k in (0.1, 0.2)]
+    alone = problem.forward.predict_rows(rows[1:])[0]
+    simulation, calls = problem.forward.simulation, []
+
+    def fails_once(prepared, jobs, names):
+        waves = run(prepared, jobs, names)
+        if not calls:
+            for wave in waves.values():
+                wave[0] = np.nan
+        calls.append(len(jobs))
+        return waves
+
+    run = simulation.waveforms
+    monkeypatch.setattr(simulation, "waveforms", fails_once)
+    first, second = problem.forward.predict_rows(rows)
+    assert len(calls) > 1
+    assert not np.isfinite(first).all()
+    assert second == pytest.approx(alone, rel=1e-9)
+
+
+def test_what_finer_steps_change_is_put_right(problem):
+    """Against steps a fifth as long, at a point of their own: the change leaves less than half of the difference.
+
+    What it leaves is within a factor of three of the standard deviation that goes with it; root mean squares over all
+    rows.
+    """
+    forward, steps = problem.forward, time_steps(problem.forward)
     finer = replace(forward, simulation=forward.simulation.changed(steps_per_cycle=1500))
     z = 0.3 * np.ones(problem.count)
-    error = np.sqrt(np.mean(((forward.predict(z) - finer.predict(z))[0] / problem.sd) ** 2))
-    said = np.sqrt(np.mean((time_step_error(forward) / problem.sd) ** 2))
-    assert error / 3.0 < said < 3.0 * error
+    difference = (finer.predict(z) - forward.predict(z))[0]
+    before, left, said = (
+        np.sqrt(np.mean((values / problem.sd) ** 2)) for values in (difference, difference - steps.change, steps.sd)
+    )
+    assert left < before / 2.0
+    assert left / 3.0 < said < 3.0 * left
 
 
 def test_the_search_knows_nothing_of_the_generator():

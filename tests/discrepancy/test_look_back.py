@@ -8,6 +8,7 @@ import pytest
 from coronaryuq.discrepancy.candidates import Candidate
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.search import Round, look_back
+from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.seeds import generator
 from coronaryuq.zerod.effects.base import Parameter
 
@@ -33,6 +34,7 @@ class Linear:
         self.along = {acting: along[name] for name, acting in self.acting.items()}
         self.y = 1.5 * (a + b if twins else along["c"]) + random.standard_normal(ROWS)
         self.forward = SimpleNamespace(nuisances=[None] * NUISANCES)
+        self.settings = Settings()
 
     def columns(self, acting):
         return np.column_stack([self.nuisance, *(self.along[one] for one in acting)])

@@ -8,7 +8,7 @@ from coronaryuq.discrepancy.search import Discovery
 from coronaryuq.discrepancy.verify import gap, linearise
 
 WORTHS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
-"""Thresholds of `search.WORTH` for which answers are counted; those of cases that never come to it stay as they are."""
+"""Thresholds of `abstention.WORTH` for which answers are counted; cases that never come to it stay as they are."""
 
 
 def scored(truth: hidden.Truth, answer: Discovery) -> dict:
@@ -30,23 +30,26 @@ def scored(truth: hidden.Truth, answer: Discovery) -> dict:
         "classes": [["@".join(member) for member in members] for members in classes],
         "sizes": [one.parameters[0].from_standard(z) for (one, _), z in zip(truth.acting, truth.firsts, strict=True)],
         "found": [_told(one) for one in named(answer)],
-        "before": answer.before.misfit,
-        "after": answer.before.misfit if answer.outside_library else answer.after.misfit,
-        "flexible": answer.flexible.misfit,
+        "before": answer.gaps.before.misfit,
+        "after": answer.gaps.before.misfit if answer.outside_library else answer.gaps.after.misfit,
+        "flexible": answer.gaps.flexible.misfit,
         "remaining": answer.remaining.p,
-        "helped": None if answer.redistributed else answer.helped,
+        "varying": max((one.log_odds for one in answer.verdict.constancies), default=None),
+        "helped": None if answer.verdict.redistributed or answer.verdict.refuted else answer.verdict.helped,
     }
-    rows = len(answer.before.residual)
-    entry["held_out_lpd_gain"] = 0.0 if answer.outside_library else answer.after.total_lpd - answer.before.total_lpd
+    rows = len(answer.gaps.before.residual)
+    entry["held_out_lpd_gain"] = (
+        0.0 if answer.outside_library else answer.gaps.after.total_lpd - answer.gaps.before.total_lpd
+    )
     # The mean square of m whitened residuals varies by sqrt(2 / m) by chance alone.
-    entry["worse"] = bool(entry["after"] ** 2 > answer.before.misfit**2 + 2.0 * np.sqrt(2.0 / rows))
+    entry["worse"] = bool(entry["after"] ** 2 > answer.gaps.before.misfit**2 + 2.0 * np.sqrt(2.0 / rows))
     if wanted:
         oracle = problem.calibrate(truth.acting, np.concatenate([np.zeros(problem.count), truth.sizes]))
         best = gap(problem, linearise(problem, oracle.z, truth.acting), answer.folds, 1).misfit
-        room = answer.before.misfit**2 - best**2
+        room = answer.gaps.before.misfit**2 - best**2
         entry["oracle"] = best
         entry["gap_closed_over_oracle"] = (
-            float((answer.before.misfit**2 - entry["after"] ** 2) / room) if room > 0.1 else None
+            float((answer.gaps.before.misfit**2 - entry["after"] ** 2) / room) if room > 0.1 else None
         )
         entry["covered"] = _covered(answer, truth)
     return entry

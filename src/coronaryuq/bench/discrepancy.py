@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from coronaryuq import files
 from coronaryuq.bench.discovery_score import score, scored
@@ -208,7 +209,8 @@ def trial(case: Case, made: Made) -> dict | None:
 
 def _searched(truth: hidden.Truth, folder: Path) -> dict:
     begin = time.process_time()
-    answer = analyse(folder)
+    with threadpool_limits(1):  # as the command does
+        answer = analyse(folder)
     return {"cpu_s": time.process_time() - begin, **scored(truth, answer)}
 
 

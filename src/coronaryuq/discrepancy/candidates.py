@@ -93,19 +93,32 @@ def likely(candidates: list[Candidate], count: int = 40) -> list[Candidate]:
 def fit_shortlist(
     problem: Problem, base: Fit, acting: list[Acting], chosen: list[Candidate], vantage: Fit, exact: int = 5
 ) -> None:
-    """Fit the shortlist from `vantage` with its sensitivities frozen, then the best `exact` in full."""
+    """Fit the shortlist from `vantage` with its sensitivities frozen, then the best `exact` in full.
+
+    Where even the best of those leaves the prior, so much is still missing that a fit may have ended anywhere: those
+    that compete are fitted from other points too.
+    """
     found = problem.fit_candidates(vantage, acting, [c.acting for c in chosen], [c.guess for c in chosen])
     for candidate, fit in zip(chosen, found, strict=True):
         candidate.fit = fit
-    ranked = sorted(chosen, key=lambda c: -c.log_weight)
-    near = CONTENDER + ROUGH * max(0.0, ranked[0].log_weight - base.evidence) if ranked else 0.0
-    least = ranked[0].log_weight - near if ranked else 0.0
-    for candidate in ranked[:exact]:
-        if candidate.fit is not None and candidate.log_weight > least:
-            try:
-                candidate.fit = problem.calibrate([*acting, candidate.acting], candidate.fit.z)
-            except FloatingPointError:
-                candidate.fit = None
+    for candidate in _contenders(chosen, base, exact):
+        try:
+            candidate.fit = problem.calibrate([*acting, candidate.acting], candidate.fit.z)
+        except FloatingPointError:
+            candidate.fit = None
+    contenders = _contenders(chosen, base, exact)
+    if contenders and problem.distorted(contenders[0].fit):
+        for candidate in contenders:
+            candidate.fit = problem.restarted([*acting, candidate.acting], candidate.fit)
+
+
+def _contenders(chosen: list[Candidate], base: Fit, count: int) -> list[Candidate]:
+    """The best of those that were fitted, so many at most, and none too far behind the first."""
+    ranked = sorted((c for c in chosen if c.fit is not None), key=lambda c: -c.log_weight)
+    if not ranked:
+        return []
+    least = ranked[0].log_weight - CONTENDER - ROUGH * max(0.0, ranked[0].log_weight - base.evidence)
+    return [c for c in ranked[:count] if c.log_weight > least]
 
 
 def posterior(base: Fit, chosen: list[Candidate], outside_gain: float) -> dict[str, float]:

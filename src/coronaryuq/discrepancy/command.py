@@ -4,6 +4,8 @@ import argparse
 import json
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from coronaryuq.discrepancy import output, pairs
 from coronaryuq.discrepancy.conditions import read_conditions
 from coronaryuq.discrepancy.model import read_problem
@@ -35,27 +37,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Run the command; returns the exit code. Raises `InputError` for bad input, before anything is written."""
-    out = check_folder(args.out)
-    if args.pairs:
-        answer = pairs.discover_pairs(*args.pairs, out=out, seed=getattr(args, "seed", 1))
-    elif args.recordings:
-        prepare(*args.recordings, out / "case")
-        case = [out / "case" / name for name in ("model.json", "measurements.csv", "conditions.yaml")]
-        answer = from_files(*case, out, Settings(threads=args.threads), args.seed)
-    else:
-        for name in ("model", "measurements", "conditions"):
-            if not getattr(args, name):
-                raise InputError("command line", f"--{name}", None, "missing; or give --pairs or --recordings")
-        answer = from_files(
-            args.model,
-            args.measurements,
-            args.conditions,
-            out,
-            Settings(threads=getattr(args, "threads", 1)),
-            getattr(args, "seed", 1),
-        )
+    # Its matrices are small: threads of linear algebra would take more time from each other than they save.
+    with threadpool_limits(1):
+        answer = _answer(args, check_folder(args.out))
     print(json.dumps(answer, default=float) if args.json else answer["paragraph"])
     return 0
+
+
+def _answer(args: argparse.Namespace, out: Path) -> dict:
+    if args.pairs:
+        return pairs.discover_pairs(*args.pairs, out=out, seed=args.seed)
+    settings = Settings(threads=args.threads)
+    if args.recordings:
+        prepare(*args.recordings, out / "case")
+        case = [out / "case" / name for name in ("model.json", "measurements.csv", "conditions.yaml")]
+        return from_files(*case, out, settings, args.seed)
+    for name in ("model", "measurements", "conditions"):
+        if not getattr(args, name):
+            raise InputError("command line", f"--{name}", None, "missing; or give --pairs or --recordings")
+    return from_files(args.model, args.measurements, args.conditions, out, settings, args.seed)
 
 
 def from_files(model, measurements, conditions, out: Path, settings: Settings, seed: int) -> dict:

@@ -153,6 +153,7 @@ class Forward:
         rounds = FEEDBACK_ROUNDS if any(effect.feedback for _, acting in rows for effect, _ in acting) else 1
         names = list(dict.fromkeys(names + (list(beds.values()) if rounds > 1 else [])))
         felt = {name: [dict(self.resting) for _ in rows] for name in conditions}
+        failed = {name: np.zeros(len(rows), dtype=bool) for name in conditions}
         for _ in range(rounds):
             jobs = [
                 Job(self._point(z, acting), name, self._changes(prepared, name, z, acting, values, felt[name][i]))
@@ -167,7 +168,14 @@ class Forward:
             if rounds > 1:
                 for name in conditions:
                     means = {bed: waveforms[name][at][:, :-1].mean(axis=1) for bed, at in beds.items()}
-                    felt[name] = [{bed: float(means[bed][i]) for bed in beds} for i in range(len(rows))]
+                    failed[name] |= ~np.isfinite(list(means.values())).all(axis=0)
+                    felt[name] = [
+                        dict(self.resting) if failed[name][i] else {bed: float(means[bed][i]) for bed in beds}
+                        for i in range(len(rows))
+                    ]
+        for name, rows_of in waveforms.items():
+            for wave in rows_of.values():
+                wave[failed[name]] = np.nan
         return waveforms, renamed
 
     def condition_changes(self, name: str, z: np.ndarray, acting: list[Acting]) -> tuple[dict, dict]:

@@ -10,7 +10,7 @@ from coronaryuq.discrepancy.conditions import Condition, period_of, under
 from coronaryuq.discrepancy.forward import Forward, pressure_factor
 from coronaryuq.discrepancy.measurements import Measured, measured_conditions, read_measurements
 from coronaryuq.discrepancy.nuisance import nuisances
-from coronaryuq.discrepancy.numerics import time_step_error
+from coronaryuq.discrepancy.numerics import time_steps
 from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.simulation import Simulation
@@ -51,7 +51,7 @@ def read_problem(
     if len(held) == len(used):
         raise InputError(file, "held_out", held, "every measured condition is held out; leave one to fit")
     problem = make_problem(network, {name: conditions[name] for name in conditions if name in used}, measured, settings)
-    return replace(problem, time_step_error=time_step_error(problem.forward))
+    return replace(problem, time_steps=time_steps(problem.forward))
 
 
 def make_problem(

@@ -10,6 +10,7 @@ from coronaryuq.discrepancy.candidates import Candidate
 from coronaryuq.discrepancy.repair import write_repaired
 from coronaryuq.discrepancy.search import Discovery
 from coronaryuq.discrepancy.separate import separating
+from coronaryuq.discrepancy.simulation import Acting
 from coronaryuq.discrepancy.words import paragraph
 
 Z_90 = 1.6448536269514722
@@ -36,16 +37,16 @@ def summary(found: Discovery) -> dict:
             for entry in found.rounds
         ],
         "outside_library": found.outside_library,
-        "gap_before": found.before.misfit,
-        "gap_after": found.before.misfit if found.outside_library else found.after.misfit,
-        "gap_flexible": found.flexible.misfit,
+        "gap_before": found.gaps.before.misfit,
+        "gap_after": found.gaps.before.misfit if found.outside_library else found.gaps.after.misfit,
+        "gap_flexible": found.gaps.flexible.misfit,
         "noise_floor": 1.0,
         "held_out": {
             "conditions": held_out or "each in turn",
-            "before": found.before.summary(),
-            "after": found.after.summary(),
-            "flexible": found.flexible.summary(),
-            "both": found.both.summary(),
+            "before": found.gaps.before.summary(),
+            "after": found.gaps.after.summary(),
+            "flexible": found.gaps.flexible.summary(),
+            "both": found.gaps.both.summary(),
         },
         "remaining": {"p": found.remaining.p, **found.remaining.tests},
         "candidates_tested": found.candidates_tested,
@@ -78,6 +79,7 @@ def named(found: Discovery) -> list[dict]:
                 "class": [_member(c) for c in entry.members],
                 "class_probability": float(sum(c.probability for c in entry.members)),
                 "sizes": sizes,
+                "by_condition": _by_condition(found, (effect, place)),
                 "beyond_prior": [parameter.name for parameter in found.beyond_prior((effect, place))],
                 "physical": effect.physical(place, mid, forward.anatomy),
                 "formula": effect.formula,
@@ -88,6 +90,17 @@ def named(found: Discovery) -> list[dict]:
         )
     order = [entry.accepted.acting for entry in found.named]
     return sorted(result, key=lambda one: [(e.name, p) for e, p in order].index((one["effect"], one["place"])))
+
+
+def _by_condition(found: Discovery, acting: Acting) -> dict:
+    """Log odds that the first size differs between conditions, and its 90 % interval under each."""
+    one = next(c for c in found.verdict.constancies if c.acting == acting)
+    parameter = acting[0].parameters[0]
+    sizes = {
+        name: [float(parameter.from_standard(mean + k * sd)) for k in (-Z_90, 0.0, Z_90)]
+        for name, (mean, sd) in one.sizes.items()
+    }
+    return {"log_odds_that_it_differs": one.log_odds, parameter.name: sizes}
 
 
 def _member(candidate: Candidate) -> dict:
@@ -193,10 +206,10 @@ def _tree(found: Discovery) -> pd.DataFrame:
 def _gaps(found: Discovery) -> pd.DataFrame:
     rows = []
     models = (
-        ("recalibration alone", found.before),
-        ("with the named effects", found.after),
-        ("flexible discrepancy", found.flexible),
-        ("both together", found.both),
+        ("recalibration alone", found.gaps.before),
+        ("with the named effects", found.gaps.after),
+        ("flexible discrepancy", found.gaps.flexible),
+        ("both together", found.gaps.both),
     )
     for name, gap in models:
         rows.append((name, gap.misfit, *gap.interval, gap.lpd, 1.0))

@@ -6,11 +6,14 @@ import numpy as np
 
 from coronaryuq.discrepancy.forward import Forward
 from coronaryuq.discrepancy.inference import STEP, Fit, Search, maximise
+from coronaryuq.discrepancy.numerics import TimeSteps
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.simulation import Acting
 
 OTHER_STARTS = (-1.0, 1.0, -2.0, 2.0, 0.0)
 """Further starting points of an effect's sizes, in prior standard deviations."""
+RESTARTS = (0.0, 2.0, -1.0)
+"""Sizes of all effects, in prior standard deviations, from which a fit that left the prior is made again."""
 SMALLER = -2.0
 """Starting point where a candidate's own does not run, in prior standard deviations."""
 DISTORTED = 3.0
@@ -21,27 +24,31 @@ FAR_BEHIND = 40.0
 
 @dataclass
 class Problem:
-    """Data y (N,), standard deviations sd (N,) with the model's floor and time step error, rows that may be fitted."""
+    """Data y (N,), standard deviations sd (N,) with the model's floor and its time steps' share, rows to be fitted.
+
+    Predictions are put right by what shorter time steps change of them on average.
+    """
 
     forward: Forward
     settings: Settings
     train: np.ndarray
-    time_step_error: np.ndarray | None = None
+    time_steps: TimeSteps | None = None
 
     def __post_init__(self):
         series = self.forward.measured
         self.y = np.concatenate([s.value for s in series])
         floor = [np.full(s.value.size, self.settings.model_floor * np.abs(s.value).max()) for s in series]
         self.sd = np.hypot(np.concatenate([s.sd for s in series]), np.concatenate(floor))
-        if self.time_step_error is not None:
-            self.sd = np.hypot(self.sd, self.time_step_error)
+        self.change = np.zeros(len(self.y))
+        if self.time_steps is not None:
+            self.sd, self.change = np.hypot(self.sd, self.time_steps.sd), self.time_steps.change
         self.owner = np.repeat(np.arange(len(series)), [s.value.size for s in series])
         self.condition = np.array([s.condition for s in series])[self.owner]
         self.count = len(self.forward.nuisances)
 
     def whitened(self, rows: list[tuple[np.ndarray, list[Acting]]]) -> np.ndarray:
         """(y - f) / sd for rows (z, acting): (n, N)."""
-        return (self.y - self.forward.predict_rows(rows)) / self.sd
+        return (self.y - self.change - self.forward.predict_rows(rows)) / self.sd
 
     def fitted(self, rows: list[tuple[np.ndarray, list[Acting]]], grafts: list[Acting] = ()) -> np.ndarray:
         """Whitened residuals of the fitted rows of the data alone, (n, M); other conditions are not run.
@@ -49,7 +56,8 @@ class Problem:
         grafts: see `Forward.predict_rows`.
         """
         conditions = set(self.condition[self.train])
-        return ((self.y - self.forward.predict_rows(rows, conditions, grafts)) / self.sd)[:, self.train]
+        predicted = self.forward.predict_rows(rows, conditions, grafts)
+        return ((self.y - self.change - predicted) / self.sd)[:, self.train]
 
     def calibrate(self, acting: list[Acting], start: np.ndarray | None = None) -> Fit:
         """Fit nuisance parameters and sizes together, all sensitivities recomputed at every step (fitted rows only)."""
@@ -60,6 +68,18 @@ class Problem:
         if search.failed:
             raise FloatingPointError("the model could not be run")
         return search.fit
+
+    def restarted(self, acting: list[Acting], fit: Fit) -> Fit:
+        """The best of a fit and fits that start from the prior's mean with other sizes of all effects."""
+        for size in RESTARTS:
+            start = np.concatenate([np.zeros(self.count), np.full(len(fit.z) - self.count, size)])
+            try:
+                other = self.calibrate(acting, start)
+            except FloatingPointError:
+                continue
+            if other.evidence > fit.evidence:
+                fit = other
+        return fit
 
     def distorted(self, fit: Fit) -> bool:
         """Whether recalibration has left the prior, so that what is missing is better looked for from elsewhere."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from coronaryuq.discrepancy import outside
+from coronaryuq.discrepancy.abstention import Gaps, Verdict, judge
 from coronaryuq.discrepancy.candidates import (
     CONTENDER,
     ROUGH,
@@ -16,13 +17,12 @@ from coronaryuq.discrepancy.candidates import (
     posterior,
     shortlist,
 )
-from coronaryuq.discrepancy.conservation import redistribution
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.locate import Located, locate
 from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.screening import screen
 from coronaryuq.discrepancy.simulation import Acting
-from coronaryuq.discrepancy.verify import Gap, folds, gap, linearise
+from coronaryuq.discrepancy.verify import folds, gap, linearise
 from coronaryuq.zerod.effects.base import Effect, Parameter
 from coronaryuq.zerod.effects.library import LIBRARY
 
@@ -33,12 +33,6 @@ WORTH_FITTING = 0.5
 """Log evidence by which an estimate must beat a candidate's own fit to have it fitted again."""
 CENTRAL_99 = 2.5758293035489004
 """Standard deviations of a normal prior that hold its central 99 %."""
-WORTH = 0.2
-"""Held-out log predictive density per row that named effects must add to a flexible discrepancy to be named beside it.
-
-Set where effects outside the library that the benchmark hides (up to 0.14) and compression in two animals' recorded
-coronary flow (0.57) lie apart: those two answers are therefore no test of it. docs/discrepancy.md has what other
-thresholds would answer."""
 
 
 @dataclass
@@ -70,17 +64,15 @@ class Discovery:
     acting: list[Acting]
     fit: Fit
     remaining: Located
-    outside_library: bool
-    before: Gap
-    after: Gap
-    flexible: Gap
-    both: Gap
+    gaps: Gaps
+    verdict: Verdict
     folds: list
-    helped: float | None
-    """As the function of that name gives it; `WORTH` is what it is compared with."""
-    redistributed: bool
-    """Whether the named effects are flow gains that blood which goes elsewhere explains as well, with one cause."""
     candidates_tested: int = 0
+
+    @property
+    def outside_library(self) -> bool:
+        """Whether something is missing that the library does not have: nothing is named then."""
+        return self.alarm and self.verdict.abstains
 
     @property
     def named(self) -> list[Round]:
@@ -109,7 +101,9 @@ def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = LIBRARY)
     rounds: list[Round] = []
     features = outside.features(problem)
     tested = len(everything)
-    while remaining.alarm(settings.alarm_level) and len(acting) < settings.max_effects:
+    # Twice as many rounds as effects, should a look back undo what is named again and again.
+    most = 2 * settings.max_effects
+    while remaining.alarm(settings.alarm_level) and len(acting) < settings.max_effects and len(rounds) < most:
         found = name_one(problem, fit, acting, features, everything, vantage)
         rounds.append(found)
         if found.accepted is None:
@@ -130,35 +124,16 @@ def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = LIBRARY)
     parts = folds(problem, [name for name, c in problem.forward.conditions.items() if c.held_out])
     plain = linearise(problem, base.z, [])
     repaired = linearise(problem, fit.z, acting) if acting else plain
-    before, after = gap(problem, plain, parts, seed), gap(problem, repaired, parts, seed)
     _, amplitude = outside.gain(base, features[problem.train])
-    flexible = gap(problem, plain.extended(amplitude * features), parts, seed)
+    flexible = plain.extended(amplitude * features)
     _, amplitude = outside.gain(fit, features[problem.train])
-    both = gap(problem, repaired.extended(amplitude * features), parts, seed) if acting else flexible
-    named = {entry.accepted.acting: entry.accepted.log_prior for entry in rounds if entry.accepted is not None}
+    both = repaired.extended(amplitude * features) if acting else flexible
+    gaps = Gaps(*(gap(problem, model, parts, seed) for model in (plain, repaired, flexible, both)))
+    priors = {entry.accepted.acting: entry.accepted.log_prior for entry in rounds if entry.accepted is not None}
     effects = len({candidate.effect.name for candidate in everything})
-    redistributed = redistribution(problem, fit, acting, [named[one] for one in acting], effects) > 0.0
-    help_given = helped(remaining.alarm(settings.alarm_level), after, flexible, both)
-    abstained = alarm and (redistributed or (help_given is not None and help_given <= WORTH))
-    return Discovery(
-        problem=problem,
-        base=base,
-        located=located,
-        alarm=alarm,
-        rounds=rounds,
-        acting=acting,
-        fit=fit,
-        remaining=remaining,
-        outside_library=abstained,
-        redistributed=redistributed,
-        helped=help_given,
-        before=before,
-        after=after,
-        flexible=flexible,
-        both=both,
-        folds=parts,
-        candidates_tested=tested,
-    )
+    still = remaining.alarm(settings.alarm_level)
+    verdict = judge(problem, base, fit, [(one, priors[one]) for one in acting], effects, still, gaps)
+    return Discovery(problem, base, located, alarm, rounds, acting, fit, remaining, gaps, verdict, parts, tested)
 
 
 def assess(
@@ -263,7 +238,7 @@ def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Rou
             rival.fit = _exact(problem, [*others, rival.acting], np.concatenate([about.z, rival.guess]))
         tried = sorted([present, *(c for c in rivals if c.fit is not None)], key=lambda c: -c.log_weight)
         best = tried[0]
-        if without.evidence > best.log_weight:
+        if best.log_weight - without.evidence < problem.settings.least_log_odds:
             current.accepted = None
             return others, without
         weights = np.exp([without.evidence - best.log_weight, *(c.log_weight - best.log_weight for c in tried)])
@@ -281,22 +256,3 @@ def _last(fit: Fit, column: int, count: int) -> Fit:
     """The same fit with `count` of its parameters moved to the end."""
     order = np.r_[0:column, column + count : len(fit.z), column : column + count]
     return Fit(fit.z[order], fit.residual, fit.jacobian[:, order])
-
-
-def helped(still: bool, after: Gap, flexible: Gap, both: Gap) -> float | None:
-    """Nats per held-out row that the named effects add to a flexible discrepancy, nought where not clearly.
-
-    None where the question does not arise: the named effects leave nothing, or a flexible discrepancy does not predict
-    held-out data clearly better than they do. Clearly: by two standard errors, and half of one.
-    """
-    if not still or not _better(flexible, after, 0.5):
-        return None
-    return both.lpd - flexible.lpd if _better(both, flexible, 2.0) else 0.0
-
-
-def _better(one: Gap, other: Gap, errors: float) -> bool:
-    """Whether held-out density is higher by 3 nats and by so many standard errors, rows grouped in eights."""
-    difference = 0.5 * (other.residual**2 - one.residual**2)
-    blocks = np.array([part.sum() for part in np.array_split(difference, max(2, len(difference) // 8))])
-    error = np.sqrt(len(blocks) * blocks.var(ddof=1))
-    return one.total_lpd - other.total_lpd > max(3.0, errors * error)

@@ -1,6 +1,8 @@
 """One paragraph in plain words about what was found, for the report."""
 
+from coronaryuq.discrepancy.constancy import Constancy
 from coronaryuq.discrepancy.search import CENTRAL_99, Discovery
+from coronaryuq.discrepancy.simulation import Acting
 
 
 def paragraph(found: Discovery, held_out: list[str]) -> str:
@@ -10,7 +12,7 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
         return (
             f"The model, recalibrated within its priors, agrees with the {count} fitted measurements "
             f"(global test {chance(found.located.p)}): there is nothing to explain. "
-            f"On {_kept(held_out)} its misfit is {found.before.misfit:.2f} standard deviations of the noise."
+            f"On {_kept(held_out)} its misfit is {found.gaps.before.misfit:.2f} standard deviations of the noise."
         )
     worst = found.located.groups[0]
     text = (
@@ -18,7 +20,7 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
         f"(global test {chance(found.located.p)}), most in the {worst.quantity} at {worst.location} "
         f"under {worst.condition}. "
     )
-    if found.redistributed:
+    if found.verdict.redistributed:
         places = " and ".join(entry.accepted.place for entry in found.rounds if entry.accepted is not None)
         text += (
             f"Flow probes off at {places} would explain it, but what one reads too much the other reads too little: "
@@ -26,11 +28,26 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
             "the same with one cause, which the library does not have. It is not named."
         )
         return text
+    if found.verdict.refuted:
+        nearest = " and ".join(_called(one) for one in found.acting)
+        text += (
+            f"No effect of the library explains it: what comes nearest in the fitted measurements, {nearest}, predicts "
+            f"those that no fit had seen worse than recalibration alone (misfit {found.gaps.after.misfit:.2f} against "
+            f"{found.gaps.before.misfit:.2f}). It is not named."
+        )
+        return text
+    if found.outside_library and found.verdict.varying:
+        one = max(found.verdict.varying, key=lambda c: c.log_odds)
+        text += (
+            f"No effect of the library explains it: what comes nearest, {_called(one.acting)}, would need another size "
+            f"under each condition ({_sizes(one)}). It is not named."
+        )
+        return text
     if found.outside_library:
         text += (
             "No effect of the library explains it: a flexible discrepancy predicts measurements that no fit had seen "
-            f"clearly better than every named candidate (misfit {found.flexible.misfit:.2f} against "
-            f"{found.after.misfit:.2f}). "
+            f"clearly better than every named candidate (misfit {found.gaps.flexible.misfit:.2f} against "
+            f"{found.gaps.after.misfit:.2f}). "
             "The residual waveforms show where it acts and its shape; it is not named."
         )
         return text
@@ -38,11 +55,11 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
         text += "No effect of the library explains it well enough to be named. "
     for number, entry in enumerate(found.named):
         one = entry.accepted
-        text += f"{'Missing' if number == 0 else 'Also missing'} is {one.effect.name.replace('_', ' ')} at {one.place}"
+        text += f"{'Missing' if number == 0 else 'Also missing'} is {_called(one.acting)}"
         share = sum(member.probability for member in entry.members)
         text += f" (probability {share:.2f}"
         if len(entry.members) > 1:
-            others = ", ".join(f"{m.effect.name.replace('_', ' ')} at {m.place}" for m in entry.members[1:])
+            others = ", ".join(_called(m.acting) for m in entry.members[1:])
             text += f", together with what these data cannot tell from it: {others}"
         text += "). "
         for parameter in found.beyond_prior(one.acting):
@@ -52,22 +69,39 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
                 f"Its {size} lies beyond the central 99 % of what is thought possible ({low:.3g} to {high:.3g}): "
                 "it may stand for something that the library does not have. "
             )
+        for varying in (v for v in found.verdict.varying if v.acting == one.acting):
+            text += (
+                f"Fitted to each condition by itself its size differs ({_sizes(varying)}): it may change, or stand for "
+                "something that the library does not have. "
+            )
     text += (
-        f"On {_kept(held_out)} the misfit falls from {found.before.misfit:.2f} to {found.after.misfit:.2f} "
+        f"On {_kept(held_out)} the misfit falls from {found.gaps.before.misfit:.2f} to {found.gaps.after.misfit:.2f} "
         "standard deviations of the noise, whose floor is 1. "
     )
     if found.remaining.alarm(found.problem.settings.alarm_level):
         text += f"Something remains unexplained ({chance(found.remaining.p)})"
-        if found.flexible.total_lpd > found.after.total_lpd:
+        if found.gaps.flexible.total_lpd > found.gaps.after.total_lpd:
             text += (
                 ": a flexible discrepancy predicts those measurements better than the named effects alone, and better "
-                f"still together with them (log predictive density per row {found.after.lpd:.2f}, "
-                f"{found.flexible.lpd:.2f}, {found.both.lpd:.2f})"
+                f"still together with them (log predictive density per row {found.gaps.after.lpd:.2f}, "
+                f"{found.gaps.flexible.lpd:.2f}, {found.gaps.both.lpd:.2f})"
             )
         text += "."
     else:
         text += f"What remains is within the noise ({chance(found.remaining.p)})."
     return text
+
+
+def _called(acting: Acting) -> str:
+    effect, place = acting
+    return f"{effect.name.replace('_', ' ')} at {place}"
+
+
+def _sizes(one: Constancy) -> str:
+    """The first size under every condition, in its own unit."""
+    parameter = one.acting[0].parameters[0]
+    told = [f"{name} {float(parameter.from_standard(mean)):.2g}" for name, (mean, _) in one.sizes.items()]
+    return f"{parameter.name.replace('_', ' ')}: {', '.join(told)}" + (f" {parameter.unit}" * (parameter.unit != "1"))
 
 
 def chance(p: float) -> str:

@@ -1,0 +1,59 @@
+"""Whether a named effect has the same size under all conditions: what drifts, opens or shuts is not what it is called.
+
+A vessel whose resistance drifts looks like a narrowing that differs from one condition to the next. No effect of the
+library does that: each acts with one size, and its formula says what that means under each condition.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from coronaryuq.discrepancy.inference import Fit
+from coronaryuq.discrepancy.problem import Problem
+from coronaryuq.discrepancy.simulation import Acting
+
+
+@dataclass(frozen=True)
+class Constancy:
+    """One named effect. log_odds: of sizes that differ between conditions, by the spread of the prior, over one size.
+
+    sizes: the first size z under every fitted condition, mean and standard deviation in units of the prior's.
+    """
+
+    acting: Acting
+    log_odds: float
+    sizes: dict[str, tuple[float, float]]
+
+
+def constancy(problem: Problem, fit: Fit, acting: list[Acting]) -> list[Constancy]:
+    """Each acting effect's in turn, in the linear model about the fit.
+
+    Conditions are runs of their own, so the rows of a condition depend on that condition's size alone: sensitivities to
+    it are those to the common size, nought in all other rows. The odds are a Bayes factor with equal priors.
+    """
+    conditions = problem.condition[problem.train]
+    names = [str(name) for name in dict.fromkeys(conditions)]
+    found, column = [], problem.count
+    for one in acting:
+        count = len(one[0].parameters)
+        own = fit.jacobian[:, column : column + count]
+        apart = np.hstack([own * (conditions == name)[:, None] for name in names])
+        precision = np.eye(apart.shape[1]) + apart.T @ fit.project(apart)
+        along = apart.T @ fit.score
+        log_odds = 0.5 * along @ np.linalg.solve(precision, along) - 0.5 * np.linalg.slogdet(precision)[1]
+        found.append(Constancy(one, float(log_odds), _sizes(fit, apart, column, count, names)))
+        column += count
+    return found
+
+
+def _sizes(fit: Fit, apart: np.ndarray, column: int, count: int, names: list[str]) -> dict[str, tuple[float, float]]:
+    """First size under each condition, the common one plus its own, with everything else free."""
+    sensitivities = np.hstack([fit.jacobian, apart])
+    covariance = np.linalg.inv(np.eye(sensitivities.shape[1]) + sensitivities.T @ sensitivities)
+    mean = covariance @ (sensitivities.T @ (fit.residual + fit.jacobian @ fit.z))
+    found = {}
+    for number, name in enumerate(names):
+        pick = np.zeros(len(mean))
+        pick[[column, len(fit.z) + number * count]] = 1.0
+        found[name] = float(pick @ mean), float(np.sqrt(pick @ covariance @ pick))
+    return found
