@@ -12,7 +12,11 @@ WORTHS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 
 
 def scored(truth: hidden.Truth, answer: Discovery) -> dict:
-    """What one answer is worth, given what was hidden."""
+    """What one answer is worth, given what was hidden.
+
+    oracle, oracle_z: held-out misfit with the true effect, fitted from its true size, and how far its size is off then,
+    in posterior standard deviations: an interval that misses may owe it to the search or to the noise.
+    """
     problem = answer.problem
     classes = [[(c.effect.name, c.place) for c in entry.members] for entry in answer.named]
     wanted = [(one.name, place) for one, place in truth.acting]
@@ -52,6 +56,8 @@ def scored(truth: hidden.Truth, answer: Discovery) -> dict:
             float((answer.gaps.before.misfit**2 - entry["after"] ** 2) / room) if room > 0.1 else None
         )
         entry["covered"] = _covered(answer, truth)
+        spread = np.sqrt(np.diag(oracle.covariance))[problem.count :]
+        entry["oracle_z"] = float((oracle.z[problem.count] - truth.sizes[0]) / spread[0])
     return entry
 
 
