@@ -69,15 +69,15 @@ def judge(
 
 
 def helped(still: bool, varying: bool, gaps: Gaps) -> float | None:
-    """Nats per held-out row that the named effects add to a flexible discrepancy, nought where not clearly.
+    """Nats per held-out row that the named effects add to a flexible discrepancy.
 
     None where the question does not arise: all named effects have one size under all conditions, and they leave
-    nothing, or a flexible discrepancy does not predict held-out data clearly better than they do. Clearly: by two
-    standard errors, and half of one.
+    nothing, or a flexible discrepancy alone does not predict held-out data better than they do, by half a standard
+    error.
     """
     if not varying and not (still and _better(gaps.flexible, gaps.after, 0.5)):
         return None
-    return gaps.both.lpd - gaps.flexible.lpd if _better(gaps.both, gaps.flexible, 2.0) else 0.0
+    return gaps.both.lpd - gaps.flexible.lpd
 
 
 def _better(one: Gap, other: Gap, errors: float) -> bool:

@@ -7,7 +7,7 @@ import numpy as np
 from coronaryuq.discrepancy.forward import Forward
 from coronaryuq.seeds import generator
 
-FINER = 4
+FINER = 8
 DRAWS, SPREAD = 8, 0.5
 """Points at which steps are compared: the model as it is, and draws of the nuisance parameters about it."""
 
@@ -24,8 +24,9 @@ def time_steps(forward: Forward) -> TimeSteps:
     """Change of predictions with the time steps, over `DRAWS` points; its sd is the widest of neighbouring times.
 
     A valve opens and shuts between two steps, and vessels that store blood ring afterwards: what the steps make of that
-    is no disagreement with the measurements. Most of it is alike from one point to the next and can be put right; as
-    noise of each row on its own it would look like an effect that damps, such as a stiff valve.
+    is no disagreement with the measurements. What is alike from one point to the next is put right. What is not is no
+    noise of each row on its own: it may have the shape of an effect, such as a valve that damps the ringing. Errors s
+    of the n rows of a waveform have variance n s^2 at most along any shape, whatever their own; each row is given that.
     """
     points = SPREAD * generator(0, "discrepancy", "time steps").standard_normal((DRAWS, len(forward.nuisances)))
     points[0] = 0.0
@@ -41,7 +42,7 @@ def time_steps(forward: Forward) -> TimeSteps:
     # error is, to first order, the share that they are of the others'.
     mean, spread = change.mean(axis=0), change.std(axis=0, ddof=1) * np.sqrt(1.0 + 1.0 / len(change))
     blocks = forward.split(np.hypot(spread, mean / FINER)[None, :])
-    return TimeSteps(mean, np.concatenate([_widest(block[0]) for block in blocks]))
+    return TimeSteps(mean, np.concatenate([np.sqrt(block.size) * _widest(block[0]) for block in blocks]))
 
 
 def _widest(values: np.ndarray) -> np.ndarray:
