@@ -1,0 +1,77 @@
+"""Held-out data, sizes that differ and a flexible discrepancy that does without them take named effects back."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from coronaryuq.discrepancy.abstention import WORTH, Gaps, judge
+from coronaryuq.discrepancy.inference import Fit
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.discrepancy.verify import Gap
+from coronaryuq.seeds import generator
+
+ROWS, KEPT_OUT, PRIOR = 60, 80, -5.0
+CONDITIONS = np.repeat(["rest", "hyperaemia", "pacing"], ROWS // 3)
+ACTING = (SimpleNamespace(name="made up", parameters=(None,)), "here")
+
+
+def gap(nats: float) -> Gap:
+    """So many nats per row better than residuals of one standard deviation."""
+    residual = np.full(KEPT_OUT, np.sqrt(max(1.0 - 2.0 * nats, 0.0)))
+    return Gap(1.0, (0.0, 2.0), {}, nats, nats * KEPT_OUT, residual, np.arange(KEPT_OUT))
+
+
+def verdict(size=1.5, sizes=None, held_out=True, still=False, after=0.1, flexible=0.0, both=0.1):
+    """Of one effect of that size, or of these under the three conditions; nats per held-out row over recalibration."""
+    random = generator(7, "test", "abstention")
+    nuisance, along = random.standard_normal((ROWS, 2)), random.standard_normal(ROWS)
+    felt = size if sizes is None else np.repeat(sizes, ROWS // 3)
+    y = along * felt + random.standard_normal(ROWS)
+
+    def fit(g):
+        z = np.linalg.solve(np.eye(g.shape[1]) + g.T @ g, g.T @ y)
+        return Fit(z, y - g @ z, g)
+
+    conditions = {name: SimpleNamespace(held_out=False) for name in dict.fromkeys(CONDITIONS)}
+    conditions["half dilated"] = SimpleNamespace(held_out=held_out)
+    problem = SimpleNamespace(
+        count=2,
+        settings=Settings(),
+        condition=CONDITIONS,
+        train=np.ones(ROWS, bool),
+        forward=SimpleNamespace(conditions=conditions),
+    )
+    gaps = Gaps(gap(0.0), gap(after), gap(flexible), gap(both))
+    wide = np.column_stack([nuisance, along])
+    return judge(problem, fit(nuisance), fit(wide), [(ACTING, PRIOR)], 20, still, gaps)
+
+
+def test_an_effect_that_holds_is_named():
+    assert not verdict().abstains and verdict().helped is None
+
+
+@pytest.mark.parametrize(("after", "refuted"), [(-0.1, False), (-2.0, True)])
+def test_held_out_data_take_back_what_they_outweigh(after, refuted):
+    assert verdict(after=after).refuted == refuted == verdict(after=after).abstains
+
+
+def test_data_left_out_in_turn_are_counted_once():
+    """Without held-out conditions each is left out in turn, after a fit to all of them: no evidence of its own."""
+    assert not verdict(after=-2.0, held_out=False).refuted
+
+
+@pytest.mark.parametrize(("both", "abstains"), [(WORTH / 2, True), (2 * WORTH, False)])
+def test_sizes_that_differ_want_a_clear_help(both, abstains):
+    found = verdict(sizes=(0.0, 1.5, 3.0), both=both)
+    assert [one.acting for one in found.varying] == [ACTING]
+    assert found.abstains == abstains and found.helped == pytest.approx(both)
+
+
+@pytest.mark.parametrize(("both", "abstains"), [(0.4 + WORTH / 2, True), (0.4 + 2 * WORTH, False)])
+def test_a_better_flexible_discrepancy_does_too(both, abstains):
+    assert verdict(still=True, after=0.1, flexible=0.4, both=both).abstains == abstains
+
+
+def test_where_nothing_remains_a_flexible_discrepancy_is_no_rival():
+    assert verdict(still=False, after=0.1, flexible=0.4, both=0.4).helped is None
