@@ -8,7 +8,7 @@ from coronaryuq.discrepancy.problem import Problem
 
 
 class TwoValleys:
-    """One nuisance parameter z and one size s; the data are explained at s = 2, and half as well at s = -2."""
+    """One nuisance parameter z and one size s; the data are explained at s = 2, and less well near s = -2."""
 
     count = 1
 
@@ -17,7 +17,7 @@ class TwoValleys:
 
     def fitted(self, rows):
         def residual(z, s):
-            return [4.0 * (s**2 - 4.0) / 4.0, 1.5 * (s - 2.0) * (s < 0.0), 0.2 * z]
+            return [s**2 - 4.0, 0.3 * (s - 2.0) * (s < 0.0), 0.2 * z]
 
         return np.array([residual(*z) for z, _ in rows])
 
