@@ -32,6 +32,8 @@ class Forward:
     periods: dict[str, float] = field(default_factory=dict)
     resting: dict[str, float] = field(default_factory=dict)
     masses: dict[str, float] = field(default_factory=dict)
+    shapes: np.ndarray | None = None
+    """What the time steps may put predictions off by, (k, N) in CGS, with the nuisance parameters of that kind."""
 
     @property
     def network(self) -> dict:
@@ -90,7 +92,13 @@ class Forward:
         for number, (z, acting) in enumerate(rows):
             if any(effect.side == "measurement" for effect, _ in acting):
                 found[number] = self._observe(found[number], z, acting)
+            if self.shapes is not None:
+                found[number] += z[self._shaping] @ self.shapes
         return found
+
+    @property
+    def _shaping(self) -> list[int]:
+        return [column for column, nuisance in enumerate(self.nuisances) if nuisance.shape is not None]
 
     def _simulated(self, z: np.ndarray, acting: list[Acting]) -> tuple:
         """What tells two runs of the network apart: effects on the measuring side need none of their own."""
@@ -232,15 +240,15 @@ class Forward:
 
     def _point(self, z: np.ndarray | None = None, acting: Collection[Acting] = ()) -> Point:
         """Where a run stands; without z the model as it is."""
-        count = len(self.nuisances)
+        count, run = len(self.nuisances), [n.simulated for n in self.nuisances if n.shape is None]
         if z is None:
-            return Point(np.zeros(count), {})
+            return Point(np.zeros(len(run)), {})
         sizes, column = {}, count
         for effect, place in acting:
             if effect.side == "network":
                 sizes[effect.name, place] = z[column : column + len(effect.parameters)]
             column += len(effect.parameters)
-        return Point(np.where([n.mass is None for n in self.nuisances], z[:count], 0.0), sizes)
+        return Point(np.where(run, z[: len(run)], 0.0), sizes)
 
     def variables(self, series: Measured, renamed: dict[str, str]) -> tuple[str, ...]:
         """Engine names of the waveforms that a series is made of."""

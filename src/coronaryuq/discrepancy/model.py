@@ -9,7 +9,7 @@ from coronaryuq import units
 from coronaryuq.discrepancy.conditions import Condition, period_of, under
 from coronaryuq.discrepancy.forward import Forward, pressure_factor
 from coronaryuq.discrepancy.measurements import Measured, measured_conditions, read_measurements
-from coronaryuq.discrepancy.nuisance import nuisances
+from coronaryuq.discrepancy.nuisance import Nuisance, nuisances
 from coronaryuq.discrepancy.numerics import time_steps
 from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.settings import Settings
@@ -51,7 +51,15 @@ def read_problem(
     if len(held) == len(used):
         raise InputError(file, "held_out", held, "every measured condition is held out; leave one to fit")
     problem = make_problem(network, {name: conditions[name] for name in conditions if name in used}, measured, settings)
-    return replace(problem, time_steps=time_steps(problem.forward))
+    return with_time_steps(problem)
+
+
+def with_time_steps(problem: Problem) -> Problem:
+    """The same with what its time steps do to predictions put right as far as it is known, the rest allowed for."""
+    found, forward = time_steps(problem.forward, problem.sd), problem.forward
+    weights = [Nuisance(f"time steps, shape {k + 1}", 1.0, shape=k) for k in range(len(found.shapes))]
+    shaped = replace(forward, nuisances=[*forward.nuisances, *weights], shapes=found.shapes)
+    return replace(problem, forward=shaped, time_steps=found)
 
 
 def make_problem(

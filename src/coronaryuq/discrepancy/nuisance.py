@@ -18,7 +18,8 @@ SD_MASS = 1.0
 class Nuisance:
     """A factor exp(sd z), z standard normal, on `targets` ("BLOCK.parameter") in one condition, or in all (None).
 
-    `mass` names a territory whose tissue mass the factor scales instead: perfusion is flow over mass.
+    `mass` names a territory whose tissue mass the factor scales instead: perfusion is flow over mass. `shape`: z times
+    a row of `Forward.shapes` is added to predictions instead; the network stays.
     """
 
     name: str
@@ -26,6 +27,12 @@ class Nuisance:
     targets: tuple[str, ...] = ()
     condition: str | None = None
     mass: str | None = None
+    shape: int | None = None
+
+    @property
+    def simulated(self) -> bool:
+        """Whether it changes what is run, not only what is made of it."""
+        return self.mass is None and self.shape is None
 
     def factor(self, z: np.ndarray) -> np.ndarray:
         return np.exp(self.sd * np.asarray(z))

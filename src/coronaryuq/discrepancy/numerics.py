@@ -8,41 +8,64 @@ from coronaryuq.discrepancy.forward import Forward
 from coronaryuq.seeds import generator
 
 FINER = 8
-DRAWS, SPREAD = 8, 0.5
+DRAWS, SPREAD = 16, 0.5
 """Points at which steps are compared: the model as it is, and draws of the nuisance parameters about it."""
+SHAPED = 0.3
+"""Norm, in noise standard deviations, from which what differs from point to point is a shape of its own."""
 
 
 @dataclass(frozen=True)
 class TimeSteps:
-    """What steps `FINER` times as short change of every prediction: mean (N,) and standard deviation (N,), CGS."""
+    """What steps `FINER` times as short change of every prediction, CGS.
+
+    change: mean (N,); shapes: what differs most from point to point, (k, N), with standard normal weights; sd: of the
+    rest (N,), for every row by itself.
+    """
 
     change: np.ndarray
+    shapes: np.ndarray
     sd: np.ndarray
 
 
-def time_steps(forward: Forward) -> TimeSteps:
-    """Change of predictions with the time steps, over `DRAWS` points; its sd is the widest of neighbouring times.
+def time_steps(forward: Forward, noise: np.ndarray) -> TimeSteps:
+    """Compare steps at `DRAWS` points. noise: standard deviations of the data (N,).
 
     A valve opens and shuts between two steps, and vessels that store blood ring afterwards: what the steps make of that
     is no disagreement with the measurements. What is alike from one point to the next is put right. What is not is no
-    noise of each row on its own: it may have the shape of an effect, such as a valve that damps the ringing. Errors s
-    of the n rows of a waveform have variance n s^2 at most along any shape, whatever their own; each row is given that.
+    noise of each row on its own, but has few shapes, that of an effect perhaps, such as a valve that damps the ringing:
+    those get weights. What other points would leave, and the shorter steps' own error (to first order the share that
+    they are of the others), has variance n s^2 at most along any shape of a waveform's n rows; each row is given that.
     """
     points = SPREAD * generator(0, "discrepancy", "time steps").standard_normal((DRAWS, len(forward.nuisances)))
     points[0] = 0.0
     finer_steps = FINER * forward.simulation.steps_per_cycle
     finer = replace(forward, simulation=forward.simulation.changed(steps_per_cycle=finer_steps))
     change = finer.predict(points) - forward.predict(points)
-    change = change[np.isfinite(change).all(axis=1)]
-    if len(change) < 2:
+    change = change[np.isfinite(change).all(axis=1)] / noise
+    if len(change) < 3:
         # Where next to nothing runs, all that is known of the change is its size.
-        size = np.abs(change).sum(axis=0)
-        return TimeSteps(np.zeros(forward.size), size)
-    # A further point differs from the mean of n by the spread and by the error of that mean; the shorter steps' own
-    # error is, to first order, the share that they are of the others'.
-    mean, spread = change.mean(axis=0), change.std(axis=0, ddof=1) * np.sqrt(1.0 + 1.0 / len(change))
-    blocks = forward.split(np.hypot(spread, mean / FINER)[None, :])
-    return TimeSteps(mean, np.concatenate([np.sqrt(block.size) * _widest(block[0]) for block in blocks]))
+        return TimeSteps(np.zeros(forward.size), np.zeros((0, forward.size)), noise * np.abs(change).sum(axis=0))
+    mean = change.mean(axis=0)
+    _, lengths, directions = np.linalg.svd((change - mean) / np.sqrt(len(change) - 1), full_matrices=False)
+    shapes = lengths[:, None] * directions
+    kept = lengths > SHAPED
+    left = _left_by_others(change) if kept.any() else np.zeros(forward.size)
+    rest = np.sqrt(left**2 + np.sum(shapes[~kept] ** 2, axis=0) + (mean / FINER) ** 2)
+    blocks = forward.split(rest[None, :])
+    sd = np.concatenate([np.sqrt(block.size) * _widest(block[0]) for block in blocks])
+    return TimeSteps(noise * mean, noise * shapes[kept], noise * sd)
+
+
+def _left_by_others(change: np.ndarray) -> np.ndarray:
+    """Root mean square (N,) of what each row of (n, N) has that the mean and the shapes of the others do not give."""
+    left = []
+    for number, one in enumerate(change):
+        others = np.delete(change, number, axis=0)
+        shapes = (others - others.mean(axis=0)) / np.sqrt(len(others) - 1)
+        missing = one - others.mean(axis=0)
+        weights = np.linalg.solve(np.eye(len(shapes)) + shapes @ shapes.T, shapes @ missing)
+        left.append(missing - weights @ shapes)
+    return np.sqrt(np.mean(np.square(left), axis=0))
 
 
 def _widest(values: np.ndarray) -> np.ndarray:

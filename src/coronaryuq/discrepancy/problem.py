@@ -83,7 +83,8 @@ class Problem:
 
     def distorted(self, fit: Fit) -> bool:
         """Whether recalibration has left the prior, so that what is missing is better looked for from elsewhere."""
-        return bool(np.abs(fit.z[: self.count]).max(initial=0.0) > DISTORTED)
+        moved = [z for z, nuisance in zip(fit.z, self.forward.nuisances, strict=False) if nuisance.shape is None]
+        return bool(np.abs(moved).max(initial=0.0) > DISTORTED)
 
     def vantage(self, fit: Fit, acting: list[Acting]) -> Fit:
         """Where candidates are looked at from: the fit, or, if it is distorted, the prior's mean with the fit's sizes.

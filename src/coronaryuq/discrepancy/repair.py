@@ -20,7 +20,9 @@ SAME = 1e-9
 def repaired_network(forward: Forward, acting: list[Acting], z: np.ndarray) -> dict:
     """The network at rest with the elements and values of the acting effects, recalibrated to z (p,)."""
     plain = Condition("the network as it is")
-    alone = replace(forward, simulation=forward.simulation.changed(conditions={plain.name: plain}), measured=[])
+    alone = replace(
+        forward, simulation=forward.simulation.changed(conditions={plain.name: plain}), measured=[], shapes=None
+    )
     table, structure = alone.condition_changes(plain.name, z, acting)
     return _written(structure, table)
 
@@ -107,7 +109,7 @@ def difference(forward: Forward, acting: list[Acting], fit: Fit) -> str:
         lines.append("  none")
     before, after = forward.network, repaired_network(forward, acting, fit.z)
     lines += ["", "Recalibration (factors)"]
-    for nuisance, z in zip(forward.nuisances, fit.z, strict=False):
+    for nuisance, z in ((n, z) for n, z in zip(forward.nuisances, fit.z, strict=False) if n.shape is None):
         lines.append(f"  {nuisance.name}: {float(nuisance.factor(z)):.4f}")
     for part, key in (("vessels", "vessel_name"), ("junctions", "junction_name"), ("boundary_conditions", "bc_name")):
         old = {entry[key] for entry in before.get(part, [])}

@@ -28,7 +28,7 @@ def separating(found: Discovery, entry: Round) -> list[dict]:
         return []
     forward = found.problem.forward
     feasible = _feasible(forward)
-    asked = replace(forward, measured=feasible)
+    asked = replace(forward, measured=feasible, shapes=None)
     count = len(forward.nuisances)
     rows = [(c.fit.z, [*entry.beside, c.acting]) for c in members if c.effect.side == "network"]
     usable = [(z, acting) for z, acting in rows if len(z) == count + len(forward.parameters(acting))]
