@@ -14,9 +14,9 @@ from coronaryuq.discrepancy.verify import Gap
 WORTH = 0.2
 """Held-out log predictive density per row that named effects must add to a flexible discrepancy to be named beside it.
 
-Set where effects outside the library that the benchmark hides (up to 0.14) and compression in two animals' recorded
-coronary flow (0.57) lie apart: those two answers are therefore no test of it. docs/discrepancy.md has what other
-thresholds would answer."""
+Set where effects outside the library that the benchmark hides (up to 0.15) and compression in two animals' recorded
+coronary flow (0.39 and 0.59) lie apart: those two answers are therefore no test of it. docs/discrepancy.md has what
+other thresholds would answer."""
 
 
 @dataclass(frozen=True)
