@@ -211,7 +211,8 @@ def _searched(truth: hidden.Truth, folder: Path) -> dict:
     begin = time.process_time()
     with threadpool_limits(1):  # as the command does
         answer = analyse(folder)
-    return {"cpu_s": time.process_time() - begin, **scored(truth, answer)}
+        spent = time.process_time() - begin
+        return {"cpu_s": spent, **scored(truth, answer)}
 
 
 def analyse(folder: Path) -> Discovery:

@@ -75,14 +75,14 @@ def helped(still: bool, varying: bool, gaps: Gaps) -> float | None:
     nothing, or a flexible discrepancy alone does not predict held-out data better than they do, by half a standard
     error.
     """
-    if not varying and not (still and _better(gaps.flexible, gaps.after, 0.5)):
+    if not varying and not (still and _better(gaps.flexible, gaps.after)):
         return None
     return gaps.both.lpd - gaps.flexible.lpd
 
 
-def _better(one: Gap, other: Gap, errors: float) -> bool:
-    """Whether held-out density is higher by 3 nats and by so many standard errors, rows grouped in eights."""
+def _better(one: Gap, other: Gap) -> bool:
+    """Whether held-out density is higher by 3 nats and by half a standard error, rows grouped in eights."""
     difference = 0.5 * (other.residual**2 - one.residual**2)
     blocks = np.array([part.sum() for part in np.array_split(difference, max(2, len(difference) // 8))])
     error = np.sqrt(len(blocks) * blocks.var(ddof=1))
-    return one.total_lpd - other.total_lpd > max(3.0, errors * error)
+    return one.total_lpd - other.total_lpd > max(3.0, 0.5 * error)
