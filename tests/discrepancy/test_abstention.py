@@ -13,7 +13,7 @@ from coronaryuq.seeds import generator
 
 ROWS, KEPT_OUT, PRIOR = 60, 80, -5.0
 CONDITIONS = np.repeat(["rest", "hyperaemia", "pacing"], ROWS // 3)
-ACTING = (SimpleNamespace(name="made up", parameters=(None,)), "here")
+ACTING = (SimpleNamespace(name="made up", parameters=(None,), nameable=True), "here")
 
 
 def gap(nats: float) -> Gap:

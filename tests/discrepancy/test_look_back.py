@@ -28,7 +28,10 @@ class Linear:
         a, b, own = random.standard_normal((3, ROWS))
         along = {"a": a, "b": b, "c": a + 0.05 * own if twins else a + b + 0.8 * own}
         self.acting = {
-            name: (type("MadeUp", (), {"name": name, "parameters": (SIZE,), "grafted": False})(), "here")
+            name: (
+                type("MadeUp", (), {"name": name, "parameters": (SIZE,), "grafted": False, "nameable": True})(),
+                "here",
+            )
             for name in along
         }
         self.along = {acting: along[name] for name, acting in self.acting.items()}

@@ -9,8 +9,9 @@ from coronaryuq.discrepancy import hidden, openloop
 from coronaryuq.discrepancy.conditions import Condition
 from coronaryuq.discrepancy.stage import loop_conditions, plan_of
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import vessel_values
+from coronaryuq.zerod.effects.base import bed_values, vessel_values
 from coronaryuq.zerod.effects.grafting import add_vessel, attach
+from coronaryuq.zerod.effects.leak import SideBranchLeak
 from coronaryuq.zerod.engine import Engine
 
 Made = tuple[dict, dict[str, Condition], hidden.Plan]
@@ -59,10 +60,18 @@ def known_stenosis(made: Made) -> Made:
     artery = max(anatomy.ostia, key=lambda vessel: len(anatomy.beds_below(vessel)))
     half = len(anatomy.beds_below(artery)) / 2
     chosen = min(anatomy.below(artery), key=lambda vessel: abs(len(anatomy.beds_below(vessel)) - half))
-    names = [f"mean_flow:{anatomy.inlet(chosen)}", f"mean_pressure:{anatomy.inlet(anatomy.roots[0])}"]
-    flow, pressure = (float(v[0]) for v in Engine(network).run(quantities=names, periodic=True).values.values())
-    vessel_values(network, chosen).update({"stenosis_coefficient": KNOWN_LOSS * pressure / flow**2, "C": 0.0})
+    scales = _scales(network, [chosen])
+    loss = KNOWN_LOSS * scales.pressure / scales.flow[chosen] ** 2
+    vessel_values(network, chosen).update({"stenosis_coefficient": loss, "C": 0.0})
     return network, conditions, plan
+
+
+def _scales(network: dict, vessels: list[str]) -> Anatomy:
+    """Anatomy with the mean pressure at the root and the mean flow of some vessels, of a run of the model as it is."""
+    anatomy = Anatomy(network)
+    names = [f"mean_pressure:{anatomy.inlet(anatomy.roots[0])}", *(f"mean_flow:{anatomy.inlet(v)}" for v in vessels)]
+    pressure, *flows = (float(v[0]) for v in Engine(network).run(quantities=names, periodic=True).values.values())
+    return Anatomy(network, pressure, dict(zip(vessels, flows, strict=True)))
 
 
 def outside(name: str, network: dict, random: np.random.Generator):
@@ -83,6 +92,9 @@ def outside(name: str, network: dict, random: np.random.Generator):
         if name == "miswired_outlets" and not right:
             return None
         swapped = (bed, right[int(random.integers(len(right)))]) if right else ()
+        strange = _in_a_loop(name, network, vessel, [one for one in shared if one != vessel], random)
+        if strange is not None:
+            return strange
     order = {"rest": 0.0, "hyperaemia": 1.0, "pacing": 2.0, "half dilated": 1.5}
 
     def scale(network, names, factor):
@@ -131,6 +143,51 @@ def outside(name: str, network: dict, random: np.random.Generator):
     }[name]
 
 
+def _in_a_loop(name: str, network: dict, vessel: str, others: list[str], random: np.random.Generator):
+    """Those that only a closed loop has, at a vessel that ends in a junction; None where `name` is none of them."""
+    anatomy = Anatomy(network)
+    own = set(anatomy.beds_below(vessel))
+    apart = [one for one in others if own.isdisjoint(anatomy.beds_below(one))]
+
+    def spasm(network, condition):
+        """A vessel that narrows while the heart is paced, and at no other time."""
+        if condition == "pacing":
+            vessel_values(network, vessel)["R_poiseuille"] += 0.1 * scales.pressure / scales.flow[vessel]
+        return network
+
+    def clot(network, condition):
+        """A side vessel that thromboses while one condition after the other is recorded."""
+        share = {"rest": 0.4, "hyperaemia": 0.2, "half dilated": 0.1, "pacing": 1e-6}[condition]
+        leak = SideBranchLeak()
+        network = leak.insert(network, vessel, scales)
+        values = leak.changes(network, vessel, {"share": share}, scales, None)
+        bed_values(network, f"BC_leak_{vessel}").update({key.split(".")[1]: value for key, value in values.items()})
+        return network
+
+    def recruited(network, condition):
+        """A collateral that opens only where the beds behind it dilate."""
+        conductance = 0.5 if condition in ("hyperaemia", "half dilated") else 1e-6
+        flow = min(scales.flow[vessel], scales.flow[other])
+        number = add_vessel(network, "recruited", {"R_poiseuille": scales.pressure / (conductance * flow)})
+        attach(network, anatomy.downstream[vessel], "outlet", number)
+        attach(network, anatomy.downstream[other], "inlet", number)
+        return network
+
+    found = {"spasm": spasm, "thrombosed_side_vessel": clot, "delayed_collateral": recruited}.get(name)
+    if found is recruited and not apart:
+        return None
+    other = apart[int(random.integers(len(apart)))] if apart else vessel
+    scales = _scales(network, list(dict.fromkeys([vessel, other]))) if found is not None else anatomy
+    return found
+
+
 OUTSIDE = ("thrombosed_side_vessel", "drifting_vessel", "drifting_bed", "miswired_outlets", "bulging_territory")
-OUTSIDE_LOOP = ("drifting_vessel", "drifting_bed", "miswired_outlets")
+OUTSIDE_LOOP = (
+    "drifting_vessel",
+    "drifting_bed",
+    "miswired_outlets",
+    "spasm",
+    "thrombosed_side_vessel",
+    "delayed_collateral",
+)
 """Those of a closed loop, which keeps its blood and whose beds are compressed by its own heart."""

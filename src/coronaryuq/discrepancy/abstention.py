@@ -33,11 +33,13 @@ class Gaps:
 class Verdict:
     """What speaks against named effects.
 
-    redistributed: they are flow gains that blood which goes elsewhere explains as well, with one cause. refuted:
+    mistaken: those that are a mistake in the model. redistributed: they are flow gains that blood which goes elsewhere
+    explains as well, with one cause. refuted:
     measurements that no fit had seen take back so much that all together leave less than naming takes. varying: those
     of different size under different conditions. helped: as the function of that name gives it, compared with `WORTH`.
     """
 
+    mistaken: list[Acting]
     redistributed: bool
     refuted: bool
     constancies: list[Constancy]
@@ -46,7 +48,8 @@ class Verdict:
 
     @property
     def abstains(self) -> bool:
-        return self.redistributed or self.refuted or (self.helped is not None and self.helped <= WORTH)
+        doubted = self.redistributed or self.refuted
+        return bool(self.mistaken) or doubted or (self.helped is not None and self.helped <= WORTH)
 
 
 def judge(
@@ -65,7 +68,8 @@ def judge(
     constancies = constancy(problem, fit, acting)
     varying = [one for one in constancies if one.log_odds > least]
     refuted = bool(acting and kept_out) and odds < least
-    return Verdict(redistributed, refuted, constancies, varying, helped(still, bool(varying), gaps))
+    mistaken = [one for one in acting if not one[0].nameable]
+    return Verdict(mistaken, redistributed, refuted, constancies, varying, helped(still, bool(varying), gaps))
 
 
 def helped(still: bool, varying: bool, gaps: Gaps) -> float | None:

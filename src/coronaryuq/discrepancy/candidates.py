@@ -9,7 +9,7 @@ from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.simulation import Acting
 from coronaryuq.zerod.effects.base import Effect
-from coronaryuq.zerod.effects.library import LIBRARY
+from coronaryuq.zerod.effects.library import SEARCHED
 
 CONTENDER, ROUGH = 15.0, 0.2
 """Log weight behind the best within which a candidate is fitted in full: so much, and a share of what the best gains,
@@ -59,7 +59,7 @@ class Candidate:
         return -np.inf if self.fit is None else self.fit.evidence + self.log_prior
 
 
-def all_candidates(problem: Problem, acting: list[Acting], library: tuple[Effect, ...] = LIBRARY) -> list[Candidate]:
+def all_candidates(problem: Problem, acting: list[Acting], library: tuple[Effect, ...] = SEARCHED) -> list[Candidate]:
     """Every effect of the library at every place it may act, less what is already there."""
     forward = problem.forward
     used = {(effect.name, place) for effect, place in acting}
@@ -150,3 +150,9 @@ def indistinguishable(best: Candidate, chosen: list[Candidate]) -> list[Candidat
     """The best candidate and those whose posterior odds against it are below 20 to 1, most probable first."""
     rivals = [c for c in chosen if c is not best and best.log_weight - c.log_weight < LARGEST_CLASS_ODDS]
     return [best, *sorted(rivals, key=lambda c: -c.log_weight)]
+
+
+def preferred(chosen: list[Candidate]) -> Candidate:
+    """The best candidate; an effect goes before a mistake in the model that the data cannot tell from it."""
+    best = max(chosen, key=lambda c: c.log_weight)
+    return next((c for c in indistinguishable(best, chosen) if c.effect.nameable), best)

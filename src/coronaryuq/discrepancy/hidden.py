@@ -15,6 +15,7 @@ from coronaryuq.discrepancy.forward import Forward
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.measurements import Measured
 from coronaryuq.discrepancy.model import make_problem
+from coronaryuq.discrepancy.numerics import time_steps
 from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.simulation import Acting
@@ -43,7 +44,8 @@ class Truth:
     sizes: np.ndarray
     nuisance: np.ndarray
     visible: float
-    """Norm of the effect in the fitted data, in noise sd, that recalibration cannot absorb; the least of several."""
+    """Norm of the effect in the fitted data, in noise sd, that neither recalibration nor the analyst's time steps can
+    absorb; the least of several."""
 
     @property
     def firsts(self) -> list[float]:
@@ -89,8 +91,8 @@ def hide(
         unaffected = [forward.predict(nuisance)[0]]
     sd = _write(network, conditions, plan, forward.measured, forward.split(predicted[None, :]), noise, random, folder)
     forward.simulation = forward.simulation.changed(steps_per_cycle=Settings().steps_per_cycle)
-    traces = [_visible(problem, nuisance, predicted - without, sd) for without in unaffected]
-    return Truth(acting, np.asarray(sizes, dtype=float), nuisance, min(traces, default=0.0))
+    visible = _visible(problem, nuisance, [predicted - without for without in unaffected], sd)
+    return Truth(acting, np.asarray(sizes, dtype=float), nuisance, visible)
 
 
 @dataclass(frozen=True)
@@ -114,7 +116,7 @@ class Unmeasured:
             forward.network, forward.conditions, self.plan, forward.measured, readings, 1.0, self.random, folder
         )
         without = forward.predict(self.nuisance)[0]
-        visible = _visible(self.problem, self.nuisance, np.concatenate(readings, axis=1)[0] - without, sd)
+        visible = _visible(self.problem, self.nuisance, [np.concatenate(readings, axis=1)[0] - without], sd)
         return Truth(acting, sizes, self.nuisance, visible)
 
 
@@ -149,10 +151,9 @@ def traces(
     nothing = np.zeros(problem.count)
     plain = problem.forward.predict(nothing)[0]
     shares = _deviations(plan, problem.forward.measured, problem.forward.split(plain[None, :]), noise)
-    problem.y, problem.sd = plain, np.repeat(shares, [one.value.size for one in problem.forward.measured])
-    sensitivity = problem.sensitivity(nothing, np.zeros(plain.size), [])[problem.train]
-    fit = Fit(nothing, np.zeros(len(sensitivity)), sensitivity)
-    rows = [(np.concatenate([nothing, sizes]), [acting]) for acting, sizes in choices]
+    problem.y, sizes = plain, [one.value.size for one in problem.forward.measured]
+    fit = _absorbing(problem, nothing, np.repeat(shares, sizes))
+    rows = [(np.concatenate([nothing, z]), [acting]) for acting, z in choices]
     grafts = list(dict.fromkeys(acting for acting, _ in choices if acting[0].grafted))
     changes = problem.fitted(rows, grafts)
     squares = [change @ fit.project(change) if np.isfinite(change).all() else 0.0 for change in changes]
@@ -168,14 +169,27 @@ def _each_left_out(nuisance: np.ndarray, sizes: np.ndarray, acting: list[Acting]
     ]
 
 
-def _visible(problem, nuisance: np.ndarray, signal: np.ndarray, sd: np.ndarray) -> float:
-    """Norm in noise sd of what the effect does to the fitted data that recalibration within the prior cannot absorb."""
-    problem.sd = sd
-    train = problem.train
+def _visible(problem: Problem, nuisance: np.ndarray, signals: list[np.ndarray], sd: np.ndarray) -> float:
+    """Least norm in noise sd of what effects do to the fitted data that neither recalibration within the prior nor what
+    the analyst's time steps may put wrong can absorb.
+    """
+    if not signals:
+        return 0.0
+    absorbing = _absorbing(problem, nuisance, sd)
+    whitened = [(signal / problem.sd)[problem.train] for signal in signals]
+    return float(np.sqrt(max(min(one @ absorbing.project(one) for one in whitened), 0.0)))
+
+
+def _absorbing(problem: Problem, nuisance: np.ndarray, sd: np.ndarray) -> Fit:
+    """What takes up a trace about that point: the nuisance parameters, and the shapes of the time steps' error.
+
+    sd: of the noise (N,); the problem gets it with the time steps' own share.
+    """
+    steps = time_steps(problem.forward, sd)
+    problem.sd = np.hypot(sd, steps.sd)
     sensitivity = problem.sensitivity(nuisance, problem.whitened([(nuisance, [])])[0], [])
-    fit = Fit(nuisance, (signal / sd)[train], sensitivity[train])
-    whitened = (signal / sd)[train]
-    return float(np.sqrt(max(whitened @ fit.project(whitened), 0.0)))
+    columns = np.hstack([sensitivity, (steps.shapes / problem.sd).T])[problem.train]
+    return Fit(np.zeros(columns.shape[1]), np.zeros(len(columns)), columns)
 
 
 def _blank(network, conditions, plan, random) -> list[Measured]:

@@ -1,6 +1,6 @@
 """Where model and measurements disagree: whitened residuals by vessel, quantity, phase and condition."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -10,6 +10,8 @@ from coronaryuq.discrepancy.problem import Problem
 
 HARMONICS = 3
 BINS = 4
+LEAST_LEARNT = 0.01
+"""Share of a nuisance parameter's prior variance that the data must take away to test it against its prior."""
 
 
 @dataclass(frozen=True)
@@ -28,12 +30,25 @@ class Disagreement:
 
 
 @dataclass(frozen=True)
+class Strain:
+    """A nuisance parameter against its prior. moved: prior standard deviations; score: over the spread that the prior
+    and the noise let it have; p: adjusted for the number of parameters (Bonferroni).
+    """
+
+    name: str
+    moved: float
+    score: float
+    p: float
+
+
+@dataclass(frozen=True)
 class Located:
-    """Result of the first step: the global test and all groups, most significant first."""
+    """Result of the first step: the global test, all groups and all nuisance parameters, most significant first."""
 
     p: float
     tests: dict[str, float]
     groups: list[Disagreement]
+    strains: list[Strain]
 
     def alarm(self, level: float) -> bool:
         return self.p < level
@@ -41,7 +56,7 @@ class Located:
     def with_test(self, name: str, p: float) -> "Located":
         """With one more test in the global one: the least p-value times the number of tests."""
         tests = {**self.tests, name: min(1.0, float(p))}
-        return Located(min(1.0, len(tests) * min(tests.values())), tests, self.groups)
+        return replace(self, p=min(1.0, len(tests) * min(tests.values())), tests=tests)
 
 
 def locate(problem: Problem, fit: Fit) -> Located:
@@ -49,8 +64,8 @@ def locate(problem: Problem, fit: Fit) -> Located:
 
     Under the model the score u = P e0 has covariance P (see `inference`), so W'u has covariance W'PW for any shapes W:
     nuisance parameters that recalibration moved, and how far the prior lets them, are accounted for exactly in the
-    linear case. The global test takes the least of three p-values, times three: all residuals, their smooth part
-    (mean and three harmonics of each series), and the worst single series (Bonferroni).
+    linear case. The global test takes the least of four p-values, times four: all residuals, their smooth part
+    (mean and three harmonics of each series), the worst single series and the worst nuisance parameter (Bonferroni).
     """
     score = fit.score
     total = stats.chi2.sf(fit.objective, len(fit.residual))
@@ -63,8 +78,27 @@ def locate(problem: Problem, fit: Fit) -> Located:
         mine = np.flatnonzero(owners == owner)
         each.append(_chi2(inner[np.ix_(mine, mine)], moved[mine]))
     worst = min(1.0, min(each) * len(each))
-    tests = {"all residuals": float(total), "smooth part": float(smooth), "worst series": float(worst)}
-    return Located(min(1.0, 3.0 * min(tests.values())), tests, _groups(problem, fit, score))
+    strains = _strains(problem, fit)
+    tests = {
+        "all residuals": float(total),
+        "smooth part": float(smooth),
+        "worst series": float(worst),
+        "worst nuisance parameter": min((one.p for one in strains), default=1.0),
+    }
+    return Located(min(1.0, len(tests) * min(tests.values())), tests, _groups(problem, fit, score), strains)
+
+
+def _strains(problem: Problem, fit: Fit) -> list[Strain]:
+    """Prior-data conflict (Evans & Moshonov 2006): under the model the most probable z has covariance I - C, C that of
+    the posterior."""
+    learnt = 1.0 - np.diag(fit.covariance)[: problem.count]
+    own = [k for k, n in enumerate(problem.forward.nuisances) if n.shape is None and learnt[k] > LEAST_LEARNT]
+    found = []
+    for k in own:
+        score = float(fit.z[k] / np.sqrt(learnt[k]))
+        p = min(1.0, 2.0 * float(stats.norm.sf(abs(score))) * len(own))
+        found.append(Strain(problem.forward.nuisances[k].name, float(fit.z[k]), score, p))
+    return sorted(found, key=lambda one: -abs(one.score))
 
 
 def _chi2(covariance: np.ndarray, vector: np.ndarray) -> float:

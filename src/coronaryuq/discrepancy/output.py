@@ -23,6 +23,7 @@ def summary(found: Discovery) -> dict:
     return {
         "alarm": found.alarm,
         "global_test": {"p": found.located.p, **found.located.tests},
+        "strained": [vars(one) for one in found.located.strains if one.p < found.problem.settings.alarm_level],
         "located": [vars(group) | {"unit": "CGS"} for group in found.located.groups if group.q < level][:40],
         "named": named(found),
         "probabilities": [

@@ -15,6 +15,7 @@ from coronaryuq.discrepancy.candidates import (
     indistinguishable,
     likely,
     posterior,
+    preferred,
     shortlist,
 )
 from coronaryuq.discrepancy.inference import Fit
@@ -24,7 +25,7 @@ from coronaryuq.discrepancy.screening import screen
 from coronaryuq.discrepancy.simulation import Acting
 from coronaryuq.discrepancy.verify import folds, gap, linearise
 from coronaryuq.zerod.effects.base import Effect, Parameter
-from coronaryuq.zerod.effects.library import LIBRARY
+from coronaryuq.zerod.effects.library import SEARCHED
 
 RIVALS = 5
 """Candidates that a look back, or a second look about a better point, fits in full."""
@@ -91,7 +92,7 @@ class Discovery:
         return []
 
 
-def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = LIBRARY) -> Discovery:
+def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = SEARCHED) -> Discovery:
     """Search one problem. `seed` only enters the bootstrap intervals of the gaps."""
     settings = problem.settings
     base = fit = problem.calibrate([])
@@ -137,7 +138,7 @@ def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = LIBRARY)
 
 
 def assess(
-    problem: Problem, fit: Fit, acting: list[Acting], library: tuple[Effect, ...] = LIBRARY
+    problem: Problem, fit: Fit, acting: list[Acting], library: tuple[Effect, ...] = SEARCHED
 ) -> tuple[Located, list[Candidate], Fit]:
     """Locate what disagrees and score every candidate; the global test counts the best of them (Bonferroni).
 
@@ -171,9 +172,11 @@ def name_one(
     flexible, _ = outside.gain(fit, features[problem.train])
     probabilities = posterior(fit, chosen, flexible)
     chosen.sort(key=lambda c: -c.log_weight)
-    if not chosen or chosen[0].log_weight - fit.evidence < problem.settings.least_log_odds:
+    worth_naming = [c for c in chosen if c.log_weight - fit.evidence >= problem.settings.least_log_odds]
+    if not worth_naming:
         return Round(chosen, probabilities, None, beside=acting)
-    return Round(chosen, probabilities, chosen[0], indistinguishable(chosen[0], chosen), everything, acting)
+    accepted = preferred(worth_naming)
+    return Round(chosen, probabilities, accepted, indistinguishable(accepted, chosen), everything, acting)
 
 
 def look_again(
@@ -237,7 +240,7 @@ def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Rou
         for rival in [*rivals[:RIVALS], *(c for c in rivals[RIVALS:] if c.acting in alike)]:
             rival.fit = _exact(problem, [*others, rival.acting], np.concatenate([about.z, rival.guess]))
         tried = sorted([present, *(c for c in rivals if c.fit is not None)], key=lambda c: -c.log_weight)
-        best = tried[0]
+        best = preferred(tried)
         if best.log_weight - without.evidence < problem.settings.least_log_odds:
             current.accepted = None
             return others, without

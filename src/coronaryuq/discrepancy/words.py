@@ -1,6 +1,7 @@
 """One paragraph in plain words about what was found, for the report."""
 
 from coronaryuq.discrepancy.constancy import Constancy
+from coronaryuq.discrepancy.locate import Located
 from coronaryuq.discrepancy.search import CENTRAL_99, Discovery
 from coronaryuq.discrepancy.simulation import Acting
 
@@ -20,6 +21,15 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
         f"(global test {chance(found.located.p)}), most in the {worst.quantity} at {worst.location} "
         f"under {worst.condition}. "
     )
+    text += _strained("Recalibration has to move", found.located, found)
+    if found.verdict.mistaken:
+        pairs = ", ".join(place.replace("~", " and ") for _, place in found.verdict.mistaken)
+        beside = [_called(one) for one in found.acting if one not in found.verdict.mistaken]
+        text += (
+            f"The measurements look as if outlets had been exchanged in the model: {pairs}. That is no effect of the "
+            "library, and nothing is named; see whether each bed is at its own vessel, and search again."
+        )
+        return text + (f" Beside it there may be {' and '.join(beside)}." if beside else "")
     if found.verdict.redistributed:
         places = " and ".join(entry.accepted.place for entry in found.rounds if entry.accepted is not None)
         text += (
@@ -31,9 +41,9 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
     if found.verdict.refuted:
         nearest = " and ".join(_called(one) for one in found.acting)
         text += (
-            f"No effect of the library explains it: what comes nearest in the fitted measurements, {nearest}, predicts "
-            f"those that no fit had seen worse than recalibration alone (misfit {found.gaps.after.misfit:.2f} against "
-            f"{found.gaps.before.misfit:.2f}). It is not named."
+            f"No effect of the library explains it: what comes nearest in the fitted measurements, {nearest}, is not "
+            f"borne out by those that no fit had seen (log predictive density per row {found.gaps.after.lpd:.3f}, of "
+            f"recalibration alone {found.gaps.before.lpd:.3f}). It is not named."
         )
         return text
     if found.outside_library and found.verdict.varying:
@@ -86,10 +96,18 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
                 f"still together with them (log predictive density per row {found.gaps.after.lpd:.2f}, "
                 f"{found.gaps.flexible.lpd:.2f}, {found.gaps.both.lpd:.2f})"
             )
-        text += "."
+        text += "." + _strained(" With the named effects recalibration still moves", found.remaining, found).rstrip()
     else:
         text += f"What remains is within the noise ({chance(found.remaining.p)})."
     return text
+
+
+def _strained(said: str, located: Located, found: Discovery) -> str:
+    """That a nuisance parameter has left its prior, where it has."""
+    if located.tests["worst nuisance parameter"] >= found.problem.settings.alarm_level:
+        return ""
+    one = located.strains[0]
+    return f"{said} the {one.name} by {one.moved:+.1f} standard deviations of its prior ({chance(one.p)}). "
 
 
 def _called(acting: Acting) -> str:

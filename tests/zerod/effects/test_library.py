@@ -8,10 +8,10 @@ import pytest
 from coronaryuq.discrepancy.openloop import left_coronary
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Series, Situation
-from coronaryuq.zerod.effects.library import LIBRARY, effect
+from coronaryuq.zerod.effects.library import SEARCHED, effect
 from coronaryuq.zerod.engine import Engine
 
-NETWORK_SIDE = [one for one in LIBRARY if one.side == "network" and not one.name.startswith("aortic")]
+NETWORK_SIDE = [one for one in SEARCHED if one.side == "network" and not one.name.startswith("aortic")]
 
 
 def anatomy_of(network):
@@ -72,13 +72,13 @@ def test_insertion_keeps_the_network_it_was_given(one, tree):
 
 
 def test_every_effect_says_what_it_is():
-    names = [one.name for one in LIBRARY]
+    names = [one.name for one in SEARCHED]
     assert len(set(names)) == len(names)
-    for one in LIBRARY:
+    for one in SEARCHED:
         assert one.formula and one.source and one.signature and one.native and one.parameters
 
 
-@pytest.mark.parametrize("one", LIBRARY, ids=lambda one: one.name)
+@pytest.mark.parametrize("one", SEARCHED, ids=lambda one: one.name)
 def test_standard_numbers_and_sizes_are_inverse(one):
     z = np.linspace(-2, 2, 5)
     for parameter in one.parameters:
@@ -197,3 +197,14 @@ def test_delay_shifts_a_sine_by_its_phase():
     wave = [np.sin(2 * np.pi * time)[None, :]]
     seen = effect("pressure_delay").observe("a:b", {"delay": np.array([0.1])}, series, wave)
     assert seen[0][0] == pytest.approx(np.sin(2 * np.pi * (time - 0.1)), abs=1e-4)
+
+
+def test_a_whole_exchange_puts_each_bed_at_the_others_vessel(tree):
+    """Flow into every bed is that of the network whose two beds have each other's values."""
+    network, anatomy = tree
+    found = flows(network, anatomy, effect("exchanged_outlets"), "BC_lad~BC_lcx", {"share": np.array([1.0])})
+    swapped = copy.deepcopy(network)
+    one, other = (next(b for b in swapped["boundary_conditions"] if b["bc_name"] == n) for n in ("BC_lad", "BC_lcx"))
+    one["bc_values"], other["bc_values"] = other["bc_values"], one["bc_values"]
+    assert found == pytest.approx(flows(swapped, anatomy), rel=1e-6)
+    assert abs(found / flows(network, anatomy) - 1.0).max() > 0.1

@@ -76,6 +76,8 @@ class Effect(ABC):
     """True when `changes` needs the mean pressures at the beds, found by running twice."""
     series: ClassVar[bool] = False
     """True when `changes` returns whole waveforms."""
+    nameable: ClassVar[bool] = True
+    """False for a mistake in the model: where it explains best, what is missing is no effect."""
 
     def places(self, anatomy: Anatomy, observed: list[Series] = ()) -> list[str]:
         """Where it may act; `observed` are the measured series, which effects on the measuring side act on."""

@@ -13,6 +13,7 @@ from coronaryuq.zerod.effects.stenosis import QuadraticStenosis, StenosisWithFri
 from coronaryuq.zerod.effects.storage import EpicardialCompliance, Inertance
 from coronaryuq.zerod.effects.valve import AorticRegurgitation, AorticStenosis
 from coronaryuq.zerod.effects.viscosity import Haematocrit
+from coronaryuq.zerod.effects.wiring import ExchangedOutlets
 
 LIBRARY: tuple[Effect, ...] = (
     QuadraticStenosis(),
@@ -42,7 +43,12 @@ LIBRARY: tuple[Effect, ...] = (
     FlowGain(),
 )
 
+MISTAKES: tuple[Effect, ...] = (ExchangedOutlets(),)
+"""Mistakes in the model that data may show: searched for like effects, but never named as what the patient has."""
+
+SEARCHED = (*LIBRARY, *MISTAKES)
+
 
 def effect(name: str) -> Effect:
-    """The effect of that name; KeyError where the library has none."""
-    return {one.name: one for one in LIBRARY}[name]
+    """The effect or mistake of that name; KeyError where there is none."""
+    return {one.name: one for one in SEARCHED}[name]
