@@ -8,7 +8,8 @@ from coronaryuq.discrepancy.conditions import Condition
 from coronaryuq.discrepancy.measurements import Measured
 from coronaryuq.discrepancy.model import make_problem
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.discrepancy.starts import Point, Starts, Structure
+from coronaryuq.discrepancy.starts import MOST, OTHER_EFFECT, Known, Point, Starts, Structure
+from coronaryuq.seeds import generator
 from coronaryuq.units import MMHG
 from coronaryuq.zerod.blood_volume import BloodVolume
 from coronaryuq.zerod.effects.library import effect
@@ -141,3 +142,31 @@ def test_runs_that_differ_in_tissue_mass_or_another_condition_alone_are_one(prob
     before = forward.simulation.runs
     forward.predict(z)
     assert forward.simulation.runs - before == 2 + 3
+
+
+def direct(one, other):
+    """The distance of two points by its definition."""
+    found = np.sum((one.z - other.z) ** 2)
+    for key in one.sizes.keys() | other.sizes.keys():
+        alike = key in one.sizes and key in other.sizes
+        found += np.sum((one.sizes[key] - other.sizes[key]) ** 2) if alike else OTHER_EFFECT**2
+    return np.sqrt(found)
+
+
+def test_distances_are_those_of_the_latest_points():
+    """Of more points than are remembered, with no, one or two effects of one or two sizes each."""
+    random, known, latest = generator(8, "test", "starts"), Known(3), {}
+    counts = {("stenosis", "a"): 1, ("stenosis", "b"): 1, ("friction", "a"): 2}
+
+    def drawn():
+        keys = [key for key in counts if random.random() < 0.4]
+        return Point(random.standard_normal(3), {key: random.standard_normal(counts[key]) for key in keys})
+
+    for number in range(MOST + 50):
+        latest[number % MOST] = drawn()
+        known.add(latest[number % MOST], Structure(None, {}), np.zeros(1))
+    for _ in range(20):
+        point = drawn()
+        expected = [direct(latest[seat], point) for seat in range(MOST)]
+        assert known.distances(point) == pytest.approx(expected)
+        assert point.distance == pytest.approx(direct(Point(np.zeros(3), {}), point))

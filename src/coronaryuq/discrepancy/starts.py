@@ -1,6 +1,5 @@
 """Where runs of a closed loop start: at the nearest periodic state met before, holding the blood they have to hold."""
 
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -25,14 +24,10 @@ class Point:
     z: np.ndarray
     sizes: dict[tuple[str, str], np.ndarray]
 
-    def distance(self, other: "Point") -> float:
-        found = float(np.sum((self.z - other.z) ** 2))
-        for key in self.sizes.keys() | other.sizes.keys():
-            if key in self.sizes and key in other.sizes:
-                found += float(np.sum((self.sizes[key] - other.sizes[key]) ** 2))
-            else:
-                found += OTHER_EFFECT**2
-        return found**0.5
+    @property
+    def distance(self) -> float:
+        """From the model as it is."""
+        return float(np.sqrt(self.z @ self.z + OTHER_EFFECT**2 * len(self.sizes)))
 
 
 @dataclass(frozen=True)
@@ -43,6 +38,48 @@ class Structure:
     renamed: dict[str, str]
 
 
+class Known:
+    """The latest `MOST` points met under one condition, as arrays: thousands of distances are asked for."""
+
+    def __init__(self, count: int):
+        self.points: list[Point] = []
+        self.origins: list[tuple[Structure, np.ndarray]] = []
+        self._z, self._effects, self._engines = np.zeros((MOST, count)), np.zeros(MOST), np.zeros(MOST, dtype=object)
+        self._sizes: dict[tuple[str, str], np.ndarray] = {}
+        """Of every effect met, (MOST, sizes), NaN where a point lacks it."""
+        self._kept = 0
+
+    def distances(self, point: Point) -> np.ndarray:
+        """From every point known, (n,)."""
+        count = len(self.points)
+        squares = np.sum((self._z[:count] - point.z) ** 2, axis=1)
+        unlike = self._effects[:count] + len(point.sizes)
+        for key, sizes in point.sizes.items():
+            if key in self._sizes:
+                apart = np.sum((self._sizes[key][:count] - sizes) ** 2, axis=1)
+                both = np.isfinite(apart)
+                squares[both] += apart[both]
+                unlike[both] -= 2
+        return np.sqrt(squares + OTHER_EFFECT**2 * unlike)
+
+    def has(self, point: Point, engine: Engine) -> bool:
+        """Whether a near point of the same network is known."""
+        return bool(np.any((self.distances(point) < NEAR) & (self._engines[: len(self.points)] == engine)))
+
+    def add(self, point: Point, structure: Structure, state: np.ndarray) -> None:
+        """In the place of the oldest, where there are `MOST`."""
+        seat, self._kept = self._kept % MOST, self._kept + 1
+        if len(self.points) < MOST:
+            self.points.append(point)
+            self.origins.append((structure, state))
+        for key in self.points[seat].sizes.keys() & self._sizes.keys():
+            self._sizes[key][seat] = np.nan
+        self.points[seat], self.origins[seat] = point, (structure, state)
+        self._z[seat], self._effects[seat], self._engines[seat] = point.z, len(point.sizes), structure.engine
+        for key, sizes in point.sizes.items():
+            self._sizes.setdefault(key, np.full((MOST, len(sizes)), np.nan))[seat] = sizes
+
+
 class Starts:
     """Periodic states (unknowns,) that runs have found, by condition.
 
@@ -51,13 +88,13 @@ class Starts:
     """
 
     def __init__(self):
-        self._known: dict[str, deque[tuple[Point, Structure, np.ndarray]]] = {}
+        self._known: dict[str, Known] = {}
 
     def keep(self, condition: str, point: Point, structure: Structure, state: np.ndarray) -> None:
         """Remember the state of a run, unless that of a near point of the same network is known."""
-        known = self._known.setdefault(condition, deque(maxlen=MOST))
-        if not any(one.engine is structure.engine and other.distance(point) < NEAR for other, one, _ in known):
-            known.append((point, structure, state))
+        known = self._known.setdefault(condition, Known(len(point.z)))
+        if not known.has(point, structure.engine):
+            known.add(point, structure, state)
 
     def near(
         self, conditions: Sequence[str], points: Sequence[Point], structure: Structure, own: np.ndarray, changes: dict
@@ -68,14 +105,16 @@ class Starts:
         found, carried = own.copy(), {}
         origin: dict[int, int | None] = {}
         for number, (condition, point) in enumerate(zip(conditions, points, strict=True)):
-            known = self._known.get(condition, ())
-            distances = [other.distance(point) for other, _, _ in known]
-            if not distances or min(distances) >= Point(np.zeros_like(point.z), {}).distance(point):
+            known = self._known.get(condition)
+            if known is None:
                 continue
+            distances = known.distances(point)
             best = int(np.argmin(distances))
+            if distances[best] >= point.distance:
+                continue
             key = condition, best
             if key not in carried:
-                _, source, state = known[best]
+                source, state = known.origins[best]
                 carried[key] = state if source.engine is structure.engine else _moved(source, structure, state)
             found[number] = carried[key]
             origin[number] = best
