@@ -47,9 +47,13 @@ class Verdict:
     helped: float | None
 
     @property
+    def taken_back(self) -> bool:
+        """Whether nothing is named however much it would help a flexible discrepancy."""
+        return bool(self.mistaken) or self.redistributed or self.refuted
+
+    @property
     def abstains(self) -> bool:
-        doubted = self.redistributed or self.refuted
-        return bool(self.mistaken) or doubted or (self.helped is not None and self.helped <= WORTH)
+        return self.taken_back or bool(self.helped is not None and self.helped <= WORTH)
 
 
 def judge(
