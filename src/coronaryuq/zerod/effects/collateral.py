@@ -3,7 +3,7 @@
 from itertools import combinations
 
 from coronaryuq.zerod.effects.base import Effect, Parameter
-from coronaryuq.zerod.effects.grafting import add_vessel, attach, open_end
+from coronaryuq.zerod.effects.grafting import add_vessel, attach, open_end, opened
 
 
 class Collateral(Effect):
@@ -34,8 +34,8 @@ class Collateral(Effect):
         return network
 
     def aliases(self, place, anatomy):
-        ends = [end for end in place.split("~") if end in anatomy.outlet_bc]
-        return {f"{end}:{anatomy.outlet_bc[end]}": f"{end}_col:{anatomy.outlet_bc[end]}" for end in ends}
+        one, other = place.split("~")
+        return opened(anatomy, one, "col") | opened(anatomy, other, "col")
 
     def changes(self, network, place, sizes, anatomy, condition):
         return {f"{self._vessel(place)}.R_poiseuille": self._resistance(place, sizes["conductance"], anatomy)}

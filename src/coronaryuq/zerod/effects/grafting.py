@@ -8,20 +8,29 @@ from coronaryuq.zerod.effects.anatomy import Anatomy
 def open_end(network: dict, vessel: str, tag: str) -> tuple[dict, str, dict[str, str]]:
     """Give a vessel's end a junction to which something can be attached.
 
-    Returns the new network, the junction's name and the renamed locations. A vessel that ends in a junction keeps it.
-    One that ends in a bed gets a junction and a lossless stub `VESSEL_TAG` to that bed; its location `VESSEL:BED`, the
-    flow into the bed, is from then on `VESSEL_TAG:BED`.
+    Returns the new network, the junction's name and the renamed locations. A vessel that ends in a plain junction keeps
+    it. One that ends in a bed gets a junction and a lossless stub `VESSEL_TAG` to that bed; its location `VESSEL:BED`,
+    the flow into the bed, is from then on `VESSEL_TAG:BED`. One that ends in a junction with values of its own, which
+    takes no more vessels, gets a stub to that; its location is from then on that of the vessel's end ahead of the stub.
     """
     network = copy.deepcopy(network)
     anatomy = Anatomy(network)
-    if vessel not in anatomy.outlet_bc:
+    renamed = opened(anatomy, vessel, tag)
+    if not renamed:
         return network, anatomy.downstream[vessel], {}
-    bed, stub, junction = anatomy.outlet_bc[vessel], f"{vessel}_{tag}", f"J_{vessel}_{tag}"
+    stub, junction = f"{vessel}_{tag}", f"J_{vessel}_{tag}"
     parent = next(v for v in network["vessels"] if v["vessel_name"] == vessel)
-    del parent["boundary_conditions"]["outlet"]
-    if not parent["boundary_conditions"]:
-        del parent["boundary_conditions"]
-    add_vessel(network, stub, {"R_poiseuille": 0.0}, outlet=bed)
+    if vessel in anatomy.outlet_bc:
+        del parent["boundary_conditions"]["outlet"]
+        if not parent["boundary_conditions"]:
+            del parent["boundary_conditions"]
+        add_vessel(network, stub, {"R_poiseuille": 0.0}, outlet=anatomy.outlet_bc[vessel])
+    else:
+        number = add_vessel(network, stub, {"R_poiseuille": 0.0})
+        below = _junction(network, anatomy.downstream[vessel])
+        for side, old, new in (("inlet_vessels", parent["vessel_id"], number), ("inlet_blocks", vessel, stub)):
+            if side in below:
+                below[side] = [new if one == old else one for one in below[side]]
     network.setdefault("junctions", []).append(
         {
             "junction_name": junction,
@@ -30,7 +39,21 @@ def open_end(network: dict, vessel: str, tag: str) -> tuple[dict, str, dict[str,
             "outlet_vessels": [network["vessels"][-1]["vessel_id"]],
         }
     )
-    return network, junction, {f"{vessel}:{bed}": f"{stub}:{bed}"}
+    return network, junction, renamed
+
+
+def opened(anatomy: Anatomy, vessel: str, tag: str) -> dict[str, str]:
+    """Old name → new name of the location that `open_end` renames."""
+    end = anatomy.downstream[vessel]
+    if vessel in anatomy.outlet_bc:
+        return {f"{vessel}:{end}": f"{vessel}_{tag}:{end}"}
+    if "junction_values" in _junction(anatomy.network, end):
+        return {f"{vessel}:{end}": f"{vessel}:J_{vessel}_{tag}"}
+    return {}
+
+
+def _junction(network: dict, name: str) -> dict:
+    return next(j for j in network["junctions"] if j["junction_name"] == name)
 
 
 def put_ahead(network: dict, vessel: str, tag: str) -> dict:
@@ -79,7 +102,7 @@ def attach(network: dict, junction: str, side: str, vessel_id: int) -> None:
 
     A junction written by block names gets the name instead of the number.
     """
-    found = next(j for j in network["junctions"] if j["junction_name"] == junction)
+    found = _junction(network, junction)
     if f"{side}_blocks" in found:
         found[f"{side}_blocks"].append(
             next(v["vessel_name"] for v in network["vessels"] if v["vessel_id"] == vessel_id)

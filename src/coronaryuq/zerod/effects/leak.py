@@ -1,7 +1,7 @@
 """Side branch that the model does not have."""
 
 from coronaryuq.zerod.effects.base import Effect, Parameter
-from coronaryuq.zerod.effects.grafting import add_vessel, attach, open_end
+from coronaryuq.zerod.effects.grafting import add_vessel, attach, open_end, opened
 
 
 class SideBranchLeak(Effect):
@@ -32,8 +32,7 @@ class SideBranchLeak(Effect):
         return network
 
     def aliases(self, place, anatomy):
-        bed = anatomy.outlet_bc.get(place)
-        return {f"{place}:{bed}": f"{place}_leak:{bed}"} if bed else {}
+        return opened(anatomy, place, "leak")
 
     def changes(self, network, place, sizes, anatomy, condition):
         resistance, bed = self._resistance(place, sizes["share"], anatomy), f"BC_leak_{place}"
