@@ -299,6 +299,17 @@ def test_bad_tables_get_one_line(spoiled, change, said):
     assert said in spoiled(change)
 
 
+def test_a_network_without_vessels(hidden_stenosis, tmp_path):
+    """A block that is coupled to another solver runs, but has nowhere to look."""
+    folder = hidden_stenosis[0]
+    empty = {"vessels": [], "junctions": [], "boundary_conditions": []}
+    files.write_json(tmp_path / "model.json", json.loads((folder / "model.json").read_text()) | empty)
+    with pytest.raises(InputError, match="model.json: vessels: missing"):
+        rest = (folder / "measurements.csv", folder / "conditions.yaml", tmp_path / "out", Settings(), 1)
+        command.from_files(tmp_path / "model.json", *rest)
+    assert not (tmp_path / "out").exists()
+
+
 def test_every_measured_condition_held_out(hidden_stenosis, tmp_path):
     folder = hidden_stenosis[0]
     content = yaml.safe_load((folder / "conditions.yaml").read_text())

@@ -61,5 +61,7 @@ def _answer(args: argparse.Namespace, out: Path) -> dict:
 def from_files(model, measurements, conditions, out: Path, settings: Settings, seed: int) -> dict:
     """Search one case given by files; writes the results into `out` and returns the summary."""
     network = read_network(model)
+    if not network.get("vessels"):
+        raise InputError(model, "vessels", None, "missing; there is no vessel or bed that an effect could act on")
     problem = read_problem(network, measurements, read_conditions(conditions), conditions, settings)
     return output.write(discover(problem, seed), out)
