@@ -9,6 +9,7 @@ from coronaryuq.bench.hidden_cases import open_loop
 from coronaryuq.discrepancy import hidden
 from coronaryuq.discrepancy.candidates import Candidate, preferred
 from coronaryuq.discrepancy.inference import Fit
+from coronaryuq.discrepancy.output import summary
 from coronaryuq.discrepancy.words import paragraph
 
 
@@ -26,6 +27,7 @@ def test_two_exchanged_outlets_are_said_and_not_named(tmp_path):
     found = analyse(tmp_path)
     assert [place for _, place in found.verdict.mistaken] == ["BC_lad~BC_lcx"]
     assert found.outside_library and not found.named
+    assert summary(found)["mistakes"] == [{"mistake": "exchanged_outlets", "place": "BC_lad~BC_lcx"}]
     assert "outlets had been exchanged in the model: BC_lad and BC_lcx." in paragraph(found, ["half dilated"])
 
 

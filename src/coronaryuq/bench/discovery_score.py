@@ -1,6 +1,7 @@
 """Discoveries against what was hidden: one entry a case, cells, totals with intervals, confusion matrix."""
 
 import numpy as np
+from scipy.stats import binomtest
 
 from coronaryuq.discrepancy import hidden
 from coronaryuq.discrepancy.output import named
@@ -81,14 +82,12 @@ def _covered(answer: Discovery, truth: hidden.Truth) -> bool | None:
     return None
 
 
-def wilson(successes: int, trials: int, z: float = 1.959963984540054) -> dict:
+def wilson(successes: int, trials: int) -> dict:
     """Share with its 95 % interval (Wilson 1927)."""
     if trials == 0:
         return {"share": None, "low": None, "high": None, "trials": 0}
-    share = successes / trials
-    centre = (share + z * z / (2 * trials)) / (1 + z * z / trials)
-    half = z / (1 + z * z / trials) * np.sqrt(share * (1 - share) / trials + z * z / (4 * trials**2))
-    return {"share": share, "low": float(centre - half), "high": float(centre + half), "trials": trials}
+    found = binomtest(successes, trials).proportion_ci(method="wilson")
+    return {"share": successes / trials, "low": float(found.low), "high": float(found.high), "trials": trials}
 
 
 def score(found: list[dict]) -> dict:

@@ -144,7 +144,7 @@ def outside(name: str, network: dict, random: np.random.Generator):
 
 
 def _in_a_loop(name: str, network: dict, vessel: str, others: list[str], random: np.random.Generator):
-    """Those that only a closed loop has, at a vessel that ends in a junction; None where `name` is none of them."""
+    """What differs between the conditions of a loop, at a vessel that ends in a junction; None for other names."""
     anatomy = Anatomy(network)
     own = set(anatomy.beds_below(vessel))
     apart = [one for one in others if own.isdisjoint(anatomy.beds_below(one))]

@@ -38,6 +38,7 @@ def summary(found: Discovery) -> dict:
             for entry in found.rounds
         ],
         "outside_library": found.outside_library,
+        "mistakes": [{"mistake": one.name, "place": place} for one, place in found.verdict.mistaken],
         "gap_before": found.gaps.before.misfit,
         "gap_after": found.gaps.before.misfit if found.outside_library else found.gaps.after.misfit,
         "gap_flexible": found.gaps.flexible.misfit,
