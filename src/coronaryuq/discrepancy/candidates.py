@@ -147,8 +147,17 @@ LARGEST_CLASS_ODDS = 3.0
 
 
 def indistinguishable(best: Candidate, chosen: list[Candidate]) -> list[Candidate]:
-    """The best candidate and those whose posterior odds against it are below 20 to 1, most probable first."""
-    rivals = [c for c in chosen if c is not best and best.log_weight - c.log_weight < LARGEST_CLASS_ODDS]
+    """The best candidate and those against which it has odds, or a Bayes factor, below 20 to 1; most probable first.
+
+    The same loss at the same vessel may be two effects, of which one could be at forty places: their odds differ, but
+    no datum tells them apart.
+    """
+
+    def alike(other: Candidate) -> bool:
+        odds, factor = best.log_weight - other.log_weight, best.fit.evidence - other.fit.evidence
+        return min(odds, factor) < LARGEST_CLASS_ODDS
+
+    rivals = [c for c in chosen if c is not best and c.fit is not None and alike(c)]
     return [best, *sorted(rivals, key=lambda c: -c.log_weight)]
 
 
