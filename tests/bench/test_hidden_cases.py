@@ -9,6 +9,9 @@ from coronaryuq.bench.discrepancy import run
 from coronaryuq.bench.hidden_cases import OUTSIDE_LOOP, outside
 from coronaryuq.errors import InputError
 from coronaryuq.files import read_json
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.grafting import add_vessel, attach, open_end
+from coronaryuq.zerod.engine import Engine
 
 
 @pytest.mark.parametrize("arteries", [2, 1])
@@ -17,12 +20,50 @@ def test_effects_outside_the_library_in_a_loop_of_one_bed_per_artery(shared, nam
     network = read_json(shared / "data" / "svzerod-cases" / "closedLoopHeart_withCoronaries.json")
     if arteries == 1:
         bed = next(block for block in network["boundary_conditions"] if block["bc_name"] == "RCA")
-        bed.update(bc_type="ClosedLoopRCR", bc_values=network["boundary_conditions"][0]["bc_values"])
+        systemic = next(b for b in network["boundary_conditions"] if b["bc_type"] == "ClosedLoopRCR")
+        bed.update(bc_type="ClosedLoopRCR", bc_values=systemic["bc_values"])
     alter = outside(name, network, np.random.default_rng(1))
-    if (name, arteries) == ("miswired_outlets", 1):
+    if (name, arteries) == ("miswired_outlets", 1) or name in ("thrombosed_side_vessel", "delayed_collateral"):
         assert alter is None
     else:
-        assert alter(copy.deepcopy(network), "hyperaemia") != network
+        assert alter(copy.deepcopy(network), "pacing") != network
+
+
+def forked(network):
+    """Each coronary artery feeds two beds like its own."""
+    for artery, bed in (("branch2_seg0", "LCA"), ("branch3_seg0", "RCA")):
+        network, junction, _ = open_end(network, artery, "first")
+        own = next(b for b in network["boundary_conditions"] if b["bc_name"] == bed)
+        network["boundary_conditions"].append(copy.deepcopy(own) | {"bc_name": f"{bed}_second"})
+        branch = add_vessel(network, f"{artery}_second", {"R_poiseuille": 0.1}, outlet=f"{bed}_second")
+        attach(network, junction, "outlet", branch)
+    return network
+
+
+@pytest.mark.parametrize(
+    ("name", "there", "gone"),
+    [
+        ("spasm", "pacing", "rest"),
+        ("thrombosed_side_vessel", "rest", "pacing"),
+        ("delayed_collateral", "hyperaemia", "rest"),
+    ],
+)
+def test_what_comes_and_goes_is_there_under_one_condition_only(shared, name, there, gone):
+    """Mean flows into the coronary vessels change under one and stay as they are under another, over the largest."""
+    network = forked(read_json(shared / "data" / "svzerod-cases" / "closedLoopHeart_withCoronaries.json"))
+    alter = outside(name, network, np.random.default_rng(3))
+    anatomy = Anatomy(network)
+    names = [f"mean_flow:{anatomy.inlet(vessel)}" for vessel in anatomy.coronary_vessels]
+
+    def flows(condition):
+        changed = network if condition is None else alter(copy.deepcopy(network), condition)
+        found = Engine(changed).run(quantities=names, periodic=True, steps_per_cycle=300)
+        assert found.ok.all(), found.status
+        return np.array([found.values[one][0] for one in names])
+
+    plain = flows(None)
+    change = {condition: np.abs(flows(condition) - plain).max() / plain.max() for condition in (there, gone)}
+    assert change[there] > 1e-3 and change[gone] < 0.01 * change[there], change
 
 
 def test_a_network_that_is_no_loop_is_refused(shared):

@@ -92,9 +92,8 @@ def outside(name: str, network: dict, random: np.random.Generator):
         if name == "miswired_outlets" and not right:
             return None
         swapped = (bed, right[int(random.integers(len(right)))]) if right else ()
-        strange = _in_a_loop(name, network, vessel, [one for one in shared if one != vessel], random)
-        if strange is not None:
-            return strange
+        if name in COMING_AND_GOING:
+            return _coming_and_going(name, network, vessel, shared, random)
     order = {"rest": 0.0, "hyperaemia": 1.0, "pacing": 2.0, "half dilated": 1.5}
 
     def scale(network, names, factor):
@@ -143,11 +142,18 @@ def outside(name: str, network: dict, random: np.random.Generator):
     }[name]
 
 
-def _in_a_loop(name: str, network: dict, vessel: str, others: list[str], random: np.random.Generator):
-    """What differs between the conditions of a loop, at a vessel that ends in a junction; None for other names."""
+def _coming_and_going(name: str, network: dict, vessel: str, vessels: list[str], random: np.random.Generator):
+    """What is there under some conditions of a loop only; None where it wants a junction, or two, that are not there.
+
+    vessels: among which a second one is chosen, with other beds.
+    """
     anatomy = Anatomy(network)
     own = set(anatomy.beds_below(vessel))
-    apart = [one for one in others if own.isdisjoint(anatomy.beds_below(one))]
+    apart = [v for v in vessels if own.isdisjoint(anatomy.beds_below(v)) and v not in anatomy.outlet_bc]
+    if name != "spasm" and vessel in anatomy.outlet_bc or name == "delayed_collateral" and not apart:
+        return None
+    other = apart[int(random.integers(len(apart)))] if apart else vessel
+    scales = _scales(network, list(dict.fromkeys([vessel, other])))
 
     def spasm(network, condition):
         """A vessel that narrows while the heart is paced, and at no other time."""
@@ -173,21 +179,10 @@ def _in_a_loop(name: str, network: dict, vessel: str, others: list[str], random:
         attach(network, anatomy.downstream[other], "inlet", number)
         return network
 
-    found = {"spasm": spasm, "thrombosed_side_vessel": clot, "delayed_collateral": recruited}.get(name)
-    if found is recruited and not apart:
-        return None
-    other = apart[int(random.integers(len(apart)))] if apart else vessel
-    scales = _scales(network, list(dict.fromkeys([vessel, other]))) if found is not None else anatomy
-    return found
+    return {"spasm": spasm, "thrombosed_side_vessel": clot, "delayed_collateral": recruited}[name]
 
 
 OUTSIDE = ("thrombosed_side_vessel", "drifting_vessel", "drifting_bed", "miswired_outlets", "bulging_territory")
-OUTSIDE_LOOP = (
-    "drifting_vessel",
-    "drifting_bed",
-    "miswired_outlets",
-    "spasm",
-    "thrombosed_side_vessel",
-    "delayed_collateral",
-)
+COMING_AND_GOING = ("spasm", "thrombosed_side_vessel", "delayed_collateral")
+OUTSIDE_LOOP = ("drifting_vessel", "drifting_bed", "miswired_outlets", *COMING_AND_GOING)
 """Those of a closed loop, which keeps its blood and whose beds are compressed by its own heart."""
