@@ -56,7 +56,7 @@ PAIRS_OF_TWO = (
 LOOP_PAIRS = (("quadratic_stenosis", "pressure_offset"), ("intramyocardial_pressure", "diffuse_narrowing"))
 BESIDE_A_STENOSIS = ("collateral", "shifted_territory", "rotated_territories", "delayed_collateral")
 """Effects that leave a trace only where beds differ: on closed loops hidden beside a stenosis that the model knows of,
-strong, at half the noise."""
+those of the library strong, at half the noise."""
 
 
 @dataclass(frozen=True)

@@ -184,5 +184,6 @@ def _coming_and_going(name: str, network: dict, vessel: str, vessels: list[str],
 
 OUTSIDE = ("thrombosed_side_vessel", "drifting_vessel", "drifting_bed", "miswired_outlets", "bulging_territory")
 COMING_AND_GOING = ("spasm", "thrombosed_side_vessel", "delayed_collateral")
+"""Those of a closed loop that are there under some conditions only."""
 OUTSIDE_LOOP = ("drifting_vessel", "drifting_bed", "miswired_outlets", *COMING_AND_GOING)
 """Those of a closed loop, which keeps its blood and whose beds are compressed by its own heart."""

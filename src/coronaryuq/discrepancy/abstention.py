@@ -14,7 +14,7 @@ from coronaryuq.discrepancy.verify import Gap
 WORTH = 0.2
 """Held-out log predictive density per row that named effects must add to a flexible discrepancy to be named beside it.
 
-Set where effects outside the library that the benchmark hides (up to 0.15) and compression in two animals' recorded
+Set where effects outside the library that the benchmark hides (up to 0.14) and compression in two animals' recorded
 coronary flow (0.39 and 0.59) lie apart: those two answers are therefore no test of it. docs/discrepancy.md has what
 other thresholds would answer."""
 
@@ -34,9 +34,9 @@ class Verdict:
     """What speaks against named effects.
 
     mistaken: those that are a mistake in the model. redistributed: they are flow gains that blood which goes elsewhere
-    explains as well, with one cause. refuted:
-    measurements that no fit had seen take back so much that all together leave less than naming takes. varying: those
-    of different size under different conditions. helped: as the function of that name gives it, compared with `WORTH`.
+    explains as well, with one cause. refuted: measurements that no fit had seen take back so much that all together
+    leave less than naming takes. varying: those of different size under different conditions. helped: as the function
+    of that name gives it, compared with `WORTH`.
     """
 
     mistaken: list[Acting]

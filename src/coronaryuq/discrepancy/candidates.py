@@ -60,7 +60,7 @@ class Candidate:
 
 
 def all_candidates(problem: Problem, acting: list[Acting], library: tuple[Effect, ...] = SEARCHED) -> list[Candidate]:
-    """Every effect of the library at every place it may act, less what is already there."""
+    """Every effect, and every mistake in the model, at every place it may act, less what is already there."""
     forward = problem.forward
     used = {(effect.name, place) for effect, place in acting}
     fitted = {forward.measured[i].condition for i in np.unique(problem.owner[problem.train])}
