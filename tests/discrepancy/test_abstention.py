@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from coronaryuq.discrepancy.abstention import WORTH, Gaps, judge
+from coronaryuq.discrepancy.abstention import LEAST_FORETOLD, WORTH, Gaps, judge
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.verify import Gap
@@ -22,7 +22,7 @@ def gap(nats: float) -> Gap:
     return Gap(1.0, (0.0, 2.0), {}, nats, nats * KEPT_OUT, residual, np.arange(KEPT_OUT))
 
 
-def verdict(size=1.5, sizes=None, held_out=True, still=False, after=0.1, flexible=0.0, both=0.1):
+def verdict(size=1.5, sizes=None, held_out=True, still=False, after=0.1, flexible=0.0, both=0.1, foretold=0.5):
     """Of one effect of that size, or of these under the three conditions; nats per held-out row over recalibration."""
     random = generator(7, "test", "abstention")
     nuisance, along = random.standard_normal((ROWS, 2)), random.standard_normal(ROWS)
@@ -44,7 +44,7 @@ def verdict(size=1.5, sizes=None, held_out=True, still=False, after=0.1, flexibl
     )
     gaps = Gaps(gap(0.0), gap(after), gap(flexible), gap(both))
     wide = np.column_stack([nuisance, along])
-    return judge(problem, fit(nuisance), fit(wide), [(ACTING, PRIOR)], 20, still, gaps)
+    return judge(problem, fit(nuisance), fit(wide), [(ACTING, PRIOR)], 20, still, gaps, foretold)
 
 
 def test_an_effect_that_holds_is_named():
@@ -66,6 +66,13 @@ def test_sizes_that_differ_want_a_clear_help(both, abstains):
     found = verdict(sizes=(0.0, 1.5, 3.0), both=both)
     assert [one.acting for one in found.varying] == [ACTING]
     assert found.abstains == abstains and found.helped == pytest.approx(both)
+
+
+@pytest.mark.parametrize(("both", "abstains"), [(WORTH / 2, True), (2 * WORTH, False)])
+def test_held_out_data_that_are_not_as_foretold_do_too(both, abstains):
+    found = verdict(foretold=LEAST_FORETOLD / 2, both=both)
+    assert found.unforeseen and found.abstains == abstains and found.helped == pytest.approx(both)
+    assert verdict(foretold=2 * LEAST_FORETOLD, both=both).helped is None
 
 
 @pytest.mark.parametrize(("both", "abstains"), [(0.4 + WORTH / 2, True), (0.4 + 2 * WORTH, False)])

@@ -40,6 +40,7 @@ def scored(truth: hidden.Truth, answer: Discovery) -> dict:
         "flexible": answer.gaps.flexible.misfit,
         "remaining": answer.remaining.p,
         "varying": max((one.log_odds for one in answer.verdict.constancies), default=None),
+        "foretold": answer.verdict.foretold,
         "helped": None if answer.verdict.taken_back else answer.verdict.helped,
     }
     rows = len(answer.gaps.before.residual)

@@ -18,6 +18,10 @@ Set where effects outside the library that the benchmark hides (up to 0.14) and 
 coronary flow (0.39 and 0.59) lie apart: those two answers are therefore no test of it. docs/discrepancy.md has what
 other thresholds would answer."""
 
+LEAST_FORETOLD = 0.001
+"""p-value of held-out measurements below which the named effects do not foretell them: one in a thousand right names
+is put in doubt by chance."""
+
 
 @dataclass(frozen=True)
 class Gaps:
@@ -35,8 +39,9 @@ class Verdict:
 
     mistaken: those that are a mistake in the model. redistributed: they are flow gains that blood which goes elsewhere
     explains as well, with one cause. refuted: measurements that no fit had seen take back so much that all together
-    leave less than naming takes. varying: those of different size under different conditions. helped: as the function
-    of that name gives it, compared with `WORTH`.
+    leave less than naming takes. varying: those of different size under different conditions. foretold: p-value of
+    the held-out measurements with the named effects, doubtful below `LEAST_FORETOLD`. helped: as the function of that
+    name gives it, compared with `WORTH`.
     """
 
     mistaken: list[Acting]
@@ -44,7 +49,13 @@ class Verdict:
     refuted: bool
     constancies: list[Constancy]
     varying: list[Constancy]
+    foretold: float
     helped: float | None
+
+    @property
+    def unforeseen(self) -> bool:
+        """Whether held-out measurements are not as the named effects foretell them."""
+        return self.foretold < LEAST_FORETOLD
 
     @property
     def taken_back(self) -> bool:
@@ -57,10 +68,17 @@ class Verdict:
 
 
 def judge(
-    problem: Problem, base: Fit, fit: Fit, named: list[tuple[Acting, float]], effects: int, still: bool, gaps: Gaps
+    problem: Problem,
+    base: Fit,
+    fit: Fit,
+    named: list[tuple[Acting, float]],
+    effects: int,
+    still: bool,
+    gaps: Gaps,
+    foretold: float,
 ) -> Verdict:
     """named: effects in the order of the fit, each with its log prior; effects: how many the library has here; still:
-    whether they leave something to explain.
+    whether they leave something to explain; foretold: p-value of the held-out measurements with them.
     """
     least, acting = problem.settings.least_log_odds, [one for one, _ in named]
     priors = [prior for _, prior in named]
@@ -73,17 +91,18 @@ def judge(
     varying = [one for one in constancies if one.log_odds > least]
     refuted = bool(acting and kept_out) and odds < least
     mistaken = [one for one in acting if not one[0].nameable]
-    return Verdict(mistaken, redistributed, refuted, constancies, varying, helped(still, bool(varying), gaps))
+    doubtful = bool(varying) or (bool(acting) and foretold < LEAST_FORETOLD)
+    return Verdict(mistaken, redistributed, refuted, constancies, varying, foretold, helped(still, doubtful, gaps))
 
 
-def helped(still: bool, varying: bool, gaps: Gaps) -> float | None:
+def helped(still: bool, doubtful: bool, gaps: Gaps) -> float | None:
     """Nats per held-out row that the named effects add to a flexible discrepancy.
 
-    None where the question does not arise: all named effects have one size under all conditions, and they leave
-    nothing, or a flexible discrepancy alone does not predict held-out data better than they do, by half a standard
-    error.
+    None where the question does not arise: all named effects have one size under all conditions and foretell the
+    held-out measurements, and they leave nothing, or a flexible discrepancy alone does not predict held-out data better
+    than they do, by half a standard error.
     """
-    if not varying and not (still and _better(gaps.flexible, gaps.after)):
+    if not doubtful and not (still and _better(gaps.flexible, gaps.after)):
         return None
     return gaps.both.lpd - gaps.flexible.lpd
 

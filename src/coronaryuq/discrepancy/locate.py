@@ -7,8 +7,8 @@ from scipy import stats
 
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.problem import Problem
+from coronaryuq.discrepancy.shapes import phases, residual_tests
 
-HARMONICS = 3
 BINS = 4
 LEAST_LEARNT = 0.01
 """Share of a nuisance parameter's prior variance that the data must take away to test it against its prior."""
@@ -68,23 +68,9 @@ def locate(problem: Problem, fit: Fit) -> Located:
     (mean and three harmonics of each series), the worst single series and the worst nuisance parameter (Bonferroni).
     """
     score = fit.score
-    total = stats.chi2.sf(fit.objective, len(fit.residual))
-    shapes, owners = _shapes(problem)
-    inner = shapes.T @ fit.project(shapes)
-    moved = shapes.T @ score
-    smooth = _chi2(inner, moved)
-    each = []
-    for owner in np.unique(owners):
-        mine = np.flatnonzero(owners == owner)
-        each.append(_chi2(inner[np.ix_(mine, mine)], moved[mine]))
-    worst = min(1.0, min(each) * len(each))
     strains = _strains(problem, fit)
-    tests = {
-        "all residuals": float(total),
-        "smooth part": float(smooth),
-        "worst series": float(worst),
-        "worst nuisance parameter": min((one.p for one in strains), default=1.0),
-    }
+    tests = residual_tests(problem, problem.train, fit.objective, score, fit.project)
+    tests["worst nuisance parameter"] = min((one.p for one in strains), default=1.0)
     return Located(min(1.0, len(tests) * min(tests.values())), tests, _groups(problem, fit, score), strains)
 
 
@@ -101,47 +87,11 @@ def _strains(problem: Problem, fit: Fit) -> list[Strain]:
     return sorted(found, key=lambda one: -abs(one.score))
 
 
-def _chi2(covariance: np.ndarray, vector: np.ndarray) -> float:
-    """p-value of v' C^+ v against chi-squared with rank(C) degrees of freedom."""
-    values, vectors = np.linalg.eigh(covariance)
-    kept = values > 1e-6 * max(values[-1], 1e-300)
-    rotated = vectors[:, kept].T @ vector
-    return float(stats.chi2.sf(np.sum(rotated**2 / values[kept]), kept.sum()))
-
-
-def _rows(problem: Problem):
-    """Fitted rows of each series: (series number, positions among the fitted rows, phases or None)."""
-    owner = problem.owner[problem.train]
-    offsets = np.concatenate([np.arange(s.value.size) for s in problem.forward.measured])[problem.train]
-    for number, series in enumerate(problem.forward.measured):
-        mine = np.flatnonzero(owner == number)
-        if mine.size:
-            phase = None if series.time is None else (series.time[offsets[mine]] / series.period) % 1.0
-            yield number, mine, phase
-
-
-def _shapes(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
-    """Smooth shapes of a residual in whitened numbers, (N, k), and the series that each belongs to."""
-    sd = problem.sd[problem.train]
-    columns, owners = [], []
-    for number, mine, phase in _rows(problem):
-        waves = [np.ones(mine.size)]
-        if phase is not None:
-            for h in range(1, HARMONICS + 1):
-                waves += [np.cos(2 * np.pi * h * phase), np.sin(2 * np.pi * h * phase)]
-        for wave in waves:
-            column = np.zeros(len(sd))
-            column[mine] = wave / sd[mine]
-            columns.append(column / np.linalg.norm(column))
-            owners.append(number)
-    return np.array(columns).T, np.array(owners)
-
-
 def _groups(problem: Problem, fit: Fit, score: np.ndarray) -> list[Disagreement]:
     sd = problem.sd[problem.train]
     residual = fit.residual * sd
     keys, columns = [], []
-    for number, mine, phase in _rows(problem):
+    for number, mine, phase in phases(problem, problem.train):
         if phase is None:
             bins = [(None, mine)]
         else:

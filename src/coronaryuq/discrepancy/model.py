@@ -13,7 +13,7 @@ from coronaryuq.discrepancy.nuisance import Nuisance, nuisances
 from coronaryuq.discrepancy.numerics import time_steps
 from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.discrepancy.simulation import Simulation
+from coronaryuq.discrepancy.simulation import LOOSE, TOLERANCE, Simulation
 from coronaryuq.errors import InputError
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.engine import Engine
@@ -71,12 +71,7 @@ def make_problem(
     names = {vessel: f"mean_flow:{anatomy.inlet(vessel)}" for vessel in anatomy.vessels}
     root = f"mean_pressure:{anatomy.inlet(anatomy.roots[0])}"
     at_beds = {bed: f"mean_pressure:{vessel}:{bed}" for bed, vessel in anatomy.beds.items()}
-    reference = engine.run(
-        quantities=[*names.values(), root, *at_beds.values()], periodic=True, steps_per_cycle=settings.steps_per_cycle
-    )
-    if not reference.ok[0]:
-        raise InputError("model", None, None, f"the model does not run as it is: {reference.status[0]}")
-    values = {name: float(found[0]) for name, found in reference.values.items()}
+    values = _as_it_is(engine, [*names.values(), root, *at_beds.values()], settings.steps_per_cycle)
     anatomy.pressure = abs(values[root])
     anatomy.flow = {vessel: values[name] for vessel, name in names.items()}
     anatomy.period = period_of(network)
@@ -98,6 +93,15 @@ def make_problem(
             means = np.array([s.statistic == "mean" for s in measured])[problem.owner]
             problem.train |= (problem.condition == name) & means
     return problem
+
+
+def _as_it_is(engine: Engine, quantities: list[str], steps_per_cycle: int) -> dict[str, float]:
+    """Quantities of the model as it is; settled as loosely as other runs may be where valves keep it from more."""
+    for tolerance in (TOLERANCE, LOOSE):
+        run = engine.run(quantities=quantities, periodic=True, steps_per_cycle=steps_per_cycle, tolerance=tolerance)
+        if run.ok[0]:
+            return {name: float(found[0]) for name, found in run.values.items()}
+    raise InputError("model", None, None, f"the model does not run as it is: {run.status[0]}")
 
 
 def _mass(territory: str, conditions, measured, anatomy) -> float:

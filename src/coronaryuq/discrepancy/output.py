@@ -49,6 +49,7 @@ def summary(found: Discovery) -> dict:
             "after": found.gaps.after.summary(),
             "flexible": found.gaps.flexible.summary(),
             "both": found.gaps.both.summary(),
+            "p_of_foretold": found.verdict.foretold,
         },
         "remaining": {"p": found.remaining.p, **found.remaining.tests},
         "candidates_tested": found.candidates_tested,

@@ -23,7 +23,7 @@ from coronaryuq.discrepancy.locate import Located, locate
 from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.screening import screen
 from coronaryuq.discrepancy.simulation import Acting
-from coronaryuq.discrepancy.verify import folds, gap, linearise
+from coronaryuq.discrepancy.verify import folds, foretold, gap, linearise
 from coronaryuq.zerod.effects.base import Effect, Parameter
 from coronaryuq.zerod.effects.library import SEARCHED
 
@@ -133,7 +133,8 @@ def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = SEARCHED
     priors = {entry.accepted.acting: entry.accepted.log_prior for entry in rounds if entry.accepted is not None}
     effects = len({candidate.effect.name for candidate in everything})
     still = remaining.alarm(settings.alarm_level)
-    verdict = judge(problem, base, fit, [(one, priors[one]) for one in acting], effects, still, gaps)
+    named = [(one, priors[one]) for one in acting]
+    verdict = judge(problem, base, fit, named, effects, still, gaps, foretold(problem, repaired, parts))
     return Discovery(problem, base, located, alarm, rounds, acting, fit, remaining, gaps, verdict, parts, tested)
 
 

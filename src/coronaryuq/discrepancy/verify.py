@@ -6,6 +6,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from coronaryuq.discrepancy.problem import Problem
+from coronaryuq.discrepancy.shapes import residual_tests
 from coronaryuq.discrepancy.simulation import Acting
 from coronaryuq.seeds import generator
 
@@ -100,6 +101,21 @@ def gap(problem: Problem, model: Linear, folds: list[tuple[np.ndarray, np.ndarra
         residual,
         rows,
     )
+
+
+def foretold(problem: Problem, model: Linear, folds: list[tuple[np.ndarray, np.ndarray]]) -> float:
+    """p-value of held-out residuals as the model foretells them, with the spread that a fit to the other rows leaves.
+
+    The least of the tests of `residual_tests` over all folds (train rows, test rows), times their number (Bonferroni).
+    """
+    found = []
+    for train, test in folds:
+        residual, covariance = predict(model, train, test)
+        factor = cho_factor(covariance)
+        score = cho_solve(factor, residual)
+        tests = residual_tests(problem, test, residual @ score, score, lambda v, of=factor: cho_solve(of, v))
+        found += tests.values()
+    return min(1.0, len(found) * min(found))
 
 
 def _interval(problem: Problem, residual: np.ndarray, rows: np.ndarray, seed: int) -> tuple[float, float]:

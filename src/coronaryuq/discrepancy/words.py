@@ -53,6 +53,13 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
             f"under each condition ({_sizes(one)}). It is not named."
         )
         return text
+    if found.outside_library and found.verdict.unforeseen:
+        nearest = " and ".join(_called(one) for one in found.acting)
+        text += (
+            f"No effect of the library explains it: what comes nearest in the fitted measurements, {nearest}, does not "
+            f"foretell those that no fit had seen ({chance(found.verdict.foretold)}). It is not named."
+        )
+        return text
     if found.outside_library:
         text += (
             "No effect of the library explains it: a flexible discrepancy predicts measurements that no fit had seen "
@@ -88,6 +95,8 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
         f"On {_kept(held_out)} the misfit falls from {found.gaps.before.misfit:.2f} to {found.gaps.after.misfit:.2f} "
         "standard deviations of the noise, whose floor is 1. "
     )
+    if found.named and found.verdict.unforeseen:
+        text += f"Not all of those are as the named effects foretell them ({chance(found.verdict.foretold)}). "
     if found.remaining.alarm(found.problem.settings.alarm_level):
         text += f"Something remains unexplained ({chance(found.remaining.p)})"
         if found.gaps.flexible.total_lpd > found.gaps.after.total_lpd:
