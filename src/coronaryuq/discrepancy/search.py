@@ -8,6 +8,7 @@ from coronaryuq.discrepancy import outside
 from coronaryuq.discrepancy.abstention import Gaps, Verdict, judge
 from coronaryuq.discrepancy.candidates import (
     CONTENDER,
+    LARGEST_CLASS_ODDS,
     ROUGH,
     Candidate,
     all_candidates,
@@ -32,6 +33,8 @@ RIVALS = 5
 SECOND_LOOKS = 3
 WORTH_FITTING = 0.5
 """Log evidence by which an estimate must beat a candidate's own fit to have it fitted again."""
+ALIKE = LARGEST_CLASS_ODDS + 2.0
+"""Log odds, or log Bayes factor, by which an estimate about the best fit may fall behind it and be of its class."""
 CENTRAL_99 = 2.5758293035489004
 """Standard deviations of a normal prior that hold its central 99 %."""
 
@@ -167,8 +170,9 @@ def name_one(
     chosen = [c for c in chosen if c.fit is not None]
     for _ in range(SECOND_LOOKS if chosen else 0):
         before = max(chosen, key=lambda c: c.log_weight)
-        look_again(problem, before, acting, chosen, everything)
+        near = look_again(problem, before, acting, chosen, everything)
         if before is max(chosen, key=lambda c: c.log_weight):
+            fit_alike(problem, before, acting, chosen, near, everything)
             break
     flexible, _ = outside.gain(fit, features[problem.train])
     probabilities = posterior(fit, chosen, flexible)
@@ -182,16 +186,16 @@ def name_one(
 
 def look_again(
     problem: Problem, best: Candidate, acting: list[Acting], chosen: list[Candidate], everything: list[Candidate]
-) -> None:
+) -> list[Candidate]:
     """Screen all candidates in the place of the best one, about its fit; add to `chosen` those that now look as good.
 
     Recalibration without the right effect distorts the nuisance parameters, and about such a point a neighbour of the
     right place may look best. About the best fit so far they are nearly as they should be, if it has left them within
-    their prior.
+    their prior. Returns the candidates as they look from there, those far behind left out.
     """
     if problem.distorted(best.fit):
-        return
-    about = _without(best.fit, len(best.fit.z) - len(best.effect.parameters), len(best.effect.parameters))
+        return []
+    about = _around(best)
     known = {c.acting: c for c in everything}
     fresh = [replace(c, fit=None) for c in likely(everything)]
     screen(problem, about, acting, fresh)
@@ -204,6 +208,43 @@ def look_again(
             one.fit = exact
             if one not in chosen:
                 chosen.append(one)
+    return near
+
+
+def fit_alike(
+    problem: Problem,
+    best: Candidate,
+    acting: list[Acting],
+    chosen: list[Candidate],
+    near: list[Candidate],
+    everything: list[Candidate],
+) -> None:
+    """Fit all that may be of the best one's class, as they look about its fit (`near`), and add them to `chosen`.
+
+    Many more may be than a look again fits in full: each segment of one vessel, say. Sensitivities to all but their own
+    sizes stay those of the best fit, of which theirs hardly differ; one that goes ahead is fitted in full.
+    """
+    known = {c.acting: c for c in everything}
+    waiting = []
+    for candidate in near:
+        behind = min(best.log_weight - candidate.promise, best.fit.evidence - candidate.estimate)
+        if known[candidate.acting].fit is None and behind < ALIKE:
+            waiting.append(candidate)
+    if not waiting:
+        return
+    found = problem.fit_candidates(_around(best), acting, [c.acting for c in waiting], [c.guess for c in waiting])
+    for candidate, fit in zip(waiting, found, strict=True):
+        if fit is not None:
+            known[candidate.acting].fit = fit
+            chosen.append(known[candidate.acting])
+    ahead = max(chosen, key=lambda c: c.log_weight)
+    if ahead is not best:
+        ahead.fit = _exact(problem, [*acting, ahead.acting], ahead.fit.z) or ahead.fit
+
+
+def _around(best: Candidate) -> Fit:
+    """The point of a candidate's fit without its own sizes."""
+    return _without(best.fit, len(best.fit.z) - len(best.effect.parameters), len(best.effect.parameters))
 
 
 def _without(fit: Fit, column: int, count: int) -> Fit:

@@ -1,0 +1,61 @@
+"""Every place that the data may not tell from the best one is fitted before a class is declared."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from coronaryuq.discrepancy.candidates import Candidate, indistinguishable
+from coronaryuq.discrepancy.inference import Fit
+from coronaryuq.discrepancy.problem import Problem
+from coronaryuq.discrepancy.search import ALIKE, RIVALS, fit_alike
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.seeds import generator
+from coronaryuq.zerod.effects.base import Parameter
+
+ROWS, NUISANCES, SEGMENTS, PRIOR = 150, 3, RIVALS + 3, -4.0
+SIZE = Parameter("size", "1", "normal", 0.0, 1.0, "")
+LOSS = type("Loss", (), {"name": "loss", "parameters": (SIZE,), "grafted": False, "nameable": True})()
+
+
+class Segments:
+    """A linear problem: a loss in one segment of a vessel looks nearly the same in all; the hidden one is the last."""
+
+    fit_candidates = Problem.fit_candidates
+
+    def __init__(self):
+        random = generator(9, "test", "alike")
+        self.nuisance, along = random.standard_normal((ROWS, NUISANCES)), random.standard_normal(ROWS)
+        places = [f"segment {k}" for k in range(SEGMENTS)]
+        self.along = {place: along + 0.05 * random.standard_normal(ROWS) for place in places}
+        self.along["elsewhere"] = random.standard_normal(ROWS)
+        self.y = 1.5 * self.along[places[-1]] + 0.3 * random.standard_normal(ROWS)
+        self.settings = Settings()
+        self.everything = [Candidate(LOSS, place, PRIOR) for place in self.along]
+
+    def columns(self, acting):
+        return np.column_stack([self.nuisance, *(self.along[place] for _, place in acting)])
+
+    def fitted(self, rows, grafts=()):
+        return np.array([self.y - self.columns(acting) @ z for z, acting in rows])
+
+    def calibrate(self, acting, start=None):
+        g = self.columns(acting)
+        z = np.linalg.solve(np.eye(g.shape[1]) + g.T @ g, g.T @ self.y)
+        return Fit(z, self.y - g @ z, g)
+
+
+def test_all_segments_that_look_as_good_are_fitted_and_the_best_in_full():
+    problem = Segments()
+    best, hidden = problem.everything[0], problem.everything[SEGMENTS - 1]
+    best.fit = problem.calibrate([best.acting])
+    chosen, guess = [best], np.ones(1)
+    near = [replace(c, fit=None, guess=guess, estimate=best.fit.evidence) for c in problem.everything]
+    near[-1].estimate = best.fit.evidence - 2 * ALIKE
+    fit_alike(problem, best, [], chosen, near, problem.everything)
+    assert {c.place for c in chosen} == {f"segment {k}" for k in range(SEGMENTS)}
+    for candidate in chosen:
+        assert candidate.fit.evidence == pytest.approx(problem.calibrate([candidate.acting]).evidence, abs=0.1)
+    ahead = max(chosen, key=lambda c: c.log_weight)
+    assert hidden in indistinguishable(ahead, chosen)
+    assert ahead.fit.z == pytest.approx(problem.calibrate([ahead.acting]).z, abs=1e-9)
