@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from coronaryuq.discrepancy import numerics
-from coronaryuq.discrepancy.numerics import FINER, time_steps
+from coronaryuq.discrepancy.numerics import DRAWS, FINER, time_steps
 from coronaryuq.seeds import generator
 
 ROWS, SERIES = 80, 2
@@ -34,10 +34,17 @@ class Ringing:
         return found + self.missing(z) if isinstance(self.simulation, int) else found
 
 
+class Drifting(Ringing):
+    """The same with a ringing whose phase, and not only its size, hangs on the parameters."""
+
+    def missing(self, z):
+        return self.mean + self.ringing * np.sin(9 * PHASE + 3.0 * np.sin(PHASE) * z[:, :1] + z[:, 1:2])
+
+
 @pytest.fixture(autouse=True)
 def copies(monkeypatch):
     def replace(forward, simulation):
-        other = Ringing(forward.mean, forward.ringing, forward.failing)
+        other = type(forward)(forward.mean, forward.ringing, forward.failing)
         other.simulation = simulation
         return other
 
@@ -47,7 +54,7 @@ def copies(monkeypatch):
 def test_what_is_alike_is_put_right():
     found = time_steps(Ringing(np.sin(PHASE), 0.0), np.full(ROWS, 0.5))
     assert found.change == pytest.approx(np.sin(PHASE)) and not len(found.shapes)
-    assert found.sd.max() == pytest.approx(np.sqrt(ROWS / SERIES) / FINER)
+    assert found.sd == pytest.approx(np.linalg.norm(np.sin(PHASE[: ROWS // SERIES])) / 0.5 * 0.5 / FINER)
 
 
 def test_what_differs_in_two_shapes_gets_two_weights():
@@ -64,14 +71,30 @@ def test_what_differs_in_two_shapes_gets_two_weights():
 
 
 def test_little_ringing_is_held_as_noise_along_any_shape():
-    """The variance that the rows are given along the ringing itself is that of the ringing at least."""
+    """The variance that the rows are given along the ringing itself is that of the ringing, to within two standard
+    errors of a variance from `DRAWS` points."""
     ringing, noise = 0.02, np.ones(ROWS)
     found = time_steps(Ringing(np.zeros(ROWS), ringing), noise)
     assert not len(found.shapes)
     shape = np.sin(9 * PHASE[: ROWS // SERIES])
     along = shape / np.linalg.norm(shape)
     given = np.sum(along**2 * found.sd[: ROWS // SERIES] ** 2)
-    assert given > (0.5 * ringing * np.linalg.norm(shape)) ** 2
+    true, error = (0.5 * ringing * np.linalg.norm(shape)) ** 2, np.sqrt(2.0 / (DRAWS - 1))
+    assert 1.0 - 2.0 * error < given / true < 1.0 + 2.0 * error
+
+
+def test_what_the_shapes_leave_is_held_along_any_shape_of_a_series():
+    """A ringing whose phase hangs on the parameters has more shapes than weights: at fresh points, what is left is as
+    large as it is said to be, along the worst of a thousand shapes."""
+    forward, noise, random = Drifting(np.zeros(ROWS), 5.0), np.ones(ROWS), generator(2, "test", "numerics")
+    found = time_steps(forward, noise)
+    fresh = 0.5 * random.standard_normal((400, 5))
+    missing = forward.missing(fresh) - found.change
+    shapes = found.shapes
+    left = missing - missing @ shapes.T @ np.linalg.solve(np.eye(len(shapes)) + shapes @ shapes.T, shapes)
+    for block, sd in zip(forward.split(left), found.sd[:: ROWS // SERIES], strict=True):
+        worst = np.linalg.norm(block, ord=2) / np.sqrt(len(block))
+        assert 0.3 * sd < worst < 1.5 * sd
 
 
 def test_where_one_point_runs_all_is_held():
