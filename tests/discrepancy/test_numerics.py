@@ -84,8 +84,9 @@ def test_little_ringing_is_held_as_noise_along_any_shape():
 
 
 def test_what_the_shapes_leave_is_held_along_any_shape_of_a_series():
-    """A ringing whose phase hangs on the parameters has more shapes than weights: at fresh points, what is left is as
-    large as it is said to be, along the worst of a thousand shapes."""
+    """A ringing whose phase hangs on the parameters, 22 noise sd in each series, has more shapes than weights. At fresh
+    points what is left is below the noise along any shape, and at most twice as large as it is said to be: the worst
+    shapes are known from the points that they were found at."""
     forward, noise, random = Drifting(np.zeros(ROWS), 5.0), np.ones(ROWS), generator(2, "test", "numerics")
     found = time_steps(forward, noise)
     fresh = 0.5 * random.standard_normal((400, 5))
@@ -94,7 +95,7 @@ def test_what_the_shapes_leave_is_held_along_any_shape_of_a_series():
     left = missing - missing @ shapes.T @ np.linalg.solve(np.eye(len(shapes)) + shapes @ shapes.T, shapes)
     for block, sd in zip(forward.split(left), found.sd[:: ROWS // SERIES], strict=True):
         worst = np.linalg.norm(block, ord=2) / np.sqrt(len(block))
-        assert 0.3 * sd < worst < 1.5 * sd
+        assert 0.5 * sd < worst < min(1.0, 2.0 * sd)
 
 
 def test_where_one_point_runs_all_is_held():

@@ -93,11 +93,12 @@ class Forward:
             if any(effect.side == "measurement" for effect, _ in acting):
                 found[number] = self._observe(found[number], z, acting)
             if self.shapes is not None:
-                found[number] += z[self._shaping] @ self.shapes
+                found[number] += z[self.shaping] @ self.shapes
         return found
 
     @property
-    def _shaping(self) -> list[int]:
+    def shaping(self) -> list[int]:
+        """Nuisance parameters that are weights of `shapes`."""
         return [column for column, nuisance in enumerate(self.nuisances) if nuisance.shape is not None]
 
     def _simulated(self, z: np.ndarray, acting: list[Acting]) -> tuple:

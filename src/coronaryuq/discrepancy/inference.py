@@ -62,7 +62,8 @@ class Search:
     """One maximisation under way: where it is, which sensitivities it recomputes, and what it found.
 
     label: what `evaluate` needs to know of the model; fresh: columns of z whose sensitivities are recomputed;
-    renewed: z at which they were last; stale: whether they have to be now.
+    renewed: z at which they were last; stale: whether they have to be now; exact: columns whose sensitivities are
+    always the same, and those, (N, k).
     """
 
     label: object
@@ -74,6 +75,7 @@ class Search:
     stale: bool = True
     failed: bool = False
     done: bool = False
+    exact: tuple[list[int], np.ndarray] | None = None
 
     @property
     def fit(self) -> Fit:
@@ -136,6 +138,9 @@ def _differentiate(evaluate: Evaluate, stale: list[Search]) -> None:
         for column, row in zip(search.fresh, mine, strict=True):
             if np.isfinite(row).all():
                 search.jacobian[:, column] = -(row - search.residual) / STEP
+        if search.exact is not None:
+            columns, values = search.exact
+            search.jacobian[:, columns] = values
         search.renewed, search.stale = search.z, False
 
 

@@ -7,20 +7,23 @@ import numpy as np
 from coronaryuq.discrepancy.forward import Forward
 from coronaryuq.seeds import generator
 
-FINER = 8
-DRAWS, MORE, SPREAD = 16, 32, 0.5
-"""Points at which steps are compared, the model as it is and draws of the nuisance parameters about it; so many more
-where the change differs from one to the next."""
+FINER, FINEST = 8, 32
+"""How many times as short steps the model's are compared with; and those with, where they differ among points."""
+DRAWS, MORE, FEW, SPREAD = 16, 32, 2, 0.5
+"""Points at which steps are compared, the model as it is and draws of the nuisance parameters about it: so many, and,
+where the change differs from one to the next, so many, and so few with the shortest steps."""
 SHAPED = 0.3
 """Norm, in noise standard deviations, from which what differs from point to point is a shape of its own."""
+OWN = 3
+"""Shapes at most that each series has besides, for what the common ones leave of it."""
 
 
 @dataclass(frozen=True)
 class TimeSteps:
     """What steps `FINER` times as short change of every prediction, CGS.
 
-    change: mean (N,); shapes: what differs most from point to point, (k, N), with standard normal weights; sd: of the
-    rest (N,), for every row by itself.
+    change: mean (N,); shapes: what differs most from point to point, of all rows and then of single series, (k, N),
+    with standard normal weights; sd: of the rest (N,), for every row by itself.
     """
 
     change: np.ndarray
@@ -34,39 +37,71 @@ def time_steps(forward: Forward, noise: np.ndarray) -> TimeSteps:
     A valve opens and shuts between two steps, and vessels that store blood ring afterwards: what the steps make of that
     is no disagreement with the measurements. What is alike from one point to the next is put right. What is not is no
     noise of each row on its own, but has few shapes, that of an effect perhaps, such as a valve that damps the ringing:
-    those get weights. The rest, what other points would leave and the shorter steps' own error (to first order the
-    share that they are of the others), is added to the noise: each row of a series is given the root mean square that
-    it has along the worst shape of the series' rows.
+    those get weights, and so have the shapes of what still shorter steps change. The rest is what other points would
+    leave: the worst shapes of each series get weights too, and each row of the series, as noise, the root mean square
+    along the worst shape that is left. Where the change is alike at all points, the shorter steps' own error is, to
+    first order, the share of it that they are of the others.
     """
     points = SPREAD * generator(0, "discrepancy", "time steps").standard_normal((MORE, len(forward.nuisances)))
     points[0] = 0.0
-    finer_steps = FINER * forward.simulation.steps_per_cycle
-    finer = replace(forward, simulation=forward.simulation.changed(steps_per_cycle=finer_steps))
-
-    def changes(some: np.ndarray) -> np.ndarray:
-        found = finer.predict(some) - forward.predict(some)
-        return found[np.isfinite(found).all(axis=1)] / noise
-
-    change = changes(points[:DRAWS])
-    if len(change) >= 3 and _shapes(change)[0].max() > SHAPED:
-        change = np.vstack([change, changes(points[DRAWS:])])
+    compare = _Steps(forward, noise)
+    change = compare.change(points[:DRAWS], 1, FINER)
     if len(change) < 3:
         # Where next to nothing runs, all that is known of the change is its size.
         return TimeSteps(np.zeros(forward.size), np.zeros((0, forward.size)), noise * np.abs(change).sum(axis=0))
+    further, left = change.mean(axis=0)[None, :] / FINER, np.zeros((0, forward.size))
+    differs = _shapes(change - change.mean(axis=0))[0].max() > SHAPED
+    if differs:
+        change = np.vstack([change, compare.change(points[DRAWS:], 1, FINER)])
+        finest = compare.change(points[:FEW], FINER, FINEST)
+        further = finest if len(finest) == FEW else further
+        left = _left_by_others(change)
     mean = change.mean(axis=0)
-    lengths, shapes = _shapes(change)
-    kept = lengths > SHAPED
-    left = _left_by_others(change) if kept.any() else np.zeros((0, forward.size))
-    rest = np.vstack([left, shapes[~kept], mean / FINER])
-    blocks = forward.split(rest)
-    sd = np.repeat([np.linalg.norm(block, ord=2) for block in blocks], [block.shape[1] for block in blocks])
-    return TimeSteps(noise * mean, noise * shapes[kept], noise * sd)
+    common, rest = [], [left]
+    for deviations in (change - mean, further):
+        lengths, shapes = _shapes(deviations)
+        kept = (lengths > SHAPED) & differs
+        common.append(shapes[kept])
+        rest.append(shapes[~kept])
+    own, sd = _each_series(forward, np.vstack(rest), OWN if differs else 0)
+    return TimeSteps(noise * mean, noise * np.vstack([*common, own]), noise * sd)
 
 
-def _shapes(change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lengths (k,) and shapes (k, N), so long, of what differs among the rows of (n, N)."""
-    differing = (change - change.mean(axis=0)) / np.sqrt(len(change) - 1)
-    _, lengths, directions = np.linalg.svd(differing, full_matrices=False)
+class _Steps:
+    """Predictions, in noise standard deviations, by steps so many times as short as the model's."""
+
+    def __init__(self, forward: Forward, noise: np.ndarray):
+        self.forwards, self.noise = {1: forward}, noise
+
+    def change(self, points: np.ndarray, steps: int, finer: int) -> np.ndarray:
+        """From ones to others, (n, N), at those of the points (n, p) where both run."""
+        change = self._predicted(points, finer) - self._predicted(points, steps)
+        return change[np.isfinite(change).all(axis=1)] / self.noise
+
+    def _predicted(self, points: np.ndarray, times: int) -> np.ndarray:
+        if times not in self.forwards:
+            forward = self.forwards[1]
+            steps = times * forward.simulation.steps_per_cycle
+            self.forwards[times] = replace(forward, simulation=forward.simulation.changed(steps_per_cycle=steps))
+        return self.forwards[times].predict(points)
+
+
+def _each_series(forward: Forward, rest: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
+    """Worst shapes (k, N) of each series' columns of (n, N), and the standard deviations (N,) that hold the others."""
+    own, sd, first = [], np.zeros(forward.size), 0
+    for block in forward.split(rest):
+        rows = slice(first, first + block.shape[1])
+        lengths, shapes = _shapes(block * np.sqrt(len(block)))
+        count = min(most, int((lengths > SHAPED).sum()), len(lengths) - 1)
+        own.append(np.zeros((count, forward.size)))
+        own[-1][:, rows] = shapes[:count]
+        sd[rows], first = lengths[count], rows.stop
+    return np.vstack(own), sd
+
+
+def _shapes(deviations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lengths (k,) and shapes (k, N), so long, of the root mean square of the rows of (n, N)."""
+    _, lengths, directions = np.linalg.svd(deviations / np.sqrt(len(deviations)), full_matrices=False)
     return lengths, lengths[:, None] * directions
 
 

@@ -59,11 +59,19 @@ class Problem:
         predicted = self.forward.predict_rows(rows, conditions, grafts)
         return ((self.y - self.change - predicted) / self.sd)[:, self.train]
 
+    def shaped(self) -> tuple[list[int], np.ndarray]:
+        """Nuisance parameters that are weights of shapes, and the whitened sensitivities (N, k) to them of all rows."""
+        columns = self.forward.shaping
+        shapes = self.forward.shapes if columns else np.zeros((0, len(self.y)))
+        return columns, (shapes / self.sd).T
+
     def calibrate(self, acting: list[Acting], start: np.ndarray | None = None) -> Fit:
         """Fit nuisance parameters and sizes together, all sensitivities recomputed at every step (fitted rows only)."""
         if start is None:
             start = np.zeros(self.count + len(self.forward.parameters(acting)))
-        search = Search(list(acting), np.array(start, dtype=float), list(range(len(start))))
+        columns, values = self.shaped()
+        fresh = [column for column in range(len(start)) if column not in columns]
+        search = Search(list(acting), np.array(start, dtype=float), fresh, exact=(columns, values[self.train]))
         maximise(self.fitted, [search], self.settings.iterations)
         if search.failed:
             raise FloatingPointError("the model could not be run")
@@ -95,11 +103,15 @@ class Problem:
         if not self.distorted(fit):
             return fit
         z = np.concatenate([np.zeros(self.count), fit.z[self.count :]])
-        rows = np.vstack([z, z + STEP * np.eye(len(z))])
+        columns, values = self.shaped()
+        others = np.setdiff1d(np.arange(len(z)), columns)
+        rows = np.vstack([z, z + STEP * np.eye(len(z))[others]])
         found = self.fitted([(row, list(acting)) for row in rows])
         if not np.isfinite(found).all():
             return fit
-        return Fit(z, found[0], -((found[1:] - found[0]) / STEP).T)
+        jacobian = np.zeros((len(found[0]), len(z)))
+        jacobian[:, others], jacobian[:, columns] = -((found[1:] - found[0]) / STEP).T, values[self.train]
+        return Fit(z, found[0], jacobian)
 
     def fit_candidates(
         self, base: Fit, acting: list[Acting], candidates: list[Acting], guesses: list[np.ndarray]
@@ -145,9 +157,14 @@ class Problem:
 
         Nought where the model runs to neither side.
         """
-        found = -(self.whitened([(row, list(acting)) for row in z + STEP * np.eye(len(z))]) - residual).T / STEP
-        failed = np.flatnonzero(~np.isfinite(found).all(axis=0))
+        columns, values = self.shaped()
+        others = np.setdiff1d(np.arange(len(z)), columns)
+        steps = STEP * np.eye(len(z))[others]
+        moved = -(self.whitened([(row, list(acting)) for row in z + steps]) - residual).T / STEP
+        failed = np.flatnonzero(~np.isfinite(moved).all(axis=0))
         if failed.size:
-            back = self.whitened([(row, list(acting)) for row in z - STEP * np.eye(len(z))[failed]])
-            found[:, failed] = np.nan_to_num((back - residual).T / STEP)
+            back = self.whitened([(row, list(acting)) for row in z - steps[failed]])
+            moved[:, failed] = np.nan_to_num((back - residual).T / STEP)
+        found = np.zeros((len(residual), len(z)))
+        found[:, others], found[:, columns] = moved, values
         return found
