@@ -20,10 +20,18 @@ def test_a_loop_that_settles_loosely_is_examined(shared):
     marched = Engine(network).run(quantities=[f"mean_pressure:{place}"], periodic=True, steps_per_cycle=50)
     if marched.ok[0]:
         pytest.skip("rounding on this machine lets the loop settle")
-    assert marched.cycle_error[0] < 5e-3
+    assert marched.cycle_error[0] < 5e-3 and marched.cycles[0] == 100
+    impatient = Engine(network).run(periodic=True, steps_per_cycle=50, patience=6)
+    assert not impatient.ok[0] and 6 < impatient.cycles[0] < 100
     measured = [Measured("rest", "pressure", place, "mean", None, 1.0, np.ones(1), np.ones(1))]
     conditions = {one.name: one for one in loop_conditions() if one.name == "rest"}
     problem = make_problem(network, conditions, measured, Settings(steps_per_cycle=50))
     assert 1e4 < problem.forward.anatomy.pressure * problem.forward.pressure_factor < 3e5
     (predicted,) = problem.forward.predict(np.zeros(problem.count))
     assert predicted[0] == pytest.approx(problem.forward.anatomy.pressure * problem.forward.pressure_factor, rel=0.01)
+
+
+def test_patience_changes_no_run_that_settles(shared):
+    engine = Engine(read_json(shared / "data" / "svzerod-cases" / "closedLoopHeart_withCoronaries.json"))
+    plain, patient = (engine.run(periodic=True, steps_per_cycle=100, patience=n) for n in (None, 6))
+    assert plain.ok[0] and patient.cycles[0] == plain.cycles[0] and (patient.state == plain.state).all()

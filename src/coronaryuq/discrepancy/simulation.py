@@ -20,8 +20,8 @@ MOST_ENGINES = 150
 TOLERANCE = 1e-4
 """Cycle error of a run: well below the change that a finite difference of the sensitivities looks for."""
 
-SETTLING = 12
-"""Cycles after which a run that has not settled to `TOLERANCE` hardly ever does: one in a hundred of those left."""
+PATIENCE = 6
+"""Cycles without half the cycle error after which a run is taken not to settle any closer."""
 LOOSE, MOST_CYCLES = 5e-3, 25
 """Cycle error that will do where valves that open a step earlier or later keep a run from settling to `TOLERANCE`."""
 NEAR_SETTLED = 0.2
@@ -156,15 +156,16 @@ class Simulation:
         for numbers in _batches(prepared, jobs):
             changes, left = _stack(prepared, [jobs[i] for i in numbers]), np.array(numbers)
             start = None if own is None else self._start(prepared, [jobs[i] for i in numbers], own[left], changes)
-            for tolerance, cycles in ((TOLERANCE, SETTLING), (LOOSE, MOST_CYCLES), (LOOSE, MOST_CYCLES)):
+            for tolerance in (TOLERANCE, LOOSE, LOOSE):
                 mine = np.isin(numbers, left)
                 result = prepared.engine.run(
                     {name: value[mine] for name, value in changes.items()},
                     waveforms=names,
                     periodic=True,
-                    cycles=cycles,
+                    cycles=MOST_CYCLES,
                     steps_per_cycle=self.steps_per_cycle,
                     tolerance=tolerance,
+                    patience=PATIENCE if tolerance == TOLERANCE else None,
                     start=start,
                     threads=self.threads,
                 )

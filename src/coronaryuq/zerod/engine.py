@@ -93,6 +93,7 @@ class Engine:
         cycles: int | None = None,
         steps_per_cycle: int | None = None,
         tolerance: float = 1e-4,
+        patience: int | None = None,
         start: np.ndarray | None = None,
         threads: int = 1,
         accelerate: bool = True,
@@ -103,6 +104,7 @@ class Engine:
         included; what it does not name keeps the network's value.
         quantities, waveforms: see `zerod.quantities`. periodic: go on until a sample's cycle error is below
         `tolerance`, at most `cycles` (default 100) of them, by Anderson acceleration unless `accelerate` is false;
+        a sample whose cycle error has not halved for `patience` cycles is given up before;
         otherwise march exactly `cycles` (default: the network's). start: (unknowns,) or (n, unknowns), a
         `Result.state`; by default the network's own initial condition, steady if it says so. One start for all is
         taken for the network's own periodic state, from which samples are first approached with longer steps (those
@@ -129,7 +131,9 @@ class Engine:
             batch.make_room(len(recorded), steps * refinement, bool(shown))
             mixer = Anderson(len(left), batch.state.shape[1]) if periodic and accelerate else None
             until = tolerance if periodic else None
-            spent, error, solves = self._march(batch, steps * refinement, recorded, limit, until, mixer, threads)
+            spent, error, solves = self._march(
+                batch, steps * refinement, recorded, limit, until, mixer, threads, patience
+            )
             statuses = [_status(*of) for of in zip(batch.failed_at, error, spent, strict=True)]
             if periodic:
                 statuses = [_status(*of, until) for of in zip(batch.failed_at, error, spent, strict=True)]
@@ -329,8 +333,10 @@ class Engine:
         tolerance: float | None,
         mixer: Anderson | None,
         threads: int,
+        patience: int | None = None,
     ) -> tuple[np.ndarray, np.ndarray, int]:
-        """March cycles until `limit`, or until every sample's cycle error is below `tolerance` if that is given.
+        """March cycles until `limit`, or until every sample's cycle error is below `tolerance` if that is given,
+        or has not halved for `patience` cycles.
 
         Returns cycles spent and cycle error of each sample, (n,), and Newton solves. A sample that is done, or has
         failed, keeps what its last cycle left.
@@ -339,6 +345,7 @@ class Engine:
         program = self._fill(batch, times, steady=False)
         live = batch.failed_at == 0
         spent, error, solves = np.zeros(samples, int), np.full(samples, np.inf), 0
+        mark, marked = np.full(samples, np.inf), np.zeros(samples, int)
         for cycle in range(limit):
             who = np.nonzero(live)[0]
             before = batch.state[who]
@@ -348,6 +355,10 @@ class Engine:
             live &= batch.failed_at == 0
             if tolerance is not None:
                 live &= ~(error < tolerance)
+            if patience is not None:
+                halved = error < 0.5 * mark
+                mark[halved], marked[halved] = error[halved], cycle
+                live &= cycle - marked < patience
             if not live.any():
                 break
             batch.close_ranks(live)
