@@ -21,8 +21,8 @@ PRIOR_NONE, PRIOR_NAMED, PRIOR_OUTSIDE = 0.45, 0.45, 0.10
 class Candidate:
     """One effect at one place on top of what is already there.
 
-    z_score: of the score test; estimate: log evidence and guess: size z, both as `screening` finds them;
-    fit: with full marginal likelihood, None while not on the shortlist.
+    z_score: of the score test; p_varying: of that with a size for each condition; estimate: log evidence and guess:
+    size z, both as `screening` finds them; fit: with full marginal likelihood, None while not on the shortlist.
     log_prior: its share of `PRIOR_NAMED`: effects alike, then places alike.
     """
 
@@ -30,6 +30,7 @@ class Candidate:
     place: str
     log_prior: float
     z_score: float = 0.0
+    p_varying: float = 1.0
     estimate: float = -np.inf
     guess: np.ndarray | None = None
     fit: Fit | None = None

@@ -5,6 +5,7 @@ import numpy as np
 from coronaryuq.discrepancy.candidates import Candidate
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.problem import Problem
+from coronaryuq.discrepancy.shapes import chi2_tail
 from coronaryuq.discrepancy.simulation import Acting
 
 MANY = 20
@@ -20,17 +21,18 @@ REACH = np.exp(np.linspace(np.log(1.0 / 3.0), np.log(3.0), 61))
 
 
 def screen(problem: Problem, at: Fit, acting: list[Acting], candidates: list[Candidate]) -> None:
-    """Set `z_score`, `estimate` and `guess` of all candidates from runs of three sizes about the point `at`.
+    """Set `z_score`, `p_varying`, `estimate` and `guess` of all candidates from runs of three sizes about `at`.
 
     Score test: g'u / sqrt(g'Pg) with g the response to a small size, u the score and P the marginal precision of the
     present model (Rao 1948); sizes that are positive by nature count only in their own direction. Estimate: log
     evidence of the model with the candidate, linear in the nuisance parameters but not in the candidate's size: a
-    strong effect and the distortion that recalibration made of it are not small changes.
+    strong effect and the distortion that recalibration made of it are not small changes. The score test of a varying
+    size is that of one size for each condition, of either sign: what comes and goes is seen by it, and by no other.
     """
     many = [c for c in candidates if c.effect.name == "collateral"]
     direct = [c for c in candidates if len(many) <= MANY or c.effect.name != "collateral"]
     own, small = _responses(problem, at, acting, [(c, _sizes(c)[0]) for c in direct])
-    linear = _Linear(at, own)
+    linear = _Linear(at, own, problem.condition[problem.train])
     for candidate, response in zip(direct, small, strict=True):
         linear.test(candidate, response)
     if len(many) > MANY:
@@ -63,19 +65,23 @@ def _responses(problem, at, acting, wanted) -> tuple[np.ndarray, np.ndarray]:
 class _Linear:
     """The present model about one point, linear in its parameters: what responses of candidates are weighed against."""
 
-    def __init__(self, at: Fit, residual: np.ndarray):
+    def __init__(self, at: Fit, residual: np.ndarray, conditions: np.ndarray):
         linear = residual + at.jacobian @ at.z
         self.at, self.score = at, at.project(linear)
+        self.apart = conditions[:, None] == np.unique(conditions)
         self.evidence = -0.5 * float(linear @ self.score) - 0.5 * float(np.linalg.slogdet(at.precision)[1])
 
     def test(self, candidate: Candidate, response: np.ndarray) -> None:
-        """The score test, and a first weighing."""
-        candidate.z_score, candidate.estimate = 0.0, -np.inf
+        """The score tests, and a first weighing."""
+        candidate.z_score, candidate.p_varying, candidate.estimate = 0.0, 1.0, -np.inf
         candidate.guess = np.zeros(len(candidate.effect.parameters))
         if np.isfinite(response).all():
             length = float(np.sqrt(max(response @ self.at.project(response), 0.0)))
             z = float(response @ self.score) / length if length > LEAST_SENSITIVITY else 0.0
             candidate.z_score = max(z, 0.0) if candidate.one_sided else abs(z)
+            if length > LEAST_SENSITIVITY and self.apart.shape[1] > 1:
+                each = response[:, None] * self.apart
+                candidate.p_varying = chi2_tail(each.T @ self.at.project(each), each.T @ self.score)
             self.weigh(candidate, _sizes(candidate)[0], response)
 
     def weigh(self, candidate: Candidate, size: float, response: np.ndarray) -> None:

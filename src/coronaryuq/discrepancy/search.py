@@ -152,8 +152,12 @@ def assess(
     vantage = problem.vantage(fit, acting)
     screen(problem, vantage, acting, everything)
     located = locate(problem, fit)
-    directed = min((c.p_value for c in everything), default=1.0) * max(len(everything), 1)
-    return located.with_test("best candidate", directed), everything, vantage
+    for name, p in (
+        ("best candidate", [c.p_value for c in everything]),
+        ("best candidate of varying size", [c.p_varying for c in everything]),
+    ):
+        located = located.with_test(name, min(p, default=1.0) * max(len(everything), 1))
+    return located, everything, vantage
 
 
 def name_one(

@@ -27,10 +27,10 @@ def residual_tests(
     each = []
     for owner in np.unique(owners):
         mine = np.flatnonzero(owners == owner)
-        each.append(_chi2(inner[np.ix_(mine, mine)], moved[mine]))
+        each.append(chi2_tail(inner[np.ix_(mine, mine)], moved[mine]))
     return {
         "all residuals": float(stats.chi2.sf(objective, len(score))),
-        "smooth part": _chi2(inner, moved),
+        "smooth part": chi2_tail(inner, moved),
         "worst series": min(1.0, min(each) * len(each)),
     }
 
@@ -63,7 +63,7 @@ def smooth(problem: Problem, which: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return np.array(columns).T, np.array(owners)
 
 
-def _chi2(covariance: np.ndarray, vector: np.ndarray) -> float:
+def chi2_tail(covariance: np.ndarray, vector: np.ndarray) -> float:
     """p-value of v' C^+ v against chi-squared with rank(C) degrees of freedom."""
     values, vectors = np.linalg.eigh(covariance)
     kept = values > 1e-6 * max(values[-1], 1e-300)
