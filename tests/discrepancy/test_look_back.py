@@ -7,6 +7,7 @@ import pytest
 
 from coronaryuq.discrepancy.candidates import Candidate
 from coronaryuq.discrepancy.inference import Fit
+from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.search import Round, look_back
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.seeds import generator
@@ -38,6 +39,9 @@ class Linear:
         self.y = 1.5 * (a + b if twins else along["c"]) + random.standard_normal(ROWS)
         self.forward = SimpleNamespace(nuisances=[None] * NUISANCES)
         self.settings = Settings()
+        self.condition, self.train = np.full(ROWS, "rest"), np.ones(ROWS, bool)
+
+    fit_candidates = Problem.fit_candidates
 
     def columns(self, acting):
         return np.column_stack([self.nuisance, *(self.along[one] for one in acting)])
