@@ -40,8 +40,8 @@ class Verdict:
     mistaken: those that are a mistake in the model. redistributed: they are flow gains that blood which goes elsewhere
     explains as well, with one cause. refuted: measurements that no fit had seen take back so much that all together
     leave less than naming takes. varying: those of different size under different conditions. foretold: p-value of
-    the held-out measurements with the named effects, doubtful below `LEAST_FORETOLD`. helped: as the function of that
-    name gives it, compared with `WORTH`.
+    the held-out measurements with the named effects; unforeseen: there are such, and it is below `LEAST_FORETOLD`.
+    helped: as the function of that name gives it, compared with `WORTH`.
     """
 
     mistaken: list[Acting]
@@ -50,12 +50,8 @@ class Verdict:
     constancies: list[Constancy]
     varying: list[Constancy]
     foretold: float
+    unforeseen: bool
     helped: float | None
-
-    @property
-    def unforeseen(self) -> bool:
-        """Whether held-out measurements are not as the named effects foretell them."""
-        return self.foretold < LEAST_FORETOLD
 
     @property
     def taken_back(self) -> bool:
@@ -91,8 +87,9 @@ def judge(
     varying = [one for one in constancies if one.log_odds > least]
     refuted = bool(acting and kept_out) and odds < least
     mistaken = [one for one in acting if not one[0].nameable]
-    doubtful = bool(varying) or (bool(acting) and foretold < LEAST_FORETOLD)
-    return Verdict(mistaken, redistributed, refuted, constancies, varying, foretold, helped(still, doubtful, gaps))
+    unforeseen = bool(acting) and foretold < LEAST_FORETOLD
+    nats = helped(still, bool(varying) or unforeseen, gaps)
+    return Verdict(mistaken, redistributed, refuted, constancies, varying, foretold, unforeseen, nats)
 
 
 def helped(still: bool, doubtful: bool, gaps: Gaps) -> float | None:
