@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from linear_problem import LinearProblem
 
 from coronaryuq.discrepancy.candidates import Candidate, indistinguishable
-from coronaryuq.discrepancy.inference import Fit
-from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.search import ALIKE, RIVALS, fit_alike
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.seeds import generator
@@ -18,31 +17,18 @@ SIZE = Parameter("size", "1", "normal", 0.0, 1.0, "")
 LOSS = type("Loss", (), {"name": "loss", "parameters": (SIZE,), "grafted": False, "nameable": True})()
 
 
-class Segments:
+class Segments(LinearProblem):
     """A linear problem: a loss in one segment of a vessel looks nearly the same in all; the hidden one is the last."""
-
-    fit_candidates = Problem.fit_candidates
 
     def __init__(self):
         random = generator(9, "test", "alike")
         self.nuisance, along = random.standard_normal((ROWS, NUISANCES)), random.standard_normal(ROWS)
-        places = [f"segment {k}" for k in range(SEGMENTS)]
-        self.along = {place: along + 0.05 * random.standard_normal(ROWS) for place in places}
-        self.along["elsewhere"] = random.standard_normal(ROWS)
+        places = [(LOSS, f"segment {k}") for k in range(SEGMENTS)]
+        self.along = {acting: along + 0.05 * random.standard_normal(ROWS) for acting in places}
+        self.along[LOSS, "elsewhere"] = random.standard_normal(ROWS)
         self.y = 1.5 * self.along[places[-1]] + 0.3 * random.standard_normal(ROWS)
         self.settings = Settings()
-        self.everything = [Candidate(LOSS, place, PRIOR) for place in self.along]
-
-    def columns(self, acting):
-        return np.column_stack([self.nuisance, *(self.along[place] for _, place in acting)])
-
-    def fitted(self, rows, grafts=()):
-        return np.array([self.y - self.columns(acting) @ z for z, acting in rows])
-
-    def calibrate(self, acting, start=None):
-        g = self.columns(acting)
-        z = np.linalg.solve(np.eye(g.shape[1]) + g.T @ g, g.T @ self.y)
-        return Fit(z, self.y - g @ z, g)
+        self.everything = [Candidate(*acting, PRIOR) for acting in self.along]
 
 
 def test_all_segments_that_look_as_good_are_fitted_and_the_best_in_full():

@@ -4,10 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from linear_problem import LinearProblem
 
 from coronaryuq.discrepancy.candidates import Candidate
-from coronaryuq.discrepancy.inference import Fit
-from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.search import Round, look_back
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.seeds import generator
@@ -17,7 +16,7 @@ ROWS, NUISANCES, PRIOR = 120, 2, -3.0
 SIZE = Parameter("size", "1", "normal", 0.0, 1.0, "")
 
 
-class Linear:
+class Linear(LinearProblem):
     """A linear problem with three effects: c is what was hidden, a and b together come near to it.
 
     twins: a and b are what was hidden, and c is nearly a.
@@ -40,19 +39,6 @@ class Linear:
         self.forward = SimpleNamespace(nuisances=[None] * NUISANCES)
         self.settings = Settings()
         self.condition, self.train = np.full(ROWS, "rest"), np.ones(ROWS, bool)
-
-    fit_candidates = Problem.fit_candidates
-
-    def columns(self, acting):
-        return np.column_stack([self.nuisance, *(self.along[one] for one in acting)])
-
-    def fitted(self, rows, grafts=()):
-        return np.array([self.y - self.columns(acting) @ z for z, acting in rows])
-
-    def calibrate(self, acting, start=None):
-        g = self.columns(acting)
-        z = np.linalg.solve(np.eye(g.shape[1]) + g.T @ g, g.T @ self.y)
-        return Fit(z, self.y - g @ z, g)
 
 
 def test_after_a_replacement_the_effect_that_is_no_longer_needed_goes():

@@ -1,0 +1,23 @@
+"""A linear problem for tests of the search: nuisance parameters and effects that act along a column each."""
+
+import numpy as np
+
+from coronaryuq.discrepancy.inference import Fit
+from coronaryuq.discrepancy.problem import Problem
+
+
+class LinearProblem:
+    """Subclasses set nuisance (N, p), along: acting effect → (N,), y (N,) and settings."""
+
+    fit_candidates = Problem.fit_candidates
+
+    def columns(self, acting):
+        return np.column_stack([self.nuisance, *(self.along[one] for one in acting)])
+
+    def fitted(self, rows, grafts=()):
+        return np.array([self.y - self.columns(acting) @ z for z, acting in rows])
+
+    def calibrate(self, acting, start=None):
+        g = self.columns(acting)
+        z = np.linalg.solve(np.eye(g.shape[1]) + g.T @ g, g.T @ self.y)
+        return Fit(z, self.y - g @ z, g)
