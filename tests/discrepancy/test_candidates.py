@@ -3,9 +3,11 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
-from coronaryuq.discrepancy.candidates import Candidate, indistinguishable, preferred
+from coronaryuq.discrepancy.candidates import Candidate, indistinguishable, of_class, preferred
 from coronaryuq.discrepancy.inference import Fit
+from coronaryuq.discrepancy.search import Round
 
 
 def candidate(evidence: float, log_prior: float = 0.0, nameable: bool = True) -> Candidate:
@@ -25,3 +27,19 @@ def test_an_effect_goes_before_a_mistake_that_the_data_cannot_tell_from_it():
     mistake, close, far = candidate(-10.0, nameable=False), candidate(-12.0), candidate(-15.0)
     assert preferred([far, mistake, close]) is close
     assert preferred([far, mistake]) is mistake
+
+
+def test_places_that_share_the_prior_of_one_have_its_odds_together():
+    """As many places as one likes, all alike: whether they are named does not hang on how finely a vessel is cut."""
+    alone = candidate(-10.0)
+    for count in (2, 3, 40):
+        places = [candidate(-10.0, -np.log(count)) for _ in range(count)]
+        assert of_class(places[0], places) == pytest.approx(of_class(alone, [alone]))
+        named = Round(places, {}, places[0], places)
+        assert named.class_log_prior == pytest.approx(0.0, abs=1e-12)
+
+
+def test_what_the_data_tell_apart_and_mistakes_add_nothing_to_a_class():
+    best, far, mistake = candidate(-10.0), candidate(-14.0), candidate(-10.0, nameable=False)
+    assert of_class(best, [best, far, mistake]) == best.log_weight
+    assert of_class(mistake, [best, far, mistake]) == mistake.log_weight

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
+from scipy.special import logsumexp
 
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.problem import Problem
@@ -160,6 +161,15 @@ def indistinguishable(best: Candidate, chosen: list[Candidate]) -> list[Candidat
 
     rivals = [c for c in chosen if c is not best and c.fit is not None and alike(c)]
     return [best, *sorted(rivals, key=lambda c: -c.log_weight)]
+
+
+def of_class(one: Candidate, chosen: list[Candidate]) -> float:
+    """Log weight of a candidate and of its class together; effects and mistakes in the model do not count as one.
+
+    Three places that the data cannot tell apart share the odds that one of them would have by itself.
+    """
+    shared = [c.log_weight for c in indistinguishable(one, chosen) if c.effect.nameable == one.effect.nameable]
+    return float(logsumexp(shared))
 
 
 def preferred(chosen: list[Candidate]) -> Candidate:

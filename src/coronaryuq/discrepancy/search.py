@@ -15,6 +15,7 @@ from coronaryuq.discrepancy.candidates import (
     fit_shortlist,
     indistinguishable,
     likely,
+    of_class,
     posterior,
     preferred,
     shortlist,
@@ -54,6 +55,11 @@ class Round:
     """Other effects in the fits of the shortlist; a candidate's own sizes stand last in them."""
     worth: float = np.inf
     """Log evidence that the accepted effect adds to all the others."""
+
+    @property
+    def class_log_prior(self) -> float:
+        """Log prior that the accepted effect would have if it stood for all of its class."""
+        return of_class(self.accepted, self.members) - self.accepted.fit.evidence
 
 
 @dataclass
@@ -133,7 +139,7 @@ def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = SEARCHED
     _, amplitude = outside.gain(fit, features[problem.train])
     both = repaired.extended(amplitude * features) if acting else flexible
     gaps = Gaps(*(gap(problem, model, parts, seed) for model in (plain, repaired, flexible, both)))
-    priors = {entry.accepted.acting: entry.accepted.log_prior for entry in rounds if entry.accepted is not None}
+    priors = {entry.accepted.acting: entry.class_log_prior for entry in rounds if entry.accepted is not None}
     effects = len({candidate.effect.name for candidate in everything})
     still = remaining.alarm(settings.alarm_level)
     named = [(one, priors[one]) for one in acting]
@@ -168,7 +174,7 @@ def name_one(
     everything: list[Candidate],
     vantage: Fit,
 ) -> Round:
-    """One round: fit the shortlist of scored candidates, weigh, accept the best where the odds suffice."""
+    """One round: fit the shortlist of scored candidates, weigh, accept the best where the odds of its class suffice."""
     chosen = shortlist(everything, problem.settings.shortlist)
     fit_shortlist(problem, fit, acting, chosen, vantage)
     chosen = [c for c in chosen if c.fit is not None]
@@ -181,7 +187,7 @@ def name_one(
     flexible, _ = outside.gain(fit, features[problem.train])
     probabilities = posterior(fit, chosen, flexible)
     chosen.sort(key=lambda c: -c.log_weight)
-    worth_naming = [c for c in chosen if c.log_weight - fit.evidence >= problem.settings.least_log_odds]
+    worth_naming = [c for c in chosen if of_class(c, chosen) - fit.evidence >= problem.settings.least_log_odds]
     if not worth_naming:
         return Round(chosen, probabilities, None, beside=acting)
     accepted = preferred(worth_naming)
@@ -287,7 +293,7 @@ def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Rou
             rival.fit = _exact(problem, [*others, rival.acting], np.concatenate([about.z, rival.guess]))
         tried = sorted([present, *(c for c in rivals if c.fit is not None)], key=lambda c: -c.log_weight)
         best = preferred(tried)
-        if best.log_weight - without.evidence < problem.settings.least_log_odds:
+        if of_class(best, tried) - without.evidence < problem.settings.least_log_odds:
             current.accepted = None
             return others, without
         weights = np.exp([without.evidence - best.log_weight, *(c.log_weight - best.log_weight for c in tried)])

@@ -38,7 +38,7 @@ class Settings(BaseModel):
     shortlist: int = Field(10, ge=1, description="candidates fitted in full per round, after the score test of all")
     max_effects: int = Field(3, ge=0, description="effects that may be added at most")
     least_log_odds: float = Field(
-        3.0, ge=0, description="log posterior odds over the present model that an effect needs"
+        3.0, ge=0, description="log posterior odds over the present model that an effect, or its class, needs"
     )
     starts: int = Field(3, ge=1, description="starting sizes of an effect per fit")
     iterations: int = Field(12, ge=1, description="Gauss-Newton iterations of a fit at most")
