@@ -146,12 +146,14 @@ class _Candidates:
     def __init__(self, matrix: np.ndarray, pattern: np.ndarray):
         self._matrix, self._left = matrix, pattern.copy()
         self._worth = np.zeros(pattern.shape)
+        self._in_row, self._in_column = self._left.sum(axis=1), self._left.sum(axis=0)
         self.rows = np.ones(len(pattern), bool)
         self.refresh(np.arange(len(pattern)), np.empty(0, dtype=np.int64))
 
     def refresh(self, rows: np.ndarray, filled: np.ndarray) -> None:
         """Judge `rows` anew; their entries in columns `filled` exist from now on."""
         self._left[np.ix_(rows, filled)] = True
+        self._in_row[rows], self._in_column[filled] = self._left[rows].sum(axis=1), self._left[:, filled].sum(axis=0)
         size = np.where(self._left[rows], np.abs(self._matrix[:, rows]), 0.0)
         largest = size.max(axis=2, keepdims=True)
         self._worth[rows] = np.where(largest > 0, size / np.where(largest > 0, largest, 1.0), 0.0).min(axis=0)
@@ -161,20 +163,22 @@ class _Candidates:
         admissible = self._worth > THRESHOLD
         if among is not None:
             admissible &= among
-        places = np.argwhere(admissible)
-        if not len(places):
+        # Flat: several times as fast as places in two dimensions, and this is most of what a new network costs.
+        rows, columns = np.divmod(np.flatnonzero(admissible), admissible.shape[1])
+        if not len(rows):
             return None
-        in_row, in_column = self._left.sum(axis=1) - 1, self._left.sum(axis=0) - 1
-        cost = in_row[places[:, 0]] * in_column[places[:, 1]]
-        places = places[cost == cost.min()]
-        row, column = places[np.argmax(self._worth[places[:, 0], places[:, 1]])]
-        return int(row), int(column)
+        cost = (self._in_row[rows] - 1) * (self._in_column[columns] - 1)
+        cheapest = np.flatnonzero(cost == cost.min())
+        chosen = cheapest[np.argmax(self._worth[rows[cheapest], columns[cheapest]])]
+        return int(rows[chosen]), int(columns[chosen])
 
     def take(self, row: int, column: int) -> tuple[np.ndarray, np.ndarray]:
         """Remove a pivot's row and column; rows below it and columns right of it."""
         self._left[row, column] = False
         below, right = np.nonzero(self._left[:, column])[0], np.nonzero(self._left[row])[0]
         self._left[row] = self._left[:, column] = False
+        self._in_row[below] -= 1
+        self._in_column[right] -= 1
         self._worth[row] = self._worth[:, column] = 0.0
         self.rows[row] = False
         return below, right
