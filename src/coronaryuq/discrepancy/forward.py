@@ -239,11 +239,9 @@ class Forward:
                         changes[name] = (changes[name] if name in changes else own[name]) * factor
         return changes
 
-    def _point(self, z: np.ndarray | None = None, acting: Collection[Acting] = ()) -> Point:
-        """Where a run stands; without z the model as it is."""
+    def _point(self, z: np.ndarray, acting: Collection[Acting] = ()) -> Point:
+        """Where a run stands."""
         count, run = len(self.nuisances), [n.simulated for n in self.nuisances if n.shape is None]
-        if z is None:
-            return Point(np.zeros(len(run)), {})
         sizes, column = {}, count
         for effect, place in acting:
             if effect.side == "network":
@@ -263,16 +261,6 @@ class Forward:
         if ":" in location and location.split(":")[1] == HEART:
             return (location,)
         return (f"{series.quantity}:{location}",)
-
-    def bed_pressures(self) -> dict[str, dict[str, float]]:
-        """Mean pressure before every bed under every condition, of the model as it is; the network's unit."""
-        names = {bed: f"pressure:{vessel}:{bed}" for bed, vessel in self.anatomy.beds.items()}
-        jobs = [Job(self._point(), name, {}) for name in self.conditions]
-        waves = self.simulation.waveforms(self.simulation.prepared([]), jobs, list(names.values()))
-        return {
-            job.condition: {bed: float(waves[name][i, :-1].mean()) for bed, name in names.items()}
-            for i, job in enumerate(jobs)
-        }
 
     @property
     def root(self) -> str:

@@ -9,7 +9,7 @@ from coronaryuq.discrepancy.shapes import chi2_tail
 from coronaryuq.discrepancy.simulation import Acting
 
 MANY = 20
-"""More collaterals than this are ranked by superposed leaks before any is run."""
+"""Collaterals in one network: between any two outlets they are too many for one."""
 LEAST_SENSITIVITY = 0.3
 """Whitened norm below which data cannot see an effect of the tested size."""
 PROMISING = 40
@@ -29,17 +29,10 @@ def screen(problem: Problem, at: Fit, acting: list[Acting], candidates: list[Can
     strong effect and the distortion that recalibration made of it are not small changes. The score test of a varying
     size is that of one size for each condition, of either sign: what comes and goes is seen by it, and by no other.
     """
-    many = [c for c in candidates if c.effect.name == "collateral"]
-    direct = [c for c in candidates if len(many) <= MANY or c.effect.name != "collateral"]
-    own, small = _responses(problem, at, acting, [(c, _sizes(c)[0]) for c in direct])
+    own, small = _responses(problem, at, acting, [(c, _sizes(c)[0]) for c in candidates])
     linear = _Linear(at, own, problem.condition[problem.train])
-    for candidate, response in zip(direct, small, strict=True):
+    for candidate, response in zip(candidates, small, strict=True):
         linear.test(candidate, response)
-    if len(many) > MANY:
-        likely = _likely_collaterals(problem, linear, direct, small, many)
-        _, responses = _responses(problem, at, acting, [(c, _sizes(c)[0]) for c in likely])
-        for candidate, response in zip(likely, responses, strict=True):
-            linear.test(candidate, response)
     ranked = sorted((c for c in candidates if c.guess is not None and c.z_score > 2.0), key=lambda c: -c.z_score)
     larger = [(c, size) for c in ranked[:PROMISING] for size in _sizes(c)[1:]]
     _, responses = _responses(problem, at, acting, larger) if larger else (own, [])
@@ -51,15 +44,33 @@ def _sizes(candidate: Candidate) -> tuple[float, ...]:
     return POSITIVE if candidate.one_sided else SIGNED
 
 
-def _responses(problem, at, acting, wanted) -> tuple[np.ndarray, np.ndarray]:
+def _responses(
+    problem: Problem, at: Fit, acting: list[Acting], wanted: list[tuple[Candidate, float]]
+) -> tuple[np.ndarray, np.ndarray]:
     """Whitened residual (N,) at the point, and the change (n, N) of predictions by each (candidate, size z) wanted."""
-    rows = [(at.z, list(acting))]
-    for candidate, size in wanted:
-        sizes = np.full(len(candidate.effect.parameters), size)
-        rows.append((np.concatenate([at.z, sizes]), [*acting, candidate.acting]))
-    grafts = [one for one in dict.fromkeys([*acting, *(c.acting for c, _ in wanted)]) if one[0].grafted]
-    found = problem.fitted(rows, grafts)
-    return found[0], found[0] - found[1:]
+    own, changes = None, np.zeros((len(wanted), 0))
+    for numbers in _networks([candidate for candidate, _ in wanted]):
+        rows = [(at.z, list(acting))]
+        for candidate, size in (wanted[number] for number in numbers):
+            sizes = np.full(len(candidate.effect.parameters), size)
+            rows.append((np.concatenate([at.z, sizes]), [*acting, candidate.acting]))
+        grafts = [one for one in dict.fromkeys([*acting, *(of[-1] for _, of in rows[1:])]) if one[0].grafted]
+        found = problem.fitted(rows, grafts)
+        if own is None:
+            own, changes = found[0], np.zeros((len(wanted), found.shape[1]))
+        changes[numbers] = found[0] - found[1:]
+    return own, changes
+
+
+def _networks(candidates: list[Candidate]) -> list[list[int]]:
+    """Numbers of the candidates that share a run of networks: no more than `MANY` collaterals in one."""
+    places = list(dict.fromkeys(c.place for c in candidates if c.effect.name == "collateral"))
+    turn = {place: number // MANY for number, place in enumerate(places)}
+    shares: dict[int, list[int]] = {0: []}
+    for number, candidate in enumerate(candidates):
+        share = turn[candidate.place] if candidate.effect.name == "collateral" else 0
+        shares.setdefault(share, []).append(number)
+    return list(shares.values())
 
 
 class _Linear:
@@ -109,24 +120,3 @@ def _best_size(candidate: Candidate, size: float, along: float, square: float) -
     gains = REACH * along - 0.5 * REACH**2 * square - 0.5 * sizes**2 - 0.5 * np.log1p(slope**2 * square)
     best = int(np.argmax(gains))
     return float(gains[best]), float(sizes[best])
-
-
-def _likely_collaterals(problem, linear, direct, columns, many) -> list[Candidate]:
-    """The collaterals that superposed leaks, one end giving and the other taking, explain best."""
-    leaks = {c.place: columns[i] for i, c in enumerate(direct) if c.effect.name == "side_branch_leak"}
-    pressures = problem.forward.bed_pressures()
-    condition = problem.condition[problem.train]
-    anatomy = problem.forward.anatomy
-    guesses = np.zeros((len(linear.score), len(many)))
-    for number, candidate in enumerate(many):
-        one, other = candidate.place.split("~")
-        if one not in leaks or other not in leaks:
-            continue
-        per_flow = leaks[one] / anatomy.flow_scale(one) - leaks[other] / anatomy.flow_scale(other)
-        for name, pressure in pressures.items():
-            difference = pressure[anatomy.outlet_bc[one]] - pressure[anatomy.outlet_bc[other]]
-            guesses[condition == name, number] = difference * per_flow[condition == name]
-    guesses = np.nan_to_num(guesses)
-    norm = np.sqrt(np.maximum(np.einsum("ij,ij->j", guesses, linear.at.project(guesses)), 1e-300))
-    order = np.argsort(-(guesses.T @ linear.score) / norm, kind="stable")
-    return [many[i] for i in order[: MANY // 2]]
