@@ -128,6 +128,25 @@ def summary(cells: list[dict]) -> list[str]:
     return lines
 
 
+PROBABILITIES = {"smooth": "P(Y ≤ 20 % quantile)", "row 8": "P(FFR ≤ 0.80)"}
+
+
+def beyond_the_mean(cells: list[dict], problem: str) -> list[str]:
+    """Quantities other than the mean of one problem."""
+    lines = [
+        f"| quantity, {problem} | trials | claimed / empirical | coverage of 95 %, % (Wilson) | bias / its error |",
+        "|---|---|---|---|---|",
+    ]
+    for cell in (c for c in cells if c["problem"] == problem and "quantity" in c):
+        low, high = (100 * end for end in wilson_of(cell["coverage_95"], cell["trials"]))
+        name = cell["quantity"].replace("sobol theta_", "Sobol index of θ_").replace("probability", PROBABILITIES[problem])
+        lines.append(
+            f"| {name} | {cell['trials']} | {cell['claimed_over_empirical']:.2f} | {100 * cell['coverage_95']:.1f} "
+            f"({low:.1f} to {high:.1f}) | {cell['bias_z']:.1f} |"
+        )
+    return lines
+
+
 def put(page: str, name: str, lines: list[str]) -> str:
     """The page with other lines between its marks."""
     before, _, rest = page.partition(f"<!-- {name} -->\n")
@@ -143,6 +162,8 @@ def main(more: list[str]) -> None:
     for method in METHODS:
         page = put(page, f"coverage of {method}", table(cells, method))
     page = put(page, "summary of best", summary(cells))
+    for problem in ("smooth", "row 8"):
+        page = put(page, f"beyond the mean, {problem}", beyond_the_mean(cells, problem))
     PAGE.write_text(page, encoding="utf-8")
 
 
