@@ -8,6 +8,7 @@ import pytest
 from coronaryuq import files
 from coronaryuq.bench.discrepancy import Case, hide
 from coronaryuq.bench.hidden_cases import open_loop
+from coronaryuq.discrepancy import forward
 from coronaryuq.discrepancy.conditions import read_conditions
 from coronaryuq.discrepancy.model import read_problem
 from coronaryuq.discrepancy.settings import Settings
@@ -39,6 +40,23 @@ def test_a_network_with_all_grafts_predicts_what_one_with_its_own_does(problem, 
     difference = np.abs((together - alone) / problem.sd).max()
     assert difference < 0.05
     assert np.abs((alone[0] - alone[1]) / problem.sd).max() > 10.0 * difference
+
+
+def test_no_more_than_a_few_collaterals_share_a_network(problem, monkeypatch):
+    """Each is predicted as by itself, whichever network it is in; leaks stay together."""
+    monkeypatch.setattr(forward, "MANY", 2)
+    collateral = effect("collateral")
+    ends = [(collateral, place) for place in collateral.places(problem.forward.anatomy)]
+    shares = forward._shares([*LEAKS, *ends])
+    assert set(shares) == {*LEAKS, *ends} and all(one in share for one, share in shares.items())
+    assert all(set(LEAKS) <= set(shares[one]) for one in LEAKS)
+    sizes = {len([one for one in share if one[0] is collateral]) for share in shares.values()}
+    assert max(sizes) == 2 and len(ends) > 2
+    z = np.append(np.zeros(problem.count), 0.0)
+    rows = [(z, [one]) for one in ends]
+    together = problem.forward.predict_rows(rows, None, [*LEAKS, *ends])
+    for row, found in zip(rows, together, strict=True):
+        assert np.abs((problem.forward.predict_rows([row])[0] - found) / problem.sd).max() < 0.05
 
 
 def test_rows_do_not_depend_on_what_else_is_asked(problem):

@@ -7,7 +7,7 @@ import pytest
 
 from coronaryuq.discrepancy.candidates import Candidate
 from coronaryuq.discrepancy.inference import Fit, Search, maximise
-from coronaryuq.discrepancy.screening import MANY, screen
+from coronaryuq.discrepancy.screening import screen
 from coronaryuq.seeds import generator
 from coronaryuq.zerod.effects.base import Parameter
 
@@ -102,20 +102,19 @@ def test_a_varying_size_is_found_where_there_is_none_as_often_as_said():
     assert abs(share - level) < 4.0 * np.sqrt(level * (1.0 - level) / trials)
 
 
-def test_of_many_collaterals_each_is_run_and_few_share_a_network():
+def test_of_many_collaterals_each_is_run():
     """Between any two outlets: the right one is among the best only if it has been run."""
-    random, places = generator(8, "test", "many collaterals"), [str(k) for k in range(3 * MANY + 5)]
+    random, places = generator(8, "test", "many collaterals"), [str(k) for k in range(65)]
     g, along = (
         random.standard_normal((ROWS, NUISANCES)),
         dict(zip(places, random.standard_normal((65, ROWS)), strict=True)),
     )
     size = Parameter("size", "1", "lognormal", 1.0, 1.2, "")
     effect = type("Joins", (), {"name": "collateral", "parameters": (size,), "grafted": True})()
-    hidden, y = places[MANY + 3], g @ random.standard_normal(NUISANCES) + random.standard_normal(ROWS)
+    hidden, y = places[23], g @ random.standard_normal(NUISANCES) + random.standard_normal(ROWS)
     y = y + 0.8 * along[hidden]
 
     def residuals(rows, grafts=()):
-        assert len(grafts) <= MANY and {of[-1] for _, of in rows if of} == set(grafts)
         return np.array([y - g @ z[:6] - (along[of[0][1]] * size.from_standard(z[6]) if of else 0.0) for z, of in rows])
 
     candidates = [Candidate(effect, place, -4.0) for place in places]

@@ -15,6 +15,8 @@ from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Situation
 
 FEEDBACK_ROUNDS = 3
+MANY = 20
+"""Collaterals that share one network: all pairs of outlets would couple everything with everything."""
 
 
 @dataclass
@@ -68,18 +70,18 @@ class Forward:
         """Predictions (n, N) at one point z (p,) each, every row with its own effects; NaN for other `conditions`.
 
         Rows whose networks have the same elements share one batch, all conditions in it. grafts: effects that share one
-        network, shut but where a row acts on them, for the rows that act on one of them.
+        network (of many collaterals: a few), shut but where a row acts on them, for the rows that act on one of them.
         """
         found = np.full((len(rows), self.size), np.nan)
         groups: dict[tuple, tuple[list[Acting], dict[tuple, list[int]]]] = {}
         common = [one for one in rows[0][1] if all(one in acting for _, acting in rows)]
-        grafts = self.simulation.inserting(grafts)
+        shares = _shares([one for one in self.simulation.inserting(grafts) if one not in common])
         for number, (z, acting) in enumerate(rows):
             # What a sensor or a map does to predictions may depend on all of them.
             all_of_them = any(effect.side == "measurement" for effect, _ in acting)
             inserted = self.simulation.inserting(acting)
-            if any(one in grafts and one not in common for one in inserted):
-                inserted = [*grafts, *(one for one in inserted if one not in grafts)]
+            share = next((shares[one] for one in inserted if one in shares), [])
+            inserted = [*share, *(one for one in inserted if one not in share)]
             # Effects that feel pressures are run more than once.
             feels = any(effect.feedback for effect, _ in acting)
             _, alike = groups.setdefault((*elements(inserted), feels, all_of_them), (inserted, {}))
@@ -287,6 +289,16 @@ class Forward:
     def _mass(self, territory: str, z: np.ndarray) -> np.ndarray:
         column = next(i for i, nuisance in enumerate(self.nuisances) if nuisance.mass == territory)
         return self.masses[territory] * self.nuisances[column].factor(z[:, column])
+
+
+def _shares(grafts: list[Acting]) -> dict[Acting, list[Acting]]:
+    """Each graft with all that share its network."""
+    collaterals = [one for one in grafts if one[0].name == "collateral"]
+    turn = {one: number // MANY for number, one in enumerate(collaterals)}
+    shares: dict[int, list[Acting]] = {}
+    for one in grafts:
+        shares.setdefault(turn.get(one, 0), []).append(one)
+    return {one: share for share in shares.values() for one in share}
 
 
 def pressure_factor(unit: str, root_pressure: float) -> float:

@@ -8,8 +8,6 @@ from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.shapes import chi2_tail
 from coronaryuq.discrepancy.simulation import Acting
 
-MANY = 20
-"""Collaterals in one network: between any two outlets they are too many for one."""
 LEAST_SENSITIVITY = 0.3
 """Whitened norm below which data cannot see an effect of the tested size."""
 PROMISING = 40
@@ -48,29 +46,13 @@ def _responses(
     problem: Problem, at: Fit, acting: list[Acting], wanted: list[tuple[Candidate, float]]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Whitened residual (N,) at the point, and the change (n, N) of predictions by each (candidate, size z) wanted."""
-    own, changes = None, np.zeros((len(wanted), 0))
-    for numbers in _networks([candidate for candidate, _ in wanted]):
-        rows = [(at.z, list(acting))]
-        for candidate, size in (wanted[number] for number in numbers):
-            sizes = np.full(len(candidate.effect.parameters), size)
-            rows.append((np.concatenate([at.z, sizes]), [*acting, candidate.acting]))
-        grafts = [one for one in dict.fromkeys([*acting, *(of[-1] for _, of in rows[1:])]) if one[0].grafted]
-        found = problem.fitted(rows, grafts)
-        if own is None:
-            own, changes = found[0], np.zeros((len(wanted), found.shape[1]))
-        changes[numbers] = found[0] - found[1:]
-    return own, changes
-
-
-def _networks(candidates: list[Candidate]) -> list[list[int]]:
-    """Numbers of the candidates that share a run of networks: no more than `MANY` collaterals in one."""
-    places = list(dict.fromkeys(c.place for c in candidates if c.effect.name == "collateral"))
-    turn = {place: number // MANY for number, place in enumerate(places)}
-    shares: dict[int, list[int]] = {0: []}
-    for number, candidate in enumerate(candidates):
-        share = turn[candidate.place] if candidate.effect.name == "collateral" else 0
-        shares.setdefault(share, []).append(number)
-    return list(shares.values())
+    rows = [(at.z, list(acting))]
+    for candidate, size in wanted:
+        sizes = np.full(len(candidate.effect.parameters), size)
+        rows.append((np.concatenate([at.z, sizes]), [*acting, candidate.acting]))
+    grafts = [one for one in dict.fromkeys([*acting, *(c.acting for c, _ in wanted)]) if one[0].grafted]
+    found = problem.fitted(rows, grafts)
+    return found[0], found[0] - found[1:]
 
 
 class _Linear:

@@ -288,9 +288,14 @@ def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Rou
         # Other effects may have grown by then: what a rival promises is as rough as on the first shortlist.
         least = present.log_weight - CONTENDER - ROUGH * max(0.0, fit.evidence - without.evidence)
         rivals = sorted((c for c in rivals if c.promise > least), key=lambda c: -c.promise)
-        alike = {member.acting for member in current.members}
-        for rival in [*rivals[:RIVALS], *(c for c in rivals[RIVALS:] if c.acting in alike)]:
+        for rival in rivals[:RIVALS]:
             rival.fit = _exact(problem, [*others, rival.acting], np.concatenate([about.z, rival.guess]))
+        # Of a large class, every pair of outlets perhaps, the sensitivities hardly differ from the present one's.
+        members = {member.acting for member in current.members}
+        alike = [c for c in rivals[RIVALS:] if c.acting in members]
+        found = problem.fit_candidates(about, others, [c.acting for c in alike], [c.guess for c in alike])
+        for rival, its in zip(alike, found, strict=True):
+            rival.fit = its
         tried = sorted([present, *(c for c in rivals if c.fit is not None)], key=lambda c: -c.log_weight)
         best = preferred(tried)
         if of_class(best, tried) - without.evidence < problem.settings.least_log_odds:
