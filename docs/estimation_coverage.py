@@ -139,7 +139,8 @@ def beyond_the_mean(cells: list[dict], problem: str) -> list[str]:
     ]
     for cell in (c for c in cells if c["problem"] == problem and "quantity" in c):
         low, high = (100 * end for end in wilson_of(cell["coverage_95"], cell["trials"]))
-        name = cell["quantity"].replace("sobol theta_", "Sobol index of θ_").replace("probability", PROBABILITIES[problem])
+        name = cell["quantity"].replace("sobol theta_", "Sobol index of θ_")
+        name = name.replace("probability", PROBABILITIES[problem])
         lines.append(
             f"| {name} | {cell['trials']} | {cell['claimed_over_empirical']:.2f} | {100 * cell['coverage_95']:.1f} "
             f"({low:.1f} to {high:.1f}) | {cell['bias_z']:.1f} |"
