@@ -2,13 +2,19 @@
 
 import re
 from pathlib import Path
+from typing import get_args
 
 import pytest
 import yaml
 
 from coronaryuq import config
+from coronaryuq.discrepancy.settings import Settings as Discrepancy
 from coronaryuq.errors import InputError
+from coronaryuq.estimation.settings import Settings as Estimation
 from coronaryuq.files import read_json
+from coronaryuq.units import PRESSURES
+from coronaryuq.zerod.beds import SCALING
+from coronaryuq.zerod.effects.library import SEARCHED
 
 FOLDER = Path(__file__).parents[1] / "config"
 
@@ -44,6 +50,25 @@ def test_a_default_of_the_readme_may_be_pasted_into_a_configuration(tmp_path):
     assert config.load(tmp_path / "pasted.yaml") == config.load(tmp_path / "plain.yaml")
 
 
+def test_names_that_settings_allow_are_those_that_the_code_knows():
+    """Settings list them, as they import nothing."""
+
+    def allowed(model, name):
+        kinds = get_args(model.model_fields[name].annotation)
+        return [value for kind in kinds for value in get_args(kind) or (kind,) if value is not type(None)]
+
+    assert allowed(Discrepancy, "hidden_effect") == [effect.name for effect in SEARCHED]
+    assert allowed(Discrepancy, "pressure_unit") == ["auto", *PRESSURES]
+    assert allowed(Estimation, "known_scaling") == [SCALING]
+
+
+def test_the_readme_names_the_values_of_a_setting_that_has_few():
+    lines = {line.split("`")[1]: line for line in config.readme().splitlines() if line.startswith("| `")}
+    assert "(one of `ensemble`, `svsolver`, `svmultiphysics`)" in lines["backend"]
+    assert "(one of `R_cor_scaling`, `null`)" in lines["estimation.known_scaling"]
+    assert "one of" not in lines["mesh.domain"], "its description explains them all"
+
+
 def test_every_setting_is_described():
     def check(schema):
         for name, field in schema.get("properties", {}).items():
@@ -65,6 +90,22 @@ def test_every_setting_is_described():
         ("name: x\nsamples: {n_3d: 1}\n", "samples.n_3d = 1: input should be greater than or equal to 8"),
         ("name: x\nsamples: {n3d: 100}\n", "samples.n3d = 100: unknown setting; known here: n_3d, n_0d"),
         ("name: x\nposterior: {dream: {chains: 7}}\n", "posterior.dream"),
+        (
+            "name: x\nbackend: fluent\n",
+            "backend = 'fluent': input should be 'ensemble', 'svsolver' or 'svmultiphysics'",
+        ),
+        (
+            "name: x\ndiscrepancy: {hidden_effect: gremlin}\n",
+            "discrepancy.hidden_effect = 'gremlin': input should be 'quadratic_stenosis', ",
+        ),
+        (
+            "name: x\ndiscrepancy: {pressure_unit: psi}\n",
+            "discrepancy.pressure_unit = 'psi': input should be 'auto', 'dyn/cm2', 'mmHg', 'Pa' or 'kPa'",
+        ),
+        (
+            "name: x\nestimation: {known_scaling: foo}\n",
+            "estimation.known_scaling = 'foo': input should be 'R_cor_scaling'",
+        ),
         ("name: !!python/object/apply:os.system [ls]\n", "not valid YAML"),
     ],
 )

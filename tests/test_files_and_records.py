@@ -75,8 +75,9 @@ def test_a_result_that_cannot_be_written_is_one_line(tmp_path, capsys):
         ],
     }
     files.write_json(tmp_path / "n.json", network)
-    assert cli.main(["solve", str(tmp_path / "n.json"), str(tmp_path)]) == 2
-    assert capsys.readouterr().err == f"error: {tmp_path}: Is a directory\n"
+    table = tmp_path / ("x" * 300)
+    assert cli.main(["solve", str(tmp_path / "n.json"), str(table)]) == 2
+    assert capsys.readouterr().err == f"error: {table}: File name too long\n"
 
 
 @pytest.mark.parametrize("command", ["tune", "fit", "discrepancy"])

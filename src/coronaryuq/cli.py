@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 
 from coronaryuq import __version__
+from coronaryuq.arguments import count, seed
 from coronaryuq.errors import InputError, refusal
 
 BENCHMARKS = ("zerod", "perfusion", "dream", "flow3d", "table", "coverage", "discrepancy", "campaign")
@@ -78,8 +79,8 @@ def _parser() -> argparse.ArgumentParser:
         ("data", "published runs; flow3d: a folder per mesh of one patient", {"metavar": "FOLDER"}),
         ("rows", "rows of the table: row, column_3d, column_0d", {"metavar": "FILE"}),
         ("network", "svZeroDSolver JSON", {"metavar": "FILE"}),
-        ("seeds", "repetitions of every cell", {"metavar": "N", "type": _count}),
-        ("offset", "first of the seeds", {"metavar": "SEED", "type": int}),
+        ("seeds", "repetitions of every cell", {"metavar": "N", "type": count}),
+        ("offset", "first of the seeds", {"metavar": "SEED", "type": seed}),
         ("strengths", "of hidden effects; default: medium", {"nargs": "+", "choices": sizes}),
         ("noises", "of measurements; default: nominal", {"nargs": "+", "choices": noises}),
         ("effects", "cells wanted, as they are labelled; default: all", {"nargs": "+", "metavar": "CELL"}),
@@ -104,12 +105,6 @@ def _parser() -> argparse.ArgumentParser:
         command.add_arguments(chosen)
         chosen.set_defaults(run=command.main)
     return parser
-
-
-def _count(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number of 1 or more")
-    return int(text)
 
 
 def _check(chosen: argparse.Namespace) -> int:

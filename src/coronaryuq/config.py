@@ -1,8 +1,10 @@
 """A campaign's configuration: one model, from which the defaults, the JSON schema and the README of `config/` come."""
 
 import math
+import re
 from pathlib import Path
-from typing import Annotated, Any
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
@@ -48,8 +50,8 @@ class Campaign(BaseModel):
     )
     seed: int = Field(20241117, ge=0, description="every random number of the campaign derives from it")
     case: str = Field("bundled", description="`bundled` for the synthetic patient, or the path of a `case.yaml`")
-    backend: str = Field(
-        "ensemble", pattern="^(ensemble|svsolver|svmultiphysics)$", description="which code runs the 3D samples"
+    backend: Literal["ensemble", "svsolver", "svmultiphysics"] = Field(
+        "ensemble", description="which code runs the 3D samples"
     )
     paper_data: str | None = Field(
         None,
@@ -128,6 +130,16 @@ def _yaml(value: Any) -> str:
     return text.removesuffix("\n").removesuffix("\n...")
 
 
+def _with_choices(what: str, kind: Any) -> str:
+    """A description with the values that a setting may have, unless it speaks of them all."""
+    kinds = get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,)
+    choices = [value for one in kinds if get_origin(one) is Literal for value in get_args(one)]
+    if all(re.search(rf"\b{re.escape(value)}\b", what) for value in choices):
+        return what
+    named = [f"`{value}`" for value in choices] + ["`null`"] * (type(None) in kinds)
+    return f"{what} (one of {', '.join(named)})"
+
+
 def _table(model: type[BaseModel], prefix: str) -> list[str]:
     rows = ["| setting | default | what |", "|---|---|---|"]
     blocks = []
@@ -137,7 +149,7 @@ def _table(model: type[BaseModel], prefix: str) -> list[str]:
             blocks.append((name, kind, field.description))
             continue
         default = "required" if field.is_required() else f"`{_yaml(field.get_default(call_default_factory=True))}`"
-        what = (field.description or "").replace("|", "\\|")
+        what = _with_choices(field.description or "", kind).replace("|", "\\|")
         rows.append(f"| `{prefix}{name}` | {default.replace('|', '¦')} | {what} |")
     lines = [*rows, ""] if len(rows) > 2 else []
     for name, kind, description in blocks:

@@ -53,6 +53,15 @@ def check_folder(path: str | Path) -> Path:
     return path
 
 
+def check_file(path: str | Path) -> Path:
+    """`path`, if a file can be written there: as `check_folder`."""
+    path = Path(path)
+    if path.is_dir():
+        raise InputError(path, None, None, "is a folder; name a file in it")
+    check_folder(path.parent)
+    return path
+
+
 def write_text(path: str | Path, text: str) -> None:
     with replacing(path) as beside:
         beside.write_text(text, encoding="utf-8", newline="\n")

@@ -84,6 +84,13 @@ def test_an_option_that_would_do_nothing_is_one_line_at_once(words, line, capsys
     assert said.out == "" and said.err.startswith(line) and said.err.count("\n") == 1
 
 
+@pytest.mark.parametrize("name", ["table", "coverage"])
+def test_published_runs_that_are_not_there_are_named_with_their_folder(name, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["bench", name, "--quick", "--data", "."]) == InputError.EXIT_CODE
+    assert capsys.readouterr().err == f"error: {tmp_path}/params.csv: no such file\n"
+
+
 @pytest.mark.parametrize("seeds", ["0", "-2", "many"])
 def test_seeds_are_a_number_of_one_or_more(seeds, capsys):
     with pytest.raises(SystemExit) as ended:

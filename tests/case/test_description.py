@@ -19,7 +19,7 @@ def test_a_sound_case_has_no_findings_and_says_what_it_holds(small_tree, tmp_pat
     text = "\n".join(summary)
     assert "3 coronary outlets (3 LV), 1 systemic" in text
     assert "2.00 mL/min/g" in text
-    assert "targets: PaoMean, AbsQin" in text
+    assert "targets: PaoMean 90 mmHg, AbsQin 70 mL" in text
 
 
 MISTAKES = {
@@ -179,6 +179,13 @@ TARGETS = {
     "not a number": ("PaoMean,x,ninety", "PaoMean = 'ninety': wanted a number or none"),
     "twice": ("PaoMean,x,90\nPaoMean,x,91", "PaoMean = '91': given twice"),
     "columns": ("PaoMean,90", "line 1 = 'PaoMean,90': wanted name, description, value"),
+    "sign": ("PaoMin,x,-69", "PaoMin = -69.0: implausible: -69 mmHg, wanted 25 to 200 mmHg"),
+    "order": ("PaoMin,x,140\nPaoMax,x,120", "PaoMin = 140.0: not below PaoMax, 120"),
+    "per cent": (
+        "PaoMean,x,93\nEFLV,x,61",
+        "EFLV = 61.0: implausible: 61, wanted 0.05 to 0.95; a fraction, not per cent",
+    ),
+    "volume": ("AbsQin,x,-3", "AbsQin = -3.0: implausible: -3 mL, wanted 5 to 300 mL"),
 }
 
 
@@ -188,6 +195,12 @@ def test_a_wrong_target_is_named(small_tree, tmp_path, mistake):
     path = write_case(tmp_path, small_tree)
     (tmp_path / "targets.csv").write_text(text + "\n")
     assert expected in check_case(path)[0][0]
+
+
+def test_targets_are_told_with_their_sizes_in_one_unit(small_tree, tmp_path):
+    path = write_case(tmp_path, small_tree)
+    (tmp_path / "targets.csv").write_text("PaoMean,x,123989.46\nPraMean,x,none\nEFLV,x,0.61\nAorCorSplit,x,4\n")
+    assert "targets: PaoMean 93 mmHg, EFLV 0.61, AorCorSplit 4 %" in check_case(path)[1]
 
 
 def test_the_examples_of_the_documentation_are_valid_and_its_fields_those_of_the_model(small_tree, tmp_path):

@@ -100,6 +100,22 @@ def test_missing_arguments_are_named(tmp_path):
         command.main(arguments("--model", "x.json", "--out", tmp_path))
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--pairs", "a", "b", "--recordings", "f", "DOG"), "--recordings = ['f', 'DOG']: not together with --pairs"),
+        (("--pairs", "a", "b", "--model", "m.json"), "--model = 'm.json': not together with --pairs"),
+        (("--recordings", "f", "DOG", "--model", "m.json"), "--model = 'm.json': not together with --recordings"),
+        (("--recordings", "f", "DOG", "--conditions", "c"), "--conditions = 'c': not together with --recordings"),
+    ],
+)
+def test_one_kind_of_input_at_a_time(tmp_path, words, said):
+    with pytest.raises(InputError) as caught:
+        command.main(arguments(*words, "--out", tmp_path / "out"))
+    assert str(caught.value) == f"command line: {said}; leave one out"
+    assert not (tmp_path / "out").exists()
+
+
 def test_unknown_key_of_a_condition(tmp_path):
     (tmp_path / "c.yaml").write_text("rest:\n  resistance: 2\n")
     with pytest.raises(InputError, match="rest.resistance"):
@@ -388,6 +404,12 @@ def test_recordings_of_one_condition_are_too_few(tmp_path):
     with pytest.raises(InputError, match="X1_CONDITION.csv of two conditions"):
         prepare(tmp_path, "X1", tmp_path / "case")
     assert not (tmp_path / "case").exists()
+
+
+def test_a_folder_of_recordings_that_is_not_there(tmp_path):
+    with pytest.raises(InputError, match="nowhere: no such folder"):
+        command.main(arguments("--recordings", tmp_path / "nowhere", "X1", "--out", tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
 
 
 def test_pairs_with_a_gap_name_the_sample(tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from coronaryuq.cli import main
-from coronaryuq.files import read_csv, read_json
+from coronaryuq.files import read_csv, read_json, write_json
 from coronaryuq.posterior.bed_flows import BedFlows
 from coronaryuq.zerod.beds import distal_resistances
 from coronaryuq.zerod.network import read_network
@@ -56,6 +56,15 @@ def test_hyperaemia_comes_first(campaign, tmp_path, capsys):
     rows = json.loads(capsys.readouterr().out)["beds"]
     rest = distal_resistances(read_network(campaign[1]))
     assert all(np.isclose(row["first_resistance"], (0.8 * 0.24 + 0.2) * rest[row["bc"]]) for row in rows)
+
+
+def test_a_negative_resistance_is_taken_with_a_note(campaign, tmp_path, capsys):
+    network = read_json(campaign[1])
+    bed = next(block for block in network["boundary_conditions"] if block["bc_name"] == "BC_1")
+    bed["bc_values"]["Ra1"] = -5.0
+    write_json(tmp_path / "loop.json", network)
+    assert main(["fit", str(tmp_path / "loop.json"), table(tmp_path / "flows.csv", {"flow": SHARES})]) == 0
+    assert capsys.readouterr().err == f"note: {tmp_path}/loop.json: BC_1.Ra1 = -5: negative resistance\n"
 
 
 @pytest.mark.parametrize(

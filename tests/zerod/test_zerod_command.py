@@ -3,6 +3,7 @@
 import json
 
 import pandas as pd
+import pytest
 from zerod_networks import bifurcation, network, vessel
 
 from coronaryuq.cli import main
@@ -23,6 +24,37 @@ def test_what_is_wrong_is_one_line_and_nothing_is_written(tmp_path, capsys):
     said = capsys.readouterr().err
     assert said.count("\n") == 1 and "vessels.left.zero_d_element_values.Rpoiseuille" in said
     assert not (tmp_path / "out.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        (".", ".: is a folder; name a file in it"),
+        ("held", "held: is a folder; name a file in it"),
+        ("tree.json/out.csv", "tree.json: wanted a folder for results, and tree.json is a file"),
+    ],
+)
+def test_a_table_that_cannot_be_written_is_said_before_the_march(tmp_path, monkeypatch, capsys, table, said):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("coronaryuq.zerod.command.simulate", lambda *given: pytest.fail("marched"))
+    (tmp_path / "held").mkdir()
+    (tmp_path / "tree.json").write_text(json.dumps(bifurcation()))
+    assert main(["solve", "tree.json", table]) == 2
+    assert capsys.readouterr().err == f"error: {said}\n"
+
+
+def test_a_negative_resistance_is_taken_with_a_note(tmp_path, capsys):
+    """As svZeroDSolver takes it."""
+    tree = bifurcation()
+    (tmp_path / "tree.json").write_text(json.dumps(tree))
+    assert main(["solve", str(tmp_path / "tree.json"), str(tmp_path / "out.csv")]) == 0
+    assert capsys.readouterr().err == ""
+    tree["vessels"][1]["zero_d_element_values"]["R_poiseuille"] = -10
+    tree["boundary_conditions"][2]["bc_values"]["Rp"] = -5.0
+    (tmp_path / "tree.json").write_text(json.dumps(tree))
+    assert main(["solve", str(tmp_path / "tree.json"), str(tmp_path / "out.csv")]) == 0
+    noted = f"note: {tmp_path}/tree.json: left.R_poiseuille = -10: negative resistance (and 1 more)\n"
+    assert capsys.readouterr().err == noted
 
 
 def test_a_run_that_does_not_converge_says_so(tmp_path, capsys):

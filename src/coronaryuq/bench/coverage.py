@@ -48,8 +48,9 @@ def run(
     start, cells = time.process_time(), []
     sources = [from_pair(p) for p in PAIRS.values()]
     if data:
-        runs = read_runs(data)
-        sources += [from_runs(runs, row) for row in read_rows(rows or f"{data}/table1.csv")]
+        folder = Path(data).absolute()  # so that a message about one of its files says where that is, for "." too
+        runs = read_runs(folder)
+        sources += [from_runs(runs, row) for row in read_rows(rows or folder / "table1.csv")]
     for problem in sources:
         for n in sizes if not problems or problem.name in problems else ():
             for method in methods:

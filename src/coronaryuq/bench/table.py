@@ -18,7 +18,8 @@ def run(quick: bool = False, data: str | None = None, rows: str | None = None) -
     """
     if data is None:
         raise InputError("bench table", "--data", None, "folder of published runs wanted")
-    rows = rows or str(Path(data) / "table1.csv")
+    data = Path(data).absolute()  # so that a message about one of its files says where that is, for "." too
+    rows = rows or str(data / "table1.csv")
     settings = Settings(steps=(300, 200)) if quick else Settings()
     start, wall = _cpu(), time.perf_counter()
     lines, parts = paper_table(data, rows, settings, SEED)

@@ -7,6 +7,7 @@ from coronaryuq.case.assembly import Case, assemble
 from coronaryuq.case.narrowing import example
 from coronaryuq.case.perfusion_map import distances_to_outlets
 from coronaryuq.case.settings import Settings
+from coronaryuq.case.targets import BY_NAME, checked
 from coronaryuq.case.tree import AORTA
 from coronaryuq.errors import InputError
 from coronaryuq.units import MBF_PER_MIN_PER_G, ML_PER_MIN
@@ -58,6 +59,7 @@ def _summary(case: Case) -> list[str]:
             "stenoses: none, so nothing to be run in 3D: a campaign goes as far as its target posterior; for FFR and "
             f"wall shear name a stretch of an artery, narrow or not, such as stenoses: [{example(case.tree)}]"
         )
-    given = [name for name, target in facts["targets"].items() if target["value"] is not None]
-    lines.append(f"targets: {', '.join(given) or 'none'}")
+    given = checked(facts["targets"], case.description.targets or "targets")
+    sizes = [f"{name} {value:.4g} {BY_NAME[name].unit}".removesuffix(" 1") for name, value in given.items()]
+    lines.append(f"targets: {', '.join(sizes) or 'none'}")
     return lines + [f"note: {note}" for note in case.notes]

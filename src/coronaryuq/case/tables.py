@@ -11,6 +11,7 @@ import numpy as np
 
 from coronaryuq.case.description import Branch, TerritoryFlows
 from coronaryuq.case.perfusion_map import PLAUSIBLE_FLOW, PLAUSIBLE_VOLUME
+from coronaryuq.case.targets import BY_NAME, checked
 from coronaryuq.case.yamlfile import read_yaml
 from coronaryuq.errors import InputError
 from coronaryuq.files import read_csv, table_text
@@ -21,43 +22,6 @@ PERFUSES = ("LV", "RV", "septum")
 MOST_OUTLETS = 500
 LARGEST_TABLE = 10_000_000
 """Bytes."""
-
-DESCRIPTIONS = {
-    "PaoMin": "Minimum aortic pressure",
-    "PaoMax": "Maximum aortic pressure",
-    "PaoMean": "Mean aortic pressure",
-    "AorCorSplit": "Coronary share of cardiac output",
-    "AbsQin": "Stroke volume",
-    "Qsystole_perc": "Share of aortic flow that passes in systole",
-    "PpulMean": "Mean pulmonary artery pressure",
-    "EFLV": "Left ventricular ejection fraction",
-    "ESV": "End-systolic volume of the left ventricle",
-    "EDV": "End-diastolic volume of the left ventricle",
-    "QlaRatio": "Early over late peak mitral flow",
-    "mitValveTime": "Fraction of the cycle with open mitral valve",
-    "aorValveTime": "Fraction of the cycle with open aortic valve",
-    "pulValveTime": "Fraction of the cycle with open pulmonary valve",
-    "PraMean": "Mean right atrial pressure",
-    "LCorMaxRatio": "Diastolic over systolic peak flow, left coronary",
-    "LCorTotRatio": "Diastolic over systolic volume of flow, left coronary",
-    "LThirdFF": "Left coronary flow fraction, third of a cycle",
-    "LHalfFF": "Left coronary flow fraction, half of a cycle",
-    "LGradOK": "Peaks and valleys of left coronary flow, out of five",
-    "RCorMaxRatio": "Diastolic over systolic peak flow, right coronary",
-    "RCorTotRatio": "Diastolic over systolic volume of flow, right coronary",
-    "RThirdFF": "Right coronary flow fraction, third of a cycle",
-    "RHalfFF": "Right coronary flow fraction, half of a cycle",
-    "RGradOK": "Peaks and valleys of right coronary flow, out of five",
-    "PaoMin_conv": "Change of minimum aortic pressure from cycle to cycle",
-    "PaoMax_conv": "Change of maximum aortic pressure from cycle to cycle",
-    "PaoMean_conv": "Change of mean aortic pressure from cycle to cycle",
-    "AbsQin_conv": "Change of stroke volume from cycle to cycle",
-}
-"""Clinical targets of the closed loop, by the names of the published examples."""
-_PRESSURES = ("PaoMin", "PaoMax", "PaoMean", "PpulMean", "PraMean", "PaoMin_conv", "PaoMax_conv", "PaoMean_conv")
-_VOLUMES = ("AbsQin", "ESV", "EDV", "AbsQin_conv")
-_UNITS = {name: tuple(PRESSURES) for name in _PRESSURES} | dict.fromkeys(_VOLUMES, ("mL",))
-_UNITS["AorCorSplit"] = ("%",)
 
 
 @dataclass(frozen=True)
@@ -201,7 +165,7 @@ def _plausible(file: str | Path, flows: TerritoryFlows, flow: float, volume: flo
 
 
 def read_case_targets(path: Path) -> dict[str, dict]:
-    """Clinical targets as `case.json` holds them: name → description, value or None, unit.
+    """Clinical targets as `case.json` holds them: name → description, value or None, unit; plausible ones (`checked`).
 
     A CSV is read as by `csv_targets`; YAML is `NAME: value` or `NAME: {value, unit, description}`.
     Without a unit, pressures are dyn/cm2 if the largest in the file is 1000 or more, else mmHg: no body has both.
@@ -211,18 +175,21 @@ def read_case_targets(path: Path) -> dict[str, dict]:
         given = {name: _yaml_target(path, name, entry) for name, entry in read_yaml(path).items()}
     else:
         given = csv_targets(path)
-    pressures = [abs(given[name][1]) for name in _PRESSURES if name in given and given[name][1] is not None]
+    for name in given:
+        if name not in BY_NAME:
+            raise InputError(path, name, None, f"unknown target; known: {', '.join(BY_NAME)}")
+    pressures = [abs(value or 0.0) for name, (_, value, _) in given.items() if BY_NAME[name].unit == "mmHg"]
     pressure = "mmHg" if max(pressures, default=0.0) < 1000.0 else "dyn/cm2"
     targets = {}
     for name, (description, value, unit) in given.items():
-        if name not in DESCRIPTIONS:
-            raise InputError(path, name, None, f"unknown target; known: {', '.join(DESCRIPTIONS)}")
-        allowed = _UNITS.get(name, ("1",))
+        target = BY_NAME[name]
+        allowed = tuple(PRESSURES) if target.unit == "mmHg" else (target.unit,)
         if unit is None:
-            unit = pressure if name in _PRESSURES else allowed[0]
+            unit = pressure if target.unit == "mmHg" else target.unit
         if unit not in allowed:
             raise InputError(path, f"{name}.unit", unit, f"allowed: {', '.join(allowed)}")
-        targets[name] = {"description": description or DESCRIPTIONS[name], "value": value, "unit": unit}
+        targets[name] = {"description": description or target.description, "value": value, "unit": unit}
+    checked(targets, path)
     return targets
 
 

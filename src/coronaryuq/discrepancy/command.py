@@ -6,6 +6,7 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
+from coronaryuq import arguments
 from coronaryuq.discrepancy import output, pairs
 from coronaryuq.discrepancy.conditions import read_conditions
 from coronaryuq.discrepancy.model import read_problem
@@ -15,6 +16,8 @@ from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.errors import InputError
 from coronaryuq.files import check_folder
 from coronaryuq.zerod.network import read_network
+
+SOURCES = ("pairs", "recordings", "model", "measurements", "conditions")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,8 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="recorded flow of one artery under measured pressures instead, ANIMAL_CONDITION.csv",
     )
     parser.add_argument("--out", metavar="DIR", required=True, help="folder for results")
-    parser.add_argument("--seed", type=int, default=1, help="seed of folds and intervals (default 1)")
-    parser.add_argument("--threads", type=int, default=1, help="threads of the 0D engine (default 1)")
+    parser.add_argument("--seed", type=arguments.seed, default=1, help="seed of folds and intervals (default 1)")
+    parser.add_argument("--threads", type=arguments.count, default=1, help="threads of the 0D engine (default 1)")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of a paragraph")
 
 
@@ -45,6 +48,7 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _answer(args: argparse.Namespace, out: Path) -> dict:
+    _one_source(args)
     if args.pairs:
         return pairs.discover_pairs(*args.pairs, out=out, seed=args.seed)
     settings = Settings(threads=args.threads)
@@ -56,6 +60,14 @@ def _answer(args: argparse.Namespace, out: Path) -> dict:
         if not getattr(args, name):
             raise InputError("command line", f"--{name}", None, "missing; or give --pairs or --recordings")
     return from_files(args.model, args.measurements, args.conditions, out, settings, args.seed)
+
+
+def _one_source(args: argparse.Namespace) -> None:
+    """Raise `InputError` where two of the three kinds of input are given, of which one would not be looked at."""
+    first, *others = [name for name in SOURCES if getattr(args, name)] or [""]
+    if first in ("pairs", "recordings") and others:
+        value = getattr(args, others[0])
+        raise InputError("command line", f"--{others[0]}", value, f"not together with --{first}; leave one out")
 
 
 def from_files(model, measurements, conditions, out: Path, settings: Settings, seed: int) -> dict:

@@ -43,6 +43,8 @@ def prepare(folder: str | Path, animal: str, out: str | Path) -> None:
     Raises `InputError` for fewer than two conditions, gaps, and times that do not increase.
     """
     folder, out = Path(folder), Path(out)
+    if not folder.is_dir():
+        raise InputError(folder, None, None, "no such folder; name the one that holds the recordings")
     beats, artery, heading = _beats(folder, animal)
     held_out = [name for name in beats if name.endswith(HELD_OUT)]
     if len(held_out) == len(beats):

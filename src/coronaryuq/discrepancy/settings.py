@@ -1,6 +1,38 @@
 """Settings of the discrepancy search."""
 
+from typing import Literal
+
 from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Effect = Literal[
+    "quadratic_stenosis",
+    "stenosis_with_friction",
+    "diffuse_narrowing",
+    "collateral",
+    "side_branch_leak",
+    "epicardial_compliance",
+    "inertance",
+    "intramyocardial_pressure",
+    "intramyocardial_delay",
+    "compressed_resistance",
+    "back_pressure",
+    "autoregulation",
+    "incomplete_hyperaemia",
+    "ostial_loss",
+    "bifurcation_loss",
+    "haematocrit",
+    "aortic_stenosis",
+    "aortic_regurgitation",
+    "mbf_underestimation",
+    "shifted_territory",
+    "rotated_territories",
+    "pressure_offset",
+    "pressure_gain",
+    "pressure_delay",
+    "flow_gain",
+    "exchanged_outlets",
+]
+"""What can be hidden: names of the library, which is not imported because reading settings costs nothing."""
 
 
 class Settings(BaseModel):
@@ -23,10 +55,10 @@ class Settings(BaseModel):
     )
     animals: list[str] = Field(default_factory=list, description="animals of `recordings`; one search each")
     in_report: bool = Field(False, description="whether the whole campaign and its report include the search")
-    hidden_effect: str = Field("quadratic_stenosis", description="effect hidden where no measurements are given")
+    hidden_effect: Effect = Field("quadratic_stenosis", description="effect hidden where no measurements are given")
     hidden_size: float = Field(1.0, description="its size, in prior standard deviations")
-    pressure_unit: str = Field(
-        "auto", description="pressure unit of the network: dyn/cm2, mmHg, or auto (by its simulated root pressure)"
+    pressure_unit: Literal["auto", "dyn/cm2", "mmHg", "Pa", "kPa"] = Field(
+        "auto", description="pressure unit of the network; auto: by its simulated root pressure, dyn/cm2 or mmHg"
     )
     alarm_level: float = Field(0.01, gt=0, lt=1, description="significance level of the global test")
     false_discovery_rate: float = Field(

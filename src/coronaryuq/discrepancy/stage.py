@@ -27,12 +27,7 @@ def hide_in_loop(rest: str | Path, settings: Settings, seed: int, folder: str | 
     largest coronary beds, flow into each coronary artery, perfusion of every bed.
     """
     folder, network = Path(folder), read_network(rest)
-    try:
-        one = effect(settings.hidden_effect)
-    except KeyError:
-        raise InputError(
-            "configuration", "discrepancy.hidden_effect", settings.hidden_effect, "not in the library"
-        ) from None
+    one = effect(settings.hidden_effect)
     conditions, plan, place = loop_conditions(), plan_of(network), ""
     random = generator(seed, "discrepancy", "place")
     inside = [e for e in plan.entries if e[0] == "pressure"][1:]

@@ -20,7 +20,7 @@ class Settings(BaseModel):
         description="cost of a 0D run in 3D runs; a campaign with `wanted` grows by this one, so that it repeats, and "
         "the budget figures take the measured one where the runs tell",
     )
-    known_scaling: str | None = Field(
+    known_scaling: Literal["R_cor_scaling"] | None = Field(
         "R_cor_scaling",
         description="input with a known uniform law, independent of the others, that may be integrated exactly",
     )

@@ -3,8 +3,8 @@
 import argparse
 import sys
 
-from coronaryuq.files import write_csv
-from coronaryuq.zerod.network import read_network
+from coronaryuq.files import check_file, write_csv
+from coronaryuq.zerod.network import doubtful, read_network
 from coronaryuq.zerod.output import simulate
 
 
@@ -16,7 +16,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(chosen: argparse.Namespace) -> int:
     """Run the command; returns the exit code, 1 where Newton's method does not converge. `InputError` for bad input."""
+    check_file(chosen.table)
     network = read_network(chosen.network)
+    if note := doubtful(network, chosen.network):
+        print(f"note: {note}", file=sys.stderr)
     try:
         table = simulate(network, chosen.network)
     except RuntimeError as error:

@@ -112,6 +112,33 @@ def check_network(network: Network, file: str | Path = "network") -> None:
     _check_references(network, names, file)
 
 
+_VALUES = (
+    ("vessels", "vessel_name", "zero_d_element_values"),
+    ("boundary_conditions", "bc_name", "bc_values"),
+    ("junctions", "junction_name", "junction_values"),
+    ("closed_loop_blocks", "", "parameters"),
+)
+"""Parts of a network, and where their blocks have name and parameters."""
+
+
+def doubtful(network: Network, file: str | Path) -> str | None:
+    """One line on what a checked network may hold but hardly should, a negative resistance; None where it does not.
+
+    svZeroDSolver asks no parameter for its sign and takes them, so that they are no `InputError`.
+    """
+    found = [
+        f"{block.get(name, HEART)}.{key} = {value:g}"
+        for part, name, values in _VALUES
+        for block in network.get(part, [])
+        for key, given in block.get(values, {}).items()
+        if key.startswith("R")  # every such parameter is a resistance, and no other is
+        for value in (given if isinstance(given, list) else [given])
+        if value < 0
+    ]
+    more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+    return f"{file}: {found[0]}: negative resistance{more}" if found else None
+
+
 def vessel_names(network: Network) -> dict[int, str]:
     """Vessel id → vessel name."""
     return {vessel["vessel_id"]: vessel["vessel_name"] for vessel in network.get("vessels", [])}
