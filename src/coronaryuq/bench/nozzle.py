@@ -31,7 +31,7 @@ INLET, CONE, NECK, OUTLET = -9.6, -6.2685, -4.0, 16.0
 SPEED = FLOW / (np.pi * THROAT**2)
 """Mean in the throat, cm/s."""
 BREAKDOWN = 6.0
-"""Place (cm) up to which the jet stays whole: the last station of the laboratories where their jets agree."""
+"""Place (cm) up to which velocity is judged; behind it cells grow fourfold, and the jet of the experiment breaks up."""
 
 
 def mesh(rings: int, outer: int, finest: float) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:

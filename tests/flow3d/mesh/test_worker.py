@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -65,6 +67,16 @@ def test_the_next_attempt_is_tried_and_the_failure_kept():
     piece, failures = worker.run("LAD", (second_time_lucky, {}), 30.0, attempts=3)
     assert np.array_equal(piece.tets, TETRAHEDRON.tets)
     assert failures == ["attempt 1: first attempts never work"]
+
+
+def test_a_limit_that_the_machine_sets_stays_and_is_no_obstacle():
+    """A scheduler's limit of CPU time, below the one that an attempt would have, in a process that has no other."""
+    told = (
+        "import resource; resource.setrlimit(resource.RLIMIT_CPU, (100, 100)); import test_worker as t; "
+        "print(len(t.worker.run('LAD', (t.second_time_lucky, {}), 600.0, attempts=2)[0].tets))"
+    )
+    done = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=False)
+    assert done.stdout == "1\n", done.stderr
 
 
 def test_bad_pieces_are_refused():

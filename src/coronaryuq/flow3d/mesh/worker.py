@@ -75,7 +75,9 @@ def _reason(done: subprocess.CompletedProcess) -> str:
 def main(module: str, function: str, given: str, made: str, time_limit: str) -> int:
     used = resource.getrusage(resource.RUSAGE_SELF)
     limit = math.ceil(used.ru_utime + used.ru_stime + float(time_limit))
-    resource.setrlimit(resource.RLIMIT_CPU, (limit, resource.RLIM_INFINITY))
+    # A cluster may have set a limit of its own, which no process may raise; beyond it the kernel ends this one.
+    _, most = resource.getrlimit(resource.RLIMIT_CPU)
+    resource.setrlimit(resource.RLIMIT_CPU, (limit if most == resource.RLIM_INFINITY else min(limit, most), most))
     try:
         piece = getattr(importlib.import_module(module), function)(**parcel.read(given))
     except MeshError as error:
