@@ -32,6 +32,7 @@ def test_what_is_wrong_is_one_line_and_nothing_is_written(tmp_path, capsys):
         (".", ".: is a folder; name a file in it"),
         ("held", "held: is a folder; name a file in it"),
         ("tree.json/out.csv", "tree.json: wanted a folder for results, and tree.json is a file"),
+        ("./tree.json", "command line: TABLE.csv = './tree.json': is the network itself; name another file"),
     ],
 )
 def test_a_table_that_cannot_be_written_is_said_before_the_march(tmp_path, monkeypatch, capsys, table, said):

@@ -2,7 +2,9 @@
 
 import argparse
 import sys
+from pathlib import Path
 
+from coronaryuq.errors import InputError
 from coronaryuq.files import check_file, write_csv
 from coronaryuq.zerod.network import doubtful, read_network
 from coronaryuq.zerod.output import simulate
@@ -16,7 +18,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(chosen: argparse.Namespace) -> int:
     """Run the command; returns the exit code, 1 where Newton's method does not converge. `InputError` for bad input."""
-    check_file(chosen.table)
+    if check_file(chosen.table).resolve() == Path(chosen.network).resolve():
+        raise InputError("command line", "TABLE.csv", chosen.table, "is the network itself; name another file")
     network = read_network(chosen.network)
     if note := doubtful(network, chosen.network):
         print(f"note: {note}", file=sys.stderr)
