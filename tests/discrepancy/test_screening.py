@@ -105,10 +105,8 @@ def test_a_varying_size_is_found_where_there_is_none_as_often_as_said():
 def test_of_many_collaterals_each_is_run():
     """Between any two outlets: the right one is among the best only if it has been run."""
     random, places = generator(8, "test", "many collaterals"), [str(k) for k in range(65)]
-    g, along = (
-        random.standard_normal((ROWS, NUISANCES)),
-        dict(zip(places, random.standard_normal((65, ROWS)), strict=True)),
-    )
+    g = random.standard_normal((ROWS, NUISANCES))
+    along = dict(zip(places, random.standard_normal((65, ROWS)), strict=True))
     size = Parameter("size", "1", "lognormal", 1.0, 1.2, "")
     effect = type("Joins", (), {"name": "collateral", "parameters": (size,), "grafted": True})()
     hidden, y = places[23], g @ random.standard_normal(NUISANCES) + random.standard_normal(ROWS)

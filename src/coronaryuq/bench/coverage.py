@@ -78,9 +78,9 @@ def cell(problem: Problem, n: int, method: str, trials: int, first: int = 0) -> 
     }  # fmt: skip
 
 
-def cells_beyond(name: str, n: int, trials: int) -> list[dict]:
-    """One cell per quantity beyond the mean of an analytic pair; `quantity` names it."""
-    found = coverage_beyond.errors(name, n, trials, FOLDS)
+def cells_beyond(name: str, n: int, trials: int, first: int = 0) -> list[dict]:
+    """One cell per quantity beyond the mean of an analytic pair; `quantity` names it. first: as of `cell`."""
+    found = coverage_beyond.errors(name, n, trials, FOLDS, first)
     return [
         {"problem": name, "quantity": quantity, "method": "best", "n_3d": n} | judged(*values)
         for quantity, values in found.items()

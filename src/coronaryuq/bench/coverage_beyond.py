@@ -32,12 +32,17 @@ def truths(pair: Pair) -> dict[str, float]:
     return found
 
 
-def errors(name: str, n: int, trials: int, folds: int) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Quantity → errors, claims and whether the interval held, each (trials,), of one analytic pair."""
+def errors(
+    name: str, n: int, trials: int, folds: int, first: int = 0
+) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Quantity → errors, claims and whether the interval held, each (trials,), of one analytic pair.
+
+    first: number of the first trial.
+    """
     pair = PAIRS[name]
     truth = truths(pair)
     threshold = float(np.quantile(pair.high(pair.draw(generator(SEED, "threshold", name), REFERENCE)), THRESHOLD_SHARE))
-    every = [_trial(pair, n, number, folds, threshold) for number in range(trials)]
+    every = [_trial(pair, n, number, folds, threshold) for number in range(first, first + trials)]
     made = {}
     for quantity, t in truth.items():
         values = [one[quantity] for one in every]

@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import sys
 from pathlib import Path
 
 
@@ -28,13 +27,13 @@ def main(chosen: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from coronaryuq.files import check_folder, write_csv
     from coronaryuq.posterior.flow_table import fit_table
-    from coronaryuq.zerod.network import doubtful, read_network, write_network
+    from coronaryuq.zerod.network import note_negative_resistances, read_network, write_network
 
     if chosen.out:
         check_folder(chosen.out)
-    if note := doubtful(read_network(chosen.network), chosen.network):
-        print(f"note: {note}", file=sys.stderr)
-    table, fitted = fit_table(chosen.network, chosen.flows, chosen.hyperaemia)
+    network = read_network(chosen.network)
+    note_negative_resistances(network, chosen.network)
+    table, fitted = fit_table(network, chosen.network, chosen.flows, chosen.hyperaemia)
     if chosen.out:
         write_csv(Path(chosen.out) / "fractions.csv", table)
         write_network(Path(chosen.out) / "fitted.json", fitted)

@@ -11,7 +11,7 @@ from coronaryuq.posterior.bed_flows import BedFlows
 from coronaryuq.posterior.fit import fit_fractions
 from coronaryuq.zerod.beds import beds, resistance_changes
 from coronaryuq.zerod.changes import with_changes
-from coronaryuq.zerod.network import Network, read_network
+from coronaryuq.zerod.network import Network
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,9 +21,9 @@ FORMS = (("flow",), ("mbf", "volume"), ("volume",))
 
 
 def fit_table(
-    network_json: str | Path, flows_csv: str | Path, hyperaemia: float = 1.0
+    network: Network, network_json: str | Path, flows_csv: str | Path, hyperaemia: float = 1.0
 ) -> tuple["pd.DataFrame", Network]:
-    """A row per bed of `flows_csv`, and the network with the fitted resistances.
+    """A row per bed of `flows_csv`, and the network, read from `network_json`, with the fitted resistances.
 
     hyperaemia: multiplies Ra and Ram of every bed first. Resistances are Ra + Ram + Rv in the network's unit; `first_*`
     is before the fit, `fitted_*` after; errors are relative to the target fraction. Raises InputError for a name that
@@ -33,7 +33,6 @@ def fit_table(
 
     if not hyperaemia > 0:
         raise InputError("--hyperaemia", None, hyperaemia, "want a positive factor")
-    network = read_network(network_json)
     network = with_changes(network, resistance_changes(network, hyperaemia=hyperaemia), network_json)
     names, wanted = _proportions(flows_csv, beds(network))
     outlets = [{"bc": name, "vessel": _vessel_of(network, name, network_json)} for name in names]

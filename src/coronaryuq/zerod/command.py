@@ -6,7 +6,7 @@ from pathlib import Path
 
 from coronaryuq.errors import InputError
 from coronaryuq.files import check_file, write_csv
-from coronaryuq.zerod.network import doubtful, read_network
+from coronaryuq.zerod.network import note_negative_resistances, read_network
 from coronaryuq.zerod.output import simulate
 
 
@@ -21,8 +21,7 @@ def main(chosen: argparse.Namespace) -> int:
     if check_file(chosen.table).resolve() == Path(chosen.network).resolve():
         raise InputError("command line", "TABLE.csv", chosen.table, "is the network itself; name another file")
     network = read_network(chosen.network)
-    if note := doubtful(network, chosen.network):
-        print(f"note: {note}", file=sys.stderr)
+    note_negative_resistances(network, chosen.network)
     try:
         table = simulate(network, chosen.network)
     except RuntimeError as error:

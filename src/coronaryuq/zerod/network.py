@@ -5,6 +5,7 @@ network that passes can be solved; what an element means is in `zerod.elements`.
 """
 
 import copy
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -121,11 +122,8 @@ _VALUES = (
 """Parts of a network, and where their blocks have name and parameters."""
 
 
-def doubtful(network: Network, file: str | Path) -> str | None:
-    """One line on what a checked network may hold but hardly should, a negative resistance; None where it does not.
-
-    svZeroDSolver asks no parameter for its sign and takes them, so that they are no `InputError`.
-    """
+def note_negative_resistances(network: Network, file: str | Path) -> None:
+    """One line on standard error where a checked network has any: svZeroDSolver takes them, so that is no error."""
     found = [
         f"{block.get(name, HEART)}.{key} = {value:g}"
         for part, name, values in _VALUES
@@ -135,8 +133,9 @@ def doubtful(network: Network, file: str | Path) -> str | None:
         for value in (given if isinstance(given, list) else [given])
         if value < 0
     ]
-    more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-    return f"{file}: {found[0]}: negative resistance{more}" if found else None
+    if found:
+        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+        print(f"note: {file}: {found[0]}: negative resistance{more}", file=sys.stderr)
 
 
 def vessel_names(network: Network) -> dict[int, str]:
