@@ -73,8 +73,8 @@ def judge(
     gaps: Gaps,
     foretold: float,
 ) -> Verdict:
-    """named: effects in the order of the fit, each with the log prior of its class; effects: how many the library has here; still:
-    whether they leave something to explain; foretold: p-value of the held-out measurements with them.
+    """named: effects in the order of the fit, each with the log prior of its class; effects: how many the library has
+    here; still: whether they leave something to explain; foretold: p-value of the held-out measurements with them.
     """
     least, acting = problem.settings.least_log_odds, [one for one, _ in named]
     priors = [prior for _, prior in named]
