@@ -82,7 +82,7 @@ def test_a_table_may_have_a_header_units_and_a_spreadsheet_s_marks(tmp_path, tex
         ("PaoMean,Mean,72\nPaoMean,Mean,80\n", "PaoMean = '80': given twice"),
         ("PaoMean,Mean,93\nEFLV,Ejection,61\n", "EFLV = 61.0: implausible: 61, wanted 0.05 to 0.95; a fraction, not"),
         ("PaoMin,Min,120\nPaoMean,Mean,93\n", "PaoMin = 120.0: not below PaoMean, 93"),
-        ("name,value,unit\nPaoMean,93,bar\n", "PaoMean.unit = 'bar': wanted mmHg"),
+        ("name,value,unit\nPaoMean,93,bar\n", "PaoMean.unit = 'bar': wanted one of dyn/cm2, mmHg"),
     ],
 )
 def test_what_is_wrong_with_a_table_is_told(tmp_path, text, said):

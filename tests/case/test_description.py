@@ -175,7 +175,7 @@ def test_outlets_may_be_given_by_points_in_the_anatomys_unit(small_tree, tmp_pat
 
 
 TARGETS = {
-    "unknown": ("PaoMedian,x,90", "PaoMedian: unknown target; known: PaoMin, PaoMax"),
+    "unknown": ("PaoMedian,x,90", "PaoMedian = 90.0: unknown target; known: PaoMin, PaoMax"),
     "not a number": ("PaoMean,x,ninety", "PaoMean = 'ninety': wanted a number or none"),
     "twice": ("PaoMean,x,90\nPaoMean,x,91", "PaoMean = '91': given twice"),
     "columns": ("PaoMean,90", "line 1 = 'PaoMean,90': wanted name, description, value"),
@@ -201,6 +201,14 @@ def test_targets_are_told_with_their_sizes_in_one_unit(small_tree, tmp_path):
     path = write_case(tmp_path, small_tree)
     (tmp_path / "targets.csv").write_text("PaoMean,x,123989.46\nPraMean,x,none\nEFLV,x,0.61\nAorCorSplit,x,4\n")
     assert "targets: PaoMean 93 mmHg, EFLV 0.61, AorCorSplit 4 %" in check_case(path)[1]
+
+
+def test_targets_come_in_any_unit_of_their_kind_from_either_format(small_tree, tmp_path):
+    path = write_case(tmp_path, small_tree)
+    (tmp_path / "targets.csv").write_text("name,value,unit\nPaoMean,12.4,kPa\nEFLV,61,%\nAbsQin,0.07,L\n")
+    assert "targets: PaoMean 93.01 mmHg, EFLV 0.61, AbsQin 70 mL" in check_case(path)[1]
+    (tmp_path / "targets.csv").write_text("name,value,unit\nEFLV,61,mL\n")
+    assert "EFLV.unit = 'mL': wanted one of 1, %" in check_case(path)[0][0]
 
 
 def test_the_examples_of_the_documentation_are_valid_and_its_fields_those_of_the_model(small_tree, tmp_path):

@@ -15,7 +15,7 @@ from coronaryuq.case.targets import BY_NAME, checked
 from coronaryuq.case.yamlfile import read_yaml
 from coronaryuq.errors import InputError
 from coronaryuq.files import read_csv, table_text
-from coronaryuq.units import FLOWS, MBF_PER_MIN_PER_G, PRESSURES, TISSUE_DENSITY, perfusions
+from coronaryuq.units import FLOWS, MBF_PER_MIN_PER_G, TISSUE_DENSITY, perfusions
 
 BRANCHES = get_args(Branch)
 PERFUSES = ("LV", "RV", "septum")
@@ -175,22 +175,20 @@ def read_case_targets(path: Path) -> dict[str, dict]:
         given = {name: _yaml_target(path, name, entry) for name, entry in read_yaml(path).items()}
     else:
         given = csv_targets(path)
-    for name in given:
-        if name not in BY_NAME:
-            raise InputError(path, name, None, f"unknown target; known: {', '.join(BY_NAME)}")
-    pressures = [abs(value or 0.0) for name, (_, value, _) in given.items() if BY_NAME[name].unit == "mmHg"]
+    pressures = [abs(value or 0.0) for name, (_, value, _) in given.items() if _is_pressure(name)]
     pressure = "mmHg" if max(pressures, default=0.0) < 1000.0 else "dyn/cm2"
     targets = {}
     for name, (description, value, unit) in given.items():
-        target = BY_NAME[name]
-        allowed = tuple(PRESSURES) if target.unit == "mmHg" else (target.unit,)
-        if unit is None:
-            unit = pressure if target.unit == "mmHg" else target.unit
-        if unit not in allowed:
-            raise InputError(path, f"{name}.unit", unit, f"allowed: {', '.join(allowed)}")
-        targets[name] = {"description": description or target.description, "value": value, "unit": unit}
+        target = BY_NAME.get(name)
+        unit = unit or (pressure if _is_pressure(name) else target and target.unit)
+        description = description or (target and target.description)
+        targets[name] = {"description": description, "value": value, "unit": unit}
     checked(targets, path)
     return targets
+
+
+def _is_pressure(name: str) -> bool:
+    return name in BY_NAME and BY_NAME[name].unit == "mmHg"
 
 
 def csv_targets(path: Path) -> dict[str, tuple[str | None, float | None, str | None]]:

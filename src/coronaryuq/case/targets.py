@@ -76,7 +76,7 @@ def checked(given: Mapping[str, Mapping], file: str | Path) -> dict[str, float]:
     for name, entry in given.items():
         value, unit = entry.get("value"), entry.get("unit")
         if name not in BY_NAME:
-            raise InputError(file, name, value, f"unknown target; known are {', '.join(BY_NAME)}")
+            raise InputError(file, name, value, f"unknown target; known: {', '.join(BY_NAME)}")
         number = _number(value)
         if number is None:
             continue
@@ -100,10 +100,10 @@ def _into(target: Target, unit: str | None, file: str | Path) -> float:
     """Factor from `unit` to the target's own."""
     if unit in (None, target.unit):
         return 1.0
-    for table in (PRESSURES, VOLUMES, RATIOS):
-        if unit in table and target.unit in table:
-            return table[unit] / table[target.unit]
-    raise InputError(file, f"{target.name}.unit", unit, f"wanted {target.unit}")
+    table = next(table for table in (PRESSURES, VOLUMES, RATIOS) if target.unit in table)
+    if not isinstance(unit, str) or unit not in table:
+        raise InputError(file, f"{target.name}.unit", unit, f"wanted one of {', '.join(table)}")
+    return table[unit] / table[target.unit]
 
 
 def _number(value) -> float | None:
