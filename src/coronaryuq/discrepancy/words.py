@@ -1,5 +1,6 @@
 """One paragraph in plain words about what was found, for the report."""
 
+from coronaryuq.discrepancy.abstention import Gaps
 from coronaryuq.discrepancy.constancy import Constancy
 from coronaryuq.discrepancy.locate import Located
 from coronaryuq.discrepancy.search import CENTRAL_99, Discovery
@@ -91,24 +92,44 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
                 f"Fitted to each condition by itself its size differs ({_sizes(varying)}): it may change, or stand for "
                 "something that the library does not have. "
             )
-    text += (
-        f"On {_kept(held_out)} the misfit falls from {found.gaps.before.misfit:.2f} to {found.gaps.after.misfit:.2f} "
-        "standard deviations of the noise, whose floor is 1. "
-    )
+    text += f"On {_kept(held_out)} the misfit {moved(found.gaps.before.misfit, found.gaps.after.misfit)}. "
+    if found.named and found.gaps.after.total_lpd < found.gaps.before.total_lpd:
+        text += (
+            "Those measurements are predicted worse with the named effects than by recalibration alone (log predictive "
+            f"density per row {found.gaps.after.lpd:.2f}, {found.gaps.before.lpd:.2f}). "
+        )
     if found.named and found.verdict.unforeseen:
         text += f"Not all of those are as the named effects foretell them ({chance(found.verdict.foretold)}). "
     if found.remaining.alarm(found.problem.settings.alarm_level):
         text += f"Something remains unexplained ({chance(found.remaining.p)})"
-        if found.gaps.flexible.total_lpd > found.gaps.after.total_lpd:
-            text += (
-                ": a flexible discrepancy predicts those measurements better than the named effects alone, and better "
-                f"still together with them (log predictive density per row {found.gaps.after.lpd:.2f}, "
-                f"{found.gaps.flexible.lpd:.2f}, {found.gaps.both.lpd:.2f})"
-            )
+        text += rival(found.gaps, bool(found.named))
         text += "." + _strained(" With the named effects recalibration still moves", found.remaining, found).rstrip()
     else:
         text += f"What remains is within the noise ({chance(found.remaining.p)})."
     return text
+
+
+def moved(before: float, after: float) -> str:
+    """How the misfit on held-out measurements changes, as far as two decimals tell."""
+    floor = "standard deviations of the noise, whose floor is 1"
+    if f"{before:.2f}" == f"{after:.2f}":
+        return f"stays at {after:.2f} {floor}"
+    return f"{'falls' if after < before else 'rises'} from {before:.2f} to {after:.2f} {floor}"
+
+
+def rival(gaps: Gaps, named: bool) -> str:
+    """That a flexible discrepancy predicts held-out measurements better, where it does."""
+    if gaps.flexible.total_lpd <= gaps.after.total_lpd:
+        return ""
+    told = ": a flexible discrepancy predicts those measurements better"
+    if not named:
+        return f"{told} (log predictive density per row {gaps.flexible.lpd:.2f}, without it {gaps.after.lpd:.2f})"
+    densities = [gaps.after.lpd, gaps.flexible.lpd]
+    told += " than the named effects alone"
+    if gaps.both.total_lpd > gaps.flexible.total_lpd:
+        told += ", and better still together with them"
+        densities.append(gaps.both.lpd)
+    return f"{told} (log predictive density per row {', '.join(f'{density:.2f}' for density in densities)})"
 
 
 def _strained(said: str, located: Located, found: Discovery) -> str:
