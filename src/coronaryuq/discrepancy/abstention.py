@@ -78,16 +78,16 @@ def judge(
     """
     least, acting = problem.settings.least_log_odds, [one for one, _ in named]
     priors = [prior for _, prior in named]
-    redistributed = redistribution(problem, fit, acting, priors, effects) > 0.0
+    redistributed = bool(redistribution(problem, fit, acting, priors, effects) > 0.0)
     # What effects add to the log evidence of the fitted measurements, and to the log predictive density of the others,
     # is their log evidence from all of them.
     odds = fit.evidence + sum(priors) - base.evidence + gaps.after.total_lpd - gaps.before.total_lpd
     kept_out = any(condition.held_out for condition in problem.forward.conditions.values())
     constancies = constancy(problem, fit, acting)
     varying = [one for one in constancies if one.log_odds > least]
-    refuted = bool(acting and kept_out) and odds < least
+    refuted = bool(acting and kept_out and odds < least)
     mistaken = [one for one in acting if not one[0].nameable]
-    unforeseen = bool(acting) and foretold < LEAST_FORETOLD
+    unforeseen = bool(acting and foretold < LEAST_FORETOLD)
     nats = helped(still, bool(varying) or unforeseen, gaps)
     return Verdict(mistaken, redistributed, refuted, constancies, varying, foretold, unforeseen, nats)
 
