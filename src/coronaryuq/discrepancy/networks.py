@@ -91,11 +91,29 @@ def carried_over(names: list[str], state: np.ndarray, wanted: list[str], renamed
             if candidate in known and name not in found:
                 found[name] = known[candidate]
     for kind in ("pressure", "d_pressure"):
-        waiting = [name for name in wanted if name.startswith(f"{kind}:") and name not in found]
-        for _ in range(len(waiting)):
-            for name in waiting:
-                blocks = set(name.split(":")[1:])
-                near = (n for n in found if n.startswith(f"{kind}:") and blocks & set(n.split(":")[1:]))
-                if name not in found and (source := next(near, None)):
-                    found[name] = found[source]
+        _attached(found, [name for name in wanted if name.startswith(f"{kind}:")])
     return np.array([found.get(name, 0.0) for name in wanted])
+
+
+def _attached(found: dict[str, float], locations: list[str]) -> None:
+    """Give what is not in `found` of some locations, KIND:BLOCK:BLOCK, the value of the first there that shares a block
+    with it, until no more can be given.
+    """
+    wanted = set(locations)
+    known = [name for name in found if name in wanted]
+    first: dict[str, int] = {}
+    for turn, name in enumerate(known):
+        for block in name.split(":")[1:]:
+            first.setdefault(block, turn)
+    waiting, left = [name for name in locations if name not in found], -1
+    while len(waiting) != left:
+        left = len(waiting)
+        for name in waiting:
+            blocks = name.split(":")[1:]
+            near = [first[block] for block in blocks if block in first]
+            if near:
+                found[name] = found[known[min(near)]]
+                for block in blocks:
+                    first.setdefault(block, len(known))
+                known.append(name)
+        waiting = [name for name in waiting if name not in found]
