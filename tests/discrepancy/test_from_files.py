@@ -122,6 +122,36 @@ def test_unknown_key_of_a_condition(tmp_path):
         read_conditions(tmp_path / "c.yaml")
 
 
+def test_numbers_of_a_condition_may_be_written_as_in_any_other_file(tmp_path):
+    """PyYAML takes 1e3, and 1.0e3, for words."""
+    (tmp_path / "c.yaml").write_text("a: {period_scale: 5e-1, scale: {BED: {R: 1e3, C: 2}}}\n")
+    found = read_conditions(tmp_path / "c.yaml")["a"]
+    assert (found.period_scale, found.scale) == (0.5, {"BED": {"R": 1000.0, "C": 2.0}})
+    for text, said in (
+        ("{scale: {BED: {R: two}}}", "a.scale.BED.R = 'two': want a number"),
+        ("{set: {BED: {R: true}}}", "a.set.BED.R = True: want a number"),
+        ("{period_scale: -1}", "a.period_scale = -1: want a positive number"),
+        ("{period_scale: [1]}", "a.period_scale = [1]: want a number"),
+    ):
+        (tmp_path / "c.yaml").write_text(f"a: {text}\n")
+        with pytest.raises(InputError) as caught:
+            read_conditions(tmp_path / "c.yaml")
+        assert str(caught.value).endswith(said)
+
+
+def test_a_model_that_does_not_run_is_said_in_one_line(hidden_stenosis, tmp_path, monkeypatch):
+    """No condition was found under which this model does not run, so the search is stopped by hand."""
+
+    def stopped(problem, seed):
+        raise FloatingPointError("the model could not be run")
+
+    monkeypatch.setattr(command, "discover", stopped)
+    paths = [hidden_stenosis[0] / name for name in ("model.json", "measurements.csv", "conditions.yaml")]
+    with pytest.raises(InputError, match="conditions.yaml: the model does not run under all conditions, recalibrated"):
+        command.from_files(*paths, tmp_path / "out", Settings(), 1)
+    assert not (tmp_path / "out").exists()
+
+
 def test_condition_scales_arterioles_and_period():
     network = left_coronary()
     changed = under(network, Condition("x", coronary_resistance_scale=0.25, period_scale=0.5))

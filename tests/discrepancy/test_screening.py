@@ -16,7 +16,7 @@ CONDITIONS = np.repeat(["rest", "hyperaemia"], ROWS // 2)
 
 
 def problem(residuals):
-    return SimpleNamespace(fitted=residuals, condition=CONDITIONS, train=np.ones(ROWS, bool))
+    return SimpleNamespace(fitted=residuals, condition=CONDITIONS, train=np.ones(ROWS, bool), count=NUISANCES)
 
 
 def case(kind, true):
@@ -69,6 +69,27 @@ def test_a_positive_size_is_no_candidate_for_the_other_direction():
 
     screen(problem(mirrored), Fit(z, y - g @ z, g), [], [candidate])
     assert candidate.z_score == 0.0
+
+
+def test_where_the_model_does_not_run_a_nearer_point_stands_for_it_or_nothing_gets_a_score():
+    g, y, residuals, candidate = case("lognormal", 0.5)
+    z = np.linalg.solve(np.eye(NUISANCES) + g.T @ g, g.T @ y)
+    at = Fit(z, y - g @ z, g)
+    screen(problem(residuals), at, [], [candidate])
+    estimate, guess = candidate.estimate, candidate.guess
+    for reach, scored in ((0.9, True), (0.0, False)):
+
+        def broken(rows, grafts=(), reach=reach):
+            found = residuals(rows)
+            found[[np.linalg.norm(row[:NUISANCES]) > reach * np.linalg.norm(z) for row, _ in rows]] = np.nan
+            return found
+
+        screen(problem(broken), at, [], [candidate])
+        assert (candidate.z_score > 3.0) is scored
+        if scored:  # linear but in size: any point gives the same
+            assert candidate.estimate == pytest.approx(estimate, rel=1e-9)
+            assert candidate.guess == pytest.approx(guess)
+    assert (candidate.estimate, candidate.p_varying, candidate.guess.tolist()) == (-np.inf, 1.0, [0.0])
 
 
 def varying(random, sizes):

@@ -60,6 +60,11 @@ class Candidate:
     def log_weight(self) -> float:
         return -np.inf if self.fit is None else self.fit.evidence + self.log_prior
 
+    def clear_score(self) -> None:
+        """As it stands before any run of it: neither seen nor promising."""
+        self.z_score, self.p_varying, self.estimate = 0.0, 1.0, -np.inf
+        self.guess = np.zeros(len(self.effect.parameters))
+
 
 def all_candidates(problem: Problem, acting: list[Acting], library: tuple[Effect, ...] = SEARCHED) -> list[Candidate]:
     """Every effect, and every mistake in the model, at every place it may act, less what is already there."""

@@ -4,6 +4,7 @@ import argparse
 import json
 from pathlib import Path
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from coronaryuq import arguments
@@ -76,4 +77,11 @@ def from_files(model, measurements, conditions, out: Path, settings: Settings, s
     if not network.get("vessels"):
         raise InputError(model, "vessels", None, "missing; there is no vessel or bed that an effect could act on")
     problem = read_problem(network, measurements, read_conditions(conditions), conditions, settings)
-    return output.write(discover(problem, seed), out)
+    try:
+        found = discover(problem, seed)
+    except FloatingPointError as error:
+        residual = problem.whitened([(np.zeros(problem.count), [])])[0]
+        failed = ", ".join(dict.fromkeys(problem.condition[~np.isfinite(residual)]))
+        remedy = f"the model does not run under {failed or 'all conditions, recalibrated'}; see what changes there"
+        raise InputError(conditions, failed or None, None, remedy) from error
+    return output.write(found, out)

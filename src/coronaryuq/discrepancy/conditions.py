@@ -61,10 +61,9 @@ def _condition(path, name: str, keys: dict) -> Condition:
             raise InputError(path, f"{name}.{key}", None, f"unknown key; know {', '.join(known)}")
     numbers = {}
     for key in ("coronary_resistance_scale", "period_scale"):
-        value = keys.get(key, 1.0)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < np.inf:
-            raise InputError(path, f"{name}.{key}", value, "want a positive number")
-        numbers[key] = float(value)
+        numbers[key] = _number(path, f"{name}.{key}", keys.get(key, 1.0))
+        if numbers[key] <= 0.0:
+            raise InputError(path, f"{name}.{key}", keys[key], "want a positive number")
     if not isinstance(keys.get("held_out", False), bool):
         raise InputError(path, f"{name}.held_out", keys["held_out"], "want true or false")
     tables = {key: _table(path, f"{name}.{key}", keys.get(key) or {}) for key in ("scale", "set")}
@@ -82,11 +81,18 @@ def _condition(path, name: str, keys: dict) -> Condition:
 def _table(path, where: str, table) -> dict[str, dict[str, float]]:
     if not isinstance(table, dict) or not all(isinstance(entry, dict) for entry in table.values()):
         raise InputError(path, where, table, "want {BLOCK: {parameter: number}}")
-    for block, entry in table.items():
-        for parameter, value in entry.items():
-            if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-                raise InputError(path, f"{where}.{block}.{parameter}", value, "want a number")
-    return table
+    return {b: {p: _number(path, f"{where}.{b}.{p}", v) for p, v in entry.items()} for b, entry in table.items()}
+
+
+def _number(path, where: str, value) -> float:
+    """A finite number; YAML takes 1e9 and 1.0e9, without a sign in the exponent, for words."""
+    try:
+        number = float(value) if not isinstance(value, bool) else np.nan
+    except (TypeError, ValueError):
+        number = np.nan
+    if not np.isfinite(number):
+        raise InputError(path, where, value, "want a number")
+    return number
 
 
 def _drive(path: Path) -> tuple[np.ndarray, np.ndarray]:

@@ -16,6 +16,8 @@ POSITIVE, SIGNED = (-1.0, 0.3, 1.6), (0.3, 1.2, -1.2)
 """Sizes that are run, in prior standard deviations; the first is that of the score test."""
 REACH = np.exp(np.linspace(np.log(1.0 / 3.0), np.log(3.0), 61))
 """Multiples of a run's response that stand for the sizes between the runs."""
+NEARER = (0.95, 0.8, 0.5)
+"""Shares of the way from the prior's mean to a point where the model does not run, at which it is tried instead."""
 
 
 def screen(problem: Problem, at: Fit, acting: list[Acting], candidates: list[Candidate]) -> None:
@@ -26,8 +28,19 @@ def screen(problem: Problem, at: Fit, acting: list[Acting], candidates: list[Can
     evidence of the model with the candidate, linear in the nuisance parameters but not in the candidate's size: a
     strong effect and the distortion that recalibration made of it are not small changes. The score test of a varying
     size is that of one size for each condition, of either sign: what comes and goes is seen by it, and by no other.
+
+    Where the model does not run at `at`, a point nearer the prior's mean stands for it; where it runs at none, every
+    candidate is left without a score.
     """
-    own, small = _responses(problem, at, acting, [(c, _sizes(c)[0]) for c in candidates])
+    first = [(c, _sizes(c)[0]) for c in candidates]
+    own, small = _responses(problem, at, acting, first)
+    if not np.isfinite(own).all():
+        at = _nearer(problem, at, acting)
+        if at is None:
+            for candidate in candidates:
+                candidate.clear_score()
+            return
+        own, small = _responses(problem, at, acting, first)
     linear = _Linear(at, own, problem.condition[problem.train])
     for candidate, response in zip(candidates, small, strict=True):
         linear.test(candidate, response)
@@ -36,6 +49,16 @@ def screen(problem: Problem, at: Fit, acting: list[Acting], candidates: list[Can
     _, responses = _responses(problem, at, acting, larger) if larger else (own, [])
     for (candidate, size), response in zip(larger, responses, strict=True):
         linear.weigh(candidate, size, response)
+
+
+def _nearer(problem: Problem, at: Fit, acting: list[Acting]) -> Fit | None:
+    """The point nearest to `at`, on the way to the prior's mean of the nuisance parameters, where the model runs."""
+    for share in NEARER:
+        point = np.concatenate([share * at.z[: problem.count], at.z[problem.count :]])
+        residual = problem.fitted([(point, list(acting))])[0]
+        if np.isfinite(residual).all():
+            return Fit(point, residual, at.jacobian)
+    return None
 
 
 def _sizes(candidate: Candidate) -> tuple[float, ...]:
@@ -66,8 +89,7 @@ class _Linear:
 
     def test(self, candidate: Candidate, response: np.ndarray) -> None:
         """The score tests, and a first weighing."""
-        candidate.z_score, candidate.p_varying, candidate.estimate = 0.0, 1.0, -np.inf
-        candidate.guess = np.zeros(len(candidate.effect.parameters))
+        candidate.clear_score()
         if np.isfinite(response).all():
             length = float(np.sqrt(max(response @ self.at.project(response), 0.0)))
             z = float(response @ self.score) / length if length > LEAST_SENSITIVITY else 0.0

@@ -129,8 +129,8 @@ def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = SEARCHED
         tested += len(everything)
     if len(acting) > 1:
         for entry in (r for r in rounds if r.accepted is not None):
-            others = [one for one in acting if one != entry.accepted.acting]
-            entry.worth = fit.evidence - problem.calibrate(others).evidence
+            without = _exact(problem, [one for one in acting if one != entry.accepted.acting])
+            entry.worth = np.inf if without is None else fit.evidence - without.evidence
     parts = folds(problem, [name for name, c in problem.forward.conditions.items() if c.held_out])
     plain = linearise(problem, base.z, [])
     repaired = linearise(problem, fit.z, acting) if acting else plain
@@ -263,7 +263,8 @@ def _without(fit: Fit, column: int, count: int) -> Fit:
     return Fit(np.delete(fit.z, gone), fit.residual, np.delete(fit.jacobian, gone, axis=1))
 
 
-def _exact(problem: Problem, acting: list[Acting], start: np.ndarray) -> Fit | None:
+def _exact(problem: Problem, acting: list[Acting], start: np.ndarray | None = None) -> Fit | None:
+    """A fit in full, None where the model does not run at its start."""
     try:
         return problem.calibrate(acting, start)
     except FloatingPointError:
@@ -282,7 +283,9 @@ def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Rou
         about = _without(fit, column, count)
         present = replace(current.accepted, fit=_last(fit, column, count))
         column += count
-        without = problem.calibrate(others)
+        without = _exact(problem, others)
+        if without is None:
+            continue
         rivals = [replace(c, fit=None) for c in likely(current.screened) if c.acting not in acting]
         screen(problem, about, others, rivals)
         # Other effects may have grown by then: what a rival promises is as rough as on the first shortlist.
