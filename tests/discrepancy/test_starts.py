@@ -76,7 +76,7 @@ def loop():
 STENOSIS = (effect("quadratic_stenosis"), "lca1")
 
 
-def fresh():
+def fresh(network=None):
     conditions = {c.name: c for c in (Condition("rest"), Condition("hyperaemia", coronary_resistance_scale=0.3))}
     time = np.linspace(0.0, 0.975, 40)
     places = (("pressure", "J_heart_outlet:aorta"), ("pressure", "lca1:BC_lca1"), ("flow", "J0:lca2"))
@@ -85,7 +85,7 @@ def fresh():
         for name in conditions
         for quantity, place in places
     ]
-    return make_problem(loop(), conditions, measured, Settings(steps_per_cycle=200))
+    return make_problem(network or loop(), conditions, measured, Settings(steps_per_cycle=200))
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,5 @@
 """Conditions under which the measurements were taken, and what each changes in the network."""
 
-import copy
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from coronaryuq.errors import InputError
 from coronaryuq.files import read_csv
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.beds import arteriolar
+from coronaryuq.zerod.network import copy_of
 
 HEART = "CLH"
 SERIES = {"PRESSURE": "P", "FLOW": "Q", "CORONARY": "Pim", "CORONARY_VAR_RES": "Pim"}
@@ -118,7 +118,7 @@ def period_of(network: dict, default: float = 1.0) -> float:
 
 def under(network: dict, condition: Condition, file: str | Path = "conditions") -> dict:
     """The network under a condition; `file` names the conditions file in error messages."""
-    network = copy.deepcopy(network)
+    network = copy_of(network)
     anatomy = Anatomy(network)
     period = period_of(network)
     factor = condition.coronary_resistance_scale

@@ -7,9 +7,10 @@ import numpy as np
 
 from coronaryuq import units
 from coronaryuq.discrepancy.conditions import HEART, Condition
+from coronaryuq.discrepancy.jobs import Job, Prepared, Scaled
 from coronaryuq.discrepancy.measurements import Measured
 from coronaryuq.discrepancy.nuisance import Nuisance
-from coronaryuq.discrepancy.simulation import Acting, Job, Prepared, Simulation, elements
+from coronaryuq.discrepancy.simulation import Acting, Simulation, elements
 from coronaryuq.discrepancy.starts import Point
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Situation
@@ -165,11 +166,14 @@ class Forward:
         names = list(dict.fromkeys(names + (list(beds.values()) if rounds > 1 else [])))
         felt = {name: [dict(self.resting) for _ in rows] for name in conditions}
         failed = {name: np.zeros(len(rows), dtype=bool) for name in conditions}
+        points = [self._point(z, acting) for z, acting in rows]
+        z = np.array([row[: len(self.nuisances)] for row, _ in rows])
+        factors = {name: self._factors(prepared, name, z) for name in conditions}
         for _ in range(rounds):
             jobs = [
-                Job(self._point(z, acting), name, self._changes(prepared, name, z, acting, values, felt[name][i]))
-                for name in conditions
-                for i, ((z, acting), values) in enumerate(zip(rows, sizes, strict=True))
+                Job(points[i], name, self._effects(prepared, name, acting, values, felt[name][i]), each[i], scaled)
+                for name, (each, scaled) in factors.items()
+                for i, ((_, acting), values) in enumerate(zip(rows, sizes, strict=True))
             ]
             found = self.simulation.waveforms(prepared, jobs, names)
             waveforms = {
@@ -196,28 +200,31 @@ class Forward:
         """
         prepared = self.simulation.prepared(acting)
         pressure, sizes = dict(self.resting), self._sizes(z, acting)
+        each, scaled = self._factors(prepared, name, z[None, : len(self.nuisances)])
+
+        def job() -> Job:
+            effects = self._effects(prepared, name, acting, sizes, pressure)
+            return Job(self._point(z, acting), name, effects, each[0], scaled)
+
         if any(effect.feedback for effect, _ in acting):
             beds = {bed: f"{v}:{bed}" for bed, v in self.anatomy.beds.items()}
             at = {bed: f"pressure:{prepared.renamed.get(place, place)}" for bed, place in beds.items()}
             for _ in range(FEEDBACK_ROUNDS - 1):
-                table = self._changes(prepared, name, z, acting, sizes, pressure)
-                job = Job(self._point(z, acting), name, table)
-                waves = self.simulation.waveforms(prepared, [job], list(at.values()))
+                waves = self.simulation.waveforms(prepared, [job()], list(at.values()))
                 pressure = {bed: float(waves[place][0, :-1].mean()) for bed, place in at.items()}
-        return self._changes(prepared, name, z, acting, sizes, pressure), prepared.networks[name]
+        return job().table(prepared), prepared.networks[name]
 
-    def _changes(self, prepared: Prepared, name: str, z, acting, sizes, pressure) -> dict[str, np.ndarray | float]:
-        """Changes of one sample: nuisance factors and all effects on top of the values under a condition.
+    def _effects(self, prepared: Prepared, name: str, acting, sizes, pressure) -> dict[str, np.ndarray | float]:
+        """Values under a condition that all effects of one sample give.
 
         Two effects on one parameter combine as factors of the network's value, or as sums where that is zero.
         """
         condition, network, own = self.conditions[name], prepared.networks[name], prepared.values[name]
-        felt = {bed: np.array([value]) for bed, value in pressure.items()}
         situation = Situation(
             condition.name,
             condition.coronary_resistance_scale,
             self.periods.get(condition.name, self.anatomy.period),
-            felt,
+            {bed: np.array([value]) for bed, value in pressure.items()},
             self.resting,
             condition.covariates,
         )
@@ -232,14 +239,21 @@ class Forward:
                     before = own.get(key, 0.0)
                     value = changes[key] * value / before if before else changes[key] + value
                 changes[key] = value
+        return changes
+
+    def _factors(self, prepared: Prepared, name: str, z: np.ndarray) -> tuple[np.ndarray, Scaled]:
+        """Factors (n, k) of recalibration at the nuisance parameters z (n, p) under a condition, and what they scale:
+        the values that effects give, or the condition's own.
+        """
+        own, scaled, used = prepared.values[name], {}, []
         for column, nuisance in enumerate(self.nuisances):
-            if nuisance.condition in (None, condition.name):
-                factor = float(nuisance.factor(z[column]))
+            if nuisance.targets and nuisance.condition in (None, name):
                 for key in nuisance.targets:
                     # CORONARY_VAR_RES has two Ra2 where CORONARY has one.
-                    for name in (key,) if key in own else (f"{key}_min", f"{key}_max"):
-                        changes[name] = (changes[name] if name in changes else own[name]) * factor
-        return changes
+                    for target in (key,) if key in own else (f"{key}_min", f"{key}_max"):
+                        scaled.setdefault(target, []).append(len(used))
+                used.append(nuisance.factor(z[:, column]))
+        return np.array(used).reshape(-1, len(z)).T.copy(), scaled
 
     def _point(self, z: np.ndarray, acting: Collection[Acting] = ()) -> Point:
         """Where a run stands."""

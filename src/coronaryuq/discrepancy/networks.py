@@ -1,11 +1,10 @@
 """Numbers and waveforms of a network by name, how two networks of one structure differ, states carried between them."""
 
-import copy
-
 import numpy as np
 
 from coronaryuq.discrepancy.conditions import HEART, SERIES, period_of
 from coronaryuq.zerod.model import PERIOD
+from coronaryuq.zerod.network import copy_of
 
 ELEMENTS = ("R_poiseuille", "L", "C", "stenosis_coefficient")
 """Of a vessel; nought where the file leaves them out."""
@@ -57,7 +56,7 @@ def sampled(network: dict, name: str) -> np.ndarray:
 
 def with_waveforms(network: dict, table: dict) -> dict:
     """The network with the waveforms of one sample, on an even grid over the cycle."""
-    network = copy.deepcopy(network)
+    network = copy_of(network)
     for name, value in table.items():
         if np.ndim(value):
             block, _, parameter = name.rpartition(".")

@@ -6,11 +6,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from coronaryuq.discrepancy.conditions import Condition, under
-from coronaryuq.discrepancy.networks import WAVE_POINTS, carried_over, differences, sampled, scalars
-from coronaryuq.discrepancy.starts import Point, Starts, Structure
+from coronaryuq.discrepancy.jobs import Job, Prepared, batches, stacked
+from coronaryuq.discrepancy.networks import carried_over
+from coronaryuq.discrepancy.settling import Settling
+from coronaryuq.discrepancy.starts import Point, Starts
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Effect
-from coronaryuq.zerod.engine import Engine
+from coronaryuq.zerod.periodic import Ahead
 from coronaryuq.zerod.result import Result
 
 Acting = tuple[Effect, str]
@@ -26,42 +28,6 @@ LOOSE, MOST_CYCLES = 5e-3, 25
 """Cycle error that will do where valves that open a step earlier or later keep a run from settling to `TOLERANCE`."""
 NEAR_SETTLED = 0.2
 """Cycle error below which a run that did not settle goes on from where it is."""
-
-
-@dataclass
-class Prepared:
-    """One structure: an engine that serves every condition, what each condition changes in it, and where runs start.
-
-    networks, values: the network under each condition and its numbers, "BLOCK.parameter" → value.
-    changes: of each condition against the engine's own network. start: periodic state (unknowns,) of each
-    condition's own values, where every sample starts, so that in a closed loop all hold the blood that the model as
-    it is holds.
-    """
-
-    engine: Engine
-    networks: dict[str, dict]
-    values: dict[str, dict[str, float]]
-    changes: dict[str, dict]
-    renamed: dict[str, str]
-    start: dict[str, np.ndarray | None]
-
-    @property
-    def structure(self) -> Structure:
-        return Structure(self.engine, self.renamed)
-
-
-@dataclass(frozen=True)
-class Job:
-    """One run: a point under one condition, with what it changes in the condition's network."""
-
-    point: Point
-    condition: str
-    table: dict
-
-    @property
-    def key(self) -> tuple:
-        """What tells two runs apart: tissue masses and other conditions' parameters need none of their own."""
-        return self.condition, *((name, np.asarray(value).tobytes()) for name, value in self.table.items())
 
 
 @dataclass
@@ -81,6 +47,7 @@ class Simulation:
     runs: int = 0
     _engines: dict = field(default_factory=dict)
     _met: Starts = field(default_factory=Starts)
+    _settling: Settling = field(default_factory=Settling)
 
     def changed(self, **fields) -> "Simulation":
         """The same with other steps, or another change of the network: engines are made anew."""
@@ -112,10 +79,7 @@ class Simulation:
             networks = {name: under(structure, condition) for name, condition in self.conditions.items()}
             if self.alter is not None:
                 networks = {name: self.alter(network, name) for name, network in networks.items()}
-            own = next(iter(networks.values()))
-            values = {name: scalars(network) for name, network in networks.items()}
-            changes = {name: differences(own, network) for name, network in networks.items()}
-            prepared = Prepared(Engine(own), networks, values, changes, renamed, {})
+            prepared = Prepared(networks, renamed)
             prepared.start = self._starts(prepared, inserted)
             self._engines[key] = prepared
         return self._engines[key]
@@ -132,7 +96,7 @@ class Simulation:
             }
         prepared.start = dict.fromkeys(prepared.networks)
         nominal = prepared.engine.run(
-            _stack(prepared, [Job(Point(np.zeros(0), {}), name, {}) for name in prepared.networks]),
+            stacked(prepared, [Job(Point(np.zeros(0), {}), name) for name in prepared.networks]),
             periodic=True,
             steps_per_cycle=self.steps_per_cycle,
             tolerance=TOLERANCE,
@@ -153,9 +117,12 @@ class Simulation:
         found = {name: np.full((len(jobs), self.steps_per_cycle + 1), np.nan) for name in names}
         starts = [prepared.start[job.condition] for job in jobs]
         own = None if any(state is None for state in starts) else np.array(starts)
-        for numbers in _batches(prepared, jobs):
-            changes, left = _stack(prepared, [jobs[i] for i in numbers]), np.array(numbers)
-            start = None if own is None else self._start(prepared, [jobs[i] for i in numbers], own[left], changes)
+        for numbers in batches(prepared, jobs):
+            changes, left = stacked(prepared, [jobs[i] for i in numbers]), np.array(numbers)
+            batch, start, ahead = [jobs[i] for i in numbers], None, None
+            if own is not None:
+                start = self._start(prepared, batch, own[left], changes)
+                ahead = self._ahead(prepared, batch, changes)
             for tolerance in (TOLERANCE, LOOSE, LOOSE):
                 mine = np.isin(numbers, left)
                 result = prepared.engine.run(
@@ -168,26 +135,38 @@ class Simulation:
                     patience=PATIENCE if tolerance == TOLERANCE else None,
                     start=start,
                     threads=self.threads,
+                    ahead=ahead,
                 )
                 for name in names:
                     found[name][left] = result.waveforms[name]
                 self._remember(prepared, [jobs[i] for i in left], result)
                 again = tolerance == LOOSE
                 start = None if own is None else own[left[~result.ok]] if again else _from_there(result, own[left])
-                left = left[~result.ok]
+                # What does not settle so is tried again by acceleration alone.
+                left, ahead = left[~result.ok], None
                 if not left.size:
                     break
         return found
 
+    @property
+    def _keeps(self) -> bool:
+        """Whether states and modes that were met serve further runs: an open loop forgets where it starts."""
+        return self.anatomy.closed_loop and self.alter is None
+
+    def _ahead(self, prepared: Prepared, jobs: list[Job], changes: dict) -> Ahead | None:
+        if not self._keeps:
+            return None
+        return self._settling.ahead(self.prepared([]), prepared, jobs, changes, self.steps_per_cycle)
+
     def _start(self, prepared: Prepared, jobs: list[Job], own: np.ndarray, changes: dict) -> np.ndarray:
-        """Where the runs start; in an open loop, which forgets, by the model as it is."""
-        if not self.anatomy.closed_loop or self.alter is not None:
+        """Where the runs start: by the model as it is, or at the nearest state met before."""
+        if not self._keeps:
             return own
         conditions, points = [job.condition for job in jobs], [job.point for job in jobs]
         return self._met.near(conditions, points, prepared.structure, own, changes)
 
     def _remember(self, prepared: Prepared, jobs: list[Job], result: Result) -> None:
-        if self.anatomy.closed_loop and self.alter is None:
+        if self._keeps:
             for job, ok, state in zip(jobs, result.ok, result.state, strict=True):
                 if ok:
                     self._met.keep(job.condition, job.point, prepared.structure, state)
@@ -198,40 +177,8 @@ def elements(inserted: list[Acting]) -> tuple:
     return tuple((effect.name, place) for effect, place in inserted)
 
 
-def _batches(prepared: Prepared, jobs: list[Job]) -> list[list[int]]:
-    """Jobs that switch on elements which are nought in the network go apart: their equations are harder to solve."""
-    nominal = prepared.engine.parameters
-    apart = [any(nominal.get(name) == 0.0 for name in job.table) for job in jobs]
-    groups = [[i for i, other in enumerate(apart) if other is kind] for kind in (False, True)]
-    return [group for group in groups if group]
-
-
 def _from_there(result: Result, own: np.ndarray) -> np.ndarray:
     """Starts of a second attempt of the runs that failed: where the first ended, if it was near to settling."""
     failed = ~result.ok
     near = result.cycle_error[failed] < NEAR_SETTLED
     return np.where(near[:, None], result.state[failed], own[failed])
-
-
-def _stack(prepared: Prepared, jobs: list[Job]) -> dict[str, np.ndarray]:
-    """Engine changes of all jobs, (n,) or (n, points); where a job has none, the value under its condition."""
-    tables = [{**prepared.changes[job.condition], **job.table} for job in jobs]
-    nominal = prepared.engine.parameters
-    # Conditions that change nothing are samples too: one parameter says how many.
-    some = next(name for name, value in nominal.items() if value != 0.0)
-    found = {some: np.full(len(jobs), nominal[some])}
-    for name in dict.fromkeys(name for table in tables for name in table):
-        if name in nominal:
-            found[name] = np.array([table.get(name, nominal[name]) for table in tables], dtype=float)
-        else:
-            own = sampled(next(iter(prepared.networks.values())), name)
-            found[name] = np.array([_even(table[name]) if name in table else own for table in tables])
-    return found
-
-
-def _even(values: np.ndarray) -> np.ndarray:
-    """A waveform on an even grid, on the grid of `WAVE_POINTS` points."""
-    values = np.asarray(values, dtype=float)
-    if len(values) == WAVE_POINTS:
-        return values
-    return np.interp(np.linspace(0.0, 1.0, WAVE_POINTS), np.linspace(0.0, 1.0, len(values)), values)

@@ -25,7 +25,8 @@ class BloodVolume:
         total = np.zeros(len(state))
         for block in self.model.blocks.values():
             holds = _HOLDS.get(block.kind)
-            if holds is not None:
+            rigid = block.scalars.get("C") == 0.0 and f"{block.name}.C" not in changes
+            if holds is not None and not rigid:
                 total = total + holds(block, state, _Parameters(block, changes))
         return total
 

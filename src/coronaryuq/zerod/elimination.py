@@ -7,6 +7,7 @@ whatever else changes live. Only the border is factorised and solved again in ea
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 
 THRESHOLD = 1e-3
@@ -69,130 +70,182 @@ def eliminate(scenarios: np.ndarray, pattern: np.ndarray, inner_rows: np.ndarray
     nonzero. The last m columns are carried through the interior's elimination and left alone by the border's.
     inner_rows, inner_columns: (n,) which equations and unknowns may belong to the interior. Raises `Singular`.
     """
-    n, width = pattern.shape
-    matrix, pattern = _equilibrated(scenarios), pattern.copy()
-    slots: dict[tuple[int, int], int] = {}
-    for row, column in zip(*np.nonzero(pattern), strict=True):
-        slots[int(row), int(column)] = len(slots)
-    carried = np.arange(n, width)
-    candidates = _Candidates(matrix[:, :, :n], pattern[:, :n])
-    inner = np.outer(inner_rows, inner_columns)
-    pivots, divide, update, forward = [], [], [], []
-    firsts = {"divide": [0], "update": [0], "forward": [0]}
-    interior, inner_slots = 0, 0
-    for step in range(n):
-        found = candidates.best(inner) if interior == step else None
-        if found is not None:
-            interior += 1
-        else:
-            inner_slots = inner_slots or len(slots)
-            found = candidates.best()
-        if found is None:
-            raise Singular(int(np.nonzero(candidates.rows)[0][0]))
-        row, column = found
-        pivot = slots[row, column]
-        pivots.append((row, column, pivot))
-        below, right = candidates.take(row, column)
-        if step < interior:
-            right = np.append(right, carried[pattern[row, carried]])
-        for i in map(int, below):
-            divide.append((slots[i, column], pivot))
-            forward.append((i, slots[i, column], row))
-            for j in map(int, right):
-                target = slots.setdefault((i, j), len(slots))
-                update.append((target, slots[i, column], slots[row, j]))
-        pattern[np.ix_(below, right)] = True
-        factors = matrix[:, below, column] / matrix[:, row, column][:, None]
-        matrix[np.ix_(range(len(matrix)), below, right)] -= factors[:, :, None] * matrix[:, row, right][:, None, :]
-        candidates.refresh(below, right[right < n])
-        for name, operations in (("divide", divide), ("update", update), ("forward", forward)):
-            firsts[name].append(len(operations))
-    order = {column: step for step, (_, column, _) in enumerate(pivots)}
-    of_row: dict[int, list[tuple[int, int]]] = {}
-    for (row, column), slot in slots.items():
-        of_row.setdefault(row, []).append((column, slot))
-    backward, backward_first = [], [0]
-    for step, (row, _, _) in enumerate(pivots):
-        # Carried columns count as eliminated last, and only by the interior.
-        last = n if step < interior else -1
-        places = [(order.get(column, last), column, slot) for column, slot in of_row[row]]
-        later = [place for place in places if place[0] > step]
-        backward += [(row, slot, column) for _, column, slot in sorted(later, reverse=True)]
-        backward_first.append(len(backward))
-    where = np.array(list(slots), dtype=np.int64).reshape(-1, 2)
+    n = len(pattern)
+    matrix = np.ascontiguousarray(_equilibrated(scenarios, pattern)[:, :, :n])
+    places, interior = _order(matrix, pattern[:, :n].copy(), np.outer(inner_rows, inner_columns))
+    if len(places) < n:
+        raise Singular(int(np.setdiff1d(np.arange(n), places[:, 0])[0]))
+    slot = np.full(pattern.shape, -1)
+    slot[pattern] = np.arange(np.count_nonzero(pattern))
+    inner_slots, divide, update, forward, firsts = _operations(places, interior, slot)
+    backward, backward_first = _backward(places, interior, slot)
+    where = np.argwhere(slot >= 0)
+    where = where[np.argsort(slot[where[:, 0], where[:, 1]])]
     return Tape(
-        where[:, 0],
-        where[:, 1],
-        np.array(pivots, dtype=np.int64),
+        where[:, 0].copy(),
+        where[:, 1].copy(),
+        np.column_stack([places, slot[places[:, 0], places[:, 1]]]),
         interior,
-        inner_slots or len(slots),
-        _table(divide, 2),
-        np.array(firsts["divide"]),
-        _table(update, 3),
-        np.array(firsts["update"]),
-        _table(forward, 3),
-        np.array(firsts["forward"]),
-        _table(backward, 3),
-        np.array(backward_first),
+        inner_slots,
+        divide,
+        firsts[0],
+        update,
+        firsts[1],
+        forward,
+        firsts[0],
+        backward,
+        backward_first,
     )
 
 
-class _Candidates:
-    """Entries of the rows and columns that are left, and what each is worth as a pivot.
+@numba.njit(cache=True, nogil=True)
+def _order(matrix, left, inner):
+    """Pivots' rows and columns in order, (n, 2), fewer where none is admissible any more; how many are interior.
 
-    worth: (n, n) least size over the largest entry of its row, over all scenarios; nought where there is no entry.
+    matrix: (k, n, n), left: (n, n) entries of the rows and columns that are left, both changed in place. inner: (n, n)
+    which entries may be interior pivots.
     """
+    n = len(left)
+    in_row, in_column = np.zeros(n, np.int64), np.zeros(n, np.int64)
+    worth = np.zeros((n, n))
+    for i in range(n):
+        for j in range(n):
+            if left[i, j]:
+                in_row[i] += 1
+                in_column[j] += 1
+        _judge(matrix, left, i, worth)
+    places, rows, columns = np.empty((n, 2), np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
+    interior, inside = 0, True
+    for step in range(n):
+        row, column = _best(worth, in_row, in_column, inner, inside)
+        if inside and row < 0:
+            inside = False
+            row, column = _best(worth, in_row, in_column, inner, inside)
+        if row < 0:
+            return places[:step], interior
+        interior += inside
+        places[step, 0], places[step, 1] = row, column
+        left[row, column] = False
+        below, right = 0, 0
+        for i in range(n):
+            worth[row, i] = worth[i, column] = 0.0
+            if left[row, i]:
+                columns[right] = i
+                right += 1
+                in_column[i] -= 1
+            if left[i, column]:
+                rows[below] = i
+                below += 1
+                in_row[i] -= 1
+            left[row, i] = left[i, column] = False
+        for i in rows[:below]:
+            for k in range(len(matrix)):
+                factor = matrix[k, i, column] / matrix[k, row, column]
+                for j in columns[:right]:
+                    matrix[k, i, j] -= factor * matrix[k, row, j]
+            for j in columns[:right]:
+                if not left[i, j]:
+                    left[i, j] = True
+                    in_row[i] += 1
+                    in_column[j] += 1
+            _judge(matrix, left, i, worth)
+    return places, interior
 
-    def __init__(self, matrix: np.ndarray, pattern: np.ndarray):
-        self._matrix, self._left = matrix, pattern.copy()
-        self._worth = np.zeros(pattern.shape)
-        self._in_row, self._in_column = self._left.sum(axis=1), self._left.sum(axis=0)
-        self.rows = np.ones(len(pattern), bool)
-        self.refresh(np.arange(len(pattern)), np.empty(0, dtype=np.int64))
 
-    def refresh(self, rows: np.ndarray, filled: np.ndarray) -> None:
-        """Judge `rows` anew; their entries in columns `filled` exist from now on."""
-        self._left[np.ix_(rows, filled)] = True
-        self._in_row[rows], self._in_column[filled] = self._left[rows].sum(axis=1), self._left[:, filled].sum(axis=0)
-        size = np.where(self._left[rows], np.abs(self._matrix[:, rows]), 0.0)
-        largest = size.max(axis=2, keepdims=True)
-        self._worth[rows] = np.where(largest > 0, size / np.where(largest > 0, largest, 1.0), 0.0).min(axis=0)
-
-    def best(self, among: np.ndarray | None = None) -> tuple[int, int] | None:
-        """The admissible entry (of `among`, (n, n)) that creates the least fill-in, ties by worth, then by place."""
-        admissible = self._worth > THRESHOLD
-        if among is not None:
-            admissible &= among
-        # Flat: several times as fast as places in two dimensions, and this is most of what a new network costs.
-        rows, columns = np.divmod(np.flatnonzero(admissible), admissible.shape[1])
-        if not len(rows):
-            return None
-        cost = (self._in_row[rows] - 1) * (self._in_column[columns] - 1)
-        cheapest = np.flatnonzero(cost == cost.min())
-        chosen = cheapest[np.argmax(self._worth[rows[cheapest], columns[cheapest]])]
-        return int(rows[chosen]), int(columns[chosen])
-
-    def take(self, row: int, column: int) -> tuple[np.ndarray, np.ndarray]:
-        """Remove a pivot's row and column; rows below it and columns right of it."""
-        self._left[row, column] = False
-        below, right = np.nonzero(self._left[:, column])[0], np.nonzero(self._left[row])[0]
-        self._left[row] = self._left[:, column] = False
-        self._in_row[below] -= 1
-        self._in_column[right] -= 1
-        self._worth[row] = self._worth[:, column] = 0.0
-        self.rows[row] = False
-        return below, right
+@numba.njit(cache=True, nogil=True)
+def _judge(matrix, left, row, worth):
+    """What a row's entries are worth as pivots: their least size over the largest of the row, over all scenarios."""
+    n = len(left)
+    for j in range(n):
+        worth[row, j] = np.inf if left[row, j] else 0.0
+    for k in range(len(matrix)):
+        largest = 0.0
+        for j in range(n):
+            if left[row, j]:
+                largest = max(largest, abs(matrix[k, row, j]))
+        for j in range(n):
+            if left[row, j]:
+                worth[row, j] = min(worth[row, j], abs(matrix[k, row, j]) / largest if largest > 0.0 else 0.0)
 
 
-def _equilibrated(scenarios: np.ndarray, sweeps: int = 5) -> np.ndarray:
-    """Rows and columns scaled so that entries of different units can be compared."""
-    matrix = scenarios.astype(float).copy()
+@numba.njit(cache=True, nogil=True)
+def _best(worth, in_row, in_column, inner, inside):
+    """The admissible entry (of `inner` if `inside`) that creates the least fill-in, ties by worth, then by place."""
+    row, column, least = -1, -1, 0
+    for i in range(len(worth)):
+        for j in range(len(worth)):
+            if worth[i, j] > THRESHOLD and (inner[i, j] or not inside):
+                cost = (in_row[i] - 1) * (in_column[j] - 1)
+                if row < 0 or cost < least or (cost == least and worth[i, j] > worth[row, column]):
+                    row, column, least = i, j, cost
+    return row, column
+
+
+@numba.njit(cache=True, nogil=True)
+def _operations(places, interior, slot):
+    """The operations of a tape, pivot by pivot; `slot` (n, n + m), -1 where there is no entry, gets the fill-in.
+
+    Returns how many slots there are once the interior is eliminated, `divide`, `update`, `forward`, and where each
+    pivot's operations start in the first and in the second of them, (2, n + 1).
+    """
+    n, width = slot.shape
+    count = slot.max() + 1
+    inner_slots = count
+    done_row, done_column = np.zeros(n, np.bool_), np.zeros(width, np.bool_)
+    firsts = np.zeros((2, n + 1), np.int64)
+    divide, update, forward = [(0, 0)], [(0, 0, 0)], [(0, 0, 0)]
+    for step in range(n):
+        row, column = places[step]
+        done_row[row], done_column[column] = True, True
+        # Carried columns take part in the interior's elimination only.
+        last = width if step < interior else n
+        for i in range(n):
+            if done_row[i] or slot[i, column] < 0:
+                continue
+            divide.append((slot[i, column], slot[row, column]))
+            forward.append((i, slot[i, column], row))
+            for j in range(last):
+                if done_column[j] or slot[row, j] < 0:
+                    continue
+                if slot[i, j] < 0:
+                    slot[i, j] = count
+                    count += 1
+                update.append((slot[i, j], slot[i, column], slot[row, j]))
+        firsts[0, step + 1], firsts[1, step + 1] = len(divide) - 1, len(update) - 1
+        if step < interior:
+            inner_slots = count
+    return inner_slots, np.array(divide)[1:], np.array(update)[1:], np.array(forward)[1:], firsts
+
+
+@numba.njit(cache=True, nogil=True)
+def _backward(places, interior, slot):
+    """`backward` of a tape, pivot by pivot, last unknown first; and where each pivot's part starts, (n + 1,)."""
+    n, width = slot.shape
+    found, first = [(0, 0, 0)], np.zeros(n + 1, np.int64)
+    for step in range(n):
+        row = places[step, 0]
+        # Carried columns count as eliminated last, and only by the interior.
+        if step < interior:
+            for column in range(width - 1, n - 1, -1):
+                if slot[row, column] >= 0:
+                    found.append((row, slot[row, column], column))
+        for later in range(n - 1, step, -1):
+            column = places[later, 1]
+            if slot[row, column] >= 0:
+                found.append((row, slot[row, column], column))
+        first[step + 1] = len(found) - 1
+    return np.array(found)[1:], first
+
+
+def _equilibrated(scenarios: np.ndarray, pattern: np.ndarray, sweeps: int = 5) -> np.ndarray:
+    """Rows and columns scaled so that entries of different units can be compared; nought outside `pattern`."""
+    places = np.nonzero(pattern)
+    entries = scenarios[:, *places].astype(float)
     for _ in range(sweeps):
-        for axis in (2, 1):
-            largest = np.abs(matrix).max(axis=(0, axis), keepdims=True)
-            matrix /= np.sqrt(np.where(largest > 0, largest, 1.0))
+        for lines in places:
+            largest = np.zeros(max(pattern.shape))
+            np.maximum.at(largest, lines, np.abs(entries).max(axis=0))
+            entries /= np.sqrt(np.where(largest > 0, largest, 1.0))[lines]
+    matrix = np.zeros(scenarios.shape)
+    matrix[:, *places] = entries
     return matrix
-
-
-def _table(operations: list[tuple[int, ...]], columns: int) -> np.ndarray:
-    return np.array(operations, dtype=np.int64).reshape(-1, columns)

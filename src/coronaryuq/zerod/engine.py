@@ -16,10 +16,12 @@ from coronaryuq.zerod.kernels import Record, Scheme, march
 from coronaryuq.zerod.lanes import LANES, table
 from coronaryuq.zerod.model import Model
 from coronaryuq.zerod.network import Network
-from coronaryuq.zerod.periodic import Anderson, drift
+from coronaryuq.zerod.periodic import Ahead, Anderson, drift
 from coronaryuq.zerod.program import Program, make_program, write_elements
 from coronaryuq.zerod.result import OK, Result
 
+_WRITTEN = 8
+"""Groups whose elements are written together: a term costs as much for one sample as for a hundred."""
 _STEADY_STEPS, _STEADY_STEPS_PER_CYCLE = 31, 10
 _REFINEMENTS = (1, 2, 4, 8)
 _MAX_CYCLES = 100
@@ -97,6 +99,7 @@ class Engine:
         start: np.ndarray | None = None,
         threads: int = 1,
         accelerate: bool = True,
+        ahead: Ahead | None = None,
     ) -> Result:
         """Run a batch and measure its last cycle.
 
@@ -109,7 +112,7 @@ class Engine:
         `Result.state`; by default the network's own initial condition, steady if it says so. One start for all is
         taken for the network's own periodic state, from which samples are first approached with longer steps (those
         cycles are not counted). A closed loop keeps the blood volume that it starts with. threads: over groups of
-        samples; results do not depend on it.
+        samples; results do not depend on it. ahead: what acceleration starts from (`zerod.periodic`).
 
         cycle error: the largest change of any unknown from the start of the last cycle to its end, over that unknown's
         range during the cycle (`zerod.periodic.drift`).
@@ -129,7 +132,7 @@ class Engine:
             part = {name: value[left] if np.ndim(value) else value for name, value in values.items()}
             batch = self._begin(part, len(left), None if whole is None else whole[left], threads)
             batch.make_room(len(recorded), steps * refinement, bool(shown))
-            mixer = Anderson(len(left), batch.state.shape[1]) if periodic and accelerate else None
+            mixer = Anderson(len(left), batch.state.shape[1], _of(left, ahead)) if periodic and accelerate else None
             until = tolerance if periodic else None
             spent, error, solves = self._march(
                 batch, steps * refinement, recorded, limit, until, mixer, threads, patience
@@ -243,15 +246,17 @@ class Engine:
         samples = len(batch.state)
         program = self._program(batch.parameters, steady)
         batch.groups, batch.seats = [], []
-        for first in range(0, samples, LANES):
-            part = slice(first, min(first + LANES, samples))
-            batch.seats.append(np.arange(part.start, part.stop))
+        for first in range(0, samples, _WRITTEN * LANES):
+            part = slice(first, min(first + _WRITTEN * LANES, samples))
             size = part.stop - part.start
             parameters = {k: v[part] if np.ndim(v) else v for k, v in batch.parameters.items()}
             offsets = {block.name: batch.offsets[part, k] for k, block in enumerate(self.coronaries)}
             at = Context(self.model, parameters, size, self._phases(times), steady, offsets)
             system = write_elements(self.model, at)
-            batch.groups.append(fill(program, system, at.period, times, self.scheme, slice(0, size)))
+            for begin in range(0, size, LANES):
+                seats = slice(begin, min(begin + LANES, size))
+                batch.seats.append(np.arange(first + seats.start, first + seats.stop))
+                batch.groups.append(fill(program, system, at.period, times, self.scheme, seats))
         return program
 
     def _begin(self, parameters: dict, samples: int, start: np.ndarray | None, threads: int) -> Batch:
@@ -369,6 +374,11 @@ class Engine:
                     who[going], before[going], after, scale[going], error[who[going]]
                 )
         return spent, error, solves
+
+
+def _of(numbers: np.ndarray, ahead: Ahead | None) -> Ahead | None:
+    """`ahead` for a batch of those of its samples."""
+    return None if ahead is None else lambda who, start, end: ahead(numbers[who], start, end)
 
 
 def _status(failed_at: float, error: float, cycles: int, tolerance: float | None = None) -> str:

@@ -1,6 +1,7 @@
 """A network as blocks, nodes and unknowns, numbered and named as svZeroDSolver does it."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -104,7 +105,7 @@ class Model:
     def size(self) -> int:
         return len(self.variables)
 
-    @property
+    @cached_property
     def parameters(self) -> dict[str, float]:
         """Every scalar parameter, "BLOCK.parameter" → value, and the period."""
         scalars = {

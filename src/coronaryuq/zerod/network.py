@@ -4,7 +4,6 @@ A network is the plain dict that stands in the file. Checking names the file, th
 network that passes can be solved; what an element means is in `zerod.elements`.
 """
 
-import copy
 import sys
 from pathlib import Path
 from typing import Any
@@ -145,7 +144,16 @@ def vessel_names(network: Network) -> dict[int, str]:
 
 def copy_of(network: Network) -> Network:
     """A deep copy, so that a changed network never changes the one it came from."""
-    return copy.deepcopy(network)
+    return _copied(network)
+
+
+def _copied(value: Any) -> Any:
+    """Of what stands in a JSON file; many times as fast as `copy.deepcopy`, which has to expect anything."""
+    if isinstance(value, dict):
+        return {key: _copied(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_copied(entry) for entry in value]
+    return value
 
 
 def _check_simulation(block: dict, file) -> None:

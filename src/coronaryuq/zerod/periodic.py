@@ -4,6 +4,8 @@ Anderson (1965); Walker & Ni, SIAM J. Numer. Anal. 49 (2011), type II. An accele
 states that the network reached, so that linear constraints and the loop's total blood volume stay as they are.
 """
 
+from collections.abc import Callable
+
 import numba
 import numpy as np
 
@@ -20,6 +22,10 @@ and forth across one for ever, where plain cycles settle on one side.
 _RANK = 1e-8
 _GROWTH = 3.0
 
+Ahead = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+"""Samples' numbers (k,), start and end (k, width) of their last cycle → states that are nearer to periodic ones than
+the end is."""
+
 
 def drift(before: np.ndarray, after: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Cycle error of each sample (samples,), and the scale of each unknown (samples, unknowns) that it refers to.
@@ -34,9 +40,13 @@ def drift(before: np.ndarray, after: np.ndarray, low: np.ndarray, high: np.ndarr
 
 
 class Anderson:
-    """Remembers the last cycles of each sample of a batch and proposes where to start the next one."""
+    """Remembers the last cycles of each sample of a batch and proposes where to start the next one.
 
-    def __init__(self, samples: int, width: int):
+    ahead: says of a cycle's end what is nearer to a periodic state; such states are combined instead of the ends.
+    """
+
+    def __init__(self, samples: int, width: int, ahead: Ahead | None = None):
+        self._ahead = ahead
         self._ends = np.zeros((samples, DEPTH + 1, width))
         self._steps = np.zeros((samples, DEPTH + 1, width))
         self._known = np.zeros(samples, dtype=np.int64)
@@ -52,6 +62,7 @@ class Anderson:
         start, end: (k, width) whole states; scale: (k, unknowns), of their first `unknowns` columns; error: (k,).
         A sample whose error grew much begins anew, with a plain cycle.
         """
+        aim = end if self._ahead is None else self._ahead(who, start, end)
         proposed = np.empty_like(end)
         for k, sample in enumerate(who):
             self._waited[sample] += 1
@@ -66,7 +77,7 @@ class Anderson:
                 self._known[sample] = 0
             self._error[sample] = error[k]
             self._known[sample] = _propose(
-                self._ends[sample], self._steps[sample], self._known[sample], start[k], end[k], scale[k], proposed[k]
+                self._ends[sample], self._steps[sample], self._known[sample], start[k], aim[k], scale[k], proposed[k]
             )
         return proposed
 

@@ -1,6 +1,5 @@
 """What every effect is: formula and source, sizes with priors, places, a way into the network or the data."""
 
-import copy
 from abc import ABC
 from dataclasses import dataclass
 from typing import ClassVar
@@ -8,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.network import copy_of
 
 Values = dict[str, np.ndarray]
 
@@ -85,7 +85,7 @@ class Effect(ABC):
 
     def insert(self, network: dict, place: str, anatomy: Anatomy) -> dict:
         """The network with the elements that the effect needs, in a state that leaves the flow as it was."""
-        return copy.deepcopy(network)
+        return copy_of(network)
 
     def inserts(self, place: str, anatomy: Anatomy) -> bool:
         """Whether `insert` adds anything at that place."""

@@ -1,8 +1,7 @@
 """Adding vessels and junctions to a 0D network without disturbing the flow through it."""
 
-import copy
-
 from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.network import copy_of
 
 
 def open_end(network: dict, vessel: str, tag: str) -> tuple[dict, str, dict[str, str]]:
@@ -13,7 +12,7 @@ def open_end(network: dict, vessel: str, tag: str) -> tuple[dict, str, dict[str,
     the flow into the bed, is from then on `VESSEL_TAG:BED`. One that ends in a junction with values of its own, which
     takes no more vessels, gets a stub to that; its location is from then on that of the vessel's end ahead of the stub.
     """
-    network = copy.deepcopy(network)
+    network = copy_of(network)
     anatomy = Anatomy(network)
     renamed = opened(anatomy, vessel, tag)
     if not renamed:
@@ -61,7 +60,7 @@ def put_ahead(network: dict, vessel: str, tag: str) -> dict:
 
     The location where the vessel began, `FEEDER:VESSEL`, is from then on `FEEDER:VESSEL_TAG`.
     """
-    network = copy.deepcopy(network)
+    network = copy_of(network)
     stub, junction = f"{vessel}_{tag}", f"J_{vessel}_{tag}"
     below = next(v for v in network["vessels"] if v["vessel_name"] == vessel)
     inlet = below.get("boundary_conditions", {}).pop("inlet", None)
