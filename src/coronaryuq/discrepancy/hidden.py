@@ -156,7 +156,8 @@ def traces(
     rows = [(np.concatenate([nothing, z]), [acting]) for acting, z in choices]
     grafts = list(dict.fromkeys(acting for acting, _ in choices if acting[0].grafted))
     changes = problem.fitted(rows, grafts)
-    squares = [change @ fit.project(change) if np.isfinite(change).all() else 0.0 for change in changes]
+    project = fit.projection
+    squares = [change @ project(change) if np.isfinite(change).all() else 0.0 for change in changes]
     return np.sqrt(np.maximum(squares, 0.0))
 
 

@@ -83,7 +83,8 @@ class _Linear:
 
     def __init__(self, at: Fit, residual: np.ndarray, conditions: np.ndarray):
         linear = residual + at.jacobian @ at.z
-        self.at, self.score = at, at.project(linear)
+        self.project = at.projection
+        self.score = self.project(linear)
         self.apart = conditions[:, None] == np.unique(conditions)
         self.evidence = -0.5 * float(linear @ self.score) - 0.5 * float(np.linalg.slogdet(at.precision)[1])
 
@@ -91,19 +92,19 @@ class _Linear:
         """The score tests, and a first weighing."""
         candidate.clear_score()
         if np.isfinite(response).all():
-            length = float(np.sqrt(max(response @ self.at.project(response), 0.0)))
+            length = float(np.sqrt(max(response @ self.project(response), 0.0)))
             z = float(response @ self.score) / length if length > LEAST_SENSITIVITY else 0.0
             candidate.z_score = max(z, 0.0) if candidate.one_sided else abs(z)
             if length > LEAST_SENSITIVITY and self.apart.shape[1] > 1:
                 each = response[:, None] * self.apart
-                candidate.p_varying = chi2_tail(each.T @ self.at.project(each), each.T @ self.score)
+                candidate.p_varying = chi2_tail(each.T @ self.project(each), each.T @ self.score)
             self.weigh(candidate, _sizes(candidate)[0], response)
 
     def weigh(self, candidate: Candidate, size: float, response: np.ndarray) -> None:
         """Let the candidate have the greatest log evidence that multiples of this response reach, if it is greater."""
         if not np.isfinite(response).all():
             return
-        along, square = float(response @ self.score), float(response @ self.at.project(response))
+        along, square = float(response @ self.score), float(response @ self.project(response))
         gain, best = _best_size(candidate, size, along, max(square, 0.0))
         if self.evidence + gain > candidate.estimate:
             candidate.estimate = self.evidence + gain

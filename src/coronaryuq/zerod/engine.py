@@ -12,7 +12,7 @@ from coronaryuq.zerod.assembly import Context
 from coronaryuq.zerod.batch import Batch
 from coronaryuq.zerod.elements import coronary_offset
 from coronaryuq.zerod.group import fill
-from coronaryuq.zerod.kernels import Record, Scheme, march
+from coronaryuq.zerod.kernels import Scheme, march
 from coronaryuq.zerod.lanes import LANES, table
 from coronaryuq.zerod.model import Model
 from coronaryuq.zerod.network import Network
@@ -131,12 +131,10 @@ class Engine:
         for refinement in _REFINEMENTS:
             part = {name: value[left] if np.ndim(value) else value for name, value in values.items()}
             batch = self._begin(part, len(left), None if whole is None else whole[left], threads)
-            batch.make_room(len(recorded), steps * refinement, bool(shown))
+            batch.make_room(recorded, steps * refinement, bool(shown))
             mixer = Anderson(len(left), batch.state.shape[1], _of(left, ahead)) if periodic and accelerate else None
             until = tolerance if periodic else None
-            spent, error, solves = self._march(
-                batch, steps * refinement, recorded, limit, until, mixer, threads, patience
-            )
+            spent, error, solves = self._march(batch, steps * refinement, limit, until, mixer, threads, patience)
             statuses = [_status(*of) for of in zip(batch.failed_at, error, spent, strict=True)]
             if periodic:
                 statuses = [_status(*of, until) for of in zip(batch.failed_at, error, spent, strict=True)]
@@ -146,7 +144,7 @@ class Engine:
                 found = statistics[quantity.statistic][:, np.searchsorted(recorded, quantity.unknown)]
                 result.values[name][left] = np.where(good, found, np.nan)
             for name, unknown in zip(waveforms, shown, strict=True):
-                wave = batch.waves[::refinement, :, np.searchsorted(recorded, unknown)].T
+                wave = batch.waves[np.searchsorted(recorded, unknown), :, ::refinement]
                 result.waveforms[name][left] = np.where(good[:, None], wave, np.nan)
             result.state[left] = np.concatenate([batch.state, batch.offsets], axis=1)
             result.status[left], result.refinement[left] = statuses, refinement
@@ -166,11 +164,12 @@ class Engine:
         batch = self._begin({}, 1, None, 1)
         program = self._fill(batch, steps, steady=False)
         while True:
-            batch.make_room(2 * n, steps, True)
-            self._cycle(program, batch, np.ones(1, bool), steps, steps, np.arange(2 * n), 1)
+            batch.make_room(np.arange(2 * n), steps, True)
+            self._cycle(program, batch, np.ones(1, bool), steps, steps, 1)
+            batch.keep_waves(np.ones(1, bool))
             if batch.failed_at[0]:
                 raise RuntimeError(_status(batch.failed_at[0], 0.0, 1))
-            yield batch.waves[:, 0, :n], batch.waves[:, 0, n:]
+            yield batch.waves[:n, 0].T, batch.waves[n:, 0].T
 
     def _parameters(self, changes: Changes, start) -> tuple[dict[str, np.ndarray], int]:
         known, waveforms = self.parameters, set(self.waveforms)
@@ -270,9 +269,8 @@ class Engine:
         steady = self.model.simulation.get("steady_initial", True)
         if steady:
             program = self._fill(batch, _STEADY_STEPS_PER_CYCLE, steady=True)
-            batch.make_room(0, _STEADY_STEPS, False)
-            everyone, nothing = np.ones(samples, bool), np.empty(0, np.int64)
-            self._cycle(program, batch, everyone, _STEADY_STEPS, _STEADY_STEPS_PER_CYCLE, nothing, threads)
+            batch.make_room(np.empty(0, np.int64), _STEADY_STEPS, False)
+            self._cycle(program, batch, np.ones(samples, bool), _STEADY_STEPS, _STEADY_STEPS_PER_CYCLE, threads)
         at = Context(self.model, parameters, samples, np.zeros(1))
         for k, block in enumerate(self.coronaries):
             batch.offsets[:, k] = coronary_offset(block, at, batch.state[:, :n], batch.state[:, n:], steady)
@@ -291,27 +289,18 @@ class Engine:
             state[n + k] = self.model.network.get("initial_condition_d", {}).get(name, 0.0)
         return state
 
-    def _cycle(
-        self, program: Program, batch: Batch, live: np.ndarray, steps: int, times: int, recorded, threads: int
-    ) -> int:
+    def _cycle(self, program: Program, batch: Batch, live: np.ndarray, steps: int, times: int, threads: int) -> int:
         """March the samples of `live` (n,) through `steps` steps; returns Newton solves, summed over groups."""
-        size, waves = self.model.size, batch.waves.shape[0] > 0
+        size = self.model.size
 
         def advance(number: int) -> int:
-            group, seats = batch.groups[number], batch.seats[number]
+            group, seats, record = batch.groups[number], batch.seats[number], batch.records[number]
             real = np.arange(LANES) < len(seats)
             lanes = np.where(real, np.resize(seats, LANES), seats[0])
             real &= live[lanes]
             state, failed, counts = table(2 * size), table(1), np.zeros(1, np.int64)
             state[:] = batch.state[lanes].T
             failed[0] = np.where(live[lanes], batch.failed_at[lanes], 1.0)
-            record = Record(
-                recorded.astype(np.uint32),
-                *(table(len(recorded)) for _ in range(3)),
-                np.empty((steps + 1 if waves else 0, len(recorded), LANES)),
-                table(size),
-                table(size),
-            )
             march(program.structure, group.values, group.work, state, self.scheme, steps, times, failed, record, counts)
             mine = lanes[real]
             batch.state[mine] = state.T[real]
@@ -319,8 +308,6 @@ class Engine:
             batch.floor[mine], batch.ceiling[mine] = (record.floor.T[real], record.ceiling.T[real])
             for kept, found in zip(batch.statistics, (record.mean, record.least, record.greatest), strict=True):
                 kept[mine] = found.T[real]
-            if waves:
-                batch.waves[:, mine] = record.waves.transpose(0, 2, 1)[:, real]
             return int(counts[0])
 
         numbers = [k for k, seats in enumerate(batch.seats) if live[seats].any()]
@@ -333,7 +320,6 @@ class Engine:
         self,
         batch: Batch,
         times: int,
-        recorded,
         limit: int,
         tolerance: float | None,
         mixer: Anderson | None,
@@ -354,7 +340,7 @@ class Engine:
         for cycle in range(limit):
             who = np.nonzero(live)[0]
             before = batch.state[who]
-            solves += self._cycle(program, batch, live, times, times, recorded, threads)
+            solves += self._cycle(program, batch, live, times, times, threads)
             spent[who] += 1
             error[who], scale = drift(before[:, :n], batch.state[who, :n], batch.floor[who], batch.ceiling[who])
             live &= batch.failed_at == 0
@@ -364,6 +350,9 @@ class Engine:
                 halved = error < 0.5 * mark
                 mark[halved], marked[halved] = error[halved], cycle
                 live &= cycle - marked < patience
+            done = np.zeros(samples, bool)
+            done[who] = ~live[who] | (cycle == limit - 1)
+            batch.keep_waves(done)
             if not live.any():
                 break
             batch.close_ranks(live)
