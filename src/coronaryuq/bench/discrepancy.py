@@ -19,7 +19,6 @@ from coronaryuq.bench.hidden_cases import (
     OUTSIDE_LOOP,
     Made,
     closed_loop,
-    known_stenosis,
     open_loop,
     outside,
 )
@@ -226,7 +225,7 @@ def analyse(folder: Path) -> Discovery:
 
 def hide(case: Case, made: Made, folder: Path) -> tuple[hidden.Truth | None, int]:
     """Write one case into `folder`; what was hidden, None where it left no trace, and how often it was drawn again."""
-    network, conditions, plan = made = known_stenosis(made) if case.known else made
+    network, conditions, plan = made = made.beside_a_stenosis if case.known else made
     random = generator(case.seed, "discrepancy", "bench", *case.effects, case.outside, case.strength, case.noise)
     places = {name: _places(effect(name), made, random) for name in case.effects}
     if not all(places.values()):
@@ -271,8 +270,7 @@ def _places(one: Effect, made: Made, random: np.random.Generator) -> list[str]:
 
 def _visible(one: Effect, places: list[str], case: Case, made: Made) -> list[str]:
     """Those of the places where it would leave a trace: in a loop few do, and a draw takes seconds."""
-    network, conditions, plan = made
     positive, signed = STRENGTHS[case.strength]
     size = np.array([positive if parameter.kind == "lognormal" else signed for parameter in one.parameters])
-    left = hidden.traces(network, conditions, plan, NOISES[case.noise], [((one, place), size) for place in places])
+    left = made.traces(NOISES[case.noise]).of([((one, place), size) for place in places])
     return [place for place, trace in zip(places, left, strict=True) if trace >= LEAST_VISIBLE]

@@ -1,6 +1,8 @@
 """What the benchmark `discrepancy` hides effects in, and effects that the library does not have."""
 
 import copy
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,8 +16,29 @@ from coronaryuq.zerod.effects.grafting import add_vessel, attach
 from coronaryuq.zerod.effects.leak import SideBranchLeak
 from coronaryuq.zerod.engine import Engine
 
-Made = tuple[dict, dict[str, Condition], hidden.Plan]
-"""A network, its conditions, and what is measured under each."""
+
+class _Parts(NamedTuple):
+    network: dict
+    conditions: dict[str, Condition]
+    plan: hidden.Plan
+
+
+class Made(_Parts):
+    """A network, its conditions, and what is measured under each; and what many cases hidden in it have in common."""
+
+    @cached_property
+    def beside_a_stenosis(self) -> "Made":
+        return known_stenosis(self)
+
+    @cached_property
+    def _traces(self) -> dict[float, hidden.Traces]:
+        return {}
+
+    def traces(self, noise: float) -> hidden.Traces:
+        """With so many times the plan's noise."""
+        if noise not in self._traces:
+            self._traces[noise] = hidden.Traces(*self, noise)
+        return self._traces[noise]
 
 
 def open_loop() -> Made:
@@ -36,12 +59,12 @@ def open_loop() -> Made:
     ]
     entries = [(quantity, place, "waveform", sd) for quantity, place, sd in waveforms]
     entries += [("perfusion", f"BC_{bed}", "mean", 0.08) for bed in ("lad", "diagonal", "lcx")]
-    return openloop.left_coronary(), {c.name: c for c in conditions}, hidden.Plan(tuple(entries))
+    return Made(openloop.left_coronary(), {c.name: c for c in conditions}, hidden.Plan(tuple(entries)))
 
 
 def closed_loop(network: dict) -> Made:
     """Conditions and measurements of a closed loop: those of the campaign's own hidden case."""
-    return network, {c.name: c for c in loop_conditions()}, plan_of(network)
+    return Made(network, {c.name: c for c in loop_conditions()}, plan_of(network))
 
 
 KNOWN_LOSS = 0.5
@@ -63,7 +86,7 @@ def known_stenosis(made: Made) -> Made:
     scales = _scales(network, [chosen])
     loss = KNOWN_LOSS * scales.pressure / scales.flow[chosen] ** 2
     vessel_values(network, chosen).update({"stenosis_coefficient": loss, "C": 0.0})
-    return network, conditions, plan
+    return Made(network, conditions, plan)
 
 
 def _scales(network: dict, vessels: list[str]) -> Anatomy:

@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -138,27 +138,32 @@ def _nuisance(forward: Forward, spread: float, random: np.random.Generator) -> n
     return found
 
 
-def traces(
-    network: dict, conditions: dict[str, Condition], plan: Plan, noise: float, choices: list[tuple[Acting, np.ndarray]]
-) -> np.ndarray:
-    """What each choice (an effect at a place, with its sizes z) would leave in the fitted data, (n,) in noise sd.
+class Traces:
+    """What effects would leave in the fitted data: as `Truth.visible`, about the model as it is.
 
-    As `Truth.visible`, about the model as it is; nought where the model does not run with it.
+    noise: multiple of the plan's noise.
     """
-    problem = make_problem(
-        network, conditions, _blank(network, conditions, plan, generator(0, "discrepancy", "traces")), Settings()
-    )
-    nothing = np.zeros(problem.count)
-    plain = problem.forward.predict(nothing)[0]
-    shares = _deviations(plan, problem.forward.measured, problem.forward.split(plain[None, :]), noise)
-    problem.y, sizes = plain, [one.value.size for one in problem.forward.measured]
-    fit = _absorbing(problem, nothing, np.repeat(shares, sizes))
-    rows = [(np.concatenate([nothing, z]), [acting]) for acting, z in choices]
-    grafts = list(dict.fromkeys(acting for acting, _ in choices if acting[0].grafted))
-    changes = problem.fitted(rows, grafts)
-    project = fit.projection
-    squares = [change @ project(change) if np.isfinite(change).all() else 0.0 for change in changes]
-    return np.sqrt(np.maximum(squares, 0.0))
+
+    def __init__(self, network: dict, conditions: dict[str, Condition], plan: Plan, noise: float):
+        blank = _blank(network, conditions, plan, generator(0, "discrepancy", "traces"))
+        self._problem = problem = make_problem(network, conditions, blank, Settings())
+        nothing = np.zeros(problem.count)
+        plain = problem.forward.predict(nothing)[0]
+        shares = _deviations(plan, problem.forward.measured, problem.forward.split(plain[None, :]), noise)
+        problem.y, sizes = plain, [one.value.size for one in problem.forward.measured]
+        self._project = _absorbing(problem, nothing, np.repeat(shares, sizes)).projection
+
+    def of(self, choices: list[tuple[Acting, np.ndarray]]) -> np.ndarray:
+        """Of each choice, an effect at a place with its sizes z, by itself: (n,) in noise sd; nought where the model
+        does not run with it. Does not depend on what was asked before.
+        """
+        problem, nothing = copy.copy(self._problem), np.zeros(self._problem.count)
+        problem.forward = replace(problem.forward, simulation=problem.forward.simulation.branched())
+        rows = [(np.concatenate([nothing, z]), [acting]) for acting, z in choices]
+        grafts = list(dict.fromkeys(acting for acting, _ in choices if acting[0].grafted))
+        changes = problem.fitted(rows, grafts)
+        squares = [change @ self._project(change) if np.isfinite(change).all() else 0.0 for change in changes]
+        return np.sqrt(np.maximum(squares, 0.0))
 
 
 def _each_left_out(nuisance: np.ndarray, sizes: np.ndarray, acting: list[Acting]) -> list[tuple]:

@@ -53,6 +53,10 @@ class Simulation:
         """The same with other steps, or another change of the network: engines are made anew."""
         return replace(self, **fields, runs=0, _engines={})
 
+    def branched(self) -> "Simulation":
+        """The same, as much as it has met so far; what the two meet from now on is each one's own."""
+        return replace(self, runs=0, _engines=dict(self._engines), _met=self._met.branched())
+
     def inserting(self, acting: Collection[Acting]) -> list[Acting]:
         """Those that add elements to the network."""
         return [(effect, place) for effect, place in acting if effect.inserts(place, self.anatomy)]

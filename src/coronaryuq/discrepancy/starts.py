@@ -1,5 +1,6 @@
 """Where runs of a closed loop start: at the nearest periodic state met before, holding the blood they have to hold."""
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -49,6 +50,14 @@ class Known:
         """Of every effect met, (MOST, sizes), NaN where a point lacks it."""
         self._kept = 0
 
+    def branched(self) -> "Known":
+        """A copy that goes on by itself."""
+        other = copy.copy(self)
+        other.points, other.origins = self.points.copy(), self.origins.copy()
+        other._z, other._effects, other._engines = self._z.copy(), self._effects.copy(), self._engines.copy()
+        other._sizes = {key: sizes.copy() for key, sizes in self._sizes.items()}
+        return other
+
     def distances(self, point: Point) -> np.ndarray:
         """From every point known, (n,)."""
         count = len(self.points)
@@ -89,6 +98,12 @@ class Starts:
 
     def __init__(self):
         self._known: dict[str, Known] = {}
+
+    def branched(self) -> "Starts":
+        """A copy that goes on by itself."""
+        other = Starts()
+        other._known = {condition: known.branched() for condition, known in self._known.items()}
+        return other
 
     def keep(self, condition: str, point: Point, structure: Structure, state: np.ndarray) -> None:
         """Remember the state of a run, unless that of a near point of the same network is known."""
