@@ -1,5 +1,7 @@
 """How runs of a closed loop settle in fewer cycles: by the slow modes of the model as it is, under each condition."""
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 
 from coronaryuq.discrepancy.jobs import Job, Prepared, stacked
@@ -21,6 +23,7 @@ class Settling:
 
     def __init__(self):
         self._modes: dict[str, SlowModes | None] = {}
+        self._origins: WeakKeyDictionary[Prepared, np.ndarray] = WeakKeyDictionary()
 
     def ahead(
         self, plain: Prepared, prepared: Prepared, jobs: list[Job], changes: dict, steps_per_cycle: int
@@ -54,7 +57,11 @@ class Settling:
             steps = min(steps_per_cycle, MOST_STEPS)
             self._modes[condition] = slow_modes(plain.engine, plain.start[condition], changes, steps)
         found = self._modes[condition]
-        return found if found is None or prepared is plain else found.moved(_origin(plain, prepared))
+        if found is None or prepared is plain:
+            return found
+        if prepared not in self._origins:
+            self._origins[prepared] = _origin(plain, prepared)
+        return found.moved(self._origins[prepared])
 
 
 def _origin(plain: Prepared, prepared: Prepared) -> np.ndarray:
