@@ -7,7 +7,7 @@ import pytest
 from linear_problem import LinearProblem
 
 from coronaryuq.discrepancy.candidates import Candidate
-from coronaryuq.discrepancy.search import Round, look_back
+from coronaryuq.discrepancy.search import RIVALS, Round, look_back
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.seeds import generator
 from coronaryuq.zerod.effects.base import Parameter
@@ -77,3 +77,29 @@ def test_what_cannot_be_told_from_a_kept_effect_is_judged_beside_the_later_ones(
     assert first.beside == [problem.acting["b"]]
     for one in first.members:
         assert one.fit.z == pytest.approx(problem.calibrate([*first.beside, one.acting]).z)
+
+
+class Copies(Linear):
+    """Effects a and b were hidden; many more are next to a."""
+
+    def __init__(self, copies: int):
+        super().__init__(twins=True)
+        noise = generator(5, "test", "look back").standard_normal((copies, ROWS))
+        for number in range(copies):
+            effect = type(
+                "MadeUp", (), {"name": f"copy {number}", "parameters": (SIZE,), "grafted": False, "nameable": True}
+            )()
+            self.acting[f"copy {number}"] = (effect, "here")
+            self.along[effect, "here"] = self.along[self.acting["a"]] + 0.01 * noise[number]
+
+
+def test_a_class_holds_all_that_cannot_be_told_from_its_first_beside_the_later_effects():
+    """More than are fitted in full, and than the round that named it knew of."""
+    problem = Copies(RIVALS + 4)
+    everything = {name: Candidate(*acting, PRIOR) for name, acting in problem.acting.items()}
+    for candidate in everything.values():
+        candidate.z_score, candidate.guess = 10.0, np.ones(1)
+    rounds = [Round([], {}, everything[name], [everything[name]], list(everything.values())) for name in "ab"]
+    acting = [problem.acting[name] for name in "ab"]
+    look_back(problem, acting, problem.calibrate(acting), rounds)
+    assert {one.effect.name for one in rounds[0].members} == set(problem.acting) - {"b"}

@@ -235,11 +235,7 @@ def fit_alike(
     sizes stay those of the best fit, of which theirs hardly differ; one that goes ahead is fitted in full.
     """
     known = {c.acting: c for c in everything}
-    waiting = []
-    for candidate in near:
-        behind = min(best.log_weight - candidate.promise, best.fit.evidence - candidate.estimate)
-        if known[candidate.acting].fit is None and behind < ALIKE:
-            waiting.append(candidate)
+    waiting = [c for c in near if known[c.acting].fit is None and _may_be_alike(c, best)]
     if not waiting:
         return
     found = problem.fit_candidates(_around(best), acting, [c.acting for c in waiting], [c.guess for c in waiting])
@@ -250,6 +246,11 @@ def fit_alike(
     ahead = max(chosen, key=lambda c: c.log_weight)
     if ahead is not best:
         ahead.fit = _exact(problem, [*acting, ahead.acting], ahead.fit.z) or ahead.fit
+
+
+def _may_be_alike(candidate: Candidate, best: Candidate) -> bool:
+    """Whether a candidate may be of the class of the best one, as it looks about its fit."""
+    return min(best.log_weight - candidate.promise, best.fit.evidence - candidate.estimate) < ALIKE
 
 
 def _around(best: Candidate) -> Fit:
@@ -295,12 +296,15 @@ def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Rou
             rival.fit = _exact(problem, [*others, rival.acting], np.concatenate([about.z, rival.guess]))
         # Of a large class, every pair of outlets perhaps, the sensitivities hardly differ from the present one's.
         members = {member.acting for member in current.members}
-        alike = [c for c in rivals[RIVALS:] if c.acting in members]
+        ahead = max([present, *(c for c in rivals if c.fit is not None)], key=lambda c: c.log_weight)
+        alike = [c for c in rivals[RIVALS:] if c.acting in members or _may_be_alike(c, ahead)]
         found = problem.fit_candidates(about, others, [c.acting for c in alike], [c.guess for c in alike])
         for rival, its in zip(alike, found, strict=True):
             rival.fit = its
         tried = sorted([present, *(c for c in rivals if c.fit is not None)], key=lambda c: -c.log_weight)
         best = preferred(tried)
+        if best in alike:
+            best.fit = _exact(problem, [*others, best.acting], best.fit.z) or best.fit
         if of_class(best, tried) - without.evidence < problem.settings.least_log_odds:
             current.accepted = None
             return others, without
