@@ -52,12 +52,12 @@ class SlowModes:
 
 
 def slow_modes(
-    engine: Engine, state: np.ndarray, changes: Mapping[str, np.ndarray | float], steps_per_cycle: int
+    engine: Engine, state: np.ndarray, changes: Mapping[str, np.ndarray], steps_per_cycle: int
 ) -> SlowModes | None:
     """Of a closed loop about the periodic state next to `state` (columns of state,); None where no mode is slow.
 
-    changes: as `Engine.run` takes them, of one sample. Disturbances leave the loop's blood volume as it is: it is kept
-    for ever.
+    changes: as `Engine.run` takes them, of one sample: (1,) each, or (1, points). Disturbances leave the loop's blood
+    volume as it is: it is kept for ever.
     """
     size, volume = engine.model.size, BloodVolume(engine.model)
 
