@@ -18,7 +18,7 @@ def scored(truth: hidden.Truth, answer: Discovery) -> dict:
     oracle, oracle_z: held-out misfit with the true effect, fitted from its true size, and how far its size is off then,
     in posterior standard deviations: an interval that misses may owe it to the search or to the noise.
     """
-    problem = answer.problem
+    problem = answer.plain
     classes = [[(c.effect.name, c.place) for c in entry.members] for entry in answer.named]
     wanted = [(one.name, place) for one, place in truth.acting]
     got = [any(name == e for members in classes for e, _ in members) for name, _ in wanted]
@@ -51,6 +51,7 @@ def scored(truth: hidden.Truth, answer: Discovery) -> dict:
     entry["worse"] = bool(entry["after"] ** 2 > answer.gaps.before.misfit**2 + 2.0 * np.sqrt(2.0 / rows))
     if wanted:
         oracle = problem.calibrate(truth.acting, np.concatenate([np.zeros(problem.count), truth.sizes]))
+        problem, oracle = problem.corrected(truth.acting, oracle)
         best = gap(problem, linearise(problem, oracle.z, truth.acting), answer.folds, 1).misfit
         room = answer.gaps.before.misfit**2 - best**2
         entry["oracle"] = best

@@ -67,6 +67,12 @@ def time_steps(forward: Forward, noise: np.ndarray) -> TimeSteps:
     return TimeSteps(noise * mean, noise * np.vstack([*common, own]), noise * sd)
 
 
+def finer(forward: Forward, times: int) -> Forward:
+    """The same model with so many times as many time steps a cycle."""
+    steps = times * forward.simulation.steps_per_cycle
+    return replace(forward, simulation=forward.simulation.changed(steps_per_cycle=steps))
+
+
 class _Steps:
     """Predictions, in noise standard deviations, by steps so many times as short as the model's."""
 
@@ -80,9 +86,7 @@ class _Steps:
 
     def _predicted(self, points: np.ndarray, times: int) -> np.ndarray:
         if times not in self.forwards:
-            forward = self.forwards[1]
-            steps = times * forward.simulation.steps_per_cycle
-            self.forwards[times] = replace(forward, simulation=forward.simulation.changed(steps_per_cycle=steps))
+            self.forwards[times] = finer(self.forwards[1], times)
         return self.forwards[times].predict(points)
 
 

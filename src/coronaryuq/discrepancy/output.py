@@ -138,7 +138,8 @@ def write(found: Discovery, folder: Path) -> dict:
 def _residuals(found: Discovery) -> pd.DataFrame:
     problem = found.problem
     series = [problem.forward.measured[i] for i in problem.owner]
-    plain, repaired = problem.whitened([(found.base.z, []), (found.fit.z, found.acting)])
+    (plain,) = found.plain.whitened([(found.base.z, [])])
+    (repaired,) = problem.whitened([(found.fit.z, found.acting)])
     times = np.concatenate([np.full(1, np.nan) if s.time is None else s.time for s in problem.forward.measured])
     return pd.DataFrame(
         {

@@ -64,8 +64,12 @@ class Round:
 
 @dataclass
 class Discovery:
-    """What a search found. acting: the named effects, in order; fit: their joint fit; base: the model without any."""
+    """What a search found. acting: the named effects, in order; fit: their joint fit; base: the model without any.
 
+    plain, problem: with the time steps put right about the model as it is, and about the named effects.
+    """
+
+    plain: Problem
     problem: Problem
     base: Fit
     located: Located
@@ -103,7 +107,7 @@ class Discovery:
 
 def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = SEARCHED) -> Discovery:
     """Search one problem. `seed` only enters the bootstrap intervals of the gaps."""
-    settings = problem.settings
+    plain, settings = problem, problem.settings
     base = fit = problem.calibrate([])
     acting: list[Acting] = []
     located, everything, vantage = assess(problem, fit, acting, library)
@@ -125,6 +129,7 @@ def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = SEARCHED
             acting, fit = look_back(problem, acting, fit, rounds)
             if acting == before:
                 break
+        problem, fit = problem.corrected(acting, fit)
         remaining, everything, vantage = assess(problem, fit, acting, library)
         tested += len(everything)
     if len(acting) > 1:
@@ -132,19 +137,19 @@ def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = SEARCHED
             without = _exact(problem, [one for one in acting if one != entry.accepted.acting])
             entry.worth = np.inf if without is None else fit.evidence - without.evidence
     parts = folds(problem, [name for name, c in problem.forward.conditions.items() if c.held_out])
-    plain = linearise(problem, base.z, [])
-    repaired = linearise(problem, fit.z, acting) if acting else plain
+    recalibrated = linearise(plain, base.z, [])
+    repaired = linearise(problem, fit.z, acting) if acting else recalibrated
     _, amplitude = outside.gain(base, features[problem.train])
-    flexible = plain.extended(amplitude * features)
+    flexible = recalibrated.extended(amplitude * features)
     _, amplitude = outside.gain(fit, features[problem.train])
     both = repaired.extended(amplitude * features) if acting else flexible
-    gaps = Gaps(*(gap(problem, model, parts, seed) for model in (plain, repaired, flexible, both)))
+    gaps = Gaps(*(gap(problem, model, parts, seed) for model in (recalibrated, repaired, flexible, both)))
     priors = {entry.accepted.acting: entry.class_log_prior for entry in rounds if entry.accepted is not None}
     effects = len({candidate.effect.name for candidate in everything})
     still = remaining.alarm(settings.alarm_level)
     named = [(one, priors[one]) for one in acting]
     verdict = judge(problem, base, fit, named, effects, still, gaps, foretold(problem, repaired, parts))
-    return Discovery(problem, base, located, alarm, rounds, acting, fit, remaining, gaps, verdict, parts, tested)
+    return Discovery(plain, problem, base, located, alarm, rounds, acting, fit, remaining, gaps, verdict, parts, tested)
 
 
 def assess(

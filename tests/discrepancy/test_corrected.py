@@ -1,0 +1,72 @@
+"""Where an effect makes the time steps put other things wrong than the model as it is does, a fit puts those right."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_starts import fresh
+
+from coronaryuq import files
+from coronaryuq.bench.discrepancy import Case, hide
+from coronaryuq.bench.hidden_cases import open_loop
+from coronaryuq.discrepancy.conditions import read_conditions
+from coronaryuq.discrepancy.model import read_problem, with_time_steps
+from coronaryuq.discrepancy.numerics import FINER
+from coronaryuq.discrepancy.problem import MISSED
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.zerod.effects.library import effect
+
+COARSE = 50
+"""Time steps a cycle with which waveforms of this tree are well off."""
+STORE = [(effect("epicardial_compliance"), "lad")]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("case")
+    hide(Case((), "none", "nominal", 5), open_loop(), folder)
+    return folder
+
+
+def problem(folder, steps):
+    conditions = read_conditions(folder / "conditions.yaml")
+    settings = Settings(steps_per_cycle=steps)
+    return read_problem(files.read_json(folder / "model.json"), folder / "measurements.csv", conditions, "c", settings)
+
+
+def with_store(folder):
+    """A problem with coarse steps, whose data are those of the same model with shorter ones and a store in a vessel."""
+    coarse, fine = problem(folder, COARSE), problem(folder, FINER * COARSE)
+    plain = [nuisance for nuisance in fine.forward.nuisances if nuisance.shape is None]
+    truth = np.append(0.3 * np.ones(len(plain)), 1.5)
+    (data,) = replace(fine.forward, nuisances=plain, shapes=None).predict(truth, STORE)
+    series = coarse.forward.measured
+    read = coarse.forward.split(data[None, :])
+    measured = [replace(one, value=values[0]) for one, values in zip(series, read, strict=True)]
+    return replace(coarse, forward=replace(coarse.forward, measured=measured)), truth[-1]
+
+
+def test_a_size_that_coarse_steps_shifted_is_right_with_its_own_correction(folder):
+    """To within what may be missed; the data have no noise, so that nothing else keeps a fit from them."""
+    coarse, size = with_store(folder)
+    fit = coarse.calibrate(STORE)
+    corrected, better = coarse.corrected(STORE, fit)
+    before, after = (abs(one.z[-1] - size) / np.sqrt(one.covariance[-1, -1]) for one in (fit, better))
+    assert before > 4.0 * MISSED and after < MISSED
+    assert np.linalg.norm(better.residual) < 0.1 * np.linalg.norm(fit.residual)
+    assert better.z[:-1] == pytest.approx(fit.z[:-1], abs=0.3) and corrected.sd == pytest.approx(coarse.sd, rel=0)
+
+
+def test_what_the_allowances_hold_is_left_as_it_is(folder):
+    fine = problem(folder, Settings().steps_per_cycle)
+    fit = fine.calibrate([])
+    same, kept = fine.corrected([], fit)
+    assert same is fine and kept is fit
+
+
+def test_looking_at_shorter_steps_changes_no_digit_of_later_runs():
+    """A closed loop starts where it settled before: what is met while looking must not serve."""
+    looked, other = with_time_steps(fresh()), with_time_steps(fresh())
+    z = 0.4 * np.ones(looked.count)
+    assert np.isfinite(looked._changed([], z)).all()
+    assert (looked.whitened([(z, [])]) == other.whitened([(z, [])])).all()
