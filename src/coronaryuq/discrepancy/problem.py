@@ -95,7 +95,7 @@ class Problem:
         problem = self
         for _ in range(CORRECTIONS if self.time_steps is not None else 0):
             change = problem._changed(acting, fit.z)
-            if not np.isfinite(change).all() or problem._missed(change) < MISSED:
+            if not np.isfinite(change).all() or problem.missed(change) < MISSED:
                 break
             other = replace(problem, time_steps=replace(problem.time_steps, change=change))
             start = np.array(fit.z)
@@ -116,7 +116,7 @@ class Problem:
         row = [(z, list(acting))]
         return (self.shorter.predict_rows(row) - own.predict_rows(row))[0]
 
-    def _missed(self, change: np.ndarray) -> float:
+    def missed(self, change: np.ndarray) -> float:
         """Norm, in noise standard deviations, of what the time steps' allowances leave of another change (N,)."""
         missed, shapes = (change - self.change) / self.sd, self.forward.shapes / self.sd
         weights = np.linalg.solve(np.eye(len(shapes)) + shapes @ shapes.T, shapes @ missed)

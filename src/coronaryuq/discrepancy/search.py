@@ -9,6 +9,7 @@ from coronaryuq.discrepancy.abstention import Gaps, Verdict, judge
 from coronaryuq.discrepancy.candidates import (
     CONTENDER,
     LARGEST_CLASS_ODDS,
+    PRIOR_NAMED,
     ROUGH,
     Candidate,
     all_candidates,
@@ -32,6 +33,13 @@ from coronaryuq.zerod.effects.library import SEARCHED
 RIVALS = 5
 """Candidates that a look back, or a second look about a better point, fits in full."""
 SECOND_LOOKS = 3
+RINGS = 3.0
+"""Noise standard deviations by which time steps were put right from which another candidate may do better with it."""
+MOST_CORRECTIONS = 3
+LIKELIEST = 3
+"""Candidates fitted where no test has seen anything."""
+LARGEST_LOG = 500.0
+"""Log Bayes factor beyond which its size is of no matter."""
 WORTH_FITTING = 0.5
 """Log evidence by which an estimate must beat a candidate's own fit to have it fitted again."""
 ALIKE = LARGEST_CLASS_ODDS + 2.0
@@ -129,7 +137,7 @@ def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = SEARCHED
             acting, fit = look_back(problem, acting, fit, rounds)
             if acting == before:
                 break
-        problem, fit = problem.corrected(acting, fit)
+        problem, acting, fit = correct(problem, acting, fit, rounds)
         remaining, everything, vantage = assess(problem, fit, acting, library)
         tested += len(everything)
     if len(acting) > 1:
@@ -168,7 +176,27 @@ def assess(
         ("best candidate of varying size", [c.p_varying for c in everything]),
     ):
         located = located.with_test(name, min(p, default=1.0) * max(len(everything), 1))
+    if not located.alarm(problem.settings.alarm_level):
+        located = located.with_test(
+            "likeliest candidates, fitted", _chance_of_evidence(problem, fit, acting, everything)
+        )
     return located, everything, vantage
+
+
+def _chance_of_evidence(problem: Problem, fit: Fit, acting: list[Acting], everything: list[Candidate]) -> float:
+    """p-value of the evidence for the candidates that promise most: a score test does not see what recalibration and
+    size do together, as a narrowed valve does with a stronger ventricle.
+
+    The Bayes factor of all candidates together, weighed by their priors, exceeds 1 / p with a probability of p at most
+    where nothing is missing (Markov's inequality; Vovk & Wang 2021); those that are not fitted count nought.
+    """
+    together = 0.0
+    for candidate in sorted(everything, key=lambda c: -c.promise)[:LIKELIEST]:
+        found = _exact(problem, [*acting, candidate.acting], np.concatenate([fit.z, candidate.guess]))
+        if found is not None:
+            share = np.exp(candidate.log_prior) / PRIOR_NAMED
+            together += share * np.exp(min(found.evidence - fit.evidence, LARGEST_LOG))
+    return float(1.0 / max(together, 1.0))
 
 
 def name_one(
@@ -277,6 +305,77 @@ def _exact(problem: Problem, acting: list[Acting], start: np.ndarray | None = No
         return None
 
 
+def correct(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Round]) -> tuple[Problem, list[Acting], Fit]:
+    """Put the time steps right about the named effects; where that was much, about what competed with the last, too,
+    unless something is left that another effect may explain: a look back comes after that."""
+    for _ in range(MOST_CORRECTIONS):
+        before = problem
+        problem, fit = before.corrected(acting, fit)
+        left = locate(problem, fit).alarm(problem.settings.alarm_level)
+        if left or problem.missed(before.change) < RINGS:
+            break
+        current = next(r for r in rounds if r.accepted is not None and r.accepted.acting == acting[-1])
+        _compete_again(problem, current, fit)
+        if current.accepted.acting == acting[-1]:
+            break
+        acting, fit = [*acting[:-1], current.accepted.acting], current.accepted.fit
+    return problem, acting, fit
+
+
+def _compete_again(problem: Problem, current: Round, fit: Fit) -> None:
+    """Weigh a round's candidates anew, each with the time steps put right about itself; fit: the accepted one's."""
+    present, others = replace(current.accepted, fit=fit), current.beside
+    best, tried = _weighed(problem, current, present, others, _around(present), present.log_weight - CONTENDER, True)
+    without = _exact(problem, others)
+    _decide(current, best, tried, -np.inf if without is None else without.evidence, others)
+
+
+def _weighed(
+    problem: Problem,
+    current: Round,
+    present: Candidate,
+    others: list[Acting],
+    about: Fit,
+    least: float,
+    own_steps: bool = False,
+) -> tuple[Candidate, list[Candidate]]:
+    """The best, and all fitted by weight, of a round's present candidate and what promises more than `least`.
+
+    about: the point of the present one's fit without its own sizes; own_steps: whether the time steps are put right
+    about each of those that are fitted in full.
+    """
+    rivals = [replace(c, fit=None) for c in likely(current.screened) if c.acting not in (*others, present.acting)]
+    screen(problem, about, others, rivals)
+    rivals = sorted((c for c in rivals if c.promise > least), key=lambda c: -c.promise)
+    for rival in rivals[:RIVALS]:
+        acting = [*others, rival.acting]
+        rival.fit = _exact(problem, acting, np.concatenate([about.z, rival.guess]))
+        if own_steps and rival.fit is not None:
+            _, rival.fit = problem.corrected(acting, rival.fit)
+    # Of a large class, every pair of outlets perhaps, the sensitivities hardly differ from the present one's.
+    members = {member.acting for member in current.members}
+    ahead = max([present, *(c for c in rivals if c.fit is not None)], key=lambda c: c.log_weight)
+    alike = [c for c in rivals[RIVALS:] if c.acting in members or _may_be_alike(c, ahead)]
+    found = problem.fit_candidates(about, others, [c.acting for c in alike], [c.guess for c in alike])
+    for rival, its in zip(alike, found, strict=True):
+        rival.fit = its
+    tried = sorted([present, *(c for c in rivals if c.fit is not None)], key=lambda c: -c.log_weight)
+    best = preferred(tried)
+    if best in alike:
+        best.fit = _exact(problem, [*others, best.acting], best.fit.z) or best.fit
+    return best, tried
+
+
+def _decide(current: Round, best: Candidate, tried: list[Candidate], without: float, others: list[Acting]) -> None:
+    """Let a round have another outcome, beside other effects; without: log evidence of those alone."""
+    weights = np.exp([without - best.log_weight, *(c.log_weight - best.log_weight for c in tried)])
+    current.probabilities["none"], *shares = (weights / weights.sum()).tolist()
+    for candidate, share in zip(tried, shares, strict=True):
+        candidate.probability = share
+    current.shortlist, current.beside = tried, others
+    current.accepted, current.members = best, indistinguishable(best, tried)
+
+
 def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Round]) -> tuple[list[Acting], Fit]:
     """Ask again whether each earlier effect is needed, whether another candidate would now do better, and which ones
     the data cannot tell from it now: its round's fits knew nothing of the later effects."""
@@ -292,33 +391,13 @@ def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Rou
         without = _exact(problem, others)
         if without is None:
             continue
-        rivals = [replace(c, fit=None) for c in likely(current.screened) if c.acting not in acting]
-        screen(problem, about, others, rivals)
         # Other effects may have grown by then: what a rival promises is as rough as on the first shortlist.
         least = present.log_weight - CONTENDER - ROUGH * max(0.0, fit.evidence - without.evidence)
-        rivals = sorted((c for c in rivals if c.promise > least), key=lambda c: -c.promise)
-        for rival in rivals[:RIVALS]:
-            rival.fit = _exact(problem, [*others, rival.acting], np.concatenate([about.z, rival.guess]))
-        # Of a large class, every pair of outlets perhaps, the sensitivities hardly differ from the present one's.
-        members = {member.acting for member in current.members}
-        ahead = max([present, *(c for c in rivals if c.fit is not None)], key=lambda c: c.log_weight)
-        alike = [c for c in rivals[RIVALS:] if c.acting in members or _may_be_alike(c, ahead)]
-        found = problem.fit_candidates(about, others, [c.acting for c in alike], [c.guess for c in alike])
-        for rival, its in zip(alike, found, strict=True):
-            rival.fit = its
-        tried = sorted([present, *(c for c in rivals if c.fit is not None)], key=lambda c: -c.log_weight)
-        best = preferred(tried)
-        if best in alike:
-            best.fit = _exact(problem, [*others, best.acting], best.fit.z) or best.fit
+        best, tried = _weighed(problem, current, present, others, about, least)
         if of_class(best, tried) - without.evidence < problem.settings.least_log_odds:
             current.accepted = None
             return others, without
-        weights = np.exp([without.evidence - best.log_weight, *(c.log_weight - best.log_weight for c in tried)])
-        current.probabilities["none"], *shares = (weights / weights.sum()).tolist()
-        for candidate, share in zip(tried, shares, strict=True):
-            candidate.probability = share
-        current.shortlist, current.beside = tried, others
-        current.accepted, current.members = best, indistinguishable(best, tried)
+        _decide(current, best, tried, without.evidence, others)
         if best is not present:
             return [*others, best.acting], best.fit
     return acting, fit

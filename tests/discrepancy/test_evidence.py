@@ -1,0 +1,99 @@
+"""Evidence of the likeliest candidates where no test sees anything; candidates weighed with their own time steps."""
+
+import copy
+from types import SimpleNamespace
+
+import numpy as np
+from linear_problem import LinearProblem
+from scipy import stats
+
+from coronaryuq.discrepancy.candidates import CONTENDER, PRIOR_NAMED, Candidate
+from coronaryuq.discrepancy.search import LIKELIEST, Round, _chance_of_evidence, _compete_again
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.seeds import generator
+from coronaryuq.zerod.effects.base import Parameter
+
+ROWS, NUISANCES, EFFECTS, TRIALS = 60, 3, 12, 4000
+SIZE = Parameter("size", "1", "normal", 0.0, 1.0, "")
+
+
+def made_up(name):
+    return type("MadeUp", (), {"name": name, "parameters": (SIZE,), "grafted": False, "nameable": True})(), "here"
+
+
+class Many(LinearProblem):
+    """Twelve effects; data are drawn from the model without any, or with the first at so many standard deviations."""
+
+    def __init__(self):
+        random = generator(3, "test", "evidence")
+        self.nuisance = random.standard_normal((ROWS, NUISANCES))
+        self.effects = [made_up(f"effect {number}") for number in range(EFFECTS)]
+        self.along = {acting: 2.0 * random.standard_normal(ROWS) for acting in self.effects}
+        self.forward, self.settings = SimpleNamespace(nuisances=[None] * NUISANCES), Settings()
+
+    def draw(self, random, size=0.0):
+        spread = random.standard_normal(NUISANCES)
+        hidden = size * self.along[self.effects[0]]
+        self.y = self.nuisance @ spread + hidden + random.standard_normal(ROWS)
+
+    def chance(self):
+        everything = [Candidate(*acting, np.log(PRIOR_NAMED / EFFECTS)) for acting in self.effects]
+        for candidate in everything:
+            candidate.guess = np.zeros(1)
+            candidate.estimate = self.calibrate([candidate.acting]).evidence
+        return _chance_of_evidence(self, self.calibrate([]), [], everything)
+
+
+def test_evidence_where_nothing_is_missing_is_a_p_value():
+    """It may be smaller than p with a probability of p at most, whatever was drawn; and some of it is not 1."""
+    problem, random = Many(), generator(4, "test", "evidence")
+    found = []
+    for _ in range(TRIALS):
+        problem.draw(random)
+        found.append(problem.chance())
+    for level in (0.3, 0.1, 0.03):
+        assert np.sum(np.array(found) <= level) <= stats.binom.ppf(0.999, TRIALS, level)
+    assert min(found) < 1.0
+
+
+def test_evidence_for_an_effect_that_is_there_is_overwhelming():
+    problem, random = Many(), generator(5, "test", "evidence")
+    problem.draw(random, size=0.6)
+    assert problem.chance() < 1e-4
+    assert LIKELIEST < EFFECTS
+
+
+class Ringing(LinearProblem):
+    """The hidden effect is the right one; coarse steps leave a ringing out of it, and without that a neighbour is as
+    near: problems know what steps put wrong about one set of effects at a time."""
+
+    def __init__(self):
+        random = generator(6, "test", "evidence")
+        self.nuisance = random.standard_normal((ROWS, NUISANCES))
+        right, ringing, own = random.standard_normal((3, ROWS))
+        self.right, self.neighbour = made_up("right"), made_up("neighbour")
+        self.along = {self.right: right, self.neighbour: right + 0.5 * ringing + 0.4 * own}
+        self.left_out = {self.right: 0.5 * ringing, self.neighbour: np.zeros(ROWS)}
+        self.y = 2.0 * (right + 0.5 * ringing) + random.standard_normal(ROWS)
+        self.forward, self.settings = SimpleNamespace(nuisances=[None] * NUISANCES), Settings()
+        self.condition, self.train = np.full(ROWS, "rest"), np.ones(ROWS, bool)
+
+    def corrected(self, acting, fit):
+        other, (last,) = copy.copy(self), acting
+        other.y = self.y - fit.z[-1] * self.left_out[last]
+        return other, other.calibrate(acting)
+
+
+def test_a_candidate_is_weighed_with_the_time_steps_put_right_about_itself():
+    problem = Ringing()
+    both = [
+        Candidate(*one, -1.0, z_score=9.0, guess=np.ones(1), fit=problem.calibrate([one]))
+        for one in (problem.neighbour, problem.right)
+    ]
+    ahead = both[0].log_weight - both[1].log_weight
+    first = Round(sorted(both, key=lambda c: -c.log_weight), {}, both[0], [both[0]], both)
+    assert 0.0 < ahead < CONTENDER
+    _compete_again(problem, first, both[0].fit)
+    assert first.accepted.acting == problem.right and first.accepted.probability > 0.99
+    assert [c.acting for c in first.members] == [problem.right]
+    assert first.probabilities["none"] < 1e-6
