@@ -35,7 +35,6 @@ RIVALS = 5
 SECOND_LOOKS = 3
 RINGS = 3.0
 """Noise standard deviations by which time steps were put right from which another candidate may do better with it."""
-MOST_CORRECTIONS = 3
 LIKELIEST = 3
 """Candidates fitted where no test has seen anything."""
 LARGEST_LOG = 500.0
@@ -308,26 +307,25 @@ def _exact(problem: Problem, acting: list[Acting], start: np.ndarray | None = No
 def correct(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Round]) -> tuple[Problem, list[Acting], Fit]:
     """Put the time steps right about the named effects; where that was much, about what competed with the last, too,
     unless something is left that another effect may explain: a look back comes after that."""
-    for _ in range(MOST_CORRECTIONS):
-        before = problem
-        problem, fit = before.corrected(acting, fit)
-        left = locate(problem, fit).alarm(problem.settings.alarm_level)
-        if left or problem.missed(before.change) < RINGS:
-            break
-        current = next(r for r in rounds if r.accepted is not None and r.accepted.acting == acting[-1])
-        _compete_again(problem, current, fit)
-        if current.accepted.acting == acting[-1]:
-            break
-        acting, fit = [*acting[:-1], current.accepted.acting], current.accepted.fit
-    return problem, acting, fit
+    before = problem
+    problem, fit = before.corrected(acting, fit)
+    if problem.missed(before.change) < RINGS or locate(problem, fit).alarm(problem.settings.alarm_level):
+        return problem, acting, fit
+    current = next(r for r in rounds if r.accepted is not None and r.accepted.acting == acting[-1])
+    problem = _compete_again(problem, current, fit)
+    return problem, [*current.beside, current.accepted.acting], current.accepted.fit
 
 
-def _compete_again(problem: Problem, current: Round, fit: Fit) -> None:
-    """Weigh a round's candidates anew, each with the time steps put right about itself; fit: the accepted one's."""
+def _compete_again(problem: Problem, current: Round, fit: Fit) -> Problem:
+    """Weigh a round's candidates anew, each with the time steps put right about itself; fit: the accepted one's, for
+    which `problem` has them so. Returns the problem with those of the one that is accepted now."""
     present, others = replace(current.accepted, fit=fit), current.beside
-    best, tried = _weighed(problem, current, present, others, _around(present), present.log_weight - CONTENDER, True)
+    problems = {present.acting: problem}
+    least = present.log_weight - CONTENDER
+    best, tried = _weighed(problem, current, present, others, _around(present), least, problems)
     without = _exact(problem, others)
     _decide(current, best, tried, -np.inf if without is None else without.evidence, others)
+    return problems.get(best.acting, problem)
 
 
 def _weighed(
@@ -337,12 +335,12 @@ def _weighed(
     others: list[Acting],
     about: Fit,
     least: float,
-    own_steps: bool = False,
+    problems: dict[Acting, Problem] | None = None,
 ) -> tuple[Candidate, list[Candidate]]:
     """The best, and all fitted by weight, of a round's present candidate and what promises more than `least`.
 
-    about: the point of the present one's fit without its own sizes; own_steps: whether the time steps are put right
-    about each of those that are fitted in full.
+    about: the point of the present one's fit without its own sizes; problems: gets those that have the time steps put
+    right about each of the ones that are fitted in full; None: the time steps stay as they are.
     """
     rivals = [replace(c, fit=None) for c in likely(current.screened) if c.acting not in (*others, present.acting)]
     screen(problem, about, others, rivals)
@@ -350,8 +348,8 @@ def _weighed(
     for rival in rivals[:RIVALS]:
         acting = [*others, rival.acting]
         rival.fit = _exact(problem, acting, np.concatenate([about.z, rival.guess]))
-        if own_steps and rival.fit is not None:
-            _, rival.fit = problem.corrected(acting, rival.fit)
+        if problems is not None and rival.log_weight > least:
+            problems[rival.acting], rival.fit = problem.corrected(acting, rival.fit)
     # Of a large class, every pair of outlets perhaps, the sensitivities hardly differ from the present one's.
     members = {member.acting for member in current.members}
     ahead = max([present, *(c for c in rivals if c.fit is not None)], key=lambda c: c.log_weight)
