@@ -21,3 +21,6 @@ class LinearProblem:
         g = self.columns(acting)
         z = np.linalg.solve(np.eye(g.shape[1]) + g.T @ g, g.T @ self.y)
         return Fit(z, self.y - g @ z, g)
+
+    def calibrate_each(self, wanted):
+        return [self.calibrate(acting, start) for acting, start in wanted]

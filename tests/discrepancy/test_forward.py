@@ -94,7 +94,7 @@ def test_an_effect_that_feels_pressures_fails_where_a_run_before_did(problem, mo
     simulation, calls = problem.forward.simulation, []
 
     def fails_once(prepared, jobs, names):
-        waves = run(prepared, jobs, names)
+        waves = yield from run(prepared, jobs, names)
         if not calls:
             for wave in waves.values():
                 wave[0] = np.nan

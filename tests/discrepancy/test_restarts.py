@@ -21,18 +21,21 @@ class TwoValleys:
 
         return np.array([residual(*z) for z, _ in rows])
 
-    def calibrate(self, acting, start):
-        self.starts.append(tuple(start))
-        if start[1] == 0.0:
-            raise FloatingPointError("the model could not be run")
-        search = Search(acting, np.array(start, dtype=float), [0, 1])
-        maximise(self.fitted, [search], 30)
-        return search.fit
+    def calibrate_each(self, wanted):
+        self.starts += [tuple(start) for _, start in wanted]
+        # The model cannot be run at a size of nought.
+        searches = [Search(acting, np.array(start, dtype=float), [0, 1]) for acting, start in wanted if start[1]]
+        maximise(self.fitted, searches, 30)
+        found = iter(searches)
+        return [next(found).fit if start[1] else None for _, start in wanted]
+
+    def calibrate(self, start):
+        return self.calibrate_each([([], np.array(start))])[0]
 
 
 def test_the_better_valley_is_found_from_the_worse():
     problem = TwoValleys()
-    worse = problem.calibrate([], np.array([1.0, -2.0]))
+    worse = problem.calibrate([1.0, -2.0])
     assert worse.z[1] == pytest.approx(-2.0, abs=0.3)
     better = Problem.restarted(problem, [], worse)
     assert better.z[1] == pytest.approx(2.0, abs=0.3) and better.evidence > worse.evidence
@@ -41,6 +44,6 @@ def test_the_better_valley_is_found_from_the_worse():
 
 def test_the_better_valley_is_kept():
     problem = TwoValleys()
-    better = problem.calibrate([], np.array([1.0, 2.0]))
+    better = problem.calibrate([1.0, 2.0])
     kept = Problem.restarted(problem, [], better)
     assert kept.evidence >= better.evidence and kept.z == pytest.approx(better.z, abs=0.05)

@@ -76,7 +76,7 @@ def loop():
 STENOSIS = (effect("quadratic_stenosis"), "lca1")
 
 
-def fresh(network=None):
+def fresh(network=None, threads=1):
     conditions = {c.name: c for c in (Condition("rest"), Condition("hyperaemia", coronary_resistance_scale=0.3))}
     time = np.linspace(0.0, 0.975, 40)
     places = (("pressure", "J_heart_outlet:aorta"), ("pressure", "lca1:BC_lca1"), ("flow", "J0:lca2"))
@@ -85,7 +85,7 @@ def fresh(network=None):
         for name in conditions
         for quantity, place in places
     ]
-    return make_problem(network or loop(), conditions, measured, Settings(steps_per_cycle=200))
+    return make_problem(network or loop(), conditions, measured, Settings(steps_per_cycle=200, threads=threads))
 
 
 @pytest.fixture(scope="module")
@@ -106,6 +106,25 @@ def test_a_known_neighbour_changes_nothing_but_the_cycles(problem):
     neighbour = problem.forward.predict_rows([row(problem, -0.4)])[0]
     size = np.abs(wanted).max()
     assert np.abs(again - wanted).max() / size < 1e-3 < 10.0 * np.abs(neighbour - wanted).max() / size
+
+
+def test_fits_side_by_side_do_not_depend_on_threads():
+    """Several networks with what each has met: the same bits; and near what each fit finds by itself."""
+    acting = [[], [STENOSIS], [(effect("side_branch_leak"), "lca2")], [(effect("haematocrit"), "everywhere")]]
+
+    def problem(threads):
+        made = fresh(threads=threads)
+        made.y = made.forward.predict_rows([row(made, -0.3)])[0]
+        largest = [np.abs(values).max() for values in made.forward.split(made.y[None, :])]
+        made.sd = 0.02 * np.array(largest)[made.owner]
+        return made
+
+    one, *more = ([problem(threads).calibrate_each([(each, None) for each in acting])] for threads in (1, 2, 3))
+    for other in more:
+        for mine, its in zip(*one, *other, strict=True):
+            assert np.array_equal(mine.z, its.z) and np.array_equal(mine.residual, its.residual)
+    for each, mine in zip(acting, *one, strict=True):
+        assert problem(1).calibrate(each).evidence == pytest.approx(mine.evidence, abs=0.1)
 
 
 def test_a_start_from_elsewhere_holds_the_blood_of_the_own_one(problem):

@@ -108,11 +108,10 @@ def fit_shortlist(
     found = problem.fit_candidates(vantage, acting, [c.acting for c in chosen], [c.guess for c in chosen])
     for candidate, fit in zip(chosen, found, strict=True):
         candidate.fit = fit
-    for candidate in _contenders(chosen, base, exact):
-        try:
-            candidate.fit = problem.calibrate([*acting, candidate.acting], candidate.fit.z)
-        except FloatingPointError:
-            candidate.fit = None
+    contenders = _contenders(chosen, base, exact)
+    found = problem.calibrate_each([([*acting, candidate.acting], candidate.fit.z) for candidate in contenders])
+    for candidate, fit in zip(contenders, found, strict=True):
+        candidate.fit = fit
     contenders = _contenders(chosen, base, exact)
     if contenders and problem.distorted(contenders[0].fit):
         for candidate in contenders:

@@ -10,6 +10,7 @@ from coronaryuq.discrepancy.conditions import HEART, Condition
 from coronaryuq.discrepancy.jobs import Job, Prepared, Scaled
 from coronaryuq.discrepancy.measurements import Measured
 from coronaryuq.discrepancy.nuisance import Nuisance
+from coronaryuq.discrepancy.side_by_side import Asking, side_by_side
 from coronaryuq.discrepancy.simulation import Acting, Simulation, elements
 from coronaryuq.discrepancy.starts import Point
 from coronaryuq.zerod.effects.anatomy import Anatomy
@@ -70,7 +71,8 @@ class Forward:
     ) -> np.ndarray:
         """Predictions (n, N) at one point z (p,) each, every row with its own effects; NaN for other `conditions`.
 
-        Rows whose networks have the same elements share one batch, all conditions in it. grafts: effects that share one
+        Rows whose networks have the same elements share one batch, all conditions in it; the batches run side by side.
+        grafts: effects that share one
         network (of many collaterals: a few), shut but where a row acts on them, for the rows that act on one of them.
         """
         found = np.full((len(rows), self.size), np.nan)
@@ -87,9 +89,12 @@ class Forward:
             feels = any(effect.feedback for effect, _ in acting)
             _, alike = groups.setdefault((*elements(inserted), feels, all_of_them), (inserted, {}))
             alike.setdefault(self._simulated(z, acting), []).append(number)
+        asking = []
         for (*_, all_of_them), (inserted, alike) in groups.items():
             wanted = [n for n in self.conditions if all_of_them or conditions is None or n in conditions]
-            predicted = self._predict_group([rows[numbers[0]] for numbers in alike.values()], wanted, inserted)
+            asking.append(self._predict_group([rows[numbers[0]] for numbers in alike.values()], wanted, inserted))
+        together = side_by_side(asking, self.simulation.threads)
+        for predicted, (_, alike) in zip(together, groups.values(), strict=True):
             for values, numbers in zip(predicted, alike.values(), strict=True):
                 found[numbers] = values
         for number, (z, acting) in enumerate(rows):
@@ -112,10 +117,10 @@ class Forward:
         ]
         return z[: len(self.nuisances)].tobytes(), *network
 
-    def _predict_group(self, rows, names: list[str], inserted: list[Acting]) -> np.ndarray:
+    def _predict_group(self, rows, names: list[str], inserted: list[Acting]) -> Asking[np.ndarray]:
         sizes = [self._sizes(z, acting) for z, acting in rows]
         z = np.array([row[: len(self.nuisances)] for row, _ in rows])
-        waveforms, renamed = self._simulate(rows, sizes, names, inserted)
+        waveforms, renamed = yield from self._simulate(rows, sizes, names, inserted)
         return np.concatenate(self.readings(waveforms, z, renamed), axis=1)
 
     def readings(self, waveforms: dict[str, dict], z: np.ndarray, renamed: dict[str, str]) -> list[np.ndarray]:
@@ -154,7 +159,9 @@ class Forward:
             found.append(values)
         return found
 
-    def _simulate(self, rows, sizes, conditions: list[str], inserted: list[Acting]) -> tuple[dict, dict[str, str]]:
+    def _simulate(
+        self, rows, sizes, conditions: list[str], inserted: list[Acting]
+    ) -> Asking[tuple[dict, dict[str, str]]]:
         """Waveforms, condition → engine name → (rows, steps + 1), of all rows; and renamed locations."""
         prepared = self.simulation.prepared(inserted)
         renamed = prepared.renamed
@@ -175,7 +182,7 @@ class Forward:
                 for name, (each, scaled) in factors.items()
                 for i, ((_, acting), values) in enumerate(zip(rows, sizes, strict=True))
             ]
-            found = self.simulation.waveforms(prepared, jobs, names)
+            found = yield from self.simulation.waveforms(prepared, jobs, names)
             waveforms = {
                 name: {key: wave[k * len(rows) : (k + 1) * len(rows)] for key, wave in found.items()}
                 for k, name in enumerate(conditions)
@@ -210,7 +217,8 @@ class Forward:
             beds = {bed: f"{v}:{bed}" for bed, v in self.anatomy.beds.items()}
             at = {bed: f"pressure:{prepared.renamed.get(place, place)}" for bed, place in beds.items()}
             for _ in range(FEEDBACK_ROUNDS - 1):
-                waves = self.simulation.waveforms(prepared, [job()], list(at.values()))
+                asking = self.simulation.waveforms(prepared, [job()], list(at.values()))
+                (waves,) = side_by_side([asking], self.simulation.threads)
                 pressure = {bed: float(waves[place][0, :-1].mean()) for bed, place in at.items()}
         return job().table(prepared), prepared.networks[name]
 

@@ -75,15 +75,25 @@ class Problem:
 
     def calibrate(self, acting: list[Acting], start: np.ndarray | None = None) -> Fit:
         """Fit nuisance parameters and sizes together, all sensitivities recomputed at every step (fitted rows only)."""
-        if start is None:
-            start = np.zeros(self.count + len(self.forward.parameters(acting)))
-        columns, values = self.shaped()
-        fresh = [column for column in range(len(start)) if column not in columns]
-        search = Search(list(acting), np.array(start, dtype=float), fresh, exact=(columns, values[self.train]))
-        maximise(self.fitted, [search], self.settings.iterations)
-        if search.failed:
+        (fit,) = self.calibrate_each([(acting, start)])
+        if fit is None:
             raise FloatingPointError("the model could not be run")
-        return search.fit
+        return fit
+
+    def calibrate_each(self, wanted: list[tuple[list[Acting], np.ndarray | None]]) -> list[Fit | None]:
+        """Fits in full of several sets of effects from their starts (None: the prior's mean), side by side.
+
+        None where the model does not run at the start.
+        """
+        searches, (columns, values) = [], self.shaped()
+        for acting, start in wanted:
+            if start is None:
+                start = np.zeros(self.count + len(self.forward.parameters(acting)))
+            fresh = [column for column in range(len(start)) if column not in columns]
+            exact = columns, values[self.train]
+            searches.append(Search(list(acting), np.array(start, dtype=float), fresh, exact=exact))
+        maximise(self.fitted, searches, self.settings.iterations)
+        return [None if search.failed else search.fit for search in searches]
 
     def corrected(self, acting: list[Acting], fit: Fit) -> tuple["Problem", Fit]:
         """The problem with what the time steps put wrong at a fit put right there, and the fit made again with that.
@@ -124,15 +134,10 @@ class Problem:
 
     def restarted(self, acting: list[Acting], fit: Fit) -> Fit:
         """The best of a fit and fits that start from the prior's mean with other sizes of all effects."""
-        for size in RESTARTS:
-            start = np.concatenate([np.zeros(self.count), np.full(len(fit.z) - self.count, size)])
-            try:
-                other = self.calibrate(acting, start)
-            except FloatingPointError:
-                continue
-            if other.evidence > fit.evidence:
-                fit = other
-        return fit
+        sizes = len(fit.z) - self.count
+        starts = [np.concatenate([np.zeros(self.count), np.full(sizes, size)]) for size in RESTARTS]
+        others = self.calibrate_each([(acting, start) for start in starts])
+        return max([fit, *(other for other in others if other is not None)], key=lambda one: one.evidence)
 
     def distorted(self, fit: Fit) -> bool:
         """Whether recalibration has left the prior, so that what is missing is better looked for from elsewhere."""

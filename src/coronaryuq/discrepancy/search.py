@@ -189,9 +189,8 @@ def _chance_of_evidence(problem: Problem, fit: Fit, acting: list[Acting], everyt
     The Bayes factor of all candidates together, weighed by their priors, exceeds 1 / p with a probability of p at most
     where nothing is missing (Markov's inequality; Vovk & Wang 2021); those that are not fitted count nought.
     """
-    together = 0.0
-    for candidate in sorted(everything, key=lambda c: -c.promise)[:LIKELIEST]:
-        found = _exact(problem, [*acting, candidate.acting], np.concatenate([fit.z, candidate.guess]))
+    together, likeliest = 0.0, sorted(everything, key=lambda c: -c.promise)[:LIKELIEST]
+    for candidate, found in zip(likeliest, _each(problem, acting, likeliest, fit), strict=True):
         if found is not None:
             share = np.exp(candidate.log_prior) / PRIOR_NAMED
             together += share * np.exp(min(found.evidence - fit.evidence, LARGEST_LOG))
@@ -242,10 +241,9 @@ def look_again(
     fresh = [replace(c, fit=None) for c in likely(everything)]
     screen(problem, about, acting, fresh)
     near = sorted((c for c in fresh if c.promise > best.log_weight - CONTENDER), key=lambda c: -c.promise)
-    waiting = [c for c in near if c.promise > known[c.acting].log_weight + WORTH_FITTING]
-    for candidate in waiting[:RIVALS]:
+    waiting = [c for c in near if c.promise > known[c.acting].log_weight + WORTH_FITTING][:RIVALS]
+    for candidate, exact in zip(waiting, _each(problem, acting, waiting, about), strict=True):
         one = known[candidate.acting]
-        exact = _exact(problem, [*acting, one.acting], np.concatenate([about.z, candidate.guess]))
         if exact is not None and exact.evidence + one.log_prior > one.log_weight:
             one.fit = exact
             if one not in chosen:
@@ -298,10 +296,12 @@ def _without(fit: Fit, column: int, count: int) -> Fit:
 
 def _exact(problem: Problem, acting: list[Acting], start: np.ndarray | None = None) -> Fit | None:
     """A fit in full, None where the model does not run at its start."""
-    try:
-        return problem.calibrate(acting, start)
-    except FloatingPointError:
-        return None
+    return problem.calibrate_each([(acting, start)])[0]
+
+
+def _each(problem: Problem, acting: list[Acting], candidates: list[Candidate], about: Fit) -> list[Fit | None]:
+    """Fits in full of candidates, beside other effects, from a point and their own guesses."""
+    return problem.calibrate_each([([*acting, c.acting], np.concatenate([about.z, c.guess])) for c in candidates])
 
 
 def correct(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Round]) -> tuple[Problem, list[Acting], Fit]:
@@ -345,11 +345,11 @@ def _weighed(
     rivals = [replace(c, fit=None) for c in likely(current.screened) if c.acting not in (*others, present.acting)]
     screen(problem, about, others, rivals)
     rivals = sorted((c for c in rivals if c.promise > least), key=lambda c: -c.promise)
-    for rival in rivals[:RIVALS]:
-        acting = [*others, rival.acting]
-        rival.fit = _exact(problem, acting, np.concatenate([about.z, rival.guess]))
+    first = rivals[:RIVALS]
+    for rival, exact in zip(first, _each(problem, others, first, about), strict=True):
+        rival.fit = exact
         if problems is not None and rival.log_weight > least:
-            problems[rival.acting], rival.fit = problem.corrected(acting, rival.fit)
+            problems[rival.acting], rival.fit = problem.corrected([*others, rival.acting], exact)
     # Of a large class, every pair of outlets perhaps, the sensitivities hardly differ from the present one's.
     members = {member.acting for member in current.members}
     ahead = max([present, *(c for c in rivals if c.fit is not None)], key=lambda c: c.log_weight)

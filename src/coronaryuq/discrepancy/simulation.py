@@ -9,6 +9,7 @@ from coronaryuq.discrepancy.conditions import Condition, under
 from coronaryuq.discrepancy.jobs import Job, Prepared, batches, stacked
 from coronaryuq.discrepancy.networks import carried_over
 from coronaryuq.discrepancy.settling import Settling
+from coronaryuq.discrepancy.side_by_side import Asking, Run
 from coronaryuq.discrepancy.starts import Point, Starts
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Effect
@@ -109,14 +110,14 @@ class Simulation:
         settled = nominal.cycle_error < LOOSE
         return {name: nominal.state[i] if settled[i] else None for i, name in enumerate(prepared.networks)}
 
-    def waveforms(self, prepared: Prepared, jobs: list[Job], names: list[str]) -> dict[str, np.ndarray]:
-        """Waveforms name → (jobs, steps + 1); NaN where a run failed."""
+    def waveforms(self, prepared: Prepared, jobs: list[Job], names: list[str]) -> Asking[dict[str, np.ndarray]]:
+        """Waveforms name → (jobs, steps + 1), NaN where a run failed, by the runs that this asks for."""
         seat: dict[tuple, int] = {}
         seats = [seat.setdefault(job.key, len(seat)) for job in jobs]
-        found = self._run_each(prepared, [jobs[seats.index(k)] for k in range(len(seat))], names)
+        found = yield from self._run_each(prepared, [jobs[seats.index(k)] for k in range(len(seat))], names)
         return {name: waves[seats] for name, waves in found.items()}
 
-    def _run_each(self, prepared: Prepared, jobs: list[Job], names: list[str]) -> dict[str, np.ndarray]:
+    def _run_each(self, prepared: Prepared, jobs: list[Job], names: list[str]) -> Asking[dict[str, np.ndarray]]:
         self.runs += len(jobs)
         found = {name: np.full((len(jobs), self.steps_per_cycle + 1), np.nan) for name in names}
         starts = [prepared.start[job.condition] for job in jobs]
@@ -129,18 +130,17 @@ class Simulation:
                 ahead = self._ahead(prepared, batch, changes)
             for tolerance in (TOLERANCE, LOOSE, LOOSE):
                 mine = np.isin(numbers, left)
-                result = prepared.engine.run(
-                    {name: value[mine] for name, value in changes.items()},
-                    waveforms=names,
-                    periodic=True,
-                    cycles=MOST_CYCLES,
-                    steps_per_cycle=self.steps_per_cycle,
-                    tolerance=tolerance,
-                    patience=PATIENCE if tolerance == TOLERANCE else None,
-                    start=start,
-                    threads=self.threads,
-                    ahead=ahead,
-                )
+                options = {
+                    "waveforms": names,
+                    "periodic": True,
+                    "cycles": MOST_CYCLES,
+                    "steps_per_cycle": self.steps_per_cycle,
+                    "tolerance": tolerance,
+                    "patience": PATIENCE if tolerance == TOLERANCE else None,
+                    "start": start,
+                    "ahead": ahead,
+                }
+                result = yield Run(prepared.engine, {name: value[mine] for name, value in changes.items()}, options)
                 for name in names:
                     found[name][left] = result.waveforms[name]
                 self._remember(prepared, [jobs[i] for i in left], result)

@@ -1,7 +1,6 @@
 """The 0D engine: many parameter sets of one network at once, with the numbers of svZeroDSolver."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,7 @@ from coronaryuq.zerod.network import Network
 from coronaryuq.zerod.periodic import Ahead, Anderson, drift
 from coronaryuq.zerod.program import Program, make_program, write_elements
 from coronaryuq.zerod.result import OK, Result
+from coronaryuq.zerod.workers import workers
 
 _WRITTEN = 8
 """Groups whose elements are written together: a term costs as much for one sample as for a hundred."""
@@ -312,8 +312,7 @@ class Engine:
 
         numbers = [k for k, seats in enumerate(batch.seats) if live[seats].any()]
         if threads > 1 and len(numbers) > 1:
-            with ThreadPoolExecutor(threads) as pool:
-                return sum(pool.map(advance, numbers))
+            return sum(workers(threads).map(advance, numbers))
         return sum(map(advance, numbers))
 
     def _march(
