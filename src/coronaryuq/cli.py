@@ -24,6 +24,7 @@ OPTIONS = {
     "noises": ("discrepancy",),
     "effects": ("discrepancy",),
     "solver": ("discrepancy",),
+    "threads": ("discrepancy",),
     "config": ("campaign",),
 }
 """Which benchmarks take an option of `coronaryuq bench`: here, because to ask their modules is to import them."""
@@ -85,6 +86,7 @@ def _parser() -> argparse.ArgumentParser:
         ("noises", "of measurements; default: nominal", {"nargs": "+", "choices": noises}),
         ("effects", "cells wanted, as they are labelled; default: all", {"nargs": "+", "metavar": "CELL"}),
         ("solver", "that the hidden cases' data come from; default: 0d", {"choices": ("0d", "3d")}),
+        ("threads", "of each search; default: 1", {"metavar": "N", "type": count}),
         ("config", "configuration", {"metavar": "FILE"}),
     ):
         bench.add_argument(f"--{name}", help=f"{told} ({', '.join(OPTIONS[name])})", **how)

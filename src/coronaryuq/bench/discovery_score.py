@@ -145,6 +145,8 @@ def score(found: list[dict]) -> dict:
         "by_worth": [_with_worth(worth, single, outside) for worth in WORTHS],
         "invisible": {e["effect"]: sum(o["effect"] == e["effect"] for o in skipped) for e in skipped},
         "cpu_s_per_discovery": _mean([e["cpu_s"] for e in found]),
+        "longest_cpu_s": max((e["cpu_s"] for e in found), default=None),
+        "longest_wall_s": max((e["wall_s"] for e in found), default=None),
     }
 
 

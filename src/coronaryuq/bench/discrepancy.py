@@ -121,26 +121,27 @@ def run(
     offset: int = 100,
     effects: tuple[str, ...] = (),
     solver: str = "0d",
+    threads: int = 1,
     seconds: float | None = None,
 ) -> dict:
     """Hide, discover, score; see BENCHMARKS for the keys.
 
     network: a closed loop (svZeroDSolver JSON) to hide in, by default the bundled open-loop tree. seeds: repetitions of
     every cell. effects: labels of the cells that are wanted, such as "none", "collateral" or "outside:drifting_bed", by
-    default all. solver: "3d" takes the data from runs of the 3D ensemble solver, see `hidden_3d`. seconds: stop
-    starting new cases after this much CPU time (40 when quick).
+    default all. solver: "3d" takes the data from runs of the 3D ensemble solver, see `hidden_3d`. threads: of each
+    search. seconds: stop starting new cases after this much CPU time (40 when quick).
     """
     limit = seconds if seconds is not None else (40.0 if quick else np.inf)
     if solver == "3d":
         given = {"network": network, "strengths": tuple(strengths), "noises": tuple(noises)}
         _takes_no(given, {"network": None, "strengths": ("medium",), "noises": ("nominal",)})
-        entries = trials_3d(range(offset, offset + seeds), effects or (("lca1:moderate",) if quick else ()))
+        entries = trials_3d(range(offset, offset + seeds), effects or (("lca1:moderate",) if quick else ()), threads)
     else:
         made = _loop(network) if network else open_loop()
         every = loop_cases if network else partial(cases, quick)
         todo = list(every(seeds, strengths, noises, offset))
         _known_cells(effects, [one.label for one in todo])
-        entries = (trial(case, made) for case in todo if not effects or case.label in effects)
+        entries = (trial(case, made, threads) for case in todo if not effects or case.label in effects)
     start, found = time.process_time(), []
     for entry in entries:
         if entry is not None:
@@ -173,7 +174,7 @@ def _loop(path: str) -> Made:
     return closed_loop(network)
 
 
-def trials_3d(seeds: range, wanted: tuple[str, ...]) -> Iterator[dict]:
+def trials_3d(seeds: range, wanted: tuple[str, ...], threads: int) -> Iterator[dict]:
     """Every shape of a vessel with data from the 3D solver, searched and scored; wanted: labels, all where empty."""
     from coronaryuq.bench import hidden_3d
 
@@ -191,12 +192,12 @@ def trials_3d(seeds: range, wanted: tuple[str, ...]) -> Iterator[dict]:
             for seed, folder, truth in zip(seeds, folders, truths, strict=True):
                 told = {"effect": "+".join(shape.effects) or "none", "strength": shape.kind, "noise": "nominal"}
                 told |= {"network": "3d", "seed": seed, "shape": shape.label, "cpu_s_3d": spent}
-                entry = told | _searched(truth, folder)
+                entry = told | _searched(truth, folder, threads)
                 # What a smooth stenosis loses to friction looks like a narrowing, and may be the larger part.
                 yield entry | {"at_vessel": any(one["place"] == shape.place for one in entry["found"])}
 
 
-def trial(case: Case, made: Made) -> dict | None:
+def trial(case: Case, made: Made, threads: int = 1) -> dict | None:
     """Make one case, search it, score the answer; None where the effect has no place."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -204,22 +205,26 @@ def trial(case: Case, made: Made) -> dict | None:
         if truth is None:
             return None if not redrawn else {"effect": case.label, "skipped": True, "redrawn": redrawn}
         told = {"effect": case.label, "strength": case.strength, "noise": case.noise, "seed": case.seed}
-        return {**told, **_searched(truth, folder), "redrawn": redrawn}
+        return {**told, **_searched(truth, folder, threads), "redrawn": redrawn}
 
 
-def _searched(truth: hidden.Truth, folder: Path) -> dict:
-    begin = time.process_time()
+def _searched(truth: hidden.Truth, folder: Path, threads: int) -> dict:
+    begin, since = time.process_time(), time.monotonic()
     with threadpool_limits(1):  # as the command does
-        answer = analyse(folder)
-        spent = time.process_time() - begin
-        return {"cpu_s": spent, **scored(truth, answer)}
+        answer = analyse(folder, threads)
+        spent = {
+            "cpu_s": time.process_time() - begin,
+            "wall_s": time.monotonic() - since,
+            "runs": answer.problem.forward.simulation.runs,
+        }
+        return spent | scored(truth, answer)
 
 
-def analyse(folder: Path) -> Discovery:
+def analyse(folder: Path, threads: int = 1) -> Discovery:
     """The analyst's side: reads the three files and nothing else."""
     read = read_conditions(folder / "conditions.yaml")
-    model = files.read_json(folder / "model.json")
-    problem = read_problem(model, folder / "measurements.csv", read, folder / "conditions.yaml", Settings())
+    model, settings = files.read_json(folder / "model.json"), Settings(threads=threads)
+    problem = read_problem(model, folder / "measurements.csv", read, folder / "conditions.yaml", settings)
     return discover(problem, seed=1)
 
 
