@@ -202,9 +202,9 @@ def trial(case: Case, made: Made, threads: int = 1) -> dict | None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         truth, redrawn = hide(case, made, folder)
-        if truth is None:
-            return None if not redrawn else {"effect": case.label, "skipped": True, "redrawn": redrawn}
         told = {"effect": case.label, "strength": case.strength, "noise": case.noise, "seed": case.seed}
+        if truth is None:
+            return {**told, "skipped": True, "redrawn": redrawn} if redrawn else None
         return {**told, **_searched(truth, folder, threads), "redrawn": redrawn}
 
 
