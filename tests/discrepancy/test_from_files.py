@@ -163,7 +163,9 @@ def test_condition_scales_arterioles_and_period():
 def test_hidden_stenosis_is_named_placed_and_mended(hidden_stenosis, tmp_path, capsys):
     folder, truth = hidden_stenosis
     assert command.main(case_arguments(folder, tmp_path)) == 0
-    answer = json.loads(capsys.readouterr().out)
+    said = capsys.readouterr()
+    assert "\nnearest: quadratic_stenosis at " in said.err and "verifying on" in said.err.splitlines()[-1]
+    answer = json.loads(said.out)
     one, place = truth.acting[0]
     assert answer["alarm"] and not answer["outside_library"]
     assert (one.name, place) in [(m["effect"], m["place"]) for m in answer["named"][0]["class"]]
@@ -200,7 +202,9 @@ def test_repaired_files_give_the_fitted_predictions(hidden_stenosis, tmp_path):
 def test_nothing_hidden_is_said_so(tmp_path, capsys):
     hide(Case((), "none", "nominal", 6), open_loop(), tmp_path)
     command.main(case_arguments(tmp_path, tmp_path / "out"))
-    answer = json.loads(capsys.readouterr().out)
+    said = capsys.readouterr()
+    assert "; nothing to explain (global test p = " in said.err and "nearest" not in said.err
+    answer = json.loads(said.out)
     assert not answer["alarm"] and answer["named"] == []
     assert "nothing to explain" in answer["paragraph"]
 

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +41,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    """Run the command; returns the exit code. Raises `InputError` for bad input, before anything is written."""
+    """Run the command, progress on standard error; returns the exit code.
+
+    Raises `InputError` for bad input, before anything is written.
+    """
     # Its matrices are small: threads of linear algebra would take more time from each other than they save.
     with threadpool_limits(1):
         answer = _answer(args, check_folder(args.out))
@@ -63,6 +67,10 @@ def _answer(args: argparse.Namespace, out: Path) -> dict:
     return from_files(args.model, args.measurements, args.conditions, out, settings, args.seed)
 
 
+def _report(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
+
+
 def _one_source(args: argparse.Namespace) -> None:
     """Raise `InputError` where two of the three kinds of input are given, of which one would not be looked at."""
     first, *others = [name for name in SOURCES if getattr(args, name)] or [""]
@@ -78,7 +86,7 @@ def from_files(model, measurements, conditions, out: Path, settings: Settings, s
         raise InputError(model, "vessels", None, "missing; there is no vessel or bed that an effect could act on")
     problem = read_problem(network, measurements, read_conditions(conditions), conditions, settings)
     try:
-        found = discover(problem, seed)
+        found = discover(problem, seed, report=_report)
     except FloatingPointError as error:
         residual = problem.whitened([(np.zeros(problem.count), [])])[0]
         failed = ", ".join(dict.fromkeys(problem.condition[~np.isfinite(residual)]))

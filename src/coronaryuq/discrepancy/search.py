@@ -1,5 +1,6 @@
 """The whole search on one case: locate, name, add, verify, until nothing is left to explain or nothing helps."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -29,6 +30,8 @@ from coronaryuq.discrepancy.simulation import Acting
 from coronaryuq.discrepancy.verify import folds, foretold, gap, linearise
 from coronaryuq.zerod.effects.base import Effect, Parameter
 from coronaryuq.zerod.effects.library import SEARCHED
+
+Report = Callable[[str], None]
 
 RIVALS = 5
 """Candidates that a look back, or a second look about a better point, fits in full."""
@@ -112,13 +115,17 @@ class Discovery:
         return []
 
 
-def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = SEARCHED) -> Discovery:
-    """Search one problem. `seed` only enters the bootstrap intervals of the gaps."""
+def discover(
+    problem: Problem, seed: int, library: tuple[Effect, ...] = SEARCHED, report: Report = lambda line: None
+) -> Discovery:
+    """Search one problem. `seed` only enters the bootstrap intervals of the gaps; report: gets a line at each step."""
     plain, settings = problem, problem.settings
+    report(f"{np.count_nonzero(problem.train)} fitted measurements, {problem.count} nuisance parameters: recalibrating")
     base = fit = problem.calibrate([])
     acting: list[Acting] = []
     located, everything, vantage = assess(problem, fit, acting, library)
     remaining, alarm = located, located.alarm(settings.alarm_level)
+    report(_told(everything, located, alarm))
     rounds: list[Round] = []
     features = outside.features(problem)
     tested = len(everything)
@@ -128,9 +135,11 @@ def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = SEARCHED
         found = name_one(problem, fit, acting, features, everything, vantage)
         rounds.append(found)
         if found.accepted is None:
+            report("none of them is worth naming")
             break
         acting = [*acting, found.accepted.acting]
         fit = found.accepted.fit
+        report(f"nearest: {_listed(acting)}")
         for _ in range(len(acting) - 1):
             before = acting
             acting, fit = look_back(problem, acting, fit, rounds)
@@ -139,10 +148,12 @@ def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = SEARCHED
         problem, acting, fit = correct(problem, acting, fit, rounds)
         remaining, everything, vantage = assess(problem, fit, acting, library)
         tested += len(everything)
+        report(f"beside {_listed(acting)}: {_told(everything, remaining, remaining.alarm(settings.alarm_level))}")
     if len(acting) > 1:
         for entry in (r for r in rounds if r.accepted is not None):
             without = _exact(problem, [one for one in acting if one != entry.accepted.acting])
             entry.worth = np.inf if without is None else fit.evidence - without.evidence
+    report("verifying on what was kept out of the fits")
     parts = folds(problem, [name for name, c in problem.forward.conditions.items() if c.held_out])
     recalibrated = linearise(plain, base.z, [])
     repaired = linearise(problem, fit.z, acting) if acting else recalibrated
@@ -157,6 +168,15 @@ def discover(problem: Problem, seed: int, library: tuple[Effect, ...] = SEARCHED
     named = [(one, priors[one]) for one in acting]
     verdict = judge(problem, base, fit, named, effects, still, gaps, foretold(problem, repaired, parts))
     return Discovery(plain, problem, base, located, alarm, rounds, acting, fit, remaining, gaps, verdict, parts, tested)
+
+
+def _told(everything: list[Candidate], located: Located, alarm: bool) -> str:
+    left = "something is missing" if alarm else "nothing to explain"
+    return f"{len(everything)} candidates looked at; {left} (global test p = {located.p:.1g})"
+
+
+def _listed(acting: list[Acting]) -> str:
+    return " and ".join(f"{effect.name} at {place}" for effect, place in acting) or "nothing"
 
 
 def assess(
