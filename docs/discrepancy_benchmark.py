@@ -161,6 +161,25 @@ def cells(cases: list[dict]) -> list[str]:
     return lines
 
 
+def each(cases: list[dict], network: str) -> list[str]:
+    """Every case of a network by itself."""
+    columns = ["hidden", "trace, noise sd", "answer", "candidates in the class", "interval holds"]
+    columns += ["held-out misfit before, after, true effect", "CPU-s"]
+    lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
+    for case in of(cases, network):
+        places = " and ".join(f"`{place}`" for place in case["places"])
+        beside = ", beside a stenosis" if case["noise"] == "half" else ""
+        hidden = f"{words(case['effect']).replace('none', 'nothing')}{', ' * bool(places)}{places}{beside}"
+        said = words(case["classes"][0][0].split("@")[0]) if case["classes"] else "nothing"
+        answer = "right" if right(case) else f"alarm, {said} named" if case["alarmed"] else "no alarm"
+        alike = ", ".join(str(len(members)) for members in case["classes"])
+        holds = {True: "yes", False: "no", None: ""}[case.get("covered")]
+        misfits = ", ".join(f"{case[name]:.2f}" for name in ("before", "after", "oracle") if name in case)
+        row = (hidden, f"{case['visible']:.0f}", answer, alike, holds, misfits, f"{case['cpu_s']:.0f}")
+        lines.append("| " + " | ".join(row) + " |")
+    return lines
+
+
 def right(case: dict) -> bool:
     """Named and placed; both of two named; nothing named where nothing in the library is hidden."""
     if case["effect"] == "none":
@@ -217,12 +236,18 @@ def put(page: str, name: str, lines: list[str]) -> str:
     return "".join([before, f"<!-- {name} -->\n", "\n".join(lines), "\n", end, after])
 
 
+def tables(cases: list[dict]) -> list[tuple[Path, str, list[str]]]:
+    """Page, name and lines of every table."""
+    found = [(GUIDE, "summary", summary(cases)), (PAGE, "totals", totals(cases)), (PAGE, "cells", cells(cases))]
+    return [*found, (PAGE, "22 outlets", each(cases, "22 outlets"))]
+
+
 def main(more: list[str]) -> None:
     given = [argument.partition("=") for argument in more]
     cases = merged(read(CASES), [kept(case, network) for network, _, path in given for case in read(path)])
     CASES.write_text("".join(json.dumps(case) + "\n" for case in cases), encoding="utf-8")
-    for path, name, made in ((GUIDE, "summary", summary), (PAGE, "totals", totals), (PAGE, "cells", cells)):
-        path.write_text(put(path.read_text(encoding="utf-8"), name, made(cases)), encoding="utf-8")
+    for path, name, lines in tables(cases):
+        path.write_text(put(path.read_text(encoding="utf-8"), name, lines), encoding="utf-8")
     picture(cases)
 
 

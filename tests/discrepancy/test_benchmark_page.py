@@ -20,12 +20,9 @@ def script():
 
 
 def test_the_pages_hold_the_tables_of_the_cases(script):
-    cases = script.read(script.CASES)
-    for path, name, made in ((script.GUIDE, "summary", script.summary), (script.PAGE, "totals", script.totals)):
+    for path, name, lines in script.tables(script.read(script.CASES)):
         page = path.read_text(encoding="utf-8")
-        assert script.put(page, name, made(cases)) == page, name
-    page = script.PAGE.read_text(encoding="utf-8")
-    assert script.put(page, "cells", script.cells(cases)) == page
+        assert script.put(page, name, lines) == page, name
 
 
 def test_a_case_that_ran_again_stands_once(script):
