@@ -28,11 +28,16 @@ if not SEARCHED and not DISCREPANCY.pairs:
 EXAMINED = [*SEARCHED, *(["pairs"] if DISCREPANCY.pairs else [])]
 DISCREPANCY_SETTINGS = block(
     "discrepancy",
-    without=("model", "measurements", "conditions", "pairs", "recordings", "animals", "in_report"),
+    without=("model", "measurements", "conditions", "pairs", "recordings", "animals", "held_out", "in_report"),
 )
 for path in (DISCREPANCY.model, DISCREPANCY.measurements, DISCREPANCY.conditions, *(DISCREPANCY.pairs or ())):
     if path and not Path(path).is_file():
         print(f"error: {InputError('configuration', 'discrepancy', path, 'no such file')}", file=sys.stderr, flush=True)
+        sys.exit(InputError.EXIT_CODE)
+for animal in DISCREPANCY.animals:
+    if not any(Path(DISCREPANCY.recordings).glob(f"{animal}_*.csv")):
+        remedy = f"no {animal}_CONDITION.csv in {DISCREPANCY.recordings}"
+        print(f"error: {InputError('configuration', 'discrepancy.animals', animal, remedy)}", file=sys.stderr, flush=True)
         sys.exit(InputError.EXIT_CODE)
 
 DISCREPANCY_FIGURES = {
@@ -83,6 +88,7 @@ if DISCREPANCY.recordings:
         params:
             folder=DISCREPANCY.recordings,
             animal=lambda wildcards: wildcards.animal,
+            held_out=DISCREPANCY.held_out,
         script:
             "../scripts/discrepancy_recordings.py"
 

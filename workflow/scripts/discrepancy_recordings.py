@@ -6,4 +6,4 @@ from coronaryuq.discrepancy.recordings import prepare
 from job import job
 
 with job(globals()) as this:
-    prepare(this.params["folder"], this.params["animal"], Path(this.output["model"]).parent)
+    prepare(this.params["folder"], this.params["animal"], Path(this.output["model"]).parent, this.params["held_out"])

@@ -4,6 +4,7 @@ import argparse
 import json
 import sys
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -19,6 +20,7 @@ from coronaryuq.errors import InputError
 from coronaryuq.files import check_folder
 from coronaryuq.zerod.network import read_network
 
+UNITS = get_args(Settings.model_fields["pressure_unit"].annotation)
 SOURCES = ("pairs", "recordings", "model", "measurements", "conditions")
 
 
@@ -33,6 +35,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs=2,
         metavar=("FOLDER", "ANIMAL"),
         help="recorded flow of one artery under measured pressures instead, ANIMAL_CONDITION.csv",
+    )
+    parser.add_argument(
+        "--held-out",
+        nargs="+",
+        metavar="CONDITION",
+        help="recorded conditions that enter no fit (default: those whose names end in dob...)",
+    )
+    parser.add_argument(
+        "--pressure-unit",
+        choices=UNITS,
+        default="auto",
+        help="pressure unit of the network (default auto: dyn/cm2 or mmHg, by its root pressure)",
     )
     parser.add_argument("--out", metavar="DIR", required=True, help="folder for results")
     parser.add_argument("--seed", type=arguments.seed, default=1, help="seed of folds and intervals (default 1)")
@@ -56,9 +70,9 @@ def _answer(args: argparse.Namespace, out: Path) -> dict:
     _one_source(args)
     if args.pairs:
         return pairs.discover_pairs(*args.pairs, out=out, seed=args.seed)
-    settings = Settings(threads=args.threads)
+    settings = Settings(threads=args.threads, pressure_unit=args.pressure_unit)
     if args.recordings:
-        prepare(*args.recordings, out / "case")
+        prepare(*args.recordings, out / "case", args.held_out)
         case = [out / "case" / name for name in ("model.json", "measurements.csv", "conditions.yaml")]
         return from_files(*case, out, settings, args.seed)
     for name in ("model", "measurements", "conditions"):
@@ -77,6 +91,10 @@ def _one_source(args: argparse.Namespace) -> None:
     if first in ("pairs", "recordings") and others:
         value = getattr(args, others[0])
         raise InputError("command line", f"--{others[0]}", value, f"not together with --{first}; leave one out")
+    if args.held_out and first != "recordings":
+        raise InputError(
+            "command line", "--held-out", args.held_out, "is of --recordings; say it in the conditions file"
+        )
 
 
 def from_files(model, measurements, conditions, out: Path, settings: Settings, seed: int) -> dict:

@@ -130,10 +130,13 @@ def under(network: dict, condition: Condition, file: str | Path = "conditions") 
                 values = _values(network, block)
                 if values is None:
                     raise InputError(file, f"{condition.name}.{key}.{block}", None, "the network has no such block")
-                if parameter not in values or isinstance(values[parameter], list):
-                    known = ", ".join(k for k, v in values.items() if isinstance(v, int | float))
-                    raise InputError(file, f"{condition.name}.{key}.{block}.{parameter}", None, f"know {known}")
-                values[parameter] = combine(values[parameter], value)
+                # Where an effect has put CORONARY_VAR_RES in the place of CORONARY, one Ra2 has become two.
+                split = [f"{parameter}_min", f"{parameter}_max"]
+                for name in split if parameter not in values and all(one in values for one in split) else [parameter]:
+                    if name not in values or isinstance(values[name], list):
+                        known = ", ".join(k for k, v in values.items() if isinstance(v, int | float))
+                        raise InputError(file, f"{condition.name}.{key}.{block}.{name}", None, f"know {known}")
+                    values[name] = combine(values[name], value)
     driven = {name: waveform for name, waveform in condition.drive.items() if name not in COVARIATES}
     target = period * condition.period_scale
     if condition.drive:

@@ -45,6 +45,9 @@ LOSSES = ("linear", "quadratic")
 RECALIBRATION = ("bed", "own")
 BEYOND = "beyond"
 """Loss behind the place where the distal pressure is taken: it lowers flow but is no part of the drop to that place."""
+OWN_LOSS = (0.0, 4.0, 8.0)
+"""Factors of the model's own loss, in prior standard deviations of their logarithm, at which fits begin: recalibration
+of a model that lacks a stenosis ends far from its prior, or in a worse optimum."""
 SLOPE_STEP = float(np.sqrt(np.finfo(float).eps))
 MOST_EFFECTIVE = 100
 """Samples that count at most: the error of one law is common to all samples and does not average out over them."""
@@ -130,9 +133,9 @@ def fit_law(branch: Branch, law: Law, rows: np.ndarray) -> LawFit:
         found = objectives(np.vstack([z, z + np.diag(steps)]))
         return found[0], (found[1:] - found[0]) / steps
 
-    starts = [np.zeros(len(names))] + [
-        np.r_[0.0, 0.0, 0.0, np.full(len(law.terms), k)] for k in (-1.0, 1.0) if law.terms
-    ]
+    none = np.zeros(len(law.terms))
+    starts = [np.r_[0.0, own, 0.0, none] for own in OWN_LOSS]
+    starts += [np.r_[0.0, 0.0, 0.0, none + k] for k in (-1.0, 1.0) if law.terms]
     found = [minimize(with_slope, start, method="BFGS", jac=True) for start in starts]
     best = min(found, key=lambda one: one.fun)
     chosen = {name: float(value) for name, value in terms(best.x).items()}

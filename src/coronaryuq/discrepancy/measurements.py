@@ -27,6 +27,8 @@ WIDEST_GAP = 0.25
 """Widest gap of a waveform over the period; a wider one leaves part of the cycle unmeasured."""
 LONGEST = 1.5
 """Longest waveform in cycles: beyond it the times are those of many beats, or not in s."""
+LATE = 0.05
+"""Share of the beat by which a waveform may begin late and end beyond it."""
 
 
 @dataclass(frozen=True)
@@ -137,6 +139,9 @@ def _check_waveform(path, key, time: np.ndarray, period: float) -> None:
     if np.ptp(time) > LONGEST * period:
         remedy = f"times span {np.ptp(time) / period:.3g} cycles of {period:.4g} s; give one beat, times in s"
         raise InputError(path, where, float(np.ptp(time)), remedy)
+    if time[0] < 0.0 or (time[0] > LATE * period and time[-1] > (1.0 + LATE) * period):
+        remedy = f"beyond the beat of {period:.4g} s; count times from its start"
+        raise InputError(path, where, float(time[0] if time[0] < 0.0 else time[-1]), remedy)
     phase = np.sort(time % period)
     gap = float(max(np.diff(phase, append=phase[0] + period)) / period)
     if gap > WIDEST_GAP:

@@ -6,7 +6,17 @@ import numpy as np
 import pandas as pd
 
 from coronaryuq import files
-from coronaryuq.discrepancy.laws import BEYOND, LAWS, RECALIBRATION, choose, fit_law, fit_laws, inclusion, predict
+from coronaryuq.discrepancy.laws import (
+    BEYOND,
+    FLOOR_FFR,
+    LAWS,
+    RECALIBRATION,
+    choose,
+    fit_law,
+    fit_laws,
+    inclusion,
+    predict,
+)
 from coronaryuq.discrepancy.tables import Branch, branches, read_pairs
 from coronaryuq.seeds import generator
 from coronaryuq.zerod.effects.library import effect
@@ -14,6 +24,9 @@ from coronaryuq.zerod.effects.library import effect
 FOLDS = 5
 LEAST_GAIN = 3.0
 """Log evidence over that of no effect from which there is something to explain."""
+LEFT, LEFT_FLEXIBLE, LEFT_FLOORS = 0.1, 3.0, 2.0
+"""Held-out error of FFR that what is known may leave: a share of the model's, so many times what a flexible discrepancy
+leaves, or so many times `FLOOR_FFR`. Where it leaves more than all three, something else is missing."""
 MOST_FLEXIBLE = 120
 """Samples that the reference Gaussian process is fitted to."""
 
@@ -107,14 +120,23 @@ def _answer(branch, ranked, chosen, measured_ffr, before, plain, after, flexible
     best, none = choose(ranked), next(f for f in ranked if not f.law.terms)
     first, probabilities = best.law.effects, inclusion(ranked)
     alarm = ranked[0].evidence - none.evidence > LEAST_GAIN
+    left = {
+        "before": rmse(before),
+        "recalibration_alone": rmse(plain),
+        "after": rmse(after),
+        "flexible": rmse(flexible),
+    }
+    explained = left["after"] < max(LEFT * left["before"], LEFT_FLEXIBLE * left["flexible"], LEFT_FLOORS * FLOOR_FFR)
+    outside = bool(not explained or (alarm and first and left["after"] >= left["recalibration_alone"]))
     rivals = [name for name, p in probabilities.items() if p > 0.05 and name not in first]
     return {
         "branch": branch.name,
         "place": branch.place,
         "segment": f"root to {branch.place}",
         "flow": branch.flow_source,
-        "alarm": bool(alarm),
-        "effects": list(first) if alarm else [],
+        "alarm": bool(alarm or outside),
+        "effects": list(first) if alarm and not outside else [],
+        "outside_library": outside,
         "probability": min((probabilities[name] for name in first), default=0.0),
         "inclusion": probabilities,
         "class": list(first),
@@ -132,12 +154,7 @@ def _answer(branch, ranked, chosen, measured_ffr, before, plain, after, flexible
             "simulated": float(before.mean()),
             "repaired": float(after.mean()),
         },
-        "ffr_rmse": {
-            "before": rmse(before),
-            "recalibration_alone": rmse(plain),
-            "after": rmse(after),
-            "flexible": rmse(flexible),
-        },
+        "ffr_rmse": left,
     }
 
 
@@ -162,22 +179,39 @@ def _joined(answers: list[dict]) -> dict:
     ]
     text = ""
     for a in answers:
+        left = (
+            f"On held-out samples the error of FFR falls from {a['ffr_rmse']['before']:.4f} "
+            f"to {a['ffr_rmse']['after']:.4f} (recalibration alone {a['ffr_rmse']['recalibration_alone']:.4f}, "
+            f"a Gaussian process {a['ffr_rmse']['flexible']:.4f}). "
+        )
+        drops = (
+            f"{a['branch'].upper()}: the drop of pressure to {a['place']} is {a['drop']['measured']:.1f} measured and "
+            f"{a['drop']['simulated']:.1f} simulated"
+        )
+        if a["outside_library"]:
+            nearest = " and ".join(a["class"] or ["recalibration"]).replace("_", " ")
+            text += (
+                f"{drops}, and no law of loss explains it: what comes nearest, {nearest}, "
+                f"leaves too much, and nothing is named. With it, {left[0].lower()}{left[1:]}"
+            )
+            continue
+        if a["alarm"] and not a["effects"]:
+            rivals = " or ".join(a["possibly_also"]).replace("_", " ")
+            text += f"{drops}; something is missing, and the samples do not tell which: {rivals}. {left}"
+            continue
         if not a["effects"]:
             text += f"{a['branch'].upper()}: simulated and measured drops agree; nothing to explain. "
             continue
         text += (
-            f"{a['branch'].upper()}: the drop of pressure to {a['place']} is {a['drop']['measured']:.1f} measured and "
-            f"{a['drop']['simulated']:.1f} simulated; missing is {' and '.join(a['effects']).replace('_', ' ')} "
+            f"{drops}; missing is {' and '.join(a['effects']).replace('_', ' ')} "
             f"(probability {a['probability']:.2f}, chosen in {a['share_of_folds_with_this_name']:.0%} of the folds). "
-            f"On held-out samples the error of FFR falls from {a['ffr_rmse']['before']:.4f} "
-            f"to {a['ffr_rmse']['after']:.4f} (recalibration alone {a['ffr_rmse']['recalibration_alone']:.4f}, "
-            f"a Gaussian process {a['ffr_rmse']['flexible']:.4f}). "
+            f"{left}"
         )
     return {
         "alarm": any(a["alarm"] for a in answers),
         "located": [{"branch": a["branch"], "segment": a["segment"], **a["drop"]} for a in answers if a["alarm"]],
         "named": named,
-        "outside_library": False,
+        "outside_library": any(a["outside_library"] for a in answers),
         "gap_before": together("before"),
         "gap_after": together("after"),
         "gap_recalibrated": together("recalibration_alone"),

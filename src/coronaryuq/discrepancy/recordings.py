@@ -1,6 +1,8 @@
 """Recordings of one coronary artery under several conditions, as a case: flow under measured aortic and LV pressure."""
 
 import re
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +14,10 @@ from coronaryuq.discrepancy.measurements import LEAST_POINTS
 from coronaryuq.errors import InputError
 from coronaryuq.files import read_csv
 
-FIRST = "baseline"
-HELD_OUT = "_dob"
-"""Ending of the conditions that are kept out of every fit: those under dobutamine."""
+FIRST = ("baseline", "rest", "control")
+"""Conditions whose mean flow gives the model's resistance, where there is one of them."""
+HELD_OUT = re.compile(r"(^|.*[_ -])dob[a-z]*[_ -]?\d*", re.IGNORECASE)
+"""Conditions that are kept out of every fit where none are named: those under dobutamine."""
 LARGEST_FLOW = 5.0
 """Mean flow of one coronary artery, mL/s, beyond which a column headed mL/s must hold mL/min: 300 mL/min."""
 TIME, AORTA, VENTRICLE, FLOW = "t abs [s]", "AoP [mmHg]", "LVP [mmHg]", "LAD Flow [ml/s]"
@@ -22,6 +25,12 @@ TIME, AORTA, VENTRICLE, FLOW = "t abs [s]", "AoP [mmHg]", "LVP [mmHg]", "LAD Flo
 SD_FLOW, SD_SHARE = 1.0, 0.05
 """Standard deviation of flow: two steps of the recorder (mL/min), and a share of the reading's mean."""
 SD_MEAN = 0.03
+SHORTEST, LONGEST = 0.1, 3.0
+"""Lengths of a beat, s, from a small animal's to a slow heart's."""
+AORTIC = (20.0, 250.0)
+"""Mean aortic pressure, mmHg, within which a recording can be one."""
+LARGEST_JUMP = 0.25
+"""Difference of a pressure's ends, over its range, beyond which a recording is no whole beat."""
 VENOUS = 5.0 * units.MMHG
 _NAMES = {TIME: ("t abs", "time", "t"), AORTA: ("aop",), VENTRICLE: ("lvp",)}
 _TIMES = {"s": 1.0, "ms": 1e-3}
@@ -30,28 +39,37 @@ _FLOWS = {"ml/s": 1.0, "ml/min": 1.0}
 _UNITS = {TIME: _TIMES, AORTA: _PRESSURES, VENTRICLE: _PRESSURES, FLOW: _FLOWS}
 
 
-def prepare(folder: str | Path, animal: str, out: str | Path) -> None:
+def prepare(folder: str | Path, animal: str, out: str | Path, held_out: Sequence[str] | None = None) -> None:
     """Write `model.json`, `measurements.csv`, `conditions.yaml` and `drives/` of one animal into `out`.
 
     Reads every `ANIMAL_CONDITION.csv` of the folder that holds time, aortic and ventricular pressure and flow of one
     beat; see `_recording` for its headings. The model is a vessel, named as the artery, and a bed behind the measured
-    aortic pressure, without intramyocardial pressure; its resistance gives the first condition's mean flow. The flow
-    column holds mL/min where it would be more than a coronary artery carries in the mL/s of its heading. Every
-    condition's coronary resistance is free, set by that condition's mean flow; the waveforms of the conditions under
-    dobutamine enter no fit.
+    aortic pressure, without intramyocardial pressure; its resistance gives the mean flow of one of `FIRST`, or of the
+    condition of median resistance. The flow column holds mL/min where it would be more than a coronary artery carries
+    in the mL/s of its heading. Every condition's coronary resistance is free, set by that condition's mean flow; the
+    waveforms of the conditions of `held_out`, by default those under dobutamine, enter no fit.
 
-    Raises `InputError` for fewer than two conditions, gaps, and times that do not increase.
+    Raises `InputError` for fewer than two conditions, gaps, times that do not increase, no whole beat or several, and
+    what no coronary artery has.
     """
     folder, out = Path(folder), Path(out)
     if not folder.is_dir():
         raise InputError(folder, None, None, "no such folder; name the one that holds the recordings")
     beats, artery, heading = _beats(folder, animal)
-    held_out = [name for name in beats if name.endswith(HELD_OUT)]
+    for name in held_out or ():
+        if name not in beats:
+            raise InputError(folder, "held_out", name, f"no such condition of {animal}; know {', '.join(beats)}")
+    if held_out is None:
+        held_out = [name for name in beats if HELD_OUT.fullmatch(name)]
+        held_out = [] if len(held_out) == len(beats) else held_out
     if len(held_out) == len(beats):
-        held_out = []
+        raise InputError(folder, "held_out", ", ".join(held_out), "all conditions; leave one at least to be fitted")
     largest = max(float(np.abs(frame[FLOW]).mean()) for frame in beats.values())
     unit, per_minute = ("mL/min", 1.0) if heading == "ml/min" or largest > LARGEST_FLOW else ("mL/s", 1.0 / 60.0)
-    content, rows, first, place = {}, [], None, f"AORTA:{artery}"
+    if heading == "ml/s" and unit == "mL/min":
+        remedy = f"note: {folder}: {animal}: flow headed ml/s, {largest:.3g} on average, is read as mL/min"
+        print(remedy, file=sys.stderr, flush=True)
+    content, rows, place = {}, [], f"AORTA:{artery}"
     for name, frame in beats.items():
         time = frame[TIME].to_numpy(float) - frame[TIME].iloc[0]
         for block, column in (("AORTA", AORTA), ("LV", VENTRICLE)):
@@ -68,12 +86,23 @@ def prepare(folder: str | Path, animal: str, out: str | Path) -> None:
         sd = float(np.hypot(SD_FLOW * per_minute, SD_SHARE * mean))
         rows += [(name, "flow", place, "waveform", t, q, sd) for t, q in zip(time[:-1], flow[:-1], strict=True)]
         rows.append((name, "flow", place, "mean", "", mean, max(SD_MEAN * abs(mean), 0.3 * per_minute)))
-        if first is None:
-            first = (time, _closed(frame[AORTA].to_numpy()) * units.MMHG, mean * units.FLOWS[unit])
     table = pd.DataFrame(rows, columns=["condition", "quantity", "location", "statistic", "time", "value", "sd"])
     files.write_csv(out / "measurements.csv", table.assign(unit=unit))
     files.write_text(out / "conditions.yaml", yaml.safe_dump(content, sort_keys=False))
-    files.write_json(out / "model.json", _network(*first, artery))
+    files.write_json(out / "model.json", _network(*_reference(beats, unit), artery))
+
+
+def _reference(beats: dict[str, pd.DataFrame], unit: str) -> tuple[np.ndarray, np.ndarray, float]:
+    """Time (s), aortic pressure (dyn/cm2) and mean flow (mL/s) of the condition that the model's numbers are of."""
+
+    def means(frame):
+        return [float(np.trapezoid(frame[column], frame[TIME]) / np.ptp(frame[TIME])) for column in (AORTA, FLOW)]
+
+    resistance = {name: means(frame)[0] / means(frame)[1] for name, frame in beats.items()}
+    ranked = sorted(resistance, key=lambda name: resistance[name])
+    frame = beats[next((name for name in FIRST if name in beats), ranked[(len(ranked) - 1) // 2])]
+    time = frame[TIME].to_numpy(float) - frame[TIME].iloc[0]
+    return time, _closed(frame[AORTA].to_numpy()) * units.MMHG, means(frame)[1] * units.FLOWS[unit]
 
 
 def _beats(folder: Path, animal: str) -> tuple[dict[str, pd.DataFrame], str, str]:
@@ -84,8 +113,7 @@ def _beats(folder: Path, animal: str) -> tuple[dict[str, pd.DataFrame], str, str
         if recording is None:
             continue
         frame, *heading = recording
-        if len(frame) < LEAST_POINTS or (np.diff(frame[TIME]) <= 0).any():
-            raise InputError(path, TIME, len(frame), f"want at least {LEAST_POINTS} times, increasing, over one beat")
+        _check_beat(path, frame)
         found[path.stem.removeprefix(f"{animal}_")] = frame
         headings.setdefault(tuple(heading), path)
     if len(found) < 2:
@@ -95,7 +123,60 @@ def _beats(folder: Path, animal: str) -> tuple[dict[str, pd.DataFrame], str, str
     if len(headings) > 1:
         (first, _), (other, path) = list(headings.items())[:2]
         raise InputError(path, "flow", " ".join(other), f"the other recordings hold {' '.join(first)}; make them agree")
-    return dict(sorted(found.items(), key=lambda item: item[0] != FIRST)), *next(iter(headings))
+    _check_names(folder, animal, list(found))
+    return dict(sorted(found.items(), key=lambda item: item[0] not in FIRST)), *next(iter(headings))
+
+
+def _check_names(folder: Path, animal: str, conditions: list[str]) -> None:
+    """Raise `InputError` where the files of another animal, whose name begins with this one's, are among them."""
+    cuts = (name[: cut.start()] for name in conditions for cut in re.finditer("_", name))
+    for prefix in dict.fromkeys(cuts):
+        theirs = [
+            name for name in conditions if name.startswith(f"{prefix}_") and name[len(prefix) + 1 :] in conditions
+        ]
+        if len(theirs) > 1:
+            other = f"{animal}_{prefix}"
+            remedy = f"{', '.join(theirs)} look like conditions of {other}; give each animal a folder, or another name"
+            raise InputError(folder, animal, len(conditions), remedy)
+
+
+def _check_beat(path: Path, frame: pd.DataFrame) -> None:
+    """Raise `InputError` unless this may be one whole beat of a coronary artery."""
+    time, aorta, ventricle = (frame[column].to_numpy(float) for column in (TIME, AORTA, VENTRICLE))
+    if len(frame) < LEAST_POINTS:
+        raise InputError(path, TIME, len(frame), f"want at least {LEAST_POINTS} times over one beat")
+    if (np.diff(time) <= 0).any():
+        row = int(np.argmax(np.diff(time) <= 0)) + 1
+        raise InputError(
+            path, TIME, float(time[row]), f"line {row + 2}: not later than the line before; sort the times"
+        )
+    if not SHORTEST <= time[-1] - time[0] <= LONGEST:
+        remedy = f"want one beat, {SHORTEST} to {LONGEST} s; see the unit of time"
+        raise InputError(path, TIME, float(time[-1] - time[0]), remedy)
+    if not AORTIC[0] <= aorta.mean() <= AORTIC[1]:
+        remedy = f"mmHg on average, want {AORTIC[0]:g} to {AORTIC[1]:g}; see its unit"
+        raise InputError(path, AORTA, round(float(aorta.mean()), 3), remedy)
+    if ventricle.mean() > aorta.mean():
+        remedy = f"mmHg on average, above the aorta's {aorta.mean():.3g}; are the two exchanged?"
+        raise InputError(path, VENTRICLE, round(float(ventricle.mean()), 3), remedy)
+    if frame[FLOW].mean() <= 0.0:
+        remedy = "on average; turn the sign if the probe was reversed"
+        raise InputError(path, FLOW, round(float(frame[FLOW].mean()), 3), remedy)
+    systoles = _systoles(ventricle)
+    if systoles != 1:
+        raise InputError(path, VENTRICLE, systoles, "systoles in the recording; cut out one beat, or average them")
+    for name, values in ((AORTA, aorta), (VENTRICLE, ventricle)):
+        jump = abs(values[-1] - values[0]) / np.ptp(values)
+        if jump > LARGEST_JUMP:
+            raise InputError(path, name, f"{jump:.0%}", "of its range from end to start; want one whole beat")
+
+
+def _systoles(pressure: np.ndarray) -> int:
+    """How often the pressure rises from below 30 to above 70 % of its range, going round."""
+    share = (pressure - pressure.min()) / max(np.ptp(pressure), 1e-12)
+    high = np.where(share > 0.7, 1, np.where(share < 0.3, 0, -1))
+    states = high[high >= 0]
+    return int(np.sum(np.diff(states, append=states[0]) == 1)) if len(states) else 0
 
 
 def _recording(path: Path) -> tuple[pd.DataFrame, str, str] | None:
@@ -105,7 +186,7 @@ def _recording(path: Path) -> tuple[pd.DataFrame, str, str] | None:
     stays in its unit. Raises InputError where one is missing, in another unit, or has gaps.
     """
     frame = read_csv(path)
-    parts = {c: re.fullmatch(r"\s*(.*?)\s*\[(.*)\]\s*", str(c).lower()) for c in frame.columns}
+    parts = {c: re.fullmatch(r"\s*(.*?)\s*[\[(](.*)[\])]\s*", str(c).lower()) for c in frame.columns}
     parts = {column: match.groups() for column, match in parts.items() if match}
     flows = [c for c, (name, unit) in parts.items() if re.fullmatch(r"(\w+ )?flow", name) and unit in _FLOWS]
     chosen = {
@@ -113,6 +194,9 @@ def _recording(path: Path) -> tuple[pd.DataFrame, str, str] | None:
         for wanted, names in _NAMES.items()
     }
     if not flows and chosen[AORTA] is None and chosen[VENTRICLE] is None:
+        bare = [c for c in frame.columns if re.fullmatch(r"\s*(aop|lvp|(\w+ )?flow)\s*", str(c).lower())]
+        if bare:
+            raise InputError(path, bare[0], None, f"no unit in the heading; write {AORTA}, {VENTRICLE}, {FLOW}")
         return None
     if len(flows) > 1:
         raise InputError(path, "flow", ", ".join(flows), "more than one; leave the column of one artery")

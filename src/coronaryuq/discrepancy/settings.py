@@ -1,5 +1,6 @@
 """Settings of the discrepancy search."""
 
+import re
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -34,6 +35,9 @@ Effect = Literal[
 ]
 """What can be hidden: names of the library, which is not imported because reading settings costs nothing."""
 
+CASES = ("case", "hidden", "pairs")
+"""Folders of cases that are no animal."""
+
 
 class Settings(BaseModel):
     """How the search for a missing effect runs. Priors are standard deviations of logarithms unless said otherwise."""
@@ -54,6 +58,9 @@ class Settings(BaseModel):
         None, description="folder of recordings `ANIMAL_CONDITION.csv`: flow of one artery under measured pressures"
     )
     animals: list[str] = Field(default_factory=list, description="animals of `recordings`; one search each")
+    held_out: list[str] | None = Field(
+        None, description="conditions of `recordings` that enter no fit; none: those whose names end in `dob...`"
+    )
     in_report: bool = Field(False, description="whether the whole campaign and its report include the search")
     hidden_effect: Effect = Field("quadratic_stenosis", description="effect hidden where no measurements are given")
     hidden_size: float = Field(1.0, description="its size, in prior standard deviations")
@@ -93,4 +100,9 @@ class Settings(BaseModel):
             raise ValueError(f"model and conditions want measurements, not {files}; give measurements")
         if bool(self.recordings) != bool(self.animals):
             raise ValueError("recordings and animals go together; give both or neither")
+        if self.held_out is not None and not self.recordings:
+            raise ValueError("held_out is of recordings; say it in the conditions file of other measurements")
+        for number, animal in enumerate(self.animals):
+            if not re.fullmatch(r"\w[\w .-]*", animal) or animal in CASES or animal in self.animals[:number]:
+                raise ValueError(f"animals: {animal!r} is no name of a folder, or taken; give each animal its own")
         return self

@@ -11,6 +11,10 @@ from coronaryuq.errors import InputError
 from coronaryuq.files import read_csv
 
 EXACT = 1e-6
+LEAST_SAMPLES = 20
+LARGEST_FFR = 1.5
+LARGEST_RATIO = 3.0
+"""Of the root's mean pressure in both tables, beyond which they are not in one unit."""
 
 
 @dataclass(frozen=True)
@@ -49,11 +53,22 @@ def read_pairs(simulated: str | Path, measured: str | Path) -> tuple[pd.DataFram
     for path, table in zip((simulated, measured), tables, strict=True):
         if table.index.has_duplicates:
             raise InputError(path, "sample", table.index[table.index.duplicated()][0], "given twice; keep one row")
+        _check_ffr(path, table)
     common = [name for name in tables[0].index if name in tables[1].index]
-    if len(common) < 20:
-        raise InputError(measured, "sample", len(common), f"samples in common with {simulated}; need at least 20")
+    if len(common) < LEAST_SAMPLES:
+        ids = " and ".join(repr(table.index.tolist()[0]) for table in tables if len(table))
+        remedy = f"samples in common with {simulated}, whose names may differ ({ids}); need at least {LEAST_SAMPLES}"
+        raise InputError(measured, "sample", len(common), remedy)
     first, second = (table.loc[common].apply(pd.to_numeric, errors="coerce") for table in tables)
     return first, second
+
+
+def _check_ffr(path: str | Path, table: pd.DataFrame) -> None:
+    for column in (c for c in table.columns if str(c).startswith("ffr_")):
+        middle = pd.to_numeric(table[column], errors="coerce").median()
+        if not (np.isnan(middle) or 0.0 < middle <= LARGEST_FFR):
+            remedy = "as the middle of all; want distal over root pressure, 0 to 1 (not in %)"
+            raise InputError(path, column, float(f"{middle:.4g}"), remedy)
 
 
 def branches(simulated: pd.DataFrame, measured: pd.DataFrame, file: str | Path) -> list[Branch]:
@@ -74,6 +89,10 @@ def branches(simulated: pd.DataFrame, measured: pd.DataFrame, file: str | Path) 
         raise InputError(file, "mean_pressure:A:B, mean_flow:A:B", None, "no such column that both tables have")
     root = max(pressures, key=lambda key: measured[pressures[key][1]].mean())
     root0, root3 = (table[c].to_numpy() for table, c in zip((simulated, measured), pressures[root], strict=True))
+    ratio = float(root3.mean() / root0.mean())
+    if not 1.0 / LARGEST_RATIO < ratio < LARGEST_RATIO:
+        remedy = f"the other table has {ratio:.4g} times its mean; give both in one unit of pressure"
+        raise InputError(file, pressures[root][0], float(f"{root0.mean():.4g}"), remedy)
     venous = _zero_flow(simulated, measured, pressures, flows, root)
     outlets = {key: pair for key, pair in pressures.items() if key != root}
     found = []
