@@ -37,7 +37,9 @@ for path in (DISCREPANCY.model, DISCREPANCY.measurements, DISCREPANCY.conditions
 for animal in DISCREPANCY.animals:
     if not any(Path(DISCREPANCY.recordings).glob(f"{animal}_*.csv")):
         remedy = f"no {animal}_CONDITION.csv in {DISCREPANCY.recordings}"
-        print(f"error: {InputError('configuration', 'discrepancy.animals', animal, remedy)}", file=sys.stderr, flush=True)
+        print(
+            f"error: {InputError('configuration', 'discrepancy.animals', animal, remedy)}", file=sys.stderr, flush=True
+        )
         sys.exit(InputError.EXIT_CODE)
 
 DISCREPANCY_FIGURES = {
