@@ -11,6 +11,9 @@ class LinearProblem:
 
     fit_candidates = Problem.fit_candidates
 
+    def linear_part(self):
+        return [], np.zeros((len(self.y), 0))
+
     def columns(self, acting):
         return np.column_stack([self.nuisance, *(self.along[one] for one in acting)])
 

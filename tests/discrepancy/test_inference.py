@@ -43,6 +43,23 @@ def test_gauss_newton_solves_a_curved_problem():
     assert search.fit.z[0] == pytest.approx(np.log(2.0), abs=1e-5)
 
 
+def test_what_is_linear_by_nature_is_not_held_back_where_the_rest_is():
+    """A weight of 40 prior standard deviations beside a parameter of 7, three of which a step may go."""
+    random = generator(9, "test", "linear part")
+    shape, slope = random.standard_normal((2, 50))
+    y = 40.0 * 3.0 * shape + 7.0 * slope
+
+    g, y = np.column_stack([3.0 * shape, slope]) / 0.1, y / 0.1
+
+    def found(**how):
+        search = Search(None, np.zeros(2), **how)
+        maximise(lambda rows: np.array([y - g @ z for z, _ in rows]), [search], 3)
+        return search.z
+
+    assert found(fresh=[1], exact=([0], g[:, :1])) == pytest.approx(fit_of(g, y).z, abs=1e-6)
+    assert found(fresh=[0, 1])[0] < 10.0
+
+
 def test_a_failed_run_is_reported_not_raised():
     search, asked = Search(None, np.zeros(1), [0]), []
 

@@ -68,7 +68,7 @@ class Search:
 
     label: what `evaluate` needs to know of the model; fresh: columns of z whose sensitivities are recomputed;
     renewed: z at which they were last; stale: whether they have to be now; exact: columns whose sensitivities are
-    always the same, and those, (N, k).
+    always the same, and those, (N, k); gained: what the last step took off the objective.
     """
 
     label: object
@@ -81,6 +81,7 @@ class Search:
     failed: bool = False
     done: bool = False
     exact: tuple[list[int], np.ndarray] | None = None
+    gained: float = 0.0
 
     @property
     def fit(self) -> Fit:
@@ -95,6 +96,8 @@ LENGTHS = (1.0, 0.4, 0.1)
 """Shares of the Gauss-Newton step that are tried side by side."""
 GOOD_STEP = 0.7
 """Share of the gain that the linear model promised, above which its sensitivities serve for the next step too."""
+FARTHEST = 3.0
+"""Prior standard deviations of a step beyond which the linear model is not to be believed."""
 MOVED = 0.3
 """Distance, in prior standard deviations, from where they were recomputed at which sensitivities still hold."""
 
@@ -150,11 +153,18 @@ def _differentiate(evaluate: Evaluate, stale: list[Search]) -> None:
 
 
 def _step(search: Search) -> np.ndarray:
+    """Gauss-Newton's step, shortened beyond `FARTHEST`; what the residual is linear in follows the rest in full."""
     hessian = np.eye(len(search.z)) + search.jacobian.T @ search.jacobian
-    step = np.linalg.solve(hessian, search.jacobian.T @ search.residual - search.z)
-    largest = np.abs(step).max(initial=0.0)
-    # Beyond three prior standard deviations the linear model is not to be believed.
-    return step * min(1.0, 3.0 / largest) if largest > 0 else step
+    gradient = search.jacobian.T @ search.residual - search.z
+    step = np.linalg.solve(hessian, gradient)
+    linear = np.zeros(0, dtype=int) if search.exact is None else np.array(search.exact[0], dtype=int)
+    others = np.setdiff1d(np.arange(len(step)), linear)
+    largest = np.abs(step[others]).max(initial=0.0)
+    if largest > FARTHEST:
+        step[others] *= FARTHEST / largest
+        left = gradient[linear] - hessian[np.ix_(linear, others)] @ step[others]
+        step[linear] = np.linalg.solve(hessian[np.ix_(linear, linear)], left)
+    return step
 
 
 def _update(search: Search, step: np.ndarray, change: np.ndarray) -> None:
@@ -174,7 +184,7 @@ def _advance(search: Search, trials: list[np.ndarray], values: np.ndarray, toler
     present = search.fit.objective
     objectives = [v @ v + z @ z if np.isfinite(v).all() else np.inf for v, z in zip(values, trials, strict=True)]
     best = int(np.argmin(objectives))
-    gained = present - objectives[best]
+    gained = search.gained = present - objectives[best]
     search.stale = gained < GOOD_STEP * _promised(search, trials[0])
     if gained > 0:
         _update(search, trials[best] - search.z, search.residual - values[best])
