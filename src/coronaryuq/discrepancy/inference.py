@@ -68,7 +68,7 @@ class Search:
 
     label: what `evaluate` needs to know of the model; fresh: columns of z whose sensitivities are recomputed;
     renewed: z at which they were last; stale: whether they have to be now; exact: columns whose sensitivities are
-    always the same, and those, (N, k); gained: what the last step took off the objective.
+    always the same, and those, (N, k).
     """
 
     label: object
@@ -81,7 +81,6 @@ class Search:
     failed: bool = False
     done: bool = False
     exact: tuple[list[int], np.ndarray] | None = None
-    gained: float = 0.0
 
     @property
     def fit(self) -> Fit:
@@ -184,7 +183,7 @@ def _advance(search: Search, trials: list[np.ndarray], values: np.ndarray, toler
     present = search.fit.objective
     objectives = [v @ v + z @ z if np.isfinite(v).all() else np.inf for v, z in zip(values, trials, strict=True)]
     best = int(np.argmin(objectives))
-    gained = search.gained = present - objectives[best]
+    gained = present - objectives[best]
     search.stale = gained < GOOD_STEP * _promised(search, trials[0])
     if gained > 0:
         _update(search, trials[best] - search.z, search.residual - values[best])

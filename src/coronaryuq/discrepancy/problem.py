@@ -19,7 +19,7 @@ SMALLER = -2.0
 DISTORTED = 3.0
 """Prior standard deviations that recalibration moves a nuisance parameter by where something else is missing."""
 FAR_BEHIND = 40.0
-"""Log evidence behind the best at which a candidate is not fitted further, unless its last step gained as much."""
+"""Log evidence behind the best after two iterations at which a candidate is not fitted further."""
 
 MISSED = 0.5
 """Norm, in noise standard deviations, of what the time steps put wrong at a fit and are not allowed for, from which
@@ -172,12 +172,12 @@ class Problem:
     ) -> list[Fit | None]:
         """Fit one more effect each; sensitivities to what is already there stay those of `base`.
 
-        guesses: a starting point of the sizes for each. All take two iterations from there, and more while they gain
-        much: a strong effect has a long way to go. Those not far behind the best go on to the end, also from
-        `starts - 1` other points. Returns the best fit of each, None where no run succeeded.
+        guesses: a starting point of the sizes for each. All take two iterations from there; those not far behind the
+        best go on to the end, also from `starts - 1` other points. Returns the best fit of each, None where no run
+        succeeded.
         """
         found: list[Fit | None] = [None] * len(candidates)
-        gained, exact = np.zeros(len(candidates)), self.linear_part()
+        exact = self.linear_part()
         grafts = [one for one in dict.fromkeys([*acting, *candidates]) if one[0].grafted]
 
         def search(numbers_and_sizes, iterations):
@@ -193,18 +193,13 @@ class Problem:
             maximise(lambda rows: self.fitted(rows, grafts), searches, iterations)
             for (number, _), one in zip(numbers_and_sizes, searches, strict=True):
                 if not one.failed and one.residual is not None:
-                    best, gained[number] = found[number], one.gained
+                    best = found[number]
                     if best is None or one.fit.evidence > best.evidence:
                         found[number] = one.fit
 
         search(list(enumerate(guesses)), 2)
         # A size may be too much for the solver where a smaller one runs.
         search([(i, np.full(len(guesses[i]), SMALLER)) for i, fit in enumerate(found) if fit is None], 2)
-        for _ in range(self.settings.iterations):
-            under_way = [i for i, fit in enumerate(found) if fit is not None and 0.5 * gained[i] > FAR_BEHIND]
-            if not under_way:
-                break
-            search([(i, guesses[i]) for i in under_way], 1)
         leading = max((fit.evidence for fit in found if fit is not None), default=0.0)
         close = [i for i, fit in enumerate(found) if fit is not None and fit.evidence > leading - FAR_BEHIND]
         again = [(i, guesses[i]) for i in close]
