@@ -7,6 +7,7 @@
 #   snakemake paper_figures ...   figures 3, 4, 5 and 7 of the published runs, with paper_table
 #   snakemake paper_convergence_figure ...   their convergence study;   snakemake coverage ...   the intervals' coverage
 #   snakemake discrepancy --profile workflow/profiles/default --configfile config/laptop.yaml  what the model is missing
+#   snakemake discrepancy_benchmark ...   how often the search for it is right
 
 from snakemake.utils import min_version
 

@@ -6,28 +6,24 @@ A case that is there already, by network, effect, strength, noise and seed, give
 
 import json
 import sys
+import tempfile
 from pathlib import Path
 
-import numpy as np
-
 from coronaryuq.bench.discovery_score import wilson
-from coronaryuq.figures.style import ESTIMATORS, saved
+from coronaryuq.bench.discovery_tables import WANTED, answers, chosen, in_order, measures, right, shares
+from coronaryuq.bench.discrepancy import NOISES, STRENGTHS
+from coronaryuq.figures.discovery import discovery, words
+from coronaryuq.files import write_csv
+from coronaryuq.report.discovery import wanted
 
 FOLDER = Path(__file__).parent
 CASES = FOLDER / "discrepancy-cases.jsonl"
 PAGE, GUIDE = FOLDER / "discrepancy-benchmark.md", FOLDER / "discrepancy.md"
 PICTURE = FOLDER / "pictures" / "discrepancy-benchmark.png"
-NETWORKS = {
-    "open loop": ESTIMATORS["MFMC"],
-    "bundled patient": ESTIMATORS["MFMC-AE"],
-    "another patient": ESTIMATORS["multilevel"],
-    "svZeroDSolver test": ESTIMATORS["BLUE"],
-    "22 outlets": ESTIMATORS["best"],
-}
+NETWORKS = ("open loop", "bundled patient", "another patient", "svZeroDSolver test", "22 outlets")
 KEPT = "network effect strength noise seed places visible first classes named placed alarmed abstained covered before "
 KEPT = (KEPT + "after oracle gap_closed_over_oracle worse foretold helped cpu_s skipped redrawn").split()
 DIGITS = {"visible": 3, "before": 4, "after": 4, "oracle": 4, "gap_closed_over_oracle": 4, "cpu_s": 3}
-NOMINAL = ("medium", "nominal")
 
 
 def read(path: str | Path) -> list[dict]:
@@ -50,112 +46,54 @@ def kept(case: dict, network: str) -> dict:
 
 def merged(cases: list[dict], more: list[dict]) -> list[dict]:
     found = {key(case): case for case in cases} | {key(case): case for case in more}
-    order = list(NETWORKS)
-    return sorted(found.values(), key=lambda c: (order.index(c["network"]), c.get("seed") or 0))
-
-
-def of(cases: list[dict], network: str, strength: str = "medium", noise: str = "nominal") -> list[dict]:
-    """Searched cases of a network. What is hidden beside a known stenosis is strong and at half the noise there."""
-    mine = [c for c in cases if c["network"] == network and not c.get("skipped")]
-    beside = network != "open loop" and (strength, noise) == NOMINAL
-    strengths = (strength, "none") if strength == "medium" else (strength,)
-    return [c for c in mine if c["noise"] == noise and c["strength"] in strengths or beside and c["noise"] == "half"]
-
-
-def singles(cases: list[dict]) -> list[dict]:
-    return [c for c in cases if c["effect"] != "none" and not c["effect"].startswith("outside") and not is_pair(c)]
-
-
-def is_pair(case: dict) -> bool:
-    return "+" in case["effect"]
-
-
-def closed(case: dict) -> float | None:
-    """Share of the gap closed, of what the true effect closes."""
-    if "gap_closed_over_oracle" in case or "oracle" not in case:
-        return case.get("gap_closed_over_oracle")
-    room = case["before"] ** 2 - case["oracle"] ** 2
-    return (case["before"] ** 2 - case["after"] ** 2) / room if room > 0.1 else None
-
-
-def measures(cases: list[dict]) -> dict[str, tuple[int, int]]:
-    """Successes and trials."""
-    single, nothing = singles(cases), [c for c in cases if c["effect"] == "none"]
-    outside = [c for c in cases if c["effect"].startswith("outside")]
-    shares = [closed(c) for c in single + [c for c in cases if is_pair(c)]]
-    found = {
-        "right name (or its class) first": [c["named"] for c in single],
-        "right place": [c["placed"] for c in single],
-        "90 % interval holds the size": [c["covered"] for c in single if "covered" in c],
-        "false alarm, nothing hidden": [c["alarmed"] for c in nothing],
-        "abstention outside the library": [c["abstained"] for c in outside],
-        "both of two effects named": [c["named"] for c in cases if is_pair(c)],
-        "≥ 90 % of the gap closed that the true effect closes": [s >= 0.9 for s in shares if s is not None],
-        "worse than recalibration": [c["worse"] for c in cases if "worse" in c],
-    }
-    return {name: (sum(map(bool, held)), len(held)) for name, held in found.items()}
-
-
-WANTED = {
-    "right name (or its class) first": (0.95, 1.0),
-    "right place": (0.90, 1.0),
-    "90 % interval holds the size": (0.85, 0.95),
-    "false alarm, nothing hidden": (0.0, 0.05),
-    "abstention outside the library": (0.85, 1.0),
-    "both of two effects named": (0.80, 1.0),
-    "≥ 90 % of the gap closed that the true effect closes": (0.90, 1.0),
-    "worse than recalibration": (0.0, 0.0),
-}
-
-
-def wanted(name: str) -> str:
-    low, high = WANTED[name]
-    return "0" if high == 0 else f"≥ {low:.2f}" if high == 1.0 else f"≤ {high:.2f}" if low == 0 else f"{low} to {high}"
+    return sorted(found.values(), key=lambda c: (NETWORKS.index(c["network"]), c.get("seed") or 0))
 
 
 def totals(cases: list[dict]) -> list[str]:
     lines = ["| tested | on | cases | share | 95 % interval (Wilson) | wanted |", "|---|---|---|---|---|---|"]
-    parts = {name: of(cases, name) for name in NETWORKS}
-    for strength, noise in (("weak", "nominal"), ("strong", "nominal"), ("medium", "half"), ("medium", "double")):
-        told = f"{strength} strength" if noise == "nominal" else f"{noise} noise"
-        parts[f"open loop, {told}"] = of(cases, "open loop", strength, noise)
+    before = None
+    for one in shares({name: chosen(cases, name) for name in NETWORKS}).itertuples():
+        first = one.tested != before
+        lines.append(
+            f"| {one.tested if first else ''} | {one.on} | {one.held} of {one.trials} | {one.share:.3f} | "
+            f"{one.low:.3f} to {one.high:.3f} | {wanted(one.wanted_from, one.wanted_to) if first else ''} |"
+        )
+        before = one.tested
+    return lines
+
+
+def grid(cases: list[dict]) -> list[str]:
+    """Of the open loop, every strength at every noise."""
+    parts = {(s, n): measures(chosen(cases, NETWORKS[0], s, n)) for n in NOISES for s in STRENGTHS}
+    head = " | ".join(f"{strength}, {noise}" for strength, noise in parts)
+    lines = [f"| tested | {head} |", "|---|" + "---|" * len(parts)]
     for name in WANTED:
-        asked = wanted(name)
-        for part, mine in parts.items():
-            held, trials = measures(mine)[name]
-            if not trials:
-                continue
-            share = wilson(held, trials)
-            lines.append(
-                f"| {name if asked else ''} | {part} | {held} of {trials} | {share['share']:.3f} | "
-                f"{share['low']:.3f} to {share['high']:.3f} | {asked} |"
-            )
-            asked = ""
+        row = [f"{held} of {trials}" if trials else "" for held, trials in (part[name] for part in parts.values())]
+        lines.append(f"| {name} | " + " | ".join(row) + " |")
     return lines
 
 
 def summary(cases: list[dict]) -> list[str]:
     """Medium strength, nominal noise: the open loop, the bundled patient, all other closed loops together."""
-    others = [c for name in list(NETWORKS)[2:] for c in of(cases, name)]
-    parts = {name: of(cases, name) for name in list(NETWORKS)[:2]} | {"other loops": others}
+    parts = {name: chosen(cases, name) for name in NETWORKS[:2]}
+    parts["other loops"] = [c for name in NETWORKS[2:] for c in chosen(cases, name)]
     lines = ["| tested | " + " | ".join(parts) + " | wanted |", "|---|" + "---|" * (len(parts) + 1)]
-    for name in WANTED:
+    for name, sought in WANTED.items():
         row = []
         for held, trials in (measures(mine)[name] for mine in parts.values()):
             share = wilson(held, trials)
             row.append(f"{held} of {trials} ({share['low']:.2f} to {share['high']:.2f})" if trials else "–")
-        lines.append(f"| {name} | " + " | ".join(row) + f" | {wanted(name)} |")
+        lines.append(f"| {name} | " + " | ".join(row) + f" | {wanted(*sought)} |")
     return lines
 
 
 def cells(cases: list[dict]) -> list[str]:
     """Right answers of cases, effect by effect, at medium strength and nominal noise."""
     lines = ["| hidden | " + " | ".join(NETWORKS) + " |", "|" + "---|" * (len(NETWORKS) + 1)]
-    effects = list(dict.fromkeys(c["effect"] for n in NETWORKS for c in of(cases, n)))
-    for effect in sorted(effects, key=lambda e: (e.startswith("outside"), "+" in e)):
+    for effect in in_order(c["effect"] for n in NETWORKS for c in chosen(cases, n)):
         row = []
         for network in NETWORKS:
-            mine = [c for c in of(cases, network) if c["effect"] == effect]
+            mine = [c for c in chosen(cases, network) if c["effect"] == effect]
             row.append(f"{sum(map(right, mine))} of {len(mine)}" if mine else "")
         lines.append(f"| {words(effect)} | " + " | ".join(row) + " |")
     return lines
@@ -166,7 +104,7 @@ def each(cases: list[dict], network: str) -> list[str]:
     columns = ["hidden", "trace, noise sd", "answer", "candidates in the class", "interval holds"]
     columns += ["held-out misfit before, after, true effect", "CPU-s"]
     lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
-    for case in of(cases, network):
+    for case in chosen(cases, network):
         places = " and ".join(f"`{place}`" for place in case["places"])
         beside = ", beside a stenosis" if case["noise"] == "half" else ""
         hidden = f"{words(case['effect']).replace('none', 'nothing')}{', ' * bool(places)}{places}{beside}"
@@ -180,52 +118,13 @@ def each(cases: list[dict], network: str) -> list[str]:
     return lines
 
 
-def right(case: dict) -> bool:
-    """Named and placed; both of two named; nothing named where nothing in the library is hidden."""
-    if case["effect"] == "none":
-        return not case["alarmed"]
-    if case["effect"].startswith("outside"):
-        return case["abstained"]
-    return case["named"] and (case["placed"] or is_pair(case))
-
-
-def words(effect: str) -> str:
-    return effect.replace("outside:", "outside: ").replace("+", " + ").replace("_", " ")
-
-
 def picture(cases: list[dict]) -> None:
     """What was hidden and what was named first on the open loop; shares of every network with their intervals."""
-    mine = of(cases, "open loop")
-    hidden = list(dict.fromkeys(c["effect"] for c in sorted(mine, key=lambda c: (c["effect"] != "none", is_pair(c)))))
-    hidden.sort(key=lambda e: (e.startswith("outside"), "+" in e))
-    answers = [e for e in hidden if any(c["first"] == e for c in mine)]
-    answers += [a for a in dict.fromkeys(c["first"] for c in mine) if a not in answers and a != "outside"] + ["outside"]
-    counts = np.array([[sum(c["effect"] == h and c["first"] == a for c in mine) for a in answers] for h in hidden])
-    with saved(PICTURE, ncols=2, figsize=(12.5, 9), width_ratios=(2.1, 1)) as (_, (left, side)):
-        left.imshow(counts / counts.sum(axis=1, keepdims=True), cmap="Blues", aspect="auto", vmin=0, vmax=1)
-        for (row, column), count in np.ndenumerate(counts):
-            if count:
-                dark = count > 0.5 * counts[row].sum()
-                left.text(column, row, count, ha="center", va="center", fontsize=8, color="w" if dark else "k")
-        left.set_xticks(range(len(answers)), [words(a) for a in answers], rotation=60, ha="right", fontsize=8)
-        left.set_yticks(range(len(hidden)), [words(h) for h in hidden], fontsize=8)
-        left.set(xlabel="named first", ylabel="hidden", title="open loop: cases by what was hidden and what was named")
-        for spine in left.spines.values():
-            spine.set_visible(False)
-        for row, name in enumerate(WANTED):
-            low, high = WANTED[name]
-            side.barh(row, high - low, 0.8, low, color="0.88")
-            side.text(0.5, row - 0.46, name, ha="center", va="bottom", fontsize=8)
-            for number, (network, colour) in enumerate(NETWORKS.items()):
-                held, trials = measures(of(cases, network))[name]
-                if trials:
-                    share, at = wilson(held, trials), row - 0.3 + 0.15 * number
-                    side.plot([share["low"], share["high"]], [at, at], color=colour, lw=1.5)
-                    side.plot(share["share"], at, "o", color=colour, ms=4, label=network if row == 0 else None)
-        side.set(xlabel="share, 95 % interval; grey: wanted", xlim=(-0.02, 1.02), yticks=[])
-        side.set_ylim(len(WANTED) - 0.4, -0.8)
-        side.spines["left"].set_visible(False)
-        side.legend(loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=2, fontsize=8)
+    with tempfile.TemporaryDirectory() as name:
+        tables = [Path(name) / table for table in ("shares.csv", "answers.csv")]
+        write_csv(tables[0], shares({network: chosen(cases, network) for network in NETWORKS}))
+        write_csv(tables[1], answers(cases))
+        discovery(*map(str, tables), output=str(PICTURE))
 
 
 def put(page: str, name: str, lines: list[str]) -> str:

@@ -25,6 +25,7 @@ OPTIONS = {
     "effects": ("discrepancy",),
     "solver": ("discrepancy",),
     "threads": ("discrepancy",),
+    "resume": ("discrepancy",),
     "config": ("campaign",),
 }
 """Which benchmarks take an option of `coronaryuq bench`: here, because to ask their modules is to import them."""
@@ -87,6 +88,7 @@ def _parser() -> argparse.ArgumentParser:
         ("effects", "cells wanted, as they are labelled; default: all", {"nargs": "+", "metavar": "CELL"}),
         ("solver", "that the hidden cases' data come from; default: 0d", {"choices": ("0d", "3d")}),
         ("threads", "of each search; default: 1", {"metavar": "N", "type": count}),
+        ("resume", "keeps finished cases, of which a run that was killed goes on", {"metavar": "FILE"}),
         ("config", "configuration", {"metavar": "FILE"}),
     ):
         bench.add_argument(f"--{name}", help=f"{told} ({', '.join(OPTIONS[name])})", **how)

@@ -53,6 +53,11 @@ def files(tmp_path):
         for n in (25, 50) for method, quantity in (("MC", "mean"), ("best", "mean"), ("best", "quantile 0.5"))
     ]  # fmt: skip
     write_csv(tmp_path / "cells.csv", pd.DataFrame(cells))
+    shares = [{"tested": "right place", "on": network, "share": 0.9, "low": 0.6, "high": 0.97,
+               "wanted_from": 0.9, "wanted_to": 1.0} for network in ("open loop", "loop")]  # fmt: skip
+    write_csv(tmp_path / "shares.csv", pd.DataFrame(shares))
+    answers = [{"network": "open loop", "hidden": "none", "named": named, "cases": 3} for named in ("none", "outside")]
+    write_csv(tmp_path / "answers.csv", pd.DataFrame(answers))
     return tmp_path
 
 
@@ -66,6 +71,7 @@ def files(tmp_path):
         ("convergence", {"convergence": "convergence.json"}),
         ("budget", {"budget": "budget.json"}),
         ("coverage", {"table": "cells.csv"}),
+        ("discovery", {"shares": "shares.csv", "answers": "answers.csv"}),
     ],
 )
 @pytest.mark.parametrize("suffix", ["png", "svg"])

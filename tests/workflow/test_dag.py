@@ -143,6 +143,24 @@ def test_a_search_in_the_report_is_part_of_the_campaign(checkout):
     assert "discrepancy_search" not in checkout.dry_run()
 
 
+def test_a_benchmark_has_a_job_per_network_and_seed_and_more_seeds_are_only_more(checkout):
+    (checkout.folder / "mine.json").write_text("{}")
+    wanted = {"networks": ["open_loop", "mine.json"], "seeds": 3, "first_seed": 7}
+    jobs = checkout.dry_run("discrepancy_benchmark", settings=changed(checkout, discrepancy={"benchmark": wanted}))
+    rest = ("tables", "figure", "")
+    rest = {f"discrepancy_benchmark_{name}".rstrip("_"): 1 for name in rest}
+    assert jobs == {"discrepancy_benchmark_seed": 6} | rest, "nothing of the campaign"
+    wanted["networks"] = ["campaign"]
+    jobs = checkout.dry_run("discrepancy_benchmark", settings=changed(checkout, discrepancy={"benchmark": wanted}))
+    assert jobs["discrepancy_benchmark_seed"] == 3 and jobs["calibration"] == 1
+
+
+def test_a_network_of_the_benchmark_that_is_not_there_is_one_line(checkout):
+    settings = changed(checkout, discrepancy={"benchmark": {"networks": ["gone.json"]}})
+    done = checkout.run("discrepancy_benchmark", settings=settings)
+    assert done.returncode == 2 and "gone.json" in done.stderr and "no such file" in done.stderr
+
+
 def test_a_table_that_is_not_there_is_one_line(checkout):
     done = checkout.run("discrepancy", settings=changed(checkout, discrepancy={"pairs": ["gone.csv", "lost.csv"]}))
     assert done.returncode == 2

@@ -3,6 +3,8 @@
 # Cases: the files that the configuration names, pairs of simulated and measured outputs, recorded animals; where it
 # names none, an effect hidden in the campaign's own tuned loop.
 
+from coronaryuq.discrepancy.settings import GIVEN
+
 DISCREPANCY = campaign.discrepancy
 
 
@@ -28,9 +30,21 @@ if not SEARCHED and not DISCREPANCY.pairs:
 EXAMINED = [*SEARCHED, *(["pairs"] if DISCREPANCY.pairs else [])]
 DISCREPANCY_SETTINGS = block(
     "discrepancy",
-    without=("model", "measurements", "conditions", "pairs", "recordings", "animals", "held_out", "in_report"),
+    without=(
+        "model",
+        "measurements",
+        "conditions",
+        "pairs",
+        "recordings",
+        "animals",
+        "held_out",
+        "in_report",
+        "benchmark",
+    ),
 )
-for path in (DISCREPANCY.model, DISCREPANCY.measurements, DISCREPANCY.conditions, *(DISCREPANCY.pairs or ())):
+HIDDEN_IN = DISCREPANCY.benchmark.named
+NAMED_FILES = (DISCREPANCY.model, DISCREPANCY.measurements, DISCREPANCY.conditions, *(DISCREPANCY.pairs or ()))
+for path in (*NAMED_FILES, *(one for one in HIDDEN_IN.values() if one not in GIVEN)):
     if path and not Path(path).is_file():
         print(f"error: {InputError('configuration', 'discrepancy', path, 'no such file')}", file=sys.stderr, flush=True)
         sys.exit(InputError.EXIT_CODE)
@@ -184,3 +198,82 @@ rule discrepancy_report:
 rule discrepancy:
     input:
         rules.discrepancy_report.output.report,
+
+
+def hidden_in(wildcards):
+    """The network that effects are hidden in: a file, or none for the bundled tree."""
+    chosen = HIDDEN_IN[wildcards.network]
+    tuned = {"campaign": {"network": rules.calibration.output.rest}, "open_loop": {}}
+    return tuned.get(chosen, {"network": chosen})
+
+
+rule discrepancy_benchmark_seed:
+    input:
+        unpack(hidden_in),
+        code=code("coronaryuq.bench.discrepancy"),
+    output:
+        cases=examined("benchmark", "{network}", "seed_{seed}.json"),
+    log:
+        log_of("discrepancy_benchmark", "{network}_{seed}.log"),
+    wildcard_constraints:
+        network="|".join(map(re.escape, HIDDEN_IN)),
+        seed=r"\d+",
+    params:
+        name=lambda wildcards: {"open_loop": "open loop"}.get(wildcards.network, wildcards.network),
+        seed=lambda wildcards: int(wildcards.seed),
+    script:
+        "../scripts/discrepancy_benchmark.py"
+
+
+FIRST_SEED = DISCREPANCY.benchmark.first_seed
+
+
+rule discrepancy_benchmark_tables:
+    input:
+        cases=expand(
+            rules.discrepancy_benchmark_seed.output.cases,
+            network=HIDDEN_IN,
+            seed=range(FIRST_SEED, FIRST_SEED + DISCREPANCY.benchmark.seeds),
+        ),
+        code=code("coronaryuq.bench.discovery_tables"),
+    output:
+        shares=examined("benchmark", "shares.csv"),
+        cells=examined("benchmark", "cells.csv"),
+        answers=examined("benchmark", "answers.csv"),
+    log:
+        log_of("discrepancy_benchmark", "tables.log"),
+    script:
+        "../scripts/discrepancy_benchmark_tables.py"
+
+
+rule discrepancy_benchmark_figure:
+    input:
+        shares=rules.discrepancy_benchmark_tables.output.shares,
+        answers=rules.discrepancy_benchmark_tables.output.answers,
+        code=code("coronaryuq.figures.draw", "coronaryuq.figures.discovery"),
+    output:
+        figure=examined("benchmark", "benchmark.png"),
+    log:
+        log_of("discrepancy_benchmark", "figure.log"),
+    params:
+        name="discovery",
+    script:
+        "../scripts/figure.py"
+
+
+rule discrepancy_benchmark:
+    input:
+        shares=rules.discrepancy_benchmark_tables.output.shares,
+        cells=rules.discrepancy_benchmark_tables.output.cells,
+        answers=rules.discrepancy_benchmark_tables.output.answers,
+        figure=rules.discrepancy_benchmark_figure.output.figure,
+        code=code("coronaryuq.report.discovery"),
+        templates=report_templates("discovery_page.html", "style.css"),
+    output:
+        report=examined("benchmark", "report.html"),
+    log:
+        log_of("discrepancy_benchmark", "report.log"),
+    params:
+        settings=DISCREPANCY.benchmark.model_dump(mode="json"),
+    script:
+        "../scripts/discrepancy_benchmark_report.py"

@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from coronaryuq import files
+from coronaryuq import files, provenance
 from coronaryuq.bench.discovery_score import score, scored
+from coronaryuq.bench.discovery_tables import OPEN_LOOP
 from coronaryuq.bench.hidden_cases import (
     OUTSIDE,
     OUTSIDE_LOOP,
@@ -70,6 +71,10 @@ class Case:
     known: bool = False
 
     @property
+    def key(self) -> tuple:
+        return self.label, self.strength, self.noise, self.seed
+
+    @property
     def label(self) -> str:
         return f"outside:{self.outside}" if self.outside else "+".join(self.effects) or "none"
 
@@ -123,33 +128,72 @@ def run(
     solver: str = "0d",
     threads: int = 1,
     seconds: float | None = None,
+    name: str | None = None,
+    resume: str | Path | None = None,
 ) -> dict:
     """Hide, discover, score; see BENCHMARKS for the keys.
 
     network: a closed loop (svZeroDSolver JSON) to hide in, by default the bundled open-loop tree. seeds: repetitions of
     every cell. effects: labels of the cells that are wanted, such as "none", "collateral" or "outside:drifting_bed", by
     default all. solver: "3d" takes the data from runs of the 3D ensemble solver, see `hidden_3d`. threads: of each
-    search. seconds: stop starting new cases after this much CPU time (40 when quick).
+    search. seconds: stop starting new cases after this much CPU time (40 when quick). name: of the network, in the
+    entries. resume: file that keeps finished cases, of which a run that was killed goes on.
     """
     limit = seconds if seconds is not None else (40.0 if quick else np.inf)
+    name = name or (Path(network).stem if network else OPEN_LOOP)
     if solver == "3d":
-        given = {"network": network, "strengths": tuple(strengths), "noises": tuple(noises)}
-        _takes_no(given, {"network": None, "strengths": ("medium",), "noises": ("nominal",)})
+        given = {"network": network, "strengths": tuple(strengths), "noises": tuple(noises), "resume": resume}
+        _takes_no(given, {"network": None, "strengths": ("medium",), "noises": ("nominal",), "resume": None})
         entries = trials_3d(range(offset, offset + seeds), effects or (("lca1:moderate",) if quick else ()), threads)
     else:
         made = _loop(network) if network else open_loop()
         every = loop_cases if network else partial(cases, quick)
         todo = list(every(seeds, strengths, noises, offset))
         _known_cells(effects, [one.label for one in todo])
-        entries = (trial(case, made, threads) for case in todo if not effects or case.label in effects)
+        todo = [case for case in todo if not effects or case.label in effects]
+        entries = _tried(todo, made, threads, Kept(resume, made, name) if resume else None)
     start, found = time.process_time(), []
     for entry in entries:
         if entry is not None:
-            found.append({"network": Path(network).stem if network else "open_loop", **entry})
+            found.append({"network": name, **entry})
             print(json.dumps(found[-1], default=float), file=sys.stderr, flush=True)
         if time.process_time() - start > limit:
             break
     return {"quick": quick, **score(found), "cases": found}
+
+
+def _tried(todo: list[Case], made: Made, threads: int, kept: "Kept | None") -> Iterator[dict | None]:
+    """Every case, searched and scored, or taken from an earlier run that was killed."""
+    for case in todo:
+        entry = kept.entries.get(case.key) if kept else None
+        if entry is None:
+            entry = trial(case, made, threads)
+            if kept and entry is not None:
+                kept.add(case, entry)
+        yield entry
+
+
+class Kept:
+    """Finished cases of a run, JSON lines after one that says by which code and in which network they were made.
+
+    entries: key of a case → entry, of an earlier run by the same code in the same network.
+    """
+
+    def __init__(self, path: str | Path, made: Made, name: str):
+        self.path = Path(path)
+        code = [provenance.checksum(source) for source in provenance.sources("coronaryuq.bench.discrepancy")]
+        head = json.dumps({"made_by": provenance.digest([name, made.network, code])})
+        lines = self.path.read_text(encoding="utf-8").split("\n") if self.path.is_file() else []
+        # What follows the last line's end was being written when the run was killed.
+        found = [json.loads(line) for line in lines[:-1]] if lines[:1] == [head] else []
+        self.entries = {tuple(one["key"]): one["entry"] for one in found[1:]}
+        whole = [head, *(json.dumps(one) for one in found[1:])]
+        files.write_text(self.path, "\n".join(whole) + "\n")
+
+    def add(self, case: Case, entry: dict) -> None:
+        line = json.dumps({"key": case.key, "entry": entry}, default=float)
+        with open(self.path, "a", encoding="utf-8") as file:
+            file.write(line + "\n")
 
 
 def _takes_no(given: dict, left_out: dict) -> None:

@@ -1,6 +1,7 @@
 """Settings of the discrepancy search."""
 
 import re
+from pathlib import Path
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -35,8 +36,39 @@ Effect = Literal[
 ]
 """What can be hidden: names of the library, which is not imported because reading settings costs nothing."""
 
-CASES = ("case", "hidden", "pairs")
+CASES = ("case", "hidden", "pairs", "benchmark")
 """Folders of cases that are no animal."""
+GIVEN = ("campaign", "open_loop")
+"""Networks of the benchmark that are no file."""
+
+
+class Benchmark(BaseModel):
+    """Effects hidden on purpose, for the target `discrepancy_benchmark`."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    networks: list[str] = Field(
+        ["campaign", "open_loop"],
+        min_length=1,
+        description="what they are hidden in: `campaign`, its tuned loop; `open_loop`, a bundled tree under measured "
+        "pressure; or a file, any tuned loop as svZeroDSolver JSON",
+    )
+    seeds: int = Field(2, ge=1, description="repetitions of every cell; one job each")
+    first_seed: int = Field(1, ge=0, description="first of the seeds, which go on from it")
+
+    @property
+    def named(self) -> dict[str, str]:
+        """Networks by the names of their folders and table lines: a file's is its name without the ending."""
+        return {Path(one).stem if one not in GIVEN else one: one for one in self.networks}
+
+    @model_validator(mode="after")
+    def _apart(self) -> "Benchmark":
+        if len(self.named) < len(self.networks):
+            raise ValueError(f"networks {self.networks} share a name; give files names of their own")
+        for name in self.named:
+            if not re.fullmatch(r"\w[\w.-]*", name):
+                raise ValueError(f"networks: {name!r} is no name of a folder; rename the file")
+        return self
 
 
 class Settings(BaseModel):
@@ -62,6 +94,7 @@ class Settings(BaseModel):
         None, description="conditions of `recordings` that enter no fit; none: those whose names end in `dob...`"
     )
     in_report: bool = Field(False, description="whether the whole campaign and its report include the search")
+    benchmark: Benchmark = Field(default_factory=Benchmark, description="effects hidden on purpose")
     hidden_effect: Effect = Field("quadratic_stenosis", description="effect hidden where no measurements are given")
     hidden_size: float = Field(1.0, description="its size, in prior standard deviations")
     pressure_unit: Literal["auto", "dyn/cm2", "mmHg", "Pa", "kPa"] = Field(

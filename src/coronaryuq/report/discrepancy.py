@@ -86,7 +86,7 @@ def _search(path: str, figures: list[str], truths: list[str]) -> dict:
         "located": [] if pairs else [_located(row) for row in answer["located"][:SHOWN]],
         **(_pair_gaps(answer) if pairs else _gaps(answer)),
         "figures": [
-            {"caption": CAPTIONS[Path(f).stem], "data": _embedded(f)}
+            {"caption": CAPTIONS[Path(f).stem], "data": embedded(f)}
             for f in sorted(figures, key=lambda f: order[Path(f).stem])
         ],
     }
@@ -199,5 +199,6 @@ def _pair_gaps(answer: dict) -> dict:
     }
 
 
-def _embedded(path: str) -> str:
+def embedded(path: str) -> str:
+    """A PNG file as the address of an image inside a page."""
     return "data:image/png;base64," + base64.b64encode(Path(path).read_bytes()).decode()

@@ -1,6 +1,5 @@
 """Puts a campaign's results on one page for a cardiologist and an engineer: `report.html`, pictures included."""
 
-import base64
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ from coronaryuq import provenance
 from coronaryuq.files import read_csv, read_json, write_text
 from coronaryuq.report import coarse_level, discrepancy, wanted
 from coronaryuq.report.costs import costs
+from coronaryuq.report.discrepancy import embedded
 from coronaryuq.report.mesh_error import MeshError
 from coronaryuq.report.numbers import number
 from coronaryuq.report.table import Notes, lines_of
@@ -146,14 +146,10 @@ def _figures(paths: Sequence[str]) -> dict:
     by_name = {Path(path).stem: path for path in paths}
     return {
         place: [
-            {"caption": CAPTIONS[name], "data": _embedded(by_name[name])} for name in names if name in by_name
+            {"caption": CAPTIONS[name], "data": embedded(by_name[name])} for name in names if name in by_name
         ]
         for place, names in PLACES.items()
     }  # fmt: skip
-
-
-def _embedded(path: str) -> str:
-    return "data:image/png;base64," + base64.b64encode(Path(path).read_bytes()).decode()
 
 
 def _failed(failures: dict) -> list[dict]:
