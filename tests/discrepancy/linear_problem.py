@@ -3,13 +3,28 @@
 import numpy as np
 
 from coronaryuq.discrepancy.inference import Fit
-from coronaryuq.discrepancy.problem import Problem
+from coronaryuq.discrepancy.problem import DISTORTED, Problem
 
 
 class LinearProblem:
     """Subclasses set nuisance (N, p), along: acting effect → (N,), y (N,) and settings."""
 
     fit_candidates = Problem.fit_candidates
+    change = 0.0
+    """What the time steps are known to put wrong: nothing, unless a subclass says so."""
+
+    @property
+    def count(self):
+        return self.nuisance.shape[1]
+
+    def corrected(self, acting, fit):
+        return self, fit
+
+    def missed(self, change):
+        return float(np.linalg.norm(change - self.change))
+
+    def distorted(self, fit):
+        return bool(np.abs(fit.z[: self.count]).max(initial=0.0) > DISTORTED)
 
     def linear_part(self):
         return [], np.zeros((len(self.y), 0))

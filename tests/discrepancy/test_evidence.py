@@ -4,11 +4,20 @@ import copy
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from linear_problem import LinearProblem
 from scipy import stats
 
 from coronaryuq.discrepancy.candidates import CONTENDER, PRIOR_NAMED, Candidate
-from coronaryuq.discrepancy.search import LIKELIEST, Round, _chance_of_evidence, _compete_again
+from coronaryuq.discrepancy.search import (
+    LIKELIEST,
+    RINGS,
+    Round,
+    _chance_of_evidence,
+    _compete_again,
+    name_one,
+    recalibrate,
+)
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.seeds import generator
 from coronaryuq.zerod.effects.base import Parameter
@@ -80,7 +89,8 @@ class Ringing(LinearProblem):
 
     def corrected(self, acting, fit):
         other, (last,) = copy.copy(self), acting
-        other.y = self.y - fit.z[-1] * self.left_out[last]
+        other.change = fit.z[-1] * self.left_out[last]
+        other.y = self.y - other.change
         return other, other.calibrate(acting)
 
 
@@ -97,3 +107,53 @@ def test_a_candidate_is_weighed_with_the_time_steps_put_right_about_itself():
     assert first.accepted.acting == problem.right and first.accepted.probability > 0.99
     assert [c.acting for c in first.members] == [problem.right]
     assert first.probabilities["none"] < 1e-6
+
+
+class Drowned(Ringing):
+    """The right effect alone, which coarse steps turn aside so far that by them it is not worth naming."""
+
+    def __init__(self):
+        random = generator(7, "test", "evidence")
+        basis = np.linalg.qr(random.standard_normal((ROWS, NUISANCES + 2)))[0]
+        self.nuisance, (right, aside) = 3.0 * basis[:, :NUISANCES], np.sqrt(8.0) * basis[:, NUISANCES:].T
+        self.right = made_up("right")
+        self.along, self.left_out = {self.right: right + 1.5 * aside}, {self.right: -1.5 * aside}
+        self.y = 3.0 * right
+        self.forward, self.settings = SimpleNamespace(nuisances=[None] * NUISANCES), Settings()
+        self.condition, self.train = np.full(ROWS, "rest"), np.ones(ROWS, bool)
+        self.candidate = Candidate(*self.right, -9.0, z_score=4.0)
+
+
+def test_an_effect_that_coarse_steps_turn_aside_is_seen_by_its_own():
+    """The evidence by its own steps raises the alarm, and is what it is named by."""
+    problem = Drowned()
+    base, coarse = problem.calibrate([]), problem.calibrate([problem.right])
+    own, better = problem.corrected([problem.right], coarse)
+    assert problem.missed(own.change) > RINGS and better.evidence > coarse.evidence + RINGS
+    candidate = problem.candidate
+    candidate.guess, candidate.estimate = np.ones(1), coarse.evidence
+    seen = min(1.0, np.exp(base.evidence - better.evidence - candidate.log_prior) * PRIOR_NAMED)
+    assert _chance_of_evidence(problem, base, [], [candidate]) == pytest.approx(seen) and seen < 0.01
+    assert coarse.evidence - base.evidence + candidate.log_prior < Settings().least_log_odds
+    found = name_one(problem, base, [], np.zeros((ROWS, 1)), [candidate], base)
+    assert found.accepted is candidate and candidate.fit.evidence == pytest.approx(better.evidence)
+
+
+def test_recalibration_puts_time_steps_right_where_it_stays_within_the_prior():
+    class Rung(LinearProblem):
+        def __init__(self, moved):
+            self.nuisance, self.along = np.eye(ROWS)[:, :1] * 10.0, {}
+            self.y, self.moved = np.eye(ROWS)[0] * 10.0 * moved, np.eye(ROWS)[1]
+
+        def corrected(self, acting, fit):
+            other = copy.copy(self)
+            other.change = self.ringing * self.moved
+            other.y = self.y - other.change
+            return other, other.calibrate(acting)
+
+    for moved, ringing, puts_right in ((1.0, 1.1 * RINGS, True), (1.0, 0.9 * RINGS, False), (9.0, 50.0, False)):
+        problem = Rung(moved)
+        problem.ringing = ringing
+        right, fit = recalibrate(problem)
+        assert (right is not problem) == puts_right
+        assert fit.z == pytest.approx(right.calibrate([]).z)

@@ -39,7 +39,7 @@ SECOND_LOOKS = 3
 RINGS = 3.0
 """Noise standard deviations by which time steps were put right from which another candidate may do better with it."""
 LIKELIEST = 3
-"""Candidates fitted where no test has seen anything."""
+"""Effects whose best candidates are fitted, or fitted again, where no test sees anything or none is worth naming."""
 LARGEST_LOG = 500.0
 """Log Bayes factor beyond which its size is of no matter."""
 WORTH_FITTING = 0.5
@@ -119,9 +119,10 @@ def discover(
     problem: Problem, seed: int, library: tuple[Effect, ...] = SEARCHED, report: Report = lambda line: None
 ) -> Discovery:
     """Search one problem. `seed` only enters the bootstrap intervals of the gaps; report: gets a line at each step."""
-    plain, settings = problem, problem.settings
+    settings = problem.settings
     report(f"{np.count_nonzero(problem.train)} fitted measurements, {problem.count} nuisance parameters: recalibrating")
-    base = fit = problem.calibrate([])
+    problem, base = recalibrate(problem)
+    plain, fit = problem, base
     acting: list[Acting] = []
     located, everything, vantage = assess(problem, fit, acting, library)
     remaining, alarm = located, located.alarm(settings.alarm_level)
@@ -179,6 +180,18 @@ def _listed(acting: list[Acting]) -> str:
     return " and ".join(f"{effect.name} at {place}" for effect, place in acting) or "nothing"
 
 
+def recalibrate(problem: Problem) -> tuple[Problem, Fit]:
+    """The model without any effect fitted, the time steps put right there where that is much.
+
+    Where recalibration has left the prior they stay: candidates are looked at from elsewhere then, and so are steps.
+    """
+    fit = problem.calibrate([])
+    if problem.distorted(fit):
+        return problem, fit
+    other, again = problem.corrected([], fit)
+    return (problem, fit) if problem.missed(other.change) < RINGS else (other, again)
+
+
 def assess(
     problem: Problem, fit: Fit, acting: list[Acting], library: tuple[Effect, ...] = SEARCHED
 ) -> tuple[Located, list[Candidate], Fit]:
@@ -203,18 +216,33 @@ def assess(
 
 
 def _chance_of_evidence(problem: Problem, fit: Fit, acting: list[Acting], everything: list[Candidate]) -> float:
-    """p-value of the evidence for the candidates that promise most: a score test does not see what recalibration and
-    size do together, as a narrowed valve does with a stronger ventricle.
+    """p-value of the evidence for the effects that promise most, each where it does: a score test does not see what
+    recalibration and size do together, as a narrowed valve does with a stronger ventricle.
 
     The Bayes factor of all candidates together, weighed by their priors, exceeds 1 / p with a probability of p at most
     where nothing is missing (Markov's inequality; Vovk & Wang 2021); those that are not fitted count nought.
     """
-    together, likeliest = 0.0, sorted(everything, key=lambda c: -c.promise)[:LIKELIEST]
+    together, likeliest = 0.0, _best_of_effects(sorted(everything, key=lambda c: -c.promise))
     for candidate, found in zip(likeliest, _each(problem, acting, likeliest, fit), strict=True):
         if found is not None:
+            found = _by_own_steps(problem, [*acting, candidate.acting], found)
             share = np.exp(candidate.log_prior) / PRIOR_NAMED
             together += share * np.exp(min(found.evidence - fit.evidence, LARGEST_LOG))
     return float(1.0 / max(together, 1.0))
+
+
+def _best_of_effects(ranked: list[Candidate]) -> list[Candidate]:
+    """The first candidate of each of the first effects: about one place many are nearly the same."""
+    best: dict[str, Candidate] = {}
+    for candidate in ranked:
+        best.setdefault(candidate.effect.name, candidate)
+    return list(best.values())[:LIKELIEST]
+
+
+def _by_own_steps(problem: Problem, acting: list[Acting], fit: Fit) -> Fit:
+    """A fit made again with the time steps put right about itself, where that is much; else as it is."""
+    other, again = problem.corrected(acting, fit)
+    return fit if problem.missed(other.change) < RINGS else again
 
 
 def name_one(
@@ -235,14 +263,24 @@ def name_one(
         if before is max(chosen, key=lambda c: c.log_weight):
             fit_alike(problem, before, acting, chosen, near, everything)
             break
+    chosen.sort(key=lambda c: -c.log_weight)
+    worth_naming = _worth_naming(problem, fit, chosen)
+    if not worth_naming:
+        for candidate in _best_of_effects(chosen):
+            candidate.fit = _by_own_steps(problem, [*acting, candidate.acting], candidate.fit)
+        chosen.sort(key=lambda c: -c.log_weight)
+        worth_naming = _worth_naming(problem, fit, chosen)
     flexible, _ = outside.gain(fit, features[problem.train])
     probabilities = posterior(fit, chosen, flexible)
-    chosen.sort(key=lambda c: -c.log_weight)
-    worth_naming = [c for c in chosen if of_class(c, chosen) - fit.evidence >= problem.settings.least_log_odds]
     if not worth_naming:
         return Round(chosen, probabilities, None, beside=acting)
     accepted = preferred(worth_naming)
     return Round(chosen, probabilities, accepted, indistinguishable(accepted, chosen), everything, acting)
+
+
+def _worth_naming(problem: Problem, fit: Fit, chosen: list[Candidate]) -> list[Candidate]:
+    """Those whose class has the odds over the present model that are asked for."""
+    return [c for c in chosen if of_class(c, chosen) - fit.evidence >= problem.settings.least_log_odds]
 
 
 def look_again(
