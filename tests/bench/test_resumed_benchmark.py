@@ -4,6 +4,7 @@ import pytest
 
 from coronaryuq.bench import discrepancy
 from coronaryuq.bench.discrepancy import run
+from coronaryuq.errors import InputError
 
 SPENT = ("cpu_s", "wall_s")
 
@@ -39,6 +40,15 @@ def test_finished_cases_are_not_searched_again_and_the_answers_are_the_same(tmp_
     assert tried == []
     assert answers(resumed) == answers(run(quick=True))
     assert len(tried) == 3
+
+
+@pytest.mark.parametrize("text", ["", "time,flow\n0,1\n", '{"made_by": "x"}\n[1]\n', '{"cases": []}\n', "\xff\n"])
+def test_another_file_is_named_and_left_as_it_is(tmp_path, text):
+    other = tmp_path / "other"
+    other.write_bytes(text.encode("latin-1"))
+    with pytest.raises(InputError, match="other: no finished cases of this benchmark; name another file"):
+        run(quick=True, effects=("none",), resume=other)
+    assert other.read_bytes() == text.encode("latin-1")
 
 
 def test_cases_of_other_code_or_another_network_are_left_aside(tmp_path, tried):

@@ -182,13 +182,25 @@ class Kept:
     def __init__(self, path: str | Path, made: Made, name: str):
         self.path = Path(path)
         code = [provenance.checksum(source) for source in provenance.sources("coronaryuq.bench.discrepancy")]
-        head = json.dumps({"made_by": provenance.digest([name, made.network, code])})
-        lines = self.path.read_text(encoding="utf-8").split("\n") if self.path.is_file() else []
-        # What follows the last line's end was being written when the run was killed.
-        found = [json.loads(line) for line in lines[:-1]] if lines[:1] == [head] else []
-        self.entries = {tuple(one["key"]): one["entry"] for one in found[1:]}
-        whole = [head, *(json.dumps(one) for one in found[1:])]
-        files.write_text(self.path, "\n".join(whole) + "\n")
+        head = {"made_by": provenance.digest([name, made.network, code])}
+        first, *rest = self._read() or [head]
+        found = rest if first == head else []
+        self.entries = {tuple(one["key"]): one["entry"] for one in found}
+        files.write_text(self.path, "".join(json.dumps(one) + "\n" for one in [head, *found]))
+
+    def _read(self) -> list[dict]:
+        """Its lines; nothing where there is no file, `InputError` where it is another, which is left as it is."""
+        if not self.path.exists():
+            return []
+        try:
+            # What follows the last line's end was being written when the run was killed.
+            found = [json.loads(line) for line in self.path.read_text(encoding="utf-8").split("\n")[:-1]]
+            if not found or set(found[0]) != {"made_by"} or any(set(one) != {"key", "entry"} for one in found[1:]):
+                raise ValueError
+        except (ValueError, TypeError):
+            remedy = "no finished cases of this benchmark; name another file"
+            raise InputError(self.path, None, None, remedy) from None
+        return found
 
     def add(self, case: Case, entry: dict) -> None:
         line = json.dumps({"key": case.key, "entry": entry}, default=float)
