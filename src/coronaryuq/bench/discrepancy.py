@@ -230,7 +230,7 @@ def _loop(path: str) -> Made:
     return closed_loop(network)
 
 
-def trials_3d(seeds: range, wanted: tuple[str, ...], threads: int) -> Iterator[dict]:
+def trials_3d(seeds: range, wanted: tuple[str, ...], threads: int = 1) -> Iterator[dict]:
     """Every shape of a vessel with data from the 3D solver, searched and scored; wanted: labels, all where empty."""
     from coronaryuq.bench import hidden_3d
 
