@@ -10,8 +10,7 @@ import tempfile
 from pathlib import Path
 
 from coronaryuq.bench.discovery_score import wilson
-from coronaryuq.bench.discovery_tables import WANTED, answers, chosen, in_order, measures, right, shares
-from coronaryuq.bench.discrepancy import NOISES, STRENGTHS
+from coronaryuq.bench.discovery_tables import WANTED, answers, chosen, in_order, is_pair, measures, right, shares
 from coronaryuq.figures.discovery import discovery, words
 from coronaryuq.files import write_csv
 from coronaryuq.report.discovery import wanted
@@ -62,14 +61,22 @@ def totals(cases: list[dict]) -> list[str]:
     return lines
 
 
-def grid(cases: list[dict]) -> list[str]:
-    """Of the open loop, every strength at every noise."""
-    parts = {(s, n): measures(chosen(cases, NETWORKS[0], s, n)) for n in NOISES for s in STRENGTHS}
-    head = " | ".join(f"{strength}, {noise}" for strength, noise in parts)
-    lines = [f"| tested | {head} |", "|---|" + "---|" * len(parts)]
-    for name in WANTED:
-        row = [f"{held} of {trials}" if trials else "" for held, trials in (part[name] for part in parts.values())]
-        lines.append(f"| {name} | " + " | ".join(row) + " |")
+def costs(cases: list[dict]) -> list[str]:
+    """CPU seconds of a search, mean and largest, by what was hidden."""
+    kinds = {
+        "nothing hidden": lambda c: c["effect"] == "none",
+        "one effect": lambda c: c["effect"] != "none" and not is_pair(c) and not c["effect"].startswith("outside"),
+        "two effects": is_pair,
+        "outside the library": lambda c: c["effect"].startswith("outside"),
+    }
+    lines = ["| CPU-s of a search: mean, largest | " + " | ".join(kinds) + " |", "|---|" + "---|" * len(kinds)]
+    for network in NETWORKS:
+        spent = [[c["cpu_s"] for c in chosen(cases, network) if of_kind(c)] for of_kind in kinds.values()]
+        row = [
+            ", ".join(f"{v:.0f}" if v > 10 else f"{v:.1f}" for v in (sum(s) / len(s), max(s))) if s else ""
+            for s in spent
+        ]
+        lines.append(f"| {network} | " + " | ".join(row) + " |")
     return lines
 
 
@@ -138,7 +145,7 @@ def put(page: str, name: str, lines: list[str]) -> str:
 def tables(cases: list[dict]) -> list[tuple[Path, str, list[str]]]:
     """Page, name and lines of every table."""
     found = [(GUIDE, "summary", summary(cases)), (PAGE, "totals", totals(cases)), (PAGE, "cells", cells(cases))]
-    return [*found, (PAGE, "22 outlets", each(cases, "22 outlets"))]
+    return [*found, (PAGE, "22 outlets", each(cases, "22 outlets")), (PAGE, "costs", costs(cases))]
 
 
 def main(more: list[str]) -> None:
