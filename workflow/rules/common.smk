@@ -20,6 +20,12 @@ from coronaryuq.exclusive import occupy
 os.environ["PATH"] = os.pathsep.join([Path(sys.executable).parent.as_posix(), os.environ.get("PATH", "")])
 
 
+def refuse(error):
+    """End with wrong input on one line."""
+    print(f"error: {error}", file=sys.stderr, flush=True)
+    sys.exit(InputError.EXIT_CODE)
+
+
 def read_campaign():
     """The configuration named on the command line, validated; the laptop's where none is named.
 
@@ -42,8 +48,7 @@ def read_campaign():
         own = lumen(chosen.case, description).as_posix() if meshed_as_given else None
         return chosen, files_named(chosen.case, description), own
     except InputError as error:
-        print(f"error: {error}", file=sys.stderr, flush=True)
-        sys.exit(InputError.EXIT_CODE)
+        refuse(error)
 
 
 campaign, NAMED, LUMEN = read_campaign()
@@ -75,8 +80,7 @@ onstart:
         try:
             workflow.occupied = occupy(results())
         except InputError as error:
-            print(f"error: {error}", file=sys.stderr, flush=True)
-            sys.exit(InputError.EXIT_CODE)
+            refuse(error)
         if ahead := bring_to_the_present(results()):
             print(f"note: {len(ahead)} results were dated later than now: the clock has been set", file=sys.stderr)
         cache = os.environ.get(explain.CACHE)

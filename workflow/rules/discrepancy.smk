@@ -46,15 +46,11 @@ HIDDEN_IN = DISCREPANCY.benchmark.named
 NAMED_FILES = (DISCREPANCY.model, DISCREPANCY.measurements, DISCREPANCY.conditions, *(DISCREPANCY.pairs or ()))
 for path in (*NAMED_FILES, *(one for one in HIDDEN_IN.values() if one not in GIVEN)):
     if path and not Path(path).is_file():
-        print(f"error: {InputError('configuration', 'discrepancy', path, 'no such file')}", file=sys.stderr, flush=True)
-        sys.exit(InputError.EXIT_CODE)
+        refuse(InputError("configuration", "discrepancy", path, "no such file"))
 for animal in DISCREPANCY.animals:
     if not any(Path(DISCREPANCY.recordings).glob(f"{animal}_*.csv")):
         remedy = f"no {animal}_CONDITION.csv in {DISCREPANCY.recordings}"
-        print(
-            f"error: {InputError('configuration', 'discrepancy.animals', animal, remedy)}", file=sys.stderr, flush=True
-        )
-        sys.exit(InputError.EXIT_CODE)
+        refuse(InputError("configuration", "discrepancy.animals", animal, remedy))
 
 DISCREPANCY_FIGURES = {
     (case, name): examined(case, "found", table)

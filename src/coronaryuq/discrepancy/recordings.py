@@ -67,8 +67,8 @@ def prepare(folder: str | Path, animal: str, out: str | Path, held_out: Sequence
     largest = max(float(np.abs(frame[FLOW]).mean()) for frame in beats.values())
     unit, per_minute = ("mL/min", 1.0) if heading == "ml/min" or largest > LARGEST_FLOW else ("mL/s", 1.0 / 60.0)
     if heading == "ml/s" and unit == "mL/min":
-        remedy = f"note: {folder}: {animal}: flow headed ml/s, {largest:.3g} on average, is read as mL/min"
-        print(remedy, file=sys.stderr, flush=True)
+        note = f"note: {folder}: {animal}: flow headed ml/s, {largest:.3g} on average, is read as mL/min"
+        print(note, file=sys.stderr, flush=True)
     content, rows, place = {}, [], f"AORTA:{artery}"
     for name, frame in beats.items():
         time = frame[TIME].to_numpy(float) - frame[TIME].iloc[0]

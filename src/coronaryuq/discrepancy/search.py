@@ -186,10 +186,7 @@ def recalibrate(problem: Problem) -> tuple[Problem, Fit]:
     Where recalibration has left the prior they stay: candidates are looked at from elsewhere then, and so are steps.
     """
     fit = problem.calibrate([])
-    if problem.distorted(fit):
-        return problem, fit
-    other, again = problem.corrected([], fit)
-    return (problem, fit) if problem.missed(other.change) < RINGS else (other, again)
+    return (problem, fit) if problem.distorted(fit) else _by_own_steps(problem, [], fit)
 
 
 def assess(
@@ -225,7 +222,7 @@ def _chance_of_evidence(problem: Problem, fit: Fit, acting: list[Acting], everyt
     together, likeliest = 0.0, _best_of_effects(sorted(everything, key=lambda c: -c.promise))
     for candidate, found in zip(likeliest, _each(problem, acting, likeliest, fit), strict=True):
         if found is not None:
-            found = _by_own_steps(problem, [*acting, candidate.acting], found)
+            _, found = _by_own_steps(problem, [*acting, candidate.acting], found)
             share = np.exp(candidate.log_prior) / PRIOR_NAMED
             together += share * np.exp(min(found.evidence - fit.evidence, LARGEST_LOG))
     return float(1.0 / max(together, 1.0))
@@ -239,10 +236,11 @@ def _best_of_effects(ranked: list[Candidate]) -> list[Candidate]:
     return list(best.values())[:LIKELIEST]
 
 
-def _by_own_steps(problem: Problem, acting: list[Acting], fit: Fit) -> Fit:
-    """A fit made again with the time steps put right about itself, where that is much; else as it is."""
+def _by_own_steps(problem: Problem, acting: list[Acting], fit: Fit) -> tuple[Problem, Fit]:
+    """The problem with the time steps put right about a fit, and that made again, where it is much; else both as they
+    are."""
     other, again = problem.corrected(acting, fit)
-    return fit if problem.missed(other.change) < RINGS else again
+    return (problem, fit) if problem.missed(other.change) < RINGS else (other, again)
 
 
 def name_one(
@@ -267,7 +265,7 @@ def name_one(
     worth_naming = _worth_naming(problem, fit, chosen)
     if not worth_naming:
         for candidate in _best_of_effects(chosen):
-            candidate.fit = _by_own_steps(problem, [*acting, candidate.acting], candidate.fit)
+            _, candidate.fit = _by_own_steps(problem, [*acting, candidate.acting], candidate.fit)
         chosen.sort(key=lambda c: -c.log_weight)
         worth_naming = _worth_naming(problem, fit, chosen)
     flexible, _ = outside.gain(fit, features[problem.train])

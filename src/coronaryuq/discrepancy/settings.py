@@ -59,7 +59,7 @@ class Benchmark(BaseModel):
     @property
     def named(self) -> dict[str, str]:
         """Networks by the names of their folders and table lines: a file's is its name without the ending."""
-        return {Path(one).stem if one not in GIVEN else one: one for one in self.networks}
+        return {Path(one).stem: one for one in self.networks}
 
     @model_validator(mode="after")
     def _apart(self) -> "Benchmark":

@@ -26,8 +26,8 @@ FIGURES: dict[str, str] = {
     "discrepancy_gap": "coronaryuq.figures.discrepancy:gap",
     "discrepancy_pairs": "coronaryuq.figures.discrepancy:pairs",
     "discrepancy_pairs_gap": "coronaryuq.figures.discrepancy:pairs_gap",
-    "discovery": "coronaryuq.figures.discovery:discovery",
     "discrepancy_pairs_effects": "coronaryuq.figures.discrepancy:pairs_effects",
+    "discovery": "coronaryuq.figures.discovery:discovery",
 }
 
 
