@@ -9,7 +9,7 @@ from coronaryuq.discrepancy.problem import DISTORTED, Problem
 class LinearProblem:
     """Subclasses set nuisance (N, p), along: acting effect → (N,), y (N,) and settings."""
 
-    fit_candidates = Problem.fit_candidates
+    fit_candidates, fit_roughly = Problem.fit_candidates, Problem.fit_roughly
     change = 0.0
     """What the time steps are known to put wrong: nothing, unless a subclass says so."""
 
@@ -19,6 +19,9 @@ class LinearProblem:
 
     def corrected(self, acting, fit):
         return self, fit
+
+    def corrected_each(self, fits):
+        return [self.corrected(acting, fit) for acting, fit in fits]
 
     def missed(self, change):
         return float(np.linalg.norm(change - self.change))

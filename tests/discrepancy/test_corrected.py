@@ -64,9 +64,18 @@ def test_what_the_allowances_hold_is_left_as_it_is(folder):
     assert same is fine and kept is fit
 
 
+def test_several_fits_are_put_right_as_each_is_alone(folder):
+    coarse, _ = with_store(folder)
+    fits = [(acting, coarse.calibrate(acting)) for acting in (STORE, [], [(effect("inertance"), "lad")])]
+    for one, (own, fit) in zip(fits, coarse.corrected_each(fits), strict=True):
+        alone, same = coarse.corrected(*one)
+        assert (own.change == alone.change).all() and (fit.z == same.z).all() and fit.evidence == same.evidence
+    assert coarse.corrected_each([]) == []
+
+
 def test_looking_at_shorter_steps_changes_no_digit_of_later_runs():
     """A closed loop starts where it settled before: what is met while looking must not serve."""
     looked, other = with_time_steps(fresh()), with_time_steps(fresh())
     z = 0.4 * np.ones(looked.count)
-    assert np.isfinite(looked._changed([], z)).all()
+    assert np.isfinite(looked._changed([(z, [])])).all()
     assert (looked.whitened([(z, [])]) == other.whitened([(z, [])])).all()

@@ -60,6 +60,57 @@ def test_what_is_linear_by_nature_is_not_held_back_where_the_rest_is():
     assert found(fresh=[0, 1])[0] < 10.0
 
 
+def test_sensitivities_that_were_recomputed_close_by_serve_another_fit():
+    """Data that are put right elsewhere want no new ones, however far weights of shapes go; going far does."""
+    g, y = linear_case(12)
+    g[:, 0] *= 10.0
+    exact, asked = ([0], g[:, :1]), []
+
+    def residuals(other):
+        def evaluate(rows):
+            asked.append(len(rows))
+            return np.array([y + other - g @ z for z, _ in rows])
+
+        return evaluate
+
+    def again(fit, other):
+        asked.clear()
+        known = {"jacobian": fit.jacobian, "renewed": fit.renewed}
+        return maximise(residuals(other), [Search(None, fit.z, [1, 2, 3, 4], exact=exact, **known)], 12)[0].fit
+
+    first = again(Fit(np.zeros(5), y, None), 0.0)
+    assert 4 in asked and first.renewed is not None
+    weight = again(first, 5.0 * g[:, 0])
+    assert 4 not in asked and weight.z == pytest.approx(fit_of(g, y + 5.0 * g[:, 0]).z, abs=1e-6)
+    again(first, 5.0 * g[:, 1])
+    assert 4 in asked
+    partly = maximise(residuals(0.0), [Search(None, np.zeros(5), [3, 4], np.zeros_like(g), exact=exact)], 2)[0]
+    assert partly.fit.renewed is None
+
+
+def test_what_runs_do_not_settle_to_is_not_learned_from_a_short_step():
+    """Runs differ by noise; the last steps of a fit are shorter than finite differences: beside them it is large."""
+    g, y = linear_case(14, rows=200)
+    random, exact = generator(14, "test", "short steps"), fit_of(g, y)
+    search = Search(None, exact.z + 1e-4, list(range(5)))
+    maximise(lambda rows: np.array([y - g @ z + 1e-3 * random.standard_normal(200) for z, _ in rows]), [search], 6)
+    assert search.fit.evidence == pytest.approx(exact.evidence, abs=0.1)
+    assert search.jacobian == pytest.approx(g, abs=0.06)
+
+
+def test_sensitivities_are_recomputed_where_a_step_went_as_far_as_they_are_believed():
+    """Steps that may not go farther all gain what they promise, and would follow one direction for ever."""
+    renewed = []
+
+    def residuals(rows):
+        if len(rows) == 2:
+            renewed.append(rows[0][0] - [0.1, 0.0])
+        return np.array([[50.0 * (40.0 - z[0]), 0.05 * (z[0] - 20.0) ** 2 + 10.0 * z[1]] for z, _ in rows])
+
+    maximise(residuals, [Search(None, np.zeros(2), [0, 1])], 6)
+    assert [z[0] for z in renewed[:4]] == pytest.approx([0.0, 3.0, 6.0, 9.0])
+
+
 def test_a_failed_run_is_reported_not_raised():
     search, asked = Search(None, np.zeros(1), [0]), []
 

@@ -7,7 +7,7 @@ import pytest
 
 from coronaryuq.discrepancy.candidates import Candidate
 from coronaryuq.discrepancy.inference import Fit, Search, maximise
-from coronaryuq.discrepancy.screening import screen
+from coronaryuq.discrepancy.screening import ANEW, SIGNED, screen
 from coronaryuq.seeds import generator
 from coronaryuq.zerod.effects.base import Parameter
 
@@ -141,3 +141,35 @@ def test_of_many_collaterals_each_is_run():
     screen(problem(residuals), Fit(z, y - g @ z, g), [], candidates)
     assert all(candidate.guess is not None for candidate in candidates)
     assert max(candidates, key=lambda c: c.promise).place == hidden
+
+
+def test_a_response_known_about_another_point_serves_where_little_is_promised():
+    """Of 400 places and three of another effect: the likely ones are run anew, the others weighed as they are known."""
+    random, places = generator(9, "test", "known responses"), [str(k) for k in range(400)]
+    g = random.standard_normal((ROWS, NUISANCES))
+    size = Parameter("size", "1", "normal", 0.0, 1.0, "")
+    many, few = (
+        type("Acts", (), {"name": name, "parameters": (size,), "grafted": False})() for name in ("many", "few")
+    )
+    hidden = (many, "37")
+    candidates = [Candidate(many, place, -4.0) for place in places] + [Candidate(few, place, -30.0) for place in "abc"]
+    along = {c.acting: random.standard_normal(ROWS) for c in candidates}
+    y = g @ random.standard_normal(NUISANCES) + random.standard_normal(ROWS) + 2.0 * along[hidden]
+    ran = []
+
+    def residuals(rows, grafts=()):
+        ran.extend(of[0] for _, of in rows if of)
+        return np.array([y - g @ z[:6] - (along[of[0]] * z[6] if of else 0.0) for z, of in rows])
+
+    z = np.linalg.solve(np.eye(NUISANCES) + g.T @ g, g.T @ y)
+    for candidate in candidates:
+        candidate.response = SIGNED[0] * (along[candidate.acting] + 0.1 * random.standard_normal(ROWS))
+    before = {c.acting: c.response for c in candidates}
+    screen(problem(residuals), Fit(z, y - g @ z, g), [], candidates)
+    assert max(candidates, key=lambda c: c.promise).acting == hidden
+    anew = {acting for acting in ran if ran.count(acting)}
+    kept = [c for c in candidates if c.acting not in anew]
+    assert ANEW <= len(anew) < ANEW + 50 and {(few, place) for place in "abc"} <= anew
+    assert all(c.response is before[c.acting] and c.guess is not None for c in kept)
+    exact = [c for c in candidates if c.acting in anew]
+    assert all(c.response == pytest.approx(SIGNED[0] * along[c.acting]) for c in exact)

@@ -10,7 +10,7 @@ from coronaryuq.discrepancy.side_by_side import Run, side_by_side
 
 
 class Doubling:
-    """An "engine" that doubles a number; runs may have to wait until so many are under way together."""
+    """An "engine" that doubles a number; runs may have to wait until so many that do are under way together."""
 
     def __init__(self, together=1):
         self.barrier = threading.Barrier(together)
@@ -42,6 +42,16 @@ def test_each_gets_its_own_result_and_all_take_turns_in_their_order(threads):
 def test_runs_of_a_round_are_under_way_together():
     engine = Doubling(together=2)
     assert side_by_side([repeated(engine, start, 2, [], wait=True) for start in (1, 2)], 2) == [4.0, 8.0]
+
+
+def test_one_goes_on_while_the_run_of_another_is_made():
+    engine = Doubling(together=2)
+
+    def in_two_steps():
+        yield Run(engine, {"x": 1.0}, {})
+        return (yield Run(engine, {"x": 2.0}, {"wait": True})).value
+
+    assert side_by_side([in_two_steps(), repeated(engine, 5, 1, [], wait=True)], 2) == [4.0, 10.0]
 
 
 def test_nothing_asked_is_nothing_returned():

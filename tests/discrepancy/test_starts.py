@@ -110,7 +110,8 @@ def test_a_known_neighbour_changes_nothing_but_the_cycles(problem):
 
 def test_fits_side_by_side_do_not_depend_on_threads():
     """Several networks with what each has met: the same bits; and near what each fit finds by itself."""
-    acting = [[], [STENOSIS], [(effect("side_branch_leak"), "lca2")], [(effect("haematocrit"), "everywhere")]]
+    leak, blood = (effect("side_branch_leak"), "lca2"), (effect("haematocrit"), "everywhere")
+    acting = [[], [STENOSIS], [STENOSIS, leak], [blood]]
 
     def problem(threads):
         made = fresh(threads=threads)

@@ -23,7 +23,8 @@ class Candidate:
     """One effect at one place on top of what is already there.
 
     z_score: of the score test; p_varying: of that with a size for each condition; estimate: log evidence and guess:
-    size z, both as `screening` finds them; fit: with full marginal likelihood, None while not on the shortlist.
+    size z, both as `screening` finds them; response: change (N,) of whitened predictions by a small size, about the
+    point where it was last run; fit: with full marginal likelihood, None while not on the shortlist.
     log_prior: its share of `PRIOR_NAMED`: effects alike, then places alike.
     """
 
@@ -34,6 +35,7 @@ class Candidate:
     p_varying: float = 1.0
     estimate: float = -np.inf
     guess: np.ndarray | None = None
+    response: np.ndarray | None = None
     fit: Fit | None = None
     probability: float = 0.0
 
@@ -123,8 +125,12 @@ def _contenders(chosen: list[Candidate], base: Fit, count: int) -> list[Candidat
     ranked = sorted((c for c in chosen if c.fit is not None), key=lambda c: -c.log_weight)
     if not ranked:
         return []
-    least = ranked[0].log_weight - CONTENDER - ROUGH * max(0.0, ranked[0].log_weight - base.evidence)
-    return [c for c in ranked[:count] if c.log_weight > least]
+    return [c for c in ranked[:count] if c.log_weight > least_weight(ranked[0], base)]
+
+
+def least_weight(best: Candidate, without: Fit) -> float:
+    """Log weight from which another competes with the best. without: fit of the model with neither."""
+    return best.log_weight - CONTENDER - ROUGH * max(0.0, best.log_weight - without.evidence)
 
 
 def posterior(base: Fit, chosen: list[Candidate], outside_gain: float) -> dict[str, float]:

@@ -22,11 +22,15 @@ STEP = 0.1
 
 @dataclass
 class Fit:
-    """Maximum a posteriori of one model: z (p,), residual (N,) and sensitivities `jacobian` (N, p), whitened."""
+    """Maximum a posteriori of one model: z (p,), residual (N,) and sensitivities `jacobian` (N, p), whitened.
+
+    renewed: z at which all sensitivities were last recomputed; None where some are another model's.
+    """
 
     z: np.ndarray
     residual: np.ndarray
     jacobian: np.ndarray
+    renewed: np.ndarray | None = None
 
     @property
     def objective(self) -> float:
@@ -67,8 +71,8 @@ class Search:
     """One maximisation under way: where it is, which sensitivities it recomputes, and what it found.
 
     label: what `evaluate` needs to know of the model; fresh: columns of z whose sensitivities are recomputed;
-    renewed: z at which they were last; stale: whether they have to be now; exact: columns whose sensitivities are
-    always the same, and those, (N, k).
+    renewed: z at which they were last (None: they have to be at the start); stale: whether they have to be now; exact:
+    columns whose sensitivities are always the same, and those, (N, k).
     """
 
     label: object
@@ -84,7 +88,22 @@ class Search:
 
     @property
     def fit(self) -> Fit:
-        return Fit(self.z, self.residual, self.jacobian)
+        whole = len({*self.fresh, *self.linear}) == len(self.z)
+        return Fit(self.z, self.residual, self.jacobian, self.renewed if whole else None)
+
+    @property
+    def linear(self) -> list[int]:
+        """Columns in which the residual is linear, whatever the others are."""
+        return [] if self.exact is None else self.exact[0]
+
+    @property
+    def others(self) -> np.ndarray:
+        return np.setdiff1d(np.arange(len(self.z)), np.array(self.linear, dtype=int))
+
+    @property
+    def moved(self) -> np.ndarray:
+        """From where sensitivities were recomputed; they do not hang on what the residual is linear in."""
+        return (self.z - self.renewed)[self.others]
 
 
 Evaluate = Callable[[list[tuple[np.ndarray, object]]], np.ndarray]
@@ -96,7 +115,7 @@ LENGTHS = (1.0, 0.4, 0.1)
 GOOD_STEP = 0.7
 """Share of the gain that the linear model promised, above which its sensitivities serve for the next step too."""
 FARTHEST = 3.0
-"""Prior standard deviations of a step beyond which the linear model is not to be believed."""
+"""Prior standard deviations of any parameter beyond which the linear model is not to be believed."""
 MOVED = 0.3
 """Distance, in prior standard deviations, from where they were recomputed at which sensitivities still hold."""
 
@@ -104,14 +123,15 @@ MOVED = 0.3
 def maximise(evaluate: Evaluate, searches: list[Search], iterations: int, tolerance: float = 0.02) -> list[Search]:
     """Gauss-Newton with a step search, all `searches` in lockstep so that their runs share batches.
 
-    Sensitivities in `fresh` are recomputed where a step gains less than the linear model promised, the others start as
-    given; steps taken update all of them. A search is done when its objective falls by less than `tolerance`, or by
-    less than a thousandth of itself, with sensitivities that were recomputed close by.
+    Sensitivities in `fresh` are recomputed where a step gains less than the linear model promised, or ends `FARTHEST`
+    from where they were last, the others start as given; steps taken update all of them. A search is done when its
+    objective falls by less than `tolerance`, or by less than a thousandth of itself, with sensitivities that were
+    recomputed close by.
     """
     if not searches:
         return []
     for search, residual in zip(searches, evaluate([(s.z, s.label) for s in searches]), strict=True):
-        search.residual, search.stale = residual, True
+        search.residual, search.stale = residual, search.renewed is None
         search.failed = search.done = not np.isfinite(residual).all()
     for _ in range(iterations):
         active = [search for search in searches if not search.done]
@@ -156,8 +176,7 @@ def _step(search: Search) -> np.ndarray:
     hessian = np.eye(len(search.z)) + search.jacobian.T @ search.jacobian
     gradient = search.jacobian.T @ search.residual - search.z
     step = np.linalg.solve(hessian, gradient)
-    linear = np.zeros(0, dtype=int) if search.exact is None else np.array(search.exact[0], dtype=int)
-    others = np.setdiff1d(np.arange(len(step)), linear)
+    linear, others = np.array(search.linear, dtype=int), search.others
     largest = np.abs(step[others]).max(initial=0.0)
     if largest > FARTHEST:
         step[others] *= FARTHEST / largest
@@ -167,9 +186,16 @@ def _step(search: Search) -> np.ndarray:
 
 
 def _update(search: Search, step: np.ndarray, change: np.ndarray) -> None:
-    """Broyden's update: sensitivities that are not recomputed learn what the step has shown of them."""
-    missing = change - search.jacobian @ step
-    search.jacobian = search.jacobian + np.outer(missing, step / (step @ step))
+    """Broyden's update: sensitivities that are not recomputed learn what the step has shown of them.
+
+    Of a step shorter than those of the finite differences it would be what runs do not settle to that they learn, and
+    what the residual is linear in has nothing to learn.
+    """
+    moved = np.zeros(len(step))
+    moved[search.others] = step[search.others]
+    if np.linalg.norm(moved) >= STEP:
+        missing = change - search.jacobian @ step
+        search.jacobian = search.jacobian + np.outer(missing, moved / (moved @ moved))
 
 
 def _promised(search: Search, z: np.ndarray) -> float:
@@ -188,6 +214,6 @@ def _advance(search: Search, trials: list[np.ndarray], values: np.ndarray, toler
     if gained > 0:
         _update(search, trials[best] - search.z, search.residual - values[best])
         search.z, search.residual = trials[best], values[best]
+        search.stale |= float(np.abs(search.moved).max(initial=0.0)) > (1.0 - 1e-9) * FARTHEST
     if gained < max(tolerance, 1e-3 * present):
-        search.done = float(np.linalg.norm(search.z - search.renewed)) < MOVED
-        search.stale = True
+        search.done, search.stale = float(np.linalg.norm(search.moved)) < MOVED, True

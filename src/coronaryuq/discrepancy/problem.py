@@ -100,35 +100,60 @@ class Problem:
         return [None if search.failed else search.fit for search in searches]
 
     def corrected(self, acting: list[Acting], fit: Fit) -> tuple["Problem", Fit]:
-        """The problem with what the time steps put wrong at a fit put right there, and the fit made again with that.
+        """The problem with what the time steps put wrong at a fit put right there, and the fit made again with that."""
+        return self.corrected_each([(acting, fit)])[0]
+
+    def corrected_each(self, fits: list[tuple[list[Acting], Fit]]) -> list[tuple["Problem", Fit]]:
+        """For each fit the problem with what the time steps put wrong there put right, and that fit made again with
+        it; both as they are where it is little. The fits are made side by side.
 
         What they change is known for the model as it is, and how it varies with the nuisance parameters; an effect that
         makes valves open or vessels ring in another way makes it another. It is taken at the fit again and again until
         it no longer moves that (deferred correction; Pereyra 1968), and the allowances for its variation are kept.
         """
-        problem = self
-        for _ in range(CORRECTIONS if self.time_steps is not None else 0):
-            change = problem._changed(acting, fit.z)
-            if not np.isfinite(change).all() or problem.missed(change) < MISSED:
+        found = [(self, fit) for _, fit in fits]
+        going = list(range(len(fits) if self.time_steps is not None else 0))
+        for _ in range(CORRECTIONS):
+            if not going:
                 break
-            other = replace(problem, time_steps=replace(problem.time_steps, change=change))
-            start = np.array(fit.z)
-            start[other.forward.shaping] = 0.0
-            try:
-                fit = other.calibrate(acting, start)
-            except FloatingPointError:
-                break
-            problem = other
-        return problem, fit
+            changes = self._changed([(found[i][1].z, fits[i][0]) for i in going])
+            moved = {
+                i: replace(self, time_steps=replace(self.time_steps, change=change))
+                for i, change in zip(going, changes, strict=True)
+                if np.isfinite(change).all() and found[i][0].missed(change) >= MISSED
+            }
+            again = self._fitted_again([(other, fits[i][0], found[i][1]) for i, other in moved.items()])
+            better = {i: (moved[i], fit) for i, fit in zip(moved, again, strict=True) if fit is not None}
+            going = list(better)
+            for i in going:
+                found[i] = better[i]
+        return found
 
-    def _changed(self, acting: list[Acting], z: np.ndarray) -> np.ndarray:
-        """What shorter time steps change of the predictions (N,) at a point, CGS."""
+    def _fitted_again(self, wanted: list[tuple["Problem", list[Acting], Fit]]) -> list[Fit | None]:
+        """Fits of problems that differ from this one in what is put right, from earlier ones: sensitivities hold."""
+        searches, exact = [], self.linear_part()
+        for other, acting, fit in wanted:
+            start = np.array(fit.z)
+            start[exact[0]] = 0.0
+            fresh = [column for column in range(len(start)) if column not in exact[0]]
+            label = list(acting), other.change - self.change
+            searches.append(Search(label, start, fresh, fit.jacobian, renewed=fit.renewed, exact=exact))
+
+        def fitted(rows):
+            without = self.fitted([(z, acting) for z, (acting, _) in rows])
+            further = np.array([change for _, (_, change) in rows]) / self.sd
+            return without - further[:, self.train]
+
+        maximise(fitted, searches, self.settings.iterations)
+        return [None if search.failed else search.fit for search in searches]
+
+    def _changed(self, rows: list[tuple[np.ndarray, list[Acting]]]) -> np.ndarray:
+        """What shorter time steps change of the predictions (n, N) of rows (z, acting), CGS."""
         # What is met here shall not serve other runs, whose last digits would then hang on it.
         own = replace(self.forward, simulation=self.forward.simulation.branched())
         if self.shorter is None:
             self.shorter = finer(own, FINER)
-        row = [(z, list(acting))]
-        return (self.shorter.predict_rows(row) - own.predict_rows(row))[0]
+        return self.shorter.predict_rows(rows) - own.predict_rows(rows)
 
     def missed(self, change: np.ndarray) -> float:
         """Norm, in noise standard deviations, of what the time steps' allowances leave of another change (N,)."""
@@ -170,43 +195,58 @@ class Problem:
     def fit_candidates(
         self, base: Fit, acting: list[Acting], candidates: list[Acting], guesses: list[np.ndarray]
     ) -> list[Fit | None]:
-        """Fit one more effect each; sensitivities to what is already there stay those of `base`.
+        """Fit one more effect each, as `fit_roughly`, those not far behind the best from other points too.
 
         guesses: a starting point of the sizes for each. All take two iterations from there; those not far behind the
         best go on to the end, also from `starts - 1` other points. Returns the best fit of each, None where no run
         succeeded.
         """
         found: list[Fit | None] = [None] * len(candidates)
-        exact = self.linear_part()
-        grafts = [one for one in dict.fromkeys([*acting, *candidates]) if one[0].grafted]
 
-        def search(numbers_and_sizes, iterations):
-            searches = []
-            for number, sizes in numbers_and_sizes:
-                z = np.concatenate([base.z, sizes])
-                jacobian = np.hstack([base.jacobian, np.zeros((len(base.residual), len(sizes)))])
-                earlier = found[number]
-                if earlier is not None and sizes is guesses[number]:
-                    z, jacobian = earlier.z, earlier.jacobian
-                fresh = list(range(len(base.z), len(z)))
-                searches.append(Search([*acting, candidates[number]], z, fresh, jacobian, exact=exact))
-            maximise(lambda rows: self.fitted(rows, grafts), searches, iterations)
-            for (number, _), one in zip(numbers_and_sizes, searches, strict=True):
-                if not one.failed and one.residual is not None:
-                    best = found[number]
-                    if best is None or one.fit.evidence > best.evidence:
-                        found[number] = one.fit
+        def search(numbers, starts, iterations):
+            fits = self.fit_roughly(base, acting, [candidates[i] for i in numbers], starts, iterations, candidates)
+            for number, fit in zip(numbers, fits, strict=True):
+                if fit is not None and (found[number] is None or fit.evidence > found[number].evidence):
+                    found[number] = fit
 
-        search(list(enumerate(guesses)), 2)
+        search(range(len(candidates)), guesses, 2)
         # A size may be too much for the solver where a smaller one runs.
-        search([(i, np.full(len(guesses[i]), SMALLER)) for i, fit in enumerate(found) if fit is None], 2)
+        failed = [i for i, fit in enumerate(found) if fit is None]
+        search(failed, [np.full(len(guesses[i]), SMALLER) for i in failed], 2)
         leading = max((fit.evidence for fit in found if fit is not None), default=0.0)
         close = [i for i, fit in enumerate(found) if fit is not None and fit.evidence > leading - FAR_BEHIND]
-        again = [(i, guesses[i]) for i in close]
-        for size in OTHER_STARTS[: self.settings.starts - 1]:
-            again += [(i, np.full(len(guesses[i]), size)) for i in close]
-        search(again, self.settings.iterations)
+        others = OTHER_STARTS[: self.settings.starts - 1]
+        elsewhere = [np.full(len(guesses[i]), size) for size in others for i in close]
+        starts = [*(found[i] for i in close), *elsewhere]
+        search([*close, *(close * len(others))], starts, self.settings.iterations)
         return found
+
+    def fit_roughly(
+        self,
+        base: Fit,
+        acting: list[Acting],
+        candidates: list[Acting],
+        starts: list[np.ndarray | Fit],
+        iterations: int | None = None,
+        beside: list[Acting] = (),
+    ) -> list[Fit | None]:
+        """Fit one more effect each; sensitivities to what is already there stay those of `base`.
+
+        starts: sizes of each, beside the point of `base`, or an earlier fit; iterations: at most, the settings' unless
+        given; beside: candidates whose networks these share. None where the model does not run at the start.
+        """
+        searches = []
+        for candidate, start in zip(candidates, starts, strict=True):
+            if isinstance(start, Fit):
+                z, jacobian, sizes = start.z, start.jacobian, len(start.z) - len(base.z)
+            else:
+                z, sizes = np.concatenate([base.z, start]), len(start)
+                jacobian = np.hstack([base.jacobian, np.zeros((len(base.residual), sizes))])
+            fresh = list(range(len(base.z), len(base.z) + sizes))
+            searches.append(Search([*acting, candidate], z, fresh, jacobian, exact=self.linear_part()))
+        grafts = [one for one in dict.fromkeys([*acting, *(beside or candidates)]) if one[0].grafted]
+        maximise(lambda rows: self.fitted(rows, grafts), searches, iterations or self.settings.iterations)
+        return [None if search.failed else search.fit for search in searches]
 
     def sensitivity(self, z: np.ndarray, residual: np.ndarray, acting: list[Acting]) -> np.ndarray:
         """Whitened sensitivities (N, p) of all rows, held-out ones included, about z (p,) with its whitened residual.

@@ -1,5 +1,7 @@
 """Every candidate weighed from a few runs about one point, with the nuisance parameters recalibrated linearly."""
 
+from collections import Counter
+
 import numpy as np
 
 from coronaryuq.discrepancy.candidates import Candidate
@@ -16,6 +18,9 @@ POSITIVE, SIGNED = (-1.0, 0.3, 1.6), (0.3, 1.2, -1.2)
 """Sizes that are run, in prior standard deviations; the first is that of the score test."""
 REACH = np.exp(np.linspace(np.log(1.0 / 3.0), np.log(3.0), 61))
 """Multiples of a run's response that stand for the sizes between the runs."""
+ANEW, ANEW_OF_EACH = 150, 5
+"""Candidates that are run anew where all responses are known about another point: so many of all, and of each effect.
+"""
 NEARER = (0.95, 0.8, 0.5)
 """Shares of the way from the prior's mean to a point where the model does not run, at which it is tried instead."""
 
@@ -29,31 +34,47 @@ def screen(problem: Problem, at: Fit, acting: list[Acting], candidates: list[Can
     strong effect and the distortion that recalibration made of it are not small changes. The score test of a varying
     size is that of one size for each condition, of either sign: what comes and goes is seen by it, and by no other.
 
+    A candidate that comes with its response about another point is weighed with that, and run anew if it may matter:
+    what an effect does changes little from one point to the next.
+
     Where the model does not run at `at`, a point nearer the prior's mean stands for it; where it runs at none, every
     candidate is left without a score.
     """
-    first = [(c, _sizes(c)[0]) for c in candidates]
-    own, small = _responses(problem, at, acting, first)
-    if not np.isfinite(own).all():
-        at = _nearer(problem, at, acting)
-        if at is None:
-            for candidate in candidates:
-                candidate.clear_score()
-            return
-        own, small = _responses(problem, at, acting, first)
-    linear = _Linear(at, own, problem.condition[problem.train])
-    for candidate, response in zip(candidates, small, strict=True):
-        linear.test(candidate, response)
-    ranked = sorted((c for c in candidates if c.guess is not None and c.z_score > 2.0), key=lambda c: -c.z_score)
+    at = _runs_at(problem, at, acting)
+    if at is None:
+        for candidate in candidates:
+            candidate.clear_score()
+        return
+    linear = _Linear(at, problem.condition[problem.train])
+    known = [c for c in candidates if c.response is not None]
+    for candidate in known:
+        linear.test(candidate)
+    first = [c for c in candidates if c.response is None] + _worth_running(known)
+    responses = _responses(problem, at, acting, [(c, _sizes(c)[0]) for c in first])
+    for candidate, response in zip(first, responses, strict=True):
+        candidate.response = response
+        linear.test(candidate)
+    ranked = sorted((c for c in first if c.guess is not None and c.z_score > 2.0), key=lambda c: -c.z_score)
     larger = [(c, size) for c in ranked[:PROMISING] for size in _sizes(c)[1:]]
-    _, responses = _responses(problem, at, acting, larger) if larger else (own, [])
+    responses = _responses(problem, at, acting, larger)
     for (candidate, size), response in zip(larger, responses, strict=True):
         linear.weigh(candidate, size, response)
 
 
-def _nearer(problem: Problem, at: Fit, acting: list[Acting]) -> Fit | None:
+def _worth_running(known: list[Candidate]) -> list[Candidate]:
+    """Those that promise most, and the best of each effect, by their responses about another point."""
+    ranked, seen = sorted(known, key=lambda c: -c.promise), Counter()
+    chosen = []
+    for number, candidate in enumerate(ranked):
+        seen[candidate.effect.name] += 1
+        if number < ANEW or seen[candidate.effect.name] <= ANEW_OF_EACH:
+            chosen.append(candidate)
+    return chosen
+
+
+def _runs_at(problem: Problem, at: Fit, acting: list[Acting]) -> Fit | None:
     """The point nearest to `at`, on the way to the prior's mean of the nuisance parameters, where the model runs."""
-    for share in NEARER:
+    for share in (1.0, *NEARER):
         point = np.concatenate([share * at.z[: problem.count], at.z[problem.count :]])
         residual = problem.fitted([(point, list(acting))])[0]
         if np.isfinite(residual).all():
@@ -65,32 +86,32 @@ def _sizes(candidate: Candidate) -> tuple[float, ...]:
     return POSITIVE if candidate.one_sided else SIGNED
 
 
-def _responses(
-    problem: Problem, at: Fit, acting: list[Acting], wanted: list[tuple[Candidate, float]]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Whitened residual (N,) at the point, and the change (n, N) of predictions by each (candidate, size z) wanted."""
-    rows = [(at.z, list(acting))]
+def _responses(problem: Problem, at: Fit, acting: list[Acting], wanted: list[tuple[Candidate, float]]) -> np.ndarray:
+    """Change (n, N) of whitened predictions by each (candidate, size z) wanted."""
+    if not wanted:
+        return np.zeros((0, len(at.residual)))
+    rows = []
     for candidate, size in wanted:
         sizes = np.full(len(candidate.effect.parameters), size)
         rows.append((np.concatenate([at.z, sizes]), [*acting, candidate.acting]))
     grafts = [one for one in dict.fromkeys([*acting, *(c.acting for c, _ in wanted)]) if one[0].grafted]
-    found = problem.fitted(rows, grafts)
-    return found[0], found[0] - found[1:]
+    return at.residual - problem.fitted(rows, grafts)
 
 
 class _Linear:
     """The present model about one point, linear in its parameters: what responses of candidates are weighed against."""
 
-    def __init__(self, at: Fit, residual: np.ndarray, conditions: np.ndarray):
-        linear = residual + at.jacobian @ at.z
+    def __init__(self, at: Fit, conditions: np.ndarray):
+        linear = at.residual + at.jacobian @ at.z
         self.project = at.projection
         self.score = self.project(linear)
         self.apart = conditions[:, None] == np.unique(conditions)
         self.evidence = -0.5 * float(linear @ self.score) - 0.5 * float(np.linalg.slogdet(at.precision)[1])
 
-    def test(self, candidate: Candidate, response: np.ndarray) -> None:
-        """The score tests, and a first weighing."""
+    def test(self, candidate: Candidate) -> None:
+        """The score tests, and a first weighing, by the response to a small size."""
         candidate.clear_score()
+        response = candidate.response
         if np.isfinite(response).all():
             length = float(np.sqrt(max(response @ self.project(response), 0.0)))
             z = float(response @ self.score) / length if length > LEAST_SENSITIVITY else 0.0

@@ -11,11 +11,11 @@ from coronaryuq.discrepancy.candidates import (
     CONTENDER,
     LARGEST_CLASS_ODDS,
     PRIOR_NAMED,
-    ROUGH,
     Candidate,
     all_candidates,
     fit_shortlist,
     indistinguishable,
+    least_weight,
     likely,
     of_class,
     posterior,
@@ -147,7 +147,7 @@ def discover(
             if acting == before:
                 break
         problem, acting, fit = correct(problem, acting, fit, rounds)
-        remaining, everything, vantage = assess(problem, fit, acting, library)
+        remaining, everything, vantage = assess(problem, fit, acting, library, everything)
         tested += len(everything)
         report(f"beside {_listed(acting)}: {_told(everything, remaining, remaining.alarm(settings.alarm_level))}")
     if len(acting) > 1:
@@ -181,22 +181,31 @@ def _listed(acting: list[Acting]) -> str:
 
 
 def recalibrate(problem: Problem) -> tuple[Problem, Fit]:
-    """The model without any effect fitted, the time steps put right there where that is much.
+    """The model without any effect fitted, and the time steps put right there.
 
-    Where recalibration has left the prior they stay: candidates are looked at from elsewhere then, and so are steps.
+    Where recalibration leaves the prior even so, they stay: candidates are looked at from elsewhere then, and so are
+    steps.
     """
     fit = problem.calibrate([])
-    return (problem, fit) if problem.distorted(fit) else _by_own_steps(problem, [], fit)
+    right, again = problem.corrected([], fit)
+    return (problem, fit) if problem.distorted(again) else (right, again)
 
 
 def assess(
-    problem: Problem, fit: Fit, acting: list[Acting], library: tuple[Effect, ...] = SEARCHED
+    problem: Problem,
+    fit: Fit,
+    acting: list[Acting],
+    library: tuple[Effect, ...] = SEARCHED,
+    earlier: list[Candidate] = (),
 ) -> tuple[Located, list[Candidate], Fit]:
     """Locate what disagrees and score every candidate; the global test counts the best of them (Bonferroni).
 
-    Returns also where the candidates were looked at from.
+    earlier: candidates of an earlier round, whose responses may serve again. Returns also where the candidates were
+    looked at from.
     """
-    everything = all_candidates(problem, acting, library)
+    everything, known = all_candidates(problem, acting, library), {c.acting: c.response for c in earlier}
+    for candidate in everything:
+        candidate.response = known.get(candidate.acting)
     vantage = problem.vantage(fit, acting)
     screen(problem, vantage, acting, everything)
     located = locate(problem, fit)
@@ -219,13 +228,13 @@ def _chance_of_evidence(problem: Problem, fit: Fit, acting: list[Acting], everyt
     The Bayes factor of all candidates together, weighed by their priors, exceeds 1 / p with a probability of p at most
     where nothing is missing (Markov's inequality; Vovk & Wang 2021); those that are not fitted count nought.
     """
-    together, likeliest = 0.0, _best_of_effects(sorted(everything, key=lambda c: -c.promise))
-    for candidate, found in zip(likeliest, _each(problem, acting, likeliest, fit), strict=True):
-        if found is not None:
-            _, found = _by_own_steps(problem, [*acting, candidate.acting], found)
-            share = np.exp(candidate.log_prior) / PRIOR_NAMED
-            together += share * np.exp(min(found.evidence - fit.evidence, LARGEST_LOG))
-    return float(1.0 / max(together, 1.0))
+    likeliest = _best_of_effects(sorted(everything, key=lambda c: -c.promise))
+    found = zip(likeliest, _each(problem, acting, likeliest, fit), strict=True)
+    tried = [replace(candidate, fit=its) for candidate, its in found if its is not None]
+    _by_own_steps(problem, acting, tried)
+    shares = [np.exp(c.log_prior) / PRIOR_NAMED for c in tried]
+    factors = [np.exp(min(c.fit.evidence - fit.evidence, LARGEST_LOG)) for c in tried]
+    return float(1.0 / max(np.dot(shares, factors), 1.0))
 
 
 def _best_of_effects(ranked: list[Candidate]) -> list[Candidate]:
@@ -236,11 +245,11 @@ def _best_of_effects(ranked: list[Candidate]) -> list[Candidate]:
     return list(best.values())[:LIKELIEST]
 
 
-def _by_own_steps(problem: Problem, acting: list[Acting], fit: Fit) -> tuple[Problem, Fit]:
-    """The problem with the time steps put right about a fit, and that made again, where it is much; else both as they
-    are."""
-    other, again = problem.corrected(acting, fit)
-    return (problem, fit) if problem.missed(other.change) < RINGS else (other, again)
+def _by_own_steps(problem: Problem, acting: list[Acting], candidates: list[Candidate]) -> None:
+    """Fit candidates beside other effects again, each with the time steps put right about itself."""
+    found = problem.corrected_each([([*acting, c.acting], c.fit) for c in candidates])
+    for candidate, (_, fit) in zip(candidates, found, strict=True):
+        candidate.fit = fit
 
 
 def name_one(
@@ -257,15 +266,14 @@ def name_one(
     chosen = [c for c in chosen if c.fit is not None]
     for _ in range(SECOND_LOOKS if chosen else 0):
         before = max(chosen, key=lambda c: c.log_weight)
-        near = look_again(problem, before, acting, chosen, everything)
+        near = look_again(problem, fit, before, acting, chosen, everything)
         if before is max(chosen, key=lambda c: c.log_weight):
             fit_alike(problem, before, acting, chosen, near, everything)
             break
     chosen.sort(key=lambda c: -c.log_weight)
     worth_naming = _worth_naming(problem, fit, chosen)
     if not worth_naming:
-        for candidate in _best_of_effects(chosen):
-            _, candidate.fit = _by_own_steps(problem, [*acting, candidate.acting], candidate.fit)
+        _by_own_steps(problem, acting, _best_of_effects(chosen))
         chosen.sort(key=lambda c: -c.log_weight)
         worth_naming = _worth_naming(problem, fit, chosen)
     flexible, _ = outside.gain(fit, features[problem.train])
@@ -282,13 +290,18 @@ def _worth_naming(problem: Problem, fit: Fit, chosen: list[Candidate]) -> list[C
 
 
 def look_again(
-    problem: Problem, best: Candidate, acting: list[Acting], chosen: list[Candidate], everything: list[Candidate]
+    problem: Problem,
+    fit: Fit,
+    best: Candidate,
+    acting: list[Acting],
+    chosen: list[Candidate],
+    everything: list[Candidate],
 ) -> list[Candidate]:
     """Screen all candidates in the place of the best one, about its fit; add to `chosen` those that now look as good.
 
     Recalibration without the right effect distorts the nuisance parameters, and about such a point a neighbour of the
     right place may look best. About the best fit so far they are nearly as they should be, if it has left them within
-    their prior. Returns the candidates as they look from there, those far behind left out.
+    their prior. fit: of the present model. Returns the candidates as they look from there, those far behind left out.
     """
     if problem.distorted(best.fit):
         return []
@@ -298,10 +311,11 @@ def look_again(
     screen(problem, about, acting, fresh)
     near = sorted((c for c in fresh if c.promise > best.log_weight - CONTENDER), key=lambda c: -c.promise)
     waiting = [c for c in near if c.promise > known[c.acting].log_weight + WORTH_FITTING][:RIVALS]
-    for candidate, exact in zip(waiting, _each(problem, acting, waiting, about), strict=True):
+    found = _each(problem, acting, waiting, about, least_weight(best, fit))
+    for candidate, its in zip(waiting, found, strict=True):
         one = known[candidate.acting]
-        if exact is not None and exact.evidence + one.log_prior > one.log_weight:
-            one.fit = exact
+        if its is not None and its.evidence + one.log_prior > one.log_weight:
+            one.fit = its
             if one not in chosen:
                 chosen.append(one)
     return near
@@ -324,7 +338,7 @@ def fit_alike(
     waiting = [c for c in near if known[c.acting].fit is None and _may_be_alike(c, best)]
     if not waiting:
         return
-    found = problem.fit_candidates(_around(best), acting, [c.acting for c in waiting], [c.guess for c in waiting])
+    found = problem.fit_roughly(_around(best), acting, [c.acting for c in waiting], [c.guess for c in waiting])
     for candidate, fit in zip(waiting, found, strict=True):
         if fit is not None:
             known[candidate.acting].fit = fit
@@ -355,9 +369,18 @@ def _exact(problem: Problem, acting: list[Acting], start: np.ndarray | None = No
     return problem.calibrate_each([(acting, start)])[0]
 
 
-def _each(problem: Problem, acting: list[Acting], candidates: list[Candidate], about: Fit) -> list[Fit | None]:
-    """Fits in full of candidates, beside other effects, from a point and their own guesses."""
-    return problem.calibrate_each([([*acting, c.acting], np.concatenate([about.z, c.guess])) for c in candidates])
+def _each(
+    problem: Problem, acting: list[Acting], candidates: list[Candidate], about: Fit, least: float = -np.inf
+) -> list[Fit | None]:
+    """Fits of candidates beside other effects, from a point and their own guesses: with the sensitivities there, and
+    then, where they weigh more than `least`, in full."""
+    found = problem.fit_roughly(about, acting, [c.acting for c in candidates], [c.guess for c in candidates])
+    weights = [-np.inf if fit is None else fit.evidence + c.log_prior for c, fit in zip(candidates, found, strict=True)]
+    close = [i for i, weight in enumerate(weights) if weight > least]
+    exact = problem.calibrate_each([([*acting, candidates[i].acting], found[i].z) for i in close])
+    for i, fit in zip(close, exact, strict=True):
+        found[i] = fit or found[i]
+    return found
 
 
 def correct(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Round]) -> tuple[Problem, list[Acting], Fit]:
@@ -402,15 +425,18 @@ def _weighed(
     screen(problem, about, others, rivals)
     rivals = sorted((c for c in rivals if c.promise > least), key=lambda c: -c.promise)
     first = rivals[:RIVALS]
-    for rival, exact in zip(first, _each(problem, others, first, about), strict=True):
-        rival.fit = exact
-        if problems is not None and rival.log_weight > least:
-            problems[rival.acting], rival.fit = problem.corrected([*others, rival.acting], exact)
+    for rival, its in zip(first, _each(problem, others, first, about, least), strict=True):
+        rival.fit = its
+    if problems is not None:
+        close = [rival for rival in first if rival.log_weight > least]
+        found = problem.corrected_each([([*others, rival.acting], rival.fit) for rival in close])
+        for rival, (its, fit) in zip(close, found, strict=True):
+            problems[rival.acting], rival.fit = its, fit
     # Of a large class, every pair of outlets perhaps, the sensitivities hardly differ from the present one's.
     members = {member.acting for member in current.members}
     ahead = max([present, *(c for c in rivals if c.fit is not None)], key=lambda c: c.log_weight)
     alike = [c for c in rivals[RIVALS:] if c.acting in members or _may_be_alike(c, ahead)]
-    found = problem.fit_candidates(about, others, [c.acting for c in alike], [c.guess for c in alike])
+    found = problem.fit_roughly(about, others, [c.acting for c in alike], [c.guess for c in alike])
     for rival, its in zip(alike, found, strict=True):
         rival.fit = its
     tried = sorted([present, *(c for c in rivals if c.fit is not None)], key=lambda c: -c.log_weight)
@@ -446,7 +472,7 @@ def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Rou
         if without is None:
             continue
         # Other effects may have grown by then: what a rival promises is as rough as on the first shortlist.
-        least = present.log_weight - CONTENDER - ROUGH * max(0.0, fit.evidence - without.evidence)
+        least = least_weight(present, without)
         best, tried = _weighed(problem, current, present, others, about, least)
         if of_class(best, tried) - without.evidence < problem.settings.least_log_odds:
             current.accepted = None
