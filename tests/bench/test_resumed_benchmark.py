@@ -46,7 +46,7 @@ def test_finished_cases_are_not_searched_again_and_the_answers_are_the_same(tmp_
 def test_another_file_is_named_and_left_as_it_is(tmp_path, text):
     other = tmp_path / "other"
     other.write_bytes(text.encode("latin-1"))
-    with pytest.raises(InputError, match="other: no finished cases of this benchmark; name another file"):
+    with pytest.raises(InputError, match="other: no finished cases of this benchmark; name another file, or remove it"):
         run(quick=True, effects=("none",), resume=other)
     assert other.read_bytes() == text.encode("latin-1")
 

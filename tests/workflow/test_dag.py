@@ -158,7 +158,7 @@ def test_a_benchmark_has_a_job_per_network_and_seed_and_more_seeds_are_only_more
 def test_a_network_of_the_benchmark_that_is_not_there_is_one_line(checkout):
     settings = changed(checkout, discrepancy={"benchmark": {"networks": ["gone.json"]}})
     done = checkout.run("discrepancy_benchmark", settings=settings)
-    assert done.returncode == 2 and "gone.json" in done.stderr and "no such file" in done.stderr
+    assert done.returncode == 2 and "discrepancy.benchmark.networks = 'gone.json': no such file" in done.stderr
 
 
 def test_a_table_that_is_not_there_is_one_line(checkout):

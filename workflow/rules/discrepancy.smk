@@ -43,10 +43,17 @@ DISCREPANCY_SETTINGS = block(
     ),
 )
 HIDDEN_IN = DISCREPANCY.benchmark.named
-NAMED_FILES = (DISCREPANCY.model, DISCREPANCY.measurements, DISCREPANCY.conditions, *(DISCREPANCY.pairs or ()))
-for path in (*NAMED_FILES, *(one for one in HIDDEN_IN.values() if one not in GIVEN)):
-    if path and not Path(path).is_file():
-        refuse(InputError("configuration", "discrepancy", path, "no such file"))
+NAMED_FILES = {
+    "model": [DISCREPANCY.model],
+    "measurements": [DISCREPANCY.measurements],
+    "conditions": [DISCREPANCY.conditions],
+    "pairs": DISCREPANCY.pairs or (),
+    "benchmark.networks": [one for one in HIDDEN_IN.values() if one not in GIVEN],
+}
+for field, paths in NAMED_FILES.items():
+    for path in paths:
+        if path and not Path(path).is_file():
+            refuse(InputError("configuration", f"discrepancy.{field}", path, "no such file"))
 for animal in DISCREPANCY.animals:
     if not any(Path(DISCREPANCY.recordings).glob(f"{animal}_*.csv")):
         remedy = f"no {animal}_CONDITION.csv in {DISCREPANCY.recordings}"

@@ -198,7 +198,7 @@ class Kept:
             if not found or set(found[0]) != {"made_by"} or any(set(one) != {"key", "entry"} for one in found[1:]):
                 raise ValueError
         except (ValueError, TypeError):
-            remedy = "no finished cases of this benchmark; name another file"
+            remedy = "no finished cases of this benchmark; name another file, or remove it to begin anew"
             raise InputError(self.path, None, None, remedy) from None
         return found
 
