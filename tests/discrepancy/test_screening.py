@@ -164,12 +164,14 @@ def test_a_response_known_about_another_point_serves_where_little_is_promised():
     z = np.linalg.solve(np.eye(NUISANCES) + g.T @ g, g.T @ y)
     for candidate in candidates:
         candidate.response = SIGNED[0] * (along[candidate.acting] + 0.1 * random.standard_normal(ROWS))
+    failed = candidates[399]
+    failed.response = np.full(ROWS, np.nan)
     before = {c.acting: c.response for c in candidates}
     screen(problem(residuals), Fit(z, y - g @ z, g), [], candidates)
     assert max(candidates, key=lambda c: c.promise).acting == hidden
     anew = {acting for acting in ran if ran.count(acting)}
     kept = [c for c in candidates if c.acting not in anew]
-    assert ANEW <= len(anew) < ANEW + 50 and {(few, place) for place in "abc"} <= anew
+    assert ANEW <= len(anew) < ANEW + 50 and {failed.acting, *((few, place) for place in "abc")} <= anew
     assert all(c.response is before[c.acting] and c.guess is not None for c in kept)
     exact = [c for c in candidates if c.acting in anew]
     assert all(c.response == pytest.approx(SIGNED[0] * along[c.acting]) for c in exact)

@@ -46,10 +46,13 @@ def screen(problem: Problem, at: Fit, acting: list[Acting], candidates: list[Can
             candidate.clear_score()
         return
     linear = _Linear(at, problem.condition[problem.train])
-    known = [c for c in candidates if c.response is not None]
+    known, first = [], []
+    for candidate in candidates:
+        seen = candidate.response is not None and np.isfinite(candidate.response).all()
+        (known if seen else first).append(candidate)
     for candidate in known:
         linear.test(candidate)
-    first = [c for c in candidates if c.response is None] + _worth_running(known)
+    first += _worth_running(known)
     responses = _responses(problem, at, acting, [(c, _sizes(c)[0]) for c in first])
     for candidate, response in zip(first, responses, strict=True):
         candidate.response = response
