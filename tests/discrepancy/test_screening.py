@@ -169,7 +169,7 @@ def test_a_response_known_about_another_point_serves_where_little_is_promised():
     before = {c.acting: c.response for c in candidates}
     screen(problem(residuals), Fit(z, y - g @ z, g), [], candidates)
     assert max(candidates, key=lambda c: c.promise).acting == hidden
-    anew = {acting for acting in ran if ran.count(acting)}
+    anew = set(ran)
     kept = [c for c in candidates if c.acting not in anew]
     assert ANEW <= len(anew) < ANEW + 50 and {failed.acting, *((few, place) for place in "abc")} <= anew
     assert all(c.response is before[c.acting] and c.guess is not None for c in kept)

@@ -72,8 +72,8 @@ class Forward:
         """Predictions (n, N) at one point z (p,) each, every row with its own effects; NaN for other `conditions`.
 
         Rows whose networks have the same elements share one batch, all conditions in it; the batches run side by side.
-        grafts: effects that share one
-        network (of many collaterals: a few), shut but where a row acts on them, for the rows that act on one of them.
+        grafts: effects that share one network (of many collaterals: a few), shut but where a row acts on them, for the
+        rows that act on one of them.
         """
         found = np.full((len(rows), self.size), np.nan)
         groups: dict[tuple, tuple[list[Acting], dict[tuple, list[int]]]] = {}

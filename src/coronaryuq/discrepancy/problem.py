@@ -90,14 +90,19 @@ class Problem:
 
         None where the model does not run at the start.
         """
-        searches, exact = [], self.linear_part()
+        searches = []
         for acting, start in wanted:
             if start is None:
                 start = np.zeros(self.count + len(self.forward.parameters(acting)))
-            fresh = [column for column in range(len(start)) if column not in exact[0]]
-            searches.append(Search(list(acting), np.array(start, dtype=float), fresh, exact=exact))
+            searches.append(self._in_full(list(acting), start))
         maximise(self.fitted, searches, self.settings.iterations)
         return [None if search.failed else search.fit for search in searches]
+
+    def _in_full(self, label: object, start: np.ndarray, **known) -> Search:
+        """A search that recomputes all sensitivities but those that are always the same; known: what it starts with."""
+        exact = self.linear_part()
+        fresh = [column for column in range(len(start)) if column not in exact[0]]
+        return Search(label, np.array(start, dtype=float), fresh, exact=exact, **known)
 
     def corrected(self, acting: list[Acting], fit: Fit) -> tuple["Problem", Fit]:
         """The problem with what the time steps put wrong at a fit put right there, and the fit made again with that."""
@@ -131,13 +136,12 @@ class Problem:
 
     def _fitted_again(self, wanted: list[tuple["Problem", list[Acting], Fit]]) -> list[Fit | None]:
         """Fits of problems that differ from this one in what is put right, from earlier ones: sensitivities hold."""
-        searches, exact = [], self.linear_part()
+        searches = []
         for other, acting, fit in wanted:
             start = np.array(fit.z)
-            start[exact[0]] = 0.0
-            fresh = [column for column in range(len(start)) if column not in exact[0]]
+            start[self.forward.shaping] = 0.0
             label = list(acting), other.change - self.change
-            searches.append(Search(label, start, fresh, fit.jacobian, renewed=fit.renewed, exact=exact))
+            searches.append(self._in_full(label, start, jacobian=fit.jacobian, renewed=fit.renewed))
 
         def fitted(rows):
             without = self.fitted([(z, acting) for z, (acting, _) in rows])
