@@ -184,3 +184,25 @@ def test_sensitivities_are_renewed_only_where_a_step_gains_too_little():
     assert asked.count(5) < len([n for n in asked if n == 3])
     slope = -np.gradient([np.sum(residuals([(search.z + h * np.eye(5)[0], None)])[0] ** 2) for h in (-0.01, 0, 0.01)])
     assert abs(slope[1] / 0.01 - 2.0 * search.z[0]) < 0.5
+
+
+def test_differences_to_both_sides_find_the_optimum_where_residuals_are_large():
+    """What a curved model cannot explain shifts the end of a fit by differences to one side, and its precision."""
+    g, y = linear_case(15, rows=200)
+    curved = generator(15, "test", "curvature").standard_normal(200)
+    y = y - 3.0 * curved
+
+    def fitted(central):
+        def residuals(rows):
+            return np.array([y - g @ z - curved * z[0] ** 2 for z, _ in rows])
+
+        search = Search(None, np.array([1.0, 0.0, 0.0, 0.0, 0.0]), list(range(5)), central=central)
+        return maximise(residuals, [search], 30, tolerance=1e-9, share=0.0)[0].fit
+
+    def still_to_go(fit):
+        """Gauss-Newton's next step with exact sensitivities, in posterior standard deviations."""
+        exact = Fit(fit.z, fit.residual, g + 2.0 * fit.z[0] * np.outer(curved, np.eye(5)[0]))
+        step = np.linalg.solve(exact.precision, exact.jacobian.T @ fit.residual - fit.z)
+        return np.abs(step / np.sqrt(np.diag(exact.covariance))).max()
+
+    assert still_to_go(fitted(central=True)) < 0.01 < 0.5 < still_to_go(fitted(central=False))

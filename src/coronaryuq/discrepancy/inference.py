@@ -72,7 +72,8 @@ class Search:
 
     label: what `evaluate` needs to know of the model; fresh: columns of z whose sensitivities are recomputed;
     renewed: z at which they were last (None: they have to be at the start); stale: whether they have to be now; exact:
-    columns whose sensitivities are always the same, and those, (N, k).
+    columns whose sensitivities are always the same, and those, (N, k); central: sensitivities by differences to both
+    sides, twice the runs and without the curvature's share.
     """
 
     label: object
@@ -85,6 +86,11 @@ class Search:
     failed: bool = False
     done: bool = False
     exact: tuple[list[int], np.ndarray] | None = None
+    central: bool = False
+
+    @property
+    def sides(self) -> tuple[float, ...]:
+        return (1.0, -1.0) if self.central else (1.0,)
 
     @property
     def fit(self) -> Fit:
@@ -118,14 +124,20 @@ FARTHEST = 3.0
 """Prior standard deviations of any parameter beyond which the linear model is not to be believed."""
 MOVED = 0.3
 """Distance, in prior standard deviations, from where they were recomputed at which sensitivities still hold."""
+TOLERANCE = 0.02
+"""Gain of the objective below which a fit ends: 0.01 of log evidence."""
+SHARE = 1e-3
+"""Gain, as a share of the objective, below which a fit ends too: far from the data many steps gain little."""
 
 
-def maximise(evaluate: Evaluate, searches: list[Search], iterations: int, tolerance: float = 0.02) -> list[Search]:
+def maximise(
+    evaluate: Evaluate, searches: list[Search], iterations: int, tolerance: float = TOLERANCE, share: float = SHARE
+) -> list[Search]:
     """Gauss-Newton with a step search, all `searches` in lockstep so that their runs share batches.
 
     Sensitivities in `fresh` are recomputed where a step gains less than the linear model promised, or ends `FARTHEST`
     from where they were last, the others start as given; steps taken update all of them. A search is done when its
-    objective falls by less than `tolerance`, or by less than a thousandth of itself, with sensitivities that were
+    objective falls by less than `tolerance`, or by less than a `share` of itself, with sensitivities that were
     recomputed close by.
     """
     if not searches:
@@ -145,7 +157,7 @@ def maximise(evaluate: Evaluate, searches: list[Search], iterations: int, tolera
         values = evaluate([(z, search.label) for search, z in trials])
         for number, search in enumerate(active):
             mine = slice(number * len(LENGTHS), (number + 1) * len(LENGTHS))
-            _advance(search, [z for _, z in trials[mine]], values[mine], tolerance)
+            _advance(search, [z for _, z in trials[mine]], values[mine], tolerance, share)
     return searches
 
 
@@ -153,18 +165,19 @@ def _differentiate(evaluate: Evaluate, stale: list[Search]) -> None:
     rows = []
     for search in stale:
         for column in search.fresh:
-            moved = search.z.copy()
-            moved[column] += STEP
-            rows.append((moved, search.label))
-    found, first = evaluate(rows) if rows else [], 0
+            for side in search.sides:
+                moved = search.z.copy()
+                moved[column] += side * STEP
+                rows.append((moved, search.label))
+    found = iter(evaluate(rows) if rows else [])
     for search in stale:
-        mine = found[first : first + len(search.fresh)]
-        first += len(mine)
         if search.jacobian is None:
             search.jacobian = np.zeros((search.residual.size, len(search.z)))
-        for column, row in zip(search.fresh, mine, strict=True):
-            if np.isfinite(row).all():
-                search.jacobian[:, column] = -(row - search.residual) / STEP
+        for column in search.fresh:
+            slopes = [-side * (next(found) - search.residual) / STEP for side in search.sides]
+            known = [slope for slope in slopes if np.isfinite(slope).all()]
+            if known:
+                search.jacobian[:, column] = sum(known) / len(known)
         if search.exact is not None:
             columns, values = search.exact
             search.jacobian[:, columns] = values
@@ -205,7 +218,7 @@ def _promised(search: Search, z: np.ndarray) -> float:
     return search.fit.objective - float(residual @ residual + z @ z)
 
 
-def _advance(search: Search, trials: list[np.ndarray], values: np.ndarray, tolerance: float) -> None:
+def _advance(search: Search, trials: list[np.ndarray], values: np.ndarray, tolerance: float, share: float) -> None:
     present = search.fit.objective
     objectives = [v @ v + z @ z if np.isfinite(v).all() else np.inf for v, z in zip(values, trials, strict=True)]
     best = int(np.argmin(objectives))
@@ -215,5 +228,5 @@ def _advance(search: Search, trials: list[np.ndarray], values: np.ndarray, toler
         _update(search, trials[best] - search.z, search.residual - values[best])
         search.z, search.residual = trials[best], values[best]
         search.stale |= float(np.abs(search.moved).max(initial=0.0)) > (1.0 - 1e-9) * FARTHEST
-    if gained < max(tolerance, 1e-3 * present):
+    if gained < max(tolerance, share * present):
         search.done, search.stale = float(np.linalg.norm(search.moved)) < MOVED, True

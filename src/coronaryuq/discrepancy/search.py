@@ -150,6 +150,8 @@ def discover(
         remaining, everything, vantage = assess(problem, fit, acting, library, everything)
         tested += len(everything)
         report(f"beside {_listed(acting)}: {_told(everything, remaining, remaining.alarm(settings.alarm_level))}")
+    if acting:
+        fit = problem.to_the_end(acting, fit)
     if len(acting) > 1:
         for entry in (r for r in rounds if r.accepted is not None):
             without = _exact(problem, [one for one in acting if one != entry.accepted.acting])
