@@ -81,6 +81,8 @@ class Ringing(LinearProblem):
         self.condition, self.train = np.full(ROWS, "rest"), np.ones(ROWS, bool)
 
     def corrected(self, acting, fit):
+        if not acting:
+            return self, fit
         other, (last,) = copy.copy(self), acting
         other.change = fit.z[-1] * self.left_out[last]
         other.y = self.y - other.change
@@ -96,7 +98,8 @@ def test_a_candidate_is_weighed_with_the_time_steps_put_right_about_itself():
     ahead = both[0].log_weight - both[1].log_weight
     first = Round(sorted(both, key=lambda c: -c.log_weight), {}, both[0], [both[0]], both)
     assert 0.0 < ahead < CONTENDER
-    _compete_again(problem, first, both[0].fit)
+    _, acting, fit = _compete_again(problem, problem, first, [], both[0].fit)
+    assert acting == [problem.right] and fit is first.accepted.fit
     assert first.accepted.acting == problem.right and first.accepted.probability > 0.99
     assert [c.acting for c in first.members] == [problem.right]
     assert first.probabilities["none"] < 1e-6

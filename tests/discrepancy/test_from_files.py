@@ -12,11 +12,11 @@ from coronaryuq import cli, files
 from coronaryuq.bench.discovery_score import wilson
 from coronaryuq.bench.discrepancy import Case, hide
 from coronaryuq.bench.hidden_cases import open_loop
+from coronaryuq.bench.openloop import left_coronary
 from coronaryuq.discrepancy import command, hidden
 from coronaryuq.discrepancy.conditions import Condition, read_conditions, under
 from coronaryuq.discrepancy.laws import LAWS, fit_law, predict
 from coronaryuq.discrepancy.model import read_problem
-from coronaryuq.discrepancy.openloop import left_coronary
 from coronaryuq.discrepancy.pairs import discover_pairs
 from coronaryuq.discrepancy.recordings import prepare
 from coronaryuq.discrepancy.repair import repaired_conditions, repaired_network

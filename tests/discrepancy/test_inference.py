@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from coronaryuq.discrepancy.flexible import AMPLITUDES, gain
 from coronaryuq.discrepancy.inference import Fit, Search, maximise
 from coronaryuq.discrepancy.locate import false_discovery
-from coronaryuq.discrepancy.outside import AMPLITUDES, gain
 from coronaryuq.seeds import generator
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from coronaryuq.bench.discovery_score import wilson
+from coronaryuq.bench.hidden_cases import BESIDE_A_STENOSIS
 from coronaryuq.files import read_json, write_csv
 
 OPEN_LOOP = "open loop"
@@ -29,12 +30,14 @@ WANTED = {
 def chosen(cases: Iterable[dict], network: str, strength: str = "medium", noise: str = "nominal") -> list[dict]:
     """Searched cases of a network.
 
-    What a closed loop has beside a known stenosis is strong and at half the noise, and counts at medium and nominal.
+    What a closed loop has beside a known stenosis is made at one strength and noise only, half of the nominal one, and
+    counts at medium and nominal.
     """
     mine = [c for c in cases if c["network"] == network and not c.get("skipped")]
-    beside = network != OPEN_LOOP and (strength, noise) == ("medium", "nominal")
     strengths = (strength, "none") if strength == "medium" else (strength,)
-    return [c for c in mine if c["noise"] == noise and c["strength"] in strengths or beside and c["noise"] == "half"]
+    beside = [c for c in mine if network != OPEN_LOOP and c["effect"].removeprefix("outside:") in BESIDE_A_STENOSIS]
+    usual = [c for c in mine if c["noise"] == noise and c["strength"] in strengths and c not in beside]
+    return usual + (beside if (strength, noise) == ("medium", "nominal") else [])
 
 
 def measures(cases: Sequence[dict]) -> dict[str, tuple[int, int]]:

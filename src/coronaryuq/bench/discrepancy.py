@@ -16,6 +16,7 @@ from coronaryuq import files, provenance
 from coronaryuq.bench.discovery_score import score, scored
 from coronaryuq.bench.discovery_tables import OPEN_LOOP
 from coronaryuq.bench.hidden_cases import (
+    BESIDE_A_STENOSIS,
     OUTSIDE,
     OUTSIDE_LOOP,
     Made,
@@ -51,12 +52,10 @@ PAIRS_OF_TWO = (
     ("diffuse_narrowing", "mbf_underestimation"),
     ("diffuse_narrowing", "pressure_gain"),
     ("intramyocardial_pressure", "quadratic_stenosis"),
+    ("intramyocardial_pressure", "intramyocardial_delay"),
     ("back_pressure", "flow_gain"),
 )
 LOOP_PAIRS = (("quadratic_stenosis", "pressure_offset"), ("intramyocardial_pressure", "diffuse_narrowing"))
-BESIDE_A_STENOSIS = ("collateral", "shifted_territory", "rotated_territories", "delayed_collateral")
-"""Effects that leave a trace only where beds differ: on closed loops hidden beside a stenosis that the model knows of,
-those of the library strong, at half the noise."""
 
 
 @dataclass(frozen=True)
@@ -292,7 +291,7 @@ def hide(case: Case, made: Made, folder: Path) -> tuple[hidden.Truth | None, int
     if not all(places.values()):
         return None, 0
     if Anatomy(network).closed_loop:
-        places = {name: _visible(effect(name), found, case, made) for name, found in places.items()}
+        places = {name: _with_a_trace(effect(name), found, case, made) for name, found in places.items()}
         if not all(places.values()):
             return None, DRAWS
     for draw in range(DRAWS):
@@ -329,7 +328,7 @@ def _places(one: Effect, made: Made, random: np.random.Generator) -> list[str]:
     return places if len(places) <= MANY else list(random.choice(places, MANY, replace=False))
 
 
-def _visible(one: Effect, places: list[str], case: Case, made: Made) -> list[str]:
+def _with_a_trace(one: Effect, places: list[str], case: Case, made: Made) -> list[str]:
     """Those of the places where it would leave a trace: in a loop few do, and a draw takes seconds."""
     positive, signed = STRENGTHS[case.strength]
     size = np.array([positive if parameter.kind == "lognormal" else signed for parameter in one.parameters])

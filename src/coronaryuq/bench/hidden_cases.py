@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from coronaryuq import units
-from coronaryuq.discrepancy import hidden, openloop
+from coronaryuq.bench import openloop
+from coronaryuq.discrepancy import hidden
 from coronaryuq.discrepancy.conditions import Condition
 from coronaryuq.discrepancy.stage import loop_conditions, plan_of
 from coronaryuq.zerod.effects.anatomy import Anatomy
@@ -67,6 +68,9 @@ def closed_loop(network: dict) -> Made:
     return Made(network, {c.name: c for c in loop_conditions()}, plan_of(network))
 
 
+BESIDE_A_STENOSIS = ("collateral", "shifted_territory", "rotated_territories", "delayed_collateral")
+"""Effects that leave a trace only where beds differ: on closed loops hidden beside a stenosis that the model knows of,
+those of the library strong, at half the noise."""
 KNOWN_LOSS = 0.5
 """Mean pressure lost in the stenosis that the model knows of, at the model's own mean flow, over the mean pressure."""
 

@@ -39,7 +39,7 @@ class Verdict:
 
     mistaken: those that are a mistake in the model. redistributed: they are flow gains that blood which goes elsewhere
     explains as well, with one cause. refuted: measurements that no fit had seen take back so much that all together
-    leave less than naming takes. varying: those of different size under different conditions. foretold: p-value of
+    leave less than naming takes, or recalibration alone predicts them better while something remains. varying: those of different size under different conditions. foretold: p-value of
     the held-out measurements with the named effects; unforeseen: there are such, and it is below `LEAST_FORETOLD`.
     helped: as the function of that name gives it, compared with `WORTH`.
     """
@@ -85,7 +85,8 @@ def judge(
     kept_out = any(condition.held_out for condition in problem.forward.conditions.values())
     constancies = constancy(problem, fit, acting)
     varying = [one for one in constancies if one.log_odds > least]
-    refuted = bool(acting and kept_out and odds < least)
+    lost = still and _better(gaps.before, gaps.after)
+    refuted = bool(acting and kept_out and (odds < least or lost))
     mistaken = [one for one in acting if not one[0].nameable]
     unforeseen = bool(acting and foretold < LEAST_FORETOLD)
     nats = helped(still, bool(varying) or unforeseen, gaps)

@@ -133,18 +133,15 @@ def least_weight(best: Candidate, without: Fit) -> float:
     return best.log_weight - CONTENDER - ROUGH * max(0.0, best.log_weight - without.evidence)
 
 
-def posterior(base: Fit, chosen: list[Candidate], outside_gain: float) -> dict[str, float]:
+def posterior(without: float, chosen: list[Candidate], outside: float) -> dict[str, float]:
     """Set the candidates' probabilities; returns those of "none" and "outside the library".
 
     Candidates and "none" share 1 among them, given that the truth is in the library; "outside" is the probability that
     it is not. The second is by evidence alone, and says yes to any small misfit of a model to many data: whether to
     abstain is decided by prediction of held-out data (`search`).
-    outside_gain: log evidence of a flexible discrepancy over the present model.
+    without, outside: log evidence of the model without any of them, and of that with a flexible discrepancy.
     """
-    weights = np.array(
-        [base.evidence + np.log(PRIOR_NONE), base.evidence + outside_gain + np.log(PRIOR_OUTSIDE)]
-        + [c.log_weight for c in chosen]
-    )
+    weights = np.array([without + np.log(PRIOR_NONE), outside + np.log(PRIOR_OUTSIDE), *(c.log_weight for c in chosen)])
     share = np.exp(weights - weights.max())
     share /= share.sum()
     inside = np.exp(np.delete(weights, 1) - np.delete(weights, 1).max())

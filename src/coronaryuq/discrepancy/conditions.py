@@ -1,11 +1,13 @@
 """Conditions under which the measurements were taken, and what each changes in the network."""
 
+import copy
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import yaml
 
+from coronaryuq import files
 from coronaryuq.errors import InputError
 from coronaryuq.files import read_csv
 from coronaryuq.zerod.effects.anatomy import Anatomy
@@ -35,7 +37,9 @@ class Condition:
 
     @property
     def covariates(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        return {name: self.drive[name] for name in COVARIATES if name in self.drive}
+        """With the times of the condition's own period."""
+        drives = {name: self.drive[name] for name in COVARIATES if name in self.drive}
+        return {name: (time * self.period_scale, value) for name, (time, value) in drives.items()}
 
 
 def read_conditions(path: str | Path) -> dict[str, Condition]:
@@ -104,6 +108,29 @@ def _drive(path: Path) -> tuple[np.ndarray, np.ndarray]:
     if len(time) < 5 or (np.diff(time) <= 0).any():
         raise InputError(path, "t", None, "want at least 5 times, increasing, over one cycle")
     return time - time[0], value
+
+
+def as_entry(condition: Condition) -> dict:
+    """A condition as the conditions file has it, but for its drives, which are files."""
+    entry: dict = {}
+    for key in ("coronary_resistance_scale", "period_scale"):
+        if getattr(condition, key) != 1.0:
+            entry[key] = getattr(condition, key)
+    for key in ("scale", "set"):
+        if getattr(condition, key):
+            entry[key] = copy.deepcopy(getattr(condition, key))
+    if condition.held_out:
+        entry["held_out"] = True
+    if condition.free:
+        entry["free"] = list(condition.free)
+    return entry
+
+
+def write_drive(path: Path, time: np.ndarray, value: np.ndarray) -> None:
+    """Write a waveform over one cycle as the conditions file's `drive` reads it."""
+    import pandas as pd
+
+    files.write_csv(path, pd.DataFrame({"t": time, "value": value}))
 
 
 def period_of(network: dict, default: float = 1.0) -> float:

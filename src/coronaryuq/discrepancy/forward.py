@@ -9,6 +9,7 @@ from coronaryuq import units
 from coronaryuq.discrepancy.conditions import HEART, Condition
 from coronaryuq.discrepancy.jobs import Job, Prepared, Scaled
 from coronaryuq.discrepancy.measurements import Measured
+from coronaryuq.discrepancy.networks import with_values
 from coronaryuq.discrepancy.nuisance import Nuisance
 from coronaryuq.discrepancy.side_by_side import Asking, side_by_side
 from coronaryuq.discrepancy.simulation import Acting, Simulation, elements
@@ -110,30 +111,44 @@ class Forward:
         return [column for column, nuisance in enumerate(self.nuisances) if nuisance.shape is not None]
 
     def _simulated(self, z: np.ndarray, acting: list[Acting]) -> tuple:
-        """What tells two runs of the network apart: effects on the measuring side need none of their own."""
+        """What tells two readings of the network apart: most effects on the measuring side act on them afterwards."""
         sizes = self._sizes(z, acting)
         network = [
             (e.name, place, *v.values()) for (e, place), v in zip(acting, sizes, strict=True) if e.side == "network"
         ]
-        return z[: len(self.nuisances)].tobytes(), *network
+        return z[: len(self.nuisances)].tobytes(), *self._late(acting, sizes), *network
 
     def _predict_group(self, rows, names: list[str], inserted: list[Acting]) -> Asking[np.ndarray]:
         sizes = [self._sizes(z, acting) for z, acting in rows]
         z = np.array([row[: len(self.nuisances)] for row, _ in rows])
         waveforms, renamed = yield from self._simulate(rows, sizes, names, inserted)
-        return np.concatenate(self.readings(waveforms, z, renamed), axis=1)
+        late = np.array([self._late(acting, values) for (_, acting), values in zip(rows, sizes, strict=True)])
+        return np.concatenate(self.readings(waveforms, z, renamed, late), axis=1)
 
-    def readings(self, waveforms: dict[str, dict], z: np.ndarray, renamed: dict[str, str]) -> list[np.ndarray]:
+    def _late(self, acting: list[Acting], sizes: list[dict[str, float]]) -> list[float]:
+        """By how much each series is read late, shares of the period."""
+        late = np.zeros(len(self.measured))
+        for (effect, place), values in zip(acting, sizes, strict=True):
+            if effect.side == "measurement":
+                arrays = {name: np.array([value]) for name, value in values.items()}
+                late += [effect.late(place, arrays, series)[0] for series in self.measured]
+        return late.tolist()
+
+    def readings(
+        self, waveforms: dict[str, dict], z: np.ndarray, renamed: dict[str, str], late: np.ndarray | None = None
+    ) -> list[np.ndarray]:
         """What is measured of waveforms, condition → engine name → (n, k + 1) over a cycle: (n, values) of each series.
 
-        z: (n, p), for the tissue masses. renamed: old → new names of locations. NaN under conditions not given.
+        z: (n, p), for the tissue masses. renamed: old → new names of locations. late: (n, series), shares of the period
+        by which each is read late. NaN under conditions not given.
         """
+        late = np.zeros((len(z), len(self.measured))) if late is None else late
         blocks = [np.full((len(z), series.value.size), np.nan) for series in self.measured]
         for i, series in enumerate(self.measured):
             if series.condition in waveforms:
                 used = [waveforms[series.condition][name] for name in self.variables(series, renamed)]
                 period = self.periods.get(series.condition, series.period)
-                blocks[i] = self._series(series, used, np.linspace(0.0, period, used[0].shape[1]), z)
+                blocks[i] = self._series(series, used, np.linspace(0.0, period, used[0].shape[1]), z, late[:, i])
                 blocks[i][~np.isfinite(used[0]).all(axis=1)] = np.nan
         return blocks
 
@@ -225,9 +240,10 @@ class Forward:
     def _effects(self, prepared: Prepared, name: str, acting, sizes, pressure) -> dict[str, np.ndarray | float]:
         """Values under a condition that all effects of one sample give.
 
-        Two effects on one parameter combine as factors of the network's value, or as sums where that is zero.
+        Each acts on the network as those before it have left it, in an order of their own, so that the order in which
+        they were named is of no matter.
         """
-        condition, network, own = self.conditions[name], prepared.networks[name], prepared.values[name]
+        condition, network = self.conditions[name], prepared.networks[name]
         situation = Situation(
             condition.name,
             condition.coronary_resistance_scale,
@@ -237,16 +253,12 @@ class Forward:
             condition.covariates,
         )
         changes: dict[str, np.ndarray | float] = {}
-        for (effect, place), values in zip(acting, sizes, strict=True):
-            if effect.side == "measurement":
-                continue
+        ones = [(one, values) for one, values in zip(acting, sizes, strict=True) if one[0].side == "network"]
+        for (effect, place), values in sorted(ones, key=lambda one: (one[0][0].name, one[0][1])):
             values = {name: np.array([value]) for name, value in values.items()}
-            for key, value in effect.changes(network, place, values, self.anatomy, situation).items():
-                value = np.asarray(value, dtype=float)[0]
-                if key in changes and not np.ndim(value):
-                    before = own.get(key, 0.0)
-                    value = changes[key] * value / before if before else changes[key] + value
-                changes[key] = value
+            present = with_values(network, changes) if changes else network
+            found = effect.changes(present, place, values, self.anatomy, situation)
+            changes |= {key: np.asarray(value, dtype=float)[0] for key, value in found.items()}
         return changes
 
     def _factors(self, prepared: Prepared, name: str, z: np.ndarray) -> tuple[np.ndarray, Scaled]:
@@ -281,7 +293,7 @@ class Forward:
             at = f"{vessel}:{series.location}"
             return (f"flow:{renamed.get(at, at)}",)
         if series.quantity == "ratio":
-            return f"pressure:{location}", f"pressure:{self.root}"
+            return f"pressure:{location}", f"pressure:{renamed.get(self.root, self.root)}"
         if ":" in location and location.split(":")[1] == HEART:
             return (location,)
         return (f"{series.quantity}:{location}",)
@@ -291,7 +303,9 @@ class Forward:
         """Location of the pressure that drives the network: the first root vessel's inlet."""
         return self.anatomy.inlet(self.anatomy.roots[0])
 
-    def _series(self, series: Measured, waveforms: list[np.ndarray], time: np.ndarray, z: np.ndarray) -> np.ndarray:
+    def _series(
+        self, series: Measured, waveforms: list[np.ndarray], time: np.ndarray, z: np.ndarray, late: np.ndarray
+    ) -> np.ndarray:
         if series.quantity == "ratio":
             means = [values[:, :-1].mean(axis=1) for values in waveforms]
             return (means[0] / means[1])[:, None]
@@ -299,8 +313,8 @@ class Forward:
         if series.quantity == "perfusion":
             values = values / self._mass(series.location, z)[:, None]
         if series.statistic == "waveform":
-            at = series.time % series.period
-            return np.array([np.interp(at, time - time[0], row) for row in values])
+            at = (series.time - late[:, None] * series.period) % series.period
+            return np.array([np.interp(own, time, row) for own, row in zip(at, values, strict=True)])
         reduce = {
             "mean": lambda v: v[:, :-1].mean(axis=1),
             "min": lambda v: v.min(axis=1),

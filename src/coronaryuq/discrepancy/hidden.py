@@ -10,7 +10,7 @@ import pandas as pd
 import yaml
 
 from coronaryuq import files
-from coronaryuq.discrepancy.conditions import Condition, period_of, under
+from coronaryuq.discrepancy.conditions import Condition, as_entry, period_of, under, write_drive
 from coronaryuq.discrepancy.forward import Forward
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.measurements import Measured
@@ -241,15 +241,11 @@ def _write(network, conditions, plan, series, predicted, noise, random, folder) 
     files.write_csv(folder / "measurements.csv", pd.DataFrame(rows, columns=columns))
     content = {}
     for name, condition in conditions.items():
-        entry = {}
-        for key in ("coronary_resistance_scale", "period_scale"):
-            if getattr(condition, key) != 1.0:
-                entry[key] = getattr(condition, key)
-        for key in ("scale", "set"):
-            if getattr(condition, key):
-                entry[key] = getattr(condition, key)
-        if condition.held_out:
-            entry["held_out"] = True
-        content[name] = entry
+        content[name] = as_entry(condition)
+        drives = {block: f"drives/{name}_{block}.csv".replace(" ", "_") for block in condition.drive}
+        for block, (time, value) in condition.drive.items():
+            write_drive(folder / drives[block], time, value)
+        if drives:
+            content[name]["drive"] = drives
     files.write_text(folder / "conditions.yaml", yaml.safe_dump(content, sort_keys=False))
     return np.array([row[6] for row in rows])

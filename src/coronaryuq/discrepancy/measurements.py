@@ -114,6 +114,8 @@ def _check_row(path, number: int, row, conditions, locations) -> None:
         fail("quantity", row.quantity, f"know {', '.join(UNITS)}")
     if row.statistic not in STATISTICS:
         fail("statistic", row.statistic, f"know {', '.join(STATISTICS)}")
+    if row.quantity == "ratio" and row.statistic != "mean":
+        fail("statistic", row.statistic, "a ratio is of mean pressures; want mean")
     if str(row.location) not in locations[row.quantity]:
         near = difflib.get_close_matches(str(row.location), locations[row.quantity], n=3, cutoff=0.3)
         hint = f"near: {', '.join(near)}" if near else f"such as {', '.join(locations[row.quantity][:3])}"

@@ -14,6 +14,7 @@ from coronaryuq.discrepancy.numerics import time_steps
 from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.simulation import LOOSE, TOLERANCE, Simulation
+from coronaryuq.discrepancy.verify import folds
 from coronaryuq.errors import InputError
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.engine import Engine
@@ -51,6 +52,9 @@ def read_problem(
     if len(held) == len(used):
         raise InputError(file, "held_out", held, "every measured condition is held out; leave one to fit")
     problem = make_problem(network, {name: conditions[name] for name in conditions if name in used}, measured, settings)
+    if not folds(problem, held):
+        remedy = "means of conditions with a free parameter set that parameter: nothing is left to verify on; add more"
+        raise InputError(measurements, "condition", ", ".join(held or used), remedy)
     return with_time_steps(problem)
 
 
@@ -105,7 +109,11 @@ def _as_it_is(engine: Engine, quantities: list[str], steps_per_cycle: int) -> di
 
 
 def _mass(territory: str, conditions, measured, anatomy) -> float:
-    """Tissue mass (g) that makes the first measured perfusion right in the model as it is."""
-    first = next(s for s in measured if s.quantity == "perfusion" and s.location == territory)
+    """Tissue mass (g) that makes the first measured perfusion right in the model as it is.
+
+    Of a condition that is fitted, if there is one: the prior's mean shall know nothing of what is held out.
+    """
+    mine = [s for s in measured if s.quantity == "perfusion" and s.location == territory]
+    first = min(mine, key=lambda s: conditions[s.condition].held_out)
     flow = anatomy.flow_scale(anatomy.beds[territory]) / conditions[first.condition].coronary_resistance_scale
     return flow / max(abs(float(first.value[0])), 1e-3 * units.MBF_PER_MIN_PER_G)

@@ -3,13 +3,11 @@
 import numpy as np
 
 from coronaryuq.discrepancy.conditions import HEART, SERIES, period_of
+from coronaryuq.zerod.effects.base import WAVE_POINTS
 from coronaryuq.zerod.model import PERIOD
-from coronaryuq.zerod.network import copy_of
 
 ELEMENTS = ("R_poiseuille", "L", "C", "stenosis_coefficient")
 """Of a vessel; nought where the file leaves them out."""
-WAVE_POINTS = 1201
-"""Points of a waveform that differs between samples or conditions; four times as fine as the steps of a cycle."""
 
 
 def scalars(network: dict) -> dict[str, float]:
@@ -54,17 +52,40 @@ def sampled(network: dict, name: str) -> np.ndarray:
     return np.interp(np.linspace(time[0], time[-1], WAVE_POINTS), time, np.asarray(values[parameter], dtype=float))
 
 
-def with_waveforms(network: dict, table: dict) -> dict:
-    """The network with the waveforms of one sample, on an even grid over the cycle."""
-    network = copy_of(network)
+def with_values(network: dict, table: dict) -> dict:
+    """The network with other numbers and waveforms, "BLOCK.parameter" → value; waveforms are on an even grid over the
+    cycle. What does not change is shared with `network`.
+    """
+    changed: dict[str, dict] = {}
     for name, value in table.items():
-        if np.ndim(value):
-            block, _, parameter = name.rpartition(".")
-            values = next(b["bc_values"] for b in network["boundary_conditions"] if b["bc_name"] == block)
-            if len(values["t"]) != len(value):
-                values["t"] = np.linspace(0.0, period_of(network), len(value)).tolist()
-            values[parameter] = np.asarray(value, dtype=float).tolist()
-    return network
+        block, _, parameter = name.rpartition(".")
+        changed.setdefault(block, {})[parameter] = value
+    found = dict(network)
+    for part, key, values in (
+        ("vessels", "vessel_name", "zero_d_element_values"),
+        ("boundary_conditions", "bc_name", "bc_values"),
+    ):
+        found[part] = [
+            entry | {values: _with(entry[values], changed[entry[key]], network)} if entry[key] in changed else entry
+            for entry in network[part]
+        ]
+    if HEART in changed:
+        heart, *others = network["closed_loop_blocks"]
+        parameters = _with(heart["parameters"], changed[HEART], network)
+        found["closed_loop_blocks"] = [heart | {"parameters": parameters}, *others]
+    return found
+
+
+def _with(values: dict, changed: dict, network: dict) -> dict:
+    found = dict(values)
+    for parameter, value in changed.items():
+        if np.ndim(value) == 0:
+            found[parameter] = float(value)
+            continue
+        found[parameter] = np.asarray(value, dtype=float).tolist()
+        if len(found["t"]) != len(value) or not np.allclose(np.diff(found["t"], n=2), 0.0):
+            found["t"] = np.linspace(0.0, period_of(network), len(value)).tolist()
+    return found
 
 
 def carried_over(names: list[str], state: np.ndarray, wanted: list[str], renamed: dict[str, str]) -> np.ndarray:

@@ -176,9 +176,10 @@ def _sizes(found: Discovery) -> pd.DataFrame:
         for parameter in effect.parameters:
             z = found.fit.z[column] + spread[column] * np.linspace(-4, 4, 161)
             size = parameter.from_standard(z)
-            density = np.exp(-0.5 * ((z - found.fit.z[column]) / spread[column]) ** 2)
+            per_size = 1.0 / np.abs(np.gradient(size, z))
+            density = per_size * np.exp(-0.5 * ((z - found.fit.z[column]) / spread[column]) ** 2)
             density = density / np.trapezoid(density, size)
-            prior = np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi) / np.abs(np.gradient(size, z))
+            prior = per_size * np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi)
             rows += [
                 (effect.name, place, parameter.name, parameter.unit, *row)
                 for row in zip(size, density, prior, strict=True)

@@ -101,9 +101,12 @@ def _flexible(branch: Branch, train: np.ndarray, test: np.ndarray) -> np.ndarray
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
     inputs = np.column_stack([branch.flow0, branch.distal0 / branch.root0, branch.root0])
+    inputs = inputs[:, inputs[train].std(axis=0) > 0.0]
     inputs = (inputs - inputs[train].mean(axis=0)) / inputs[train].std(axis=0)
     target = branch.distal3 / branch.root3
-    kernel = ConstantKernel(10.0, (1e-2, 1e8)) * RBF(np.full(3, 5.0), (1e-1, 1e3)) + WhiteKernel(1e-3, (1e-10, 1.0))
+    kernel = ConstantKernel(10.0, (1e-2, 1e8)) * RBF(np.full(inputs.shape[1], 5.0), (1e-1, 1e3)) + WhiteKernel(
+        1e-3, (1e-10, 1.0)
+    )
     process = GaussianProcessRegressor(kernel, normalize_y=True)
     some = np.flatnonzero(train)[:MOST_FLEXIBLE]
     with warnings.catch_warnings():

@@ -1,6 +1,5 @@
 """The repaired model: network and conditions with the named effects written in, and a diff that a person can read."""
 
-import copy
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,10 +7,10 @@ import numpy as np
 import yaml
 
 from coronaryuq import files
-from coronaryuq.discrepancy.conditions import HEART, Condition, under
+from coronaryuq.discrepancy.conditions import HEART, Condition, as_entry, under, write_drive
 from coronaryuq.discrepancy.forward import Forward
 from coronaryuq.discrepancy.inference import Fit
-from coronaryuq.discrepancy.networks import scalars, with_waveforms
+from coronaryuq.discrepancy.networks import scalars, with_values
 from coronaryuq.discrepancy.simulation import Acting
 
 SAME = 1e-9
@@ -24,7 +23,7 @@ def repaired_network(forward: Forward, acting: list[Acting], z: np.ndarray) -> d
         forward, simulation=forward.simulation.changed(conditions={plain.name: plain}), measured=[], shapes=None
     )
     table, structure = alone.condition_changes(plain.name, z, acting)
-    return _written(structure, table)
+    return with_values(structure, table)
 
 
 def repaired_conditions(forward: Forward, acting: list[Acting], z: np.ndarray, folder: Path) -> dict[str, dict]:
@@ -36,64 +35,25 @@ def repaired_conditions(forward: Forward, acting: list[Acting], z: np.ndarray, f
     network = repaired_network(forward, acting, z)
     content = {}
     for name, condition in forward.conditions.items():
-        entry = _entry(condition)
+        entry = as_entry(condition)
         wanted, _ = forward.condition_changes(name, z, acting)
         given = scalars(under(network, condition))
         drives = {bc: f"drives/{name}_{bc}.csv".replace(" ", "_") for bc in condition.drive}
         for bc, (time, value) in condition.drive.items():
-            _write_drive(folder / drives[bc], time, value)
+            write_drive(folder / drives[bc], time, value)
         for parameter, value in wanted.items():
             block, _, key = parameter.rpartition(".")
             if np.ndim(value):
                 drives[block] = f"drives/{name}_{block}.csv".replace(" ", "_")
                 # The condition's own scale of the period is applied to drives when they are read.
                 time = np.linspace(0.0, forward.periods[name] / condition.period_scale, len(value))
-                _write_drive(folder / drives[block], time, np.asarray(value))
+                write_drive(folder / drives[block], time, np.asarray(value))
             elif abs(given.get(parameter, 0.0) - float(value)) > SAME * abs(float(value)):
                 entry.setdefault("set", {}).setdefault(block, {})[key] = float(value)
         if drives:
             entry["drive"] = drives
         content[name] = entry
     return content
-
-
-def _entry(condition: Condition) -> dict:
-    entry: dict = {}
-    for key in ("coronary_resistance_scale", "period_scale"):
-        if getattr(condition, key) != 1.0:
-            entry[key] = getattr(condition, key)
-    for key in ("scale", "set"):
-        if getattr(condition, key):
-            entry[key] = copy.deepcopy(getattr(condition, key))
-    if condition.held_out:
-        entry["held_out"] = True
-    if condition.free:
-        entry["free"] = list(condition.free)
-    return entry
-
-
-def _write_drive(path: Path, time: np.ndarray, value: np.ndarray) -> None:
-    import pandas as pd
-
-    files.write_csv(path, pd.DataFrame({"t": time, "value": value}))
-
-
-def _written(network: dict, table: dict) -> dict:
-    network = with_waveforms(network, table)
-    for name, value in table.items():
-        if np.ndim(value):
-            continue
-        block, _, parameter = name.rpartition(".")
-        if block == HEART:
-            network["closed_loop_blocks"][0]["parameters"][parameter] = float(value)
-            continue
-        for vessel in network["vessels"]:
-            if vessel["vessel_name"] == block:
-                vessel["zero_d_element_values"][parameter] = float(value)
-        for boundary in network["boundary_conditions"]:
-            if boundary["bc_name"] == block:
-                boundary["bc_values"][parameter] = float(value)
-    return network
 
 
 def difference(forward: Forward, acting: list[Acting], fit: Fit) -> str:

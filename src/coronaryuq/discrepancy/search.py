@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from coronaryuq.discrepancy import outside
+from coronaryuq.discrepancy import flexible
 from coronaryuq.discrepancy.abstention import Gaps, Verdict, judge
 from coronaryuq.discrepancy.candidates import (
     CONTENDER,
@@ -65,6 +65,8 @@ class Round:
     """Other effects in the fits of the shortlist; a candidate's own sizes stand last in them."""
     worth: float = np.inf
     """Log evidence that the accepted effect adds to all the others."""
+    outside_evidence: float = -np.inf
+    """Log evidence of a flexible discrepancy in place of any of them."""
 
     @property
     def class_log_prior(self) -> float:
@@ -128,7 +130,7 @@ def discover(
     remaining, alarm = located, located.alarm(settings.alarm_level)
     report(_told(everything, located, alarm))
     rounds: list[Round] = []
-    features = outside.features(problem)
+    features = flexible.features(problem)
     tested = len(everything)
     # Twice as many rounds as effects, should a look back undo what is named again and again.
     most = 2 * settings.max_effects
@@ -146,10 +148,14 @@ def discover(
             acting, fit = look_back(problem, acting, fit, rounds)
             if acting == before:
                 break
+        wanted = len(acting)
         problem, acting, fit = correct(problem, acting, fit, rounds)
         remaining, everything, vantage = assess(problem, fit, acting, library, everything)
         tested += len(everything)
         report(f"beside {_listed(acting)}: {_told(everything, remaining, remaining.alarm(settings.alarm_level))}")
+        if len(acting) < wanted:
+            report("the last of them was of the time steps")
+            break
     if acting:
         fit = problem.to_the_end(acting, fit)
     if len(acting) > 1:
@@ -160,11 +166,11 @@ def discover(
     parts = folds(problem, [name for name, c in problem.forward.conditions.items() if c.held_out])
     recalibrated = linearise(plain, base.z, [])
     repaired = linearise(problem, fit.z, acting) if acting else recalibrated
-    _, amplitude = outside.gain(base, features[problem.train])
-    flexible = recalibrated.extended(amplitude * features)
-    _, amplitude = outside.gain(fit, features[problem.train])
-    both = repaired.extended(amplitude * features) if acting else flexible
-    gaps = Gaps(*(gap(problem, model, parts, seed) for model in (recalibrated, repaired, flexible, both)))
+    _, amplitude = flexible.gain(base, features[problem.train])
+    process = recalibrated.extended(amplitude * features)
+    _, amplitude = flexible.gain(fit, features[problem.train])
+    both = repaired.extended(amplitude * features) if acting else process
+    gaps = Gaps(*(gap(problem, model, parts, seed) for model in (recalibrated, repaired, process, both)))
     priors = {entry.accepted.acting: entry.class_log_prior for entry in rounds if entry.accepted is not None}
     effects = len({candidate.effect.name for candidate in everything})
     still = remaining.alarm(settings.alarm_level)
@@ -278,12 +284,13 @@ def name_one(
         _by_own_steps(problem, acting, _best_of_effects(chosen))
         chosen.sort(key=lambda c: -c.log_weight)
         worth_naming = _worth_naming(problem, fit, chosen)
-    flexible, _ = outside.gain(fit, features[problem.train])
-    probabilities = posterior(fit, chosen, flexible)
+    outside_evidence = fit.evidence + flexible.gain(fit, features[problem.train])[0]
+    probabilities = posterior(fit.evidence, chosen, outside_evidence)
     if not worth_naming:
-        return Round(chosen, probabilities, None, beside=acting)
+        return Round(chosen, probabilities, None, beside=acting, outside_evidence=outside_evidence)
     accepted = preferred(worth_naming)
-    return Round(chosen, probabilities, accepted, indistinguishable(accepted, chosen), everything, acting)
+    members = indistinguishable(accepted, chosen)
+    return Round(chosen, probabilities, accepted, members, everything, acting, outside_evidence=outside_evidence)
 
 
 def _worth_naming(problem: Problem, fit: Fit, chosen: list[Candidate]) -> list[Candidate]:
@@ -393,20 +400,29 @@ def correct(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Round
     if problem.missed(before.change) < RINGS or locate(problem, fit).alarm(problem.settings.alarm_level):
         return problem, acting, fit
     current = next(r for r in rounds if r.accepted is not None and r.accepted.acting == acting[-1])
-    problem = _compete_again(problem, current, fit)
-    return problem, [*current.beside, current.accepted.acting], current.accepted.fit
+    return _compete_again(before, problem, current, acting[:-1], fit)
 
 
-def _compete_again(problem: Problem, current: Round, fit: Fit) -> Problem:
-    """Weigh a round's candidates anew, each with the time steps put right about itself; fit: the accepted one's, for
-    which `problem` has them so. Returns the problem with those of the one that is accepted now."""
-    present, others = replace(current.accepted, fit=fit), current.beside
+def _compete_again(
+    before: Problem, problem: Problem, current: Round, others: list[Acting], fit: Fit
+) -> tuple[Problem, list[Acting], Fit]:
+    """Weigh a round's candidates anew beside other effects, each with the time steps put right about itself.
+
+    before: the problem without that; problem, fit: with that about the accepted one, whose sizes stand last. Returns
+    the problem, effects and fit of what is accepted now: nothing beside the others where the odds do not suffice.
+    """
+    present = replace(current.accepted, fit=fit)
     problems = {present.acting: problem}
     least = present.log_weight - CONTENDER
     best, tried = _weighed(problem, current, present, others, _around(present), least, problems)
-    without = _exact(problem, others)
+    plain, without = before, _exact(before, others)
+    if without is not None:
+        plain, without = before.corrected(others, without)
     _decide(current, best, tried, -np.inf if without is None else without.evidence, others)
-    return problems.get(best.acting, problem)
+    if without is not None and of_class(best, tried) - without.evidence < problem.settings.least_log_odds:
+        current.accepted = None
+        return plain, others, without
+    return problems.get(best.acting, problem), [*others, best.acting], best.fit
 
 
 def _weighed(
@@ -450,10 +466,7 @@ def _weighed(
 
 def _decide(current: Round, best: Candidate, tried: list[Candidate], without: float, others: list[Acting]) -> None:
     """Let a round have another outcome, beside other effects; without: log evidence of those alone."""
-    weights = np.exp([without - best.log_weight, *(c.log_weight - best.log_weight for c in tried)])
-    current.probabilities["none"], *shares = (weights / weights.sum()).tolist()
-    for candidate, share in zip(tried, shares, strict=True):
-        candidate.probability = share
+    current.probabilities = posterior(without, tried, current.outside_evidence)
     current.shortlist, current.beside = tried, others
     current.accepted, current.members = best, indistinguishable(best, tried)
 

@@ -32,6 +32,7 @@ Effect = Literal[
     "pressure_gain",
     "pressure_delay",
     "flow_gain",
+    "flow_delay",
     "exchanged_outlets",
 ]
 """What can be hidden: names of the library, which is not imported because reading settings costs nothing."""
@@ -105,12 +106,19 @@ class Settings(BaseModel):
         0.05, gt=0, lt=1, description="false-discovery rate of the located disagreements"
     )
     model_floor: float = Field(
-        0.003, ge=0, description="numerical error of the model, as a share of each series' range, added to the sd"
+        0.003,
+        ge=0,
+        description="numerical error of the model, as a share of each series' largest value, added to the sd",
     )
-    shortlist: int = Field(10, ge=1, description="candidates fitted in full per round, after the score test of all")
+    shortlist: int = Field(
+        10, ge=1, description="candidates fitted per round, after the score test of all; those that compete in full"
+    )
     max_effects: int = Field(3, ge=0, description="effects that may be added at most")
     least_log_odds: float = Field(
-        3.0, ge=0, description="log posterior odds over the present model that an effect, or its class, needs"
+        3.0,
+        ge=0,
+        description="log evidence, with its share of the prior, by which an effect or its class must exceed the "
+        "present model's; 3 are posterior odds of 45 to 1",
     )
     starts: int = Field(3, ge=1, description="starting sizes of an effect per fit")
     iterations: int = Field(12, ge=1, description="Gauss-Newton iterations of a fit at most")

@@ -1,6 +1,7 @@
 """One paragraph in plain words about what was found, for the report."""
 
 from coronaryuq.discrepancy.abstention import Gaps
+from coronaryuq.discrepancy.conservation import PROBE
 from coronaryuq.discrepancy.constancy import Constancy
 from coronaryuq.discrepancy.locate import Located
 from coronaryuq.discrepancy.search import CENTRAL_99, Discovery
@@ -32,7 +33,7 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
         )
         return text + (f" Beside it there may be {' and '.join(beside)}." if beside else "")
     if found.verdict.redistributed:
-        places = " and ".join(entry.accepted.place for entry in found.rounds if entry.accepted is not None)
+        places = " and ".join(place for effect, place in found.acting if effect.name == PROBE)
         text += (
             f"Flow probes off at {places} would explain it, but what one reads too much the other reads too little: "
             "blood that goes elsewhere than the network says, as through swapped or wrongly wired outlets, explains "

@@ -5,7 +5,7 @@ import copy
 import numpy as np
 import pytest
 
-from coronaryuq.discrepancy.openloop import left_coronary
+from coronaryuq.bench.openloop import left_coronary
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Series, Situation
 from coronaryuq.zerod.effects.library import SEARCHED, effect
@@ -191,12 +191,16 @@ def test_rotation_by_a_whole_territory_is_a_permutation():
     assert np.ravel(seen) == pytest.approx([2.0, 3.0, 1.0, 5.0, 6.0, 4.0])
 
 
-def test_delay_shifts_a_sine_by_its_phase():
-    time = np.linspace(0.0, 1.0, 400, endpoint=False)
-    series = [Series("rest", "pressure", "a:b", "waveform", time, 1.0)]
-    wave = [np.sin(2 * np.pi * time)[None, :]]
-    seen = effect("pressure_delay").observe("a:b", {"delay": np.array([0.1])}, series, wave)
-    assert seen[0][0] == pytest.approx(np.sin(2 * np.pi * (time - 0.1)), abs=1e-4)
+def test_only_the_waveform_of_its_own_sensor_is_late():
+    time = np.linspace(0.0, 1.0, 8, endpoint=False)
+    sizes = {"delay": np.array([0.1])}
+    series = [Series("rest", q, p, "waveform", time, 1.0) for q in ("pressure", "flow") for p in ("a:b", "b:c")]
+    series.append(Series("rest", "flow", "a:b", "mean", None, 1.0))
+    late = [float(effect("pressure_delay").late("a:b", sizes, one)[0]) for one in series]
+    assert late == [0.1, 0.0, 0.0, 0.0, 0.0]
+    late = [float(effect("flow_delay").late("a:b", sizes, one)[0]) for one in series]
+    assert late == [0.0, 0.0, 0.1, 0.0, 0.0]
+    assert effect("flow_delay").places(None, series) == ["a:b", "b:c"]
 
 
 def test_a_whole_exchange_puts_each_bed_at_the_others_vessel(tree):

@@ -11,6 +11,9 @@ from coronaryuq.zerod.network import copy_of
 
 Values = dict[str, np.ndarray]
 
+WAVE_POINTS = 1201
+"""Points of a waveform that differs between samples or conditions; four times as fine as the steps of a cycle."""
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -60,7 +63,8 @@ class Effect(ABC):
     """One physical effect that a model may lack; sizes in the units of `parameters`, places by the network's names.
 
     Network effects override `changes` (and `insert`, `aliases` where the structure changes); effects on the
-    measuring side override `observe`. `native` says how the repaired network expresses it in svZeroDSolver's format.
+    measuring side override `observe`, or `late` where they shift a waveform in time. `native` says how the repaired
+    network expresses it in svZeroDSolver's format.
     """
 
     name: ClassVar[str]
@@ -74,8 +78,6 @@ class Effect(ABC):
     """True when `insert` adds vessels that carry next to nothing until `changes` opens them: many fit one network."""
     feedback: ClassVar[bool] = False
     """True when `changes` needs the mean pressures at the beds, found by running twice."""
-    series: ClassVar[bool] = False
-    """True when `changes` returns whole waveforms."""
     nameable: ClassVar[bool] = True
     """False for a mistake in the model: where it explains best, what is missing is no effect."""
 
@@ -98,6 +100,10 @@ class Effect(ABC):
     def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: "Situation") -> Values:
         """Engine changes `"BLOCK.parameter"` → (n,) for sizes (n,), from the values that `network` holds."""
         return {}
+
+    def late(self, place: str, sizes: Values, series: Series) -> np.ndarray:
+        """By how much a series is read late, (n,), a share of the period."""
+        return np.zeros(1)
 
     def observe(self, place: str, sizes: Values, series: list[Series], predicted: list[np.ndarray]) -> list[np.ndarray]:
         """What would be measured: predictions (n, k) of each series after the effect on the measuring side."""

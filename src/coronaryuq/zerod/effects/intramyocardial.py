@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from coronaryuq.zerod.effects.base import Effect, Parameter, bed_values
+from coronaryuq.zerod.effects.base import WAVE_POINTS, Effect, Parameter, bed_values
 
 EJECTION = 0.35
 """Systole's share of the cycle where no ventricular pressure was measured (Weissler, Circulation 37 (1968) 149)."""
@@ -17,7 +17,6 @@ class IntramyocardialPressure(Effect):
     signature = "flow impeded in systole and released in early diastole, with little change of the mean"
     native = "Pim of open-loop CORONARY blocks; iml and imr of the closed-loop heart"
     parameters = (Parameter("share", "1", "normal", 0.0, 0.75, "share of left ventricular pressure that is added"),)
-    series = True
 
     def places(self, anatomy, observed=()):
         if anatomy.closed_loop:
@@ -56,7 +55,6 @@ class IntramyocardialDelay(Effect):
     signature = "the systolic dip of flow is shifted in time, its depth unchanged"
     native = "Pim of open-loop CORONARY blocks (not expressible in the closed-loop heart)"
     parameters = (Parameter("delay", "cycle", "normal", 0.0, 0.05, "delay over the period"),)
-    series = True
 
     def places(self, anatomy, observed=()):
         if anatomy.closed_loop:
@@ -79,14 +77,12 @@ def _open_beds(anatomy):
     return [bed for bed in anatomy.beds if "Pim" in anatomy.blocks[bed]["bc_values"]]
 
 
-def waveform(network: dict, bed: str, period: float, points: int = 201) -> tuple[np.ndarray, np.ndarray]:
-    """Intramyocardial pressure of a bed over one cycle, on an even grid where the network holds only a constant."""
+def waveform(network: dict, bed: str, period: float) -> tuple[np.ndarray, np.ndarray]:
+    """Intramyocardial pressure of a bed over one cycle, on an even grid."""
     values = bed_values(network, bed)
     time, pressure = np.asarray(values["t"], dtype=float), np.asarray(values["Pim"], dtype=float)
-    if np.ptp(pressure) == 0.0 or len(time) < points // 4:
-        grid = np.linspace(0.0, period, points)
-        return grid, np.interp(grid, time, pressure)
-    return time, pressure
+    grid = np.linspace(0.0, period, WAVE_POINTS)
+    return grid, np.interp(grid, time - time[0], pressure)
 
 
 def ventricular_pressure(time: np.ndarray, anatomy, condition) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Errors of sensors: offset, gain and delay of pressure, gain of flow."""
+"""Errors of sensors: offset, gain and delay of pressure, gain and delay of flow."""
 
 import numpy as np
 
@@ -10,16 +10,37 @@ NATIVE = "measuring side: acts on predictions at one location, the network stays
 class _Sensor(Effect):
     side = "measurement"
     native = NATIVE
-    quantity = "pressure"
+    quantities = ("pressure", "ratio")
+    """What the sensor reads; a ratio by its numerator."""
 
     def places(self, anatomy, observed=()):
-        return list(dict.fromkeys(s.location for s in observed if s.quantity == self.quantity))
+        return list(dict.fromkeys(s.location for s in observed if self._reads(s)))
 
     def observe(self, place, sizes, series, predicted):
         return [
-            self._read(sizes, s, values) if (s.quantity, s.location) == (self.quantity, place) else values
+            self._read(sizes, values) if self._reads(s) and s.location == place else values
             for s, values in zip(series, predicted, strict=True)
         ]
+
+    def _reads(self, series):
+        return series.quantity in self.quantities
+
+    def _read(self, sizes, values):
+        return values
+
+
+class _Gain(_Sensor):
+    def _read(self, sizes, values):
+        return values * (1.0 + np.asarray(sizes["gain"]))[:, None]
+
+
+class _Delay(_Sensor):
+    def _reads(self, series):
+        return series.statistic == "waveform" and super()._reads(series)
+
+    def late(self, place, sizes, series):
+        read = self._reads(series) and series.location == place
+        return np.asarray(sizes["delay"]) if read else np.zeros(1)
 
 
 class PressureOffset(_Sensor):
@@ -32,16 +53,17 @@ class PressureOffset(_Sensor):
     parameters = (Parameter("offset", "1", "normal", 0.0, 0.08, "offset over the mean pressure of the series"),)
 
     def observe(self, place, sizes, series, predicted):
-        mine = [i for i, s in enumerate(series) if (s.quantity, s.location) == (self.quantity, place)]
         found = list(predicted)
-        if mine:
-            scale = np.mean([predicted[i].mean(axis=1) for i in mine], axis=0)
-            for i in mine:
-                found[i] = predicted[i] + (np.asarray(sizes["offset"]) * scale)[:, None]
+        for quantity in self.quantities:
+            mine = [i for i, s in enumerate(series) if (s.quantity, s.location) == (quantity, place)]
+            if mine:
+                scale = np.mean([predicted[i].mean(axis=1) for i in mine], axis=0)
+                for i in mine:
+                    found[i] = predicted[i] + (np.asarray(sizes["offset"]) * scale)[:, None]
         return found
 
 
-class PressureGain(_Sensor):
+class PressureGain(_Gain):
     """Gain of a pressure transducer off."""
 
     name = "pressure_gain"
@@ -50,11 +72,8 @@ class PressureGain(_Sensor):
     signature = "one pressure off by a factor: its pulse grows with its mean"
     parameters = (Parameter("gain", "1", "normal", 0.0, 0.08, "gain less 1"),)
 
-    def _read(self, sizes, series, values):
-        return values * (1.0 + np.asarray(sizes["gain"]))[:, None]
 
-
-class PressureDelay(_Sensor):
+class PressureDelay(_Delay):
     """Pressure that arrives late, as through a fluid-filled line."""
 
     name = "pressure_delay"
@@ -63,29 +82,24 @@ class PressureDelay(_Sensor):
     signature = "one pressure waveform shifted in time in every condition"
     parameters = (Parameter("delay", "cycle", "normal", 0.0, 0.03, "delay over the period"),)
 
-    def places(self, anatomy, observed=()):
-        return list(
-            dict.fromkeys(s.location for s in observed if s.quantity == self.quantity and s.statistic == "waveform")
-        )
 
-    def _read(self, sizes, series, values):
-        if series.statistic != "waveform":
-            return values
-        late = (series.time[None, :] - np.asarray(sizes["delay"])[:, None] * series.period) % series.period
-        return np.array(
-            [np.interp(t, series.time, row, period=series.period) for t, row in zip(late, values, strict=True)]
-        )
-
-
-class FlowGain(_Sensor):
+class FlowGain(_Gain):
     """Gain of a flow probe off."""
 
     name = "flow_gain"
     formula = "Q_read = Q (1 + g)"
     source = "Drost, Proc. San Diego Biomed. Symp. 17 (1978) 299 (transit-time flowmeter)"
     signature = "one flow off by a factor in every phase and condition"
-    quantity = "flow"
+    quantities = ("flow",)
     parameters = (Parameter("gain", "1", "normal", 0.0, 0.15, "gain less 1"),)
 
-    def _read(self, sizes, series, values):
-        return values * (1.0 + np.asarray(sizes["gain"]))[:, None]
+
+class FlowDelay(_Delay):
+    """Flow that is read late, as through a probe's filter or from images triggered on another signal."""
+
+    name = "flow_delay"
+    formula = "Q_read(t) = Q(t - d T)"
+    source = "Nichols et al., McDonald's Blood Flow in Arteries, 6th ed. (2011), measurement of flow"
+    signature = "one flow waveform shifted in time in every condition"
+    quantities = ("flow",)
+    parameters = (Parameter("delay", "cycle", "normal", 0.0, 0.03, "delay over the period"),)

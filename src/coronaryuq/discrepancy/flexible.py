@@ -3,7 +3,7 @@
 A Gaussian process over place, phase and condition (Kennedy & O'Hagan 2001), written as a linear model in its features:
 for each measured place and quantity a constant and Fourier waves of the cycle with variance falling as (1 + h^2)^-2,
 half of the variance common to all conditions, half of each condition's own; its amplitude is a share of the series'
-size.
+size in the fitted conditions.
 """
 
 import numpy as np
@@ -19,19 +19,22 @@ AMPLITUDES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
 def features(problem: Problem) -> np.ndarray:
     """Features (N, k) of unit amplitude in whitened numbers, all rows; weights are standard normal a priori."""
     forward = problem.forward
-    keys = list(dict.fromkeys((s.quantity, s.location, s.statistic) for s in forward.measured))
+    each = [(s.quantity, s.location, s.statistic) for s in forward.measured]
+    keys = list(dict.fromkeys(each))
     conditions = list(dict.fromkeys(s.condition for s in forward.measured))
-    size = {
-        key: max(np.abs(s.value).max() for s in forward.measured if (s.quantity, s.location, s.statistic) == key)
-        for key in keys
-    }
+    size: dict[tuple, float] = {}
+    # Held-out values say nothing of the amplitude, but where nothing else was measured.
+    for held_out in (False, True):
+        known = set(size)
+        for key, series in zip(each, forward.measured, strict=True):
+            if forward.conditions[series.condition].held_out is held_out and key not in known:
+                size[key] = max(size.get(key, 0.0), float(np.abs(series.value).max()))
     waves = 2 * HARMONICS + 1
     matrix = np.zeros((len(problem.y), len(keys), len(conditions) + 1, waves))
     first = 0
-    for series in forward.measured:
+    for key, series in zip(each, forward.measured, strict=True):
         rows = slice(first, first + series.value.size)
         first = rows.stop
-        key = (series.quantity, series.location, series.statistic)
         columns = np.zeros((series.value.size, waves))
         columns[:, 0] = 1.0
         if series.time is not None:

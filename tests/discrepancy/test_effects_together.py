@@ -1,0 +1,141 @@
+"""Effects act on the network as the others left it, and on what is measured: by their formulas, in any order."""
+
+import copy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from coronaryuq import units
+from coronaryuq.bench.openloop import PERIOD, left_coronary, pressures
+from coronaryuq.discrepancy.conditions import Condition, period_of, under
+from coronaryuq.discrepancy.forward import Forward
+from coronaryuq.discrepancy.measurements import Measured
+from coronaryuq.discrepancy.model import make_problem
+from coronaryuq.discrepancy.networks import with_values
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.base import Situation
+from coronaryuq.zerod.effects.intramyocardial import ventricular_pressure
+from coronaryuq.zerod.effects.library import effect
+
+REST = Condition("rest")
+HYPERAEMIA = Condition("hyperaemia", coronary_resistance_scale=0.3)
+PIM, DELAY = (effect("intramyocardial_pressure"), "all beds"), (effect("intramyocardial_delay"), "all beds")
+
+
+def waveform(condition, quantity, place, points=40):
+    time = (np.arange(points) + 0.5) / points * PERIOD
+    return Measured(condition.name, quantity, place, "waveform", time, PERIOD, np.ones(points), np.ones(points))
+
+
+def mean(condition, quantity, place, value=1.0):
+    return Measured(condition.name, quantity, place, "mean", None, PERIOD, np.array([value]), np.ones(1))
+
+
+def model(network=None, measured=None) -> Forward:
+    measured = measured or [waveform(one, "flow", "lad:BC_lad") for one in (REST, HYPERAEMIA)]
+    conditions = {one.name: one for one in (REST, HYPERAEMIA)}
+    return make_problem(network or left_coronary(), conditions, measured, Settings()).forward
+
+
+def predicted(forward, acting=(), *sizes):
+    return forward.predict(np.array([0.0] * len(forward.nuisances) + list(sizes)), list(acting))[0]
+
+
+def test_two_effects_on_one_waveform_both_act():
+    forward = model()
+    both = predicted(forward, [PIM, DELAY], -1.0, 1.0)
+    alone = predicted(forward, [PIM], -1.0), predicted(forward, [DELAY], 1.0)
+    assert all(np.abs(both - one).max() > 0.1 for one in alone)
+    assert predicted(forward, [DELAY, PIM], 1.0, -1.0) == pytest.approx(both, abs=1e-12)
+
+
+def test_the_second_effect_acts_on_the_network_with_the_first_written_in():
+    forward = model()
+    table, network = forward.condition_changes("rest", np.array([0.0] * len(forward.nuisances) + [1.0]), [DELAY])
+    written = model(with_values(network, table))
+    both = predicted(forward, [PIM, DELAY], -1.0, 1.0)[:40]
+    assert both == pytest.approx(predicted(written, [PIM], -1.0)[:40], abs=2e-3)
+
+
+def test_what_is_added_to_one_parameter_twice_is_a_sum():
+    """Back pressure at all beds and at one bed; friction of a stenosis and of a narrowing."""
+    forward = model()
+
+    def change(acting, name, own):
+        z = np.zeros(len(forward.nuisances) + sum(len(one.parameters) for one, _ in acting))
+        return forward.condition_changes("rest", z, acting)[0].get(name, own) - own
+
+    back = [(effect("back_pressure"), place) for place in ("all beds", "BC_lad")]
+    friction = [(effect(name), "lad_proximal") for name in ("stenosis_with_friction", "diffuse_narrowing")]
+    vessel = next(v for v in forward.network["vessels"] if v["vessel_name"] == "lad_proximal")
+    vessel["zero_d_element_values"].pop("C", None)
+    forward = model(forward.network)
+    own = vessel["zero_d_element_values"]["R_poiseuille"]
+    for both, name, own in ((back, "BC_lad.P_v", 5.0 * units.MMHG), (friction, "lad_proximal.R_poiseuille", own)):
+        each = [change([one], name, own) for one in both]
+        assert min(each) > 0.0 and change(both, name, own) == pytest.approx(sum(each))
+
+
+def test_intramyocardial_pressure_on_an_uneven_grid_is_the_same():
+    uneven = copy.deepcopy(left_coronary())
+    for block in uneven["boundary_conditions"]:
+        if block["bc_type"] == "CORONARY":
+            values = block["bc_values"]
+            time = np.asarray(values["t"])
+            other = time[-1] * np.linspace(0.0, 1.0, 400) ** 2
+            values["Pim"], values["t"] = np.interp(other, time, values["Pim"]).tolist(), other.tolist()
+    for size in (1e-6, 0.5):
+        even = predicted(model(), [PIM], size)
+        assert predicted(model(uneven), [PIM], size) == pytest.approx(even, abs=0.01 * np.abs(even).max())
+
+
+def test_measured_ventricular_pressure_is_of_the_conditions_own_period():
+    time, aortic, ventricular = pressures()
+    faster = Condition("pacing", period_scale=0.7, drive={"AORTA": (time, aortic), "LV": (time, ventricular)})
+    network = left_coronary()
+    period = period_of(under(network, faster))
+    situation = Situation("pacing", 1.0, period, {}, {}, faster.covariates)
+    at = np.linspace(0.0, period, 50, endpoint=False)
+    assert period == pytest.approx(0.7 * PERIOD)
+    expected = np.interp(at / 0.7, time, ventricular)
+    assert ventricular_pressure(at, Anatomy(network), situation) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("name", "quantity"), [("pressure_delay", "pressure"), ("flow_delay", "flow")])
+def test_a_delay_is_of_the_waveform_and_not_of_the_few_points_that_were_read(name, quantity):
+    few = waveform(REST, quantity, "lad:BC_lad", 8)
+    late = replace(few, time=few.time - 0.05 * PERIOD)
+    size = effect(name).parameters[0].to_standard(0.05)
+    delayed = predicted(model(measured=[few]), [(effect(name), "lad:BC_lad")], size)
+    assert delayed == pytest.approx(predicted(model(measured=[late])), rel=1e-9)
+    assert np.abs(delayed - predicted(model(measured=[few]))).max() > 0.02 * np.abs(delayed).max()
+
+
+def test_a_ratio_is_of_the_root_wherever_an_effect_has_moved_it():
+    """A loss at the root, which stores blood, is put ahead of it: FFR is over the pressure before that loss."""
+    forward = model(measured=[mean(REST, "ratio", "lad:BC_lad")])
+    loss = (effect("ostial_loss"), "left_main")
+    plain, lost = predicted(forward), predicted(forward, [loss], 1.0)
+    share = float(effect("ostial_loss").parameters[0].from_standard(1.0))
+    assert 0.9 < plain[0] < 1.0 and plain[0] - lost[0] == pytest.approx(share, rel=0.6)
+
+
+def test_a_pressure_wires_errors_are_of_its_ratio_too():
+    forward = model(measured=[mean(one, "ratio", "lad:BC_lad") for one in (REST, HYPERAEMIA)])
+    plain = predicted(forward)
+    gain = effect("pressure_gain").parameters[0].to_standard(0.05)
+    assert predicted(forward, [(effect("pressure_gain"), "lad:BC_lad")], gain) == pytest.approx(1.05 * plain)
+    offset = predicted(forward, [(effect("pressure_offset"), "lad:BC_lad")], 1.0) - plain
+    assert offset[0] == pytest.approx(offset[1]) and offset[0] > 0.05
+
+
+def test_tissue_masses_know_nothing_of_what_is_held_out():
+    hidden = Condition("hyperaemia", coronary_resistance_scale=0.3, held_out=True)
+    masses = []
+    for first in (2.0, 4.0):
+        measured = [mean(hidden, "perfusion", "BC_lad", first), mean(REST, "perfusion", "BC_lad", 1.0)]
+        problem = make_problem(left_coronary(), {"hyperaemia": hidden, "rest": REST}, measured, Settings())
+        masses.append(problem.forward.masses["BC_lad"])
+    assert masses[0] == masses[1]
