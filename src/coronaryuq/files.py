@@ -5,6 +5,7 @@ import io
 import json
 import os
 import re
+import tempfile
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -48,8 +49,12 @@ def check_folder(path: str | Path) -> Path:
     existing = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
     if not existing.is_dir():
         raise InputError(path, None, None, f"wanted a folder for results, and {existing} is a file")
-    if not os.access(existing, os.W_OK | os.X_OK):
-        raise InputError(path, None, None, f"wanted a folder for results, and {existing} takes no files")
+    try:
+        # Root may do everything by the mode, and yet not where the file system is no place for files.
+        tempfile.TemporaryFile(dir=existing).close()
+    except OSError as error:
+        remedy = f"wanted a folder for results, and {existing} takes no files ({error.strerror})"
+        raise InputError(path, None, None, remedy) from None
     return path
 
 
@@ -78,7 +83,7 @@ def read_json(path: str | Path, keys: tuple[str, ...] = ()) -> Any:
     keys: what must be there; with them, anything but a JSON object is an error too.
     """
     try:
-        value = json.loads(Path(path).read_text(encoding="utf-8"))
+        value = json.loads(Path(path).read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise InputError(path, None, None, "no such file") from None
     except IsADirectoryError:

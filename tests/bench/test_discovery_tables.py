@@ -38,6 +38,8 @@ def test_strong_cases_beside_a_stenosis_are_those_of_a_closed_loop():
     case = LEAK | {"effect": "collateral", "strength": "strong", "noise": "half"}
     loop = case | {"network": "bundled patient"}
     assert chosen([loop, case], "bundled patient") == [loop]
+    usual = loop | {"effect": "flow_gain"}
+    assert chosen([usual], "bundled patient") == [] and chosen([usual], "bundled patient", "strong", "half") == [usual]
     assert chosen([loop, case], "open loop") == [] and chosen([loop, case], "open loop", "strong", "half") == [case]
 
 

@@ -63,19 +63,22 @@ def test_what_is_added_to_one_parameter_twice_is_a_sum():
     """Back pressure at all beds and at one bed; friction of a stenosis and of a narrowing."""
     forward = model()
 
-    def change(acting, name, own):
+    def change(acting, name, present):
         z = np.zeros(len(forward.nuisances) + sum(len(one.parameters) for one, _ in acting))
-        return forward.condition_changes("rest", z, acting)[0].get(name, own) - own
+        return forward.condition_changes("rest", z, acting)[0].get(name, present) - present
 
     back = [(effect("back_pressure"), place) for place in ("all beds", "BC_lad")]
     friction = [(effect(name), "lad_proximal") for name in ("stenosis_with_friction", "diffuse_narrowing")]
     vessel = next(v for v in forward.network["vessels"] if v["vessel_name"] == "lad_proximal")
     vessel["zero_d_element_values"].pop("C", None)
     forward = model(forward.network)
-    own = vessel["zero_d_element_values"]["R_poiseuille"]
-    for both, name, own in ((back, "BC_lad.P_v", 5.0 * units.MMHG), (friction, "lad_proximal.R_poiseuille", own)):
-        each = [change([one], name, own) for one in both]
-        assert min(each) > 0.0 and change(both, name, own) == pytest.approx(sum(each))
+    linear = vessel["zero_d_element_values"]["R_poiseuille"]
+    for both, name, present in (
+        (back, "BC_lad.P_v", 5.0 * units.MMHG),
+        (friction, "lad_proximal.R_poiseuille", linear),
+    ):
+        each = [change([one], name, present) for one in both]
+        assert min(each) > 0.0 and change(both, name, present) == pytest.approx(sum(each))
 
 
 def test_intramyocardial_pressure_on_an_uneven_grid_is_the_same():

@@ -105,6 +105,38 @@ def test_a_candidate_is_weighed_with_the_time_steps_put_right_about_itself():
     assert first.probabilities["none"] < 1e-6
 
 
+def test_what_is_not_worth_naming_with_its_own_time_steps_is_given_up_again():
+    """What was named was the time steps'; other effects of the search stay, whatever a round of it knew of them."""
+
+    class Rung(Ringing):
+        """Coarse steps ring like what is in the data, and with them put right the effect is next to it."""
+
+        def __init__(self):
+            super().__init__()
+            random = generator(8, "test", "evidence")
+            basis = np.linalg.qr(random.standard_normal((ROWS, NUISANCES + 3)))[0]
+            self.nuisance, (true, ringing, besides) = 3.0 * basis[:, :NUISANCES], 4.0 * basis[:, NUISANCES:].T
+            self.ringing, self.other = ringing, made_up("other")
+            self.along = {self.right: true + ringing, self.other: besides}
+            self.y = 2.0 * ringing + 2.0 * besides
+
+        def corrected(self, acting, fit):
+            other = copy.copy(self)
+            other.change = -2.0 * self.ringing if self.right in acting else np.zeros(ROWS)
+            other.y = self.y - other.change
+            return other, other.calibrate(acting)
+
+    problem = Rung()
+    acting = [problem.other, problem.right]
+    named = Candidate(*problem.right, -1.0, z_score=9.0, guess=np.ones(1), fit=problem.calibrate(acting))
+    found = Round([named], {}, named, [named], [named], beside=[problem.neighbour, problem.other])
+    assert named.log_weight - problem.calibrate([problem.other]).evidence > Settings().least_log_odds
+    after, fit = problem.corrected(acting, named.fit)
+    plain, kept, without = _compete_again(problem, after, found, [problem.other], fit)
+    assert kept == [problem.other] and found.accepted is None and found.probabilities["none"] > 0.5
+    assert plain.change == pytest.approx(0.0) and len(without.z) == NUISANCES + 1
+
+
 class Drowned(Ringing):
     """The right effect alone, which coarse steps turn aside so far that by them it is not worth naming."""
 

@@ -12,7 +12,7 @@ from coronaryuq import cli, files
 from coronaryuq.bench.discovery_score import wilson
 from coronaryuq.bench.discrepancy import Case, hide
 from coronaryuq.bench.hidden_cases import open_loop
-from coronaryuq.bench.openloop import left_coronary
+from coronaryuq.bench.openloop import left_coronary, pressures
 from coronaryuq.discrepancy import command, hidden
 from coronaryuq.discrepancy.conditions import Condition, read_conditions, under
 from coronaryuq.discrepancy.laws import LAWS, fit_law, predict
@@ -98,6 +98,88 @@ def test_waveform_that_misses_part_of_the_cycle(spoiled):
 @pytest.mark.parametrize("shift", [0.45, -0.2])
 def test_waveform_that_does_not_begin_with_the_beat(spoiled, shift):
     assert "beyond the beat of 0.85 s; count times from its start" in spoiled(lambda t: t.assign(time=t.time + shift))
+
+
+def test_a_time_given_twice(spoiled):
+    message = spoiled(lambda t: pd.concat([t, t[t.statistic == "waveform"].iloc[[2]]]))
+    assert ": time = " in message and "given more than once; keep one row" in message
+
+
+def test_a_number_that_no_measurement_can_be(spoiled):
+    def change(table):
+        table.loc[7, "value"] = 1e30
+        return table
+
+    message = spoiled(change)
+    assert "rest/flow/AORTA:left_main/waveform, t = " in message and "see the number and its unit" in message
+
+
+@pytest.mark.parametrize(("quantity", "factor", "times"), [("flow", 30.0, "28.4"), ("pressure", 7.5, "7.")])
+def test_values_in_another_unit_than_they_say(spoiled, quantity, factor, times):
+    message = spoiled(lambda t: t.assign(value=np.where(t.quantity == quantity, factor * t.value, t.value)))
+    assert f"{quantity}: value = {times}" in message and "see the units of both" in message
+
+
+def test_a_ratio_has_no_waveform(spoiled):
+    message = spoiled(lambda t: t.assign(**{"quantity": "ratio", "statistic": "min", "unit": "1"}))
+    assert "line 2: statistic = 'min'" in message and "want mean" in message
+
+
+def test_a_network_in_another_unit_than_is_guessed(hidden_stenosis, tmp_path, capsys):
+    folder = hidden_stenosis[0]
+    network = files.read_json(folder / "model.json")
+    for block in network["boundary_conditions"]:
+        for name in ("P", "Pim", "P_v", "Pd"):
+            if name in block["bc_values"]:
+                block["bc_values"][name] = (np.asarray(block["bc_values"][name]) / 10.0).tolist()
+    files.write_json(tmp_path / "model.json", network)
+    words = ["--model", tmp_path / "model.json", "--measurements", folder / "measurements.csv"]
+    words += ["--conditions", folder / "conditions.yaml", "--out", tmp_path / "out"]
+    assert cli.main(["discrepancy", *map(str, words)]) == InputError.EXIT_CODE
+    line = capsys.readouterr().err
+    assert "pressure_unit = " in line and "if the network is in dyn/cm2" in line and line.count("\n") == 1
+
+
+def test_results_do_not_go_over_the_case(hidden_stenosis, capsys):
+    folder = hidden_stenosis[0]
+    with pytest.raises(InputError, match=r"would write over .*conditions.yaml; name another folder"):
+        command.main(case_arguments(folder, folder))
+
+
+def test_means_that_set_a_free_parameter_leave_nothing_to_verify_on(hidden_stenosis, tmp_path):
+    folder = hidden_stenosis[0]
+    table = pd.read_csv(folder / "measurements.csv")
+    table[table.statistic == "mean"].to_csv(tmp_path / "m.csv", index=False)
+    content = yaml.safe_load((folder / "conditions.yaml").read_text())
+    for name, entry in content.items():
+        content[name] = entry | ({"free": ["coronary_resistance_scale"]} if entry.get("held_out") else {})
+    (tmp_path / "c.yaml").write_text(yaml.safe_dump(content))
+    with pytest.raises(InputError, match="nothing is left to verify on"):
+        read_problem(
+            files.read_json(folder / "model.json"),
+            tmp_path / "m.csv",
+            read_conditions(tmp_path / "c.yaml"),
+            tmp_path / "c.yaml",
+            Settings(),
+        )
+
+
+def test_a_condition_given_twice(tmp_path):
+    (tmp_path / "c.yaml").write_text("rest:\nhyperaemia:\n  coronary_resistance_scale: 0.3\nrest:\n  held_out: true\n")
+    with pytest.raises(InputError, match="rest given twice"):
+        read_conditions(tmp_path / "c.yaml")
+
+
+def test_a_hidden_case_keeps_all_keys_of_its_conditions(tmp_path):
+    """Drives and what is free, too."""
+    time, aortic, _ = pressures()
+    driven = Condition("low", drive={"AORTA": (time, 0.8 * aortic)}, free=("coronary_resistance_scale",), held_out=True)
+    conditions = {"rest": Condition("rest"), "low": driven}
+    made = open_loop()
+    hidden.hide(made.network, conditions, made.plan, [], np.zeros(0), 1.0, 3, tmp_path)
+    read = read_conditions(tmp_path / "conditions.yaml")
+    assert read["low"].free == driven.free and read["low"].held_out
+    assert read["low"].drive["AORTA"][1] == pytest.approx(0.8 * aortic)
 
 
 def test_missing_arguments_are_named(tmp_path):
@@ -258,7 +340,7 @@ def test_equal_pairs_leave_nothing_to_explain(tmp_path):
 def test_recalibration_finds_a_loss_many_times_the_model_s_own(tmp_path):
     """From few samples, too: it is the reference that named effects have to beat, so a worse optimum flatters them."""
     pair_tables(tmp_path, 40.0, count=24)
-    (branch,) = branches(*read_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv"), "0d.csv")
+    (branch,) = branches(*read_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv"), "0d.csv", "3d.csv")
     ffr = branch.distal3 / branch.root3
     for kept_out in range(24):
         fit = fit_law(branch, LAWS[0], np.arange(24) != kept_out)
@@ -607,6 +689,41 @@ def test_a_folder_of_recordings_that_is_not_there(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+def test_pairs_with_flows_in_two_units(tmp_path):
+    pair_tables(tmp_path, 4.0)
+    table = pd.read_csv(tmp_path / "3d.csv")
+    flows = [column for column in table if "flow" in column]
+    table[flows] *= 60.0
+    table.to_csv(tmp_path / "3d.csv", index=False)
+    with pytest.raises(InputError, match="times its flow; give both in one unit of flow"):
+        discover_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv", tmp_path / "out", 1)
+    assert not (tmp_path / "out").exists()
+
+
+def test_pairs_under_one_inlet_pressure(tmp_path):
+    """Where the root's pressure is prescribed it is the same in every sample, and tells nothing."""
+    pair_tables(tmp_path, 4.0)
+    for name in ("0d.csv", "3d.csv"):
+        table = pd.read_csv(tmp_path / name)
+        root = table["mean_pressure:heart:aorta"]
+        columns = [column for column in table if "pressure" in column]
+        table[columns] = table[columns].div(root, axis=0) * 95.0
+        table.to_csv(tmp_path / name, index=False)
+    answer = discover_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv", tmp_path / "out", 1)
+    (branch,) = answer["branches"]
+    assert branch["ffr_rmse"]["flexible"] < branch["ffr_rmse"]["before"]
+
+
+def test_another_answer_leaves_nothing_of_the_one_before(tmp_path):
+    out = tmp_path / "out"
+    for name in ("repaired.json", "difference.txt", "drives/rest_AORTA.csv", "notes.txt"):
+        files.write_text(out / name, "")
+    pair_tables(tmp_path, 4.0)
+    discover_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv", out, 1)
+    left = {str(path.relative_to(out)) for path in out.rglob("*") if path.is_file()}
+    assert left == {"discrepancy.json", "paragraph.txt", "pairs.csv", "laws.csv", "effects.csv", "notes.txt"}
+
+
 def test_pairs_with_a_gap_name_the_sample(tmp_path):
     count = 24
     flow, root = np.linspace(1.0, 2.0, count), np.linspace(90.0, 100.0, count)
@@ -616,5 +733,5 @@ def test_pairs_with_a_gap_name_the_sample(tmp_path):
     table.to_csv(tmp_path / "simulated.csv", index=False)
     table.loc[5, "ffr_lad"] = np.nan
     table.to_csv(tmp_path / "measured.csv", index=False)
-    with pytest.raises(InputError, match="ffr_lad = 'nan': s5 has no number"):
+    with pytest.raises(InputError, match="measured.csv: ffr_lad: no finite number in sample s5"):
         discover_pairs(tmp_path / "simulated.csv", tmp_path / "measured.csv", tmp_path / "out", 1)

@@ -1,11 +1,14 @@
 """What the paragraph says of held-out measurements is what the numbers say."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from coronaryuq.discrepancy.abstention import Gaps
+from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.verify import Gap
-from coronaryuq.discrepancy.words import moved, rival
+from coronaryuq.discrepancy.words import moved, rival, shapeless
 
 
 def gap(lpd: float) -> Gap:
@@ -33,3 +36,14 @@ def test_a_flexible_discrepancy_is_said_to_be_better_only_where_it_is(after, fle
     told = rival(Gaps(gap(0.0), gap(after), gap(flexible), gap(both)), named)
     assert said in told
     assert bool(told) == bool(said)
+
+
+@pytest.mark.parametrize(
+    ("smooth", "said"), [(0.4, 1.5), (1e-5, None)], ids=["white noise above what was said", "residuals with a shape"]
+)
+def test_noise_larger_than_said_is_told_from_something_missing(smooth, said):
+    located = SimpleNamespace(tests={"all residuals": 1e-9, "smooth part": smooth, "best candidate": 0.2})
+    base = SimpleNamespace(objective=1.5**2 * 200, residual=np.zeros(200))
+    problem = SimpleNamespace(settings=Settings())
+    larger = shapeless(SimpleNamespace(problem=problem, located=located, base=base))
+    assert larger == (said and pytest.approx(said))

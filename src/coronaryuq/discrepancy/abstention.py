@@ -39,9 +39,10 @@ class Verdict:
 
     mistaken: those that are a mistake in the model. redistributed: they are flow gains that blood which goes elsewhere
     explains as well, with one cause. refuted: measurements that no fit had seen take back so much that all together
-    leave less than naming takes, or recalibration alone predicts them better while something remains. varying: those of different size under different conditions. foretold: p-value of
-    the held-out measurements with the named effects; unforeseen: there are such, and it is below `LEAST_FORETOLD`.
-    helped: as the function of that name gives it, compared with `WORTH`.
+    leave less than naming takes, or recalibration alone predicts them better while something remains. varying: those of
+    different size under different conditions. foretold: p-value of the held-out measurements with the named effects;
+    unforeseen: there are such, and it is below `LEAST_FORETOLD`. helped: as the function of that name gives it,
+    compared with `WORTH`.
     """
 
     mistaken: list[Acting]

@@ -9,7 +9,7 @@ from typing import get_args
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from coronaryuq import arguments
+from coronaryuq import arguments, units
 from coronaryuq.discrepancy import output, pairs
 from coronaryuq.discrepancy.conditions import read_conditions
 from coronaryuq.discrepancy.model import read_problem
@@ -68,6 +68,10 @@ def main(args: argparse.Namespace) -> int:
 
 def _answer(args: argparse.Namespace, out: Path) -> dict:
     _one_source(args)
+    for name in ("model", "measurements", "conditions"):
+        given = getattr(args, name)
+        if given and any(Path(given).resolve() == (out / written).resolve() for written in output.WRITTEN):
+            raise InputError("command line", "--out", str(out), f"would write over {given}; name another folder")
     if args.pairs:
         return pairs.discover_pairs(*args.pairs, out=out, seed=args.seed)
     settings = Settings(threads=args.threads, pressure_unit=args.pressure_unit)
@@ -91,6 +95,8 @@ def _one_source(args: argparse.Namespace) -> None:
     if first in ("pairs", "recordings") and others:
         value = getattr(args, others[0])
         raise InputError("command line", f"--{others[0]}", value, f"not together with --{first}; leave one out")
+    if args.pressure_unit != "auto" and first in ("pairs", "recordings"):
+        raise InputError("command line", "--pressure-unit", args.pressure_unit, f"is of --model, not of --{first}")
     if args.held_out and first != "recordings":
         raise InputError(
             "command line", "--held-out", args.held_out, "is of --recordings; say it in the conditions file"
@@ -103,6 +109,8 @@ def from_files(model, measurements, conditions, out: Path, settings: Settings, s
     if not network.get("vessels"):
         raise InputError(model, "vessels", None, "missing; there is no vessel or bed that an effect could act on")
     problem = read_problem(network, measurements, read_conditions(conditions), conditions, settings)
+    root = problem.forward.anatomy.pressure * problem.forward.pressure_factor / units.MMHG
+    _report(f"pressure at the root of the model as it is: {root:.3g} mmHg")
     try:
         found = discover(problem, seed, report=_report)
     except FloatingPointError as error:

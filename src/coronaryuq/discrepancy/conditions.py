@@ -42,15 +42,26 @@ class Condition:
         return {name: (time * self.period_scale, value) for name, (time, value) in drives.items()}
 
 
+class _OneKeyEach(yaml.SafeLoader):
+    """Of a key given twice YAML's own loader keeps the last, without a word."""
+
+    def construct_mapping(self, node, deep=False):
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+        for key in keys:
+            if keys.count(key) > 1:
+                raise yaml.YAMLError(f"{key} given twice, line {node.start_mark.line + 1} on; keep one")
+        return super().construct_mapping(node, deep)
+
+
 def read_conditions(path: str | Path) -> dict[str, Condition]:
     """Read the conditions file: name → keys. Raises `InputError` for unknown keys, wrong types and missing drives."""
     try:
         text = Path(path).read_text(encoding="utf-8")
-        content = yaml.safe_load(text)
+        content = yaml.load(text, _OneKeyEach)
     except FileNotFoundError:
         raise InputError(path, None, None, "no such file") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(path, None, None, f"not valid YAML ({error})") from None
+        raise InputError(path, None, None, f"not valid YAML ({' '.join(str(error).split())})") from None
     if not isinstance(content, dict) or not content:
         raise InputError(path, None, None, "want a mapping of condition names to what each changes")
     return {str(name): _condition(path, str(name), keys or {}) for name, keys in content.items()}

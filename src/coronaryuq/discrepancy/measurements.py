@@ -21,6 +21,8 @@ UNITS = {
     "perfusion": units.perfusions(),
     "ratio": units.RATIOS,
 }
+AORTIC = (20.0, 250.0)
+"""Mean pressure, mmHg, that an aorta can have."""
 LEAST_POINTS = 8
 """Fewest points of a waveform; with fewer its phase cannot be told."""
 WIDEST_GAP = 0.25
@@ -144,6 +146,9 @@ def _check_waveform(path, key, time: np.ndarray, period: float) -> None:
     if time[0] < 0.0 or (time[0] > LATE * period and time[-1] > (1.0 + LATE) * period):
         remedy = f"beyond the beat of {period:.4g} s; count times from its start"
         raise InputError(path, where, float(time[0] if time[0] < 0.0 else time[-1]), remedy)
+    if (np.diff(time) == 0.0).any():
+        twice = float(time[np.argmin(np.diff(time))])
+        raise InputError(path, f"{where}: time", twice, "given more than once; keep one row")
     phase = np.sort(time % period)
     gap = float(max(np.diff(phase, append=phase[0] + period)) / period)
     if gap > WIDEST_GAP:

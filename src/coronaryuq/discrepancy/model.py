@@ -8,7 +8,7 @@ import numpy as np
 from coronaryuq import units
 from coronaryuq.discrepancy.conditions import Condition, period_of, under
 from coronaryuq.discrepancy.forward import Forward, pressure_factor
-from coronaryuq.discrepancy.measurements import Measured, measured_conditions, read_measurements
+from coronaryuq.discrepancy.measurements import AORTIC, Measured, measured_conditions, read_measurements
 from coronaryuq.discrepancy.nuisance import Nuisance, nuisances
 from coronaryuq.discrepancy.numerics import time_steps
 from coronaryuq.discrepancy.problem import Problem
@@ -18,6 +18,9 @@ from coronaryuq.discrepancy.verify import folds
 from coronaryuq.errors import InputError
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.engine import Engine
+
+MISTYPED, MIDDLE = 50.0, 20.0
+"""Times what the model has that no measurement can be, and that the middle one of all series cannot be."""
 
 
 def locations(network: dict) -> dict[str, list[str]]:
@@ -52,10 +55,45 @@ def read_problem(
     if len(held) == len(used):
         raise InputError(file, "held_out", held, "every measured condition is held out; leave one to fit")
     problem = make_problem(network, {name: conditions[name] for name in conditions if name in used}, measured, settings)
+    _check_root(problem)
+    _check_sizes(problem, measurements)
     if not folds(problem, held):
         remedy = "means of conditions with a free parameter set that parameter: nothing is left to verify on; add more"
         raise InputError(measurements, "condition", ", ".join(held or used), remedy)
     return with_time_steps(problem)
+
+
+def _check_root(problem: Problem) -> None:
+    """A root pressure that none has says that the unit of the network was taken for another."""
+    pressure = problem.forward.anatomy.pressure * problem.forward.pressure_factor / units.MMHG
+    if problem.settings.pressure_unit == "auto" and not AORTIC[0] <= pressure <= AORTIC[1]:
+        unit = "mmHg" if problem.forward.pressure_factor == units.MMHG else "dyn/cm2"
+        remedy = f"mmHg at the root if the network is in {unit}, want {AORTIC[0]:g} to {AORTIC[1]:g}; give its unit"
+        raise InputError("model", "pressure_unit", float(f"{pressure:.3g}"), remedy)
+
+
+def _check_sizes(problem: Problem, file: str | Path) -> None:
+    """Measurements that are far from anything that the model has are in another unit, or mistyped."""
+    forward = problem.forward
+    predicted = forward.split(forward.predict(np.zeros(problem.count)))
+    sizes = {"pressure": 4.0, "ratio": 4.0}
+    for quantity in dict.fromkeys(series.quantity for series in forward.measured):
+        mine = [(s, p[0]) for s, p in zip(forward.measured, predicted, strict=True) if s.quantity == quantity]
+        largest = max(np.abs(p).max() for _, p in mine)
+        if not np.isfinite(largest) or largest == 0.0:
+            continue
+        for series, _ in mine:
+            worst = int(np.argmax(np.abs(series.value)))
+            times = abs(float(series.value[worst])) / largest
+            if times > MISTYPED:
+                where = "/".join((series.condition, quantity, series.location, series.statistic))
+                where += "" if series.time is None else f", t = {series.time[worst]:.4g} s"
+                remedy = "times the largest that the model has; see the number and its unit"
+                raise InputError(file, where, float(f"{times:.3g}"), remedy)
+        times = float(np.median([np.abs(s.value).mean() / max(np.abs(p).mean(), 1e-9 * largest) for s, p in mine]))
+        if quantity != "perfusion" and not 1.0 / sizes.get(quantity, MIDDLE) < times < sizes.get(quantity, MIDDLE):
+            remedy = "times what the model has, in the middle of all series; see the units of both"
+            raise InputError(file, f"{quantity}: value", float(f"{times:.3g}"), remedy)
 
 
 def with_time_steps(problem: Problem) -> Problem:

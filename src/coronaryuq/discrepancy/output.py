@@ -11,9 +11,7 @@ from coronaryuq.discrepancy.repair import write_repaired
 from coronaryuq.discrepancy.search import Discovery
 from coronaryuq.discrepancy.separate import separating
 from coronaryuq.discrepancy.simulation import Acting
-from coronaryuq.discrepancy.words import paragraph
-
-Z_90 = 1.6448536269514722
+from coronaryuq.discrepancy.words import Z_90, paragraph
 
 
 def summary(found: Discovery) -> dict:
@@ -114,6 +112,19 @@ def _member(candidate: Candidate) -> dict:
     }
 
 
+WRITTEN = (
+    *("discrepancy.json", "paragraph.txt", "located.csv", "residuals.csv", "ranking.csv", "sizes.csv", "tree.csv"),
+    *("gap.csv", "repaired.json", "conditions.yaml", "difference.txt", "pairs.csv", "laws.csv", "effects.csv"),
+)
+"""All that a search may leave behind, beside the folder `drives`."""
+
+
+def clear(folder: Path) -> None:
+    """Remove what an earlier search left in `folder`: another answer has no repaired model, perhaps."""
+    for path in (*(folder / name for name in WRITTEN), *(folder / "drives").glob("*.csv")):
+        path.unlink(missing_ok=True)
+
+
 def write(found: Discovery, folder: Path) -> dict:
     """Write everything into `folder`; returns the summary.
 
@@ -121,6 +132,7 @@ def write(found: Discovery, folder: Path) -> dict:
     unless the effect is outside the library, repaired.json, conditions.yaml, difference.txt.
     """
     answer = summary(found)
+    clear(folder)
     files.write_json(folder / "discrepancy.json", answer)
     files.write_text(folder / "paragraph.txt", answer["paragraph"] + "\n")
     located = pd.DataFrame([vars(group) for group in found.located.groups])

@@ -17,6 +17,7 @@ from coronaryuq.discrepancy.laws import (
     inclusion,
     predict,
 )
+from coronaryuq.discrepancy.output import clear
 from coronaryuq.discrepancy.tables import Branch, branches, read_pairs
 from coronaryuq.seeds import generator
 from coronaryuq.zerod.effects.library import effect
@@ -27,6 +28,8 @@ LEAST_GAIN = 3.0
 LEFT, LEFT_FLEXIBLE, LEFT_FLOORS = 0.1, 3.0, 2.0
 """Held-out error of FFR that what is known may leave: a share of the model's, so many times what a flexible discrepancy
 leaves, or so many times `FLOOR_FFR`. Where it leaves more than all three, something else is missing."""
+CONSTANT = 1e-9
+"""Relative spread of an input below which it is the same in all samples: a prescribed root pressure, say."""
 MOST_FLEXIBLE = 120
 """Samples that the reference Gaussian process is fitted to."""
 
@@ -39,7 +42,7 @@ def discover_pairs(simulated: str | Path, measured: str | Path, out: Path, seed:
     as named was chosen on all. Gaps are root mean square errors of FFR on held-out samples.
     """
     table0, table3 = read_pairs(simulated, measured)
-    found = branches(table0, table3, simulated)
+    found = branches(table0, table3, simulated, measured)
     count = len(table0)
     fold = generator(seed, "discrepancy", "pairs").permutation(np.arange(count) % FOLDS)
     answers, rows, laws = [], [], []
@@ -78,6 +81,7 @@ def discover_pairs(simulated: str | Path, measured: str | Path, out: Path, seed:
             )
         )
     answer = _joined(answers)
+    clear(out)
     files.write_csv(out / "pairs.csv", pd.concat(rows))
     columns = ["branch", "effects", "terms", "log_evidence", "rms_ffr"]
     files.write_csv(out / "laws.csv", pd.DataFrame(laws, columns=columns))
@@ -101,7 +105,7 @@ def _flexible(branch: Branch, train: np.ndarray, test: np.ndarray) -> np.ndarray
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
     inputs = np.column_stack([branch.flow0, branch.distal0 / branch.root0, branch.root0])
-    inputs = inputs[:, inputs[train].std(axis=0) > 0.0]
+    inputs = inputs[:, inputs[train].std(axis=0) > CONSTANT * np.abs(inputs[train]).max(axis=0)]
     inputs = (inputs - inputs[train].mean(axis=0)) / inputs[train].std(axis=0)
     target = branch.distal3 / branch.root3
     kernel = ConstantKernel(10.0, (1e-2, 1e8)) * RBF(np.full(inputs.shape[1], 5.0), (1e-1, 1e3)) + WhiteKernel(

@@ -10,7 +10,7 @@ import pandas as pd
 import yaml
 
 from coronaryuq import files, units
-from coronaryuq.discrepancy.measurements import LEAST_POINTS
+from coronaryuq.discrepancy.measurements import AORTIC, LEAST_POINTS
 from coronaryuq.errors import InputError
 from coronaryuq.files import read_csv
 
@@ -27,8 +27,6 @@ SD_FLOW, SD_SHARE = 1.0, 0.05
 SD_MEAN = 0.03
 SHORTEST, LONGEST = 0.1, 3.0
 """Lengths of a beat, s, from a small animal's to a slow heart's."""
-AORTIC = (20.0, 250.0)
-"""Mean aortic pressure, mmHg, within which a recording can be one."""
 LARGEST_JUMP = 0.25
 """Difference of a pressure's ends, over its range, beyond which a recording is no whole beat."""
 VENOUS = 5.0 * units.MMHG

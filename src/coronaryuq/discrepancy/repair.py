@@ -86,7 +86,7 @@ def difference(forward: Forward, acting: list[Acting], fit: Fit) -> str:
             for name, value in entry[values].items():
                 was = old.get(entry[key], {}).get(name)
                 if isinstance(value, list):
-                    if was is not None and was != value:
+                    if was is not None and (len(was) != len(value) or not np.allclose(was, value, rtol=SAME, atol=0.0)):
                         lines.append(f"  {entry[key]}.{name}: waveform replaced")
                 elif entry[key] in old and was != value:
                     lines.append(f"  {entry[key]}.{name}: {was if was is not None else 0.0:g} -> {value:g}")

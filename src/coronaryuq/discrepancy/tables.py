@@ -13,8 +13,8 @@ from coronaryuq.files import read_csv
 EXACT = 1e-6
 LEAST_SAMPLES = 20
 LARGEST_FFR = 1.5
-LARGEST_RATIO = 3.0
-"""Of the root's mean pressure in both tables, beyond which they are not in one unit."""
+LARGEST_RATIO, LARGEST_FLOW_RATIO = 3.0, 20.0
+"""Of the root's mean pressure, and of a branch's flow, in both tables, beyond which they are not in one unit."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,9 @@ def _check_ffr(path: str | Path, table: pd.DataFrame) -> None:
             raise InputError(path, column, float(f"{middle:.4g}"), remedy)
 
 
-def branches(simulated: pd.DataFrame, measured: pd.DataFrame, file: str | Path) -> list[Branch]:
+def branches(
+    simulated: pd.DataFrame, measured: pd.DataFrame, file: str | Path, measured_file: str | Path
+) -> list[Branch]:
     """The branches that both tables describe by `ffr_NAME`.
 
     The root's pressure is the highest mean pressure that both have. The distal location is the simulated pressure that
@@ -87,7 +89,10 @@ def branches(simulated: pd.DataFrame, measured: pd.DataFrame, file: str | Path) 
         raise InputError(file, "ffr_*", None, "no ffr_NAME column that both tables have")
     if not pressures or not flows:
         raise InputError(file, "mean_pressure:A:B, mean_flow:A:B", None, "no such column that both tables have")
+    ratios = [f"ffr_{name}" for name in names]
     root = max(pressures, key=lambda key: measured[pressures[key][1]].mean())
+    _check_whole(file, simulated, [*ratios, pressures[root][0]])
+    _check_whole(measured_file, measured, [*ratios, pressures[root][1]])
     root0, root3 = (table[c].to_numpy() for table, c in zip((simulated, measured), pressures[root], strict=True))
     ratio = float(root3.mean() / root0.mean())
     if not 1.0 / LARGEST_RATIO < ratio < LARGEST_RATIO:
@@ -105,19 +110,28 @@ def branches(simulated: pd.DataFrame, measured: pd.DataFrame, file: str | Path) 
         flow0 = simulated[f"mean_flow:{place}"].to_numpy()
         outlet = _outlet(simulated, outlets, flows, root0, distal0, place)
         (p0, p3), (q0, q3) = outlets["mean_pressure", outlet], flows["mean_flow", outlet]
+        _check_whole(file, simulated, [p0, q0, f"mean_flow:{place}"])
+        _check_whole(measured_file, measured, [p3, q3])
         flow3 = flow0 * measured[q3].to_numpy() / simulated[q0].to_numpy()
         source = f"simulated flow times measured over simulated flow of outlet {outlet}"
         if q0 == f"mean_flow:{place}":
             source = "measured"
         ends = (simulated[p0].to_numpy(), measured[p3].to_numpy())
         parts = (root0, root3, distal0, distal3, *ends, flow0, flow3)
-        whole = np.all([np.isfinite(part) for part in parts], axis=0)
-        if not whole.all():
-            sample = simulated.index[int(np.argmin(whole))]
-            remedy = f"{sample} has no number here, in the other table, or in a pressure or flow; leave it out"
-            raise InputError(file, f"ffr_{name}", "nan", remedy)
+        times = float(np.median(flow3 / flow0))
+        if not 1.0 / LARGEST_FLOW_RATIO < times < LARGEST_FLOW_RATIO:
+            remedy = f"the other table has {times:.4g} times its flow; give both in one unit of flow"
+            raise InputError(file, q0, float(f"{np.median(flow0):.4g}"), remedy)
         found.append(Branch(name, place, *parts, venous, source))
     return found
+
+
+def _check_whole(path: str | Path, table: pd.DataFrame, columns: list[str]) -> None:
+    for column in columns:
+        gaps = ~np.isfinite(table[column].to_numpy())
+        if gaps.any():
+            remedy = f"no finite number in sample {table.index[int(np.argmax(gaps))]}; leave that row out"
+            raise InputError(path, column, None, remedy)
 
 
 def _pairs(simulated, measured) -> dict[tuple[str, str], tuple[str, str]]:

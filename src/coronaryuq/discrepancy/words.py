@@ -1,11 +1,16 @@
 """One paragraph in plain words about what was found, for the report."""
 
+import numpy as np
+
 from coronaryuq.discrepancy.abstention import Gaps
 from coronaryuq.discrepancy.conservation import PROBE
 from coronaryuq.discrepancy.constancy import Constancy
 from coronaryuq.discrepancy.locate import Located
 from coronaryuq.discrepancy.search import CENTRAL_99, Discovery
 from coronaryuq.discrepancy.simulation import Acting
+
+Z_90 = 1.6448536269514722
+"""Standard deviations of a normal distribution that bound its central 90 %."""
 
 
 def paragraph(found: Discovery, held_out: list[str]) -> str:
@@ -24,6 +29,13 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
         f"under {worst.condition}. "
     )
     text += _strained("Recalibration has to move", found.located, found)
+    larger = shapeless(found)
+    if larger is not None and not found.named:
+        return text + (
+            "What disagrees has no shape that a test sees: the noise looks "
+            f"{larger:.2f} times as large as the standard deviations say. See whether they are those of the "
+            "measurements; nothing is named."
+        )
     if found.verdict.mistaken:
         pairs = ", ".join(place.replace("~", " and ") for _, place in found.verdict.mistaken)
         beside = [_called(one) for one in found.acting if one not in found.verdict.mistaken]
@@ -80,7 +92,7 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
         if len(entry.members) > 1:
             others = ", ".join(_called(m.acting) for m in entry.members[1:])
             text += f", together with what these data cannot tell from it: {others}"
-        text += "). "
+        text += f"; {_size_of(found, one.acting)}). "
         for parameter in found.beyond_prior(one.acting):
             low, high = (float(parameter.from_standard(k * CENTRAL_99)) for k in (-1, 1))
             size = parameter.name.replace("_", " ")
@@ -108,6 +120,28 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
     else:
         text += f"What remains is within the noise ({chance(found.remaining.p)})."
     return text
+
+
+def _size_of(found: Discovery, acting: Acting) -> str:
+    """What the sizes of a named effect are, with their 90 % intervals."""
+    column, told = len(found.problem.forward.nuisances), []
+    spread = np.sqrt(np.diag(found.fit.covariance))
+    for one in found.acting:
+        for parameter in one[0].parameters:
+            if one == acting:
+                at = (found.fit.z[column] + side * Z_90 * spread[column] for side in (0.0, -1.0, 1.0))
+                size, low, high = (f"{float(parameter.from_standard(z)):.2g}" for z in at)
+                told.append(f"{parameter.meaning} {size} ({low} to {high})")
+            column += 1
+    return ", ".join(told)
+
+
+def shapeless(found: Discovery) -> float | None:
+    """How much larger than said the noise looks, where residuals are too large and no other test sees anything."""
+    level, tests = found.problem.settings.alarm_level, found.located.tests
+    if any(p < level for name, p in tests.items() if name != "all residuals"):
+        return None
+    return float(np.sqrt(found.base.objective / len(found.base.residual)))
 
 
 def moved(before: float, after: float) -> str:
