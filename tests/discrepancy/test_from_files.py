@@ -709,9 +709,10 @@ def test_pairs_under_one_inlet_pressure(tmp_path):
         columns = [column for column in table if "pressure" in column]
         table[columns] = table[columns].div(root, axis=0) * 95.0
         table.to_csv(tmp_path / name, index=False)
-    answer = discover_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv", tmp_path / "out", 1)
-    (branch,) = answer["branches"]
-    assert branch["ffr_rmse"]["flexible"] < branch["ffr_rmse"]["before"]
+    discover_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv", tmp_path / "out", 1)
+    found = pd.read_csv(tmp_path / "out" / "pairs.csv")
+    off = [np.abs(found[name] - found["ffr_measured"]).mean() for name in ("ffr_flexible", "ffr_simulated")]
+    assert off[0] < 0.3 * off[1]
 
 
 def test_another_answer_leaves_nothing_of_the_one_before(tmp_path):

@@ -15,6 +15,8 @@ from coronaryuq.zerod.effects.library import SEARCHED
 CONTENDER, ROUGH = 15.0, 0.2
 """Log weight behind the best within which a candidate is fitted in full: so much, and a share of what the best gains,
 because sensitivities of the nuisance parameters that were not recomputed err the more, the farther a fit has moved."""
+ASTRAY = 10.0
+"""Log evidence behind the fit without it from which a candidate's fit has gone astray."""
 PRIOR_NONE, PRIOR_NAMED, PRIOR_OUTSIDE = 0.45, 0.45, 0.10
 
 
@@ -105,7 +107,7 @@ def fit_shortlist(
     """Fit the shortlist from `vantage` with its sensitivities frozen, then the best `exact` in full.
 
     Where even the best of those leaves the prior, so much is still missing that a fit may have ended anywhere: those
-    that compete are fitted from other points too.
+    that compete are fitted from other points too, as are those that promise to and have gone astray.
     """
     found = problem.fit_candidates(vantage, acting, [c.acting for c in chosen], [c.guess for c in chosen])
     for candidate, fit in zip(chosen, found, strict=True):
@@ -115,9 +117,21 @@ def fit_shortlist(
     for candidate, fit in zip(contenders, found, strict=True):
         candidate.fit = fit
     contenders = _contenders(chosen, base, exact)
-    if contenders and problem.distorted(contenders[0].fit):
-        for candidate in contenders:
-            candidate.fit = problem.restarted([*acting, candidate.acting], candidate.fit)
+    again = contenders if contenders and problem.distorted(contenders[0].fit) else []
+    least = contenders[0].log_weight - CONTENDER if contenders else -np.inf
+    refit(problem, acting, [*again, *(c for c in lost(chosen, least, base.evidence) if c not in again)])
+
+
+def lost(candidates: list[Candidate], least: float, without: float) -> list[Candidate]:
+    """Those that promise more than `least` but whose fit is behind that without any effect, which a size near nought
+    would be: it has gone astray, perhaps because sizes of other effects make up for what this one explains."""
+    return [c for c in candidates if c.promise > least and c.fit is not None and c.fit.evidence < without - ASTRAY]
+
+
+def refit(problem: Problem, acting: list[Acting], candidates: list[Candidate]) -> None:
+    """Let candidates beside other effects have the best of their fits and of those that start from the prior's mean."""
+    for candidate in candidates:
+        candidate.fit = problem.restarted([*acting, candidate.acting], candidate.fit)
 
 
 def _contenders(chosen: list[Candidate], base: Fit, count: int) -> list[Candidate]:

@@ -17,9 +17,11 @@ from coronaryuq.discrepancy.candidates import (
     indistinguishable,
     least_weight,
     likely,
+    lost,
     of_class,
     posterior,
     preferred,
+    refit,
     shortlist,
 )
 from coronaryuq.discrepancy.inference import Fit
@@ -271,6 +273,8 @@ def name_one(
     """One round: fit the shortlist of scored candidates, weigh, accept the best where the odds of its class suffice."""
     chosen = shortlist(everything, problem.settings.shortlist)
     fit_shortlist(problem, fit, acting, chosen, vantage)
+    if acting and vantage is not fit:
+        chosen += [c for c in _seen_from(problem, fit, acting, everything) if c not in chosen]
     chosen = [c for c in chosen if c.fit is not None]
     for _ in range(SECOND_LOOKS if chosen else 0):
         before = max(chosen, key=lambda c: c.log_weight)
@@ -291,6 +295,27 @@ def name_one(
     accepted = preferred(worth_naming)
     members = indistinguishable(accepted, chosen)
     return Round(chosen, probabilities, accepted, members, everything, acting, outside_evidence=outside_evidence)
+
+
+def _seen_from(problem: Problem, fit: Fit, acting: list[Acting], everything: list[Candidate]) -> list[Candidate]:
+    """Candidates of the shortlist as they look from a distorted fit, with their fits from there where those are better.
+
+    From the prior's mean, where they were looked at, what is named already hides those that explain less than
+    recalibration beside it does.
+    """
+    here = [replace(c, fit=None) for c in everything]
+    screen(problem, fit, acting, here)
+    known = {c.acting: c for c in everything}
+    chosen = shortlist(here, problem.settings.shortlist)
+    fit_shortlist(problem, fit, acting, chosen, fit)
+    for candidate in chosen:
+        one = known[candidate.acting]
+        one.z_score = max(one.z_score, candidate.z_score)
+        if candidate.estimate > one.estimate:
+            one.estimate, one.guess = candidate.estimate, candidate.guess
+        if candidate.log_weight > one.log_weight:
+            one.fit = candidate.fit
+    return [known[candidate.acting] for candidate in chosen]
 
 
 def _worth_naming(problem: Problem, fit: Fit, chosen: list[Candidate]) -> list[Candidate]:
@@ -320,7 +345,7 @@ def look_again(
     screen(problem, about, acting, fresh)
     near = sorted((c for c in fresh if c.promise > best.log_weight - CONTENDER), key=lambda c: -c.promise)
     waiting = [c for c in near if c.promise > known[c.acting].log_weight + WORTH_FITTING][:RIVALS]
-    found = _each(problem, acting, waiting, about, least_weight(best, fit))
+    found = _each(problem, acting, waiting, about, least_weight(best, fit), fit.evidence)
     for candidate, its in zip(waiting, found, strict=True):
         one = known[candidate.acting]
         if its is not None and its.evidence + one.log_prior > one.log_weight:
@@ -379,17 +404,25 @@ def _exact(problem: Problem, acting: list[Acting], start: np.ndarray | None = No
 
 
 def _each(
-    problem: Problem, acting: list[Acting], candidates: list[Candidate], about: Fit, least: float = -np.inf
+    problem: Problem,
+    acting: list[Acting],
+    candidates: list[Candidate],
+    about: Fit,
+    least: float = -np.inf,
+    without: float = -np.inf,
 ) -> list[Fit | None]:
     """Fits of candidates beside other effects, from a point and their own guesses: with the sensitivities there, and
-    then, where they weigh more than `least`, in full."""
+    then, where they weigh more than `least`, in full; without: log evidence of the other effects alone, by which those
+    that went astray are known and fitted from other points."""
     found = problem.fit_roughly(about, acting, [c.acting for c in candidates], [c.guess for c in candidates])
     weights = [-np.inf if fit is None else fit.evidence + c.log_prior for c, fit in zip(candidates, found, strict=True)]
     close = [i for i, weight in enumerate(weights) if weight > least]
     exact = problem.calibrate_each([([*acting, candidates[i].acting], found[i].z) for i in close])
     for i, fit in zip(close, exact, strict=True):
         found[i] = fit or found[i]
-    return found
+    tried = [replace(candidate, fit=fit) for candidate, fit in zip(candidates, found, strict=True)]
+    refit(problem, acting, lost(tried, least, without))
+    return [candidate.fit for candidate in tried]
 
 
 def correct(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Round]) -> tuple[Problem, list[Acting], Fit]:
@@ -433,17 +466,24 @@ def _weighed(
     about: Fit,
     least: float,
     problems: dict[Acting, Problem] | None = None,
+    without: float = -np.inf,
 ) -> tuple[Candidate, list[Candidate]]:
     """The best, and all fitted by weight, of a round's present candidate and what promises more than `least`.
 
+    Where an effect that the round knew beside it has been replaced, all its candidates are looked at anew, not only
+    those that were likely then.
+
     about: the point of the present one's fit without its own sizes; problems: gets those that have the time steps put
-    right about each of the ones that are fitted in full; None: the time steps stay as they are.
+    right about each of the ones that are fitted in full; None: the time steps stay as they are. without: log evidence
+    of the others alone.
     """
-    rivals = [replace(c, fit=None) for c in likely(current.screened) if c.acting not in (*others, present.acting)]
+    replaced = any(one not in others for one in current.beside)
+    pool = current.screened if replaced else likely(current.screened)
+    rivals = [replace(c, fit=None) for c in pool if c.acting not in (*others, present.acting)]
     screen(problem, about, others, rivals)
     rivals = sorted((c for c in rivals if c.promise > least), key=lambda c: -c.promise)
     first = rivals[:RIVALS]
-    for rival, its in zip(first, _each(problem, others, first, about, least), strict=True):
+    for rival, its in zip(first, _each(problem, others, first, about, least, without), strict=True):
         rival.fit = its
     if problems is not None:
         close = [rival for rival in first if rival.log_weight > least]
@@ -488,7 +528,7 @@ def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Rou
             continue
         # Other effects may have grown by then: what a rival promises is as rough as on the first shortlist.
         least = least_weight(present, without)
-        best, tried = _weighed(problem, current, present, others, about, least)
+        best, tried = _weighed(problem, current, present, others, about, least, without=without.evidence)
         if of_class(best, tried) - without.evidence < problem.settings.least_log_odds:
             current.accepted = None
             return others, without
