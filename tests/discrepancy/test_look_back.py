@@ -103,3 +103,21 @@ def test_a_class_holds_all_that_cannot_be_told_from_its_first_beside_the_later_e
     acting = [problem.acting[name] for name in "ab"]
     look_back(problem, acting, problem.calibrate(acting), rounds)
     assert {one.effect.name for one in rounds[0].members} == set(problem.acting) - {"b"}
+
+
+def test_a_round_whose_company_was_replaced_looks_at_all_its_candidates_again():
+    """What was unlikely beside an effect that is no longer there may be what is missing now."""
+    problem = Copies(0)
+    right = (type("MadeUp", (), {"name": "d", "parameters": (SIZE,), "grafted": False, "nameable": True})(), "here")
+    problem.acting["d"] = right
+    problem.along[right] = problem.along[problem.acting["b"]] + generator(6, "test", "look back").standard_normal(ROWS)
+    problem.y = 1.5 * (problem.along[problem.acting["c"]] + problem.along[right]) + problem.y * 0.1
+    everything = {name: Candidate(*acting, PRIOR, guess=np.ones(1)) for name, acting in problem.acting.items()}
+    acting = [problem.acting[name] for name in "bc"]
+    for company, expected in (("c", ["b", "c"]), ("a", ["c", "d"])):
+        rounds = [Round([], {}, everything[name], [everything[name]], list(everything.values())) for name in "bc"]
+        rounds[0].beside = [problem.acting[company]]
+        for candidate in everything.values():
+            candidate.z_score = 0.0
+        kept, _ = look_back(problem, acting, problem.calibrate(acting), rounds)
+        assert [effect.name for effect, _ in kept] == expected

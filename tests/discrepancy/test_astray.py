@@ -1,0 +1,94 @@
+"""Fits that ended behind no effect at all are made again; candidates are looked at from a distorted fit, too."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from linear_problem import LinearProblem
+
+from coronaryuq.discrepancy.candidates import ASTRAY, Candidate, fit_shortlist, lost
+from coronaryuq.discrepancy.inference import Fit
+from coronaryuq.discrepancy.search import name_one
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.seeds import generator
+from coronaryuq.zerod.effects.base import Parameter
+
+ROWS, NUISANCES, PRIOR = 120, 2, -3.0
+SIZE = Parameter("size", "1", "normal", 0.0, 1.0, "")
+
+
+def made_up(name):
+    kind = {"name": name, "parameters": (SIZE,), "grafted": False, "nameable": True, "side": "network"}
+    return type("MadeUp", (), kind)(), "here"
+
+
+class Astray(LinearProblem):
+    """Of two effects the first is what was hidden, but its fit from its own guess ends far away."""
+
+    def __init__(self):
+        random = generator(9, "test", "astray")
+        self.nuisance = random.standard_normal((ROWS, NUISANCES))
+        self.acting = [made_up("right"), made_up("wrong")]
+        right, own = random.standard_normal((2, ROWS))
+        self.along = dict(zip(self.acting, (right, 0.4 * right + own), strict=True))
+        self.y = 2.0 * right + random.standard_normal(ROWS)
+        self.forward, self.settings = SimpleNamespace(nuisances=[None] * NUISANCES), Settings()
+        self.condition, self.train = np.full(ROWS, "rest"), np.ones(ROWS, bool)
+
+    def far(self, acting):
+        if self.acting[0] not in acting:
+            return self.calibrate(acting)
+        g = self.columns(acting)
+        z = np.append(np.zeros(g.shape[1] - 1), -4.0)
+        return Fit(z, self.y - g @ z, g)
+
+    def fit_candidates(self, base, acting, candidates, guesses):
+        return [self.far([*acting, one]) for one in candidates]
+
+    def calibrate_each(self, wanted):
+        return [self.far(acting) for acting, _ in wanted]
+
+    def restarted(self, acting, fit):
+        return max(fit, self.calibrate(acting), key=lambda one: one.evidence)
+
+
+def test_a_fit_behind_no_effect_at_all_has_gone_astray():
+    problem = Astray()
+    base = problem.calibrate([])
+    fits = [problem.far([problem.acting[0]]), base, None]
+    right, kept, unfit = (Candidate(*made_up(str(i)), PRIOR, estimate=1e3, fit=fit) for i, fit in enumerate(fits))
+    assert right.fit.evidence < base.evidence - ASTRAY
+    assert lost([right, kept, unfit], 0.0, base.evidence) == [right]
+    assert lost([right], 1e6, base.evidence) == [], "what does not promise to compete is left"
+
+
+def test_the_right_effect_is_named_although_its_first_fit_went_astray():
+    problem = Astray()
+    base = problem.calibrate([])
+    chosen = [Candidate(*one, PRIOR, estimate=base.evidence + 100.0, guess=np.ones(1)) for one in problem.acting]
+    fit_shortlist(problem, base, [], chosen, base)
+    exact = problem.calibrate([problem.acting[0]])
+    assert chosen[0].fit.evidence == pytest.approx(exact.evidence)
+    assert chosen[0].log_weight > chosen[1].log_weight
+
+
+class Distorted(LinearProblem):
+    """From the prior's mean, beside an effect that is named, what is missing looks like nothing."""
+
+    def __init__(self):
+        random = generator(10, "test", "astray")
+        self.nuisance = random.standard_normal((ROWS, NUISANCES))
+        self.named, self.right = made_up("named"), made_up("right")
+        self.along = {self.named: random.standard_normal(ROWS), self.right: random.standard_normal(ROWS)}
+        self.y = 2.0 * self.along[self.right] + 40.0 * self.nuisance[:, 0] + random.standard_normal(ROWS)
+        self.forward, self.settings = SimpleNamespace(nuisances=[None] * NUISANCES), Settings()
+        self.condition, self.train = np.full(ROWS, "rest"), np.ones(ROWS, bool)
+
+
+def test_what_nothing_shows_of_from_the_priors_mean_is_seen_from_the_fit():
+    problem = Distorted()
+    fit = problem.calibrate([problem.named])
+    for vantage, seen in ((fit, False), (Fit(np.zeros(3), problem.y, fit.jacobian), True)):
+        unseen = Candidate(*problem.right, PRIOR, guess=np.ones(1))
+        found = name_one(problem, fit, [problem.named], np.zeros((ROWS, 1)), [unseen], vantage)
+        assert (found.accepted is unseen) is seen
