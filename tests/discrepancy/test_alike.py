@@ -7,7 +7,8 @@ import pytest
 from linear_problem import LinearProblem
 
 from coronaryuq.discrepancy.candidates import Candidate, indistinguishable
-from coronaryuq.discrepancy.search import ALIKE, RIVALS, fit_alike
+from coronaryuq.discrepancy.naming import fit_alike
+from coronaryuq.discrepancy.rivals import ALIKE, RIVALS
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.seeds import generator
 from coronaryuq.zerod.effects.base import Parameter

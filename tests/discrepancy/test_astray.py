@@ -8,7 +8,7 @@ from linear_problem import LinearProblem
 
 from coronaryuq.discrepancy.candidates import ASTRAY, Candidate, fit_shortlist, lost
 from coronaryuq.discrepancy.inference import Fit
-from coronaryuq.discrepancy.search import name_one
+from coronaryuq.discrepancy.naming import name_one
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.seeds import generator
 from coronaryuq.zerod.effects.base import Parameter

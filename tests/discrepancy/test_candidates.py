@@ -7,7 +7,7 @@ import pytest
 
 from coronaryuq.discrepancy.candidates import Candidate, indistinguishable, of_class, preferred
 from coronaryuq.discrepancy.inference import Fit
-from coronaryuq.discrepancy.search import Round
+from coronaryuq.discrepancy.naming import Round
 
 
 def candidate(evidence: float, log_prior: float = 0.0, nameable: bool = True) -> Candidate:

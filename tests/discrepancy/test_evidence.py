@@ -9,8 +9,11 @@ from linear_problem import LinearProblem
 from scipy import stats
 
 from coronaryuq.discrepancy.candidates import CONTENDER, PRIOR_NAMED, Candidate
+from coronaryuq.discrepancy.looking_back import _compete_again
+from coronaryuq.discrepancy.naming import Round, name_one
 from coronaryuq.discrepancy.problem import MISSED
-from coronaryuq.discrepancy.search import LIKELIEST, Round, _chance_of_evidence, _compete_again, name_one, recalibrate
+from coronaryuq.discrepancy.rivals import LIKELIEST
+from coronaryuq.discrepancy.search import _chance_of_evidence, recalibrate
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.seeds import generator
 from coronaryuq.zerod.effects.base import Parameter

@@ -7,7 +7,9 @@ import pytest
 from linear_problem import LinearProblem
 
 from coronaryuq.discrepancy.candidates import Candidate
-from coronaryuq.discrepancy.search import RIVALS, Round, look_back
+from coronaryuq.discrepancy.looking_back import look_back
+from coronaryuq.discrepancy.naming import Round
+from coronaryuq.discrepancy.rivals import RIVALS
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.seeds import generator
 from coronaryuq.zerod.effects.base import Parameter

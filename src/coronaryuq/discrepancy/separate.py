@@ -7,7 +7,8 @@ from scipy.special import logsumexp
 
 from coronaryuq import units
 from coronaryuq.discrepancy.measurements import Measured
-from coronaryuq.discrepancy.search import Discovery, Round
+from coronaryuq.discrepancy.naming import Round
+from coronaryuq.discrepancy.search import Discovery
 
 SD_PRESSURE = 2.0 * units.MMHG
 """Standard deviation of a pressure wire's mean (drift included)."""
