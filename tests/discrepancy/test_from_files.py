@@ -535,6 +535,25 @@ def test_recordings_of_an_animal_become_a_case(tmp_path, flow, unit):
     read_problem(network, tmp_path / "case" / "measurements.csv", conditions, "c", Settings())
 
 
+def test_curves_drawn_through_recordings_say_no_more_than_those(tmp_path):
+    """Readings closer in time than a flow probe tells apart are left out; the pressures keep all of theirs."""
+    for name in ("X1_rest", "X1_baseline"):
+        recording(tmp_path, name, 30.0, count=801)
+    prepare(tmp_path, "X1", tmp_path / "case")
+    table = pd.read_csv(tmp_path / "case" / "measurements.csv")
+    times = table[(table.condition == "rest") & (table.statistic == "waveform")].time
+    assert np.diff(times) == pytest.approx(9 * 0.6 / 800)
+    assert len(pd.read_csv(tmp_path / "case" / "drives" / "rest_LV.csv")) == 801
+
+
+def test_an_animal_whose_name_was_cut_short(tmp_path):
+    for name in ("pig_7_baseline", "pig_7_dob"):
+        recording(tmp_path, name, 30.0)
+    with pytest.raises(InputError, match=r"pig: no such animal; did you mean pig_7\?"):
+        prepare(tmp_path, "pig", tmp_path / "case")
+    prepare(tmp_path, "pig_7", tmp_path / "case")
+
+
 def test_recordings_of_another_artery_in_other_units(tmp_path):
     """The same beats under other headings make the same case, but for the artery's name."""
     for name in ("X1_baseline", "X1_rest"):

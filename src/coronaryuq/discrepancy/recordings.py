@@ -1,5 +1,6 @@
 """Recordings of one coronary artery under several conditions, as a case: flow under measured aortic and LV pressure."""
 
+import os
 import re
 import sys
 from collections.abc import Sequence
@@ -25,6 +26,9 @@ TIME, AORTA, VENTRICLE, FLOW = "t abs [s]", "AoP [mmHg]", "LVP [mmHg]", "LAD Flo
 SD_FLOW, SD_SHARE = 1.0, 0.05
 """Standard deviation of flow: two steps of the recorder (mL/min), and a share of the reading's mean."""
 SD_MEAN = 0.03
+MOST_PER_SECOND = 150.0
+"""Readings of flow that are used of a second at most: noise of readings closer in time is not independent, as it counts
+here, and curves drawn through them tell nothing more."""
 SHORTEST, LONGEST = 0.1, 3.0
 """Lengths of a beat, s, from a small animal's to a slow heart's."""
 LARGEST_JUMP = 0.25
@@ -82,7 +86,9 @@ def prepare(folder: str | Path, animal: str, out: str | Path, held_out: Sequence
         flow = frame[FLOW].to_numpy()
         mean = float(np.trapezoid(flow, time) / time[-1])
         sd = float(np.hypot(SD_FLOW * per_minute, SD_SHARE * mean))
-        rows += [(name, "flow", place, "waveform", t, q, sd) for t, q in zip(time[:-1], flow[:-1], strict=True)]
+        every = max(1, round((len(time) - 1) / time[-1] / MOST_PER_SECOND))
+        readings = zip(time[:-1:every], flow[:-1:every], strict=True)
+        rows += [(name, "flow", place, "waveform", t, q, sd) for t, q in readings]
         rows.append((name, "flow", place, "mean", "", mean, max(SD_MEAN * abs(mean), 0.3 * per_minute)))
     table = pd.DataFrame(rows, columns=["condition", "quantity", "location", "statistic", "time", "value", "sd"])
     files.write_csv(out / "measurements.csv", table.assign(unit=unit))
@@ -127,6 +133,9 @@ def _beats(folder: Path, animal: str) -> tuple[dict[str, pd.DataFrame], str, str
 
 def _check_names(folder: Path, animal: str, conditions: list[str]) -> None:
     """Raise `InputError` where the files of another animal, whose name begins with this one's, are among them."""
+    prefix, cut, _ = os.path.commonprefix(conditions).rpartition("_")
+    if cut and any(name.removeprefix(f"{prefix}_") in FIRST for name in conditions):
+        raise InputError(folder, animal, None, f"no such animal; did you mean {animal}_{prefix}?")
     cuts = (name[: cut.start()] for name in conditions for cut in re.finditer("_", name))
     for prefix in dict.fromkeys(cuts):
         theirs = [
