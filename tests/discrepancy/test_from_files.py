@@ -166,7 +166,7 @@ def test_means_that_set_a_free_parameter_leave_nothing_to_verify_on(hidden_steno
 
 def test_a_condition_given_twice(tmp_path):
     (tmp_path / "c.yaml").write_text("rest:\nhyperaemia:\n  coronary_resistance_scale: 0.3\nrest:\n  held_out: true\n")
-    with pytest.raises(InputError, match="rest given twice"):
+    with pytest.raises(InputError, match="rest is given twice"):
         read_conditions(tmp_path / "c.yaml")
 
 

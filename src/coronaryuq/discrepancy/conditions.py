@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from coronaryuq import files
+from coronaryuq.case.yamlfile import read_yaml
 from coronaryuq.errors import InputError
 from coronaryuq.files import read_csv
 from coronaryuq.zerod.effects.anatomy import Anatomy
@@ -42,29 +42,13 @@ class Condition:
         return {name: (time * self.period_scale, value) for name, (time, value) in drives.items()}
 
 
-class _OneKeyEach(yaml.SafeLoader):
-    """Of a key given twice YAML's own loader keeps the last, without a word."""
-
-    def construct_mapping(self, node, deep=False):
-        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-        for key in keys:
-            if keys.count(key) > 1:
-                raise yaml.YAMLError(f"{key} given twice, line {node.start_mark.line + 1} on; keep one")
-        return super().construct_mapping(node, deep)
-
-
 def read_conditions(path: str | Path) -> dict[str, Condition]:
     """Read the conditions file: name → keys. Raises `InputError` for unknown keys, wrong types and missing drives."""
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-        content = yaml.load(text, _OneKeyEach)
-    except FileNotFoundError:
-        raise InputError(path, None, None, "no such file") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(path, None, None, f"not valid YAML ({' '.join(str(error).split())})") from None
-    if not isinstance(content, dict) or not content:
-        raise InputError(path, None, None, "want a mapping of condition names to what each changes")
-    return {str(name): _condition(path, str(name), keys or {}) for name, keys in content.items()}
+    wanted = "want a mapping of condition names to what each changes"
+    content = read_yaml(path, wanted)
+    if not content:
+        raise InputError(path, None, None, wanted)
+    return {name: _condition(path, name, keys or {}) for name, keys in content.items()}
 
 
 def _condition(path, name: str, keys: dict) -> Condition:
