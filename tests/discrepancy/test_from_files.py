@@ -137,7 +137,11 @@ def test_a_network_in_another_unit_than_is_guessed(hidden_stenosis, tmp_path, ca
     words += ["--conditions", folder / "conditions.yaml", "--out", tmp_path / "out"]
     assert cli.main(["discrepancy", *map(str, words)]) == InputError.EXIT_CODE
     line = capsys.readouterr().err
-    assert "pressure_unit = " in line and "if the network is in dyn/cm2" in line and line.count("\n") == 1
+    assert (
+        f"{tmp_path / 'model.json'}: pressure_unit = " in line
+        and "if the network is in dyn/cm2" in line
+        and line.count("\n") == 1
+    )
 
 
 def test_results_do_not_go_over_the_case(hidden_stenosis, capsys):

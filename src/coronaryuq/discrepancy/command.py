@@ -21,6 +21,8 @@ from coronaryuq.files import check_folder
 from coronaryuq.zerod.network import read_network
 
 UNITS = get_args(Settings.model_fields["pressure_unit"].annotation)
+NAMELESS = ("model", "network")
+"""What parts of the search call the network, which they have from no file."""
 SOURCES = ("pairs", "recordings", "model", "measurements", "conditions")
 
 
@@ -108,7 +110,12 @@ def from_files(model, measurements, conditions, out: Path, settings: Settings, s
     network = read_network(model)
     if not network.get("vessels"):
         raise InputError(model, "vessels", None, "missing; there is no vessel or bed that an effect could act on")
-    problem = read_problem(network, measurements, read_conditions(conditions), conditions, settings)
+    try:
+        problem = read_problem(network, measurements, read_conditions(conditions), conditions, settings)
+    except InputError as error:
+        if error.file in NAMELESS:
+            raise InputError(model, error.field, error.value, error.remedy) from None
+        raise
     root = problem.forward.anatomy.pressure * problem.forward.pressure_factor / units.MMHG
     _report(f"pressure at the root of the model as it is: {root:.3g} mmHg")
     try:
