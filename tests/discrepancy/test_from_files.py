@@ -2,6 +2,7 @@
 
 import argparse
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -710,6 +711,18 @@ def test_a_folder_of_recordings_that_is_not_there(tmp_path):
     with pytest.raises(InputError, match="nowhere: no such folder"):
         command.main(arguments("--recordings", tmp_path / "nowhere", "X1", "--out", tmp_path / "out"))
     assert not (tmp_path / "out").exists()
+
+
+def test_a_law_knows_nothing_of_samples_that_it_is_judged_on(tmp_path):
+    """Not even the measured pressure at the root."""
+    pair_tables(tmp_path, 4.0)
+    (branch,) = branches(*read_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv"), "0d.csv", "3d.csv")
+    rows = np.arange(120) % 5 > 0
+    other = replace(branch, root3=np.where(rows, branch.root3, 2.0 * branch.root3))
+    law = LAWS[1]
+    first, second = fit_law(branch, law, rows), fit_law(other, law, rows)
+    assert second.terms == first.terms
+    assert predict(other, second.terms)[0][rows] == pytest.approx(predict(branch, first.terms)[0][rows], abs=0.0)
 
 
 def test_pairs_with_flows_in_two_units(tmp_path):

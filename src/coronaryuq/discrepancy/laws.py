@@ -49,6 +49,7 @@ OWN_LOSS = (0.0, 4.0, 8.0)
 """Factors of the model's own loss, in prior standard deviations of their logarithm, at which fits begin: recalibration
 of a model that lacks a stenosis ends far from its prior, or in a worse optimum."""
 SLOPE_STEP = float(np.sqrt(np.finfo(float).eps))
+ROOT = "root"
 MOST_EFFECTIVE = 100
 """Samples that count at most: the error of one law is common to all samples and does not average out over them."""
 
@@ -70,13 +71,14 @@ def predict(branch: Branch, terms: dict[str, float]) -> tuple[np.ndarray, np.nda
 
     Solves P_root = z + (own D_0/Q_0 + R + R_end + bed R_bed) Q + S Q^2 per sample: D_0 the simulated drop to the distal
     place, R_end the resistance from there to the outlet (the simulated one and what lies beyond), R_bed the bed's,
-    (P_outlet - z) / Q_0, z the zero-flow pressure. A sensor's offset and gain act on the distal
+    (P_outlet - z) / Q_0, z the zero-flow pressure. The root's is the simulated one times `ROOT`, its mean ratio, of all
+    samples unless given. A sensor's offset and gain act on the distal
     pressure and the flow that are read.
     """
     bed = terms.get("bed", 1.0) * (branch.outlet0 - branch.venous) / branch.flow0
     end = (branch.distal0 - branch.outlet0) / branch.flow0 + terms.get(BEYOND, 0.0)
     series = terms.get("own", 1.0) * branch.drop0 / branch.flow0 + terms.get("linear", 0.0) + end + bed
-    root = branch.root0 * float(np.mean(branch.root3) / np.mean(branch.root0))
+    root = branch.root0 * terms.get(ROOT, float(np.mean(branch.root3) / np.mean(branch.root0)))
     quadratic, head = terms.get("quadratic", 0.0), root - branch.venous
     # The form without cancellation for a small quadratic loss.
     flow = 2.0 * head / (series + np.sqrt(series**2 + 4.0 * quadratic * head))
@@ -94,6 +96,7 @@ def fit_law(branch: Branch, law: Law, rows: np.ndarray) -> LawFit:
     """
     ffr, count = branch.distal3 / branch.root3, int(rows.sum())
     names = [*RECALIBRATION, BEYOND, *law.terms]
+    root = float(branch.root3[rows].mean() / branch.root0[rows].mean())
     weight = min(count, MOST_EFFECTIVE)
     scale = {
         "linear": branch.root0.mean() / branch.flow0.mean(),
@@ -105,7 +108,7 @@ def fit_law(branch: Branch, law: Law, rows: np.ndarray) -> LawFit:
     }
 
     def terms(z):
-        found = {}
+        found = {ROOT: root}
         for name, value in zip(names, z, strict=True):
             if name in RECALIBRATION:
                 found[name] = np.exp(SD_RECALIBRATION * value)
