@@ -138,8 +138,8 @@ class _Linear:
 def _best_size(candidate: Candidate, size: float, along: float, square: float) -> tuple[float, float]:
     """Greatest log evidence over the present model, and the size z, among multiples of the response to one size.
 
-    In 2 log Z the response a d changes the misfit by a^2 d'Pd - 2 a d'u, the prior by -z^2, and the determinant by
-    1 + g'Pg with g the slope of a d in z.
+    In 2 log Z the response a d changes the misfit by a^2 d'Pd - 2 a d'u, the prior by -z^2 (two sizes of one effect
+    move together, with the prior of one), and the determinant by 1 + g'Pg with g the slope of a d in z.
     """
     if candidate.one_sided:
         spread = candidate.effect.parameters[0].spread
