@@ -151,6 +151,32 @@ def test_results_do_not_go_over_the_case(hidden_stenosis, capsys):
         command.main(case_arguments(folder, folder))
 
 
+def test_results_do_not_go_over_drives_or_tables_of_pairs(tmp_path):
+    files.write_text(tmp_path / "c.yaml", "rest: {drive: {AORTA: drives/mine.csv}}\n")
+    words = ["--model", "m.json", "--measurements", "m.csv", "--conditions", tmp_path / "c.yaml", "--out", tmp_path]
+    with pytest.raises(InputError, match=r"would write over .*mine.csv; name another folder"):
+        command.main(arguments(*words))
+    with pytest.raises(InputError, match=r"would write over .*pairs.csv; name another folder"):
+        command.main(arguments("--pairs", tmp_path / "pairs.csv", "x.csv", "--out", tmp_path))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda t: t.assign(value=np.where(t.quantity == "flow", 1e-3 * t.value, t.value)),
+        lambda t: t.assign(value=np.where((t.quantity == "perfusion") & (t.condition == "rest"), 0.0, t.value)),
+        lambda t: t.assign(value=np.where(t.quantity == "pressure", 0.22 * t.value, t.value)),
+    ],
+    ids=["vessels all but closed", "a bed without perfusion at rest", "behind a tight stenosis"],
+)
+def test_what_may_be_measured_is_taken(hidden_stenosis, tmp_path, change):
+    folder = hidden_stenosis[0]
+    change(pd.read_csv(folder / "measurements.csv")).to_csv(tmp_path / "m.csv", index=False)
+    conditions = read_conditions(folder / "conditions.yaml")
+    problem = read_problem(files.read_json(folder / "model.json"), tmp_path / "m.csv", conditions, "c", Settings())
+    assert np.isfinite(problem.y).all()
+
+
 def test_means_that_set_a_free_parameter_leave_nothing_to_verify_on(hidden_stenosis, tmp_path):
     folder = hidden_stenosis[0]
     table = pd.read_csv(folder / "measurements.csv")
@@ -753,12 +779,14 @@ def test_pairs_under_one_inlet_pressure(tmp_path):
 
 def test_another_answer_leaves_nothing_of_the_one_before(tmp_path):
     out = tmp_path / "out"
-    for name in ("repaired.json", "difference.txt", "drives/rest_AORTA.csv", "notes.txt"):
+    for name in ("repaired.json", "difference.txt", "drives/rest_AORTA.csv", "drives/own.csv", "notes.txt"):
         files.write_text(out / name, "")
+    files.write_text(out / "conditions.yaml", "rest: {drive: {AORTA: drives/rest_AORTA.csv}}\n")
     pair_tables(tmp_path, 4.0)
     discover_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv", out, 1)
     left = {str(path.relative_to(out)) for path in out.rglob("*") if path.is_file()}
-    assert left == {"discrepancy.json", "paragraph.txt", "pairs.csv", "laws.csv", "effects.csv", "notes.txt"}
+    ours = {"discrepancy.json", "paragraph.txt", "pairs.csv", "laws.csv", "effects.csv"}
+    assert left == ours | {"notes.txt", "drives/own.csv"}
 
 
 def test_pairs_with_a_gap_name_the_sample(tmp_path):

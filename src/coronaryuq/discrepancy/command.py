@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from coronaryuq import arguments, units
 from coronaryuq.discrepancy import output, pairs
-from coronaryuq.discrepancy.conditions import read_conditions
+from coronaryuq.discrepancy.conditions import drives_of, read_conditions
 from coronaryuq.discrepancy.model import read_problem
 from coronaryuq.discrepancy.recordings import prepare
 from coronaryuq.discrepancy.search import discover
@@ -70,10 +70,7 @@ def main(args: argparse.Namespace) -> int:
 
 def _answer(args: argparse.Namespace, out: Path) -> dict:
     _one_source(args)
-    for name in ("model", "measurements", "conditions"):
-        given = getattr(args, name)
-        if given and any(Path(given).resolve() == (out / written).resolve() for written in output.WRITTEN):
-            raise InputError("command line", "--out", str(out), f"would write over {given}; name another folder")
+    _spares_its_input(args, out)
     if args.pairs:
         return pairs.discover_pairs(*args.pairs, out=out, seed=args.seed)
     settings = Settings(threads=args.threads, pressure_unit=args.pressure_unit)
@@ -85,6 +82,17 @@ def _answer(args: argparse.Namespace, out: Path) -> dict:
         if not getattr(args, name):
             raise InputError("command line", f"--{name}", None, "missing; or give --pairs or --recordings")
     return from_files(args.model, args.measurements, args.conditions, out, settings, args.seed)
+
+
+def _spares_its_input(args: argparse.Namespace, out: Path) -> None:
+    """Raise `InputError` where results would go over what the search reads."""
+    given = [args.model, args.measurements, args.conditions, *(args.pairs or ())]
+    given = [Path(one) for one in given if one]
+    given += drives_of(args.conditions) if args.conditions else []
+    for one in given:
+        beside = one.resolve().parent == (out / "drives").resolve()
+        if beside or any(one.resolve() == (out / name).resolve() for name in output.WRITTEN):
+            raise InputError("command line", "--out", str(out), f"would write over {one}; name another folder")
 
 
 def _report(line: str) -> None:

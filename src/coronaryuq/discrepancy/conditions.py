@@ -51,6 +51,16 @@ def read_conditions(path: str | Path) -> dict[str, Condition]:
     return {name: _condition(path, name, keys or {}) for name, keys in content.items()}
 
 
+def drives_of(path: str | Path) -> list[Path]:
+    """The files that the drives of a conditions file are read from; none where it cannot be read."""
+    try:
+        content = read_yaml(path)
+    except InputError:
+        return []
+    drives = [keys.get("drive") for keys in content.values() if isinstance(keys, dict)]
+    return [Path(path).parent / str(file) for drive in drives if isinstance(drive, dict) for file in drive.values()]
+
+
 def _condition(path, name: str, keys: dict) -> Condition:
     if not isinstance(keys, dict):
         raise InputError(path, name, keys, "want a mapping, or nothing for the network as it is")

@@ -19,8 +19,10 @@ from coronaryuq.errors import InputError
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.engine import Engine
 
-MISTYPED, MIDDLE = 50.0, 20.0
-"""Times what the model has that no measurement can be, and that the middle one of all series cannot be."""
+MISTYPED = {"perfusion": 1e4}
+"""Times the largest that the model has, beyond which a number cannot be a measurement; 50 of other quantities."""
+UNITS_APART = {"pressure": 6.0, "ratio": 20.0, "flow": 20.0, "volume": 20.0}
+"""Times what the model has that the middle one of all series cannot be; kPa and mmHg are 7.5 apart."""
 
 
 def locations(network: dict) -> dict[str, list[str]]:
@@ -73,10 +75,12 @@ def _check_root(problem: Problem) -> None:
 
 
 def _check_sizes(problem: Problem, file: str | Path) -> None:
-    """Measurements that are far from anything that the model has are in another unit, or mistyped."""
+    """Measurements that are far from anything that the model has are in another unit, or mistyped.
+
+    Flow may be much less than the model's, in a vessel all but closed, and the scale of perfusion is the data's own.
+    """
     forward = problem.forward
     predicted = forward.split(forward.predict(np.zeros(problem.count)))
-    sizes = {"pressure": 4.0, "ratio": 4.0}
     for quantity in dict.fromkeys(series.quantity for series in forward.measured):
         mine = [(s, p[0]) for s, p in zip(forward.measured, predicted, strict=True) if s.quantity == quantity]
         largest = max(np.abs(p).max() for _, p in mine)
@@ -85,14 +89,17 @@ def _check_sizes(problem: Problem, file: str | Path) -> None:
         for series, _ in mine:
             worst = int(np.argmax(np.abs(series.value)))
             times = abs(float(series.value[worst])) / largest
-            if times > MISTYPED:
+            if times > MISTYPED.get(quantity, 50.0):
                 where = "/".join((series.condition, quantity, series.location, series.statistic))
                 where += "" if series.time is None else f", t = {series.time[worst]:.4g} s"
                 remedy = "times the largest that the model has; see the number and its unit"
                 raise InputError(file, where, float(f"{times:.3g}"), remedy)
-        times = float(np.median([np.abs(s.value).mean() / max(np.abs(p).mean(), 1e-9 * largest) for s, p in mine]))
-        if quantity != "perfusion" and not 1.0 / sizes.get(quantity, MIDDLE) < times < sizes.get(quantity, MIDDLE):
-            remedy = "times what the model has, in the middle of all series; see the units of both"
+        middle = float(np.median([np.abs(s.value).mean() / max(np.abs(p).mean(), 1e-9 * largest) for s, p in mine]))
+        most = max(float(np.abs(s.value).max()) for s, _ in mine) / largest
+        limit = UNITS_APART.get(quantity, np.inf)
+        times = middle if middle > limit else most
+        if middle > limit or (quantity in ("pressure", "ratio") and most < 1.0 / limit):
+            remedy = "times what the model has; see the units of both"
             raise InputError(file, f"{quantity}: value", float(f"{times:.3g}"), remedy)
 
 

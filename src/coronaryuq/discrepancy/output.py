@@ -7,6 +7,7 @@ import pandas as pd
 
 from coronaryuq import files
 from coronaryuq.discrepancy.candidates import Candidate
+from coronaryuq.discrepancy.conditions import drives_of
 from coronaryuq.discrepancy.repair import write_repaired
 from coronaryuq.discrepancy.search import Discovery
 from coronaryuq.discrepancy.separate import separating
@@ -121,7 +122,10 @@ WRITTEN = (
 
 def clear(folder: Path) -> None:
     """Remove what an earlier search left in `folder`: another answer has no repaired model, perhaps."""
-    for path in (*(folder / name for name in WRITTEN), *(folder / "drives").glob("*.csv")):
+    drives = []
+    if all((folder / name).exists() for name in ("repaired.json", "conditions.yaml")):
+        drives = drives_of(folder / "conditions.yaml")
+    for path in (*(folder / name for name in WRITTEN), *drives):
         path.unlink(missing_ok=True)
 
 

@@ -99,13 +99,13 @@ class Problem:
         return [None if search.failed else search.fit for search in searches]
 
     def to_the_end(self, acting: list[Acting], fit: Fit) -> Fit:
-        """An earlier fit gone on with while it gains anything, sensitivities by differences to both sides.
+        """An earlier fit gone on with until it gains next to nothing, sensitivities by differences to both sides.
 
         Other fits end within a thousandth of their objective, and where differences to one side promise nothing more:
         little for the evidence of one effect against another's, but where residuals are larger than noise it moves a
         size by a good part of its posterior's standard deviation, and that too.
         """
-        search = self._in_full(list(acting), fit.z, central=True)
+        search = self._in_full(list(acting), fit.z, jacobian=fit.jacobian.copy(), central=True)
         maximise(self.fitted, [search], self.settings.iterations, share=0.0)
         return fit if search.failed else search.fit
 

@@ -86,7 +86,7 @@ def prepare(folder: str | Path, animal: str, out: str | Path, held_out: Sequence
         flow = frame[FLOW].to_numpy()
         mean = float(np.trapezoid(flow, time) / time[-1])
         sd = float(np.hypot(SD_FLOW * per_minute, SD_SHARE * mean))
-        every = max(1, round((len(time) - 1) / time[-1] / MOST_PER_SECOND))
+        every = int(np.ceil((len(time) - 1) / time[-1] / MOST_PER_SECOND))
         readings = zip(time[:-1:every], flow[:-1:every], strict=True)
         rows += [(name, "flow", place, "waveform", t, q, sd) for t, q in readings]
         rows.append((name, "flow", place, "mean", "", mean, max(SD_MEAN * abs(mean), 0.3 * per_minute)))

@@ -92,8 +92,9 @@ def difference(forward: Forward, acting: list[Acting], fit: Fit) -> str:
                     lines.append(f"  {entry[key]}.{name}: {was if was is not None else 0.0:g} -> {value:g}")
     for old, new in zip(before.get("closed_loop_blocks", []), after.get("closed_loop_blocks", []), strict=True):
         for name, value in new["parameters"].items():
-            if old["parameters"][name] != value:
-                lines.append(f"  {HEART}.{name}: {old['parameters'][name]:g} -> {value:g}")
+            was = old["parameters"].get(name, 0.0)
+            if was != value:
+                lines.append(f"  {HEART}.{name}: {was:g} -> {value:g}")
     return "\n".join(lines) + "\n"
 
 

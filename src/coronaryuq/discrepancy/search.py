@@ -112,6 +112,7 @@ def discover(
             break
     if acting:
         fit = problem.to_the_end(acting, fit)
+        remaining = _located_again(problem, fit, remaining)
     if len(acting) > 1:
         for entry in (r for r in rounds if r.accepted is not None):
             without = exact(problem, [one for one in acting if one != entry.accepted.acting])
@@ -131,6 +132,15 @@ def discover(
     named = [(one, priors[one]) for one in acting]
     verdict = judge(problem, base, fit, named, effects, still, gaps, foretold(problem, repaired, parts))
     return Discovery(plain, problem, base, located, alarm, rounds, acting, fit, remaining, gaps, verdict, parts, tested)
+
+
+def _located_again(problem: Problem, fit: Fit, before: Located) -> Located:
+    """What disagrees with a fit gone on with; what candidates told of it before stands."""
+    found = locate(problem, fit)
+    for name, p in before.tests.items():
+        if name not in found.tests:
+            found = found.with_test(name, p)
+    return found
 
 
 def _told(everything: list[Candidate], located: Located, alarm: bool) -> str:

@@ -14,6 +14,8 @@ SD_PRESSURE = 2.0 * units.MMHG
 """Standard deviation of a pressure wire's mean (drift included)."""
 SD_FLOW = 0.1
 """Relative standard deviation of a mean flow (Doppler wire, phase-contrast MRI, perfusion map)."""
+LEAST_FLOW = 1e-6
+"""mL/s below which a flow is none."""
 BEST = 3
 NODES = 40
 """Of the quadrature over what may be read."""
@@ -37,9 +39,8 @@ def separating(found: Discovery, entry: Round) -> list[dict]:
         return []
     predicted = asked.predict_rows(usable)
     scale = np.abs(predicted).mean(axis=0)
-    sd = np.array(
-        [SD_PRESSURE if s.quantity == "pressure" else SD_FLOW * q for s, q in zip(feasible, scale, strict=True)]
-    )
+    flow_sd = SD_FLOW * np.maximum(scale, LEAST_FLOW)
+    sd = np.where([s.quantity == "pressure" for s in feasible], SD_PRESSURE, flow_sd)
     gained = information(predicted / sd)
     order = np.argsort(-np.nan_to_num(gained), kind="stable")[:BEST]
     return [
