@@ -20,6 +20,8 @@ CASES = FOLDER / "discrepancy-cases.jsonl"
 PAGE, GUIDE = FOLDER / "discrepancy-benchmark.md", FOLDER / "discrepancy.md"
 PICTURE = FOLDER / "pictures" / "discrepancy-benchmark.png"
 NETWORKS = ("open loop", "bundled patient", "another patient", "svZeroDSolver test", "22 outlets")
+GRID = [(strength, "nominal") for strength in ("weak", "medium", "strong")]
+GRID += [("medium", noise) for noise in ("half", "double")]
 KEPT = "network effect strength noise seed places visible first classes named placed alarmed abstained covered before "
 KEPT = (KEPT + "after oracle gap_closed_over_oracle worse foretold helped cpu_s skipped redrawn").split()
 DIGITS = {"visible": 3, "before": 4, "after": 4, "oracle": 4, "gap_closed_over_oracle": 4, "cpu_s": 3}
@@ -106,6 +108,25 @@ def cells(cases: list[dict]) -> list[str]:
     return lines
 
 
+def grid(cases: list[dict]) -> list[str]:
+    """The open loop at every strength and noise that were searched; without a trace: seeds of effects left out."""
+    kinds = {"right name": 0, "right place": 1, "interval holds": 2, "false alarm": 3, "gap closed": 6}
+    lines = ["| strength, noise | without a trace | " + " | ".join(kinds) + " |", "|---|" + "---|" * (len(kinds) + 1)]
+    for strength, noise in GRID:
+        mine = chosen(cases, NETWORKS[0], strength, noise)
+        if not mine:
+            continue
+        single = [c for c in mine if not (is_pair(c) or c["effect"].startswith("outside"))]
+        of = {"network": NETWORKS[0], "strength": strength, "noise": noise, "skipped": True}
+        without = [c for c in cases if all(c.get(name) == value for name, value in of.items())]
+        row = []
+        for held, trials in (list(measures(single).values())[number] for number in kinds.values()):
+            share = wilson(held, trials)
+            row.append(f"{held} of {trials} ({share['low']:.2f} to {share['high']:.2f})" if trials else "")
+        lines.append(f"| {strength}, {noise} | {len(without)} | " + " | ".join(row) + " |")
+    return lines
+
+
 def each(cases: list[dict], network: str) -> list[str]:
     """Every case of a network by itself."""
     columns = ["hidden", "trace, noise sd", "answer", "candidates in the class", "interval holds"]
@@ -145,6 +166,7 @@ def put(page: str, name: str, lines: list[str]) -> str:
 def tables(cases: list[dict]) -> list[tuple[Path, str, list[str]]]:
     """Page, name and lines of every table."""
     found = [(GUIDE, "summary", summary(cases)), (PAGE, "totals", totals(cases)), (PAGE, "cells", cells(cases))]
+    found.append((PAGE, "grid", grid(cases)))
     return [*found, (PAGE, "22 outlets", each(cases, "22 outlets")), (PAGE, "costs", costs(cases))]
 
 
