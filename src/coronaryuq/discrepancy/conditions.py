@@ -131,6 +131,11 @@ def as_entry(condition: Condition) -> dict:
     return entry
 
 
+def drive_file(condition: str, block: str) -> str:
+    """Where a drive is written, beside the conditions file."""
+    return f"drives/{condition}_{block}.csv".replace(" ", "_")
+
+
 def write_drive(path: Path, time: np.ndarray, value: np.ndarray) -> None:
     """Write a waveform over one cycle as the conditions file's `drive` reads it."""
     import pandas as pd

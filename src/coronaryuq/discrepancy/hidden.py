@@ -10,7 +10,7 @@ import pandas as pd
 import yaml
 
 from coronaryuq import files
-from coronaryuq.discrepancy.conditions import Condition, as_entry, period_of, under, write_drive
+from coronaryuq.discrepancy.conditions import Condition, as_entry, drive_file, period_of, under, write_drive
 from coronaryuq.discrepancy.forward import Forward
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.measurements import Measured
@@ -242,7 +242,7 @@ def _write(network, conditions, plan, series, predicted, noise, random, folder) 
     content = {}
     for name, condition in conditions.items():
         content[name] = as_entry(condition)
-        drives = {block: f"drives/{name}_{block}.csv".replace(" ", "_") for block in condition.drive}
+        drives = {block: drive_file(name, block) for block in condition.drive}
         for block, (time, value) in condition.drive.items():
             write_drive(folder / drives[block], time, value)
         if drives:

@@ -59,16 +59,13 @@ def summary(found: Discovery) -> dict:
 def named(found: Discovery) -> list[dict]:
     """The named effects with probability, class, sizes and, for a class, the measurements that would split it."""
     forward = found.problem.forward
-    spread = np.sqrt(np.diag(found.fit.covariance))
     rounds = {entry.accepted.acting: entry for entry in found.named}
-    column, result = len(forward.nuisances), []
+    result = []
     for effect, place in found.acting:
         sizes = {}
-        for parameter in effect.parameters:
-            z, sd = found.fit.z[column], spread[column]
+        for parameter, z, sd in found.sizes((effect, place)):
             low, mid, high = (float(parameter.from_standard(z + k * sd)) for k in (-Z_90, 0.0, Z_90))
             sizes[parameter.name] = {"value": mid, "interval_90": [low, high], "unit": parameter.unit}
-            column += 1
         entry = rounds.get((effect, place))
         if entry is None:
             continue
@@ -124,7 +121,7 @@ def clear(folder: Path) -> None:
     """Remove what an earlier search left in `folder`: another answer has no repaired model, perhaps."""
     drives = []
     if all((folder / name).exists() for name in ("repaired.json", "conditions.yaml")):
-        drives = drives_of(folder / "conditions.yaml")
+        drives = [path for path in drives_of(folder / "conditions.yaml") if path.parent == folder / "drives"]
     for path in (*(folder / name for name in WRITTEN), *drives):
         path.unlink(missing_ok=True)
 
@@ -186,21 +183,19 @@ def _ranking(found: Discovery) -> pd.DataFrame:
 
 def _sizes(found: Discovery) -> pd.DataFrame:
     """Posterior density of every size of the named effects, on a grid."""
-    rows, column = [], len(found.problem.forward.nuisances)
-    spread = np.sqrt(np.diag(found.fit.covariance))
+    rows = []
     for effect, place in found.acting:
-        for parameter in effect.parameters:
-            z = found.fit.z[column] + spread[column] * np.linspace(-4, 4, 161)
+        for parameter, mode, sd in found.sizes((effect, place)):
+            z = mode + sd * np.linspace(-4, 4, 161)
             size = parameter.from_standard(z)
             per_size = 1.0 / np.abs(np.gradient(size, z))
-            density = per_size * np.exp(-0.5 * ((z - found.fit.z[column]) / spread[column]) ** 2)
+            density = per_size * np.exp(-0.5 * ((z - mode) / sd) ** 2)
             density = density / np.trapezoid(density, size)
             prior = per_size * np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi)
             rows += [
                 (effect.name, place, parameter.name, parameter.unit, *row)
                 for row in zip(size, density, prior, strict=True)
             ]
-            column += 1
     return pd.DataFrame(rows, columns=["effect", "place", "parameter", "unit", "size", "posterior", "prior"])
 
 

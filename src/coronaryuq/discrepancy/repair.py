@@ -7,7 +7,7 @@ import numpy as np
 import yaml
 
 from coronaryuq import files
-from coronaryuq.discrepancy.conditions import HEART, Condition, as_entry, under, write_drive
+from coronaryuq.discrepancy.conditions import HEART, Condition, as_entry, drive_file, under, write_drive
 from coronaryuq.discrepancy.forward import Forward
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.networks import scalars, with_values
@@ -38,13 +38,13 @@ def repaired_conditions(forward: Forward, acting: list[Acting], z: np.ndarray, f
         entry = as_entry(condition)
         wanted, _ = forward.condition_changes(name, z, acting)
         given = scalars(under(network, condition))
-        drives = {bc: f"drives/{name}_{bc}.csv".replace(" ", "_") for bc in condition.drive}
+        drives = {bc: drive_file(name, bc) for bc in condition.drive}
         for bc, (time, value) in condition.drive.items():
             write_drive(folder / drives[bc], time, value)
         for parameter, value in wanted.items():
             block, _, key = parameter.rpartition(".")
             if np.ndim(value):
-                drives[block] = f"drives/{name}_{block}.csv".replace(" ", "_")
+                drives[block] = drive_file(name, block)
                 # The condition's own scale of the period is applied to drives when they are read.
                 time = np.linspace(0.0, forward.periods[name] / condition.period_scale, len(value))
                 write_drive(folder / drives[block], time, np.asarray(value))

@@ -62,13 +62,15 @@ class Discovery:
 
     def beyond_prior(self, one: Acting) -> list[Parameter]:
         """Sizes of a named effect that lie outside the central 99 % of their prior: it may stand for something else."""
-        column = self.problem.count
-        for effect, place in self.acting:
-            sizes = self.fit.z[column : column + len(effect.parameters)]
-            if (effect, place) == one:
-                return [p for p, z in zip(effect.parameters, sizes, strict=True) if abs(z) > CENTRAL_99]
-            column += len(effect.parameters)
-        return []
+        return [parameter for parameter, z, _ in self.sizes(one) if abs(z) > CENTRAL_99]
+
+    def sizes(self, one: Acting) -> list[tuple[Parameter, float, float]]:
+        """Sizes of an acting effect: each with its standard number z and the standard deviation of that."""
+        number = self.acting.index(one)
+        column = self.problem.count + sum(len(effect.parameters) for effect, _ in self.acting[:number])
+        mine = slice(column, column + len(one[0].parameters))
+        spread = np.sqrt(np.diag(self.fit.covariance))
+        return list(zip(one[0].parameters, self.fit.z[mine], spread[mine], strict=True))
 
 
 def discover(

@@ -124,15 +124,10 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
 
 def _size_of(found: Discovery, acting: Acting) -> str:
     """What the sizes of a named effect are, with their 90 % intervals."""
-    column, told = len(found.problem.forward.nuisances), []
-    spread = np.sqrt(np.diag(found.fit.covariance))
-    for one in found.acting:
-        for parameter in one[0].parameters:
-            if one == acting:
-                at = (found.fit.z[column] + side * Z_90 * spread[column] for side in (0.0, -1.0, 1.0))
-                size, low, high = (f"{float(parameter.from_standard(z)):.2g}" for z in at)
-                told.append(f"{parameter.meaning} {size} ({low} to {high})")
-            column += 1
+    told = []
+    for parameter, z, sd in found.sizes(acting):
+        size, low, high = (f"{float(parameter.from_standard(z + k * sd)):.2g}" for k in (0.0, -Z_90, Z_90))
+        told.append(f"{parameter.meaning} {size} ({low} to {high})")
     return ", ".join(told)
 
 
