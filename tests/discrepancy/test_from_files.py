@@ -751,6 +751,16 @@ def test_a_law_knows_nothing_of_samples_that_it_is_judged_on(tmp_path):
     assert predict(other, second.terms)[0][rows] == pytest.approx(predict(branch, first.terms)[0][rows], abs=0.0)
 
 
+@pytest.mark.parametrize("file", ["0d.csv", "3d.csv"])
+@pytest.mark.parametrize("prefix", ["ffr_", "mean_pressure:", "mean_flow:"])
+def test_the_table_that_lacks_a_column_is_named(tmp_path, file, prefix):
+    pair_tables(tmp_path, 4.0)
+    table = pd.read_csv(tmp_path / file)
+    table.drop(columns=[column for column in table if column.startswith(prefix)]).to_csv(tmp_path / file, index=False)
+    with pytest.raises(InputError, match=f"{file}: {prefix}.*no such column that both tables have"):
+        discover_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv", tmp_path / "out", 1)
+
+
 def test_pairs_with_flows_in_two_units(tmp_path):
     pair_tables(tmp_path, 4.0)
     table = pd.read_csv(tmp_path / "3d.csv")

@@ -18,7 +18,7 @@ from coronaryuq.discrepancy.search import discover
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.errors import InputError
 from coronaryuq.files import check_folder
-from coronaryuq.zerod.network import read_network
+from coronaryuq.zerod.network import note_negative_resistances, read_network
 
 UNITS = get_args(Settings.model_fields["pressure_unit"].annotation)
 NAMELESS = ("model", "network")
@@ -116,6 +116,7 @@ def _one_source(args: argparse.Namespace) -> None:
 def from_files(model, measurements, conditions, out: Path, settings: Settings, seed: int) -> dict:
     """Search one case given by files; writes the results into `out` and returns the summary."""
     network = read_network(model)
+    note_negative_resistances(network, model)
     if not network.get("vessels"):
         raise InputError(model, "vessels", None, "missing; there is no vessel or bed that an effect could act on")
     try:

@@ -33,6 +33,7 @@ Effect = Literal[
     "pressure_delay",
     "flow_gain",
     "flow_delay",
+    "trigger_delay",
     "exchanged_outlets",
 ]
 """What can be hidden: names of the library, which is not imported because reading settings costs nothing."""

@@ -86,9 +86,10 @@ def branches(
     flows = {key: pair for key, pair in pairs.items() if key[0] == "mean_flow"}
     names = [c[4:] for c in simulated.columns if c.startswith("ffr_") and c in measured.columns]
     if not names:
-        raise InputError(file, "ffr_*", None, "no ffr_NAME column that both tables have")
-    if not pressures or not flows:
-        raise InputError(file, "mean_pressure:A:B, mean_flow:A:B", None, "no such column that both tables have")
+        raise _column_missing(simulated, file, measured_file, "ffr_NAME")
+    for wanted, there in (("mean_pressure:A:B", pressures), ("mean_flow:A:B", flows)):
+        if not there:
+            raise _column_missing(simulated, file, measured_file, wanted)
     ratios = [f"ffr_{name}" for name in names]
     root = max(pressures, key=lambda key: measured[pressures[key][1]].mean())
     _check_whole(file, simulated, [*ratios, pressures[root][0]])
@@ -124,6 +125,13 @@ def branches(
             raise InputError(file, q0, float(f"{np.median(flow0):.4g}"), remedy)
         found.append(Branch(name, place, *parts, venous, source))
     return found
+
+
+def _column_missing(simulated: pd.DataFrame, file: str | Path, measured_file: str | Path, wanted: str) -> InputError:
+    """That no column of that kind is common to both tables, with the file of the one that has none."""
+    prefix = wanted.removesuffix("NAME").removesuffix("A:B")
+    has = any(str(column).startswith(prefix) for column in simulated.columns)
+    return InputError(measured_file if has else file, wanted, None, "no such column that both tables have")
 
 
 def _check_whole(path: str | Path, table: pd.DataFrame, columns: list[str]) -> None:

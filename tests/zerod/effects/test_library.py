@@ -203,6 +203,23 @@ def test_only_the_waveform_of_its_own_sensor_is_late():
     assert effect("flow_delay").places(None, series) == ["a:b", "b:c"]
 
 
+def test_a_trigger_is_of_all_waveforms_that_share_it():
+    time, trigger = np.linspace(0.0, 1.0, 8, endpoint=False), effect("trigger_delay")
+    flows = [Series("rest", "flow", place, "waveform", time, 1.0) for place in ("a:b", "b:c")]
+    pressure = Series("rest", "pressure", "a:b", "waveform", time, 1.0)
+    mean = Series("rest", "pressure", "b:c", "mean", None, 1.0)
+    series = [*flows, pressure, mean]
+    sizes = {"delay": np.array([0.1])}
+    assert trigger.places(None, series) == ["every waveform", "every flow"]
+    late = {
+        place: [float(trigger.late(place, sizes, one)[0]) for one in series] for place in trigger.places(None, series)
+    }
+    assert late == {"every waveform": [0.1, 0.1, 0.1, 0.0], "every flow": [0.1, 0.1, 0.0, 0.0]}
+    # What is one sensor's own delay, or what another place's name says too, is no place of it.
+    assert trigger.places(None, [flows[0], mean]) == []
+    assert trigger.places(None, flows) == ["every flow"]
+
+
 def test_a_whole_exchange_puts_each_bed_at_the_others_vessel(tree):
     """Flow into every bed is that of the network whose two beds have each other's values."""
     network, anatomy = tree

@@ -8,7 +8,14 @@ from coronaryuq.zerod.effects.kinetic import BifurcationLoss, OstialLoss
 from coronaryuq.zerod.effects.leak import SideBranchLeak
 from coronaryuq.zerod.effects.narrowing import DiffuseNarrowing
 from coronaryuq.zerod.effects.perfusion import RenkinCrone, RotatedTerritories, ShiftedTerritories
-from coronaryuq.zerod.effects.sensors import FlowDelay, FlowGain, PressureDelay, PressureGain, PressureOffset
+from coronaryuq.zerod.effects.sensors import (
+    FlowDelay,
+    FlowGain,
+    PressureDelay,
+    PressureGain,
+    PressureOffset,
+    TriggerDelay,
+)
 from coronaryuq.zerod.effects.stenosis import QuadraticStenosis, StenosisWithFriction
 from coronaryuq.zerod.effects.storage import EpicardialCompliance, Inertance
 from coronaryuq.zerod.effects.valve import AorticRegurgitation, AorticStenosis
@@ -42,6 +49,7 @@ LIBRARY: tuple[Effect, ...] = (
     PressureDelay(),
     FlowGain(),
     FlowDelay(),
+    TriggerDelay(),
 )
 
 MISTAKES: tuple[Effect, ...] = (ExchangedOutlets(),)

@@ -1,4 +1,6 @@
-"""Errors of sensors: offset, gain and delay of pressure, gain and delay of flow."""
+"""Errors of sensors: offset, gain and delay of pressure, gain and delay of flow, a trigger that several share."""
+
+from typing import ClassVar
 
 import numpy as np
 
@@ -103,3 +105,36 @@ class FlowDelay(_Delay):
     signature = "one flow waveform shifted in time in every condition"
     quantities = ("flow",)
     parameters = (Parameter("delay", "cycle", "normal", 0.0, 0.03, "delay over the period"),)
+
+
+class TriggerDelay(_Delay):
+    """Waveforms of several places that are late together: another trigger, or another start of the beat than modelled.
+
+    Places: all waveforms, or all of one quantity, as from one imaging device beside a pressure that drives the model.
+    """
+
+    name = "trigger_delay"
+    formula = "X_read(t) = X(t - d T) for every waveform X of one device"
+    source = "Nichols et al., McDonald's Blood Flow in Arteries, 6th ed. (2011), measurement of flow"
+    signature = "several waveforms shifted in time by the same share of the beat in every condition"
+    parameters = (Parameter("delay", "cycle", "normal", 0.0, 0.03, "delay over the period"),)
+    quantities_of: ClassVar = {
+        "every waveform": ("pressure", "flow", "volume"),
+        "every pressure": ("pressure",),
+        "every flow": ("flow",),
+    }
+
+    def places(self, anatomy, observed=()):
+        triggered: dict[tuple, str] = {}
+        for place in self.quantities_of:
+            shifted = {(s.quantity, s.location) for s in observed if self._triggers(place, s)}
+            # One waveform alone is its own sensor's; the same waveforms under two names are one place.
+            if len(shifted) > 1:
+                triggered[tuple(sorted(shifted))] = place
+        return list(triggered.values())
+
+    def late(self, place, sizes, series):
+        return np.asarray(sizes["delay"]) if self._triggers(place, series) else np.zeros(1)
+
+    def _triggers(self, place, series):
+        return series.statistic == "waveform" and series.quantity in self.quantities_of[place]
