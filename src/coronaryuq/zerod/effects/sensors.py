@@ -117,7 +117,7 @@ class TriggerDelay(_Delay):
     formula = "X_read(t) = X(t - d T) for every waveform X of one device"
     source = "Nichols et al., McDonald's Blood Flow in Arteries, 6th ed. (2011), measurement of flow"
     signature = "several waveforms shifted in time by the same share of the beat in every condition"
-    parameters = (Parameter("delay", "cycle", "normal", 0.0, 0.03, "delay over the period"),)
+    parameters = (Parameter("delay", "cycle", "normal", 0.0, 0.1, "delay over the period"),)
     quantities_of: ClassVar = {
         "every waveform": ("pressure", "flow", "volume"),
         "every pressure": ("pressure",),
