@@ -7,6 +7,7 @@ import pandas as pd
 from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
+from matplotlib.patheffects import withStroke
 
 from coronaryuq import units
 from coronaryuq.figures.style import MUTED, saved
@@ -51,9 +52,11 @@ def tree(table: str | Path, output: str | Path) -> None:
             start = place[parent][1] if isinstance(parent, str) and parent in place else height
             known = np.isfinite(worst[name])
             colour = colours(norm(worst[name])) if known else MUTED
-            axes.plot([depth, depth, depth + 0.8], [start, height, height], color=colour, lw=3 if known else 1.5)
+            line = {"color": colour, "lw": 3 if known else 1.5, "zorder": 2 if known else 1}
+            axes.plot([depth, depth, depth + (1.0 if name in children else 0.8)], [start, height, height], **line)
             if leaves <= 12 or known:
-                axes.text(depth + 0.05, height + 0.12, name, fontsize=6, va="bottom")
+                text = axes.text(depth + 0.05, height + 0.12, name, fontsize=6, va="bottom", zorder=3)
+                text.set_path_effects([withStroke(linewidth=2, foreground="white")])
         axes.set_axis_off()
         axes.set_ylim(-0.5, max(leaves - 1, 0) + 0.7)
         axes.set_title("Largest disagreement after recalibration (sd of what chance gives); grey: not measured")
