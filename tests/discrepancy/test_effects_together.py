@@ -33,9 +33,9 @@ def mean(condition, quantity, place, value=1.0):
     return Measured(condition.name, quantity, place, "mean", None, PERIOD, np.array([value]), np.ones(1))
 
 
-def model(network=None, measured=None) -> Forward:
-    measured = measured or [waveform(one, "flow", "lad:BC_lad") for one in (REST, HYPERAEMIA)]
-    conditions = {one.name: one for one in (REST, HYPERAEMIA)}
+def model(network=None, measured=None, second=HYPERAEMIA) -> Forward:
+    measured = measured or [waveform(one, "flow", "lad:BC_lad") for one in (REST, second)]
+    conditions = {one.name: one for one in (REST, second)}
     return make_problem(network or left_coronary(), conditions, measured, Settings()).forward
 
 
@@ -109,11 +109,22 @@ def test_measured_ventricular_pressure_is_of_the_conditions_own_period():
 @pytest.mark.parametrize(("name", "quantity"), [("pressure_delay", "pressure"), ("flow_delay", "flow")])
 def test_a_delay_is_of_the_waveform_and_not_of_the_few_points_that_were_read(name, quantity):
     few = waveform(REST, quantity, "lad:BC_lad", 8)
-    late = replace(few, time=few.time - 0.05 * PERIOD)
+    late = replace(few, time=few.time - 0.05)
     size = effect(name).parameters[0].to_standard(0.05)
     delayed = predicted(model(measured=[few]), [(effect(name), "lad:BC_lad")], size)
     assert delayed == pytest.approx(predicted(model(measured=[late])), rel=1e-9)
     assert np.abs(delayed - predicted(model(measured=[few]))).max() > 0.02 * np.abs(delayed).max()
+
+
+def test_a_delay_is_as_many_seconds_at_any_heart_rate():
+    pacing, shorter = Condition("pacing", period_scale=0.6), 0.6 * PERIOD
+    slow = waveform(REST, "flow", "lad:BC_lad")
+    fast = replace(slow, condition="pacing", time=0.6 * slow.time, period=shorter)
+    both = model(measured=[slow, fast], second=pacing)
+    late = [replace(one, time=(one.time - 0.05) % one.period) for one in (slow, fast)]
+    size = effect("flow_delay").parameters[0].to_standard(0.05)
+    delayed = predicted(both, [(effect("flow_delay"), "lad:BC_lad")], size)
+    assert delayed == pytest.approx(predicted(replace(both, measured=late)), rel=1e-9)
 
 
 def test_a_ratio_is_of_the_root_wherever_an_effect_has_moved_it():

@@ -126,7 +126,7 @@ class Forward:
         return np.concatenate(self.readings(waveforms, z, renamed, late), axis=1)
 
     def _late(self, acting: list[Acting], sizes: list[dict[str, float]]) -> list[float]:
-        """By how much each series is read late, shares of the period."""
+        """By how much each series is read late, s."""
         late = np.zeros(len(self.measured))
         for (effect, place), values in zip(acting, sizes, strict=True):
             if effect.side == "measurement":
@@ -139,8 +139,8 @@ class Forward:
     ) -> list[np.ndarray]:
         """What is measured of waveforms, condition → engine name → (n, k + 1) over a cycle: (n, values) of each series.
 
-        z: (n, p), for the tissue masses. renamed: old → new names of locations. late: (n, series), shares of the period
-        by which each is read late. NaN under conditions not given.
+        z: (n, p), for the tissue masses. renamed: old → new names of locations. late: (n, series), by how many
+        seconds each is read late. NaN under conditions not given.
         """
         late = np.zeros((len(z), len(self.measured))) if late is None else late
         blocks = [np.full((len(z), series.value.size), np.nan) for series in self.measured]
@@ -313,7 +313,7 @@ class Forward:
         if series.quantity == "perfusion":
             values = values / self._mass(series.location, z)[:, None]
         if series.statistic == "waveform":
-            at = (series.time - late[:, None] * series.period) % series.period
+            at = (series.time - late[:, None]) % series.period
             return np.array([np.interp(own, time, row) for own, row in zip(at, values, strict=True)])
         reduce = {
             "mean": lambda v: v[:, :-1].mean(axis=1),

@@ -102,7 +102,7 @@ class Effect(ABC):
         return {}
 
     def late(self, place: str, sizes: Values, series: Series) -> np.ndarray:
-        """By how much a series is read late, (n,), a share of the period."""
+        """By how much a series is read late, (n,), s."""
         return np.zeros(1)
 
     def observe(self, place: str, sizes: Values, series: list[Series], predicted: list[np.ndarray]) -> list[np.ndarray]:

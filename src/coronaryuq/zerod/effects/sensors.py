@@ -37,6 +37,8 @@ class _Gain(_Sensor):
 
 
 class _Delay(_Sensor):
+    """In seconds: a line, a filter or a trigger knows nothing of the heart rate."""
+
     def _reads(self, series):
         return series.statistic == "waveform" and super()._reads(series)
 
@@ -79,10 +81,10 @@ class PressureDelay(_Delay):
     """Pressure that arrives late, as through a fluid-filled line."""
 
     name = "pressure_delay"
-    formula = "P_read(t) = P(t - d T)"
+    formula = "P_read(t) = P(t - d)"
     source = "Gardner, Anesthesiology 54 (1981) 227"
     signature = "one pressure waveform shifted in time in every condition"
-    parameters = (Parameter("delay", "cycle", "normal", 0.0, 0.03, "delay over the period"),)
+    parameters = (Parameter("delay", "s", "normal", 0.0, 0.03, "delay in seconds"),)
 
 
 class FlowGain(_Gain):
@@ -100,11 +102,11 @@ class FlowDelay(_Delay):
     """Flow that is read late, as through a probe's filter or from images triggered on another signal."""
 
     name = "flow_delay"
-    formula = "Q_read(t) = Q(t - d T)"
+    formula = "Q_read(t) = Q(t - d)"
     source = "Nichols et al., McDonald's Blood Flow in Arteries, 6th ed. (2011), measurement of flow"
     signature = "one flow waveform shifted in time in every condition"
     quantities = ("flow",)
-    parameters = (Parameter("delay", "cycle", "normal", 0.0, 0.03, "delay over the period"),)
+    parameters = (Parameter("delay", "s", "normal", 0.0, 0.03, "delay in seconds"),)
 
 
 class TriggerDelay(_Delay):
@@ -114,10 +116,10 @@ class TriggerDelay(_Delay):
     """
 
     name = "trigger_delay"
-    formula = "X_read(t) = X(t - d T) for every waveform X of one device"
+    formula = "X_read(t) = X(t - d) for every waveform X of one device"
     source = "Nichols et al., McDonald's Blood Flow in Arteries, 6th ed. (2011), measurement of flow"
-    signature = "several waveforms shifted in time by the same share of the beat in every condition"
-    parameters = (Parameter("delay", "cycle", "normal", 0.0, 0.1, "delay over the period"),)
+    signature = "several waveforms shifted in time alike in every condition"
+    parameters = (Parameter("delay", "s", "normal", 0.0, 0.1, "delay in seconds"),)
     quantities_of: ClassVar = {
         "every waveform": ("pressure", "flow", "volume"),
         "every pressure": ("pressure",),
