@@ -94,9 +94,12 @@ def test_intramyocardial_pressure_on_an_uneven_grid_is_the_same():
         assert predicted(model(uneven), [PIM], size) == pytest.approx(even, abs=0.01 * np.abs(even).max())
 
 
-def test_measured_ventricular_pressure_is_of_the_conditions_own_period():
+@pytest.mark.parametrize("recorded_over", [1.0, 0.7])
+def test_measured_ventricular_pressure_is_of_the_conditions_own_period(recorded_over):
+    """Whether the drives beside a `period_scale` are of the network's beat or, already, of the condition's."""
     time, aortic, ventricular = pressures()
-    faster = Condition("pacing", period_scale=0.7, drive={"AORTA": (time, aortic), "LV": (time, ventricular)})
+    own = recorded_over * time
+    faster = Condition("pacing", period_scale=0.7, drive={"AORTA": (own, aortic), "LV": (own, ventricular)})
     network = left_coronary()
     period = period_of(under(network, faster))
     situation = Situation("pacing", 1.0, period, {}, {}, faster.covariates)

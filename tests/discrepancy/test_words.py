@@ -8,7 +8,7 @@ import pytest
 from coronaryuq.discrepancy.abstention import Gaps
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.verify import Gap
-from coronaryuq.discrepancy.words import moved, rival, shapeless
+from coronaryuq.discrepancy.words import _unforeseen, moved, rival, shapeless
 
 
 def gap(lpd: float) -> Gap:
@@ -47,3 +47,9 @@ def test_noise_larger_than_said_is_told_from_something_missing(smooth, said):
     problem = SimpleNamespace(settings=Settings())
     larger = shapeless(SimpleNamespace(problem=problem, located=located, base=base))
     assert larger == (said and pytest.approx(said))
+
+
+def test_a_model_that_agrees_with_what_was_fitted_is_not_said_to_agree_with_the_rest():
+    assert _unforeseen(0.5, ["pacing"]) == ""
+    assert "not as the model foretells them (p = 1e-09)" in _unforeseen(1e-9, ["pacing"])
+    assert "keep others out" in _unforeseen(1e-9, ["pacing"]) and "keep others out" not in _unforeseen(1e-9, [])

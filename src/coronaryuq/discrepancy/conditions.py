@@ -20,6 +20,8 @@ SERIES = {"PRESSURE": "P", "FLOW": "Q", "CORONARY": "Pim", "CORONARY_VAR_RES": "
 COVARIATES = ("LV",)
 """Measured waveforms that a drive may name although they are no block: left ventricular pressure."""
 FREE = ("coronary_resistance_scale",)
+SAME_BEAT = 0.02
+"""Share by which a drive may be longer or shorter than the beat that a period_scale says."""
 
 
 @dataclass(frozen=True)
@@ -37,9 +39,8 @@ class Condition:
 
     @property
     def covariates(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """With the times of the condition's own period."""
-        drives = {name: self.drive[name] for name in COVARIATES if name in self.drive}
-        return {name: (time * self.period_scale, value) for name, (time, value) in drives.items()}
+        """Over one cycle; their times may be of another period than the condition's."""
+        return {name: self.drive[name] for name in COVARIATES if name in self.drive}
 
 
 def read_conditions(path: str | Path) -> dict[str, Condition]:
@@ -175,13 +176,7 @@ def under(network: dict, condition: Condition, file: str | Path = "conditions") 
                         raise InputError(file, f"{condition.name}.{key}.{block}.{name}", None, f"know {known}")
                     values[name] = combine(values[name], value)
     driven = {name: waveform for name, waveform in condition.drive.items() if name not in COVARIATES}
-    target = period * condition.period_scale
-    if condition.drive:
-        lengths = {name: waveform[0][-1] for name, waveform in condition.drive.items()}
-        target = next(iter(lengths.values())) * condition.period_scale
-        for name, length in lengths.items():
-            if abs(length * condition.period_scale - target) > 1e-9 * target:
-                raise InputError(file, f"{condition.name}.drive.{name}", float(length), "drives differ in length")
+    target = _own_period(condition, period, file)
     for name, (time, value) in driven.items():
         block = anatomy.blocks.get(name)
         if block is None or block["bc_type"] not in SERIES:
@@ -190,6 +185,27 @@ def under(network: dict, condition: Condition, file: str | Path = "conditions") 
         block["bc_values"]["t"], block["bc_values"][SERIES[block["bc_type"]]] = time.tolist(), value.tolist()
     _set_period(network, target)
     return network
+
+
+def _own_period(condition: Condition, period: float, file: str | Path) -> float:
+    """The condition's period (s): its drives', but where a `period_scale` is given beside them.
+
+    Then they may be of the condition's own beat or of the network's, whose period is `period`, to be made as short.
+    """
+    target = period * condition.period_scale
+    lengths = {name: float(waveform[0][-1]) for name, waveform in condition.drive.items()}
+    for name, length in lengths.items():
+        where = f"{condition.name}.drive.{name}"
+        if condition.period_scale == 1.0:
+            target = next(iter(lengths.values()))
+            if abs(length - target) > 1e-9 * target:
+                raise InputError(file, where, length, "drives differ in length")
+        elif min(abs(length - one) / one for one in (period, target)) > SAME_BEAT:
+            remedy = (
+                f"s long; beside a period_scale want the network's beat ({period:.4g}) or this one's ({target:.4g})"
+            )
+            raise InputError(file, where, length, remedy)
+    return target
 
 
 def _set_period(network: dict, period: float) -> None:

@@ -45,8 +45,7 @@ def repaired_conditions(forward: Forward, acting: list[Acting], z: np.ndarray, f
             block, _, key = parameter.rpartition(".")
             if np.ndim(value):
                 drives[block] = drive_file(name, block)
-                # The condition's own scale of the period is applied to drives when they are read.
-                time = np.linspace(0.0, forward.periods[name] / condition.period_scale, len(value))
+                time = np.linspace(0.0, forward.periods[name], len(value))
                 write_drive(folder / drives[block], time, np.asarray(value))
             elif abs(given.get(parameter, 0.0) - float(value)) > SAME * abs(float(value)):
                 entry.setdefault("set", {}).setdefault(block, {})[key] = float(value)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from coronaryuq.discrepancy.abstention import Gaps
+from coronaryuq.discrepancy.abstention import LEAST_FORETOLD, Gaps
 from coronaryuq.discrepancy.conservation import PROBE
 from coronaryuq.discrepancy.constancy import Constancy
 from coronaryuq.discrepancy.locate import Located
@@ -17,11 +17,12 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
     """What disagrees, what is missing, how sure, how far the gap shrinks; or that there is nothing to explain."""
     count = len(found.base.residual)
     if not found.alarm:
-        return (
+        text = (
             f"The model, recalibrated within its priors, agrees with the {count} fitted measurements "
             f"(global test {chance(found.located.p)}): there is nothing to explain. "
             f"On {_kept(held_out)} its misfit is {found.gaps.before.misfit:.2f} standard deviations of the noise."
         )
+        return text + _unforeseen(found.verdict.foretold, held_out)
     worst = found.located.groups[0]
     text = (
         f"The model disagrees with the {count} fitted measurements beyond what recalibration can mend "
@@ -120,6 +121,16 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
     else:
         text += f"What remains is within the noise ({chance(found.remaining.p)})."
     return text
+
+
+def _unforeseen(foretold: float, held_out: list[str]) -> str:
+    """That a model which agrees with what was fitted does not foretell the rest, where it does not."""
+    if foretold >= LEAST_FORETOLD:
+        return ""
+    remedy = "see what the conditions file says of them"
+    if held_out:
+        remedy += ", or keep others out instead, to have these searched"
+    return f" But those measurements are not as the model foretells them ({chance(foretold)}): {remedy}."
 
 
 def _size_of(found: Discovery, acting: Acting) -> str:

@@ -91,7 +91,7 @@ def ventricular_pressure(time: np.ndarray, anatomy, condition) -> np.ndarray:
     The half sine reaches 1.25 times the model's mean pressure (a usual systolic over mean) and lasts `EJECTION`.
     """
     if "LV" in condition.covariates:
-        measured = condition.covariates["LV"]
-        return np.interp(time % condition.period, measured[0], measured[1], period=condition.period)
+        own, pressure = condition.covariates["LV"]
+        return np.interp(time / condition.period * own[-1], own, pressure, period=own[-1])
     phase = (time / condition.period) % 1.0
     return np.where(phase < EJECTION, 1.25 * anatomy.pressure * np.sin(np.pi * phase / EJECTION), 0.0)
