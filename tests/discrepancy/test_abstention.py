@@ -13,7 +13,6 @@ from coronaryuq.seeds import generator
 
 ROWS, KEPT_OUT, PRIOR = 60, 80, -5.0
 CONDITIONS = np.repeat(["rest", "hyperaemia", "pacing"], ROWS // 3)
-ACTING = (SimpleNamespace(name="made up", parameters=(None,), nameable=True), "here")
 
 
 def gap(nats: float) -> Gap:
@@ -22,8 +21,11 @@ def gap(nats: float) -> Gap:
     return Gap(1.0, (0.0, 2.0), {}, nats, nats * KEPT_OUT, residual, np.arange(KEPT_OUT))
 
 
-def verdict(size=1.5, sizes=None, held_out=True, still=False, after=0.1, flexible=0.0, both=0.1, foretold=0.5):
+def verdict(
+    size=1.5, sizes=None, held_out=True, still=False, after=0.1, flexible=0.0, both=0.1, foretold=0.5, side="network"
+):
     """Of one effect of that size, or of these under the three conditions; nats per held-out row over recalibration."""
+    acting = SimpleNamespace(name="made up", parameters=(None,), nameable=True, side=side), "here"
     random = generator(7, "test", "abstention")
     nuisance, along = random.standard_normal((ROWS, 2)), random.standard_normal(ROWS)
     felt = size if sizes is None else np.repeat(sizes, ROWS // 3)
@@ -44,7 +46,7 @@ def verdict(size=1.5, sizes=None, held_out=True, still=False, after=0.1, flexibl
     )
     gaps = Gaps(gap(0.0), gap(after), gap(flexible), gap(both))
     wide = np.column_stack([nuisance, along])
-    return judge(problem, fit(nuisance), fit(wide), [(ACTING, PRIOR)], 20, still, gaps, foretold)
+    return judge(problem, fit(nuisance), fit(wide), [(acting, PRIOR)], 20, still, gaps, foretold)
 
 
 def test_an_effect_that_holds_is_named():
@@ -56,6 +58,21 @@ def test_held_out_data_take_back_what_they_outweigh(after, refuted):
     assert verdict(after=after).refuted == refuted == verdict(after=after).abstains
 
 
+@pytest.mark.parametrize(
+    ("given", "incredible"),
+    [
+        ({}, True),
+        ({"side": "network"}, False),
+        ({"size": 1.5}, False),
+        ({"still": False}, False),
+        ({"foretold": 0.5}, False),
+    ],
+)
+def test_a_sensor_far_off_that_does_not_explain_it_all_is_not_named(given, incredible):
+    said = {"side": "measurement", "size": 6.0, "still": True, "foretold": 1e-9, "both": 1.0} | given
+    assert verdict(**said).incredible == incredible == verdict(**said).abstains
+
+
 def test_data_left_out_in_turn_are_counted_once():
     """Without held-out conditions each is left out in turn, after a fit to all of them: no evidence of its own."""
     assert not verdict(after=-2.0, held_out=False).refuted
@@ -64,7 +81,7 @@ def test_data_left_out_in_turn_are_counted_once():
 @pytest.mark.parametrize(("both", "abstains"), [(WORTH / 2, True), (2 * WORTH, False)])
 def test_sizes_that_differ_want_a_clear_help(both, abstains):
     found = verdict(sizes=(0.0, 1.5, 3.0), both=both)
-    assert [one.acting for one in found.varying] == [ACTING]
+    assert [one.acting[1] for one in found.varying] == ["here"]
     assert found.abstains == abstains and found.helped == pytest.approx(both)
 
 

@@ -8,7 +8,7 @@ from scipy import stats
 
 from coronaryuq.bench.discrepancy import Case, analyse, hide
 from coronaryuq.bench.hidden_cases import open_loop
-from coronaryuq.discrepancy.constancy import constancy
+from coronaryuq.discrepancy.constancy import FLAT, constancy
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.words import paragraph
 from coronaryuq.seeds import generator
@@ -38,9 +38,12 @@ def apart(g):
 
 def test_the_odds_are_those_of_two_gaussian_densities():
     g, y = case(generator(1, "test", "constancy"))
-    wide = np.hstack([g, apart(g)])
+    # One size of its own each, less what is common to them, which may be any.
+    common = np.full((3, 3), 1.0 / 3.0)
+    g = g * [1.0, 1.0, FLAT]
+    wide = np.hstack([g, apart(g) / FLAT @ (np.eye(3) - common)])
     densities = [stats.multivariate_normal(np.zeros(60), np.eye(60) + m @ m.T).logpdf(y) for m in (wide, g)]
-    assert judged(g, y).log_odds == pytest.approx(densities[0] - densities[1])
+    assert judged(g / [1.0, 1.0, FLAT], y).log_odds == pytest.approx(densities[0] - densities[1], rel=1e-6)
 
 
 def test_sizes_are_those_of_the_wider_model():
@@ -61,6 +64,12 @@ def test_one_size_is_rarely_taken_for_many():
     often = sum(judged(*case(random)).log_odds > odds for _ in range(trials))
     bound = np.exp(-odds)
     assert often <= trials * bound + 4.0 * np.sqrt(trials * bound)
+
+
+def test_a_size_far_out_in_its_prior_does_not_differ():
+    """Its mean over the conditions says nothing of their differences."""
+    random = generator(5, "test", "constancy")
+    assert not any(judged(*case(random, (9.0, 9.0, 9.0))).log_odds > 3.0 for _ in range(50))
 
 
 def test_sizes_that_differ_are_seen():

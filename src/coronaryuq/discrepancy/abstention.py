@@ -18,6 +18,9 @@ Set where effects outside the library that the benchmark hides (up to 0.14) and 
 coronary flow (0.62 and 1.01) lie apart: those two answers are therefore no test of it. docs/discrepancy.md has what
 other thresholds would answer."""
 
+CENTRAL_99 = 2.5758293035489004
+"""Standard deviations of a normal prior that hold its central 99 %."""
+
 LEAST_FORETOLD = 0.001
 """p-value of held-out measurements below which the named effects do not foretell them: one in a thousand right names
 is put in doubt by chance."""
@@ -39,15 +42,17 @@ class Verdict:
 
     mistaken: those that are a mistake in the model. redistributed: they are flow gains that blood which goes elsewhere
     explains as well, with one cause. refuted: measurements that no fit had seen take back so much that all together
-    leave less than naming takes, or recalibration alone predicts them better while something remains. varying: those of
-    different size under different conditions. foretold: p-value of the held-out measurements with the named effects;
-    unforeseen: there are such, and it is below `LEAST_FORETOLD`. helped: as the function of that name gives it,
-    compared with `WORTH`.
+    leave less than naming takes, or recalibration alone predicts them better while something remains. incredible: a
+    sensor would have to be off by more than any is, and even so something remains, and held-out measurements are not
+    foretold. varying: those of different size under different conditions. foretold: p-value of the held-out
+    measurements with the named effects; unforeseen: there are such, and it is below `LEAST_FORETOLD`. helped: as the
+    function of that name gives it, compared with `WORTH`.
     """
 
     mistaken: list[Acting]
     redistributed: bool
     refuted: bool
+    incredible: bool
     constancies: list[Constancy]
     varying: list[Constancy]
     foretold: float
@@ -57,7 +62,7 @@ class Verdict:
     @property
     def taken_back(self) -> bool:
         """Whether nothing is named however much it would help a flexible discrepancy."""
-        return bool(self.mistaken) or self.redistributed or self.refuted
+        return bool(self.mistaken) or self.redistributed or self.refuted or self.incredible
 
     @property
     def abstains(self) -> bool:
@@ -91,7 +96,18 @@ def judge(
     mistaken = [one for one in acting if not one[0].nameable]
     unforeseen = bool(acting and foretold < LEAST_FORETOLD)
     nats = helped(still, bool(varying) or unforeseen, gaps)
-    return Verdict(mistaken, redistributed, refuted, constancies, varying, foretold, unforeseen, nats)
+    incredible = still and unforeseen and _sensor_far_off(problem, fit, acting)
+    return Verdict(mistaken, redistributed, refuted, incredible, constancies, varying, foretold, unforeseen, nats)
+
+
+def _sensor_far_off(problem: Problem, fit: Fit, acting: list[Acting]) -> bool:
+    """Whether what a measurement is said to be off by lies outside the central 99 % of its prior."""
+    column, far = problem.count, False
+    for effect, _ in acting:
+        size = fit.z[column : column + len(effect.parameters)]
+        far |= effect.side == "measurement" and bool(np.any(np.abs(size) > CENTRAL_99))
+        column += len(effect.parameters)
+    return far
 
 
 def helped(still: bool, doubtful: bool, gaps: Gaps) -> float | None:

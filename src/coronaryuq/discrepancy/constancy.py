@@ -7,10 +7,14 @@ library does that: each acts with one size, and its formula says what that means
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import null_space
 
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.simulation import Acting
+
+FLAT = 1e3
+"""Standard deviations of its prior that a common size may be off by here."""
 
 
 @dataclass(frozen=True)
@@ -29,21 +33,30 @@ def constancy(problem: Problem, fit: Fit, acting: list[Acting]) -> list[Constanc
     """Each acting effect's in turn, in the linear model about the fit.
 
     Conditions are runs of their own, so the rows of a condition depend on that condition's size alone: sensitivities to
-    it are those to the common size, nought in all other rows. The odds are a Bayes factor with equal priors.
+    it are those to the common size, nought in all other rows. The odds are a Bayes factor with equal priors, of what
+    tells the conditions apart alone, and common sizes may be any: one far out in its prior is no sign that it differs.
     """
     conditions = problem.condition[problem.train]
     names = [str(name) for name in dict.fromkeys(conditions)]
-    found, column = [], problem.count
+    contrasts = null_space(np.ones((1, len(names))))
+    found, column, free = [], problem.count, _free(fit, problem.count)
     for one in acting:
         count = len(one[0].parameters)
         own = fit.jacobian[:, column : column + count]
         apart = np.hstack([own * (conditions == name)[:, None] for name in names])
-        precision = np.eye(apart.shape[1]) + apart.T @ fit.project(apart)
-        along = apart.T @ fit.score
+        differing = apart @ np.kron(contrasts, np.eye(count))
+        precision = np.eye(differing.shape[1]) + differing.T @ free.project(differing)
+        along = differing.T @ free.score
         log_odds = 0.5 * along @ np.linalg.solve(precision, along) - 0.5 * np.linalg.slogdet(precision)[1]
         found.append(Constancy(one, float(log_odds), _sizes(fit, apart, column, count, names)))
         column += count
     return found
+
+
+def _free(fit: Fit, count: int) -> Fit:
+    """The same with a prior of the sizes, after `count` nuisance parameters, so wide that it says nothing."""
+    wide = np.where(np.arange(len(fit.z)) < count, 1.0, FLAT)
+    return Fit(fit.z / wide, fit.residual, fit.jacobian * wide)
 
 
 def _sizes(fit: Fit, apart: np.ndarray, column: int, count: int, names: list[str]) -> dict[str, tuple[float, float]]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from coronaryuq.discrepancy import flexible
-from coronaryuq.discrepancy.abstention import Gaps, Verdict, judge
+from coronaryuq.discrepancy.abstention import CENTRAL_99, Gaps, Verdict, judge
 from coronaryuq.discrepancy.candidates import PRIOR_NAMED, Candidate, all_candidates
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.locate import Located, locate
@@ -24,8 +24,6 @@ Report = Callable[[str], None]
 
 LARGEST_LOG = 500.0
 """Log Bayes factor beyond which its size is of no matter."""
-CENTRAL_99 = 2.5758293035489004
-"""Standard deviations of a normal prior that hold its central 99 %."""
 
 
 @dataclass

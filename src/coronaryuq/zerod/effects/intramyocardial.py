@@ -6,6 +6,10 @@ from coronaryuq.zerod.effects.base import WAVE_POINTS, Effect, Parameter, bed_va
 
 EJECTION = 0.35
 """Systole's share of the cycle where no ventricular pressure was measured (Weissler, Circulation 37 (1968) 149)."""
+SYSTOLIC = 1.25
+"""Systolic ventricular pressure over the mean aortic one."""
+PULSING = 1e-3
+"""Swing of an intramyocardial pressure over the mean pressure, above which it has a shape."""
 
 
 class IntramyocardialPressure(Effect):
@@ -36,7 +40,7 @@ class IntramyocardialPressure(Effect):
         found = {}
         for bed in _open_beds(anatomy):
             time, present = waveform(network, bed, condition.period)
-            pressure = ventricular_pressure(time, anatomy, condition)
+            pressure = ventricular_pressure(time, anatomy, condition, present)
             found[f"{bed}.Pim"] = present + share[:, None] * pressure
         return found
 
@@ -59,10 +63,8 @@ class IntramyocardialDelay(Effect):
     def places(self, anatomy, observed=()):
         if anatomy.closed_loop:
             return []
-        pulsing = [
-            b for b in _open_beds(anatomy) if np.ptp(anatomy.blocks[b]["bc_values"]["Pim"]) > 1e-3 * anatomy.pressure
-        ]
-        return ["all beds"] if pulsing else []
+        swings = [np.ptp(anatomy.blocks[bed]["bc_values"]["Pim"]) for bed in _open_beds(anatomy)]
+        return ["all beds"] if any(swing > PULSING * anatomy.pressure for swing in swings) else []
 
     def changes(self, network, place, sizes, anatomy, condition):
         found = {}
@@ -85,13 +87,18 @@ def waveform(network: dict, bed: str, period: float) -> tuple[np.ndarray, np.nda
     return grid, np.interp(grid, time - time[0], pressure)
 
 
-def ventricular_pressure(time: np.ndarray, anatomy, condition) -> np.ndarray:
-    """Left ventricular pressure at `time`: the measured one where there is one, else a half sine over systole.
+def ventricular_pressure(time: np.ndarray, anatomy, condition, compression: np.ndarray = 0.0) -> np.ndarray:
+    """Left ventricular pressure at `time` (k,): the measured one where there is one.
 
-    The half sine reaches 1.25 times the model's mean pressure (a usual systolic over mean) and lasts `EJECTION`.
+    Else it pulses as the model's own intramyocardial pressure `compression` (k,) does, and where that is constant as a
+    half sine over systole, `EJECTION` long. Either reaches 1.25 times the model's mean pressure, a usual systolic over
+    mean.
     """
     if "LV" in condition.covariates:
         own, pressure = condition.covariates["LV"]
         return np.interp(time / condition.period * own[-1], own, pressure, period=own[-1])
+    swing = np.ptp(compression)
+    if swing > PULSING * anatomy.pressure:
+        return SYSTOLIC * anatomy.pressure * (compression - np.min(compression)) / swing
     phase = (time / condition.period) % 1.0
-    return np.where(phase < EJECTION, 1.25 * anatomy.pressure * np.sin(np.pi * phase / EJECTION), 0.0)
+    return np.where(phase < EJECTION, SYSTOLIC * anatomy.pressure * np.sin(np.pi * phase / EJECTION), 0.0)
