@@ -158,7 +158,7 @@ def test_far_points_start_at_the_models_own_state(problem):
 def test_runs_that_differ_in_tissue_mass_or_another_condition_alone_are_one(problem):
     forward = fresh().forward
     z = np.zeros((2, problem.count))
-    z[1, [n.condition == "hyperaemia" for n in forward.nuisances]] = 0.5
+    z[1, [n.conditions == ("hyperaemia",) for n in forward.nuisances]] = 0.5
     before = forward.simulation.runs
     forward.predict(z)
     assert forward.simulation.runs - before == 2 + 3

@@ -38,6 +38,7 @@ DISCREPANCY_SETTINGS = block(
         "recordings",
         "animals",
         "held_out",
+        "free_bed",
         "in_report",
         "benchmark",
     ),
@@ -108,6 +109,7 @@ if DISCREPANCY.recordings:
             folder=DISCREPANCY.recordings,
             animal=lambda wildcards: wildcards.animal,
             held_out=DISCREPANCY.held_out,
+            free_bed=DISCREPANCY.free_bed,
         script:
             "../scripts/discrepancy_recordings.py"
 

@@ -6,4 +6,6 @@ from coronaryuq.discrepancy.recordings import prepare
 from job import job
 
 with job(globals()) as this:
-    prepare(this.params["folder"], this.params["animal"], Path(this.output["model"]).parent, this.params["held_out"])
+    params = this.params
+    folder = Path(this.output["model"]).parent
+    prepare(params["folder"], params["animal"], folder, params["held_out"], params["free_bed"])

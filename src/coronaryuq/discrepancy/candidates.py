@@ -11,6 +11,7 @@ from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.simulation import Acting
 from coronaryuq.zerod.effects.base import Effect
 from coronaryuq.zerod.effects.library import SEARCHED
+from coronaryuq.zerod.effects.quadratic import TAG
 
 CONTENDER, ROUGH = 15.0, 0.2
 """Log weight behind the best within which a candidate is fitted in full: so much, and a share of what the best gains,
@@ -76,7 +77,12 @@ def all_candidates(problem: Problem, acting: list[Acting], library: tuple[Effect
     used = {(effect.name, place) for effect, place in acting}
     fitted = {forward.measured[i].condition for i in np.unique(problem.owner[problem.train])}
     observed = [series for series in forward.measured if series.condition in fitted]
-    places = {effect.name: effect.places(forward.anatomy, observed) for effect in library}
+    # What is put ahead of a vessel to hold its loss is part of it, and no place of its own.
+    ahead = {f"{vessel}_{TAG}" for vessel in forward.anatomy.vessels}
+    places = {
+        effect.name: [place for place in effect.places(forward.anatomy, observed) if place not in ahead]
+        for effect in library
+    }
     possible = [effect for effect in library if places[effect.name]]
     found = []
     for effect in possible:

@@ -45,6 +45,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="recorded conditions that enter no fit (default: those whose names end in dob...)",
     )
     parser.add_argument(
+        "--free-bed",
+        action="store_true",
+        help="of recordings: the bed's shape is unknown, and so is a stenosis in conditions named ...sten...",
+    )
+    parser.add_argument(
         "--pressure-unit",
         choices=UNITS,
         default="auto",
@@ -75,7 +80,7 @@ def _answer(args: argparse.Namespace, out: Path) -> dict:
         return pairs.discover_pairs(*args.pairs, out=out, seed=args.seed)
     settings = Settings(threads=args.threads, pressure_unit=args.pressure_unit)
     if args.recordings:
-        prepare(*args.recordings, out / "case", args.held_out)
+        prepare(*args.recordings, out / "case", args.held_out, args.free_bed)
         case = [out / "case" / name for name in ("model.json", "measurements.csv", "conditions.yaml")]
         return from_files(*case, out, settings, args.seed)
     for name in ("model", "measurements", "conditions"):
@@ -107,6 +112,8 @@ def _one_source(args: argparse.Namespace) -> None:
         raise InputError("command line", f"--{others[0]}", value, f"not together with --{first}; leave one out")
     if args.pressure_unit != "auto" and first in ("pairs", "recordings"):
         raise InputError("command line", "--pressure-unit", args.pressure_unit, f"is of --model, not of --{first}")
+    if args.free_bed and first != "recordings":
+        raise InputError("command line", "--free-bed", None, "is of --recordings; say it in the conditions file")
     if args.held_out and first != "recordings":
         raise InputError(
             "command line", "--held-out", args.held_out, "is of --recordings; say it in the conditions file"

@@ -19,7 +19,11 @@ SERIES = {"PRESSURE": "P", "FLOW": "Q", "CORONARY": "Pim", "CORONARY_VAR_RES": "
 """The waveform that a drive replaces in each kind of boundary condition."""
 COVARIATES = ("LV",)
 """Measured waveforms that a drive may name although they are no block: left ventricular pressure."""
-FREE = ("coronary_resistance_scale",)
+RESISTANCE, BED_SHAPE = "coronary_resistance_scale", "bed_shape"
+LOSS = "stenosis_coefficient"
+FREE = (RESISTANCE, BED_SHAPE)
+"""What may be unknown: of a condition its coronary resistance; of all together how resistance and compliance lie along
+the beds."""
 SAME_BEAT = 0.02
 """Share by which a drive may be longer or shorter than the beat that a period_scale says."""
 
@@ -36,6 +40,12 @@ class Condition:
     drive: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     held_out: bool = False
     free: tuple[str, ...] = ()
+    stenosis: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def anchored(self) -> bool:
+        """Whether its own mean values have to set its coronary resistance."""
+        return RESISTANCE in self.free
 
     @property
     def covariates(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -65,7 +75,7 @@ def drives_of(path: str | Path) -> list[Path]:
 def _condition(path, name: str, keys: dict) -> Condition:
     if not isinstance(keys, dict):
         raise InputError(path, name, keys, "want a mapping, or nothing for the network as it is")
-    known = ("coronary_resistance_scale", "period_scale", "scale", "set", "drive", "held_out", "free")
+    known = ("coronary_resistance_scale", "period_scale", "scale", "set", "drive", "held_out", "free", "stenosis")
     for key in keys:
         if key not in known:
             raise InputError(path, f"{name}.{key}", None, f"unknown key; know {', '.join(known)}")
@@ -81,11 +91,18 @@ def _condition(path, name: str, keys: dict) -> Condition:
     for entry in free:
         if entry not in FREE:
             raise InputError(path, f"{name}.free", entry, f"know {', '.join(FREE)}")
+    stenosis = keys.get("stenosis") or {}
+    if not isinstance(stenosis, dict) or not all(isinstance(one, str) for one in stenosis.values()):
+        raise InputError(
+            path, f"{name}.stenosis", stenosis, "want {VESSEL: NAME}, one NAME wherever it is the same one"
+        )
     drive = keys.get("drive") or {}
     if not isinstance(drive, dict):
         raise InputError(path, f"{name}.drive", drive, "want a mapping of boundary conditions to CSV files")
     waveforms = {bc: _drive(Path(path).parent / str(file)) for bc, file in drive.items()}
-    return Condition(name, **numbers, **tables, drive=waveforms, held_out=keys.get("held_out", False), free=free)
+    return Condition(
+        name, **numbers, **tables, drive=waveforms, held_out=keys.get("held_out", False), free=free, stenosis=stenosis
+    )
 
 
 def _table(path, where: str, table) -> dict[str, dict[str, float]]:
@@ -129,6 +146,8 @@ def as_entry(condition: Condition) -> dict:
         entry["held_out"] = True
     if condition.free:
         entry["free"] = list(condition.free)
+    if condition.stenosis:
+        entry["stenosis"] = dict(condition.stenosis)
     return entry
 
 
@@ -175,6 +194,16 @@ def under(network: dict, condition: Condition, file: str | Path = "conditions") 
                         known = ", ".join(k for k, v in values.items() if isinstance(v, int | float))
                         raise InputError(file, f"{condition.name}.{key}.{block}.{name}", None, f"know {known}")
                     values[name] = combine(values[name], value)
+    for vessel, name in condition.stenosis.items():
+        values = next((v["zero_d_element_values"] for v in network["vessels"] if v["vessel_name"] == vessel), None)
+        where = f"{condition.name}.stenosis.{vessel}"
+        if values is None:
+            known = ", ".join(v["vessel_name"] for v in network["vessels"])
+            raise InputError(file, where, name, f"the network has no such vessel; know {known}")
+        if values.get("C", 0.0) > 0.0:
+            raise InputError(file, where, name, "the vessel has a C; put a vessel without one ahead of it for the loss")
+        if not values.get(LOSS, 0.0) > 0.0:
+            raise InputError(file, where, name, f"want a guess of its loss; set {vessel}'s {LOSS} under this condition")
     driven = {name: waveform for name, waveform in condition.drive.items() if name not in COVARIATES}
     target = _own_period(condition, period, file)
     for name, (time, value) in driven.items():

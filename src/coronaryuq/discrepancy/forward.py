@@ -267,7 +267,7 @@ class Forward:
         """
         own, scaled, used = prepared.values[name], {}, []
         for column, nuisance in enumerate(self.nuisances):
-            if nuisance.targets and nuisance.condition in (None, name):
+            if nuisance.targets and nuisance.acts_under(name):
                 for key in nuisance.targets:
                     # CORONARY_VAR_RES has two Ra2 where CORONARY has one.
                     for target in (key,) if key in own else (f"{key}_min", f"{key}_max"):

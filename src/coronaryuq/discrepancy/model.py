@@ -138,7 +138,7 @@ def make_problem(
     problem = Problem(forward, settings, np.ones(forward.size, dtype=bool))
     problem.train = ~np.isin(problem.condition, held)
     for name in held:
-        if conditions[name].free:
+        if conditions[name].anchored:
             means = np.array([s.statistic == "mean" for s in measured])[problem.owner]
             problem.train |= (problem.condition == name) & means
     return problem

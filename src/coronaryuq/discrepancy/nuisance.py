@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coronaryuq.discrepancy.conditions import Condition
+from coronaryuq.discrepancy.conditions import BED_SHAPE, LOSS, RESISTANCE, Condition
 from coronaryuq.discrepancy.measurements import Measured
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import RESISTANCES, Anatomy
@@ -16,7 +16,7 @@ SD_MASS = 1.0
 
 @dataclass(frozen=True)
 class Nuisance:
-    """A factor exp(sd z), z standard normal, on `targets` ("BLOCK.parameter") in one condition, or in all (None).
+    """A factor exp(sd z), z standard normal, on `targets` ("BLOCK.parameter") in some conditions, or in all (None).
 
     `mass` names a territory whose tissue mass the factor scales instead: perfusion is flow over mass. `shape`: z times
     a row of `Forward.shapes` is added to predictions instead; the network stays.
@@ -25,7 +25,7 @@ class Nuisance:
     name: str
     sd: float
     targets: tuple[str, ...] = ()
-    condition: str | None = None
+    conditions: tuple[str, ...] | None = None
     mass: str | None = None
     shape: int | None = None
 
@@ -33,6 +33,9 @@ class Nuisance:
     def simulated(self) -> bool:
         """Whether it changes what is run, not only what is made of it."""
         return self.mass is None and self.shape is None
+
+    def acts_under(self, condition: str) -> bool:
+        return self.conditions is None or condition in self.conditions
 
     def factor(self, z: np.ndarray) -> np.ndarray:
         return np.exp(self.sd * np.asarray(z))
@@ -45,7 +48,8 @@ def nuisances(
 
     All coronary beds together, each bed, coronary compliance; in closed loops systemic resistance and compliance and
     left ventricular elastance; one factor for every condition but the first, whose coronary state is never known
-    exactly; the tissue mass of each territory with measured perfusion.
+    exactly; the tissue mass of each territory with measured perfusion. Where a condition lists it as free, the shape of
+    the beds as well; and each stenosis that conditions name, in all of them.
     """
     anatomy = Anatomy(network)
     beds = list(anatomy.beds)
@@ -61,6 +65,8 @@ def nuisances(
     stores = tuple(key for bed in beds for key in of(bed, COMPLIANCES))
     if stores:
         found.append(Nuisance("coronary compliance", settings.sd_compliance, stores))
+    if any(BED_SHAPE in condition.free for condition in conditions.values()):
+        found += _shape(anatomy, settings.sd_bed_shape)
     others = [bed for bed in anatomy.blocks if bed not in beds and bed in set(anatomy.outlet_bc.values())]
     if others:
         systemic = tuple(key for bed in others for key in of(bed, ("Rp", "Rd", "R")))
@@ -73,10 +79,43 @@ def nuisances(
     dilating = tuple(f"{bed}.{name}" for bed in beds for name in arteriolar(network, bed))
     used = [name for name in conditions if any(series.condition == name for series in measured)]
     for name in used:
-        wide = "coronary_resistance_scale" in conditions[name].free
+        wide = RESISTANCE in conditions[name].free
         if name != used[0] or wide:
             sd = settings.sd_free if wide else settings.sd_condition
-            found.append(Nuisance(f"coronary state of {name}", sd, dilating, condition=name))
+            found.append(Nuisance(f"coronary state of {name}", sd, dilating, (name,)))
+    found += _stenoses({name: conditions[name] for name in used}, settings.sd_stenosis)
     territories = dict.fromkeys(series.location for series in measured if series.quantity == "perfusion")
     found += [Nuisance(f"mass of {place}", SD_MASS, mass=place) for place in territories]
     return found
+
+
+def _shape(anatomy: Anatomy, sd: float) -> list[Nuisance]:
+    """What a bed of the literature leaves open of a real one: how its resistance and compliance lie along it; and the
+    compliance of the vessels before it."""
+
+    def of_beds(name):
+        return [f"{bed}.{name}" for bed in anatomy.beds if anatomy.blocks[bed]["bc_values"].get(name, 0.0) > 0.0]
+
+    vessels = [
+        f"{vessel}.C"
+        for vessel in anatomy.coronary_vessels
+        if anatomy.vessels[vessel]["zero_d_element_values"].get("C", 0.0) > 0.0
+    ]
+    groups = {
+        "proximal resistance of the beds": of_beds("Ra1"),
+        "proximal compliance of the beds": of_beds("Ca"),
+        "compliance of the vessels": vessels,
+    }
+    return [Nuisance(name, sd, tuple(targets)) for name, targets in groups.items() if targets]
+
+
+def _stenoses(conditions: dict[str, Condition], sd: float) -> list[Nuisance]:
+    """One for each stenosis known to be there, however severe, on the loss that its vessel has under its conditions."""
+    named: dict[tuple[str, str], list[str]] = {}
+    for condition in conditions.values():
+        for vessel, name in condition.stenosis.items():
+            named.setdefault((vessel, name), []).append(condition.name)
+    return [
+        Nuisance(f"stenosis {name} of {vessel}", sd, (f"{vessel}.{LOSS}",), tuple(under))
+        for (vessel, name), under in named.items()
+    ]

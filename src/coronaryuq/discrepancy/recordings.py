@@ -11,12 +11,20 @@ import pandas as pd
 import yaml
 
 from coronaryuq import files, units
+from coronaryuq.discrepancy.conditions import BED_SHAPE, LOSS, RESISTANCE
 from coronaryuq.discrepancy.measurements import AORTIC, LEAST_POINTS
 from coronaryuq.errors import InputError
 from coronaryuq.files import read_csv
+from coronaryuq.zerod.effects.base import vessel_values
+from coronaryuq.zerod.effects.grafting import put_ahead
+from coronaryuq.zerod.effects.quadratic import TAG
 
 FIRST = ("baseline", "rest", "control")
 """Conditions whose mean flow gives the model's resistance, where there is one of them."""
+STENOSED = re.compile(r"sten", re.IGNORECASE)
+DRUG = re.compile(r"[_ -]?dob[a-z]*[_ -]?\d*$", re.IGNORECASE)
+STENOSIS = 0.3
+"""Guess of such a stenosis' loss at the reference flow, over the mean aortic pressure."""
 HELD_OUT = re.compile(r"(^|.*[_ -])dob[a-z]*[_ -]?\d*", re.IGNORECASE)
 """Conditions that are kept out of every fit where none are named: those under dobutamine."""
 LARGEST_FLOW = 5.0
@@ -41,7 +49,9 @@ _FLOWS = {"ml/s": 1.0, "ml/min": 1.0}
 _UNITS = {TIME: _TIMES, AORTA: _PRESSURES, VENTRICLE: _PRESSURES, FLOW: _FLOWS}
 
 
-def prepare(folder: str | Path, animal: str, out: str | Path, held_out: Sequence[str] | None = None) -> None:
+def prepare(
+    folder: str | Path, animal: str, out: str | Path, held_out: Sequence[str] | None = None, free_bed: bool = False
+) -> None:
     """Write `model.json`, `measurements.csv`, `conditions.yaml` and `drives/` of one animal into `out`.
 
     Reads every `ANIMAL_CONDITION.csv` of the folder that holds time, aortic and ventricular pressure and flow of one
@@ -49,7 +59,9 @@ def prepare(folder: str | Path, animal: str, out: str | Path, held_out: Sequence
     aortic pressure, without intramyocardial pressure; its resistance gives the mean flow of one of `FIRST`, or of the
     condition of median resistance. The flow column holds mL/min where it would be more than a coronary artery carries
     in the mL/s of its heading. Every condition's coronary resistance is free, set by that condition's mean flow; the
-    waveforms of the conditions of `held_out`, by default those under dobutamine, enter no fit.
+    waveforms of the conditions of `held_out`, by default those under dobutamine, enter no fit. free_bed: how resistance
+    and compliance lie along the bed is free as well, and conditions whose names hold `sten` have a stenosis of unknown
+    severity, the same one where the rest of the name is the same but for the drug.
 
     Raises `InputError` for fewer than two conditions, gaps, times that do not increase, no whole beat or several, and
     what no coronary artery has.
@@ -71,7 +83,10 @@ def prepare(folder: str | Path, animal: str, out: str | Path, held_out: Sequence
     if heading == "ml/s" and unit == "mL/min":
         note = f"note: {folder}: {animal}: flow headed ml/s, {largest:.3g} on average, is read as mL/min"
         print(note, file=sys.stderr, flush=True)
-    content, rows, place = {}, [], f"AORTA:{artery}"
+    reference, narrow = _reference(beats, unit), f"{artery}_{TAG}"
+    stenosed = [name for name in beats if free_bed and STENOSED.search(name)]
+    guess = STENOSIS * float(np.trapezoid(reference[1], reference[0]) / reference[0][-1]) / reference[2] ** 2
+    content, rows, place = {}, [], f"AORTA:{narrow if stenosed else artery}"
     for name, frame in beats.items():
         time = frame[TIME].to_numpy(float) - frame[TIME].iloc[0]
         for block, column in (("AORTA", AORTA), ("LV", VENTRICLE)):
@@ -79,10 +94,13 @@ def prepare(folder: str | Path, animal: str, out: str | Path, held_out: Sequence
             files.write_csv(out / "drives" / f"{name}_{block}.csv", pd.DataFrame({"t": time, "value": value}))
         content[name] = {
             "drive": {block: f"drives/{name}_{block}.csv" for block in ("AORTA", "LV")},
-            "free": ["coronary_resistance_scale"],
+            "free": [RESISTANCE, BED_SHAPE] if free_bed else [RESISTANCE],
         }
         if name in held_out:
             content[name]["held_out"] = True
+        if name in stenosed:
+            content[name]["set"] = {narrow: {LOSS: guess}}
+            content[name]["stenosis"] = {narrow: DRUG.sub("", name) or name}
         flow = frame[FLOW].to_numpy()
         mean = float(np.trapezoid(flow, time) / time[-1])
         sd = float(np.hypot(SD_FLOW * per_minute, SD_SHARE * mean))
@@ -93,7 +111,12 @@ def prepare(folder: str | Path, animal: str, out: str | Path, held_out: Sequence
     table = pd.DataFrame(rows, columns=["condition", "quantity", "location", "statistic", "time", "value", "sd"])
     files.write_csv(out / "measurements.csv", table.assign(unit=unit))
     files.write_text(out / "conditions.yaml", yaml.safe_dump(content, sort_keys=False))
-    files.write_json(out / "model.json", _network(*_reference(beats, unit), artery))
+    network = _network(*reference, artery)
+    if stenosed:
+        # An element of its own, as losses of vessels that store blood are everywhere.
+        network = put_ahead(network, artery, TAG)
+        vessel_values(network, narrow)[LOSS] = 0.0
+    files.write_json(out / "model.json", network)
 
 
 def _reference(beats: dict[str, pd.DataFrame], unit: str) -> tuple[np.ndarray, np.ndarray, float]:

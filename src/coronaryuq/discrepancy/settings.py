@@ -95,6 +95,11 @@ class Settings(BaseModel):
     held_out: list[str] | None = Field(
         None, description="conditions of `recordings` that enter no fit; none: those whose names end in `dob...`"
     )
+    free_bed: bool = Field(
+        False,
+        description="whether the bed of `recordings` is of unknown shape, and those named `...sten...` have a stenosis "
+        "of unknown severity each",
+    )
     in_report: bool = Field(False, description="whether the whole campaign and its report include the search")
     benchmark: Benchmark = Field(default_factory=Benchmark, description="effects hidden on purpose")
     hidden_effect: Effect = Field("quadratic_stenosis", description="effect hidden where no measurements are given")
@@ -128,6 +133,15 @@ class Settings(BaseModel):
     sd_bed: float = Field(0.15, gt=0, description="resistance of each bed")
     sd_coronary: float = Field(0.25, gt=0, description="resistance of all coronary beds together")
     sd_compliance: float = Field(0.25, gt=0, description="compliance of all coronary beds together")
+    sd_bed_shape: float = Field(
+        0.5,
+        gt=0,
+        description="where a condition lists `bed_shape` under `free`: the share of the proximal bed in resistance and "
+        "in compliance, compliance of the vessels, each",
+    )
+    sd_stenosis: float = Field(
+        2.0, gt=0, description="loss of a stenosis that conditions list under `stenosis`, about what `set` says of it"
+    )
     sd_systemic: float = Field(0.2, gt=0, description="systemic resistance, systemic compliance, each")
     sd_heart: float = Field(0.15, gt=0, description="left ventricular elastance")
     sd_condition: float = Field(0.1, gt=0, description="coronary resistance of a condition beside what it declares")
@@ -142,6 +156,8 @@ class Settings(BaseModel):
             raise ValueError(f"model and conditions want measurements, not {files}; give measurements")
         if bool(self.recordings) != bool(self.animals):
             raise ValueError("recordings and animals go together; give both or neither")
+        if self.free_bed and not self.recordings:
+            raise ValueError("free_bed is of recordings; say it in the conditions file of other measurements")
         if self.held_out is not None and not self.recordings:
             raise ValueError("held_out is of recordings; say it in the conditions file of other measurements")
         for number, animal in enumerate(self.animals):

@@ -146,6 +146,6 @@ def folds(problem: Problem, held_out: list[str]) -> list[tuple[np.ndarray, np.nd
     found = []
     for group in groups:
         outside = np.isin(problem.condition, group)
-        anchored = np.isin(problem.condition, [name for name in group if conditions[name].free]) & means
+        anchored = np.isin(problem.condition, [name for name in group if conditions[name].anchored]) & means
         found.append((~outside | anchored, outside & ~anchored))
     return [(train, test) for train, test in found if test.any()]
