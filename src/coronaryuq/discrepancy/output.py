@@ -12,7 +12,7 @@ from coronaryuq.discrepancy.repair import write_repaired
 from coronaryuq.discrepancy.search import Discovery
 from coronaryuq.discrepancy.separate import separating
 from coronaryuq.discrepancy.simulation import Acting
-from coronaryuq.discrepancy.words import Z_90, paragraph
+from coronaryuq.discrepancy.words import Z_90, paragraph, strained
 
 
 def summary(found: Discovery) -> dict:
@@ -22,7 +22,8 @@ def summary(found: Discovery) -> dict:
     return {
         "alarm": found.alarm,
         "global_test": {"p": found.located.p, **found.located.tests},
-        "strained": [vars(one) for one in found.located.strains if one.p < found.problem.settings.alarm_level],
+        "strained": [vars(one) | {"factor": factor} for one, factor in strained(found.located, found)],
+        "still_strained": [vars(one) | {"factor": factor} for one, factor in strained(found.remaining, found)],
         "located": [vars(group) | {"unit": "CGS"} for group in found.located.groups if group.q < level][:40],
         "named": named(found),
         "probabilities": [
@@ -92,12 +93,12 @@ def named(found: Discovery) -> list[dict]:
 
 
 def _by_condition(found: Discovery, acting: Acting) -> dict:
-    """Log odds that the first size differs between conditions, and its 90 % interval under each."""
+    """Log odds that the first size differs between conditions, and its 90 % interval under each that tells of it."""
     one = next(c for c in found.verdict.constancies if c.acting == acting)
     parameter = acting[0].parameters[0]
     sizes = {
         name: [float(parameter.from_standard(mean + k * sd)) for k in (-Z_90, 0.0, Z_90)]
-        for name, (mean, sd) in one.sizes.items()
+        for name, (mean, sd) in one.known.items()
     }
     return {"log_odds_that_it_differs": one.log_odds, parameter.name: sizes}
 
