@@ -147,7 +147,7 @@ def test_a_network_in_another_unit_than_is_guessed(hidden_stenosis, tmp_path, ca
 
 def test_results_do_not_go_over_the_case(hidden_stenosis, capsys):
     folder = hidden_stenosis[0]
-    with pytest.raises(InputError, match=r"would write over .*conditions.yaml; name another folder"):
+    with pytest.raises(InputError, match=r"would write over .*measurements.csv; name another folder"):
         command.main(case_arguments(folder, folder))
 
 
@@ -789,7 +789,8 @@ def test_pairs_under_one_inlet_pressure(tmp_path):
 
 def test_another_answer_leaves_nothing_of_the_one_before(tmp_path):
     out = tmp_path / "out"
-    for name in ("repaired.json", "difference.txt", "drives/rest_AORTA.csv", "drives/own.csv", "notes.txt"):
+    left = ("repaired.json", "measurements.csv", "difference.txt", "drives/rest_AORTA.csv", "drives/own.csv")
+    for name in (*left, "notes.txt"):
         files.write_text(out / name, "")
     files.write_text(out / "conditions.yaml", "rest: {drive: {AORTA: drives/rest_AORTA.csv}}\n")
     pair_tables(tmp_path, 4.0)
@@ -797,6 +798,9 @@ def test_another_answer_leaves_nothing_of_the_one_before(tmp_path):
     left = {str(path.relative_to(out)) for path in out.rglob("*") if path.is_file()}
     ours = {"discrepancy.json", "paragraph.txt", "pairs.csv", "laws.csv", "effects.csv"}
     assert left == ours | {"notes.txt", "drives/own.csv"}
+    files.write_text(out / "measurements.csv", "")
+    discover_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv", out, 1)
+    assert (out / "measurements.csv").exists(), "no repaired model beside it: somebody's own"
 
 
 def test_pairs_with_a_gap_name_the_sample(tmp_path):

@@ -113,17 +113,21 @@ def _member(candidate: Candidate) -> dict:
 
 WRITTEN = (
     *("discrepancy.json", "paragraph.txt", "located.csv", "residuals.csv", "ranking.csv", "sizes.csv", "tree.csv"),
-    *("gap.csv", "repaired.json", "conditions.yaml", "difference.txt", "pairs.csv", "laws.csv", "effects.csv"),
+    *("gap.csv", "repaired.json", "measurements.csv", "conditions.yaml", "difference.txt"),
+    *("pairs.csv", "laws.csv", "effects.csv"),
 )
 """All that a search may leave behind, beside the folder `drives`."""
+A_CASE = ("measurements.csv", "conditions.yaml")
+"""Those that a case has as well: beside a repaired model alone they are an earlier search's."""
 
 
 def clear(folder: Path) -> None:
     """Remove what an earlier search left in `folder`: another answer has no repaired model, perhaps."""
-    drives = []
-    if all((folder / name).exists() for name in ("repaired.json", "conditions.yaml")):
+    drives, repaired = [], (folder / "repaired.json").exists()
+    if repaired and (folder / "conditions.yaml").exists():
         drives = [path for path in drives_of(folder / "conditions.yaml") if path.parent == folder / "drives"]
-    for path in (*(folder / name for name in WRITTEN), *drives):
+    ours = [folder / name for name in WRITTEN if repaired or name not in A_CASE]
+    for path in (*ours, *drives):
         path.unlink(missing_ok=True)
 
 
@@ -131,7 +135,7 @@ def write(found: Discovery, folder: Path) -> dict:
     """Write everything into `folder`; returns the summary.
 
     discrepancy.json; located.csv; residuals.csv; ranking.csv; sizes.csv; tree.csv; gap.csv; paragraph.txt; and,
-    unless the effect is outside the library, repaired.json, conditions.yaml, difference.txt.
+    unless the effect is outside the library, repaired.json, measurements.csv, conditions.yaml, difference.txt.
     """
     answer = summary(found)
     clear(folder)
