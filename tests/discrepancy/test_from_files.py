@@ -14,7 +14,7 @@ from coronaryuq.bench.discovery_score import wilson
 from coronaryuq.bench.discrepancy import Case, hide
 from coronaryuq.bench.hidden_cases import open_loop
 from coronaryuq.bench.openloop import left_coronary, pressures
-from coronaryuq.discrepancy import command, hidden
+from coronaryuq.discrepancy import command, hidden, output
 from coronaryuq.discrepancy.conditions import Condition, read_conditions, under
 from coronaryuq.discrepancy.laws import LAWS, fit_law, predict
 from coronaryuq.discrepancy.model import read_problem
@@ -25,6 +25,7 @@ from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.tables import Branch, branches, read_pairs
 from coronaryuq.errors import InputError
 from coronaryuq.units import MMHG
+from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.library import effect
 
 
@@ -289,8 +290,38 @@ def test_hidden_stenosis_is_named_placed_and_mended(hidden_stenosis, tmp_path, c
     assert (one.name, place) in [(m["effect"], m["place"]) for m in answer["named"][0]["class"]]
     assert answer["gap_after"] < answer["gap_before"]
     assert answer["gap_after"] == pytest.approx(1.0, abs=0.2)
-    expected = ("repaired.json", "conditions.yaml", "difference.txt", "ranking.csv", "residuals.csv", "tree.csv")
+    expected = (
+        "repaired.json",
+        "conditions.yaml",
+        "difference.txt",
+        "ranking.csv",
+        "residuals.csv",
+        "measurements.csv",
+    )
     assert all((tmp_path / name).exists() for name in expected)
+    named = answer["named"][0]
+    tree = pd.read_csv(tmp_path / "tree.csv").set_index("vessel").named.dropna()
+    assert dict(tree) == {named["place"]: f"{named['effect']} at {named['place']}"}
+
+
+def test_a_place_is_its_vessels():
+    anatomy = Anatomy(open_loop()[0])
+    beds = anatomy.beds
+    (one, first), (other, second), *_ = beds.items()
+    assert output.vessels_of(first, anatomy) == output.vessels_of(one, anatomy) == [first]
+    assert output.vessels_of(f"{first}~{second}", anatomy) == output.vessels_of(f"{one}<{other}", anatomy)
+    assert output.vessels_of("all beds", anatomy) == list(beds.values())
+    assert output.vessels_of(f"{first}:{one}", anatomy) == output.vessels_of("every flow", anatomy) == []
+
+
+def test_a_repaired_case_is_a_case_with_nothing_to_explain(hidden_stenosis, tmp_path, capsys):
+    """The files that a search leaves are examined as they are."""
+    command.main(case_arguments(hidden_stenosis[0], tmp_path / "out"))
+    files_of = [tmp_path / "out" / name for name in ("repaired.json", "measurements.csv", "conditions.yaml")]
+    words = zip(("--model", "--measurements", "--conditions"), files_of, strict=True)
+    command.main(arguments(*(word for pair in words for word in pair), "--out", tmp_path / "again", "--json"))
+    answer = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert not answer["alarm"] and answer["gap_before"] == pytest.approx(1.0, abs=0.2)
 
 
 def test_repaired_files_give_the_fitted_predictions(hidden_stenosis, tmp_path):

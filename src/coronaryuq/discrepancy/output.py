@@ -13,6 +13,8 @@ from coronaryuq.discrepancy.search import Discovery
 from coronaryuq.discrepancy.separate import separating
 from coronaryuq.discrepancy.simulation import Acting
 from coronaryuq.discrepancy.words import Z_90, paragraph, strained
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.beds import ALL
 
 
 def summary(found: Discovery) -> dict:
@@ -205,7 +207,9 @@ def _sizes(found: Discovery) -> pd.DataFrame:
 
 
 def _tree(found: Discovery) -> pd.DataFrame:
-    """Vessels with their parent and the largest disagreement measured at either end (score in standard deviations)."""
+    """Vessels with their parent, the largest disagreement measured at either end (score in standard deviations), and
+    the named effects that act at a vessel or at its bed.
+    """
     anatomy = found.problem.forward.anatomy
     worst: dict[str, float] = {}
     for group in found.located.groups:
@@ -218,10 +222,23 @@ def _tree(found: Discovery) -> pd.DataFrame:
             anatomy.parents[name][0] if anatomy.parents[name] else "",
             anatomy.flow_scale(name),
             worst.get(name, np.nan),
+            "; ".join(
+                f"{effect.name} at {place}"
+                for effect, place in (entry.accepted.acting for entry in found.named)
+                if name in vessels_of(place, anatomy)
+            ),
         )
         for name in anatomy.vessels
     ]
-    return pd.DataFrame(rows, columns=["vessel", "parent", "mean_flow", "disagreement"])
+    return pd.DataFrame(rows, columns=["vessel", "parent", "mean_flow", "disagreement", "named"])
+
+
+def vessels_of(place: str, anatomy: Anatomy) -> list[str]:
+    """The vessels that a place is, or whose beds it is: two of a collateral, none of a sensor."""
+    if place == ALL:
+        return list(anatomy.beds.values())
+    parts = [part for end in place.split("~") for part in end.split("<")]
+    return [anatomy.beds.get(part, part) for part in parts if part in anatomy.beds or part in anatomy.vessels]
 
 
 def _gaps(found: Discovery) -> pd.DataFrame:
