@@ -8,7 +8,7 @@ from scipy import stats
 
 from coronaryuq.bench.discrepancy import Case, analyse, hide
 from coronaryuq.bench.hidden_cases import open_loop
-from coronaryuq.discrepancy.constancy import FLAT, constancy
+from coronaryuq.discrepancy.constancy import FLAT, Constancy, constancy
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.words import paragraph
 from coronaryuq.seeds import generator
@@ -92,3 +92,23 @@ def test_a_narrowing_has_one_size(tmp_path):
     hide(Case(("diffuse_narrowing",), "medium", "nominal", 701), open_loop(), tmp_path)
     found = analyse(tmp_path)
     assert [one.accepted.effect.name for one in found.named] == ["diffuse_narrowing"] and not found.verdict.varying
+
+
+def test_conditions_that_say_nothing_of_a_size_are_not_told():
+    """Without sensitivity under one condition its size is the prior's, wider than any that data tell of."""
+    g, y = case(generator(5, "test", "constancy"), (2.0, 0.0, -2.0))
+    g[CONDITIONS == "pacing", -1] = 0.0
+    found = judged(g, y)
+    assert found.sizes["pacing"][1] > 1.0
+    assert list(found.known) == ["rest", "hyperaemia"]
+    assert list(Constancy(None, 5.0, {"a": (0.0, 0.9), "b": (9.0, 0.8), "c": (1.0, 1.2)}).known) == ["a", "b"]
+
+
+def test_a_condition_of_which_means_alone_were_fitted_is_not_fitted_by_itself():
+    g, y = case(generator(6, "test", "constancy"))
+    z = np.linalg.solve(np.eye(g.shape[1]) + g.T @ g, g.T @ y)
+    for held, told in ((["pacing"], ["rest", "hyperaemia"]), (["pacing", "hyperaemia"], None)):
+        conditions, train = [*CONDITIONS, *held], np.append(np.ones(60, bool), np.zeros(len(held), bool))
+        problem = SimpleNamespace(condition=np.array(conditions), train=train, count=NUISANCES)
+        (found,) = constancy(problem, Fit(z, y - g @ z, g), ACTING)
+        assert list(found.sizes) == (told or ["rest", "hyperaemia", "pacing"])

@@ -14,7 +14,7 @@ from coronaryuq.bench.discovery_score import wilson
 from coronaryuq.bench.discrepancy import Case, hide
 from coronaryuq.bench.hidden_cases import open_loop
 from coronaryuq.bench.openloop import left_coronary, pressures
-from coronaryuq.discrepancy import command, hidden
+from coronaryuq.discrepancy import command, hidden, output
 from coronaryuq.discrepancy.conditions import Condition, read_conditions, under
 from coronaryuq.discrepancy.laws import LAWS, fit_law, predict
 from coronaryuq.discrepancy.model import read_problem
@@ -25,6 +25,7 @@ from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.tables import Branch, branches, read_pairs
 from coronaryuq.errors import InputError
 from coronaryuq.units import MMHG
+from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.library import effect
 
 
@@ -147,7 +148,7 @@ def test_a_network_in_another_unit_than_is_guessed(hidden_stenosis, tmp_path, ca
 
 def test_results_do_not_go_over_the_case(hidden_stenosis, capsys):
     folder = hidden_stenosis[0]
-    with pytest.raises(InputError, match=r"would write over .*conditions.yaml; name another folder"):
+    with pytest.raises(InputError, match=r"would write over .*measurements.csv; name another folder"):
         command.main(case_arguments(folder, folder))
 
 
@@ -289,8 +290,38 @@ def test_hidden_stenosis_is_named_placed_and_mended(hidden_stenosis, tmp_path, c
     assert (one.name, place) in [(m["effect"], m["place"]) for m in answer["named"][0]["class"]]
     assert answer["gap_after"] < answer["gap_before"]
     assert answer["gap_after"] == pytest.approx(1.0, abs=0.2)
-    expected = ("repaired.json", "conditions.yaml", "difference.txt", "ranking.csv", "residuals.csv", "tree.csv")
+    expected = (
+        "repaired.json",
+        "conditions.yaml",
+        "difference.txt",
+        "ranking.csv",
+        "residuals.csv",
+        "measurements.csv",
+    )
     assert all((tmp_path / name).exists() for name in expected)
+    named = answer["named"][0]
+    tree = pd.read_csv(tmp_path / "tree.csv").set_index("vessel").named.dropna()
+    assert dict(tree) == {named["place"]: f"{named['effect']} at {named['place']}"}
+
+
+def test_a_place_is_its_vessels():
+    anatomy = Anatomy(open_loop()[0])
+    beds = anatomy.beds
+    (one, first), (other, second), *_ = beds.items()
+    assert output.vessels_of(first, anatomy) == output.vessels_of(one, anatomy) == [first]
+    assert output.vessels_of(f"{first}~{second}", anatomy) == output.vessels_of(f"{one}<{other}", anatomy)
+    assert output.vessels_of("all beds", anatomy) == list(beds.values())
+    assert output.vessels_of(f"{first}:{one}", anatomy) == output.vessels_of("every flow", anatomy) == []
+
+
+def test_a_repaired_case_is_a_case_with_nothing_to_explain(hidden_stenosis, tmp_path, capsys):
+    """The files that a search leaves are examined as they are."""
+    command.main(case_arguments(hidden_stenosis[0], tmp_path / "out"))
+    files_of = [tmp_path / "out" / name for name in ("repaired.json", "measurements.csv", "conditions.yaml")]
+    words = zip(("--model", "--measurements", "--conditions"), files_of, strict=True)
+    command.main(arguments(*(word for pair in words for word in pair), "--out", tmp_path / "again", "--json"))
+    answer = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert not answer["alarm"] and answer["gap_before"] == pytest.approx(1.0, abs=0.2)
 
 
 def test_repaired_files_give_the_fitted_predictions(hidden_stenosis, tmp_path):
@@ -789,7 +820,8 @@ def test_pairs_under_one_inlet_pressure(tmp_path):
 
 def test_another_answer_leaves_nothing_of_the_one_before(tmp_path):
     out = tmp_path / "out"
-    for name in ("repaired.json", "difference.txt", "drives/rest_AORTA.csv", "drives/own.csv", "notes.txt"):
+    left = ("repaired.json", "measurements.csv", "difference.txt", "drives/rest_AORTA.csv", "drives/own.csv")
+    for name in (*left, "notes.txt"):
         files.write_text(out / name, "")
     files.write_text(out / "conditions.yaml", "rest: {drive: {AORTA: drives/rest_AORTA.csv}}\n")
     pair_tables(tmp_path, 4.0)
@@ -797,6 +829,9 @@ def test_another_answer_leaves_nothing_of_the_one_before(tmp_path):
     left = {str(path.relative_to(out)) for path in out.rglob("*") if path.is_file()}
     ours = {"discrepancy.json", "paragraph.txt", "pairs.csv", "laws.csv", "effects.csv"}
     assert left == ours | {"notes.txt", "drives/own.csv"}
+    files.write_text(out / "measurements.csv", "")
+    discover_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv", out, 1)
+    assert (out / "measurements.csv").exists(), "no repaired model beside it: somebody's own"
 
 
 def test_pairs_with_a_gap_name_the_sample(tmp_path):

@@ -5,10 +5,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from coronaryuq.discrepancy import words
 from coronaryuq.discrepancy.abstention import Gaps
+from coronaryuq.discrepancy.constancy import Constancy
+from coronaryuq.discrepancy.locate import Strain
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.verify import Gap
 from coronaryuq.discrepancy.words import _unforeseen, moved, rival, shapeless
+from coronaryuq.zerod.effects.library import effect
 
 
 def gap(lpd: float) -> Gap:
@@ -53,3 +57,76 @@ def test_a_model_that_agrees_with_what_was_fitted_is_not_said_to_agree_with_the_
     assert _unforeseen(0.5, ["pacing"]) == ""
     assert "not as the model foretells them (p = 1e-09)" in _unforeseen(1e-9, ["pacing"])
     assert "keep others out" in _unforeseen(1e-9, ["pacing"]) and "keep others out" not in _unforeseen(1e-9, [])
+
+
+def member(name: str, place: str, probability: float):
+    return SimpleNamespace(acting=(effect(name), place), probability=probability)
+
+
+def test_the_probability_of_a_class_is_told_from_that_of_its_first_member():
+    one, other = member("bifurcation_loss", "lad", 0.4), member("ostial_loss", "lm", 0.59)
+    assert words._probability(SimpleNamespace(members=[one])) == "probability 0.40"
+    told = words._probability(SimpleNamespace(members=[one, other]))
+    assert told.startswith("probability of the class 0.99, of this member 0.40; ")
+    assert told.endswith("cannot tell from it: ostial loss at lm 0.59")
+
+
+@pytest.mark.parametrize(
+    ("strains", "said"),
+    [
+        ([("a", 2.0, 0.5), ("b", -1.0, 0.9)], ""),
+        (
+            [("a", 2.0, 1e-3), ("b", 2.9, 1e-3)],
+            "It moves the a by +2.0 standard deviations of its prior (×2.7, p = 0.001). ",
+        ),
+        (
+            [("a", 2.0, 1e-3), ("b", -4.0, 0.2)],
+            "It moves the a by +2.0 standard deviations of its prior (×2.7, p = 0.001) and the b by -4.0 (×0.14). ",
+        ),
+        (
+            [(name, 4.0, 1e-6) for name in "abcdef"],
+            "It moves the a by +4.0 standard deviations of its prior (×7.4, p = 1e-06), the b by +4.0 (×7.4), "
+            "the c by +4.0 (×7.4), the d by +4.0 (×7.4) and 2 more. ",
+        ),
+    ],
+    ids=["none", "the worst", "and one far outside", "many"],
+)
+def test_every_nuisance_parameter_far_outside_its_prior_is_said(strains, said):
+    located = SimpleNamespace(strains=[Strain(name, sd, sd, p) for name, sd, p in strains])
+    nuisances = [SimpleNamespace(name=name, sd=0.5) for name, _, _ in strains]
+    problem = SimpleNamespace(settings=Settings(), forward=SimpleNamespace(nuisances=nuisances))
+    assert words._strained("It moves", located, SimpleNamespace(problem=problem)) == said
+
+
+def test_what_comes_nearest_is_all_that_acts():
+    leak, loss = (effect("side_branch_leak"), "lad"), (effect("diffuse_narrowing"), "lad")
+    varying = Constancy(loss, 9.0, {"rest": (0.0, 0.1), "pacing": (2.0, 0.1)})
+    several = words._varying(SimpleNamespace(acting=[leak, loss], verdict=SimpleNamespace(varying=[varying])))
+    assert several.startswith(
+        "what comes nearest is side branch leak at lad and diffuse narrowing at lad, of which diffuse"
+    )
+    assert several.endswith(") would need another size under each condition")
+    alone = words._varying(SimpleNamespace(acting=[loss], verdict=SimpleNamespace(varying=[varying])))
+    assert alone.startswith(
+        "what comes nearest, diffuse narrowing at lad, would need another size under each condition (l"
+    )
+
+
+def test_sizes_by_condition_have_their_intervals_and_leave_out_what_says_nothing():
+    known = {"rest": (0.0, 0.1), "pacing": (2.0, 0.2), "held": (0.0, 1.2)}
+    told = words._sizes(Constancy((effect("flow_delay"), "a:b"), 9.0, known))
+    assert told == "delay: rest 0 (-0.0049 to 0.0049), pacing 0.06 (0.05 to 0.07) s"
+
+
+@pytest.mark.parametrize(
+    ("name", "z", "said"),
+    [
+        ("flow_delay", -1.0, "read early by 0.03 (0.025 to 0.035) s"),
+        ("flow_delay", 1.0, "delay in seconds 0.03 (0.025 to 0.035)"),
+        ("flow_gain", -1.0, "gain less 1 -0.15 (-0.17 to -0.13)"),
+    ],
+)
+def test_a_negative_delay_is_read_early(name, z, said):
+    one = effect(name)
+    found = SimpleNamespace(sizes=lambda acting: [(one.parameters[0], z, 0.1)])
+    assert words._size_of(found, (one, "a:b")) == said

@@ -1,22 +1,75 @@
 """The discrepancy figures are drawn from the tables alone, also where nothing was named."""
 
+from contextlib import contextmanager
+
 import numpy as np
 import pandas as pd
+import pytest
 
 from coronaryuq import files
 from coronaryuq.figures import discrepancy as drawn
 from coronaryuq.figures.discrepancy_benchmark import SHARES, benchmark
+from coronaryuq.units import MBF_PER_MIN_PER_G, ML_PER_MIN, MMHG
 
 
 def is_png(path):
     return path.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
 
 
-def test_tree_shows_vessels_with_and_without_measurements(tmp_path):
+@pytest.fixture
+def kept(monkeypatch):
+    """What a figure's axes were when it was saved: titles, labels, texts and lines."""
+    found = []
+    original = drawn.saved
+
+    @contextmanager
+    def saved(output, **options):
+        with original(output, **options) as (canvas, axes):
+            yield canvas, axes
+            for axis in np.atleast_1d(axes).flat:
+                lines = {tuple(map(tuple, line.get_xydata())) for line in axis.lines}
+                words = [text.get_text() for text in axis.texts]
+                found.append((axis.get_title(), axis.get_xlabel(), axis.get_ylabel(), words, lines))
+
+    monkeypatch.setattr(drawn, "saved", saved)
+    return found
+
+
+def test_tree_shows_vessels_with_and_without_measurements_and_what_is_named_where(tmp_path, kept):
     frame = {"vessel": ["a", "b", "c"], "parent": ["", "a", "a"], "mean_flow": 1.0, "disagreement": [5.0, np.nan, 1.0]}
-    pd.DataFrame(frame).to_csv(tmp_path / "t.csv", index=False)
+    named = ["", "side_branch_leak at b; autoregulation at all beds", "autoregulation at all beds"]
+    pd.DataFrame(frame | {"named": named}).to_csv(tmp_path / "t.csv", index=False)
     drawn.tree(tmp_path / "t.csv", tmp_path / "t.png")
     assert is_png(tmp_path / "t.png")
+    ((*_, words, lines), *_) = kept
+    assert words == ["b", "side branch leak", "autoregulation", "c", "autoregulation", "a"]
+    assert {((1.4, 0.0),), ((1.8, 0.0),), ((1.8, 1.0),)} <= lines
+    pd.DataFrame(frame | {"named": ""}).to_csv(tmp_path / "t.csv", index=False)
+    drawn.tree(tmp_path / "t.csv", tmp_path / "t.png")
+
+
+def test_means_are_drawn_against_what_was_predicted_in_clinical_units(tmp_path, kept):
+    factors = {"flow": ML_PER_MIN, "pressure": MMHG, "perfusion": MBF_PER_MIN_PER_G, "ratio": 1.0}
+    rows = [
+        (name, fitted, measured * one, 0.1 * one, 3.0 * one, (2.0 + measured) * one)
+        for name, one in factors.items()
+        for measured, fitted in ((1.0, True), (2.0, False))
+    ]
+    columns = ["quantity", "fitted", "measured", "sd", "recalibrated", "repaired"]
+    frame = pd.DataFrame(rows, columns=columns).assign(condition="rest", location="a:b", statistic="mean", phase=np.nan)
+    frame.to_csv(tmp_path / "r.csv", index=False)
+    drawn.residuals(tmp_path / "r.csv", tmp_path / "r.png")
+    assert [title for title, *_ in kept] == list(factors)
+    units = [label.removeprefix("measured, sd") for _, label, *_ in kept]
+    assert units == [" (mL/min)", " (mmHg)", " (mL/min/g)", ""]
+    for *_, lines in kept:
+        rounded = {tuple((round(x, 9), round(y, 9)) for x, y in line) for line in lines}
+        diagonal, before, after = (
+            ((1.0, 1.0), (4.0, 4.0)),
+            {((1.0, 3.0),), ((2.0, 3.0),)},
+            {((1.0, 3.0),), ((2.0, 4.0),)},
+        )
+        assert {diagonal, *before, *after} <= rounded
 
 
 def test_sizes_without_a_named_effect(tmp_path):

@@ -15,18 +15,28 @@ from coronaryuq.discrepancy.simulation import Acting
 
 FLAT = 1e3
 """Standard deviations of its prior that a common size may be off by here."""
+KNOWN = np.sqrt(0.5)
+"""Standard deviation, in units of the prior's, above which a condition does not tell its size: its own data take away
+less than half of the prior's variance. Without any of its own it is above 1, whatever the other conditions tell."""
 
 
 @dataclass(frozen=True)
 class Constancy:
     """One named effect. log_odds: of sizes that differ between conditions, by the spread of the prior, over one size.
 
-    sizes: the first size z under every fitted condition, mean and standard deviation in units of the prior's.
+    sizes: the first size z under every condition fitted as a whole (under all, where that is one), mean and standard
+    deviation in units of the prior's.
     """
 
     acting: Acting
     log_odds: float
     sizes: dict[str, tuple[float, float]]
+
+    @property
+    def known(self) -> dict[str, tuple[float, float]]:
+        """The sizes under conditions whose own data tell of them; of two at least, as there is no difference of one."""
+        second = sorted(sd for _, sd in self.sizes.values())[:2][-1]
+        return {name: size for name, size in self.sizes.items() if size[1] <= max(KNOWN, second)}
 
 
 def constancy(problem: Problem, fit: Fit, acting: list[Acting]) -> list[Constancy]:
@@ -38,6 +48,7 @@ def constancy(problem: Problem, fit: Fit, acting: list[Acting]) -> list[Constanc
     """
     conditions = problem.condition[problem.train]
     names = [str(name) for name in dict.fromkeys(conditions)]
+    whole = [name for name in names if problem.train[problem.condition == name].all()]
     contrasts = null_space(np.ones((1, len(names))))
     found, column, free = [], problem.count, _free(fit, problem.count)
     for one in acting:
@@ -48,7 +59,9 @@ def constancy(problem: Problem, fit: Fit, acting: list[Acting]) -> list[Constanc
         precision = np.eye(differing.shape[1]) + differing.T @ free.project(differing)
         along = differing.T @ free.score
         log_odds = 0.5 * along @ np.linalg.solve(precision, along) - 0.5 * np.linalg.slogdet(precision)[1]
-        found.append(Constancy(one, float(log_odds), _sizes(fit, apart, column, count, names)))
+        sizes = _sizes(fit, apart, column, count, names)
+        told = whole if len(whole) > 1 else names
+        found.append(Constancy(one, float(log_odds), {name: sizes[name] for name in told}))
         column += count
     return found
 

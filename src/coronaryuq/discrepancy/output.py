@@ -12,7 +12,9 @@ from coronaryuq.discrepancy.repair import write_repaired
 from coronaryuq.discrepancy.search import Discovery
 from coronaryuq.discrepancy.separate import separating
 from coronaryuq.discrepancy.simulation import Acting
-from coronaryuq.discrepancy.words import Z_90, paragraph
+from coronaryuq.discrepancy.words import Z_90, paragraph, strained
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.beds import ALL
 
 
 def summary(found: Discovery) -> dict:
@@ -22,7 +24,8 @@ def summary(found: Discovery) -> dict:
     return {
         "alarm": found.alarm,
         "global_test": {"p": found.located.p, **found.located.tests},
-        "strained": [vars(one) for one in found.located.strains if one.p < found.problem.settings.alarm_level],
+        "strained": [vars(one) | {"factor": factor} for one, factor in strained(found.located, found)],
+        "still_strained": [vars(one) | {"factor": factor} for one, factor in strained(found.remaining, found)],
         "located": [vars(group) | {"unit": "CGS"} for group in found.located.groups if group.q < level][:40],
         "named": named(found),
         "probabilities": [
@@ -92,12 +95,12 @@ def named(found: Discovery) -> list[dict]:
 
 
 def _by_condition(found: Discovery, acting: Acting) -> dict:
-    """Log odds that the first size differs between conditions, and its 90 % interval under each."""
+    """Log odds that the first size differs between conditions, and its 90 % interval under each that tells of it."""
     one = next(c for c in found.verdict.constancies if c.acting == acting)
     parameter = acting[0].parameters[0]
     sizes = {
         name: [float(parameter.from_standard(mean + k * sd)) for k in (-Z_90, 0.0, Z_90)]
-        for name, (mean, sd) in one.sizes.items()
+        for name, (mean, sd) in one.known.items()
     }
     return {"log_odds_that_it_differs": one.log_odds, parameter.name: sizes}
 
@@ -112,17 +115,21 @@ def _member(candidate: Candidate) -> dict:
 
 WRITTEN = (
     *("discrepancy.json", "paragraph.txt", "located.csv", "residuals.csv", "ranking.csv", "sizes.csv", "tree.csv"),
-    *("gap.csv", "repaired.json", "conditions.yaml", "difference.txt", "pairs.csv", "laws.csv", "effects.csv"),
+    *("gap.csv", "repaired.json", "measurements.csv", "conditions.yaml", "difference.txt"),
+    *("pairs.csv", "laws.csv", "effects.csv"),
 )
 """All that a search may leave behind, beside the folder `drives`."""
+A_CASE = ("measurements.csv", "conditions.yaml")
+"""Those that a case has as well: beside a repaired model alone they are an earlier search's."""
 
 
 def clear(folder: Path) -> None:
     """Remove what an earlier search left in `folder`: another answer has no repaired model, perhaps."""
-    drives = []
-    if all((folder / name).exists() for name in ("repaired.json", "conditions.yaml")):
+    drives, repaired = [], (folder / "repaired.json").exists()
+    if repaired and (folder / "conditions.yaml").exists():
         drives = [path for path in drives_of(folder / "conditions.yaml") if path.parent == folder / "drives"]
-    for path in (*(folder / name for name in WRITTEN), *drives):
+    ours = [folder / name for name in WRITTEN if repaired or name not in A_CASE]
+    for path in (*ours, *drives):
         path.unlink(missing_ok=True)
 
 
@@ -130,7 +137,7 @@ def write(found: Discovery, folder: Path) -> dict:
     """Write everything into `folder`; returns the summary.
 
     discrepancy.json; located.csv; residuals.csv; ranking.csv; sizes.csv; tree.csv; gap.csv; paragraph.txt; and,
-    unless the effect is outside the library, repaired.json, conditions.yaml, difference.txt.
+    unless the effect is outside the library, repaired.json, measurements.csv, conditions.yaml, difference.txt.
     """
     answer = summary(found)
     clear(folder)
@@ -200,7 +207,9 @@ def _sizes(found: Discovery) -> pd.DataFrame:
 
 
 def _tree(found: Discovery) -> pd.DataFrame:
-    """Vessels with their parent and the largest disagreement measured at either end (score in standard deviations)."""
+    """Vessels with their parent, the largest disagreement measured at either end (score in standard deviations), and
+    the named effects that act at a vessel or at its bed.
+    """
     anatomy = found.problem.forward.anatomy
     worst: dict[str, float] = {}
     for group in found.located.groups:
@@ -213,10 +222,23 @@ def _tree(found: Discovery) -> pd.DataFrame:
             anatomy.parents[name][0] if anatomy.parents[name] else "",
             anatomy.flow_scale(name),
             worst.get(name, np.nan),
+            "; ".join(
+                f"{effect.name} at {place}"
+                for effect, place in (entry.accepted.acting for entry in found.named)
+                if name in vessels_of(place, anatomy)
+            ),
         )
         for name in anatomy.vessels
     ]
-    return pd.DataFrame(rows, columns=["vessel", "parent", "mean_flow", "disagreement"])
+    return pd.DataFrame(rows, columns=["vessel", "parent", "mean_flow", "disagreement", "named"])
+
+
+def vessels_of(place: str, anatomy: Anatomy) -> list[str]:
+    """The vessels that a place is, or whose beds it is: two of a collateral, none of a sensor."""
+    if place == ALL:
+        return list(anatomy.beds.values())
+    parts = [part for end in place.split("~") for part in end.split("<")]
+    return [anatomy.beds.get(part, part) for part in parts if part in anatomy.beds or part in anatomy.vessels]
 
 
 def _gaps(found: Discovery) -> pd.DataFrame:

@@ -1,19 +1,25 @@
-"""The repaired model: network and conditions with the named effects written in, and a diff that a person can read."""
+"""The repaired model: network and conditions with the named effects written in, the measurements under the names that
+its locations have, and a diff that a person can read.
+"""
 
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import yaml
 
-from coronaryuq import files
+from coronaryuq import files, units
 from coronaryuq.discrepancy.conditions import HEART, Condition, as_entry, drive_file, under, write_drive
 from coronaryuq.discrepancy.forward import Forward
 from coronaryuq.discrepancy.inference import Fit
+from coronaryuq.discrepancy.measurements import COLUMNS, UNITS
 from coronaryuq.discrepancy.networks import scalars, with_values
 from coronaryuq.discrepancy.simulation import Acting
 
 SAME = 1e-9
+WRITTEN_IN = {"flow": "mL/s", "pressure": "mmHg", "volume": "mL", "perfusion": "mL/min/g", "ratio": "1"}
+"""Unit of each measured quantity in the table beside a repaired network."""
 
 
 def repaired_network(forward: Forward, acting: list[Acting], z: np.ndarray) -> dict:
@@ -55,9 +61,27 @@ def repaired_conditions(forward: Forward, acting: list[Acting], z: np.ndarray, f
     return content
 
 
+def renamed_locations(forward: Forward, acting: list[Acting]) -> dict[str, str]:
+    """Old name → new name of the locations that the repaired network calls otherwise."""
+    return forward.simulation.prepared(forward.simulation.inserting(acting)).renamed
+
+
+def repaired_measurements(forward: Forward, acting: list[Acting]) -> pd.DataFrame:
+    """The table of measurements with the repaired network's names, to examine that network with; numbers stay."""
+    renamed, rows = renamed_locations(forward, acting), []
+    for one in forward.measured:
+        unit = WRITTEN_IN[one.quantity]
+        key = (one.condition, one.quantity, renamed.get(one.location, one.location), one.statistic)
+        times = [np.nan] * one.value.size if one.time is None else one.time
+        for time, value, sd in zip(times, *(x / UNITS[one.quantity][unit] for x in (one.value, one.sd)), strict=True):
+            rows.append((*key, time, value, sd, unit))
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
 def difference(forward: Forward, acting: list[Acting], fit: Fit) -> str:
     """What changed, in words and numbers: the effects, the elements added, recalibration factors, every value."""
-    lines = ["Effects"]
+    pressure = next(name for name, factor in units.PRESSURES.items() if factor == forward.pressure_factor)
+    lines = [f"Effects (sizes that have a unit are in the network's: {pressure}, mL, s)"]
     column = len(forward.nuisances)
     for effect, place in acting:
         sizes = {p.name: float(p.from_standard(fit.z[column + i])) for i, p in enumerate(effect.parameters)}
@@ -75,31 +99,50 @@ def difference(forward: Forward, acting: list[Acting], fit: Fit) -> str:
         added = [entry[key] for entry in after.get(part, []) if entry[key] not in old]
         if added:
             lines += ["", f"Added {part}: {', '.join(added)}"]
+    renamed = renamed_locations(forward, acting)
+    if renamed:
+        lines += ["", "Renamed locations (old -> new); measurements.csv has the new names"]
+        lines += [f"  {old} -> {new}" for old, new in renamed.items()]
     lines += ["", "Values (old -> new)"]
-    for part, key, values in (
-        ("vessels", "vessel_name", "zero_d_element_values"),
-        ("boundary_conditions", "bc_name", "bc_values"),
+    for part, key, values, kind in (
+        ("vessels", "vessel_name", "zero_d_element_values", "vessel_type"),
+        ("boundary_conditions", "bc_name", "bc_values", "bc_type"),
     ):
-        old = {entry[key]: entry[values] for entry in before.get(part, [])}
+        old = {entry[key]: entry for entry in before.get(part, [])}
         for entry in after.get(part, []):
-            for name, value in entry[values].items():
-                was = old.get(entry[key], {}).get(name)
-                if isinstance(value, list):
-                    if was is not None and (len(was) != len(value) or not np.allclose(was, value, rtol=SAME, atol=0.0)):
-                        lines.append(f"  {entry[key]}.{name}: waveform replaced")
-                elif entry[key] in old and was != value:
-                    lines.append(f"  {entry[key]}.{name}: {was if was is not None else 0.0:g} -> {value:g}")
+            if entry[key] in old:
+                name, was = entry[key], old[entry[key]]
+                if was.get(kind) != entry.get(kind):
+                    lines.append(f"  {name}: {was.get(kind)} -> {entry.get(kind)}")
+                lines += _changed(name, was[values], entry[values])
     for old, new in zip(before.get("closed_loop_blocks", []), after.get("closed_loop_blocks", []), strict=True):
-        for name, value in new["parameters"].items():
-            was = old["parameters"].get(name, 0.0)
-            if was != value:
-                lines.append(f"  {HEART}.{name}: {was:g} -> {value:g}")
+        lines += _changed(HEART, old["parameters"], new["parameters"])
     return "\n".join(lines) + "\n"
 
 
+def _changed(block: str, old: dict, new: dict) -> list[str]:
+    """A line for every number or waveform of a block that differs, is added, or is no longer there."""
+    lines = []
+    for name, value in new.items():
+        if name not in old:
+            lines.append(f"  {block}.{name}: added, {_told(value)}")
+        elif np.ndim(value) or np.ndim(old[name]):
+            if np.shape(old[name]) != np.shape(value) or not np.allclose(old[name], value, rtol=SAME, atol=0.0):
+                lines.append(f"  {block}.{name}: waveform replaced")
+        elif old[name] != value:
+            lines.append(f"  {block}.{name}: {old[name]:g} -> {value:g}")
+    gone = [f"  {block}.{name}: removed, was {_told(value)}" for name, value in old.items() if name not in new]
+    return lines + gone
+
+
+def _told(value: float | list) -> str:
+    return "a waveform" if np.ndim(value) else f"{value:g}"
+
+
 def write_repaired(forward: Forward, acting: list[Acting], fit: Fit, folder: Path) -> None:
-    """Write `repaired.json`, `conditions.yaml`, `drives/` and `difference.txt` into `folder`."""
+    """Write `repaired.json`, `measurements.csv`, `conditions.yaml`, `drives/` and `difference.txt` into `folder`."""
     files.write_json(folder / "repaired.json", repaired_network(forward, acting, fit.z))
+    files.write_csv(folder / "measurements.csv", repaired_measurements(forward, acting))
     content = repaired_conditions(forward, acting, fit.z, folder)
     files.write_text(folder / "conditions.yaml", yaml.safe_dump(content, sort_keys=False))
     files.write_text(folder / "difference.txt", difference(forward, acting, fit))

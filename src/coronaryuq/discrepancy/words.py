@@ -5,12 +5,16 @@ import numpy as np
 from coronaryuq.discrepancy.abstention import LEAST_FORETOLD, Gaps
 from coronaryuq.discrepancy.conservation import PROBE
 from coronaryuq.discrepancy.constancy import Constancy
-from coronaryuq.discrepancy.locate import Located
+from coronaryuq.discrepancy.locate import Located, Strain
+from coronaryuq.discrepancy.naming import Round
+from coronaryuq.discrepancy.problem import DISTORTED
 from coronaryuq.discrepancy.search import CENTRAL_99, Discovery
 from coronaryuq.discrepancy.simulation import Acting
 
 Z_90 = 1.6448536269514722
 """Standard deviations of a normal distribution that bound its central 90 %."""
+MOST_STRAINED = 4
+"""Nuisance parameters listed at most in one sentence."""
 
 
 def paragraph(found: Discovery, held_out: list[str]) -> str:
@@ -54,7 +58,7 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
         )
         return text
     if found.verdict.refuted:
-        nearest = " and ".join(_called(one) for one in found.acting)
+        nearest = listed([_called(one) for one in found.acting])
         text += (
             f"No effect of the library explains it: what comes nearest in the fitted measurements, {nearest}, is not "
             f"borne out by those that no fit had seen (log predictive density per row {found.gaps.after.lpd:.3f}, of "
@@ -62,14 +66,9 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
         )
         return text
     if found.outside_library and found.verdict.varying:
-        one = max(found.verdict.varying, key=lambda c: c.log_odds)
-        text += (
-            f"No effect of the library explains it: what comes nearest, {_called(one.acting)}, would need another size "
-            f"under each condition ({_sizes(one)}). It is not named."
-        )
-        return text
+        return f"{text}No effect of the library explains it: {_varying(found)}. It is not named."
     if found.outside_library and found.verdict.unforeseen:
-        nearest = " and ".join(_called(one) for one in found.acting)
+        nearest = listed([_called(one) for one in found.acting])
         text += (
             f"No effect of the library explains it: what comes nearest in the fitted measurements, {nearest}, does not "
             f"foretell those that no fit had seen ({chance(found.verdict.foretold)}). It is not named."
@@ -88,12 +87,7 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
     for number, entry in enumerate(found.named):
         one = entry.accepted
         text += f"{'Missing' if number == 0 else 'Also missing'} is {_called(one.acting)}"
-        share = sum(member.probability for member in entry.members)
-        text += f" (probability {share:.2f}"
-        if len(entry.members) > 1:
-            others = ", ".join(_called(m.acting) for m in entry.members[1:])
-            text += f", together with what these data cannot tell from it: {others}"
-        text += f"; {_size_of(found, one.acting)}). "
+        text += f" ({_probability(entry)}; {_size_of(found, one.acting)}). "
         for parameter in found.beyond_prior(one.acting):
             low, high = (float(parameter.from_standard(k * CENTRAL_99)) for k in (-1, 1))
             size = parameter.name.replace("_", " ")
@@ -117,10 +111,12 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
     if found.remaining.alarm(found.problem.settings.alarm_level):
         text += f"Something remains unexplained ({chance(found.remaining.p)})"
         text += rival(found.gaps, bool(found.named))
-        text += "." + _strained(" With the named effects recalibration still moves", found.remaining, found).rstrip()
+        text += ". "
     else:
-        text += f"What remains is within the noise ({chance(found.remaining.p)})."
-    return text
+        text += f"What remains is within the noise ({chance(found.remaining.p)}). "
+    if found.named:
+        text += _strained("With the named effects recalibration still moves", found.remaining, found)
+    return text.rstrip()
 
 
 def _unforeseen(foretold: float, held_out: list[str]) -> str:
@@ -133,12 +129,39 @@ def _unforeseen(foretold: float, held_out: list[str]) -> str:
     return f" But those measurements are not as the model foretells them ({chance(foretold)}): {remedy}."
 
 
+def _probability(entry: Round) -> str:
+    """How probable a named effect is and, where the data cannot tell it from others, how probable each of them."""
+    one, *others = entry.members
+    if not others:
+        return f"probability {one.probability:.2f}"
+    share = sum(member.probability for member in entry.members)
+    told = ", ".join(f"{_called(member.acting)} {member.probability:.2f}" for member in others)
+    return (
+        f"probability of the class {share:.2f}, of this member {one.probability:.2f}; the others, which these data "
+        f"cannot tell from it: {told}"
+    )
+
+
+def _varying(found: Discovery) -> str:
+    """What comes nearest, and which of it would need sizes of its own under the conditions."""
+    nearest = [_called(one) for one in found.acting]
+    told = [(_called(one.acting), _sizes(one)) for one in found.verdict.varying]
+    if len(nearest) == 1:
+        return f"what comes nearest, {nearest[0]}, would need another size under each condition ({told[0][1]})"
+    which = listed([f"{name} ({sizes})" for name, sizes in told])
+    return f"what comes nearest is {listed(nearest)}, of which {which} would need another size under each condition"
+
+
 def _size_of(found: Discovery, acting: Acting) -> str:
     """What the sizes of a named effect are, with their 90 % intervals."""
     told = []
     for parameter, z, sd in found.sizes(acting):
-        size, low, high = (f"{float(parameter.from_standard(z + k * sd)):.2g}" for k in (0.0, -Z_90, Z_90))
-        told.append(f"{parameter.meaning} {size} ({low} to {high})")
+        sizes = [float(parameter.from_standard(z + k * sd)) for k in (0.0, -Z_90, Z_90)]
+        early = acting[0].side == "measurement" and parameter.name == "delay" and sizes[0] < 0.0
+        if early:
+            sizes = [-sizes[0], -sizes[2], -sizes[1]]
+        size, low, high = (f"{value:.2g}" for value in sizes)
+        told.append(f"{'read early by' if early else parameter.meaning} {size} ({low} to {high})" + " s" * early)
     return ", ".join(told)
 
 
@@ -173,12 +196,31 @@ def rival(gaps: Gaps, named: bool) -> str:
     return f"{told} (log predictive density per row {', '.join(f'{density:.2f}' for density in densities)})"
 
 
+def strained(located: Located, found: Discovery) -> list[tuple[Strain, float]]:
+    """Nuisance parameters that are in conflict with their prior or far outside it, each with the factor that it is."""
+    sd = {nuisance.name: nuisance.sd for nuisance in found.problem.forward.nuisances}
+    level = found.problem.settings.alarm_level
+    away = [one for one in located.strains if one.p < level or abs(one.moved) > DISTORTED]
+    return [(one, float(np.exp(sd[one.name] * one.moved))) for one in away]
+
+
 def _strained(said: str, located: Located, found: Discovery) -> str:
-    """That a nuisance parameter has left its prior, where it has."""
-    if located.tests["worst nuisance parameter"] >= found.problem.settings.alarm_level:
+    """The nuisance parameter in the worst conflict with its prior, and all far outside theirs, where there are any."""
+    away = [one for n, one in enumerate(strained(located, found)) if n == 0 or abs(one[0].moved) > DISTORTED]
+    if not away:
         return ""
-    one = located.strains[0]
-    return f"{said} the {one.name} by {one.moved:+.1f} standard deviations of its prior ({chance(one.p)}). "
+    (first, factor), *others = away[:MOST_STRAINED]
+    moved = f"{first.moved:+.1f} standard deviations of its prior (×{factor:.2g}, {chance(first.p)})"
+    told = [f"the {first.name} by {moved}"]
+    told += [f"the {one.name} by {one.moved:+.1f} (×{factor:.2g})" for one, factor in others]
+    if len(away) > MOST_STRAINED:
+        told.append(f"{len(away) - MOST_STRAINED} more")
+    return f"{said} {listed(told)}. "
+
+
+def listed(words: list[str]) -> str:
+    """Words as one reads them out: a, b and c."""
+    return " and ".join([", ".join(words[:-1])] * (len(words) > 1) + words[-1:])
 
 
 def _called(acting: Acting) -> str:
@@ -187,9 +229,11 @@ def _called(acting: Acting) -> str:
 
 
 def _sizes(one: Constancy) -> str:
-    """The first size under every condition, in its own unit."""
-    parameter = one.acting[0].parameters[0]
-    told = [f"{name} {float(parameter.from_standard(mean)):.2g}" for name, (mean, _) in one.sizes.items()]
+    """The first size under the conditions that tell of it, in its own unit, with 90 % intervals."""
+    parameter, told = one.acting[0].parameters[0], []
+    for name, (mean, sd) in one.known.items():
+        size, low, high = (f"{float(parameter.from_standard(mean + k * sd)):.2g}" for k in (0.0, -Z_90, Z_90))
+        told.append(f"{name} {size} ({low} to {high})")
     return f"{parameter.name.replace('_', ' ')}: {', '.join(told)}" + (f" {parameter.unit}" * (parameter.unit != "1"))
 
 

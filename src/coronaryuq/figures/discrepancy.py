@@ -17,12 +17,20 @@ from coronaryuq.seeds import generator
 MEASURED, BEFORE, AFTER, FLEXIBLE = "#000000", "#0072B2", "#D55E00", "#009E73"
 TOGETHER = "#CC79A7"
 MOST_PANELS = 6
-SHOWN_IN = {"pressure": (units.MMHG, "mmHg"), "flow": (units.ML_PER_MIN, "mL/min"), "volume": (1.0, "mL")}
+SHOWN_IN = {
+    "pressure": (units.MMHG, "mmHg"),
+    "flow": (units.ML_PER_MIN, "mL/min"),
+    "perfusion": (units.MBF_PER_MIN_PER_G, "mL/min/g"),
+    "volume": (1.0, "mL"),
+}
 
 
 def tree(table: str | Path, output: str | Path) -> None:
-    """Vessels from left to right as they divide, coloured by their largest disagreement (sd); grey: none measured."""
-    frame = read_csv(table, ("vessel", "parent", "disagreement"))
+    """Vessels from left to right as they divide, coloured by their largest disagreement (sd); grey: none measured.
+
+    A diamond, with its name, is a named effect: on the vessel where it acts there, at its end where it acts at the bed.
+    """
+    frame = read_csv(table, ("vessel", "parent", "disagreement", "named"))
     children: dict[str, list[str]] = {}
     for row in frame.itertuples(index=False):
         children.setdefault(row.parent if isinstance(row.parent, str) else "", []).append(row.vessel)
@@ -46,6 +54,7 @@ def tree(table: str | Path, output: str | Path) -> None:
     norm = Normalize(0.0, max(4.0, np.nanmax(frame.disagreement.to_numpy(), initial=0.0)))
     colours = colormaps["viridis_r"]
     parents = dict(zip(frame.vessel, frame.parent, strict=True))
+    named = {row.vessel: row.named.split("; ") for row in frame.itertuples() if isinstance(row.named, str)}
     with saved(output, figsize=(7.0, max(2.0, 0.28 * leaves + 1.0))) as (canvas, axes):
         for name, (depth, height) in place.items():
             parent = parents[name]
@@ -54,17 +63,38 @@ def tree(table: str | Path, output: str | Path) -> None:
             colour = colours(norm(worst[name])) if known else MUTED
             line = {"color": colour, "lw": 3 if known else 1.5, "zorder": 2 if known else 1}
             axes.plot([depth, depth, depth + (1.0 if name in children else 0.8)], [start, height, height], **line)
-            if leaves <= 12 or known:
+            if leaves <= 12 or known or name in named:
                 text = axes.text(depth + 0.05, height + 0.12, name, fontsize=6, va="bottom", zorder=3)
                 text.set_path_effects([withStroke(linewidth=2, foreground="white")])
+            _mark(axes, name, depth, height, 1.0 if name in children else 0.8, named.get(name, []))
         axes.set_axis_off()
         axes.set_ylim(-0.5, max(leaves - 1, 0) + 0.7)
-        axes.set_title("Largest disagreement after recalibration (sd of what chance gives); grey: not measured")
+        title = "Largest disagreement after recalibration (sd of what chance gives); grey: not measured"
+        axes.set_title(title, loc="left")
         canvas.colorbar(ScalarMappable(norm, colours), ax=axes, shrink=0.7)
 
 
+def _mark(axes, vessel: str, depth: float, height: float, length: float, named: list[str]) -> None:
+    """Diamonds with names for the effects that act at a vessel, "EFFECT at PLACE", from its middle or its end on."""
+    told = {True: [], False: []}
+    for one in named:
+        effect, place = one.split(" at ", 1)
+        told[vessel in place.split("~")].append(effect.replace("_", " "))
+    for own, words in told.items():
+        if words:
+            x = depth + (0.5 if own else 1.0) * length
+            axes.plot(x, height, "D", ms=5, color=AFTER, mec="white", mew=0.8, zorder=4, clip_on=False)
+            offset, align = ((0, -5), ("center", "top")) if own else ((6, 0), ("left", "center"))
+            style = {"fontsize": 6, "color": AFTER, "ha": align[0], "va": align[1], "zorder": 4}
+            text = axes.annotate(", ".join(words), (x, height), offset, textcoords="offset points", **style)
+            text.set_path_effects([withStroke(linewidth=2, foreground="white")])
+
+
 def residuals(table: str | Path, output: str | Path) -> None:
-    """The series with the largest misfit: measured with its noise, recalibrated, repaired, over the cycle."""
+    """The series with the largest misfit: measured with its noise, recalibrated, repaired, over the cycle.
+
+    Where no waveform was measured: predicted against measured, quantity by quantity.
+    """
     frame = read_csv(
         table, ("condition", "quantity", "location", "statistic", "phase", "measured", "sd", "recalibrated")
     )
@@ -73,7 +103,7 @@ def residuals(table: str | Path, output: str | Path) -> None:
     groups.sort(key=lambda item: -float(np.mean(((item[1].measured - item[1].recalibrated) / item[1].sd) ** 2)))
     groups = groups[:MOST_PANELS]
     if not groups:
-        groups = [(("mean values", "", ""), frame.assign(phase=np.arange(len(frame))))]
+        return _against_measured(frame, output)
     rows = -(-len(groups) // 2)
     with saved(output, nrows=rows, ncols=2, figsize=(8.0, 2.3 * rows), squeeze=False) as (_, axes):
         for axis, ((quantity, location, condition), part) in zip(axes.flat, groups, strict=False):
@@ -91,6 +121,31 @@ def residuals(table: str | Path, output: str | Path) -> None:
         for axis in axes.flat[len(groups) :]:
             axis.set_axis_off()
         axes.flat[0].legend(fontsize=6)
+
+
+def _against_measured(frame: pd.DataFrame, output: str | Path) -> None:
+    """Predicted against measured, a panel per quantity, before and after; squares were kept out of every fit."""
+    names = list(dict.fromkeys(frame.quantity))
+    drawn = {}
+    with saved(output, ncols=len(names), figsize=(3.4 * len(names), 3.9), squeeze=False) as (canvas, axes):
+        for axis, quantity in zip(axes.flat, names, strict=True):
+            part, (one, unit) = frame[frame.quantity == quantity], SHOWN_IN.get(quantity, (1.0, ""))
+            values = part[["measured", "recalibrated", "repaired"]].to_numpy() / one
+            ends = [values.min(), values.max()]
+            axis.plot(ends, ends, color=MUTED, lw=1, zorder=1)
+            for key, colour, size, label in (
+                ("recalibrated", BEFORE, 6, "recalibrated"),
+                ("repaired", AFTER, 4, "with the named effects"),
+            ):
+                for fitted, marker, which in ((True, "o", "fitted"), (False, "s", "kept out of the fit")):
+                    some = part[part.fitted.astype(bool) == fitted]
+                    if len(some):
+                        style = {"fmt": marker, "ms": size, "mfc": colour if fitted else "white", "color": colour}
+                        at = some.measured / one, some[key] / one
+                        drawn[f"{label}, {which}"] = axis.errorbar(*at, xerr=some.sd / one, lw=0.8, **style)
+            beside = f" ({unit})" if unit else ""
+            axis.set(title=quantity, xlabel=f"measured, sd{beside}", ylabel=f"predicted{beside}", aspect="equal")
+        canvas.legend(drawn.values(), drawn.keys(), loc="outside lower center", ncols=2, fontsize=6)
 
 
 def ranking(table: str | Path, output: str | Path) -> None:

@@ -11,9 +11,10 @@ from coronaryuq import provenance, units
 from coronaryuq.files import read_json, write_text
 
 CAPTIONS = {
-    "tree": "Vessels from left to right as they divide, coloured by their largest disagreement after recalibration.",
-    "residuals": "The series with the largest misfit over the cycle: measured with its noise, recalibrated, and with "
-    "the named effects.",
+    "tree": "Vessels from left to right as they divide, coloured by their largest disagreement after recalibration. "
+    "Diamonds: the named effects, on the vessel or at the bed where they act.",
+    "residuals": "Measured with its noise, recalibrated, and with the named effects: the series with the largest "
+    "misfit over the cycle or, where no waveform was measured, predicted against measured.",
     "ranking": "Candidates of every round of the search and their probabilities, given the library.",
     "sizes": "Posterior and prior of the named effects' sizes.",
     "gap": "Misfit on measurements kept out of every fit, with 90 % intervals.",
@@ -124,7 +125,7 @@ def _named(one: dict) -> dict:
     return {
         "effect": one["effect"].replace("_", " "),
         "place": one["place"],
-        "probability": f"{one.get('class_probability', one['probability']):.2f}",
+        "probability": _probability(one),
         "sizes": ", ".join(sizes),
         "others": ", ".join(others).replace("_", " ") or "–",
         "separate_by": "".join(wanted),
@@ -132,6 +133,12 @@ def _named(one: dict) -> dict:
         "source": one["source"],
         "written_as": one.get("written_as", ""),
     }
+
+
+def _probability(one: dict) -> str:
+    """That of a class of answers, and of its member that is named where it has others."""
+    whole = one.get("class_probability", one["probability"])
+    return f"{whole:.2f}" + (f", of this member {one['probability']:.2f}" if len(one["class"]) > 1 else "")
 
 
 def _located(row: dict) -> dict:
