@@ -6,10 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy.optimize import minimize_scalar
 
 from coronaryuq.errors import InputError
 from coronaryuq.files import read_csv
 
+SD_ZERO_FLOW, SD_BED, FLOOR_BED = 0.1, 0.25, 0.003
+"""Prior standard deviations of the zero-flow pressure over the root's and of the logarithm of a bed's resistance;
+relative error of an outlet's pressure and flow below which tables are not to be believed."""
 EXACT = 1e-6
 LEAST_SAMPLES = 20
 LARGEST_FFR = 1.5
@@ -176,14 +180,38 @@ def _outlet(simulated, outlets, flows, root0, distal0, place: str) -> str:
 
 
 def _zero_flow(simulated, measured, pressures, flows, root) -> float:
-    """Median over outlets and samples of the pressure at which a bed's simulated and measured line reaches no flow."""
-    found = []
+    """Most probable pressure at which the outlets' beds carry no flow, from 0 to below the least one at any outlet.
+
+    A bed keeps its resistance but for a factor k of its own: P3 - z = k (P0 - z) Q3 / Q0. What is left of that is
+    weighed by the variance that equal relative errors of P3 and Q3 give it (total least squares), its own size unknown
+    above `FLOOR_BED`; k and z have priors, so that beds whose flow does not change tell nothing and leave z near 0.
+    """
+    beds = []
     for key, (p0, p3) in pressures.items():
         pair = flows.get(("mean_flow", key[1]))
         if key == root or pair is None:
             continue
-        a, b = simulated[p0].to_numpy(), measured[p3].to_numpy()
-        q, r = simulated[pair[0]].to_numpy(), measured[pair[1]].to_numpy()
-        apart = np.abs(r - q) > 0.02 * np.abs(q)
-        found += list(((a * r - b * q) / np.where(r == q, np.nan, r - q))[apart])
-    return float(np.median(found)) if found else 0.0
+        a, b, q, r = (
+            t[c].to_numpy() for t, c in ((simulated, p0), (measured, p3), (simulated, pair[0]), (measured, pair[1]))
+        )
+        whole = np.isfinite(a * b * r / q) & (a > 0.0) & (b > 0.0) & (r / q > 0.0)
+        if whole.any():
+            beds.append((a[whole], b[whole], (r / q)[whole]))
+    if not beds:
+        return 0.0
+    scale = SD_ZERO_FLOW * float(simulated[pressures[root][0]].mean())
+
+    def objective(z):
+        total = 0.5 * (z / scale) ** 2
+        for a, b, ratio in beds:
+            expected, weight = (a - z) * ratio, 1.0 / (b**2 + (b - z) ** 2)
+            factor = np.sum(weight * (b - z) * expected) / np.sum(weight * expected**2)
+            left = np.mean(weight * (b - z - factor * expected) ** 2)
+            total += 0.5 * len(a) * np.log(left + FLOOR_BED**2) + 0.5 * (np.log(factor) / SD_BED) ** 2
+        return float(total)
+
+    least = min(min(a.min(), b.min()) for a, b, _ in beds)
+    grid = np.linspace(0.0, least, 200, endpoint=False)
+    best = int(np.argmin([objective(z) for z in grid]))
+    bounds = (grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)])
+    return float(minimize_scalar(objective, bounds=bounds, method="bounded", options={"xatol": 1e-6 * least}).x)

@@ -1,0 +1,80 @@
+"""Searches on tables of pairs: what noise must not change, what samples cannot tell apart, sizes with intervals."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from coronaryuq.discrepancy.tables import branches, read_pairs
+
+ZERO_FLOW = 5.0
+
+
+def noisy_pairs(
+    folder,
+    seed,
+    count=60,
+    quadratic=0.0,
+    linear=0.0,
+    offset=0.0,
+    gain=0.0,
+    flow_gain=0.0,
+    ffr=0.002,
+    outlet=0.01,
+    power=2,
+):
+    """Tables of one branch with its loss and sensors; errors of FFR, and relative ones of the outlet's readings."""
+    random = np.random.default_rng(seed)
+    root, own, beyond = 86.0 - 3.0 * random.random(count), 3.0, 2.0
+    bed = 60.0 * random.uniform(0.5, 2.0, count) * random.uniform(0.7, 1.25, count)
+    simulated = (root - ZERO_FLOW) / (own + beyond + bed)
+    low, high = np.zeros(count), simulated.copy()
+    for _ in range(60):
+        flow = 0.5 * (low + high)
+        left = root - ZERO_FLOW - (own + linear + beyond + bed) * flow - quadratic * flow**power
+        low, high = np.where(left > 0.0, flow, low), np.where(left > 0.0, high, flow)
+    distal = root - (own + linear) * flow - quadratic * flow**power
+    end = distal - beyond * flow
+    noise = random.normal(size=(3, count))
+    read = {
+        "sample": [f"s{i}" for i in range(count)],
+        "mean_pressure:heart:aorta": root,
+        "mean_pressure:v1:BC": end * (1.0 + outlet * noise[0]),
+        "mean_flow:v1:BC": flow * (1.0 + flow_gain) * (1.0 + outlet * noise[1]),
+        "ffr_x": (distal * (1.0 + gain) + offset) / root + ffr * noise[2],
+    }
+    own_distal = root - own * simulated
+    made = {
+        "sample": read["sample"],
+        "mean_pressure:heart:aorta": root,
+        "mean_pressure:v0:J": own_distal,
+        "mean_flow:v0:J": simulated,
+        "mean_pressure:v1:BC": own_distal - beyond * simulated,
+        "mean_flow:v1:BC": simulated,
+        "ffr_x": own_distal / root,
+    }
+    for name, table in (("0d.csv", made), ("3d.csv", read)):
+        pd.DataFrame(table).to_csv(folder / name, index=False)
+    return folder / "0d.csv", folder / "3d.csv"
+
+
+def branch_of(files):
+    return branches(*read_pairs(*files), *files)[0]
+
+
+@pytest.mark.parametrize("hidden", [{}, {"gain": -0.04}, {"flow_gain": 0.15}, {"quadratic": 1.2}])
+@pytest.mark.parametrize("outlet", [0.003, 0.01, 0.02])
+def test_noise_makes_no_zero_flow_pressure(tmp_path, hidden, outlet):
+    """Where flow hardly changes the pairs tell nothing of it, and it stays near none."""
+    for seed in range(20):
+        branch = branch_of(noisy_pairs(tmp_path, seed, outlet=outlet, **hidden))
+        assert 0.0 <= branch.venous < 0.2 * branch.root0.mean()
+        assert branch.venous < min(branch.outlet0.min(), branch.outlet3.min())
+
+
+@pytest.mark.parametrize("outlet", [0.001, 0.01, 0.02])
+def test_the_zero_flow_pressure_is_found_where_flow_changes(tmp_path, outlet):
+    """On average over trials within three standard errors, which grow with the noise, and a bias of the prior's."""
+    found = [branch_of(noisy_pairs(tmp_path, seed, quadratic=14.0, outlet=outlet)).venous for seed in range(40)]
+    error = np.std(found, ddof=1) / np.sqrt(len(found))
+    assert np.std(found) < 100.0 * outlet + 0.5
+    assert abs(np.mean(found) - ZERO_FLOW) < 3.0 * error + 0.5
