@@ -1,0 +1,101 @@
+"""What recalibration may move where a conditions file says that it is unknown."""
+
+import copy
+
+import numpy as np
+import pytest
+
+from coronaryuq.bench.openloop import left_coronary
+from coronaryuq.discrepancy.candidates import all_candidates
+from coronaryuq.discrepancy.conditions import BED_SHAPE, RESISTANCE, Condition, under
+from coronaryuq.discrepancy.measurements import Measured
+from coronaryuq.discrepancy.model import make_problem
+from coronaryuq.discrepancy.recordings import prepare
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.errors import InputError
+from coronaryuq.files import read_json
+from coronaryuq.zerod.effects.base import vessel_values
+from coronaryuq.zerod.effects.grafting import put_ahead
+
+LOSS = 4e4
+
+
+def measured(*conditions):
+    return [
+        Measured(one.name, "pressure", "lad:BC_lad", "mean", None, 0.85, np.array([1e5]), np.array([1e3]))
+        for one in conditions
+    ]
+
+
+def problem(network, *conditions):
+    return make_problem(network, {one.name: one for one in conditions}, measured(*conditions), Settings())
+
+
+def test_the_shape_of_beds_is_free_where_a_condition_says_so():
+    plain, free = Condition("rest"), Condition("rest", free=(BED_SHAPE,))
+    names = [{n.name: n.targets for n in problem(left_coronary(), one).forward.nuisances} for one in (plain, free)]
+    added = {name: targets for name, targets in names[1].items() if name not in names[0]}
+    assert set(added["proximal resistance of the beds"]) == {f"BC_{bed}.Ra1" for bed in ("lad", "diagonal", "lcx")}
+    assert set(added["proximal compliance of the beds"]) == {f"BC_{bed}.Ca" for bed in ("lad", "diagonal", "lcx")}
+    assert "lad.C" in added["compliance of the vessels"] and len(added) == 3
+    assert not free.anchored and Condition("rest", free=(RESISTANCE,)).anchored
+
+
+def with_a_place_for_a_loss():
+    network = put_ahead(left_coronary(), "lad", "loss")
+    vessel_values(network, "lad_loss")["stenosis_coefficient"] = 0.0
+    return network
+
+
+def test_a_stenosis_of_unknown_severity_is_the_same_wherever_it_has_one_name():
+    rest = Condition("rest")
+    clamped = {"set": {"lad_loss": {"stenosis_coefficient": LOSS}}, "stenosis": {"lad_loss": "mild"}}
+    both = [Condition(name, **clamped) for name in ("mild", "mild dilated")]
+    forward = problem(with_a_place_for_a_loss(), rest, *both).forward
+    (column,) = [i for i, n in enumerate(forward.nuisances) if n.name == "stenosis mild of lad_loss"]
+    nought = np.zeros(len(forward.nuisances))
+    severe = nought.copy()
+    severe[column] = 0.5
+    before, after = forward.predict(nought)[0], forward.predict(severe)[0]
+    assert after[0] == pytest.approx(before[0])
+    assert (after[1:] < before[1:] - 1e3).all()
+    # As a network whose loss is so much greater.
+    greater = copy.deepcopy(clamped)
+    greater["set"]["lad_loss"]["stenosis_coefficient"] *= np.exp(Settings().sd_stenosis * 0.5)
+    written = problem(with_a_place_for_a_loss(), rest, *(Condition(c.name, **greater) for c in both)).forward
+    assert written.predict(nought)[0] == pytest.approx(after, rel=1e-6)
+
+
+def test_what_is_put_ahead_of_a_vessel_is_no_place_of_its_own():
+    places = {c.place for c in all_candidates(problem(with_a_place_for_a_loss(), Condition("rest")), [])}
+    assert "lad" in places and "lad_loss" not in places
+
+
+@pytest.mark.parametrize(
+    ("stenosis", "values", "said"),
+    [
+        ({"nowhere": "mild"}, {}, "no such vessel; know left_main"),
+        ({"lad": "mild"}, {"lad": {"C": 1e-7}}, "has a C; put a vessel without one ahead"),
+        ({"lad_loss": "mild"}, {}, "want a guess of its loss"),
+    ],
+)
+def test_a_stenosis_that_cannot_be(stenosis, values, said):
+    with pytest.raises(InputError, match=said):
+        under(with_a_place_for_a_loss(), Condition("x", set=values, stenosis=stenosis))
+
+
+def test_recordings_with_a_free_bed_name_each_stenosis_once(tmp_path):
+    import pandas as pd
+
+    phase = np.linspace(0.0, 1.0, 60)
+    beat = {"t": 0.5 * phase, "AoP [mmHg]": 80 + 20 * np.sin(2 * np.pi * phase)}
+    beat |= {"LVP [mmHg]": 50 + 50 * np.sin(2 * np.pi * phase), "LAD Flow [ml/min]": 30 + 0.0 * phase}
+    frame = pd.DataFrame(beat).rename(columns={"t": "t [s]"})
+    for name in ("baseline", "mild_sten", "mild_sten_dob"):
+        frame.to_csv(tmp_path / f"X_{name}.csv", index=False)
+    for free_bed in (False, True):
+        prepare(tmp_path, "X", tmp_path / "case", free_bed=free_bed)
+        vessels = [v["vessel_name"] for v in read_json(tmp_path / "case" / "model.json")["vessels"]]
+        assert ("lad_loss" in vessels) == free_bed
+    text = (tmp_path / "case" / "conditions.yaml").read_text()
+    assert text.count("lad_loss: mild_sten\n") == 2 and text.count("bed_shape") == 3
