@@ -128,5 +128,6 @@ def test_sizes_by_condition_have_their_intervals_and_leave_out_what_says_nothing
 )
 def test_a_negative_delay_is_read_early(name, z, said):
     one = effect(name)
-    found = SimpleNamespace(sizes=lambda acting: [(one.parameters[0], z, 0.1)])
+    problem = SimpleNamespace(forward=SimpleNamespace(anatomy=None))
+    found = SimpleNamespace(sizes=lambda acting: [(one.parameters[0], z, 0.1)], problem=problem)
     assert words._size_of(found, (one, "a:b")) == said

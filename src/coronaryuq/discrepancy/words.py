@@ -88,6 +88,8 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
         one = entry.accepted
         text += f"{'Missing' if number == 0 else 'Also missing'} is {_called(one.acting)}"
         text += f" ({_probability(entry)}; {_size_of(found, one.acting)}). "
+        forward = found.problem.forward
+        text += one.effect.assumed(forward.anatomy, [c.covariates for c in forward.conditions.values()])
         for parameter in found.beyond_prior(one.acting):
             low, high = (float(parameter.from_standard(k * CENTRAL_99)) for k in (-1, 1))
             size = parameter.name.replace("_", " ")
@@ -154,14 +156,16 @@ def _varying(found: Discovery) -> str:
 
 def _size_of(found: Discovery, acting: Acting) -> str:
     """What the sizes of a named effect are, with their 90 % intervals."""
-    told = []
+    told, anatomy = [], found.problem.forward.anatomy
     for parameter, z, sd in found.sizes(acting):
         sizes = [float(parameter.from_standard(z + k * sd)) for k in (0.0, -Z_90, Z_90)]
+        meaning, _ = acting[0].said(parameter, sizes[0], anatomy)
+        sizes = [acting[0].said(parameter, size, anatomy)[1] for size in sizes]
         early = acting[0].side == "measurement" and parameter.name == "delay" and sizes[0] < 0.0
         if early:
             sizes = [-sizes[0], -sizes[2], -sizes[1]]
         size, low, high = (f"{value:.2g}" for value in sizes)
-        told.append(f"{'read early by' if early else parameter.meaning} {size} ({low} to {high})" + " s" * early)
+        told.append(f"{'read early by' if early else meaning} {size} ({low} to {high})" + " s" * early)
     return ", ".join(told)
 
 

@@ -1,6 +1,7 @@
 """Every effect: none leaves the flow alone, sizes do what the formula says, a changed network runs as it should."""
 
 import copy
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -229,3 +230,13 @@ def test_a_whole_exchange_puts_each_bed_at_the_others_vessel(tree):
     one["bc_values"], other["bc_values"] = other["bc_values"], one["bc_values"]
     assert found == pytest.approx(flows(swapped, anatomy), rel=1e-6)
     assert abs(found / flows(network, anatomy) - 1.0).max() > 0.1
+
+
+def test_compression_is_said_as_the_loop_has_it_and_its_shape_where_it_is_assumed(tree):
+    network, anatomy = tree
+    one = effect("intramyocardial_pressure")
+    assert one.said(one.parameters[0], 0.4, anatomy) == (one.parameters[0].meaning, 0.4)
+    assert one.assumed(anatomy, [{"LV": None}, {"LV": None}]) == ""
+    assert "the model's own compression stands" in one.assumed(anatomy, [{"LV": None}, {}])
+    loop = SimpleNamespace(closed_loop=True)
+    assert one.said(one.parameters[0], 0.4, loop)[1] == pytest.approx(np.exp(0.4)) and one.assumed(loop, [{}]) == ""

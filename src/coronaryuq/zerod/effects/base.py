@@ -109,6 +109,14 @@ class Effect(ABC):
         """What would be measured: predictions (n, k) of each series after the effect on the measuring side."""
         return predicted
 
+    def said(self, parameter: Parameter, size: float, anatomy: Anatomy) -> tuple[str, float]:
+        """What a size is called in words, and its value there."""
+        return parameter.meaning, size
+
+    def assumed(self, anatomy: Anatomy, covariates: list[dict]) -> str:
+        """What had to be assumed of the effect's shape, for want of a measured waveform under some condition."""
+        return ""
+
     def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:
         """The sizes in physical terms, in the network's units, for the report."""
         return dict(sizes)

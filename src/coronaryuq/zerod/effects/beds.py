@@ -32,7 +32,9 @@ class BackPressure(Effect):
     source = "Bellamy, Circ. Res. 43 (1978) 92; Spaan, Circ. Res. 56 (1985) 293"
     signature = "flow lower than pressure over resistance, most at low pressure; alike in relative terms in all phases"
     native = "P_v of CORONARY, Pd of RCR and RESISTANCE (not expressible in the closed loop)"
-    parameters = (Parameter("pressure", "1", "lognormal", 0.1, 0.8, "zero-flow pressure over the mean pressure"),)
+    parameters = (
+        Parameter("pressure", "1", "lognormal", 0.1, 0.8, "zero-flow pressure that is added, over the mean pressure"),
+    )
     names = ("P_v", "Pd")
 
     def places(self, anatomy, observed=()):

@@ -44,6 +44,19 @@ class IntramyocardialPressure(Effect):
             found[f"{bed}.Pim"] = present + share[:, None] * pressure
         return found
 
+    def said(self, parameter, size, anatomy):
+        if anatomy.closed_loop:
+            return "factor on the model's intramyocardial pressure", float(np.exp(size))
+        return super().said(parameter, size, anatomy)
+
+    def assumed(self, anatomy, covariates):
+        if anatomy.closed_loop or all("LV" in one for one in covariates):
+            return ""
+        beds = [anatomy.blocks[bed]["bc_values"]["Pim"] for bed in _open_beds(anatomy)]
+        pulsing = all(np.ptp(pressure) > PULSING * anatomy.pressure for pressure in beds)
+        shape = "the model's own compression" if pulsing else f"a half sine over {EJECTION:.0%} of the beat"
+        return f"Left ventricular pressure is not given (drive LV): {shape} stands for its shape. "
+
     def physical(self, place, sizes, anatomy):
         if anatomy.closed_loop:
             return {"factor of the intramyocardial pressure": float(np.exp(sizes["share"]))}
