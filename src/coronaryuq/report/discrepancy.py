@@ -137,8 +137,8 @@ def _named(one: dict) -> dict:
 
 def _probability(one: dict) -> str:
     """That of a class of answers, and of its member that is named where it has others."""
-    whole = one.get("class_probability", one["probability"])
-    return f"{whole:.2f}" + (f", of this member {one['probability']:.2f}" if len(one["class"]) > 1 else "")
+    whole, members = one.get("class_probability", one["probability"]), one["class"]
+    return f"{whole:.2f}" + (f", of this member {members[0]['probability']:.2f}" if len(members) > 1 else "")
 
 
 def _located(row: dict) -> dict:
