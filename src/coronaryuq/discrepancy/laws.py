@@ -1,14 +1,12 @@
-"""Laws of pressure loss in a branch of a table model: what each predicts, its fit, and which effects are part of it."""
+"""Laws of pressure loss in a branch of a table model: what each predicts, its fit, and its sizes with intervals."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize
 
 from coronaryuq.discrepancy.tables import Branch
 
-LEAST_INCLUSION = 0.9
-"""Posterior probability from which an effect is part of the law."""
 SD_RECALIBRATION = 0.25
 """Prior standard deviation of the logarithms of bed resistance and of the model's own loss: recalibration."""
 SD_OFFSET, SD_GAIN = 0.05, 0.05
@@ -41,13 +39,18 @@ LAWS = (
     Law(("quadratic_stenosis", "pressure_gain"), ("quadratic", "gain")),
 )
 """A stenosis may bring its throat's viscous loss, linear in flow, beside the quadratic one (Young & Tsai 1973)."""
+ONE_EFFECT = tuple(law for law in LAWS if len(law.effects) < 2)
 LOSSES = ("linear", "quadratic")
+SENSORS = {"pressure_offset": "offset", "pressure_gain": "gain", "flow_gain": "flow"}
+"""Effects that are no losses, and their term."""
 RECALIBRATION = ("bed", "own")
 BEYOND = "beyond"
 """Loss behind the place where the distal pressure is taken: it lowers flow but is no part of the drop to that place."""
 OWN_LOSS = (0.0, 4.0, 8.0)
 """Factors of the model's own loss, in prior standard deviations of their logarithm, at which fits begin: recalibration
 of a model that lacks a stenosis ends far from its prior, or in a worse optimum."""
+NORMAL_90 = 1.6449
+CURVATURE_STEP = 3e-4
 SLOPE_STEP = float(np.sqrt(np.finfo(float).eps))
 ROOT = "root"
 MOST_EFFECTIVE = 100
@@ -56,12 +59,25 @@ MOST_EFFECTIVE = 100
 
 @dataclass(frozen=True)
 class LawFit:
-    """Most probable terms of one law; evidence: Schwarz's approximation to the log marginal likelihood."""
+    """Most probable terms of one law; evidence: Schwarz's approximation to the log marginal likelihood.
+
+    point: (k,) where the fit ended, in standard deviations of the priors.
+    """
 
     law: Law
     terms: dict[str, float]
     evidence: float
     rms_ffr: float
+    point: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Size:
+    """A number and its 90 % interval."""
+
+    value: float
+    low: float
+    high: float
 
 
 def predict(branch: Branch, terms: dict[str, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -94,10 +110,31 @@ def fit_law(branch: Branch, law: Law, rows: np.ndarray) -> LawFit:
     Objective: n/2 (log s^2 + mean square / s^2) of FFR, flow and outlet pressure, and the priors, n at most
     `MOST_EFFECTIVE`; k/2 log n per term of the law and log 10 per effect are taken off for the evidence.
     """
-    ffr, count = branch.distal3 / branch.root3, int(rows.sum())
+    terms, objectives = _posterior(branch, law, rows)
+
+    def with_slope(z):
+        steps = SLOPE_STEP * np.maximum(1.0, np.abs(z))
+        found = objectives(np.vstack([z, z + np.diag(steps)]))
+        return found[0], (found[1:] - found[0]) / steps
+
+    none = np.zeros(len(law.terms))
+    starts = [np.r_[0.0, own, 0.0, none] for own in OWN_LOSS]
+    starts += [np.r_[0.0, 0.0, 0.0, none + k] for k in (-1.0, 1.0) if law.terms]
+    found = [minimize(with_slope, start, method="BFGS", jac=True) for start in starts]
+    best = min(found, key=lambda one: one.fun)
+    chosen = {name: float(value) for name, value in terms(best.x).items()}
+    rms = float(np.sqrt(np.mean((predict(branch, chosen)[0] - branch.distal3 / branch.root3)[rows] ** 2)))
+    weight = min(int(rows.sum()), MOST_EFFECTIVE)
+    evidence = -float(best.fun) - 0.5 * len(law.terms) * np.log(weight) - len(law.effects) * np.log(10.0)
+    return LawFit(law, chosen, evidence, rms, tuple(best.x))
+
+
+def _posterior(branch: Branch, law: Law, rows: np.ndarray):
+    """Terms of a point z of independent standard normal priors, and what a fit minimises at points (m, k), (m,)."""
+    ffr = branch.distal3 / branch.root3
     names = [*RECALIBRATION, BEYOND, *law.terms]
     root = float(branch.root3[rows].mean() / branch.root0[rows].mean())
-    weight = min(count, MOST_EFFECTIVE)
+    weight = min(int(rows.sum()), MOST_EFFECTIVE)
     scale = {
         "linear": branch.root0.mean() / branch.flow0.mean(),
         "quadratic": branch.root0.mean() / branch.flow0.mean() ** 2,
@@ -121,7 +158,6 @@ def fit_law(branch: Branch, law: Law, rows: np.ndarray) -> LawFit:
         return found
 
     def objectives(points):
-        """At points (m, k) in one go, (m,)."""
         predicted, flow, outlet = predict(branch, terms(points.T[:, :, None]))
         misfit = np.zeros(len(points))
         errors = (predicted - ffr, flow / branch.flow3 - 1.0, outlet - branch.outlet3 / branch.root3)
@@ -131,38 +167,56 @@ def fit_law(branch: Branch, law: Law, rows: np.ndarray) -> LawFit:
             misfit += 0.5 * weight * (np.log(sd2) + variance / sd2)
         return misfit + 0.5 * np.sum(points**2, axis=1)
 
-    def with_slope(z):
-        steps = SLOPE_STEP * np.maximum(1.0, np.abs(z))
-        found = objectives(np.vstack([z, z + np.diag(steps)]))
-        return found[0], (found[1:] - found[0]) / steps
-
-    none = np.zeros(len(law.terms))
-    starts = [np.r_[0.0, own, 0.0, none] for own in OWN_LOSS]
-    starts += [np.r_[0.0, 0.0, 0.0, none + k] for k in (-1.0, 1.0) if law.terms]
-    found = [minimize(with_slope, start, method="BFGS", jac=True) for start in starts]
-    best = min(found, key=lambda one: one.fun)
-    chosen = {name: float(value) for name, value in terms(best.x).items()}
-    rms = float(np.sqrt(np.mean((predict(branch, chosen)[0] - ffr)[rows] ** 2)))
-    evidence = -float(best.fun) - 0.5 * len(law.terms) * np.log(weight) - len(law.effects) * np.log(10.0)
-    return LawFit(law, chosen, evidence, rms)
+    return terms, objectives
 
 
-def fit_laws(branch: Branch, rows: np.ndarray) -> list[LawFit]:
-    """All laws on chosen samples (n,) bool, best first."""
-    return sorted((fit_law(branch, law, rows) for law in LAWS), key=lambda fit: -fit.evidence)
+def sizes(branch: Branch, fit: LawFit, rows: np.ndarray) -> dict[str, Size]:
+    """Each term of a fitted law, and each of its effects over the root's mean pressure, with 90 % intervals.
+
+    Laplace's: the curvature of what the fit minimises, at its optimum, and no wider than the prior; of a loss on the
+    scale of logarithms. The zero-flow pressure, which a fit takes as known, adds what it moves the optimum by. An
+    effect's size needs no unit: the share of the root's mean simulated pressure that a loss takes at the mean simulated
+    flow, or that an offset adds; of a gain itself.
+    """
+    terms, objectives = _posterior(branch, fit.law, rows)
+    z = np.array(fit.point)
+    steps = CURVATURE_STEP * np.eye(len(z))
+    around = [z + s * a + t * b for a in steps for b in steps for s in (1, -1) for t in (1, -1)]
+    mixed = objectives(np.array(around)).reshape(len(z), len(z), 4) @ [1.0, -1.0, -1.0, 1.0]
+    values, vectors = np.linalg.eigh(mixed / (2.0 * CURVATURE_STEP) ** 2)
+    covariance = vectors @ np.diag(1.0 / np.maximum(values, 1.0)) @ vectors.T
+
+    def slopes(venous):
+        _, of = _posterior(replace(branch, venous=venous), fit.law, rows)
+        return (of(z + steps) - of(z - steps)) / (2.0 * CURVATURE_STEP)
+
+    moved = [slopes(branch.venous + s * branch.venous_sd) for s in (0.5, -0.5)]
+    shift = covariance @ (moved[0] - moved[1])
+    covariance = covariance + np.outer(shift, shift)
+
+    def interval(of, positive):
+        def on_scale(point):
+            value = of(terms(point))
+            return np.log(value) if positive else value
+
+        slope = np.array([on_scale(z + step) - on_scale(z - step) for step in steps]) / (2.0 * CURVATURE_STEP)
+        half = NORMAL_90 * np.sqrt(slope @ covariance @ slope)
+        ends = (on_scale(z), on_scale(z) - half, on_scale(z) + half)
+        return Size(*(float(np.exp(end) if positive else end) for end in ends))
+
+    found = {name: interval(lambda t, name=name: t[name], name in LOSSES) for name in fit.law.terms}
+    flow, root = float(branch.flow0.mean()), float(branch.root0.mean())
+    for name in fit.law.effects:
+        if name not in SENSORS:
+            found[name] = interval(
+                lambda t: (t.get("linear", 0.0) * flow + t.get("quadratic", 0.0) * flow**2) / root, True
+            )
+        else:
+            over = root if SENSORS[name] == "offset" else 1.0
+            found[name] = interval(lambda t, name=name, over=over: t[SENSORS[name]] / over, False)
+    return found
 
 
-def inclusion(ranked: list[LawFit]) -> dict[str, float]:
-    """Posterior probability that each effect is part of the law, over all laws."""
-    weights = np.exp([fit.evidence - ranked[0].evidence for fit in ranked])
-    weights /= weights.sum()
-    names = dict.fromkeys(name for fit in ranked for name in fit.law.effects)
-    return {
-        name: float(sum(w for w, fit in zip(weights, ranked, strict=True) if name in fit.law.effects)) for name in names
-    }
-
-
-def choose(ranked: list[LawFit]) -> LawFit:
-    """The best law of exactly those effects that are part of it with probability `LEAST_INCLUSION` at least."""
-    chosen = {name for name, probability in inclusion(ranked).items() if probability >= LEAST_INCLUSION}
-    return next((fit for fit in ranked if set(fit.law.effects) == chosen), ranked[0])
+def fit_laws(branch: Branch, rows: np.ndarray, laws: tuple[Law, ...] = LAWS) -> list[LawFit]:
+    """Laws on chosen samples (n,) bool, best first."""
+    return sorted((fit_law(branch, law, rows) for law in laws), key=lambda fit: -fit.evidence)

@@ -26,6 +26,7 @@ class Branch:
     """One stenosed branch: pressures at root, behind the stenosis and at the outlet; simulated (0), measured (3).
 
     name: of the `ffr_NAME` column; place: 0D location of the distal pressure; all arrays (n,), the table's units.
+    venous: zero-flow pressure of the beds, with its posterior standard deviation `venous_sd`.
     flow_source: "measured", or how the measured flow was had from the pressures.
     """
 
@@ -41,6 +42,7 @@ class Branch:
     flow3: np.ndarray
     venous: float
     flow_source: str
+    venous_sd: float = 0.0
 
     @property
     def drop0(self) -> np.ndarray:
@@ -103,7 +105,7 @@ def branches(
     if not 1.0 / LARGEST_RATIO < ratio < LARGEST_RATIO:
         remedy = f"the other table has {ratio:.4g} times its mean; give both in one unit of pressure"
         raise InputError(file, pressures[root][0], float(f"{root0.mean():.4g}"), remedy)
-    venous = _zero_flow(simulated, measured, pressures, flows, root)
+    venous, venous_sd = _zero_flow(simulated, measured, pressures, flows, root)
     outlets = {key: pair for key, pair in pressures.items() if key != root}
     found = []
     for name in names:
@@ -127,7 +129,7 @@ def branches(
         if not 1.0 / LARGEST_FLOW_RATIO < times < LARGEST_FLOW_RATIO:
             remedy = f"the other table has {times:.4g} times its flow; give both in one unit of flow"
             raise InputError(file, q0, float(f"{np.median(flow0):.4g}"), remedy)
-        found.append(Branch(name, place, *parts, venous, source))
+        found.append(Branch(name, place, *parts, venous, source, venous_sd))
     return found
 
 
@@ -179,8 +181,8 @@ def _outlet(simulated, outlets, flows, root0, distal0, place: str) -> str:
     return max(follows, key=follows.get)
 
 
-def _zero_flow(simulated, measured, pressures, flows, root) -> float:
-    """Most probable pressure at which the outlets' beds carry no flow, from 0 to below the least one at any outlet.
+def _zero_flow(simulated, measured, pressures, flows, root) -> tuple[float, float]:
+    """Pressure at which beds carry no flow, from 0 to below the least at any outlet: most probable, and posterior sd.
 
     A bed keeps its resistance but for a factor k of its own: P3 - z = k (P0 - z) Q3 / Q0. What is left of that is
     weighed by the variance that equal relative errors of P3 and Q3 give it (total least squares), its own size unknown
@@ -198,7 +200,7 @@ def _zero_flow(simulated, measured, pressures, flows, root) -> float:
         if whole.any():
             beds.append((a[whole], b[whole], (r / q)[whole]))
     if not beds:
-        return 0.0
+        return 0.0, 0.0
     scale = SD_ZERO_FLOW * float(simulated[pressures[root][0]].mean())
 
     def objective(z):
@@ -214,4 +216,7 @@ def _zero_flow(simulated, measured, pressures, flows, root) -> float:
     grid = np.linspace(0.0, least, 200, endpoint=False)
     best = int(np.argmin([objective(z) for z in grid]))
     bounds = (grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)])
-    return float(minimize_scalar(objective, bounds=bounds, method="bounded", options={"xatol": 1e-6 * least}).x)
+    found = float(minimize_scalar(objective, bounds=bounds, method="bounded", options={"xatol": 1e-6 * least}).x)
+    step = 0.01 * scale
+    curvature = (objective(found + step) - 2.0 * objective(found) + objective(found - step)) / step**2
+    return found, float(1.0 / np.sqrt(max(curvature, scale**-2)))
