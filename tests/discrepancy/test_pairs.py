@@ -4,7 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from coronaryuq.discrepancy.pairs import discover_pairs
 from coronaryuq.discrepancy.tables import branches, read_pairs
+from coronaryuq.errors import InputError
 
 ZERO_FLOW = 5.0
 
@@ -78,3 +80,46 @@ def test_the_zero_flow_pressure_is_found_where_flow_changes(tmp_path, outlet):
     error = np.std(found, ddof=1) / np.sqrt(len(found))
     assert np.std(found) < 100.0 * outlet + 0.5
     assert abs(np.mean(found) - ZERO_FLOW) < 3.0 * error + 0.5
+
+
+def rewritten(file, change):
+    table = pd.read_csv(file)
+    change(table).to_csv(file, index=False)
+
+
+def with_neighbour(table, apart):
+    """Another pressure beside the distal one, so many times it, and with another flow."""
+    flow = 0.5 * table["mean_flow:v0:J"]
+    return table.assign(**{"mean_pressure:v9:J9": apart * table["mean_pressure:v0:J"], "mean_flow:v9:J9": flow})
+
+
+@pytest.mark.parametrize("shown", ["%.6f", "%.4f", "%.3f", "%.2f", "%.6g", "%.4g", "%.3g"])
+def test_a_rounded_table_has_its_distal_pressure(tmp_path, shown):
+    files = noisy_pairs(tmp_path, 1, quadratic=10.0)
+    exact = branch_of(files)
+    rewritten(files[0], lambda t: with_neighbour(t, 0.97).map(lambda v: v if isinstance(v, str) else float(shown % v)))
+    branch = branch_of(files)
+    assert branch.place == "v0:J" and branch.flow0 == pytest.approx(exact.flow0, rel=0.06)
+    assert branch.distal0 == pytest.approx(exact.distal0, rel=0.01)
+
+
+@pytest.mark.parametrize(("decimals", "apart"), [(12, 1.0001), (4, 1.0005), (3, 1.005), (2, 1.02), (1, 1.02)])
+def test_a_wrong_pressure_is_not_taken_for_rounding(tmp_path, decimals, apart):
+    files = noisy_pairs(tmp_path, 1, quadratic=10.0)
+    rewritten(files[0], lambda t: with_neighbour(t, apart).drop(columns="mean_pressure:v0:J").round(decimals))
+    with pytest.raises(InputError, match="no mean_pressure column equals FFR times the root's pressure"):
+        branch_of(files)
+
+
+def test_two_pressures_that_rounding_makes_one(tmp_path):
+    files = noisy_pairs(tmp_path, 1, quadratic=10.0)
+    rewritten(files[0], lambda t: with_neighbour(t, 1.0002).assign(ffr_x=t["ffr_x"].round(2)))
+    with pytest.raises(InputError, match=r"is mean_pressure:v.:J.? or mean_pressure:v.:J.?, as far as it is rounded"):
+        branch_of(files)
+
+
+def test_the_column_of_the_distal_pressure_is_said(tmp_path):
+    files = noisy_pairs(tmp_path, 1, quadratic=10.0)
+    answer = discover_pairs(*files, tmp_path / "out", 1)
+    assert answer["held_out"]["branches"][0]["distal_pressure"] == "mean_pressure:v0:J"
+    assert "the drop of pressure to v0:J is " in answer["paragraph"]

@@ -174,19 +174,16 @@ def sizes(branch: Branch, fit: LawFit, rows: np.ndarray) -> dict[str, Size]:
     """Each term of a fitted law, and each of its effects over the root's mean pressure, with 90 % intervals.
 
     Laplace's: the curvature of what the fit minimises, at its optimum, and no wider than the prior; of a loss on the
-    scale of logarithms. What the zero-flow pressure, which the fit takes as known, moves the optimum by is added. An
+    scale of logarithms. The zero-flow pressure, which a fit takes as known, adds what it moves the optimum by. An
     effect's size needs no unit: the share of the root's mean simulated pressure that a loss takes at the mean simulated
     flow, or that an offset adds; of a gain itself.
     """
     terms, objectives = _posterior(branch, fit.law, rows)
     z = np.array(fit.point)
     steps = CURVATURE_STEP * np.eye(len(z))
-    pairs = [(a, b) for a in steps for b in steps]
-    around = objectives(np.array([z + s * a + t * b for a, b in pairs for s in (1, -1) for t in (1, -1)])).reshape(
-        -1, 4
-    )
-    curvature = (around @ [1.0, -1.0, -1.0, 1.0]).reshape(len(z), -1) / (2.0 * CURVATURE_STEP) ** 2
-    values, vectors = np.linalg.eigh(curvature)
+    around = [z + s * a + t * b for a in steps for b in steps for s in (1, -1) for t in (1, -1)]
+    mixed = objectives(np.array(around)).reshape(len(z), len(z), 4) @ [1.0, -1.0, -1.0, 1.0]
+    values, vectors = np.linalg.eigh(mixed / (2.0 * CURVATURE_STEP) ** 2)
     covariance = vectors @ np.diag(1.0 / np.maximum(values, 1.0)) @ vectors.T
 
     def slopes(venous):

@@ -200,6 +200,7 @@ def _answer(branch: Branch, one: _Examined) -> dict:
     return {
         "branch": branch.name,
         "place": branch.place,
+        "distal_pressure": f"mean_pressure:{branch.place}",
         "segment": f"root to {branch.place}",
         "flow": branch.flow_source,
         "alarm": bool(one.alarm or one.outside),

@@ -14,7 +14,11 @@ from coronaryuq.files import read_csv
 SD_ZERO_FLOW, SD_BED, FLOOR_BED = 0.1, 0.25, 0.003
 """Prior standard deviations of the zero-flow pressure over the root's and of the logarithm of a bed's resistance;
 relative error of an outlet's pressure and flow below which tables are not to be believed."""
-EXACT = 1e-6
+EXACT, LARGEST_ROUNDING = 1e-6, 0.01
+"""Relative difference that two equal pressures may have, and the largest that rounding may add to it."""
+MOST_DIGITS = 12
+AS_NEAR = 2.0
+"""Standard errors of the mean difference of squares within which two columns are equally near."""
 LEAST_SAMPLES = 20
 LARGEST_FFR = 1.5
 LARGEST_RATIO, LARGEST_FLOW_RATIO = 3.0, 20.0
@@ -109,9 +113,9 @@ def branches(
     outlets = {key: pair for key, pair in pressures.items() if key != root}
     found = []
     for name in names:
-        distal0 = simulated[f"ffr_{name}"].to_numpy() * root0
+        place = _same_pressure(simulated, pressures[root][0], file, name)
+        distal0 = simulated[f"mean_pressure:{place}"].to_numpy()
         distal3 = measured[f"ffr_{name}"].to_numpy() * root3
-        place = _same_pressure(simulated, distal0, file, name)
         if f"mean_flow:{place}" not in simulated.columns:
             raise InputError(file, f"mean_flow:{place}", None, f"column missing: the flow at the stenosis of {name}")
         flow0 = simulated[f"mean_flow:{place}"].to_numpy()
@@ -160,13 +164,44 @@ def _pairs(simulated, measured) -> dict[tuple[str, str], tuple[str, str]]:
     return {k: (first[k], second[k]) for k in first if k in second}
 
 
-def _same_pressure(simulated, distal0, file, name) -> str:
-    columns = [c for c in simulated.columns if c.startswith("mean_pressure:")]
-    errors = [np.max(np.abs(simulated[c].to_numpy() / distal0 - 1.0)) for c in columns]
-    best = int(np.argmin(errors))
-    if not errors[best] < EXACT:
+def _same_pressure(simulated: pd.DataFrame, root: str, file: str | Path, name: str) -> str:
+    """Where the distal pressure of a branch is taken: `A:B` of the column that equals FFR times the root's pressure.
+
+    But for `EXACT` and for what the digits of the three columns leave open. Of columns within that the nearest, the
+    first of equal ones; an `InputError` where none is, or where another one is as near.
+    """
+    ffr, over = simulated[f"ffr_{name}"].to_numpy(), simulated[root].to_numpy()
+    columns = [c for c in simulated.columns if c.startswith("mean_pressure:") and np.isfinite(simulated[c]).all()]
+    wanted, squares = ffr * over, {}
+    for column in columns:
+        pressure = simulated[column].to_numpy()
+        open_ = over * _rounding(ffr) + ffr * _rounding(over) + _rounding(pressure)
+        allowed = EXACT + np.minimum(open_ / wanted, LARGEST_ROUNDING)
+        if (np.abs(pressure / wanted - 1.0) < allowed).all():
+            squares[column] = (pressure / wanted - 1.0) ** 2
+    if not squares:
         raise InputError(file, f"ffr_{name}", None, "no mean_pressure column equals FFR times the root's pressure")
-    return columns[best].split(":", 1)[1]
+    best = min(squares, key=lambda c: squares[c].mean())
+    for other in squares:
+        same = np.abs(simulated[other] / simulated[best] - 1.0).max() < EXACT
+        more = squares[other] - squares[best]
+        if not same and more.mean() < AS_NEAR * more.std() / np.sqrt(len(more)):
+            remedy = f"times the root's pressure is {best} or {other}, as far as it is rounded; give more digits"
+            raise InputError(file, f"ffr_{name}", None, remedy)
+    return best.split(":", 1)[1]
+
+
+def _rounding(values: np.ndarray) -> np.ndarray:
+    """Half a unit of each number's last digit, (n,), as all were written: to so many decimals, or so many digits."""
+    exponent = np.floor(np.log10(np.maximum(np.abs(values), np.finfo(float).tiny)))
+    halves = np.zeros(len(values))
+    for of_first in (np.zeros(len(values)), exponent):
+        for digits in range(-3, MOST_DIGITS):
+            unit = 10.0 ** (of_first - digits)
+            if np.allclose(np.round(values / unit) * unit, values, rtol=1e-14, atol=0.0):
+                halves = np.maximum(halves, 0.5 * unit)
+                break
+    return halves
 
 
 def _outlet(simulated, outlets, flows, root0, distal0, place: str) -> str:
@@ -182,7 +217,7 @@ def _outlet(simulated, outlets, flows, root0, distal0, place: str) -> str:
 
 
 def _zero_flow(simulated, measured, pressures, flows, root) -> tuple[float, float]:
-    """Most probable pressure at which beds carry no flow, from 0 to below the least at any outlet, and its sd.
+    """Pressure at which beds carry no flow, from 0 to below the least at any outlet: most probable, and posterior sd.
 
     A bed keeps its resistance but for a factor k of its own: P3 - z = k (P0 - z) Q3 / Q0. What is left of that is
     weighed by the variance that equal relative errors of P3 and Q3 give it (total least squares), its own size unknown
