@@ -71,6 +71,8 @@ DISCREPANCY_FIGURES = {
         "gap": "gap.csv",
     }.items()
 }
+if "hidden" in SEARCHED:
+    DISCREPANCY_FIGURES["hidden", "gap"] = examined("hidden", "known", "gap.csv")
 if DISCREPANCY.pairs:
     DISCREPANCY_FIGURES["pairs", "pairs"] = examined("pairs", "found", "pairs.csv")
     DISCREPANCY_FIGURES["pairs", "pairs_gap"] = examined("pairs", "found", "pairs.csv")
@@ -139,6 +141,25 @@ rule discrepancy_search:
         "../scripts/discrepancy_search.py"
 
 
+rule discrepancy_known:
+    input:
+        **made("hidden"),
+        truth=rules.discrepancy_hidden.output.truth,
+        gaps=examined("hidden", "found", "gap.csv"),
+        code=code("coronaryuq.discrepancy.stage"),
+    output:
+        table=examined("hidden", "known", "gap.csv"),
+        reference=examined("hidden", "known", "gap.json"),
+    log:
+        log_of("discrepancy_known.log"),
+    threads: 2
+    params:
+        settings=DISCREPANCY_SETTINGS,
+        seed=campaign.seed,
+    script:
+        "../scripts/discrepancy_known.py"
+
+
 if DISCREPANCY.pairs:
 
     rule discrepancy_pairs:
@@ -178,7 +199,9 @@ rule discrepancy_figure:
 
 
 DISCREPANCY_DRAWN = [examined(case, "figures", f"{name}.png") for case, name in DISCREPANCY_FIGURES]
-DISCREPANCY_TRUTHS = [examined("hidden", "case", "truth.json")] if "hidden" in EXAMINED else []
+DISCREPANCY_TRUTHS = []
+if "hidden" in SEARCHED:
+    DISCREPANCY_TRUTHS = [rules.discrepancy_hidden.output.truth, rules.discrepancy_known.output.reference]
 DISCREPANCY_ANSWERS = [examined(case, "found", "discrepancy.json") for case in EXAMINED]
 
 

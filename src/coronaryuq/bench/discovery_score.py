@@ -4,9 +4,8 @@ import numpy as np
 from scipy.stats import binomtest
 
 from coronaryuq.discrepancy import hidden
-from coronaryuq.discrepancy.inference import Fit
+from coronaryuq.discrepancy.known import fit_known
 from coronaryuq.discrepancy.output import named
-from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.search import Discovery
 from coronaryuq.discrepancy.verify import gap, linearise
 
@@ -52,8 +51,7 @@ def scored(truth: hidden.Truth, answer: Discovery) -> dict:
     # The mean square of m whitened residuals varies by sqrt(2 / m) by chance alone.
     entry["worse"] = bool(entry["after"] ** 2 > answer.gaps.before.misfit**2 + 2.0 * np.sqrt(2.0 / rows))
     if wanted:
-        oracle = _with_the_truth(problem, truth, answer.base)
-        problem, oracle = problem.corrected(truth.acting, oracle)
+        problem, oracle = fit_known(problem, truth.acting, truth.sizes, answer.base)
         best = gap(problem, linearise(problem, oracle.z, truth.acting), answer.folds, 1).misfit
         room = answer.gaps.before.misfit**2 - best**2
         entry["oracle"] = best
@@ -64,14 +62,6 @@ def scored(truth: hidden.Truth, answer: Discovery) -> dict:
         spread = np.sqrt(np.diag(oracle.covariance))[problem.count :]
         entry["oracle_z"] = float((oracle.z[problem.count] - truth.sizes[0]) / spread[0])
     return entry
-
-
-def _with_the_truth(problem: Problem, truth: hidden.Truth, base: Fit) -> Fit:
-    """The better fit with what was hidden, from its true sizes beside the prior's mean or what recalibration without it
-    found: a poor one would flatter the answer."""
-    starts = [np.concatenate([start, truth.sizes]) for start in (np.zeros(problem.count), base.z)]
-    found = problem.calibrate_each([(truth.acting, start) for start in starts])
-    return max((fit for fit in found if fit is not None), key=lambda fit: fit.evidence)
 
 
 def _told(one: dict) -> dict:

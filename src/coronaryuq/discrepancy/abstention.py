@@ -9,7 +9,7 @@ from coronaryuq.discrepancy.constancy import Constancy, constancy
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.simulation import Acting
-from coronaryuq.discrepancy.verify import Gap
+from coronaryuq.discrepancy.verify import Gap, better
 
 WORTH = 0.2
 """Held-out log predictive density per row that named effects must add to a flexible discrepancy to be named beside it.
@@ -91,7 +91,7 @@ def judge(
     kept_out = any(condition.held_out for condition in problem.forward.conditions.values())
     constancies = constancy(problem, fit, acting)
     varying = [one for one in constancies if one.log_odds > least]
-    lost = still and _better(gaps.before, gaps.after)
+    lost = still and better(gaps.before, gaps.after)
     refuted = bool(acting and kept_out and (odds < least or lost))
     mistaken = [one for one in acting if not one[0].nameable]
     unforeseen = bool(acting and foretold < LEAST_FORETOLD)
@@ -117,14 +117,6 @@ def helped(still: bool, doubtful: bool, gaps: Gaps) -> float | None:
     held-out measurements, and they leave nothing, or a flexible discrepancy alone does not predict held-out data better
     than they do, by half a standard error.
     """
-    if not doubtful and not (still and _better(gaps.flexible, gaps.after)):
+    if not doubtful and not (still and better(gaps.flexible, gaps.after)):
         return None
     return gaps.both.lpd - gaps.flexible.lpd
-
-
-def _better(one: Gap, other: Gap) -> bool:
-    """Whether held-out density is higher by 3 nats and by half a standard error, rows grouped in eights."""
-    difference = 0.5 * (other.residual**2 - one.residual**2)
-    blocks = np.array([part.sum() for part in np.array_split(difference, max(2, len(difference) // 8))])
-    error = np.sqrt(len(blocks) * blocks.var(ddof=1))
-    return one.total_lpd - other.total_lpd > max(3.0, 0.5 * error)

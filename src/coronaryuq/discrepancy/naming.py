@@ -43,6 +43,10 @@ class Round:
     """Other effects in the fits of the shortlist; a candidate's own sizes stand last in them."""
     worth: float = np.inf
     """Log evidence that the accepted effect adds to all the others."""
+    held_out: float | None = None
+    """Log predictive density that it adds to them on held-out measurements, nats; None: it is the only one."""
+    taken_back: Candidate | None = None
+    """What was accepted and is not borne out by measurements kept out of the fits."""
     outside_evidence: float = -np.inf
     """Log evidence of a flexible discrepancy in place of any of them."""
 
@@ -50,6 +54,10 @@ class Round:
     def class_log_prior(self) -> float:
         """Log prior that the accepted effect would have if it stood for all of its class."""
         return of_class(self.accepted, self.members) - self.accepted.fit.evidence
+
+    def take_back(self) -> None:
+        """The accepted effect is not borne out."""
+        self.accepted, self.taken_back = None, self.accepted
 
 
 def name_one(

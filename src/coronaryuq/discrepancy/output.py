@@ -8,10 +8,12 @@ import pandas as pd
 from coronaryuq import files
 from coronaryuq.discrepancy.candidates import Candidate
 from coronaryuq.discrepancy.conditions import drives_of
+from coronaryuq.discrepancy.naming import Round
 from coronaryuq.discrepancy.repair import write_repaired
 from coronaryuq.discrepancy.search import Discovery
 from coronaryuq.discrepancy.separate import separating
 from coronaryuq.discrepancy.simulation import Acting
+from coronaryuq.discrepancy.verify import Gap
 from coronaryuq.discrepancy.words import Z_90, paragraph, strained
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.beds import ALL
@@ -40,6 +42,7 @@ def summary(found: Discovery) -> dict:
             for entry in found.rounds
         ],
         "outside_library": found.outside_library,
+        "not_borne_out": [{"effect": effect.name, "place": place} for effect, place in found.taken_back],
         "mistakes": [{"mistake": one.name, "place": place} for one, place in found.verdict.mistaken],
         "gap_before": found.gaps.before.misfit,
         "gap_after": found.gaps.before.misfit if found.outside_library else found.gaps.after.misfit,
@@ -80,6 +83,7 @@ def named(found: Discovery) -> list[dict]:
                 "probability": entry.accepted.probability,
                 "class": [_member(c) for c in entry.members],
                 "class_probability": float(sum(c.probability for c in entry.members)),
+                "log_evidence": _adds(entry),
                 "sizes": sizes,
                 "by_condition": _by_condition(found, (effect, place)),
                 "beyond_prior": [parameter.name for parameter in found.beyond_prior((effect, place))],
@@ -92,6 +96,17 @@ def named(found: Discovery) -> list[dict]:
         )
     order = [entry.accepted.acting for entry in found.named]
     return sorted(result, key=lambda one: [(e.name, p) for e, p in order].index((one["effect"], one["place"])))
+
+
+def _adds(entry: Round) -> dict | None:
+    """Nats that an effect adds to all the others: to what was fitted, and to what was not; None: it is alone.
+
+    Nats are null where the model does not run without it.
+    """
+    if entry.held_out is None:
+        return None
+    nats = {"fitted": entry.worth, "held_out": entry.held_out}
+    return {name: value if np.isfinite(value) else None for name, value in nats.items()}
 
 
 def _by_condition(found: Discovery, acting: Acting) -> dict:
@@ -242,13 +257,18 @@ def vessels_of(place: str, anatomy: Anatomy) -> list[str]:
 
 
 def _gaps(found: Discovery) -> pd.DataFrame:
-    rows = []
     models = (
         ("recalibration alone", found.gaps.before),
         ("with the named effects", found.gaps.after),
         ("flexible discrepancy", found.gaps.flexible),
         ("both together", found.gaps.both),
     )
-    for name, gap in models:
-        rows.append((name, gap.misfit, *gap.interval, gap.lpd, 1.0))
-    return pd.DataFrame(rows, columns=["model", "misfit", "low", "high", "log_predictive_density", "noise_floor"])
+    return pd.DataFrame(
+        [gap_row(*one) for one in models],
+        columns=["model", "misfit", "low", "high", "log_predictive_density", "noise_floor"],
+    )
+
+
+def gap_row(name: str, gap: Gap) -> tuple:
+    """A row of `gap.csv`."""
+    return name, gap.misfit, *gap.interval, gap.lpd, 1.0

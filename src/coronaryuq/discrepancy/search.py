@@ -7,13 +7,14 @@ import numpy as np
 
 from coronaryuq.discrepancy import flexible
 from coronaryuq.discrepancy.abstention import CENTRAL_99, Gaps, Verdict, judge
+from coronaryuq.discrepancy.borne_out import borne_out
 from coronaryuq.discrepancy.candidates import PRIOR_NAMED, Candidate, all_candidates
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.locate import Located, locate
 from coronaryuq.discrepancy.looking_back import correct, look_back
 from coronaryuq.discrepancy.naming import Round, name_one
 from coronaryuq.discrepancy.problem import Problem
-from coronaryuq.discrepancy.rivals import best_of_effects, by_own_steps, exact, fit_each
+from coronaryuq.discrepancy.rivals import best_of_effects, by_own_steps, fit_each
 from coronaryuq.discrepancy.screening import screen
 from coronaryuq.discrepancy.simulation import Acting
 from coronaryuq.discrepancy.verify import folds, foretold, gap, linearise
@@ -57,6 +58,11 @@ class Discovery:
         """Rounds that named an effect, the one worth most first; none where the effect is outside the library."""
         kept = [] if self.outside_library else [r for r in self.rounds if r.accepted is not None]
         return sorted(kept, key=lambda r: -r.worth)
+
+    @property
+    def taken_back(self) -> list[Acting]:
+        """Effects that the fitted measurements ask for beside the named ones, and those kept out of the fits do not."""
+        return [entry.taken_back.acting for entry in self.rounds if entry.taken_back is not None]
 
     def beyond_prior(self, one: Acting) -> list[Parameter]:
         """Sizes of a named effect that lie outside the central 99 % of their prior: it may stand for something else."""
@@ -113,12 +119,13 @@ def discover(
     if acting:
         fit = problem.to_the_end(acting, fit)
         remaining = _located_again(problem, fit, remaining)
-    if len(acting) > 1:
-        for entry in (r for r in rounds if r.accepted is not None):
-            without = exact(problem, [one for one in acting if one != entry.accepted.acting])
-            entry.worth = np.inf if without is None else fit.evidence - without.evidence
     report("verifying on what was kept out of the fits")
     parts = folds(problem, [name for name, c in problem.forward.conditions.items() if c.held_out])
+    wanted, still = len(acting), remaining.alarm(settings.alarm_level)
+    acting, fit = borne_out(problem, acting, fit, rounds, still, parts, seed)
+    if len(acting) < wanted:
+        report(f"those bear out {_listed(acting)} alone")
+        remaining, *_ = assess(problem, fit, acting, library, everything)
     recalibrated = linearise(plain, base.z, [])
     repaired = linearise(problem, fit.z, acting) if acting else recalibrated
     _, amplitude = flexible.gain(base, features[problem.train])

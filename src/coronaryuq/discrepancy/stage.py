@@ -3,11 +3,16 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
+from threadpoolctl import threadpool_limits
 
 from coronaryuq import files
 from coronaryuq.discrepancy import hidden
 from coronaryuq.discrepancy.command import from_files
-from coronaryuq.discrepancy.conditions import Condition
+from coronaryuq.discrepancy.conditions import Condition, read_conditions
+from coronaryuq.discrepancy.known import known_gap
+from coronaryuq.discrepancy.model import read_problem
+from coronaryuq.discrepancy.output import gap_row
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.errors import InputError
 from coronaryuq.seeds import generator
@@ -78,3 +83,24 @@ def search(
 ) -> None:
     """Search one case and write the results into `folder`."""
     from_files(model, measurements, conditions, Path(folder), settings.model_copy(update={"threads": threads}), seed)
+
+
+def compare(
+    case: dict[str, str], truth: str, gaps: str, settings: Settings, seed: int, out: dict[str, str], threads: int = 1
+) -> None:
+    """Put the held-out gap with the true effect beside those of a search (`gaps`, its table), in a table and a JSON.
+
+    case: model, measurements and conditions; truth: what `hide_in_loop` says of them; out: table and reference.
+    """
+    settings = settings.model_copy(update={"threads": threads})
+    conditions = read_conditions(case["conditions"])
+    problem = read_problem(read_network(case["model"]), case["measurements"], conditions, case["conditions"], settings)
+    hidden_there = files.read_json(truth, ("effect", "place", "size_z"))
+    one = effect(hidden_there["effect"])
+    sizes = np.full(len(one.parameters), hidden_there["size_z"])
+    with threadpool_limits(1):
+        found = known_gap(problem, [(one, hidden_there["place"])], sizes, seed)
+    table = files.read_csv(gaps)
+    row = pd.DataFrame([gap_row("with the true effect", found)], columns=table.columns)
+    files.write_csv(Path(out["table"]), pd.concat([table, row], ignore_index=True))
+    files.write_json(Path(out["reference"]), found.summary())

@@ -13,6 +13,7 @@ from coronaryuq.discrepancy.simulation import Acting
 
 Z_90 = 1.6448536269514722
 """Standard deviations of a normal distribution that bound its central 90 %."""
+FLOOR = "1 is what noise and the fit's own spread let expect"
 MOST_STRAINED = 4
 """Nuisance parameters listed at most in one sentence."""
 
@@ -24,7 +25,7 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
         text = (
             f"The model, recalibrated within its priors, agrees with the {count} fitted measurements "
             f"(global test {chance(found.located.p)}): there is nothing to explain. "
-            f"On {_kept(held_out)} its misfit is {found.gaps.before.misfit:.2f} standard deviations of the noise."
+            f"On {_kept(held_out)} its misfit is {found.gaps.before.misfit:.2f} ({FLOOR})."
         )
         return text + _unforeseen(found.verdict.foretold, held_out)
     worst = found.located.groups[0]
@@ -102,6 +103,18 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
                 f"Fitted to each condition by itself its size differs ({_sizes(varying)}): it may change, or stand for "
                 "something that the library does not have. "
             )
+        if entry.held_out is not None and entry.held_out < 0.0:
+            text += (
+                f"Measurements that no fit had seen are predicted better without it (by {-entry.held_out:.2g} nats in "
+                "all): it may stand for something that the library does not have. "
+            )
+    if found.named and found.taken_back:
+        those = "it" if len(found.named) == 1 else "them"
+        wanted = listed([_called(one) for one in found.taken_back])
+        text += (
+            f"Beside {those} the fitted measurements ask for {wanted}, too, which those that no fit had seen do not "
+            "bear out: not named. "
+        )
     text += f"On {_kept(held_out)} the misfit {moved(found.gaps.before.misfit, found.gaps.after.misfit)}. "
     if found.named and found.gaps.after.total_lpd < found.gaps.before.total_lpd:
         text += (
@@ -179,10 +192,9 @@ def shapeless(found: Discovery) -> float | None:
 
 def moved(before: float, after: float) -> str:
     """How the misfit on held-out measurements changes, as far as two decimals tell."""
-    floor = "standard deviations of the noise, whose floor is 1"
     if f"{before:.2f}" == f"{after:.2f}":
-        return f"stays at {after:.2f} {floor}"
-    return f"{'falls' if after < before else 'rises'} from {before:.2f} to {after:.2f} {floor}"
+        return f"stays at {after:.2f} ({FLOOR})"
+    return f"{'falls' if after < before else 'rises'} from {before:.2f} to {after:.2f} ({FLOOR})"
 
 
 def rival(gaps: Gaps, named: bool) -> str:

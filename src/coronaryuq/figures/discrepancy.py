@@ -188,9 +188,9 @@ def sizes(table: str | Path, output: str | Path) -> None:
 def gap(table: str | Path, output: str | Path) -> None:
     """Misfit on data kept out of every fit, with 90 % intervals, beside the noise floor."""
     frame: pd.DataFrame = read_csv(table, ("model", "misfit", "low", "high", "noise_floor"))
-    with saved(output, figsize=(5.5, 2.2)) as (_, axes):
+    with saved(output, figsize=(5.5, 0.7 + 0.375 * len(frame))) as (_, axes):
         at = np.arange(len(frame))[::-1]
-        colours = [BEFORE, AFTER, FLEXIBLE, TOGETHER][: len(frame)]
+        colours = [BEFORE, AFTER, FLEXIBLE, TOGETHER, MEASURED][: len(frame)]
         low, high = (np.clip(d, 0, None) for d in (frame.misfit - frame.low, frame.high - frame.misfit))
         for y, row, colour, a, b in zip(at, frame.itertuples(), colours, low, high, strict=True):
             axes.errorbar(row.misfit, y, xerr=[[a], [b]], fmt="o", color=colour, capsize=3)
@@ -199,7 +199,7 @@ def gap(table: str | Path, output: str | Path) -> None:
         axes.set_yticks(at, frame.model)
         axes.set_ylim(-0.6, len(frame) - 0.3)
         axes.set_xlim(left=0)
-        axes.set_xlabel("misfit on data kept out of every fit (noise sd)")
+        axes.set_xlabel("misfit on data kept out of every fit")
 
 
 def _artery(name: str) -> str:

@@ -1,12 +1,10 @@
 """What answers are measured against."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
-from coronaryuq.bench.discovery_score import _with_the_truth
 from coronaryuq.discrepancy.inference import Fit
+from coronaryuq.discrepancy.known import fit_known
 
 BASE = Fit(np.array([2.0, -1.0]), np.zeros(3), np.zeros((3, 2)))
 
@@ -19,6 +17,9 @@ class TwoModes:
     def __init__(self, good):
         self.good = good
 
+    def corrected(self, acting, fit):
+        return self, fit
+
     def calibrate_each(self, wanted):
         misfits = [5.0 * np.linalg.norm(start[:2] - self.good) for _, start in wanted]
         fits = [Fit(start, np.array([m, 0.0]), np.zeros((2, 3))) for (_, start), m in zip(wanted, misfits, strict=True)]
@@ -27,6 +28,5 @@ class TwoModes:
 
 @pytest.mark.parametrize("good", [(0.0, 0.0), (2.0, -1.0), (6.0, -1.0)])
 def test_the_reference_is_the_better_of_two_fits_with_the_true_sizes(good):
-    truth = SimpleNamespace(acting=[], sizes=np.array([0.7]))
-    found = _with_the_truth(TwoModes(np.array(good)), truth, BASE)
+    _, found = fit_known(TwoModes(np.array(good)), [], np.array([0.7]), BASE)
     assert found.z.tolist() == [*((0.0, 0.0) if good == (0.0, 0.0) else (2.0, -1.0)), 0.7]

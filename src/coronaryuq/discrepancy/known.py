@@ -1,0 +1,26 @@
+"""What was hidden, where that is known: the reference of every gap. No part of the search, which knows none of it."""
+
+import numpy as np
+
+from coronaryuq.discrepancy.inference import Fit
+from coronaryuq.discrepancy.problem import Problem
+from coronaryuq.discrepancy.search import recalibrate
+from coronaryuq.discrepancy.simulation import Acting
+from coronaryuq.discrepancy.verify import Gap, folds, gap, linearise
+
+
+def fit_known(problem: Problem, acting: list[Acting], sizes: np.ndarray, base: Fit) -> tuple[Problem, Fit]:
+    """The better fit with what was hidden, from its true sizes z beside the prior's mean or what recalibration without
+    it found (`base`): a poor one would flatter the answer. The time steps are put right about it.
+    """
+    starts = [np.concatenate([start, sizes]) for start in (np.zeros(problem.count), base.z)]
+    found = problem.calibrate_each([(acting, start) for start in starts])
+    return problem.corrected(acting, max((fit for fit in found if fit is not None), key=lambda fit: fit.evidence))
+
+
+def known_gap(problem: Problem, acting: list[Acting], sizes: np.ndarray, seed: int) -> Gap:
+    """Held-out gap with what was hidden."""
+    plain, base = recalibrate(problem)
+    plain, fit = fit_known(plain, acting, sizes, base)
+    parts = folds(plain, [name for name, condition in plain.forward.conditions.items() if condition.held_out])
+    return gap(plain, linearise(plain, fit.z, acting), parts, seed)

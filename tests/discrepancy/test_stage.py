@@ -1,0 +1,45 @@
+"""The campaign's own case from end to end: an effect hidden, searched, held against the truth, and on the page."""
+
+import pytest
+
+from coronaryuq import files
+from coronaryuq.bench.hidden_cases import open_loop
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.discrepancy.stage import compare, hide_in_loop, search
+from coronaryuq.report.discrepancy import write_page
+
+SEED = 4
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    """Folder `hidden` of a campaign: `case`, `found` and `known`."""
+    folder = tmp_path_factory.mktemp("campaign") / "hidden"
+    files.write_json(folder.parent / "rest.json", open_loop().network)
+    hide_in_loop(folder.parent / "rest.json", Settings(), SEED, folder / "case")
+    names = {"model": "model.json", "measurements": "measurements.csv", "conditions": "conditions.yaml"}
+    case = {key: str(folder / "case" / name) for key, name in names.items()}
+    search(*case.values(), Settings(), SEED, folder / "found")
+    truth, gaps = folder / "case" / "truth.json", folder / "found" / "gap.csv"
+    out = {"table": folder / "known" / "gap.csv", "reference": folder / "known" / "gap.json"}
+    compare(case, truth, gaps, Settings(), SEED, out)
+    return folder
+
+
+def test_the_search_comes_as_near_as_the_truth(found):
+    """On held-out data the named effect closes the gap that the true one closes, where it is the true one."""
+    gaps = files.read_csv(found / "known" / "gap.csv").set_index("model").misfit
+    answer, truth = (files.read_json(found / name) for name in ("found/discrepancy.json", "case/truth.json"))
+    assert (answer["named"][0]["effect"], answer["named"][0]["place"]) == (truth["effect"], truth["place"])
+    assert gaps["recalibration alone"] > 1.5 * gaps["with the true effect"]
+    assert gaps["with the named effects"] == pytest.approx(gaps["with the true effect"], rel=0.01)
+    assert files.read_json(found / "known" / "gap.json")["misfit"] == gaps["with the true effect"]
+
+
+def test_the_page_says_both(found, tmp_path):
+    truths = [found / "case" / "truth.json", found / "known" / "gap.json"]
+    write_page([found / "found" / "discrepancy.json"], [], "campaign", {}, tmp_path / "page.html", truths)
+    page = (tmp_path / "page.html").read_text()
+    assert "Its first answer is right in name and place" in page and "with the true effect" in page
+    write_page([found / "found" / "discrepancy.json"], [], "campaign", {}, tmp_path / "page.html")
+    assert "with the true effect" not in (tmp_path / "page.html").read_text()
