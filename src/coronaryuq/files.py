@@ -166,17 +166,21 @@ def write_csv(path: str | Path, frame) -> None:
         frame.to_csv(beside, index=False, lineterminator="\n")
 
 
-def read_csv(path: str | Path, columns: tuple[str, ...] = ()):
+def read_csv(path: str | Path, columns: tuple[str, ...] = (), words: tuple[str, ...] = ()):
     """Read a CSV into a DataFrame; a missing file, a broken one or a missing column is an `InputError`.
 
-    Takes what spreadsheets write, too: see `table_text`; with semicolons, decimal commas.
+    Takes what spreadsheets write, too: see `table_text`; with semicolons, decimal commas. words: columns, in lower
+    case, of which 01 is no number.
     """
     import pandas as pd
 
     text, separator = table_text(path)
     decimal = "," if separator == ";" and re.search(r"(?:^|;)\s*[-+]?\d*,\d+\s*(?:;|$)", text, re.MULTILINE) else "."
     try:
-        frame = pd.read_csv(io.StringIO(text), sep=separator, decimal=decimal, skipinitialspace=separator != "\t")
+        layout = {"sep": separator, "decimal": decimal, "skipinitialspace": separator != "\t"}
+        heading = pd.read_csv(io.StringIO(text), nrows=0, **layout).columns
+        kept = {name: str for name in heading if str(name).strip().lower() in words}
+        frame = pd.read_csv(io.StringIO(text), dtype=kept, **layout)
     except ValueError as error:
         reason = " ".join(str(error).split())
         raise InputError(path, None, None, f"not a readable CSV ({reason})") from None

@@ -11,7 +11,7 @@ from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.library import effect
 
-PLACES = {"AORTA:left_main": 2.1, "J0:lad_proximal": 1.4, "lcx:BC_lcx": 0.7}
+PLACES = {"AORTA:left_main": 2.1, "J0:lad_proximal": 1.4, "lcx:BC_lcx": 0.7, "lad_proximal:J1": 1.4}
 GAIN = effect("flow_gain")
 SPREAD = GAIN.parameters[0].spread
 PRIOR, EFFECTS = -5.0, 20
@@ -26,13 +26,13 @@ def odds(gains: dict[str, float]) -> float:
     problem = SimpleNamespace(
         count=0,
         forward=SimpleNamespace(anatomy=Anatomy(left_coronary()), measured=series),
-        owner=np.repeat(np.arange(3), 10),
-        train=np.ones(30, bool),
+        owner=np.repeat(np.arange(len(PLACES)), 10),
+        train=np.ones(len(read), bool),
         y=read,
-        sd=np.ones(30),
+        sd=np.ones(len(read)),
     )
     z = np.array(list(gains.values())) / SPREAD
-    fit = Fit(z, np.zeros(30), np.eye(30)[:, : len(z)] * SPREAD / ACCURACY)
+    fit = Fit(z, np.zeros(len(read)), np.eye(len(read))[:, : len(z)] * SPREAD / ACCURACY)
     return redistribution(problem, fit, acting, [PRIOR] * len(acting), EFFECTS)
 
 
@@ -47,8 +47,10 @@ def test_gains_that_cancel_are_a_redistribution():
         {"J0:lad_proximal": 0.3, "lcx:BC_lcx": -0.1},
         {"lcx:BC_lcx": -0.4},
         {"AORTA:left_main": 0.2, "J0:lad_proximal": -0.3},
+        {"J0:lad_proximal": 0.2, "lad_proximal:J1": -0.2},
+        {"lad_proximal:J1": -0.2, "J0:lad_proximal": 0.2},
     ],
-    ids=["same sign", "other size", "one", "one behind the other"],
+    ids=["same sign", "other size", "one", "one behind the other", "ends of one vessel", "those the other way"],
 )
 def test_other_gains_are_probes(gains):
     assert odds(gains) < 0.0

@@ -102,7 +102,7 @@ def test_measured_ventricular_pressure_is_of_the_conditions_own_period(recorded_
     faster = Condition("pacing", period_scale=0.7, drive={"AORTA": (own, aortic), "LV": (own, ventricular)})
     network = left_coronary()
     period = period_of(under(network, faster))
-    situation = Situation("pacing", 1.0, period, {}, {}, faster.covariates)
+    situation = Situation(1.0, period, {}, {}, faster.covariates)
     at = np.linspace(0.0, period, 50, endpoint=False)
     assert period == pytest.approx(0.7 * PERIOD)
     expected = np.interp(at / 0.7, time, ventricular)

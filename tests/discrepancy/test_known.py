@@ -20,10 +20,18 @@ class TwoModes:
     def corrected(self, acting, fit):
         return self, fit
 
+    def to_the_end(self, acting, fit):
+        return fit
+
     def calibrate_each(self, wanted):
         misfits = [5.0 * np.linalg.norm(start[:2] - self.good) for _, start in wanted]
         fits = [Fit(start, np.array([m, 0.0]), np.zeros((2, 3))) for (_, start), m in zip(wanted, misfits, strict=True)]
         return [None if fit.residual[0] > 20.0 else fit for fit in fits]
+
+
+def test_where_neither_runs_there_is_no_reference():
+    with pytest.raises(FloatingPointError, match="what was hidden"):
+        fit_known(TwoModes(np.array([40.0, 40.0])), [], np.array([0.7]), BASE)
 
 
 @pytest.mark.parametrize("good", [(0.0, 0.0), (2.0, -1.0), (6.0, -1.0)])

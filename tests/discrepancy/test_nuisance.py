@@ -16,6 +16,7 @@ from coronaryuq.errors import InputError
 from coronaryuq.files import read_json
 from coronaryuq.zerod.effects.base import vessel_values
 from coronaryuq.zerod.effects.grafting import put_ahead
+from coronaryuq.zerod.effects.library import effect
 
 LOSS = 4e4
 
@@ -66,6 +67,33 @@ def test_a_stenosis_of_unknown_severity_is_the_same_wherever_it_has_one_name():
     assert written.predict(nought)[0] == pytest.approx(after, rel=1e-6)
 
 
+def test_an_effect_beside_a_stenosis_has_one_size_under_all_conditions():
+    """Severity scales the loss that a condition has, not what an effect adds to it."""
+    clamped = {"set": {"lad_loss": {"stenosis_coefficient": LOSS}}, "stenosis": {"lad_loss": "mild"}}
+    conditions = Condition("rest"), Condition("mild", **clamped)
+    forward = problem(with_a_place_for_a_loss(), *conditions).forward
+    (column,) = [i for i, n in enumerate(forward.nuisances) if n.name == "stenosis mild of lad_loss"]
+    acting, key = [(effect("quadratic_stenosis"), "lad_loss")], "lad_loss.stenosis_coefficient"
+
+    def loss(condition, severity, acting=()):
+        z = np.zeros(len(forward.nuisances) + len(acting))
+        z[column] = severity
+        table, network = forward.condition_changes(condition, z, list(acting))
+        return table.get(key, vessel_values(network, "lad_loss")["stenosis_coefficient"])
+
+    added = [loss(name, severity, acting) - loss(name, severity) for name in ("rest", "mild") for severity in (0, 1)]
+    assert min(added) > 0.0 and added == pytest.approx([added[0]] * 4)
+    assert loss("mild", 1.0) == pytest.approx(loss("mild", 0.0) * np.exp(Settings().sd_stenosis))
+    rows = [(np.r_[np.eye(len(forward.nuisances))[column] * severity, 0.0], acting) for severity in (0.0, 1.0)]
+    together = forward.predict_rows(rows)
+    # Runs in one batch are the network with the sums written in.
+    for (z, _), predicted in zip(rows, together, strict=True):
+        total = {"rest": loss("rest", z[column], acting), "mild": loss("mild", z[column], acting)}
+        written = [Condition(name, set={"lad_loss": {"stenosis_coefficient": total[name]}}) for name in total]
+        alone = problem(with_a_place_for_a_loss(), *written).forward
+        assert alone.predict(np.zeros(len(alone.nuisances)))[0] == pytest.approx(predicted, rel=1e-5)
+
+
 def test_what_is_put_ahead_of_a_vessel_is_no_place_of_its_own():
     places = {c.place for c in all_candidates(problem(with_a_place_for_a_loss(), Condition("rest")), [])}
     assert "lad" in places and "lad_loss" not in places
@@ -99,3 +127,15 @@ def test_recordings_with_a_free_bed_name_each_stenosis_once(tmp_path):
         assert ("lad_loss" in vessels) == free_bed
     text = (tmp_path / "case" / "conditions.yaml").read_text()
     assert text.count("lad_loss: mild_sten\n") == 2 and text.count("bed_shape") == 3
+
+
+def test_a_beat_of_too_few_times_is_told_by_the_recording(tmp_path):
+    """The last time is the first of the next beat: eight make seven readings, one fewer than a waveform wants."""
+    import pandas as pd
+
+    time = np.linspace(0.0, 0.5, 8)
+    columns = {"t [s]": time, "AoP [mmHg]": 80.0 + time, "LVP [mmHg]": 50.0 + time, "LAD Flow [ml/min]": 30.0 + time}
+    for name in ("baseline", "paced"):
+        pd.DataFrame(columns).to_csv(tmp_path / f"X_{name}.csv", index=False)
+    with pytest.raises(InputError, match="X_baseline.csv.*want at least 9 times"):
+        prepare(tmp_path, "X", tmp_path / "case")

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from coronaryuq.discrepancy.pairs import discover_pairs
-from coronaryuq.discrepancy.tables import branches, read_pairs
+from coronaryuq.discrepancy.tables import _zero_flow, branches, read_pairs
 from coronaryuq.errors import InputError
 
 ZERO_FLOW = 5.0
@@ -66,11 +66,28 @@ def branch_of(files):
 @pytest.mark.parametrize("hidden", [{}, {"gain": -0.04}, {"flow_gain": 0.15}, {"quadratic": 1.2}])
 @pytest.mark.parametrize("outlet", [0.003, 0.01, 0.02])
 def test_noise_makes_no_zero_flow_pressure(tmp_path, hidden, outlet):
-    """Where flow hardly changes the pairs tell nothing of it, and it stays near none."""
-    for seed in range(20):
-        branch = branch_of(noisy_pairs(tmp_path, seed, outlet=outlet, **hidden))
-        assert 0.0 <= branch.venous < 0.2 * branch.root0.mean()
-        assert branch.venous < min(branch.outlet0.min(), branch.outlet3.min())
+    """Where flow hardly changes the pairs tell little of it, and it stays near none: within half a prior sd on average
+    over trials (0.1 of the root's pressure), and two of it in each."""
+    found = [branch_of(noisy_pairs(tmp_path, seed, outlet=outlet, **hidden)) for seed in range(20)]
+    shares = [branch.venous / branch.root0.mean() for branch in found]
+    assert np.mean(shares) < 0.05 and max(shares) < 0.2
+
+
+def test_a_nearly_closed_artery_leaves_the_zero_flow_pressure_a_spread():
+    """All pressures behind it are the least there is, near which no bed's factor may be taken beyond that."""
+    read = {"p": np.full(50, 5.0), "q": 1e-4 * np.linspace(1.0, 2.0, 50), "root": np.full(50, 90.0)}
+    made = {"p": np.linspace(70.0, 80.0, 50), "q": np.linspace(1.0, 2.0, 50), "root": np.full(50, 90.0)}
+    root, bed = ("mean_pressure", "heart"), ("mean_pressure", "BC")
+    pressures, flows = {root: ("root", "root"), bed: ("p", "p")}, {("mean_flow", "BC"): ("q", "q")}
+    venous, spread = _zero_flow(pd.DataFrame(made), pd.DataFrame(read), pressures, flows, root)
+    assert venous < 5.0 and np.isfinite(spread)
+
+
+def test_outlets_that_only_one_table_has_are_told(tmp_path):
+    files = noisy_pairs(tmp_path, 1)
+    rewritten(files[1], lambda table: table.drop(columns=["mean_pressure:v1:BC"]))
+    with pytest.raises(InputError, match="no outlet has both"):
+        branch_of(files)
 
 
 @pytest.mark.parametrize("outlet", [0.001, 0.01, 0.02])

@@ -4,9 +4,13 @@ import pytest
 
 from coronaryuq import files
 from coronaryuq.bench.hidden_cases import open_loop
+from coronaryuq.discrepancy.conditions import read_conditions
+from coronaryuq.discrepancy.model import read_problem
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.stage import compare, hide_in_loop, search
 from coronaryuq.report.discrepancy import write_page
+from coronaryuq.zerod.effects.library import effect
+from coronaryuq.zerod.network import read_network
 
 SEED = 4
 
@@ -43,3 +47,15 @@ def test_the_page_says_both(found, tmp_path):
     assert "Its first answer is right in name and place" in page and "with the true effect" in page
     write_page([found / "found" / "discrepancy.json"], [], "campaign", {}, tmp_path / "page.html")
     assert "with the true effect" not in (tmp_path / "page.html").read_text()
+
+
+@pytest.mark.parametrize("name", ["pressure_offset", "mbf_underestimation", "ostial_loss", "incomplete_hyperaemia"])
+def test_what_is_hidden_is_where_a_search_looks(name, tmp_path):
+    """Places before measured beds are chosen of those that the effect has; sensors have theirs by what is measured."""
+    files.write_json(tmp_path / "rest.json", open_loop().network)
+    hide_in_loop(tmp_path / "rest.json", Settings(hidden_effect=name), SEED, tmp_path)
+    conditions = read_conditions(tmp_path / "conditions.yaml")
+    paths = tmp_path / "measurements.csv", conditions, tmp_path / "conditions.yaml"
+    forward = read_problem(read_network(tmp_path / "model.json"), *paths, Settings()).forward
+    truth = files.read_json(tmp_path / "truth.json")
+    assert truth["effect"] == name and truth["place"] in effect(name).places(forward.anatomy, forward.measured)

@@ -14,6 +14,10 @@ from coronaryuq.discrepancy.verify import Gap
 from coronaryuq.discrepancy.words import _unforeseen, moved, rival, shapeless
 from coronaryuq.zerod.effects.library import effect
 
+OPEN_LOOP, CLOSED_LOOP = (
+    SimpleNamespace(forward=SimpleNamespace(anatomy=SimpleNamespace(closed_loop=closed))) for closed in (False, True)
+)
+
 
 def gap(lpd: float) -> Gap:
     return Gap(1.0, (0.9, 1.1), {}, lpd, 10 * lpd, np.zeros(10), np.arange(10))
@@ -101,12 +105,13 @@ def test_every_nuisance_parameter_far_outside_its_prior_is_said(strains, said):
 def test_what_comes_nearest_is_all_that_acts():
     leak, loss = (effect("side_branch_leak"), "lad"), (effect("diffuse_narrowing"), "lad")
     varying = Constancy(loss, 9.0, {"rest": (0.0, 0.1), "pacing": (2.0, 0.1)})
-    several = words._varying(SimpleNamespace(acting=[leak, loss], verdict=SimpleNamespace(varying=[varying])))
+    parts = {"verdict": SimpleNamespace(varying=[varying]), "problem": OPEN_LOOP}
+    several = words._varying(SimpleNamespace(acting=[leak, loss], **parts))
     assert several.startswith(
         "what comes nearest is side branch leak at lad and diffuse narrowing at lad, of which diffuse"
     )
     assert several.endswith(") would need another size under each condition")
-    alone = words._varying(SimpleNamespace(acting=[loss], verdict=SimpleNamespace(varying=[varying])))
+    alone = words._varying(SimpleNamespace(acting=[loss], **parts))
     assert alone.startswith(
         "what comes nearest, diffuse narrowing at lad, would need another size under each condition (l"
     )
@@ -114,8 +119,18 @@ def test_what_comes_nearest_is_all_that_acts():
 
 def test_sizes_by_condition_have_their_intervals_and_leave_out_what_says_nothing():
     known = {"rest": (0.0, 0.1), "pacing": (2.0, 0.2), "held": (0.0, 1.2)}
-    told = words._sizes(Constancy((effect("flow_delay"), "a:b"), 9.0, known))
+    told = words._sizes(Constancy((effect("flow_delay"), "a:b"), 9.0, known), OPEN_LOOP.forward.anatomy)
     assert told == "delay: rest 0 (-0.0049 to 0.0049), pacing 0.06 (0.05 to 0.07) s"
+
+
+def test_sizes_by_condition_are_said_as_the_size_is():
+    """A share of the ventricular pressure that is added, in a closed loop the factor on what is there."""
+    varying = Constancy((effect("intramyocardial_pressure"), "all beds"), 9.0, {"rest": (1.0, 0.1)})
+    (share, factor) = (words._sizes(varying, one.forward.anatomy) for one in (OPEN_LOOP, CLOSED_LOOP))
+    (parameter,) = varying.acting[0].parameters
+    added = float(parameter.from_standard(1.0))
+    assert share.startswith(f"share: rest {added:.2g} (")
+    assert factor.startswith(f"factor on the model's intramyocardial pressure: rest {np.exp(added):.2g} (")
 
 
 @pytest.mark.parametrize(

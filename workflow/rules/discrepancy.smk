@@ -3,6 +3,7 @@
 # Cases: the files that the configuration names, pairs of simulated and measured outputs, recorded animals; where it
 # names none, an effect hidden in the campaign's own tuned loop.
 
+from coronaryuq.discrepancy.conditions import drives_of
 from coronaryuq.discrepancy.settings import GIVEN
 
 DISCREPANCY = campaign.discrepancy
@@ -24,6 +25,7 @@ if DISCREPANCY.measurements:
         "model": DISCREPANCY.model or rules.calibration.output.rest,
         "measurements": DISCREPANCY.measurements,
         "conditions": DISCREPANCY.conditions,
+        "drives": drives_of(DISCREPANCY.conditions),
     }
 if not SEARCHED and not DISCREPANCY.pairs:
     SEARCHED["hidden"] = made("hidden")
@@ -47,7 +49,7 @@ HIDDEN_IN = DISCREPANCY.benchmark.named
 NAMED_FILES = {
     "model": [DISCREPANCY.model],
     "measurements": [DISCREPANCY.measurements],
-    "conditions": [DISCREPANCY.conditions],
+    "conditions": [DISCREPANCY.conditions, *(SEARCHED["case"]["drives"] if "case" in SEARCHED else [])],
     "pairs": DISCREPANCY.pairs or (),
     "benchmark.networks": [one for one in HIDDEN_IN.values() if one not in GIVEN],
 }

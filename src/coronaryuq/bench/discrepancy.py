@@ -32,7 +32,7 @@ from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.errors import InputError
 from coronaryuq.seeds import generator
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import Effect, Series
+from coronaryuq.zerod.effects.base import Effect
 from coronaryuq.zerod.effects.library import LIBRARY, effect
 from coronaryuq.zerod.network import read_network
 
@@ -319,12 +319,7 @@ def hide(case: Case, made: Made, folder: Path) -> tuple[hidden.Truth | None, int
 def _places(one: Effect, made: Made, random: np.random.Generator) -> list[str]:
     """Where it may be hidden; of very many places some."""
     network, conditions, plan = made
-    series = [
-        Series(c, quantity, place, statistic, np.zeros(1) if statistic == "waveform" else None, 1.0)
-        for c in conditions
-        for quantity, place, statistic, _ in plan.entries
-    ]
-    places = one.places(Anatomy(network, pressure=1e5), series)
+    places = one.places(Anatomy(network, pressure=1e5), hidden.series_of(plan, conditions.values()))
     return places if len(places) <= MANY else list(random.choice(places, MANY, replace=False))
 
 

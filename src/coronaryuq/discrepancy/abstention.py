@@ -92,7 +92,8 @@ def judge(
     constancies = constancy(problem, fit, acting)
     varying = [one for one in constancies if one.log_odds > least]
     lost = still and better(gaps.before, gaps.after)
-    refuted = bool(acting and kept_out and (odds < least or lost))
+    # Without a condition kept out, evidence would count them twice.
+    refuted = bool(acting and (lost or (kept_out and odds < least)))
     mistaken = [one for one in acting if not one[0].nameable]
     unforeseen = bool(acting and foretold < LEAST_FORETOLD)
     nats = helped(still, bool(varying) or unforeseen, gaps)

@@ -66,9 +66,7 @@ def main(args: argparse.Namespace) -> int:
 
     Raises `InputError` for bad input, before anything is written.
     """
-    # Its matrices are small: threads of linear algebra would take more time from each other than they save.
-    with threadpool_limits(1):
-        answer = _answer(args, check_folder(args.out))
+    answer = _answer(args, check_folder(args.out))
     print(json.dumps(answer, default=float) if args.json else answer["paragraph"])
     return 0
 
@@ -120,6 +118,9 @@ def _one_source(args: argparse.Namespace) -> None:
         )
 
 
+# Its matrices are small: threads of linear algebra would take more time from each other than they save, and round in
+# another way for another number of them.
+@threadpool_limits.wrap(limits=1)
 def from_files(model, measurements, conditions, out: Path, settings: Settings, seed: int) -> dict:
     """Search one case given by files; writes the results into `out` and returns the summary."""
     network = read_network(model)

@@ -21,6 +21,8 @@ COVARIATES = ("LV",)
 """Measured waveforms that a drive may name although they are no block: left ventricular pressure."""
 RESISTANCE, BED_SHAPE = "coronary_resistance_scale", "bed_shape"
 LOSS = "stenosis_coefficient"
+ELEMENTS = ("R_poiseuille", "L", "C", LOSS)
+"""Of a vessel; nought where the file leaves them out."""
 FREE = (RESISTANCE, BED_SHAPE)
 """What may be unknown: of a condition its coronary resistance; of all together how resistance and compliance lie along
 the beds."""
@@ -87,7 +89,10 @@ def _condition(path, name: str, keys: dict) -> Condition:
     if not isinstance(keys.get("held_out", False), bool):
         raise InputError(path, f"{name}.held_out", keys["held_out"], "want true or false")
     tables = {key: _table(path, f"{name}.{key}", keys.get(key) or {}) for key in ("scale", "set")}
-    free = tuple(keys.get("free") or ())
+    free = keys.get("free") or ()
+    free = (free,) if isinstance(free, str) else free
+    if not isinstance(free, list | tuple):
+        raise InputError(path, f"{name}.free", free, f"want a list, of {', '.join(FREE)}")
     for entry in free:
         if entry not in FREE:
             raise InputError(path, f"{name}.free", entry, f"know {', '.join(FREE)}")
@@ -101,7 +106,13 @@ def _condition(path, name: str, keys: dict) -> Condition:
         raise InputError(path, f"{name}.drive", drive, "want a mapping of boundary conditions to CSV files")
     waveforms = {bc: _drive(Path(path).parent / str(file)) for bc, file in drive.items()}
     return Condition(
-        name, **numbers, **tables, drive=waveforms, held_out=keys.get("held_out", False), free=free, stenosis=stenosis
+        name,
+        **numbers,
+        **tables,
+        drive=waveforms,
+        held_out=keys.get("held_out", False),
+        free=tuple(free),
+        stenosis=stenosis,
     )
 
 
@@ -178,6 +189,7 @@ def under(network: dict, condition: Condition, file: str | Path = "conditions") 
     network = copy_of(network)
     anatomy = Anatomy(network)
     period = period_of(network)
+    vessels = {v["vessel_name"]: v["zero_d_element_values"] for v in network["vessels"]}
     factor = condition.coronary_resistance_scale
     for bed in anatomy.beds:
         anatomy.blocks[bed]["bc_values"].update({k: v * factor for k, v in arteriolar(network, bed).items()})
@@ -190,15 +202,17 @@ def under(network: dict, condition: Condition, file: str | Path = "conditions") 
                 # Where an effect has put CORONARY_VAR_RES in the place of CORONARY, one Ra2 has become two.
                 split = [f"{parameter}_min", f"{parameter}_max"]
                 for name in split if parameter not in values and all(one in values for one in split) else [parameter]:
+                    if name in ELEMENTS and values is vessels.get(block):
+                        values.setdefault(name, 0.0)
                     if name not in values or isinstance(values[name], list):
                         known = ", ".join(k for k, v in values.items() if isinstance(v, int | float))
                         raise InputError(file, f"{condition.name}.{key}.{block}.{name}", None, f"know {known}")
                     values[name] = combine(values[name], value)
     for vessel, name in condition.stenosis.items():
-        values = next((v["zero_d_element_values"] for v in network["vessels"] if v["vessel_name"] == vessel), None)
+        values = vessels.get(vessel)
         where = f"{condition.name}.stenosis.{vessel}"
         if values is None:
-            known = ", ".join(v["vessel_name"] for v in network["vessels"])
+            known = ", ".join(vessels)
             raise InputError(file, where, name, f"the network has no such vessel; know {known}")
         if values.get("C", 0.0) > 0.0:
             raise InputError(file, where, name, "the vessel has a C; put a vessel without one ahead of it for the loss")
@@ -220,15 +234,20 @@ def _own_period(condition: Condition, period: float, file: str | Path) -> float:
     """The condition's period (s): its drives', but where a `period_scale` is given beside them.
 
     Then they may be of the condition's own beat or of the network's, whose period is `period`, to be made as short.
+    What is no boundary condition but a measured waveform sets no period; it is of the beat that the others have.
     """
     target = period * condition.period_scale
     lengths = {name: float(waveform[0][-1]) for name, waveform in condition.drive.items()}
+    driving = [length for name, length in lengths.items() if name not in COVARIATES]
+    if condition.period_scale == 1.0 and driving:
+        target = driving[0]
     for name, length in lengths.items():
         where = f"{condition.name}.drive.{name}"
         if condition.period_scale == 1.0:
-            target = next(iter(lengths.values()))
-            if abs(length - target) > 1e-9 * target:
-                raise InputError(file, where, length, "drives differ in length")
+            allowed = SAME_BEAT if name in COVARIATES else 1e-9
+            if abs(length - target) > allowed * target:
+                remedy = f"s long; want {target:.4g}, as the other drives" if driving else f"s long; want {target:.4g}"
+                raise InputError(file, where, length, remedy)
         elif min(abs(length - one) / one for one in (period, target)) > SAME_BEAT:
             remedy = (
                 f"s long; beside a period_scale want the network's beat ({period:.4g}) or this one's ({target:.4g})"

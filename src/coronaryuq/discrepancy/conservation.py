@@ -43,6 +43,8 @@ def redistribution(problem: Problem, fit: Fit, acting: list[Acting], priors: lis
 def _feeds(problem: Problem, place: str, other: str) -> bool:
     anatomy = problem.forward.anatomy
     above, below = anatomy.vessel_at(place), anatomy.vessel_at(other)
+    if above is not None and above == below:
+        return place == anatomy.inlet(above) != other
     return above is not None and above != below and below in anatomy.below(above)
 
 

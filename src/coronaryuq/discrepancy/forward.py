@@ -70,7 +70,8 @@ class Forward:
         conditions: Collection[str] | None = None,
         grafts: list[Acting] = (),
     ) -> np.ndarray:
-        """Predictions (n, N) at one point z (p,) each, every row with its own effects; NaN for other `conditions`.
+        """Predictions (n, N) at one point z (p,) each, every row with its own effects; NaN for other `conditions`, but
+        in rows with an effect on the measuring side, which may depend on all of them.
 
         Rows whose networks have the same elements share one batch, all conditions in it; the batches run side by side.
         grafts: effects that share one network (of many collaterals: a few), shut but where a row acts on them, for the
@@ -245,7 +246,6 @@ class Forward:
         """
         condition, network = self.conditions[name], prepared.networks[name]
         situation = Situation(
-            condition.name,
             condition.coronary_resistance_scale,
             self.periods.get(condition.name, self.anatomy.period),
             {bed: np.array([value]) for bed, value in pressure.items()},

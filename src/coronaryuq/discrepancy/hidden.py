@@ -1,7 +1,7 @@
 """Cases with a hidden effect: data made by other numerics than the analysis, nuisance parameters off as well."""
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.simulation import Acting
 from coronaryuq.seeds import generator
+from coronaryuq.zerod.effects.base import Series
 
 UNIT = {"flow": "mL/s", "pressure": "dyn/cm2", "volume": "mL", "perfusion": "mL/s/g", "ratio": "1"}
 TRUTH_STEPS = 1500
@@ -136,6 +137,15 @@ def _nuisance(forward: Forward, spread: float, random: np.random.Generator) -> n
         if entry.mass is not None:
             found[column] = 0.2 * random.standard_normal()
     return found
+
+
+def series_of(plan: Plan, conditions: Iterable[Condition]) -> list[Series]:
+    """What the plan measures, as effects on the measuring side want to know it."""
+    return [
+        Series(condition.name, quantity, place, statistic, np.zeros(1) if statistic == "waveform" else None, 1.0)
+        for condition in conditions
+        for quantity, place, statistic, _ in plan.entries
+    ]
 
 
 class Traces:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from coronaryuq.discrepancy.conditions import LOSS
 from coronaryuq.discrepancy.networks import differences, sampled, scalars
 from coronaryuq.discrepancy.starts import Point, Structure
 from coronaryuq.zerod.effects.base import WAVE_POINTS
@@ -66,10 +67,13 @@ class Job:
         """Everything that the run changes, "BLOCK.parameter" → value."""
         found = dict(self.effects)
         for name, numbers in self.scaled.items():
-            value = found[name] if name in found else prepared.own(self.condition, name)
+            own = prepared.own(self.condition, name)
+            value = found.get(name, own)
+            beside = value - own if _adds(name) else 0.0
+            value = value - beside
             for number in numbers:
                 value = value * self.factors[number]
-            found[name] = value
+            found[name] = value + beside
         return found
 
 
@@ -104,9 +108,19 @@ def stacked(prepared: Prepared, jobs: list[Job]) -> dict[str, np.ndarray]:
     for condition, numbers in at.items():
         factors = np.array([jobs[number].factors for number in numbers])
         for name, columns in scaled[condition].items():
+            beside = found[name][numbers] - prepared.own(condition, name) if _adds(name) else 0.0
+            found[name][numbers] -= beside
             for column in columns:
                 found[name][numbers] *= factors[:, column]
+            found[name][numbers] += beside
     return found
+
+
+def _adds(name: str) -> bool:
+    """Whether recalibration scales the condition's own value alone, beside what effects add to it: the severity of a
+    stenosis is of one condition, an effect has one size under all.
+    """
+    return name.endswith(f".{LOSS}")
 
 
 def _even(values: np.ndarray) -> np.ndarray:

@@ -11,11 +11,15 @@ from coronaryuq.discrepancy.verify import Gap, folds, gap, linearise
 
 def fit_known(problem: Problem, acting: list[Acting], sizes: np.ndarray, base: Fit) -> tuple[Problem, Fit]:
     """The better fit with what was hidden, from its true sizes z beside the prior's mean or what recalibration without
-    it found (`base`): a poor one would flatter the answer. The time steps are put right about it.
+    it found (`base`): a poor one would flatter the answer. The time steps are put right about it. Raises
+    FloatingPointError where the model runs from neither.
     """
     starts = [np.concatenate([start, sizes]) for start in (np.zeros(problem.count), base.z)]
-    found = problem.calibrate_each([(acting, start) for start in starts])
-    return problem.corrected(acting, max((fit for fit in found if fit is not None), key=lambda fit: fit.evidence))
+    found = [fit for fit in problem.calibrate_each([(acting, start) for start in starts]) if fit is not None]
+    if not found:
+        raise FloatingPointError("the model does not run with what was hidden")
+    problem, fit = problem.corrected(acting, max(found, key=lambda fit: fit.evidence))
+    return problem, problem.to_the_end(acting, fit)
 
 
 def known_gap(problem: Problem, acting: list[Acting], sizes: np.ndarray, seed: int) -> Gap:

@@ -13,6 +13,7 @@ from coronaryuq.files import read_csv
 from coronaryuq.zerod.effects.base import Series
 
 COLUMNS = ("condition", "quantity", "location", "statistic", "time", "value", "sd", "unit")
+WORDS = ("condition", "quantity", "location", "statistic", "unit")
 STATISTICS = ("mean", "min", "max", "waveform")
 UNITS = {
     "flow": units.FLOWS,
@@ -69,7 +70,7 @@ def read_measurements(path: str | Path, conditions, locations: dict[str, list[st
 
 def _table(path: str | Path) -> pd.DataFrame:
     """The table with words trimmed, numbers as numbers where they are, and units in this project's spelling."""
-    frame = read_csv(path)
+    frame = read_csv(path, words=WORDS)
     names = [str(name).strip() for name in frame.columns]
     frame.columns = [name if name.lower() in names else name.lower() for name in names]
     if "time" not in frame.columns:
@@ -80,7 +81,7 @@ def _table(path: str | Path) -> pd.DataFrame:
     frame = frame[list(COLUMNS)].dropna(how="all")
     if frame.empty:
         raise InputError(path, None, None, "holds no measurement")
-    for column in ("condition", "quantity", "location", "statistic", "unit"):
+    for column in WORDS:
         frame[column] = ["" if pd.isna(cell) else str(cell).strip() for cell in frame[column]]
     for column in ("quantity", "statistic"):
         frame[column] = frame[column].str.lower()

@@ -2,12 +2,9 @@
 
 import numpy as np
 
-from coronaryuq.discrepancy.conditions import HEART, SERIES, period_of
+from coronaryuq.discrepancy.conditions import ELEMENTS, HEART, SERIES, period_of
 from coronaryuq.zerod.effects.base import WAVE_POINTS
 from coronaryuq.zerod.model import PERIOD
-
-ELEMENTS = ("R_poiseuille", "L", "C", "stenosis_coefficient")
-"""Of a vessel; nought where the file leaves them out."""
 
 
 def scalars(network: dict) -> dict[str, float]:

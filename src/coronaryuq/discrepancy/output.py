@@ -89,6 +89,7 @@ def named(found: Discovery) -> list[dict]:
                 "beyond_prior": [parameter.name for parameter in found.beyond_prior((effect, place))],
                 "physical": effect.physical(place, mid, forward.anatomy),
                 "formula": effect.formula,
+                "looks_like": effect.signature,
                 "source": effect.source,
                 "written_as": effect.native,
                 "separate_by": separating(found, entry),
@@ -259,7 +260,7 @@ def vessels_of(place: str, anatomy: Anatomy) -> list[str]:
 def _gaps(found: Discovery) -> pd.DataFrame:
     models = (
         ("recalibration alone", found.gaps.before),
-        ("with the named effects", found.gaps.after),
+        ("with the named effects" if found.named else "with what comes nearest", found.gaps.after),
         ("flexible discrepancy", found.gaps.flexible),
         ("both together", found.gaps.both),
     )

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from threadpoolctl import threadpool_limits
 
 from coronaryuq import files
 from coronaryuq.discrepancy.choice import Choice, choose, inclusion, is_one_of
@@ -49,6 +50,7 @@ MOST_FLEXIBLE = 120
 """Samples that the reference Gaussian process is fitted to."""
 
 
+@threadpool_limits.wrap(limits=1)
 def discover_pairs(simulated: str | Path, measured: str | Path, out: Path, seed: int) -> dict:
     """Search a table model and write `discrepancy.json`, `pairs.csv`, `laws.csv`, `effects.csv`, `paragraph.txt` into
     `out`.
@@ -265,6 +267,7 @@ def _joined(answers: list[dict]) -> dict:
             "terms": a["terms"],
             "size": a["sizes"][name],
             "formula": effect(name).formula,
+            "looks_like": effect(name).signature,
             "source": effect(name).source,
         }
         for a in answers
@@ -299,7 +302,7 @@ def _words(a: dict) -> str:
     if a["outside_library"]:
         nearest = _listed(list(a["classes"]) or ["recalibration"], " and ")
         return (
-            f"{drops}, and no law of loss explains it: what comes nearest, {nearest}, leaves too much, and nothing is "
+            f"{drops}, and no law of loss explains it: what comes nearest, {nearest}, {_short(left)}, and nothing is "
             f"named. With it, o{error}"
         )
     if a["alarm"] and not a["effects"]:
@@ -333,6 +336,13 @@ def _words(a: dict) -> str:
         f"{a['share_of_folds_with_this_name']:.0%} of the folds). Sizes with 90 % intervals: {shares}; {terms}. "
         f"O{error}{doubt}"
     )
+
+
+def _short(left: dict) -> str:
+    """In what the nearest law fails."""
+    if left["after"] > left["recalibration_alone"]:
+        return "predicts held-out samples worse than recalibration alone"
+    return "leaves too much"
 
 
 def _listed(names: list[str], word: str) -> str:

@@ -59,7 +59,8 @@ class Problem:
         return (self.y - self.change - self.forward.predict_rows(rows)) / self.sd
 
     def fitted(self, rows: list[tuple[np.ndarray, list[Acting]]], grafts: list[Acting] = ()) -> np.ndarray:
-        """Whitened residuals of the fitted rows of the data alone, (n, M); other conditions are not run.
+        """Whitened residuals of the fitted rows of the data alone, (n, M); other conditions are run only where an
+        effect on the measuring side may depend on them.
 
         grafts: see `Forward.predict_rows`.
         """
@@ -152,7 +153,7 @@ class Problem:
             start = np.array(fit.z)
             start[self.forward.shaping] = 0.0
             label = list(acting), other.change - self.change
-            searches.append(self._in_full(label, start, jacobian=fit.jacobian, renewed=fit.renewed))
+            searches.append(self._in_full(label, start, jacobian=fit.jacobian.copy(), renewed=fit.renewed))
 
         def fitted(rows):
             without = self.fitted([(z, acting) for z, (acting, _) in rows])
@@ -253,7 +254,7 @@ class Problem:
         searches = []
         for candidate, start in zip(candidates, starts, strict=True):
             if isinstance(start, Fit):
-                z, jacobian, sizes = start.z, start.jacobian, len(start.z) - len(base.z)
+                z, jacobian, sizes = start.z, start.jacobian.copy(), len(start.z) - len(base.z)
             else:
                 z, sizes = np.concatenate([base.z, start]), len(start)
                 jacobian = np.hstack([base.jacobian, np.zeros((len(base.residual), sizes))])

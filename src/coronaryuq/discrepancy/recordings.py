@@ -173,8 +173,9 @@ def _check_names(folder: Path, animal: str, conditions: list[str]) -> None:
 def _check_beat(path: Path, frame: pd.DataFrame) -> None:
     """Raise `InputError` unless this may be one whole beat of a coronary artery."""
     time, aorta, ventricle = (frame[column].to_numpy(float) for column in (TIME, AORTA, VENTRICLE))
-    if len(frame) < LEAST_POINTS:
-        raise InputError(path, TIME, len(frame), f"want at least {LEAST_POINTS} times over one beat")
+    # The last is the first of the next beat.
+    if len(frame) <= LEAST_POINTS:
+        raise InputError(path, TIME, len(frame), f"want at least {LEAST_POINTS + 1} times over one beat")
     if (np.diff(time) <= 0).any():
         row = int(np.argmax(np.diff(time) <= 0)) + 1
         raise InputError(

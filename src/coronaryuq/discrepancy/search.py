@@ -125,6 +125,8 @@ def discover(
     acting, fit = borne_out(problem, acting, fit, rounds, still, parts, seed)
     if len(acting) < wanted:
         report(f"those bear out {_listed(acting)} alone")
+        problem, fit = problem.corrected(acting, fit)
+        fit = problem.to_the_end(acting, fit)
         remaining, *_ = assess(problem, fit, acting, library, everything)
     recalibrated = linearise(plain, base.z, [])
     repaired = linearise(problem, fit.z, acting) if acting else recalibrated

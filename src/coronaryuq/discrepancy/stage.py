@@ -33,17 +33,16 @@ def hide_in_loop(rest: str | Path, settings: Settings, seed: int, folder: str | 
     """
     folder, network = Path(folder), read_network(rest)
     one = effect(settings.hidden_effect)
-    conditions, plan, place = loop_conditions(), plan_of(network), ""
+    conditions, plan = loop_conditions(), plan_of(network)
     random = generator(seed, "discrepancy", "place")
     inside = [e for e in plan.entries if e[0] == "pressure"][1:]
     fed = [location.split(":")[0] for _, location, _, _ in inside]
-    if one.side == "network" and set(fed) & set(one.places(Anatomy(network))):
-        place = fed[int(random.integers(len(fed)))]
-    else:
-        places = one.places(Anatomy(network), [])
-        if not places:
-            raise InputError("configuration", "discrepancy.hidden_effect", one.name, "has no place in this loop")
-        place = places[int(random.integers(len(places)))]
+    places = one.places(Anatomy(network), hidden.series_of(plan, conditions))
+    if not places:
+        raise InputError("configuration", "discrepancy.hidden_effect", one.name, "has no place in this loop")
+    # Before a bed whose pressure is measured an effect leaves its trace.
+    places = [vessel for vessel in fed if vessel in places] or places
+    place = places[int(random.integers(len(places)))]
     sizes = np.full(len(one.parameters), settings.hidden_size)
     truth = hidden.hide(network, {c.name: c for c in conditions}, plan, [(one, place)], sizes, 1.0, seed, folder)
     files.write_json(

@@ -119,7 +119,7 @@ def branches(
         if f"mean_flow:{place}" not in simulated.columns:
             raise InputError(file, f"mean_flow:{place}", None, f"column missing: the flow at the stenosis of {name}")
         flow0 = simulated[f"mean_flow:{place}"].to_numpy()
-        outlet = _outlet(simulated, outlets, flows, root0, distal0, place)
+        outlet = _outlet(file, simulated, outlets, flows, root0, distal0, place)
         (p0, p3), (q0, q3) = outlets["mean_pressure", outlet], flows["mean_flow", outlet]
         _check_whole(file, simulated, [p0, q0, f"mean_flow:{place}"])
         _check_whole(measured_file, measured, [p3, q3])
@@ -204,9 +204,12 @@ def _rounding(values: np.ndarray) -> np.ndarray:
     return halves
 
 
-def _outlet(simulated, outlets, flows, root0, distal0, place: str) -> str:
+def _outlet(file, simulated, outlets, flows, root0, distal0, place: str) -> str:
     """The outlet at a place, or the one whose pressure over the root's follows that of the place best."""
     shared = {block: pair for (_, block), pair in outlets.items() if ("mean_flow", block) in flows}
+    if not shared:
+        remedy = "no outlet has both in both tables; want mean_pressure and mean_flow of one at least"
+        raise InputError(file, "mean_pressure:A:B, mean_flow:A:B", None, remedy)
     if place.split(":")[-1] in shared:
         return place.split(":")[-1]
     follows = {
@@ -252,6 +255,7 @@ def _zero_flow(simulated, measured, pressures, flows, root) -> tuple[float, floa
     best = int(np.argmin([objective(z) for z in grid]))
     bounds = (grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)])
     found = float(minimize_scalar(objective, bounds=bounds, method="bounded", options={"xatol": 1e-6 * least}).x)
-    step = 0.01 * scale
+    # Beyond the least pressure a bed's factor would be negative.
+    step = min(0.01 * scale, 0.5 * (least - found))
     curvature = (objective(found + step) - 2.0 * objective(found) + objective(found - step)) / step**2
     return found, float(1.0 / np.sqrt(max(curvature, scale**-2)))

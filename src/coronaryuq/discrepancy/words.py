@@ -10,6 +10,8 @@ from coronaryuq.discrepancy.naming import Round
 from coronaryuq.discrepancy.problem import DISTORTED
 from coronaryuq.discrepancy.search import CENTRAL_99, Discovery
 from coronaryuq.discrepancy.simulation import Acting
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.base import Parameter
 
 Z_90 = 1.6448536269514722
 """Standard deviations of a normal distribution that bound its central 90 %."""
@@ -92,15 +94,17 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
         forward = found.problem.forward
         text += one.effect.assumed(forward.anatomy, [c.covariates for c in forward.conditions.values()])
         for parameter in found.beyond_prior(one.acting):
-            low, high = (float(parameter.from_standard(k * CENTRAL_99)) for k in (-1, 1))
-            size = parameter.name.replace("_", " ")
+            bounds = (float(parameter.from_standard(k * CENTRAL_99)) for k in (-1, 1))
+            low, high = sorted(one.effect.said(parameter, bound, forward.anatomy)[1] for bound in bounds)
+            size = _label(one.acting, parameter, forward.anatomy)
             text += (
                 f"Its {size} lies beyond the central 99 % of what is thought possible ({low:.3g} to {high:.3g}): "
                 "it may stand for something that the library does not have. "
             )
         for varying in (v for v in found.verdict.varying if v.acting == one.acting):
+            sizes = _sizes(varying, forward.anatomy)
             text += (
-                f"Fitted to each condition by itself its size differs ({_sizes(varying)}): it may change, or stand for "
+                f"Fitted to each condition by itself its size differs ({sizes}): it may change, or stand for "
                 "something that the library does not have. "
             )
         if entry.held_out is not None and entry.held_out < 0.0:
@@ -160,7 +164,8 @@ def _probability(entry: Round) -> str:
 def _varying(found: Discovery) -> str:
     """What comes nearest, and which of it would need sizes of its own under the conditions."""
     nearest = [_called(one) for one in found.acting]
-    told = [(_called(one.acting), _sizes(one)) for one in found.verdict.varying]
+    anatomy = found.problem.forward.anatomy
+    told = [(_called(one.acting), _sizes(one, anatomy)) for one in found.verdict.varying]
     if len(nearest) == 1:
         return f"what comes nearest, {nearest[0]}, would need another size under each condition ({told[0][1]})"
     which = listed([f"{name} ({sizes})" for name, sizes in told])
@@ -244,13 +249,22 @@ def _called(acting: Acting) -> str:
     return f"{effect.name.replace('_', ' ')} at {place}"
 
 
-def _sizes(one: Constancy) -> str:
-    """The first size under the conditions that tell of it, in its own unit, with 90 % intervals."""
+def _sizes(one: Constancy, anatomy: Anatomy) -> str:
+    """The first size under the conditions that tell of it, as it is said, with 90 % intervals."""
     parameter, told = one.acting[0].parameters[0], []
     for name, (mean, sd) in one.known.items():
-        size, low, high = (f"{float(parameter.from_standard(mean + k * sd)):.2g}" for k in (0.0, -Z_90, Z_90))
+        values = [float(parameter.from_standard(mean + k * sd)) for k in (0.0, -Z_90, Z_90)]
+        size, low, high = (f"{one.acting[0].said(parameter, value, anatomy)[1]:.2g}" for value in values)
         told.append(f"{name} {size} ({low} to {high})")
-    return f"{parameter.name.replace('_', ' ')}: {', '.join(told)}" + (f" {parameter.unit}" * (parameter.unit != "1"))
+    return f"{_label(one.acting, parameter, anatomy)}: {', '.join(told)}" + (
+        f" {parameter.unit}" * (parameter.unit != "1")
+    )
+
+
+def _label(acting: Acting, parameter: Parameter, anatomy: Anatomy) -> str:
+    """What a size is called where there is little room: its name, or what it is said to be instead of its meaning."""
+    meaning, _ = acting[0].said(parameter, float(parameter.from_standard(0.0)), anatomy)
+    return parameter.name.replace("_", " ") if meaning == parameter.meaning else meaning
 
 
 def chance(p: float) -> str:

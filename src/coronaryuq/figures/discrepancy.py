@@ -107,8 +107,8 @@ def residuals(table: str | Path, output: str | Path) -> None:
     rows = -(-len(groups) // 2)
     with saved(output, nrows=rows, ncols=2, figsize=(8.0, 2.3 * rows), squeeze=False) as (_, axes):
         for axis, ((quantity, location, condition), part) in zip(axes.flat, groups, strict=False):
-            part = part.sort_values("phase")
-            phase = part.phase.to_numpy() % 1.0 if part.phase.max() <= 2 else part.phase.to_numpy()
+            part = part.assign(phase=part.phase % 1.0).sort_values("phase")
+            phase = part.phase.to_numpy()
             one, unit = SHOWN_IN.get(quantity, (1.0, ""))
             measured, sd = part.measured / one, part.sd / one
             axis.errorbar(phase, measured, sd, fmt=".", ms=3, lw=0.6, color=MEASURED, label="measured, sd")

@@ -120,7 +120,10 @@ def _named(one: dict) -> dict:
     sizes = [
         f"{name} {size['value']:.3g} ({size['interval_90'][0]:.3g} to {size['interval_90'][1]:.3g})"
         for name, size in one.get("sizes", {}).items()
-    ] or [f"{name} {value:.3g}" for name, value in one.get("coefficients", {}).items()]
+    ] or [
+        _interval(f"of {one['size']['of']}", one["size"]),
+        *(_interval(t["unit"], t, t["term"]) for t in one["terms"]),
+    ]
     others = [f"{m['effect']} at {m['place']}" for m in one["class"][1:]] or one.get("possibly_also", [])
     wanted = [f"mean {m['quantity']} at {m['location']} under {m['condition']}" for m in one.get("separate_by", [])[:1]]
     return {
@@ -131,9 +134,15 @@ def _named(one: dict) -> dict:
         "others": ", ".join(others).replace("_", " ") or "–",
         "separate_by": "".join(wanted),
         "formula": one["formula"],
+        "looks_like": one.get("looks_like", ""),
         "source": one["source"],
         "written_as": one.get("written_as", ""),
     }
+
+
+def _interval(unit: str, size: dict, name: str = "") -> str:
+    """A size of a pairs answer with its 90 % interval."""
+    return f"{name} {size['size']:.3g} ({size['size_low']:.3g} to {size['size_high']:.3g}) {unit}".strip()
 
 
 def _probability(one: dict) -> str:
@@ -158,7 +167,7 @@ def _gaps(answer: dict, known: dict | None) -> dict:
     held = answer["held_out"]
     told = [
         ("recalibration alone", held["before"]),
-        ("with the named effects", held["after"]),
+        ("with the named effects" if answer["named"] else "with what comes nearest", held["after"]),
         ("Gaussian-process discrepancy", held["flexible"]),
         ("both together", held["both"]),
         *([("with the true effect", known)] if known else []),

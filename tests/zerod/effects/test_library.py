@@ -33,7 +33,7 @@ def tree():
 def situation(anatomy, vasodilated=0.5):
     beds = dict.fromkeys(anatomy.beds, 1.1e5)
     felt = {bed: np.array([0.9e5]) for bed in beds}
-    return Situation("hyperaemia", vasodilated, anatomy.period, felt, beds, {})
+    return Situation(vasodilated, anatomy.period, felt, beds, {})
 
 
 def flows(network, anatomy, one=None, place=None, sizes=None):

@@ -104,17 +104,12 @@ class Anatomy:
         """Location at the vessel's end."""
         return f"{vessel}:{self.downstream[vessel]}"
 
-    def locations(self) -> list[str]:
-        """Every location of the network."""
-        ends = [self.inlet(v) for v in self.vessels if v in self.upstream]
-        return list(dict.fromkeys(ends + [self.outlet(v) for v in self.vessels if v in self.downstream]))
-
     def vessel_at(self, location: str) -> str | None:
         """The vessel that a location `A:B` belongs to."""
         return next((part for part in location.split(":") if part in self.vessels), None)
 
     def flow_scale(self, vessel: str) -> float:
-        """Mean flow of a vessel, or an even share of the whole where it is unknown or next to nothing."""
+        """Mean flow of a vessel, a millionth of the largest at least; the largest where it is unknown."""
         largest = max((abs(q) for q in self.flow.values()), default=1.0) or 1.0
         return max(abs(self.flow.get(vessel, largest)), 1e-6 * largest)
 

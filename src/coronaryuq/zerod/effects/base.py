@@ -132,7 +132,6 @@ class Situation:
     covariates: measured waveforms that are no boundary condition, such as `LV` → (t, value).
     """
 
-    name: str
     vasodilated: float
     period: float
     pressure: dict[str, np.ndarray]

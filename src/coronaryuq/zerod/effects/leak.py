@@ -8,7 +8,7 @@ class SideBranchLeak(Effect):
     """Flow lost to a side branch at the end of a vessel, into a resistance towards the veins."""
 
     name = "side_branch_leak"
-    formula = "Q_leak = (P - P_v) / R_leak at the vessel's end"
+    formula = "Q_leak = (P - P_v) / R_leak at the vessel's end; P_v = 0 in an open loop"
     source = "Gosling et al., J. Biomech. 103 (2020) 109698 (side-branch flow)"
     signature = "flow into the vessel above the sum of what leaves it; distal pressures slightly lower"
     native = "a BloodVessel with a RESISTANCE (open loop) or ClosedLoopRCR (closed loop) outlet"

@@ -1,0 +1,67 @@
+"""A conditions file says what a condition is, or one line says what is wrong with it."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from coronaryuq.bench.openloop import PERIOD, left_coronary
+from coronaryuq.discrepancy.conditions import Condition, drives_of, period_of, read_conditions, under
+from coronaryuq.discrepancy.measurements import _table
+from coronaryuq.errors import InputError
+
+
+def read(tmp_path, text):
+    (tmp_path / "conditions.yaml").write_text(text)
+    return read_conditions(tmp_path / "conditions.yaml")["rest"]
+
+
+@pytest.mark.parametrize("free", ["coronary_resistance_scale", "[coronary_resistance_scale]"])
+def test_what_is_free_is_a_list_or_one_of_it(tmp_path, free):
+    assert read(tmp_path, f"rest: {{free: {free}}}").free == ("coronary_resistance_scale",)
+
+
+@pytest.mark.parametrize("free", ["1", "true", "{bed_shape: 1}", "[pressure]", "pressure"])
+def test_what_cannot_be_free(tmp_path, free):
+    with pytest.raises(InputError, match="rest.free"):
+        read(tmp_path, f"rest: {{free: {free}}}")
+
+
+@pytest.fixture
+def ventricle(tmp_path):
+    def of(length):
+        time = np.linspace(0.0, length, 50)
+        pd.DataFrame({"t": time, "value": 60.0 - 50.0 * np.cos(2 * np.pi * time / length)}).to_csv(
+            tmp_path / "lv.csv", index=False
+        )
+        return read(tmp_path, "rest: {drive: {LV: lv.csv}}")
+
+    return of
+
+
+def test_a_ventricular_pressure_sets_no_period(ventricle, tmp_path):
+    """It drives nothing: a beat cut one sample short is stretched to the network's, another beat is none of its."""
+    network = left_coronary()
+    assert period_of(under(network, ventricle(0.99 * PERIOD))) == period_of(network)
+    with pytest.raises(InputError, match="drive.LV"):
+        under(network, ventricle(0.8 * PERIOD))
+    assert drives_of(tmp_path / "conditions.yaml") == [tmp_path / "lv.csv"]
+
+
+@pytest.mark.parametrize(("key", "expected"), [("set", 3.0), ("scale", 0.0)])
+def test_a_number_that_the_vessel_leaves_out_is_nought(key, expected):
+    network = left_coronary()
+    values = next(v for v in network["vessels"] if v["vessel_name"] == "lad")["zero_d_element_values"]
+    values.pop("stenosis_coefficient", None)
+    changed = under(network, Condition("rest", **{key: {"lad": {"stenosis_coefficient": 3.0}}}))
+    vessel = next(v for v in changed["vessels"] if v["vessel_name"] == "lad")
+    assert vessel["zero_d_element_values"]["stenosis_coefficient"] == expected
+    for block, name in (("lad", "roughness"), ("BC_lad", "stenosis_coefficient")):
+        with pytest.raises(InputError, match=name):
+            under(network, Condition("rest", **{key: {block: {name: 3.0}}}))
+
+
+def test_a_condition_may_be_called_by_digits(tmp_path):
+    rows = ["condition,quantity,location,statistic,time,value,sd,unit", "01,flow,A:B,mean,,1.0,0.1,mL/s"]
+    (tmp_path / "measurements.csv").write_text("\n".join(rows) + "\n")
+    table = _table(tmp_path / "measurements.csv")
+    assert table["condition"].tolist() == ["01"] and table["value"].tolist() == [1.0]
