@@ -65,3 +65,8 @@ def test_a_condition_may_be_called_by_digits(tmp_path):
     (tmp_path / "measurements.csv").write_text("\n".join(rows) + "\n")
     table = _table(tmp_path / "measurements.csv")
     assert table["condition"].tolist() == ["01"] and table["value"].tolist() == [1.0]
+
+
+def test_a_block_that_is_not_there_is_answered_with_those_near():
+    with pytest.raises(InputError, match="no such block; near: .*lad"):
+        under(left_coronary(), Condition("rest", scale={"LADD".lower(): {"L": 2.0}}))

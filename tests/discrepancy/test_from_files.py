@@ -15,7 +15,7 @@ from coronaryuq.bench.discrepancy import Case, hide
 from coronaryuq.bench.hidden_cases import open_loop
 from coronaryuq.bench.openloop import left_coronary, pressures
 from coronaryuq.discrepancy import command, hidden, output
-from coronaryuq.discrepancy.conditions import Condition, read_conditions, under
+from coronaryuq.discrepancy.conditions import Condition, read_conditions, under, write_drive
 from coronaryuq.discrepancy.laws import LAWS, fit_law, predict
 from coronaryuq.discrepancy.model import read_problem
 from coronaryuq.discrepancy.pairs import discover_pairs
@@ -116,7 +116,7 @@ def test_a_number_that_no_measurement_can_be(spoiled):
     assert "rest/flow/AORTA:left_main/waveform, t = " in message and "see the number and its unit" in message
 
 
-@pytest.mark.parametrize(("quantity", "factor", "times"), [("flow", 30.0, "28.4"), ("pressure", 7.5, "7.")])
+@pytest.mark.parametrize(("quantity", "factor", "times"), [("flow", 30.0, "30.4"), ("pressure", 7.5, "7.")])
 def test_values_in_another_unit_than_they_say(spoiled, quantity, factor, times):
     message = spoiled(lambda t: t.assign(value=np.where(t.quantity == quantity, factor * t.value, t.value)))
     assert f"{quantity}: value = {times}" in message and "see the units of both" in message
@@ -340,7 +340,9 @@ def test_repaired_files_give_the_fitted_predictions(hidden_stenosis, tmp_path):
         z[[i for i, n in enumerate(forward.nuisances) if n.mass]] = 0.0
         wanted = forward.predict(z, acting)[0]
         network = repaired_network(forward, acting, z)
-        content = repaired_conditions(forward, acting, z, tmp_path)
+        content, drives = repaired_conditions(forward, acting, z)
+        for name, waveform in drives.items():
+            write_drive(tmp_path / name, *waveform)
         files.write_text(tmp_path / "conditions.yaml", yaml.safe_dump(content, sort_keys=False))
         again = read_conditions(tmp_path / "conditions.yaml")
         repaired = read_problem(network, table, again, "c", Settings())

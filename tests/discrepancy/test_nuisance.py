@@ -5,15 +5,19 @@ import copy
 import numpy as np
 import pytest
 
+from coronaryuq.bench.hidden_cases import open_loop
 from coronaryuq.bench.openloop import left_coronary
-from coronaryuq.discrepancy.candidates import all_candidates
+from coronaryuq.discrepancy.candidates import STORES, all_candidates
+from coronaryuq.discrepancy.command import from_files
 from coronaryuq.discrepancy.conditions import BED_SHAPE, RESISTANCE, Condition, under
+from coronaryuq.discrepancy.hidden import hide
 from coronaryuq.discrepancy.measurements import Measured
 from coronaryuq.discrepancy.model import make_problem
 from coronaryuq.discrepancy.recordings import prepare
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.errors import InputError
-from coronaryuq.files import read_json
+from coronaryuq.files import read_json, write_json
+from coronaryuq.seeds import generator
 from coronaryuq.zerod.effects.base import vessel_values
 from coronaryuq.zerod.effects.grafting import put_ahead
 from coronaryuq.zerod.effects.library import effect
@@ -139,3 +143,44 @@ def test_a_beat_of_too_few_times_is_told_by_the_recording(tmp_path):
         pd.DataFrame(columns).to_csv(tmp_path / f"X_{name}.csv", index=False)
     with pytest.raises(InputError, match="X_baseline.csv.*want at least 9 times"):
         prepare(tmp_path, "X", tmp_path / "case")
+
+
+def test_a_gap_in_a_recording_is_told_by_its_line(tmp_path):
+    import pandas as pd
+
+    time = np.linspace(0.0, 0.5, 40)
+    columns = {"t [s]": time, "AoP [mmHg]": 80.0 + time, "LVP [mmHg]": 50.0 + time, "LAD Flow [ml/min]": 30.0 + time}
+    frame = pd.DataFrame(columns).astype({"LAD Flow [ml/min]": object})
+    frame.loc[4, "LAD Flow [ml/min]"] = "x"
+    for name in ("baseline", "paced"):
+        frame.to_csv(tmp_path / f"X_{name}.csv", index=False)
+    with pytest.raises(InputError, match="= 'x': line 6: want a number in every row"):
+        prepare(tmp_path, "X", tmp_path / "case")
+
+
+def test_a_vessel_of_a_declared_stenosis_is_given_no_compliance():
+    """What is put into it would make conditions that declare a stenosis there refuse the repaired network."""
+    clamped = {"set": {"lad": {"C": 0.0, "stenosis_coefficient": LOSS}}, "stenosis": {"lad": "mild"}}
+    for conditions, expected in (
+        ((Condition("rest"),), True),
+        ((Condition("rest"), Condition("mild", **clamped)), False),
+    ):
+        places = {c.place for c in all_candidates(problem(left_coronary(), *conditions), []) if c.effect.name == STORES}
+        assert "left_main" in places and ("lad" in places) == expected
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_beds_of_other_compliances_than_the_models_are_nothing_to_explain(seed, tmp_path):
+    """Each bed's by itself, a tenth on average: one common factor would leave what looks like gains and exchanged
+    outlets."""
+    made, random = open_loop(), generator(seed, "test", "scattered compliances")
+    network = copy.deepcopy(made.network)
+    for bed in network["boundary_conditions"]:
+        if bed["bc_type"] == "CORONARY":
+            factor = np.exp(0.1 * random.standard_normal())
+            bed["bc_values"] |= {name: bed["bc_values"][name] * factor for name in ("Ca", "Cc")}
+    hide(network, made.conditions, made.plan, [], np.zeros(0), 1.0, seed, tmp_path)
+    paths = [tmp_path / name for name in ("model.json", "measurements.csv", "conditions.yaml")]
+    write_json(paths[0], made.network)
+    answer = from_files(*paths, tmp_path / "found", Settings(), 1)
+    assert not answer["alarm"] and answer["named"] == []

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from coronaryuq.discrepancy.pairs import discover_pairs
+from coronaryuq.discrepancy.pairs import _words, discover_pairs
 from coronaryuq.discrepancy.tables import _zero_flow, branches, read_pairs
 from coronaryuq.errors import InputError
 
@@ -140,3 +140,48 @@ def test_the_column_of_the_distal_pressure_is_said(tmp_path):
     answer = discover_pairs(*files, tmp_path / "out", 1)
     assert answer["held_out"]["branches"][0]["distal_pressure"] == "mean_pressure:v0:J"
     assert "the drop of pressure to v0:J is " in answer["paragraph"]
+
+
+def test_a_law_that_recalibration_predicts_as_well_is_in_doubt():
+    """As with a loss that stretching the model's own explains, or branches that have been exchanged."""
+    answer = discovered({"after": 0.0289, "recalibration_alone": 0.0281})
+    assert "In doubt: recalibration alone" in answer and "leave room" not in answer
+    assert "In doubt" not in discovered({"after": 0.0020, "recalibration_alone": 0.0281})
+
+
+def test_sensors_that_may_be_off_beside_a_loss_are_said():
+    answer = discovered(
+        {"after": 0.0020, "recalibration_alone": 0.0281}, {"pressure_gain": 0.84, "pressure_offset": 0.16}
+    )
+    assert "these samples leave room for pressure gain (0.84) or pressure offset (0.16)" in answer
+
+
+def discovered(left, beside=None):
+    """The sentences on a branch with a named loss, with these held-out errors."""
+    interval = {"size": 0.2, "size_low": 0.1, "size_high": 0.3}
+    return _words(
+        {
+            "branch": "lad",
+            "place": "a:b",
+            "alarm": True,
+            "outside_library": False,
+            "effects": ["quadratic_stenosis"],
+            "classes": {"quadratic_stenosis": {"quadratic_stenosis": 1.0}},
+            "probability": 1.0,
+            "share_of_folds_with_this_name": 1.0,
+            "sizes": {"quadratic_stenosis": {"of": "the root's mean pressure", **interval}},
+            "terms": [{"term": "quadratic", "unit": "mmHg s2/mL2", **interval}],
+            "drop": {"measured": 20.0, "simulated": 3.0},
+            "ffr_rmse": {"before": 0.19, "flexible": 0.02, **left},
+            "doubt": False,
+            "possibly_also": list(beside or {}),
+            "inclusion": beside or {},
+        }
+    )
+
+
+def test_a_branch_that_only_one_table_has_is_noted(tmp_path, capsys):
+    files = noisy_pairs(tmp_path, 1)
+    rewritten(files[1], lambda table: table.assign(FFR_y=table["ffr_x"]))
+    branch_of(files)
+    assert f"note: {files[1]}: FFR_y: not in the other table" in capsys.readouterr().err

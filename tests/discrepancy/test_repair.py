@@ -8,7 +8,7 @@ from coronaryuq.discrepancy.conditions import period_of, read_conditions, under
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.measurements import Measured
 from coronaryuq.discrepancy.model import make_problem, read_problem
-from coronaryuq.discrepancy.repair import _changed, write_repaired
+from coronaryuq.discrepancy.repair import _changed, repaired
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.stage import loop_conditions
 from coronaryuq.files import read_json
@@ -25,7 +25,7 @@ def test_a_leaking_aortic_valve_is_written_and_read_back(shared, tmp_path):
     forward = make_problem(network, conditions, measured, Settings(steps_per_cycle=100)).forward
     leak = (effect("aortic_regurgitation"), "aortic valve")
     z = np.append(np.zeros(len(forward.nuisances)), 1.0)
-    write_repaired(forward, [leak], Fit(z, np.zeros(1), np.zeros((1, len(z)))), tmp_path)
+    repaired(forward, [leak], Fit(z, np.zeros(1), np.zeros((1, len(z))))).write(tmp_path)
     assert "CLH.Gao_leak: added, " in (tmp_path / "difference.txt").read_text()
     again = read_json(tmp_path / "repaired.json")
     written = read_conditions(tmp_path / "conditions.yaml")
@@ -61,7 +61,7 @@ def test_measurements_go_with_the_repaired_network(tmp_path):
     expected = forward.predict(z, acting)[0]
     for one, predicted in zip(forward.measured, forward.split(expected[None, :]), strict=True):
         one.value[:] = predicted[0]
-    write_repaired(forward, acting, Fit(z, np.zeros(1), np.zeros((1, len(z)))), tmp_path)
+    repaired(forward, acting, Fit(z, np.zeros(1), np.zeros((1, len(z))))).write(tmp_path)
     told = (tmp_path / "difference.txt").read_text()
     assert "the network's: dyn/cm2, mL, s)" in told
     assert all(f"\n  {old} -> {new}\n" in told for old, new in names.items())

@@ -56,7 +56,9 @@ def test_means_are_drawn_against_what_was_predicted_in_clinical_units(tmp_path, 
         for measured, fitted in ((1.0, True), (2.0, False))
     ]
     columns = ["quantity", "fitted", "measured", "sd", "recalibrated", "repaired"]
-    frame = pd.DataFrame(rows, columns=columns).assign(condition="rest", location="a:b", statistic="mean", phase=np.nan)
+    frame = pd.DataFrame(rows, columns=columns).assign(
+        condition="rest", location="a:b", statistic="mean", phase=np.nan, named=True
+    )
     frame.to_csv(tmp_path / "r.csv", index=False)
     drawn.residuals(tmp_path / "r.csv", tmp_path / "r.png")
     assert [title for title, *_ in kept] == list(factors)

@@ -167,6 +167,20 @@ def test_a_table_that_is_not_there_is_one_line(checkout):
     assert "gone.csv" in done.stderr and "no such file" in done.stderr and "Traceback" not in done.stderr
 
 
+def test_what_a_search_names_and_is_not_there_is_one_line_before_any_job(checkout):
+    for name in ("model.json", "measured.csv", "X_baseline.csv", "X_mild_sten.csv"):
+        (checkout.folder / name).write_text("")
+    (checkout.folder / "conditions.yaml").write_text("rest: {drive: {AORTA: gone.csv}}\n")
+    case = {"model": "model.json", "measurements": "measured.csv", "conditions": "conditions.yaml"}
+    animal = {"recordings": ".", "animals": ["X"], "held_out": ["severe"]}
+    for given, said in (
+        (case, "discrepancy.conditions = 'gone.csv': no such file"),
+        (animal, "discrepancy.held_out = 'severe': not recorded; know baseline, mild_sten"),
+    ):
+        done = checkout.run("discrepancy", settings=changed(checkout, discrepancy=given))
+        assert done.returncode == 2 and said in done.stderr and "Traceback" not in done.stderr
+
+
 def test_no_script_hides_a_library(checkout):
     """Snakemake puts the scripts' folder first on the path: a script named as a library is imported in its place."""
     taken = {*sys.stdlib_module_names, *importlib.metadata.packages_distributions()}

@@ -45,11 +45,12 @@ DISCREPANCY_SETTINGS = block(
         "benchmark",
     ),
 )
+HIDING = ("hidden_effect", "hidden_size")
 HIDDEN_IN = DISCREPANCY.benchmark.named
 NAMED_FILES = {
     "model": [DISCREPANCY.model],
     "measurements": [DISCREPANCY.measurements],
-    "conditions": [DISCREPANCY.conditions, *(SEARCHED["case"]["drives"] if "case" in SEARCHED else [])],
+    "conditions": [DISCREPANCY.conditions, *map(str, SEARCHED["case"]["drives"] if "case" in SEARCHED else [])],
     "pairs": DISCREPANCY.pairs or (),
     "benchmark.networks": [one for one in HIDDEN_IN.values() if one not in GIVEN],
 }
@@ -57,6 +58,15 @@ for field, paths in NAMED_FILES.items():
     for path in paths:
         if path and not Path(path).is_file():
             refuse(InputError("configuration", f"discrepancy.{field}", path, "no such file"))
+recorded = {
+    path.stem.removeprefix(f"{animal}_")
+    for animal in DISCREPANCY.animals
+    for path in Path(DISCREPANCY.recordings).glob(f"{animal}_*.csv")
+}
+for name in DISCREPANCY.held_out or ():
+    if recorded and name not in recorded:
+        remedy = f"not recorded; know {', '.join(sorted(recorded))}"
+        refuse(InputError("configuration", "discrepancy.held_out", name, remedy))
 for animal in DISCREPANCY.animals:
     if not any(Path(DISCREPANCY.recordings).glob(f"{animal}_*.csv")):
         remedy = f"no {animal}_CONDITION.csv in {DISCREPANCY.recordings}"
@@ -220,7 +230,7 @@ rule discrepancy_report:
         log_of("discrepancy_report.log"),
     params:
         campaign=campaign.name,
-        settings=DISCREPANCY_SETTINGS,
+        settings=block("discrepancy", without=("benchmark", *([] if "hidden" in SEARCHED else HIDING))),
     script:
         "../scripts/discrepancy_report.py"
 

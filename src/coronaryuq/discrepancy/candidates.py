@@ -18,6 +18,7 @@ CONTENDER, ROUGH = 15.0, 0.2
 because sensitivities of the nuisance parameters that were not recomputed err the more, the farther a fit has moved."""
 ASTRAY = 10.0
 """Log evidence behind the fit without it from which a candidate's fit has gone astray."""
+STORES = "epicardial_compliance"
 PRIOR_NONE, PRIOR_NAMED, PRIOR_OUTSIDE = 0.45, 0.45, 0.10
 
 
@@ -79,8 +80,14 @@ def all_candidates(problem: Problem, acting: list[Acting], library: tuple[Effect
     observed = [series for series in forward.measured if series.condition in fitted]
     # What is put ahead of a vessel to hold its loss is part of it, and no place of its own.
     ahead = {f"{vessel}_{TAG}" for vessel in forward.anatomy.vessels}
+    # A vessel whose stenosis conditions declare has no compliance of its own (`conditions.under`).
+    stenosed = {vessel for condition in forward.conditions.values() for vessel in condition.stenosis}
     places = {
-        effect.name: [place for place in effect.places(forward.anatomy, observed) if place not in ahead]
+        effect.name: [
+            place
+            for place in effect.places(forward.anatomy, observed)
+            if place not in ahead and not (effect.name == STORES and place in stenosed)
+        ]
         for effect in library
     }
     possible = [effect for effect in library if places[effect.name]]

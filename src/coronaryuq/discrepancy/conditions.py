@@ -1,6 +1,7 @@
 """Conditions under which the measurements were taken, and what each changes in the network."""
 
 import copy
+import difflib
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -198,7 +199,9 @@ def under(network: dict, condition: Condition, file: str | Path = "conditions") 
             for parameter, value in entry.items():
                 values = _values(network, block)
                 if values is None:
-                    raise InputError(file, f"{condition.name}.{key}.{block}", None, "the network has no such block")
+                    near = difflib.get_close_matches(block, [*vessels, *anatomy.blocks], n=3, cutoff=0.3)
+                    remedy = "the network has no such block" + (f"; near: {', '.join(near)}" if near else "")
+                    raise InputError(file, f"{condition.name}.{key}.{block}", None, remedy)
                 # Where an effect has put CORONARY_VAR_RES in the place of CORONARY, one Ra2 has become two.
                 split = [f"{parameter}_min", f"{parameter}_max"]
                 for name in split if parameter not in values and all(one in values for one in split) else [parameter]:

@@ -46,10 +46,10 @@ def nuisances(
 ) -> list[Nuisance]:
     """The nuisance parameters of a network and its measurements.
 
-    All coronary beds together, each bed, coronary compliance; in closed loops systemic resistance and compliance and
-    left ventricular elastance; one factor for every condition but the first, whose coronary state is never known
-    exactly; the tissue mass of each territory with measured perfusion. Where a condition lists it as free, the shape of
-    the beds as well; and each stenosis that conditions name, in all of them.
+    Resistance and compliance of all coronary beds together and of each; in closed loops systemic resistance and
+    compliance and left ventricular elastance; one factor for every condition but the first, whose coronary state is
+    never known exactly; the tissue mass of each territory with measured perfusion. Where a condition lists it as free,
+    the shape of the beds as well; and each stenosis that conditions name, in all of them.
     """
     anatomy = Anatomy(network)
     beds = list(anatomy.beds)
@@ -62,9 +62,14 @@ def nuisances(
     found = [Nuisance("coronary resistance", settings.sd_coronary, everywhere)]
     if len(beds) > 1:
         found += [Nuisance(f"resistance of {bed}", settings.sd_bed, keys) for bed, keys in resistances.items()]
-    stores = tuple(key for bed in beds for key in of(bed, COMPLIANCES))
-    if stores:
-        found.append(Nuisance("coronary compliance", settings.sd_compliance, stores))
+    storing = {bed: stores for bed in beds if (stores := of(bed, COMPLIANCES))}
+    if storing:
+        everywhere = tuple(key for stores in storing.values() for key in stores)
+        found.append(Nuisance("coronary compliance", settings.sd_compliance, everywhere))
+    if len(storing) > 1:
+        found += [
+            Nuisance(f"compliance of {bed}", settings.sd_bed_compliance, stores) for bed, stores in storing.items()
+        ]
     if any(BED_SHAPE in condition.free for condition in conditions.values()):
         found += _shape(anatomy, settings.sd_bed_shape)
     others = [bed for bed in anatomy.blocks if bed not in beds and bed in set(anatomy.outlet_bc.values())]

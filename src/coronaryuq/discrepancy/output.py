@@ -9,7 +9,7 @@ from coronaryuq import files
 from coronaryuq.discrepancy.candidates import Candidate
 from coronaryuq.discrepancy.conditions import drives_of
 from coronaryuq.discrepancy.naming import Round
-from coronaryuq.discrepancy.repair import write_repaired
+from coronaryuq.discrepancy.repair import repaired
 from coronaryuq.discrepancy.search import Discovery
 from coronaryuq.discrepancy.separate import separating
 from coronaryuq.discrepancy.simulation import Acting
@@ -42,7 +42,11 @@ def summary(found: Discovery) -> dict:
             for entry in found.rounds
         ],
         "outside_library": found.outside_library,
-        "not_borne_out": [{"effect": effect.name, "place": place} for effect, place in found.taken_back],
+        "not_borne_out": [
+            {"effect": entry.taken_back.effect.name, "place": entry.taken_back.place, "log_evidence": _adds(entry)}
+            for entry in found.rounds
+            if entry.taken_back is not None
+        ],
         "mistakes": [{"mistake": one.name, "place": place} for one, place in found.verdict.mistaken],
         "gap_before": found.gaps.before.misfit,
         "gap_after": found.gaps.before.misfit if found.outside_library else found.gaps.after.misfit,
@@ -156,6 +160,7 @@ def write(found: Discovery, folder: Path) -> dict:
     unless the effect is outside the library, repaired.json, measurements.csv, conditions.yaml, difference.txt.
     """
     answer = summary(found)
+    mended = None if found.outside_library else repaired(found.problem.forward, found.acting, found.fit)
     clear(folder)
     files.write_json(folder / "discrepancy.json", answer)
     files.write_text(folder / "paragraph.txt", answer["paragraph"] + "\n")
@@ -166,8 +171,8 @@ def write(found: Discovery, folder: Path) -> dict:
     files.write_csv(folder / "sizes.csv", _sizes(found))
     files.write_csv(folder / "tree.csv", _tree(found))
     files.write_csv(folder / "gap.csv", _gaps(found))
-    if not found.outside_library:
-        write_repaired(found.problem.forward, found.acting, found.fit, folder)
+    if mended is not None:
+        mended.write(folder)
     return answer
 
 
@@ -190,6 +195,7 @@ def _residuals(found: Discovery) -> pd.DataFrame:
             "recalibrated": problem.y - plain * problem.sd,
             "repaired": problem.y - repaired * problem.sd,
             "fitted": problem.train,
+            "named": bool(found.named),
         }
     )
 

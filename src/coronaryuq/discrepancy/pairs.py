@@ -331,6 +331,14 @@ def _words(a: dict) -> str:
             " In doubt: the Gaussian process does clearly better, so what is missing has another form than this law; "
             "its sizes are of the nearest such law."
         )
+    if left["after"] >= left["recalibration_alone"]:
+        doubt += (
+            " In doubt: recalibration alone, which stretches the model's own linear loss, predicts held-out samples as "
+            "well."
+        )
+    if a["possibly_also"]:
+        room = _listed([f"{name} ({a['inclusion'][name]:.2f})" for name in a["possibly_also"]], " or ")
+        doubt += f" Beside it these samples leave room for {room}, with that probability."
     return (
         f"{drops}; missing is {' and '.join(names)} (probability {a['probability']:.2f}, chosen in "
         f"{a['share_of_folds_with_this_name']:.0%} of the folds). Sizes with 90 % intervals: {shares}; {terms}. "

@@ -241,7 +241,10 @@ def _recording(path: Path) -> tuple[pd.DataFrame, str, str] | None:
             raise InputError(path, column, unit, f"know {', '.join(factors)}")
         beat[wanted] = pd.to_numeric(frame[column], errors="coerce") * factors[unit]
         if beat[wanted].isna().any():
-            raise InputError(path, column, "nan", "a gap in the recording; fill it or leave the beat out")
+            row = int(np.argmax(beat[wanted].isna()))
+            given = frame[column].iloc[row]
+            remedy = f"line {row + 2}: want a number in every row; fill the gap or leave the beat out"
+            raise InputError(path, column, None if pd.isna(given) else str(given), remedy)
     name, unit = parts[flows[0]]
     return pd.DataFrame(beat), name.removesuffix("flow").strip() or "artery", unit
 

@@ -2,7 +2,7 @@
 its locations have, and a diff that a person can read.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -32,33 +32,33 @@ def repaired_network(forward: Forward, acting: list[Acting], z: np.ndarray) -> d
     return with_values(structure, table)
 
 
-def repaired_conditions(forward: Forward, acting: list[Acting], z: np.ndarray, folder: Path) -> dict[str, dict]:
-    """Content of the conditions file that goes with the repaired network.
+def repaired_conditions(
+    forward: Forward, acting: list[Acting], z: np.ndarray
+) -> tuple[dict[str, dict], dict[str, tuple[np.ndarray, np.ndarray]]]:
+    """Content of the conditions file that goes with the repaired network, and its drives: file → times and values.
 
     What an effect or the recalibration changes under one condition only is written as `set`, a waveform as a drive,
     so that the repaired network under the new conditions is what was fitted.
     """
     network = repaired_network(forward, acting, z)
-    content = {}
+    content, waves = {}, {}
     for name, condition in forward.conditions.items():
         entry = as_entry(condition)
         wanted, _ = forward.condition_changes(name, z, acting)
         given = scalars(under(network, condition))
         drives = {bc: drive_file(name, bc) for bc in condition.drive}
-        for bc, (time, value) in condition.drive.items():
-            write_drive(folder / drives[bc], time, value)
+        waves |= {drives[bc]: waveform for bc, waveform in condition.drive.items()}
         for parameter, value in wanted.items():
             block, _, key = parameter.rpartition(".")
             if np.ndim(value):
                 drives[block] = drive_file(name, block)
-                time = np.linspace(0.0, forward.periods[name], len(value))
-                write_drive(folder / drives[block], time, np.asarray(value))
+                waves[drives[block]] = np.linspace(0.0, forward.periods[name], len(value)), np.asarray(value)
             elif abs(given.get(parameter, 0.0) - float(value)) > SAME * abs(float(value)):
                 entry.setdefault("set", {}).setdefault(block, {})[key] = float(value)
         if drives:
             entry["drive"] = drives
         content[name] = entry
-    return content
+    return content, waves
 
 
 def renamed_locations(forward: Forward, acting: list[Acting]) -> dict[str, str]:
@@ -139,10 +139,31 @@ def _told(value: float | list) -> str:
     return "a waveform" if np.ndim(value) else f"{value:g}"
 
 
-def write_repaired(forward: Forward, acting: list[Acting], fit: Fit, folder: Path) -> None:
-    """Write `repaired.json`, `measurements.csv`, `conditions.yaml`, `drives/` and `difference.txt` into `folder`."""
-    files.write_json(folder / "repaired.json", repaired_network(forward, acting, fit.z))
-    files.write_csv(folder / "measurements.csv", repaired_measurements(forward, acting))
-    content = repaired_conditions(forward, acting, fit.z, folder)
-    files.write_text(folder / "conditions.yaml", yaml.safe_dump(content, sort_keys=False))
-    files.write_text(folder / "difference.txt", difference(forward, acting, fit))
+@dataclass(frozen=True)
+class Repaired:
+    """What is written of a repaired model, made whole before any of it is: what cannot be made leaves nothing."""
+
+    network: dict
+    measurements: pd.DataFrame
+    conditions: dict[str, dict]
+    drives: dict[str, tuple[np.ndarray, np.ndarray]]
+    difference: str
+
+    def write(self, folder: Path) -> None:
+        """`repaired.json`, `measurements.csv`, `conditions.yaml`, `drives/` and `difference.txt` into `folder`."""
+        files.write_json(folder / "repaired.json", self.network)
+        files.write_csv(folder / "measurements.csv", self.measurements)
+        for name, waveform in self.drives.items():
+            write_drive(folder / name, *waveform)
+        files.write_text(folder / "conditions.yaml", yaml.safe_dump(self.conditions, sort_keys=False))
+        files.write_text(folder / "difference.txt", self.difference)
+
+
+def repaired(forward: Forward, acting: list[Acting], fit: Fit) -> Repaired:
+    """The repaired model of a fit with its effects."""
+    return Repaired(
+        repaired_network(forward, acting, fit.z),
+        repaired_measurements(forward, acting),
+        *repaired_conditions(forward, acting, fit.z),
+        difference(forward, acting, fit),
+    )

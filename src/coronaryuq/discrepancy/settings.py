@@ -133,6 +133,7 @@ class Settings(BaseModel):
     sd_bed: float = Field(0.15, gt=0, description="resistance of each bed")
     sd_coronary: float = Field(0.25, gt=0, description="resistance of all coronary beds together")
     sd_compliance: float = Field(0.25, gt=0, description="compliance of all coronary beds together")
+    sd_bed_compliance: float = Field(0.15, gt=0, description="compliance of each bed")
     sd_bed_shape: float = Field(
         0.5,
         gt=0,

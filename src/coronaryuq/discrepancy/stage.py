@@ -47,7 +47,13 @@ def hide_in_loop(rest: str | Path, settings: Settings, seed: int, folder: str | 
     truth = hidden.hide(network, {c.name: c for c in conditions}, plan, [(one, place)], sizes, 1.0, seed, folder)
     files.write_json(
         folder / "truth.json",
-        {"effect": one.name, "place": place, "size_z": settings.hidden_size, "visible_sd": truth.visible},
+        {
+            "effect": one.name,
+            "place": place,
+            "size_z": settings.hidden_size,
+            "sizes": {p.name: float(p.from_standard(settings.hidden_size)) for p in one.parameters},
+            "visible_sd": truth.visible,
+        },
     )
 
 

@@ -1,6 +1,7 @@
 """Table models: pairs of simulated and measured outputs without a network, joined and cut into branches."""
 
 import re
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -97,6 +98,10 @@ def branches(
     names = [c[4:] for c in simulated.columns if c.startswith("ffr_") and c in measured.columns]
     if not names:
         raise _column_missing(simulated, file, measured_file, "ffr_NAME")
+    for here, path, there in ((simulated, file, measured), (measured, measured_file, simulated)):
+        lonely = [c for c in here.columns if str(c).lower().startswith("ffr_") and c not in there.columns]
+        if lonely:
+            print(f"note: {path}: {', '.join(lonely)}: not in the other table, left out", file=sys.stderr)
     for wanted, there in (("mean_pressure:A:B", pressures), ("mean_flow:A:B", flows)):
         if not there:
             raise _column_missing(simulated, file, measured_file, wanted)

@@ -65,16 +65,17 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
         text += (
             f"No effect of the library explains it: what comes nearest in the fitted measurements, {nearest}, is not "
             f"borne out by those that no fit had seen (log predictive density per row {found.gaps.after.lpd:.3f}, of "
-            f"recalibration alone {found.gaps.before.lpd:.3f}). It is not named."
+            f"recalibration alone {found.gaps.before.lpd:.3f}). Nothing is named."
         )
         return text
+    went = f"With it the misfit on {_kept(held_out)} {moved(found.gaps.before.misfit, found.gaps.after.misfit)}."
     if found.outside_library and found.verdict.varying:
-        return f"{text}No effect of the library explains it: {_varying(found)}. It is not named."
+        return f"{text}No effect of the library explains it: {_varying(found)}. Nothing is named. {went}"
     if found.outside_library and found.verdict.unforeseen:
         nearest = listed([_called(one) for one in found.acting])
         text += (
             f"No effect of the library explains it: what comes nearest in the fitted measurements, {nearest}, does not "
-            f"foretell those that no fit had seen ({chance(found.verdict.foretold)}). It is not named."
+            f"foretell those that no fit had seen ({chance(found.verdict.foretold)}). Nothing is named. {went}"
         )
         return text
     if found.outside_library:
@@ -230,7 +231,7 @@ def _strained(said: str, located: Located, found: Discovery) -> str:
     away = [one for n, one in enumerate(strained(located, found)) if n == 0 or abs(one[0].moved) > DISTORTED]
     if not away:
         return ""
-    (first, factor), *others = away[:MOST_STRAINED]
+    (first, factor), *others = [*away[:1], *sorted(away[1:], key=lambda one: -abs(one[0].moved))][:MOST_STRAINED]
     moved = f"{first.moved:+.1f} standard deviations of its prior (×{factor:.2g}, {chance(first.p)})"
     told = [f"the {first.name} by {moved}"]
     told += [f"the {one.name} by {one.moved:+.1f} (×{factor:.2g})" for one, factor in others]
@@ -275,4 +276,4 @@ def chance(p: float) -> str:
 def _kept(held_out: list[str]) -> str:
     if held_out:
         return f"the conditions kept out of every fit ({', '.join(held_out)})"
-    return "each condition in turn, left out of the fit"
+    return "each condition, kept out of the fit in turn,"

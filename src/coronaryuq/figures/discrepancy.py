@@ -96,7 +96,7 @@ def residuals(table: str | Path, output: str | Path) -> None:
     Where no waveform was measured: predicted against measured, quantity by quantity.
     """
     frame = read_csv(
-        table, ("condition", "quantity", "location", "statistic", "phase", "measured", "sd", "recalibrated")
+        table, ("condition", "quantity", "location", "statistic", "phase", "measured", "sd", "recalibrated", "named")
     )
     waves = frame[frame.statistic == "waveform"]
     groups = list(waves.groupby(["quantity", "location", "condition"], sort=False))
@@ -113,7 +113,7 @@ def residuals(table: str | Path, output: str | Path) -> None:
             measured, sd = part.measured / one, part.sd / one
             axis.errorbar(phase, measured, sd, fmt=".", ms=3, lw=0.6, color=MEASURED, label="measured, sd")
             axis.plot(phase, part.recalibrated / one, color=BEFORE, lw=1.2, label="recalibrated")
-            axis.plot(phase, part.repaired / one, color=AFTER, lw=1.2, label="with the named effects")
+            axis.plot(phase, part.repaired / one, color=AFTER, lw=1.2, label=_after(frame))
             held = "" if bool(part.fitted.all()) else ", kept out of the fit"
             axis.set_title(f"{quantity} at {location}\n{condition}{held}", fontsize=7)
             axis.set_xlabel("phase of the cycle")
@@ -121,6 +121,11 @@ def residuals(table: str | Path, output: str | Path) -> None:
         for axis in axes.flat[len(groups) :]:
             axis.set_axis_off()
         axes.flat[0].legend(fontsize=6)
+
+
+def _after(frame: pd.DataFrame) -> str:
+    """What the repaired model is called: nothing may have been named."""
+    return "with the named effects" if bool(frame.named.all()) else "with what comes nearest"
 
 
 def _against_measured(frame: pd.DataFrame, output: str | Path) -> None:
@@ -135,7 +140,7 @@ def _against_measured(frame: pd.DataFrame, output: str | Path) -> None:
             axis.plot(ends, ends, color=MUTED, lw=1, zorder=1)
             for key, colour, size, label in (
                 ("recalibrated", BEFORE, 6, "recalibrated"),
-                ("repaired", AFTER, 4, "with the named effects"),
+                ("repaired", AFTER, 4, _after(frame)),
             ):
                 for fitted, marker, which in ((True, "o", "fitted"), (False, "s", "kept out of the fit")):
                     some = part[part.fitted.astype(bool) == fitted]
@@ -261,11 +266,13 @@ def pairs_gap(table: str | Path, output: str | Path) -> None:
 def pairs_effects(table: str | Path, output: str | Path) -> None:
     """A table model: probability that each effect is part of the law of each branch; the named ones filled."""
     frame = read_csv(table, ("branch", "effect", "probability", "named"))
-    names = list(dict.fromkeys(frame.branch))
+    names, effects = list(dict.fromkeys(frame.branch)), list(dict.fromkeys(frame.effect))[::-1]
     with saved(output, ncols=len(names), figsize=(3.0 * len(names), 2.2), squeeze=False, sharey=True) as (_, axes):
         for axis, name in zip(axes.flat, names, strict=True):
-            part = frame[frame.branch == name].iloc[::-1]
-            axis.barh(range(len(part)), part.probability, color=[AFTER if chosen else MUTED for chosen in part.named])
-            axis.set_yticks(range(len(part)), part.effect.str.replace("_", " "), fontsize=7)
+            # Branches list effects by their own probabilities; panels share one list.
+            part = frame[frame.branch == name].set_index("effect").reindex(effects)
+            colours = [AFTER if chosen is True else MUTED for chosen in part.named.astype(object)]
+            axis.barh(range(len(part)), part.probability.fillna(0.0), color=colours)
+            axis.set_yticks(range(len(part)), [effect.replace("_", " ") for effect in effects], fontsize=7)
             axis.set_xlim(0, 1)
             axis.set(title=_artery(name), xlabel="probability of being part")

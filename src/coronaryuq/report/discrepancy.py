@@ -13,10 +13,10 @@ from coronaryuq.files import read_json, write_text
 CAPTIONS = {
     "tree": "Vessels from left to right as they divide, coloured by their largest disagreement after recalibration. "
     "Diamonds: the named effects, on the vessel or at the bed where they act.",
-    "residuals": "Measured with its noise, recalibrated, and with the named effects: the series with the largest "
-    "misfit over the cycle or, where no waveform was measured, predicted against measured.",
+    "residuals": "Measured with its noise, recalibrated, and with the effects that are named or come nearest: the "
+    "series with the largest misfit over the cycle or, where no waveform was measured, predicted against measured.",
     "ranking": "Candidates of every round of the search and their probabilities, given the library.",
-    "sizes": "Posterior and prior of the named effects' sizes.",
+    "sizes": "Posterior and prior of the sizes of the effects that are named or come nearest.",
     "gap": "Misfit on measurements kept out of every fit, with 90 % intervals: residuals over what noise and the fit's "
     "own spread let expect.",
     "pairs": "Pressure drop against flow, and FFR on held-out samples, branch by branch.",
@@ -97,8 +97,9 @@ def _search(path: str, figures: list[str], truths: list[str]) -> dict:
 def _against(truth: dict, named: list[dict]) -> str:
     """What was hidden, and how well the answer does beside it."""
     effect, place = truth["effect"], truth["place"]
+    sizes = ", ".join(f"{name} {value:.3g}" for name, value in truth["sizes"].items())
     hidden = (
-        f"This case was made here: {effect.replace('_', ' ')} at {place} was hidden in the data, a trace of "
+        f"This case was made here: {effect.replace('_', ' ')} at {place} ({sizes}) was hidden in the data, a trace of "
         f"{truth['visible_sd']:.0f} standard deviations of the noise that recalibration cannot absorb. The search saw "
         "the model without it, the measurements and their conditions."
     )
@@ -124,7 +125,7 @@ def _named(one: dict) -> dict:
         _interval(f"of {one['size']['of']}", one["size"]),
         *(_interval(t["unit"], t, t["term"]) for t in one["terms"]),
     ]
-    others = [f"{m['effect']} at {m['place']}" for m in one["class"][1:]] or one.get("possibly_also", [])
+    others = [f"{m['effect']} at {m['place']}" for m in one["class"][1:]]
     wanted = [f"mean {m['quantity']} at {m['location']} under {m['condition']}" for m in one.get("separate_by", [])[:1]]
     return {
         "effect": one["effect"].replace("_", " "),
