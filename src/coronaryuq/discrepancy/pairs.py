@@ -24,7 +24,7 @@ from coronaryuq.discrepancy.laws import (
     sizes,
 )
 from coronaryuq.discrepancy.output import clear
-from coronaryuq.discrepancy.tables import Branch, branches, read_pairs
+from coronaryuq.discrepancy.tables import Branch, artery, branches, read_pairs
 from coronaryuq.seeds import generator
 from coronaryuq.zerod.effects.library import effect
 
@@ -296,7 +296,7 @@ def _words(a: dict) -> str:
     others = f"recalibration alone {left['recalibration_alone']:.4f}, a Gaussian process {left['flexible']:.4f}"
     error = f"n held-out samples the error of FFR {went} ({others})."
     drops = (
-        f"{a['branch'].upper()}: the drop of pressure to {a['place']} is {a['drop']['measured']:.1f} measured and "
+        f"{artery(a['branch'])}: the drop of pressure to {a['place']} is {a['drop']['measured']:.1f} measured and "
         f"{a['drop']['simulated']:.1f} simulated"
     )
     if a["outside_library"]:
@@ -309,7 +309,7 @@ def _words(a: dict) -> str:
         rivals = _listed(a["possibly_also"], " or ")
         return f"{drops}; something is missing, and the samples do not tell which: {rivals}. O{error}"
     if not a["effects"]:
-        return f"{a['branch'].upper()}: simulated and measured drops agree; nothing to explain."
+        return f"{artery(a['branch'])}: simulated and measured drops agree; nothing to explain."
     names = []
     for name, members in a["classes"].items():
         rivals = _listed([m for m in members if m != name], ", ")

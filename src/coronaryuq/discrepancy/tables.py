@@ -58,6 +58,11 @@ class Branch:
         return self.root3 - self.distal3
 
 
+def artery(name: str) -> str:
+    """A branch as one writes it: LAD, LCx, RCA."""
+    return {"lcx": "LCx"}.get(name.lower(), name.upper())
+
+
 def read_pairs(simulated: str | Path, measured: str | Path) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Both tables, rows joined by `sample` and in one order. Raises `InputError` where no samples are common."""
     tables = [read_csv(path, ("sample",)).set_index("sample") for path in (simulated, measured)]

@@ -10,6 +10,7 @@ from matplotlib.colors import Normalize
 from matplotlib.patheffects import withStroke
 
 from coronaryuq import units
+from coronaryuq.discrepancy.tables import artery
 from coronaryuq.figures.style import MUTED, saved
 from coronaryuq.files import read_csv
 from coronaryuq.seeds import generator
@@ -207,10 +208,6 @@ def gap(table: str | Path, output: str | Path) -> None:
         axes.set_xlabel("misfit on data kept out of every fit")
 
 
-def _artery(name: str) -> str:
-    return {"lcx": "LCx"}.get(name.lower(), name.upper())
-
-
 def pairs(table: str | Path, output: str | Path) -> None:
     """A table model: pressure drop against flow, and FFR measured against simulated before and after, per branch."""
     frame = read_csv(table, ("branch", "flow", "drop_measured", "drop_model_at_flow", "ffr_measured", "ffr_simulated"))
@@ -221,7 +218,7 @@ def pairs(table: str | Path, output: str | Path) -> None:
             top, bottom = axes[:, column]
             top.plot(part.flow, part.drop_measured, ".", ms=2, color=MEASURED, label="measured")
             top.plot(part.flow, part.drop_model_at_flow, ".", ms=2, color=BEFORE, label="model at that flow")
-            top.set(title=_artery(name), xlabel="flow (the table's unit)", ylabel="pressure drop (the table's unit)")
+            top.set(title=artery(name), xlabel="flow (the table's unit)", ylabel="pressure drop (the table's unit)")
             for key, colour, label in (
                 ("ffr_simulated", BEFORE, "as it is"),
                 ("ffr_recalibrated", FLEXIBLE, "recalibrated"),
@@ -257,7 +254,7 @@ def pairs_gap(table: str | Path, output: str | Path) -> None:
                 axes.plot([low, high], [y, y], color=colour, lw=1.5)
                 axes.plot(np.sqrt(squared.mean()), y, "o", ms=4, color=colour, label=label if row == 0 else None)
         axes.set_xscale("log")
-        axes.set_yticks(range(len(names)), [_artery(name) for name in reversed(names)])
+        axes.set_yticks(range(len(names)), [artery(name) for name in reversed(names)])
         axes.set_ylim(-0.6, len(names) - 0.4)
         axes.set_xlabel("root mean square error of FFR, held-out samples")
         axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
@@ -275,4 +272,4 @@ def pairs_effects(table: str | Path, output: str | Path) -> None:
             axis.barh(range(len(part)), part.probability.fillna(0.0), color=colours)
             axis.set_yticks(range(len(part)), [effect.replace("_", " ") for effect in effects], fontsize=7)
             axis.set_xlim(0, 1)
-            axis.set(title=_artery(name), xlabel="probability of being part")
+            axis.set(title=artery(name), xlabel="probability of being part")

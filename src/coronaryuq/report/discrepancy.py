@@ -8,6 +8,7 @@ import yaml
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from coronaryuq import provenance, units
+from coronaryuq.discrepancy.tables import artery
 from coronaryuq.files import read_json, write_text
 
 CAPTIONS = {
@@ -207,7 +208,7 @@ def _pair_gaps(answer: dict) -> dict:
     }
     rows = [
         {
-            "name": f"{branch['branch'].upper()}, {branch['place']}",
+            "name": f"{artery(branch['branch'])}, {branch['place']}",
             "values": [f"{branch['ffr_rmse'][k]:.4f}" for k in columns],
         }
         for branch in answer["held_out"]["branches"]
