@@ -67,6 +67,15 @@ def member(name: str, place: str, probability: float):
     return SimpleNamespace(acting=(effect(name), place), probability=probability)
 
 
+def test_what_would_split_a_class_is_said_where_anything_would():
+    best = {"quantity": "pressure", "location": "lad:BC_lad", "condition": "rest", "expected_information_nats": 0.55}
+    assert words._told_apart([best]).startswith(
+        "The mean pressure at lad:BC_lad under rest would tell them apart best (0.55"
+    )
+    assert words._told_apart([best | {"expected_information_nats": 0.01}]).startswith("No mean pressure or flow")
+    assert words._told_apart([]) == ""
+
+
 def test_the_probability_of_a_class_is_told_from_that_of_its_first_member():
     one, other = member("bifurcation_loss", "lad", 0.4), member("ostial_loss", "lm", 0.59)
     assert words._probability(SimpleNamespace(members=[one])) == "probability 0.40"

@@ -22,14 +22,14 @@ from coronaryuq.zerod.effects.beds import ALL
 def summary(found: Discovery) -> dict:
     """The object that `coronaryuq discrepancy --json` prints."""
     held_out = [name for name, c in found.problem.forward.conditions.items() if c.held_out]
-    level = found.problem.settings.false_discovery_rate
+    level, told = found.problem.settings.false_discovery_rate, named(found)
     return {
         "alarm": found.alarm,
         "global_test": {"p": found.located.p, **found.located.tests},
         "strained": [vars(one) | {"factor": factor} for one, factor in strained(found.located, found)],
         "still_strained": [vars(one) | {"factor": factor} for one, factor in strained(found.remaining, found)],
         "located": [vars(group) | {"unit": "CGS"} for group in found.located.groups if group.q < level][:40],
-        "named": named(found),
+        "named": told,
         "probabilities": [
             {
                 "none": entry.probabilities["none"],
@@ -62,7 +62,7 @@ def summary(found: Discovery) -> dict:
         },
         "remaining": {"p": found.remaining.p, **found.remaining.tests},
         "candidates_tested": found.candidates_tested,
-        "paragraph": paragraph(found, held_out),
+        "paragraph": paragraph(found, held_out, {(one["effect"], one["place"]): one["separate_by"] for one in told}),
     }
 
 

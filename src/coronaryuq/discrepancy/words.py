@@ -15,13 +15,20 @@ from coronaryuq.zerod.effects.base import Parameter
 
 Z_90 = 1.6448536269514722
 """Standard deviations of a normal distribution that bound its central 90 %."""
+LEAST_INFORMATION = 0.1
+"""Nats of expected information below which a measurement tells nothing apart; a class of two holds 0.69."""
 FLOOR = "1 is what noise and the fit's own spread let expect"
 MOST_STRAINED = 4
 """Nuisance parameters listed at most in one sentence."""
 
 
-def paragraph(found: Discovery, held_out: list[str]) -> str:
-    """What disagrees, what is missing, how sure, how far the gap shrinks; or that there is nothing to explain."""
+def paragraph(
+    found: Discovery, held_out: list[str], separating: dict[tuple[str, str], list[dict]] | None = None
+) -> str:
+    """What disagrees, what is missing, how sure, how far the gap shrinks; or that there is nothing to explain.
+
+    separating: of named effects, by name and place, the measurements that would split their class, the best first.
+    """
     count = len(found.base.residual)
     if not found.alarm:
         text = (
@@ -92,6 +99,7 @@ def paragraph(found: Discovery, held_out: list[str]) -> str:
         one = entry.accepted
         text += f"{'Missing' if number == 0 else 'Also missing'} is {_called(one.acting)}"
         text += f" ({_probability(entry)}; {_size_of(found, one.acting)}). "
+        text += _told_apart((separating or {}).get((one.effect.name, one.place), []))
         forward = found.problem.forward
         text += one.effect.assumed(forward.anatomy, [c.covariates for c in forward.conditions.values()])
         for parameter in found.beyond_prior(one.acting):
@@ -160,6 +168,17 @@ def _probability(entry: Round) -> str:
         f"probability of the class {share:.2f}, of this member {one.probability:.2f}; the others, which these data "
         f"cannot tell from it: {told}"
     )
+
+
+def _told_apart(by: list[dict]) -> str:
+    """Which further measurement would split a class, if any."""
+    if not by:
+        return ""
+    best = by[0]
+    if best["expected_information_nats"] < LEAST_INFORMATION:
+        return "No mean pressure or flow of these vessels would tell them apart. "
+    what = f"The mean {best['quantity']} at {best['location']} under {best['condition']}"
+    return f"{what} would tell them apart best ({best['expected_information_nats']:.2g} nats are expected of it). "
 
 
 def _varying(found: Discovery) -> str:

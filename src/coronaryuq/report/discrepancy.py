@@ -170,7 +170,7 @@ def _gaps(answer: dict, known: dict | None) -> dict:
     told = [
         ("recalibration alone", held["before"]),
         ("with the named effects" if answer["named"] else "with what comes nearest", held["after"]),
-        ("Gaussian-process discrepancy", held["flexible"]),
+        ("flexible discrepancy (Gaussian process)", held["flexible"]),
         ("both together", held["both"]),
         *([("with the true effect", known)] if known else []),
     ]
