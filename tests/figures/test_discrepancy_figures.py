@@ -81,6 +81,32 @@ def test_sizes_without_a_named_effect(tmp_path):
     assert is_png(tmp_path / "s.png")
 
 
+def test_branches_that_rank_effects_otherwise_share_one_list(tmp_path, monkeypatch):
+    """Each bar stands at its own effect's name: panels share their ticks."""
+    bars = []
+    original = drawn.saved
+
+    @contextmanager
+    def saved(output, **options):
+        with original(output, **options) as (canvas, axes):
+            yield canvas, axes
+            canvas.canvas.draw()
+            names = [label.get_text() for label in axes.flat[0].get_yticklabels()]
+            for axis in axes.flat:
+                bars.append({names[round(b.get_y() + b.get_height() / 2)]: b.get_width() for b in axis.patches})
+
+    monkeypatch.setattr(drawn, "saved", saved)
+    rows = [("lad", "diffuse_narrowing", 1.0, True), ("lad", "pressure_gain", 0.2, False)]
+    rows += [("rca", "quadratic_stenosis", 0.9, True), ("rca", "diffuse_narrowing", 0.1, False)]
+    columns = ["branch", "effect", "probability", "named"]
+    pd.DataFrame(rows, columns=columns).to_csv(tmp_path / "e.csv", index=False)
+    drawn.pairs_effects(tmp_path / "e.csv", tmp_path / "e.png")
+    assert bars == [
+        {"diffuse narrowing": 1.0, "pressure gain": 0.2, "quadratic stenosis": 0.0},
+        {"diffuse narrowing": 0.1, "pressure gain": 0.0, "quadratic stenosis": 0.9},
+    ]
+
+
 def test_gap_and_ranking(tmp_path):
     models = ["recalibration alone", "with the named effects", "flexible discrepancy"]
     gap = {"model": models, "misfit": [3.0, 1.0, 2.0], "low": [2.5, 0.9, 1.5], "high": [3.5, 1.1, 2.5]}

@@ -19,6 +19,7 @@ because sensitivities of the nuisance parameters that were not recomputed err th
 ASTRAY = 10.0
 """Log evidence behind the fit without it from which a candidate's fit has gone astray."""
 STORES = "epicardial_compliance"
+"""The effect that gives a vessel a compliance."""
 PRIOR_NONE, PRIOR_NAMED, PRIOR_OUTSIDE = 0.45, 0.45, 0.10
 
 

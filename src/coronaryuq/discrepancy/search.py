@@ -60,7 +60,7 @@ class Discovery:
         return sorted(kept, key=lambda r: -r.worth)
 
     @property
-    def taken_back(self) -> list[Acting]:
+    def not_borne_out(self) -> list[Acting]:
         """Effects that the fitted measurements ask for beside the named ones, and those kept out of the fits do not."""
         return [entry.taken_back.acting for entry in self.rounds if entry.taken_back is not None]
 

@@ -121,9 +121,9 @@ def paragraph(
                 f"Measurements that no fit had seen are predicted better without it (by {-entry.held_out:.2g} nats in "
                 "all): it may stand for something that the library does not have. "
             )
-    if found.named and found.taken_back:
+    if found.named and found.not_borne_out:
         those = "it" if len(found.named) == 1 else "them"
-        wanted = listed([_called(one) for one in found.taken_back])
+        wanted = listed([_called(one) for one in found.not_borne_out])
         text += (
             f"Beside {those} the fitted measurements ask for {wanted}, too, which those that no fit had seen do not "
             "bear out: not named. "
