@@ -19,6 +19,7 @@ from coronaryuq.discrepancy.numerics import time_steps
 from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.simulation import Acting
+from coronaryuq.discrepancy.trace import least_trace
 from coronaryuq.seeds import generator
 from coronaryuq.zerod.effects.base import Series
 
@@ -45,8 +46,8 @@ class Truth:
     sizes: np.ndarray
     nuisance: np.ndarray
     visible: float
-    """Norm of the effect in the fitted data, in noise sd, that neither recalibration nor the analyst's time steps can
-    absorb; the least of several."""
+    """Norm of what the fitted data keep of the effect, in noise sd, once the model without it is recalibrated; of
+    several the least. See `least_trace`."""
 
     @property
     def firsts(self) -> list[float]:
@@ -87,12 +88,13 @@ def hide(
     predicted, *unaffected = forward.predict_rows(rows)
     if not np.isfinite(predicted).all():
         raise FloatingPointError("the hidden case does not run")
+    without = rows[1:]
     if outside is not None:
         forward.simulation = forward.simulation.changed(alter=None)
-        unaffected = [forward.predict(nuisance)[0]]
+        without, unaffected = [(nuisance, [])], [forward.predict(nuisance)[0]]
     sd = _write(network, conditions, plan, forward.measured, forward.split(predicted[None, :]), noise, random, folder)
     forward.simulation = forward.simulation.changed(steps_per_cycle=Settings().steps_per_cycle)
-    visible = _visible(problem, nuisance, [predicted - without for without in unaffected], sd)
+    visible = least_trace(problem, without, [predicted - other for other in unaffected], sd)
     return Truth(acting, np.asarray(sizes, dtype=float), nuisance, visible)
 
 
@@ -116,8 +118,8 @@ class Unmeasured:
         sd = _write(
             forward.network, forward.conditions, self.plan, forward.measured, readings, 1.0, self.random, folder
         )
-        without = forward.predict(self.nuisance)[0]
-        visible = _visible(self.problem, self.nuisance, [np.concatenate(readings, axis=1)[0] - without], sd)
+        change = np.concatenate(readings, axis=1)[0] - forward.predict(self.nuisance)[0]
+        visible = least_trace(self.problem, [(self.nuisance, [])], [change], sd)
         return Truth(acting, sizes, self.nuisance, visible)
 
 
@@ -149,7 +151,7 @@ def series_of(plan: Plan, conditions: Iterable[Condition]) -> list[Series]:
 
 
 class Traces:
-    """What effects would leave in the fitted data: as `Truth.visible`, about the model as it is.
+    """What effects would leave in the fitted data: as `Truth.visible`, about the model as it is and to first order.
 
     noise: multiple of the plan's noise.
     """
@@ -183,17 +185,6 @@ def _each_left_out(nuisance: np.ndarray, sizes: np.ndarray, acting: list[Acting]
         (np.concatenate([nuisance, np.delete(sizes, np.arange(*ends[i : i + 2]))]), acting[:i] + acting[i + 1 :])
         for i in range(len(acting))
     ]
-
-
-def _visible(problem: Problem, nuisance: np.ndarray, signals: list[np.ndarray], sd: np.ndarray) -> float:
-    """Least norm in noise sd of what effects do to the fitted data that neither recalibration within the prior nor what
-    the analyst's time steps may put wrong can absorb.
-    """
-    if not signals:
-        return 0.0
-    absorbing = _absorbing(problem, nuisance, sd)
-    whitened = [(signal / problem.sd)[problem.train] for signal in signals]
-    return float(np.sqrt(max(min(one @ absorbing.project(one) for one in whitened), 0.0)))
 
 
 def _absorbing(problem: Problem, nuisance: np.ndarray, sd: np.ndarray) -> Fit:
