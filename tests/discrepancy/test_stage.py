@@ -24,9 +24,10 @@ def found(tmp_path_factory):
     names = {"model": "model.json", "measurements": "measurements.csv", "conditions": "conditions.yaml"}
     case = {key: str(folder / "case" / name) for key, name in names.items()}
     search(*case.values(), Settings(), SEED, folder / "found")
-    truth, gaps = folder / "case" / "truth.json", folder / "found" / "gap.csv"
+    truth = folder / "case" / "truth.json"
+    answer = {"gaps": folder / "found" / "gap.csv", "answer": folder / "found" / "discrepancy.json"}
     out = {"table": folder / "known" / "gap.csv", "reference": folder / "known" / "gap.json"}
-    compare(case, truth, gaps, Settings(), SEED, out)
+    compare(case, truth, answer, Settings(), SEED, out)
     return folder
 
 

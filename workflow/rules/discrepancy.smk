@@ -158,6 +158,7 @@ rule discrepancy_known:
         **made("hidden"),
         truth=rules.discrepancy_hidden.output.truth,
         gaps=examined("hidden", "found", "gap.csv"),
+        answer=examined("hidden", "found", "discrepancy.json"),
         code=code("coronaryuq.discrepancy.stage"),
     output:
         table=examined("hidden", "known", "gap.csv"),

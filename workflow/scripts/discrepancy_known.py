@@ -8,7 +8,7 @@ with job(globals()) as this:
     compare(
         {name: this.input[name] for name in ("model", "measurements", "conditions")},
         this.input["truth"],
-        this.input["gaps"],
+        {name: this.input[name] for name in ("gaps", "answer")},
         Settings(**this.params["settings"]),
         this.params["seed"],
         {name: this.output[name] for name in ("table", "reference")},

@@ -40,6 +40,7 @@ def scored(truth: hidden.Truth, answer: Discovery) -> dict:
         "after": answer.gaps.before.misfit if answer.outside_library else answer.gaps.after.misfit,
         "flexible": answer.gaps.flexible.misfit,
         "remaining": answer.remaining.p,
+        "noise_taken": {quantity: vars(one) for quantity, one in answer.noise.items()},
         "varying": max((one.log_odds for one in answer.verdict.constancies), default=None),
         "foretold": answer.verdict.foretold,
         "helped": None if answer.verdict.taken_back else answer.verdict.helped,

@@ -55,6 +55,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="auto",
         help="pressure unit of the network (default auto: dyn/cm2 or mmHg, by its root pressure)",
     )
+    parser.add_argument(
+        "--noise",
+        choices=("estimated", "said"),
+        default="estimated",
+        help="of waveforms: as they scatter, where that explains more, or as their sd say (default estimated)",
+    )
     parser.add_argument("--out", metavar="DIR", required=True, help="folder for results")
     parser.add_argument("--seed", type=arguments.seed, default=1, help="seed of folds and intervals (default 1)")
     parser.add_argument("--threads", type=arguments.count, default=1, help="threads of the 0D engine (default 1)")
@@ -76,7 +82,7 @@ def _answer(args: argparse.Namespace, out: Path) -> dict:
     _spares_its_input(args, out)
     if args.pairs:
         return pairs.discover_pairs(*args.pairs, out=out, seed=args.seed)
-    settings = Settings(threads=args.threads, pressure_unit=args.pressure_unit)
+    settings = Settings(threads=args.threads, pressure_unit=args.pressure_unit, noise=args.noise)
     if args.recordings:
         prepare(*args.recordings, out / "case", args.held_out, args.free_bed)
         case = [out / "case" / name for name in ("model.json", "measurements.csv", "conditions.yaml")]

@@ -6,6 +6,7 @@ import numpy as np
 from scipy import stats
 
 from coronaryuq.discrepancy.inference import Fit
+from coronaryuq.discrepancy.nuisance import without_noise
 from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.shapes import phases, residual_tests
 
@@ -89,7 +90,8 @@ def _strains(problem: Problem, fit: Fit) -> list[Strain]:
 
 def _groups(problem: Problem, fit: Fit, score: np.ndarray) -> list[Disagreement]:
     sd = problem.sd[problem.train]
-    residual = fit.residual * sd
+    noise = fit.z - without_noise(problem.forward.nuisances, fit.z)
+    residual = (fit.residual + fit.jacobian @ noise) * sd
     keys, columns = [], []
     for number, mine, phase in phases(problem, problem.train):
         if phase is None:

@@ -9,6 +9,7 @@ from coronaryuq import units
 from coronaryuq.discrepancy.conditions import Condition, period_of, under
 from coronaryuq.discrepancy.forward import Forward, pressure_factor
 from coronaryuq.discrepancy.measurements import AORTIC, Measured, measured_conditions, read_measurements
+from coronaryuq.discrepancy.noise import Noise, parts
 from coronaryuq.discrepancy.nuisance import Nuisance, nuisances
 from coronaryuq.discrepancy.numerics import time_steps
 from coronaryuq.discrepancy.problem import Problem
@@ -23,6 +24,9 @@ MISTYPED = {"perfusion": 1e4}
 """Times the largest that the model has, beyond which a number cannot be a measurement; 50 of other quantities."""
 UNITS_APART = {"pressure": 6.0, "ratio": 20.0, "flow": 20.0, "volume": 20.0}
 """Times what the model has that the middle one of all series cannot be; kPa and mmHg are 7.5 apart."""
+
+LEAST = 0.1
+"""Share of a standard deviation that is left to white noise, whatever the model's floor and time steps add."""
 
 
 def locations(network: dict) -> dict[str, list[str]]:
@@ -109,6 +113,41 @@ def with_time_steps(problem: Problem) -> Problem:
     weights = [Nuisance(f"time steps, shape {k + 1}", 1.0, shape=k) for k in range(len(found.shapes))]
     shaped = replace(forward, nuisances=[*forward.nuisances, *weights], shapes=found.shapes)
     return replace(problem, forward=shaped, time_steps=found)
+
+
+def with_noise(problem: Problem, noise: dict[str, Noise]) -> Problem:
+    """The same with the waveforms of some quantities as noisy as is said of them here.
+
+    Standard deviations with the model's floor and what time steps add are the measure of it. Shapes of noise that lasts
+    get weights, as those of the time steps have.
+    """
+    forward = problem.forward
+    starts = np.cumsum([0, *(series.value.size for series in forward.measured)])
+    measured, shapes, weights = [], [], []
+    for series, start in zip(forward.measured, starts, strict=False):
+        mine = slice(start, start + series.value.size)
+        if series.statistic == "waveform" and series.quantity in noise:
+            sd = problem.sd[mine]
+            white, lasting = parts(series, noise[series.quantity])
+            added = sd**2 - series.sd**2
+            measured.append(
+                replace(series, sd=np.sqrt(np.maximum((white * sd) ** 2 - added, (LEAST * series.sd) ** 2)))
+            )
+            for shape in lasting:
+                shapes.append(np.zeros(problem.sd.size))
+                shapes[-1][mine] = sd * shape
+            weights += [f"noise of the {series.quantity} at {series.location} under {series.condition}"] * len(lasting)
+        else:
+            measured.append(series)
+    found = with_time_steps(make_problem(forward.network, forward.conditions, measured, problem.settings))
+    if not shapes:
+        return found
+    before = len(found.forward.shapes)
+    weights = [Nuisance(name, 1.0, shape=before + k, noise=True) for k, name in enumerate(weights)]
+    nuisances = [*found.forward.nuisances, *weights]
+    return replace(
+        found, forward=replace(found.forward, nuisances=nuisances, shapes=np.vstack([found.forward.shapes, *shapes]))
+    )
 
 
 def make_problem(

@@ -19,7 +19,7 @@ class Nuisance:
     """A factor exp(sd z), z standard normal, on `targets` ("BLOCK.parameter") in some conditions, or in all (None).
 
     `mass` names a territory whose tissue mass the factor scales instead: perfusion is flow over mass. `shape`: z times
-    a row of `Forward.shapes` is added to predictions instead; the network stays.
+    a row of `Forward.shapes` is added to predictions instead; the network stays. `noise`: that is the measurement's.
     """
 
     name: str
@@ -28,6 +28,7 @@ class Nuisance:
     conditions: tuple[str, ...] | None = None
     mass: str | None = None
     shape: int | None = None
+    noise: bool = False
 
     @property
     def simulated(self) -> bool:
@@ -39,6 +40,13 @@ class Nuisance:
 
     def factor(self, z: np.ndarray) -> np.ndarray:
         return np.exp(self.sd * np.asarray(z))
+
+
+def without_noise(parameters: list[Nuisance], z: np.ndarray) -> np.ndarray:
+    """z (p,), of which the first are of these, with what is the measurements' own and no part of the model left out."""
+    found = np.array(z, dtype=float)
+    found[[column for column, nuisance in enumerate(parameters) if nuisance.noise]] = 0.0
+    return found
 
 
 def nuisances(

@@ -1,5 +1,6 @@
 """What a search leaves behind: one JSON for the command line, tables for figures, the repaired model."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,8 @@ from coronaryuq import files
 from coronaryuq.discrepancy.candidates import Candidate
 from coronaryuq.discrepancy.conditions import drives_of
 from coronaryuq.discrepancy.naming import Round
+from coronaryuq.discrepancy.nuisance import without_noise
+from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.repair import repaired
 from coronaryuq.discrepancy.search import Discovery
 from coronaryuq.discrepancy.separate import separating
@@ -25,6 +28,7 @@ def summary(found: Discovery) -> dict:
     level, told = found.problem.settings.false_discovery_rate, named(found)
     return {
         "alarm": found.alarm,
+        "noise": {quantity: vars(one) for quantity, one in found.noise.items()},
         "global_test": {"p": found.located.p, **found.located.tests},
         "strained": [vars(one) | {"factor": factor} for one, factor in strained(found.located, found)],
         "still_strained": [vars(one) | {"factor": factor} for one, factor in strained(found.remaining, found)],
@@ -160,7 +164,11 @@ def write(found: Discovery, folder: Path) -> dict:
     unless the effect is outside the library, repaired.json, measurements.csv, conditions.yaml, difference.txt.
     """
     answer = summary(found)
-    mended = None if found.outside_library else repaired(found.problem.forward, found.acting, found.fit)
+    mended = (
+        None
+        if found.outside_library
+        else repaired(replace(found.problem.forward, measured=found.given), found.acting, found.fit)
+    )
     clear(folder)
     files.write_json(folder / "discrepancy.json", answer)
     files.write_text(folder / "paragraph.txt", answer["paragraph"] + "\n")
@@ -179,8 +187,9 @@ def write(found: Discovery, folder: Path) -> dict:
 def _residuals(found: Discovery) -> pd.DataFrame:
     problem = found.problem
     series = [problem.forward.measured[i] for i in problem.owner]
-    (plain,) = found.plain.whitened([(found.base.z, [])])
-    (repaired,) = problem.whitened([(found.fit.z, found.acting)])
+    parameters = problem.forward.nuisances
+    (plain,) = found.plain.whitened([(without_noise(parameters, found.base.z), [])])
+    (repaired,) = problem.whitened([(without_noise(parameters, found.fit.z), found.acting)])
     times = np.concatenate([np.full(1, np.nan) if s.time is None else s.time for s in problem.forward.measured])
     return pd.DataFrame(
         {
@@ -191,13 +200,20 @@ def _residuals(found: Discovery) -> pd.DataFrame:
             "time": times,
             "phase": times / np.array([s.period for s in series]),
             "measured": problem.y,
-            "sd": problem.sd,
+            "sd": _spread(problem),
             "recalibrated": problem.y - plain * problem.sd,
             "repaired": problem.y - repaired * problem.sd,
             "fitted": problem.train,
             "named": bool(found.named),
         }
     )
+
+
+def _spread(problem: Problem) -> np.ndarray:
+    """Standard deviations (N,) of the measurements, with those of noise that lasts."""
+    lasting = [nuisance.shape for nuisance in problem.forward.nuisances if nuisance.noise]
+    shapes = problem.forward.shapes[lasting] if lasting else np.zeros((0, problem.sd.size))
+    return np.sqrt(problem.sd**2 + np.sum(shapes**2, axis=0))
 
 
 def _ranking(found: Discovery) -> pd.DataFrame:

@@ -1,7 +1,7 @@
 """The whole search on one case: locate, name, add, verify, until nothing is left to explain or nothing helps."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,7 +12,10 @@ from coronaryuq.discrepancy.candidates import PRIOR_NAMED, Candidate, all_candid
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.locate import Located, locate
 from coronaryuq.discrepancy.looking_back import correct, look_back
+from coronaryuq.discrepancy.measurements import Measured
+from coronaryuq.discrepancy.model import with_noise
 from coronaryuq.discrepancy.naming import Round, name_one
+from coronaryuq.discrepancy.noise import Noise, estimated_noise, told
 from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.rivals import best_of_effects, by_own_steps, fit_each
 from coronaryuq.discrepancy.screening import screen
@@ -31,7 +34,9 @@ LARGEST_LOG = 500.0
 class Discovery:
     """What a search found. acting: the named effects, in order; fit: their joint fit; base: the model without any.
 
-    plain, problem: with the time steps put right about the model as it is, and about the named effects.
+    plain, problem: with the time steps put right about the model as it is, and about the named effects. noise: of
+    waveforms, by quantity, where it is not taken to be what their standard deviations say; given: the measurements as
+    they are.
     """
 
     plain: Problem
@@ -46,7 +51,9 @@ class Discovery:
     gaps: Gaps
     verdict: Verdict
     folds: list
+    given: list[Measured]
     candidates_tested: int = 0
+    noise: dict[str, Noise] = field(default_factory=dict)
 
     @property
     def outside_library(self) -> bool:
@@ -80,8 +87,29 @@ class Discovery:
 def discover(
     problem: Problem, seed: int, library: tuple[Effect, ...] = SEARCHED, report: Report = lambda line: None
 ) -> Discovery:
-    """Search one problem. `seed` only enters the bootstrap intervals of the gaps; report: gets a line at each step."""
-    settings = problem.settings
+    """Search one problem. `seed` only enters the bootstrap intervals of the gaps; report: gets a line at each step.
+
+    Where something is missing and waveforms scatter more than their standard deviations say, what was found is judged
+    by the wrong measure, and so it is where something stays unexplained and they scatter less, as noise that lasts
+    does: the search is made again with noise as they have it, which stands if it foretells what was held out better.
+    """
+    found = _search(problem, seed, library, report)
+    noise = estimated_noise(found.problem, found.fit) if found.alarm and problem.settings.noise == "estimated" else {}
+    if not found.outside_library and not found.remaining.alarm(problem.settings.alarm_level):
+        noise = {quantity: one for quantity, one in noise.items() if one.lasting == 0.0}
+    if not noise:
+        return found
+    report(f"waveforms scatter otherwise than their standard deviations say ({told(noise)}): searching again so")
+    again = _search(with_noise(problem, noise), seed, library, report)
+    if again.gaps.after.total_lpd > found.gaps.after.total_lpd:
+        return replace(again, noise=noise, given=found.given)
+    report("measurements kept out of the fits are foretold no better with that: noise stays as it is said")
+    return found
+
+
+def _search(problem: Problem, seed: int, library: tuple[Effect, ...], report: Report) -> Discovery:
+    """One search with standard deviations as they are."""
+    settings, given = problem.settings, problem.forward.measured
     report(f"{np.count_nonzero(problem.train)} fitted measurements, {problem.count} nuisance parameters: recalibrating")
     problem, base = recalibrate(problem)
     plain, fit = problem, base
@@ -140,7 +168,9 @@ def discover(
     still = remaining.alarm(settings.alarm_level)
     named = [(one, priors[one]) for one in acting]
     verdict = judge(problem, base, fit, named, effects, still, gaps, foretold(problem, repaired, parts))
-    return Discovery(plain, problem, base, located, alarm, rounds, acting, fit, remaining, gaps, verdict, parts, tested)
+    return Discovery(
+        plain, problem, base, located, alarm, rounds, acting, fit, remaining, gaps, verdict, parts, given, tested
+    )
 
 
 def _located_again(problem: Problem, fit: Fit, before: Located) -> Located:

@@ -107,6 +107,11 @@ class Settings(BaseModel):
     pressure_unit: Literal["auto", "dyn/cm2", "mmHg", "Pa", "kPa"] = Field(
         "auto", description="pressure unit of the network; auto: by its simulated root pressure, dyn/cm2 or mmHg"
     )
+    noise: Literal["estimated", "said"] = Field(
+        "estimated",
+        description="of waveforms; estimated: where something is missing and they scatter otherwise than their sd say, "
+        "as large as they scatter, or lasting, if that foretells held-out measurements better",
+    )
     alarm_level: float = Field(0.01, gt=0, lt=1, description="significance level of the global test")
     false_discovery_rate: float = Field(
         0.05, gt=0, lt=1, description="false-discovery rate of the located disagreements"

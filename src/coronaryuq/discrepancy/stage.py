@@ -11,7 +11,8 @@ from coronaryuq.discrepancy import hidden
 from coronaryuq.discrepancy.command import from_files
 from coronaryuq.discrepancy.conditions import Condition, read_conditions
 from coronaryuq.discrepancy.known import known_gap
-from coronaryuq.discrepancy.model import read_problem
+from coronaryuq.discrepancy.model import read_problem, with_noise
+from coronaryuq.discrepancy.noise import Noise
 from coronaryuq.discrepancy.output import gap_row
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.errors import InputError
@@ -91,21 +92,31 @@ def search(
 
 
 def compare(
-    case: dict[str, str], truth: str, gaps: str, settings: Settings, seed: int, out: dict[str, str], threads: int = 1
+    case: dict[str, str],
+    truth: str,
+    found: dict[str, str],
+    settings: Settings,
+    seed: int,
+    out: dict[str, str],
+    threads: int = 1,
 ) -> None:
-    """Put the held-out gap with the true effect beside those of a search (`gaps`, its table), in a table and a JSON.
+    """Put the held-out gap with the true effect beside those of a search, in a table and a JSON; noise is what the
+    search took it to be.
 
-    case: model, measurements and conditions; truth: what `hide_in_loop` says of them; out: table and reference.
+    case: model, measurements and conditions; truth: what `hide_in_loop` says of them; found: `gaps`, the search's
+    table, and `answer`, its JSON; out: table and reference.
     """
     settings = settings.model_copy(update={"threads": threads})
     conditions = read_conditions(case["conditions"])
     problem = read_problem(read_network(case["model"]), case["measurements"], conditions, case["conditions"], settings)
+    told = files.read_json(found["answer"], ("noise",))["noise"]
+    noise = {quantity: Noise(**one) for quantity, one in told.items()}
     hidden_there = files.read_json(truth, ("effect", "place", "size_z"))
     one = effect(hidden_there["effect"])
     sizes = np.full(len(one.parameters), hidden_there["size_z"])
     with threadpool_limits(1):
-        found = known_gap(problem, [(one, hidden_there["place"])], sizes, seed)
-    table = files.read_csv(gaps)
-    row = pd.DataFrame([gap_row("with the true effect", found)], columns=table.columns)
+        known = known_gap(with_noise(problem, noise) if noise else problem, [(one, hidden_there["place"])], sizes, seed)
+    table = files.read_csv(found["gaps"])
+    row = pd.DataFrame([gap_row("with the true effect", known)], columns=table.columns)
     files.write_csv(Path(out["table"]), pd.concat([table, row], ignore_index=True))
-    files.write_json(Path(out["reference"]), found.summary())
+    files.write_json(Path(out["reference"]), known.summary())

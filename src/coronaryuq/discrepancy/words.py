@@ -7,6 +7,7 @@ from coronaryuq.discrepancy.conservation import PROBE
 from coronaryuq.discrepancy.constancy import Constancy
 from coronaryuq.discrepancy.locate import Located, Strain
 from coronaryuq.discrepancy.naming import Round
+from coronaryuq.discrepancy.noise import Noise
 from coronaryuq.discrepancy.problem import DISTORTED
 from coronaryuq.discrepancy.search import CENTRAL_99, Discovery
 from coronaryuq.discrepancy.simulation import Acting
@@ -30,15 +31,16 @@ def paragraph(
     separating: of named effects, by name and place, the measurements that would split their class, the best first.
     """
     count = len(found.base.residual)
+    scattered = _scattered(found.noise)
     if not found.alarm:
-        text = (
+        text = scattered + (
             f"The model, recalibrated within its priors, agrees with the {count} fitted measurements "
             f"(global test {chance(found.located.p)}): there is nothing to explain. "
             f"On {_kept(held_out)} its misfit is {found.gaps.before.misfit:.2f} ({FLOOR})."
         )
         return text + _unforeseen(found.verdict.foretold, held_out)
     worst = found.located.groups[0]
-    text = (
+    text = scattered + (
         f"The model disagrees with the {count} fitted measurements beyond what recalibration can mend "
         f"(global test {chance(found.located.p)}), most in the {worst.quantity} at {worst.location} "
         f"under {worst.condition}. "
@@ -145,6 +147,24 @@ def paragraph(
     if found.named:
         text += _strained("With the named effects recalibration still moves", found.remaining, found)
     return text.rstrip()
+
+
+def _scattered(noise: dict[str, Noise]) -> str:
+    """That waveforms are noisier than is said, or their noise lasts, where it is so."""
+    larger = [f"those of {name} {one.scatter:.2f} times" for name, one in noise.items() if not one.lasting]
+    lasting = [f"{one.lasting:.2g} s of {name}" for name, one in noise.items() if one.lasting]
+    text = ""
+    if larger:
+        text += (
+            "Waveforms scatter more from one sample to the next than their standard deviations say "
+            f"({listed(larger)}) and are taken to be so much less certain. "
+        )
+    if lasting:
+        text += (
+            "Waveforms scatter less from one sample to the next than their standard deviations say: their noise is "
+            f"taken to last (for {listed(lasting)}). "
+        )
+    return text
 
 
 def _unforeseen(foretold: float, held_out: list[str]) -> str:

@@ -1,0 +1,162 @@
+"""Noise as the waveforms have it: how large, how long it lasts, and searches where it is not what is said."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from coronaryuq.bench.discrepancy import Case, hide
+from coronaryuq.bench.hidden_cases import open_loop
+from coronaryuq.discrepancy import hidden
+from coronaryuq.discrepancy.conditions import read_conditions
+from coronaryuq.discrepancy.inference import Fit
+from coronaryuq.discrepancy.measurements import Measured
+from coronaryuq.discrepancy.model import read_problem
+from coronaryuq.discrepancy.noise import HARMONICS, Noise, estimated_noise, parts, scatter
+from coronaryuq.discrepancy.search import discover
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.discrepancy.words import paragraph
+from coronaryuq.files import read_json
+
+SAMPLES, SERIES, PERIOD = 40, 6, 0.8
+
+
+def series(seed=0, quantity="flow"):
+    jitter = np.random.default_rng(seed).uniform(-0.3, 0.3, SAMPLES)
+    time = (np.arange(SAMPLES) + 0.5 + jitter) / SAMPLES * PERIOD
+    return Measured("rest", quantity, "AORTA:lad", "waveform", time, PERIOD, np.zeros(SAMPLES), np.ones(SAMPLES))
+
+
+def case(residual):
+    """A problem of six waveforms whose fit leaves these whitened residuals (6, 40)."""
+    measured = [series(number) for number in range(SERIES)]
+    owner = np.repeat(np.arange(SERIES), SAMPLES)
+    problem = SimpleNamespace(
+        forward=SimpleNamespace(measured=measured), owner=owner, train=np.ones(owner.size, dtype=bool)
+    )
+    return problem, Fit(np.zeros(1), residual.ravel(), np.zeros((owner.size, 1)))
+
+
+def lasting_noise(random, time, lasting):
+    return np.linalg.cholesky(np.exp(-np.abs(time[:, None] - time) / lasting)) @ random.standard_normal(time.size)
+
+
+def test_white_noise_scatters_as_it_is_said_to():
+    """400 trials: the mean share and the chances that are given, within four standard errors."""
+    random, trials = np.random.default_rng(1), 400
+    found = [scatter(*case(random.standard_normal((SERIES, SAMPLES))))["flow"] for _ in range(trials)]
+    shares = np.array([one.factor**2 for one in found])
+    assert abs(shares.mean() - 1.0) < 4.0 * shares.std() / np.sqrt(trials) + 0.01
+    for p in ([one.p_larger for one in found], [one.p_smaller for one in found]):
+        assert abs(np.mean(np.array(p) < 0.1) - 0.1) < 4.0 * np.sqrt(0.09 / trials) + 0.02
+    assert not any(estimated_noise(*case(random.standard_normal((SERIES, SAMPLES)))) for _ in range(20))
+
+
+@given(st.lists(st.floats(-50.0, 50.0), min_size=2 * HARMONICS + 1, max_size=2 * HARMONICS + 1), st.integers(0, 99))
+def test_what_a_model_lacks_in_the_first_harmonics_is_no_noise(weights, seed):
+    noise = np.random.default_rng(seed).standard_normal((SERIES, SAMPLES))
+    lacks = []
+    for number in range(SERIES):
+        angles = 2.0 * np.pi * np.outer(series(number).time / PERIOD, np.arange(1, HARMONICS + 1))
+        lacks.append(np.hstack([np.ones((SAMPLES, 1)), np.cos(angles), np.sin(angles)]) @ weights)
+    plain, more = scatter(*case(noise))["flow"], scatter(*case(noise + np.array(lacks)))["flow"]
+    assert more.factor == pytest.approx(plain.factor, rel=1e-9)
+
+
+def test_noise_that_is_larger_than_said_has_its_size():
+    random = np.random.default_rng(2)
+    found = [estimated_noise(*case(1.6 * random.standard_normal((SERIES, SAMPLES))))["flow"] for _ in range(50)]
+    factors = np.array([one.scatter for one in found])
+    assert all(one.lasting == 0.0 for one in found)
+    assert abs(factors.mean() - 1.6) < 4.0 * factors.std() / np.sqrt(50) + 0.01
+
+
+@pytest.mark.parametrize("lasting", [0.05, 0.1])
+def test_how_long_noise_lasts_is_found(lasting):
+    """Of the standard deviation that is said: the mean logarithm of 50 trials within four standard errors."""
+    random, found = np.random.default_rng(3), []
+    for _ in range(50):
+        noise = [lasting_noise(random, series(number).time, lasting) for number in range(SERIES)]
+        found.append(estimated_noise(*case(np.array(noise)))["flow"].lasting)
+    logarithms = np.log(np.array(found) / lasting)
+    assert abs(logarithms.mean()) < 4.0 * logarithms.std() / np.sqrt(50) + 0.03, logarithms.mean()
+
+
+@given(st.floats(0.005, 2.0))
+def test_parts_of_lasting_noise_make_its_covariance(lasting):
+    """The variance in all exactly, and no direction off by more than the shapes without weights differ."""
+    one = series()
+    white, shapes = parts(one, Noise(0.5, lasting))
+    made = white**2 * np.eye(SAMPLES) + shapes.T @ shapes
+    true = np.exp(-np.abs(one.time[:, None] - one.time) / lasting)
+    assert np.trace(made) == pytest.approx(SAMPLES)
+    assert np.abs(np.linalg.eigvalsh(made - true)).max() <= white**2 + 1e-9
+
+
+def test_larger_noise_has_no_shapes():
+    white, shapes = parts(series(), Noise(1.7))
+    assert white == 1.7 and len(shapes) == 0
+
+
+def searched(folder, settings=None):
+    conditions = read_conditions(folder / "conditions.yaml")
+    files = read_json(folder / "model.json"), folder / "measurements.csv"
+    problem = read_problem(*files, conditions, folder / "conditions.yaml", settings or Settings())
+    return discover(problem, 1)
+
+
+def named(found):
+    return [entry.accepted.acting for entry in found.named]
+
+
+def test_standard_deviations_that_are_too_small_hide_no_stenosis(tmp_path):
+    truth, _ = hide(Case(("quadratic_stenosis",), "medium", "nominal", 100), open_loop(), tmp_path)
+    table = pd.read_csv(tmp_path / "measurements.csv")
+    table["sd"] /= 1.5
+    table.to_csv(tmp_path / "measurements.csv", index=False)
+    found = searched(tmp_path)
+    assert named(found) == truth.acting
+    assert {name: one.scatter for name, one in found.noise.items()} == pytest.approx(
+        {"flow": 1.5, "pressure": 1.5}, rel=0.15
+    )
+    assert "less certain" in paragraph(found, ["half dilated"])
+    (inlet,) = [one for one in found.given if (one.quantity, one.condition) == ("flow", "rest")][:1]
+    assert inlet.sd[0] == pytest.approx(table[(table.quantity == "flow") & (table.condition == "rest")].sd.iloc[0])
+    said = searched(tmp_path, Settings(noise="said"))
+    assert not said.noise and said.outside_library
+
+
+@pytest.fixture
+def lasting(monkeypatch):
+    """Noise of the hidden cases lasts: each sample keeps 0.7 of the one before it."""
+
+    class Lasting:
+        def __init__(self, random):
+            self.random = random
+
+        def standard_normal(self, count):
+            found = self.random.standard_normal(count)
+            for k in range(1, count):
+                found[k] = 0.7 * found[k - 1] + np.sqrt(0.51) * found[k]
+            return found
+
+    write = hidden._write
+    monkeypatch.setattr(hidden, "_write", lambda *given: write(*given[:-2], Lasting(given[-2]), given[-1]))
+
+
+def test_noise_that_lasts_is_nothing_to_explain(tmp_path, lasting):
+    hide(Case((), "none", "nominal", 101), open_loop(), tmp_path)
+    found = searched(tmp_path)
+    assert not found.alarm and all(one.lasting > 0.0 for one in found.noise.values())
+    assert set(found.noise) == {"flow", "pressure"}
+    assert "taken to last" in paragraph(found, ["half dilated"])
+    assert searched(tmp_path, Settings(noise="said")).alarm
+
+
+def test_a_stenosis_under_noise_that_lasts_is_named(tmp_path, lasting):
+    truth, _ = hide(Case(("quadratic_stenosis",), "medium", "nominal", 100), open_loop(), tmp_path)
+    found = searched(tmp_path)
+    assert named(found) == truth.acting and not found.remaining.alarm(0.01)
