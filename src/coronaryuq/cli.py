@@ -76,7 +76,7 @@ def _parser() -> argparse.ArgumentParser:
     bench.add_argument("name", choices=BENCHMARKS, metavar="NAME", help=", ".join(BENCHMARKS))
     bench.add_argument("--quick", action="store_true", help="a smaller size, within 50 s on two cores")
     bench.add_argument("--json", action="store_true", help="one line of JSON (default: indented)")
-    sizes, noises = ("weak", "medium", "strong"), ("half", "nominal", "double")
+    sizes, noises = ("weak", "medium", "strong"), ("half", "nominal", "double", "understated", "lasting")
     for name, told, how in (
         ("data", "published runs; flow3d: a folder per mesh of one patient", {"metavar": "FOLDER"}),
         ("rows", "rows of the table: row, column_3d, column_0d", {"metavar": "FILE"}),

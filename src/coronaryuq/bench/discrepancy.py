@@ -38,7 +38,14 @@ from coronaryuq.zerod.network import read_network
 
 STRENGTHS = {"weak": (-1.0, 0.6), "medium": (0.0, 1.2), "strong": (1.0, 2.0)}
 """Sizes in prior standard deviations: of positive sizes, and the magnitude of signed ones."""
-NOISES = {"half": 0.5, "nominal": 1.0, "double": 2.0}
+NOISES = {
+    "half": {"noise": 0.5},
+    "nominal": {"noise": 1.0},
+    "double": {"noise": 2.0},
+    "understated": {"noise": 1.0, "said": 2.0 / 3.0},
+    "lasting": {"noise": 1.0, "keeps": 0.7},
+}
+"""Of the plan's noise, its size; the share that the table says of it; the share that lasts from sample to sample."""
 LEAST_VISIBLE = 6.0
 """Hidden effects whose trace in the fitted data is below this many noise sd are drawn again elsewhere, and counted; of
 two effects, each must leave one beside the other."""
@@ -92,10 +99,16 @@ def cases(quick: bool, seeds: int, strengths: tuple[str, ...], noises: tuple[str
             for strength in strengths:
                 for one in LIBRARY:
                     yield Case((one.name,), strength, noise, seed)
-        for name in OUTSIDE:
-            yield Case((), "medium", "nominal", seed, name)
-        for pair in PAIRS_OF_TWO:
-            yield Case(pair, "medium", "nominal", seed)
+        for noise in _of_all_cells(noises):
+            for name in OUTSIDE:
+                yield Case((), "medium", noise, seed, name)
+            for pair in PAIRS_OF_TWO:
+                yield Case(pair, "medium", noise, seed)
+
+
+def _of_all_cells(noises: tuple[str, ...]) -> list[str]:
+    """Noises under which effects outside the library and two at once are hidden, too: any but its other sizes."""
+    return [one for one in noises if one not in ("half", "double")] or ["nominal"]
 
 
 def loop_cases(seeds: int, strengths: tuple[str, ...], noises: tuple[str, ...], offset: int) -> Iterator[Case]:
@@ -309,7 +322,15 @@ def hide(case: Case, made: Made, folder: Path) -> tuple[hidden.Truth | None, int
         # Noise and nuisance parameters of their own in every cell, so that trials are independent.
         seed = int(random.integers(2**31))
         truth = hidden.hide(
-            network, conditions, plan, acting, np.array(sizes), NOISES[case.noise], seed, folder, strange
+            network,
+            conditions,
+            plan,
+            acting,
+            np.array(sizes),
+            seed=seed,
+            folder=folder,
+            outside=strange,
+            **NOISES[case.noise],
         )
         if (not acting and not case.outside) or truth.visible >= LEAST_VISIBLE:
             return truth, draw
@@ -327,5 +348,5 @@ def _with_a_trace(one: Effect, places: list[str], case: Case, made: Made) -> lis
     """Those of the places where it would leave a trace: in a loop few do, and a draw takes seconds."""
     positive, signed = STRENGTHS[case.strength]
     size = np.array([positive if parameter.kind == "lognormal" else signed for parameter in one.parameters])
-    left = made.traces(NOISES[case.noise]).of([((one, place), size) for place in places])
+    left = made.traces(NOISES[case.noise]["noise"]).of([((one, place), size) for place in places])
     return [place for place, trace in zip(places, left, strict=True) if trace >= LEAST_VISIBLE]

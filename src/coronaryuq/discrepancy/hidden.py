@@ -67,10 +67,13 @@ def hide(
     folder: Path,
     outside: Callable[[dict, str], dict] | None = None,
     nuisance_spread: float = 0.6,
+    said: float = 1.0,
+    keeps: float = 0.0,
 ) -> Truth:
     """Write `model.json`, `measurements.csv` and `conditions.yaml` of one case into `folder`; return what was hidden.
 
-    acting, sizes: effects and their sizes z in prior standard deviations. noise: multiple of the plan's noise.
+    acting, sizes: effects and their sizes z in prior standard deviations. noise: multiple of the plan's noise; said: share
+    of its standard deviation that the table says; keeps: share of it that lasts from sample to sample.
     outside: a change of a condition's network that no effect of the library expresses. nuisance_spread: standard
     deviation of the true nuisance parameters over the analyst's prior.
     """
@@ -92,7 +95,8 @@ def hide(
     if outside is not None:
         forward.simulation = forward.simulation.changed(alter=None)
         without, unaffected = [(nuisance, [])], [forward.predict(nuisance)[0]]
-    sd = _write(network, conditions, plan, forward.measured, forward.split(predicted[None, :]), noise, random, folder)
+    errors = _Errors(noise, said, keeps, random)
+    sd = _write(network, conditions, plan, forward.measured, forward.split(predicted[None, :]), errors, folder)
     forward.simulation = forward.simulation.changed(steps_per_cycle=Settings().steps_per_cycle)
     visible = least_trace(problem, without, [predicted - other for other in unaffected], sd)
     return Truth(acting, np.asarray(sizes, dtype=float), nuisance, visible)
@@ -115,9 +119,8 @@ class Unmeasured:
         forward = self.problem.forward
         rows = {condition: {name: wave[None, :] for name, wave in of.items()} for condition, of in waveforms.items()}
         readings = forward.readings(rows, self.nuisance[None, :], {})
-        sd = _write(
-            forward.network, forward.conditions, self.plan, forward.measured, readings, 1.0, self.random, folder
-        )
+        errors = _Errors(1.0, 1.0, 0.0, self.random)
+        sd = _write(forward.network, forward.conditions, self.plan, forward.measured, readings, errors, folder)
         change = np.concatenate(readings, axis=1)[0] - forward.predict(self.nuisance)[0]
         visible = least_trace(self.problem, [(self.nuisance, [])], [change], sd)
         return Truth(acting, sizes, self.nuisance, visible)
@@ -228,15 +231,33 @@ def _deviations(plan: Plan, series: list[Measured], predicted: list[np.ndarray],
     return [noise * shares[key] * sizes[key] for key in keys]
 
 
-def _write(network, conditions, plan, series, predicted, noise, random, folder) -> np.ndarray:
+@dataclass(frozen=True)
+class _Errors:
+    """Noise of the measurements: see `hide`."""
+
+    noise: float
+    said: float
+    keeps: float
+    random: np.random.Generator
+
+    def of(self, count: int) -> np.ndarray:
+        """Of unit standard deviation, (count,)."""
+        found = self.random.standard_normal(count)
+        for k in range(1, count if self.keeps else 0):
+            found[k] = self.keeps * found[k - 1] + np.sqrt(1.0 - self.keeps**2) * found[k]
+        return found
+
+
+def _write(network, conditions, plan, series, predicted, errors: _Errors, folder) -> np.ndarray:
     """Write the case's three files; returns the standard deviations (N,) of the measurements."""
     rows = []
-    for one, values, sd in zip(series, predicted, _deviations(plan, series, predicted, noise), strict=True):
-        read = values[0] + sd * random.standard_normal(values.shape[1])
+    deviations = _deviations(plan, series, predicted, errors.noise)
+    for one, values, sd in zip(series, predicted, deviations, strict=True):
+        read = values[0] + sd * errors.of(values.shape[1])
         for i, value in enumerate(read):
             time = "" if one.time is None else float(one.time[i])
             key = (one.quantity, one.location, one.statistic)
-            rows.append((one.condition, *key, time, float(value), sd, UNIT[one.quantity]))
+            rows.append((one.condition, *key, time, float(value), errors.said * sd, UNIT[one.quantity]))
     columns = ["condition", "quantity", "location", "statistic", "time", "value", "sd", "unit"]
     files.write_json(folder / "model.json", network)
     files.write_csv(folder / "measurements.csv", pd.DataFrame(rows, columns=columns))
