@@ -72,8 +72,8 @@ def hide(
 ) -> Truth:
     """Write `model.json`, `measurements.csv` and `conditions.yaml` of one case into `folder`; return what was hidden.
 
-    acting, sizes: effects and their sizes z in prior standard deviations. noise: multiple of the plan's noise; said: share
-    of its standard deviation that the table says; keeps: share of it that lasts from sample to sample.
+    acting, sizes: effects and their sizes z in prior standard deviations. noise: multiple of the plan's noise; said:
+    share of its standard deviation that the table says; keeps: share of it that lasts from sample to sample.
     outside: a change of a condition's network that no effect of the library expresses. nuisance_spread: standard
     deviation of the true nuisance parameters over the analyst's prior.
     """
