@@ -28,6 +28,7 @@ def summary(found: Discovery) -> dict:
     level, told = found.problem.settings.false_discovery_rate, named(found)
     return {
         "alarm": found.alarm,
+        "spikes": [vars(one) for one in found.spikes],
         "noise": {quantity: vars(one) for quantity, one in found.noise.items()},
         "global_test": {"p": found.located.p, **found.located.tests},
         "strained": [vars(one) | {"factor": factor} for one, factor in strained(found.located, found)],

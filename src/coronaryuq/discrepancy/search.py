@@ -20,6 +20,7 @@ from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.rivals import best_of_effects, by_own_steps, fit_each
 from coronaryuq.discrepancy.screening import screen
 from coronaryuq.discrepancy.simulation import Acting
+from coronaryuq.discrepancy.spikes import Spike, spikes
 from coronaryuq.discrepancy.verify import folds, foretold, gap, linearise
 from coronaryuq.zerod.effects.base import Effect, Parameter
 from coronaryuq.zerod.effects.library import SEARCHED
@@ -36,7 +37,7 @@ class Discovery:
 
     plain, problem: with the time steps put right about the model as it is, and about the named effects. noise: of
     waveforms, by quantity, where it is not taken to be what their standard deviations say; given: the measurements as
-    they are.
+    they are; spikes: samples that stand out alone.
     """
 
     plain: Problem
@@ -54,6 +55,7 @@ class Discovery:
     given: list[Measured]
     candidates_tested: int = 0
     noise: dict[str, Noise] = field(default_factory=dict)
+    spikes: list[Spike] = field(default_factory=list)
 
     @property
     def outside_library(self) -> bool:
@@ -93,6 +95,13 @@ def discover(
     by the wrong measure, and so it is where something stays unexplained and they scatter less, as noise that lasts
     does: the search is made again with noise as they have it, which stands if it foretells what was held out better.
     """
+    found = _searched(problem, seed, library, report)
+    (residual,) = found.problem.whitened([(found.fit.z, found.acting)])
+    return replace(found, spikes=spikes(found.problem, residual))
+
+
+def _searched(problem: Problem, seed: int, library: tuple[Effect, ...], report: Report) -> Discovery:
+    """A search, and another one where waveforms have other noise than is said."""
     found = _search(problem, seed, library, report)
     noise = estimated_noise(found.problem, found.fit) if found.alarm and problem.settings.noise == "estimated" else {}
     if not found.outside_library and not found.remaining.alarm(problem.settings.alarm_level):

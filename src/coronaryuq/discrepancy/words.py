@@ -11,6 +11,7 @@ from coronaryuq.discrepancy.noise import Noise
 from coronaryuq.discrepancy.problem import DISTORTED
 from coronaryuq.discrepancy.search import CENTRAL_99, Discovery
 from coronaryuq.discrepancy.simulation import Acting
+from coronaryuq.discrepancy.spikes import Spike
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Parameter
 
@@ -19,8 +20,8 @@ Z_90 = 1.6448536269514722
 LEAST_INFORMATION = 0.1
 """Nats of expected information below which a measurement tells nothing apart; a class of two holds 0.69."""
 FLOOR = "1 is what noise and the fit's own spread let expect"
-MOST_STRAINED = 4
-"""Nuisance parameters listed at most in one sentence."""
+MOST_LISTED = 4
+"""Nuisance parameters, or samples, listed at most in one sentence."""
 
 
 def paragraph(
@@ -31,7 +32,7 @@ def paragraph(
     separating: of named effects, by name and place, the measurements that would split their class, the best first.
     """
     count = len(found.base.residual)
-    scattered = _scattered(found.noise)
+    scattered = _scattered(found.noise) + _standing_out(found.spikes)
     if not found.alarm:
         text = scattered + (
             f"The model, recalibrated within its priors, agrees with the {count} fitted measurements "
@@ -167,6 +168,21 @@ def _scattered(noise: dict[str, Noise]) -> str:
     return text
 
 
+def _standing_out(found: list[Spike]) -> str:
+    """Samples that stand out by themselves, where there are any."""
+    if not found:
+        return ""
+    said = []
+    for one in found[:MOST_LISTED]:
+        where = f"{one.quantity} at {one.location} under {one.condition} at {one.time:.4g} s"
+        said.append(f"the {where} ({one.off:+.0f} standard deviations)")
+    if len(found) > MOST_LISTED:
+        said.append(f"{len(found) - MOST_LISTED} more")
+    if len(found) == 1:
+        return f"Off both neighbours is {said[0]}: see whether that is an artefact, and leave it out. "
+    return f"Off both neighbours are {listed(said)}: see whether those are artefacts, and leave them out. "
+
+
 def _unforeseen(foretold: float, held_out: list[str]) -> str:
     """That a model which agrees with what was fitted does not foretell the rest, where it does not."""
     if foretold >= LEAST_FORETOLD:
@@ -270,12 +286,12 @@ def _strained(said: str, located: Located, found: Discovery) -> str:
     away = [one for n, one in enumerate(strained(located, found)) if n == 0 or abs(one[0].moved) > DISTORTED]
     if not away:
         return ""
-    (first, factor), *others = [*away[:1], *sorted(away[1:], key=lambda one: -abs(one[0].moved))][:MOST_STRAINED]
+    (first, factor), *others = [*away[:1], *sorted(away[1:], key=lambda one: -abs(one[0].moved))][:MOST_LISTED]
     moved = f"{first.moved:+.1f} standard deviations of its prior (×{factor:.2g}, {chance(first.p)})"
     told = [f"the {first.name} by {moved}"]
     told += [f"the {one.name} by {one.moved:+.1f} (×{factor:.2g})" for one, factor in others]
-    if len(away) > MOST_STRAINED:
-        told.append(f"{len(away) - MOST_STRAINED} more")
+    if len(away) > MOST_LISTED:
+        told.append(f"{len(away) - MOST_LISTED} more")
     return f"{said} {listed(told)}. "
 
 

@@ -1,0 +1,77 @@
+"""Single samples that stand out: found where they are put, and nothing else."""
+
+from types import SimpleNamespace
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from coronaryuq.discrepancy.measurements import Measured
+from coronaryuq.discrepancy.spikes import Spike, spikes
+from coronaryuq.discrepancy.words import _standing_out
+
+SAMPLES, PERIOD = 40, 0.8
+CONDITIONS = ("rest", "pacing", "hyperaemia", "drug")
+
+
+def series(condition, seed):
+    jitter = np.random.default_rng(seed).uniform(-0.3, 0.3, SAMPLES)
+    time = (np.arange(SAMPLES) + 0.5 + jitter) / SAMPLES * PERIOD
+    return Measured(condition, "flow", "AORTA:lad", "waveform", time, PERIOD, np.zeros(SAMPLES), np.ones(SAMPLES))
+
+
+MEASURED = [series(condition, number) for number, condition in enumerate(CONDITIONS)]
+PERFUSION = Measured("rest", "perfusion", "BC_lad", "mean", None, PERIOD, np.zeros(1), np.ones(1))
+OWNER = np.append(np.repeat(np.arange(len(CONDITIONS)), SAMPLES), len(CONDITIONS))
+PROBLEM = SimpleNamespace(forward=SimpleNamespace(measured=[*MEASURED, PERFUSION]), owner=OWNER)
+
+
+def found(residual):
+    return {(one.condition, one.time, np.sign(one.off)) for one in spikes(PROBLEM, residual)}
+
+
+def noise(seed):
+    return np.random.default_rng(seed).standard_normal(OWNER.size)
+
+
+def test_noise_and_what_is_smooth_stand_out_nowhere():
+    """20,000 waveforms: five samples are expected in 1e9."""
+    phase = np.concatenate([one.time / PERIOD for one in MEASURED] + [np.zeros(1)])
+    for seed in range(5000):
+        assert not found(noise(seed) + 20.0 * np.sin(2.0 * np.pi * phase) + 3.0 * np.cos(6.0 * np.pi * phase))
+
+
+@given(st.integers(0, 3), st.integers(1, SAMPLES - 2), st.sampled_from((-1.0, 1.0)), st.integers(0, 99))
+@settings(max_examples=100)
+def test_one_that_is_put_there_is_found(number, sample, sign, seed):
+    residual = noise(seed)
+    residual[number * SAMPLES + sample] += 15.0 * sign
+    assert found(residual) == {(CONDITIONS[number], MEASURED[number].time[sample], sign)}
+
+
+def test_a_step_is_none():
+    """What lasts is no artefact."""
+    residual = np.zeros(OWNER.size)
+    residual[20:40] = 6.0
+    assert not found(residual)
+
+
+def test_what_stands_out_everywhere_at_one_time_is_the_models():
+    residual = noise(1)
+    residual[[12, SAMPLES + 12, 2 * SAMPLES + 12]] += 20.0
+    assert not found(residual)
+    residual[2 * SAMPLES + 12] -= 20.0
+    assert len(found(residual)) == 2
+
+
+def test_a_mean_that_is_off_is_no_sample():
+    residual = np.zeros(OWNER.size)
+    residual[-1] = 50.0
+    assert not found(residual)
+
+
+def test_they_are_said_worst_first_and_not_all():
+    one = Spike("flow", "AORTA:lad", "rest", 0.3125, -9.6)
+    assert _standing_out([]) == ""
+    assert _standing_out([one]).startswith("Off both neighbours is the flow at AORTA:lad under rest at 0.3125 s (-10 ")
+    assert "and 3 more: see whether those are artefacts" in _standing_out([one] * 7)
