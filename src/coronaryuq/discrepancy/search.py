@@ -35,9 +35,10 @@ LARGEST_LOG = 500.0
 class Discovery:
     """What a search found. acting: the named effects, in order; fit: their joint fit; base: the model without any.
 
-    plain, problem: with the time steps put right about the model as it is, and about the named effects. noise: of
-    waveforms, by quantity, where it is not taken to be what their standard deviations say; given: the measurements as
-    they are; spikes: samples that stand out alone.
+    plain, problem: with the time steps put right about the model as it is, and about the named effects. given: the
+    measurements as they are; scattered: what their waveforms say of their noise, about all that came nearest; noise: of
+    waveforms, by quantity, where it is not taken to be what their standard deviations say; spikes: samples that stand
+    out alone.
     """
 
     plain: Problem
@@ -53,6 +54,7 @@ class Discovery:
     verdict: Verdict
     folds: list
     given: list[Measured]
+    scattered: dict[str, Noise]
     candidates_tested: int = 0
     noise: dict[str, Noise] = field(default_factory=dict)
     spikes: list[Spike] = field(default_factory=list)
@@ -103,7 +105,7 @@ def discover(
 def _searched(problem: Problem, seed: int, library: tuple[Effect, ...], report: Report) -> Discovery:
     """A search, and another one where waveforms have other noise than is said."""
     found = _search(problem, seed, library, report)
-    noise = estimated_noise(found.problem, found.fit) if found.alarm and problem.settings.noise == "estimated" else {}
+    noise = found.scattered if found.alarm and problem.settings.noise == "estimated" else {}
     if not found.outside_library and not found.remaining.alarm(problem.settings.alarm_level):
         noise = {quantity: one for quantity, one in noise.items() if one.lasting == 0.0}
     if not noise:
@@ -156,6 +158,7 @@ def _search(problem: Problem, seed: int, library: tuple[Effect, ...], report: Re
     if acting:
         fit = problem.to_the_end(acting, fit)
         remaining = _located_again(problem, fit, remaining)
+    scattered = estimated_noise(problem, fit)
     report("verifying on what was kept out of the fits")
     parts = folds(problem, [name for name, c in problem.forward.conditions.items() if c.held_out])
     wanted, still = len(acting), remaining.alarm(settings.alarm_level)
@@ -178,7 +181,21 @@ def _search(problem: Problem, seed: int, library: tuple[Effect, ...], report: Re
     named = [(one, priors[one]) for one in acting]
     verdict = judge(problem, base, fit, named, effects, still, gaps, foretold(problem, repaired, parts))
     return Discovery(
-        plain, problem, base, located, alarm, rounds, acting, fit, remaining, gaps, verdict, parts, given, tested
+        plain,
+        problem,
+        base,
+        located,
+        alarm,
+        rounds,
+        acting,
+        fit,
+        remaining,
+        gaps,
+        verdict,
+        parts,
+        given,
+        scattered,
+        tested,
     )
 
 
