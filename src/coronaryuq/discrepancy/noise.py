@@ -20,7 +20,7 @@ HARMONICS = 6
 """Harmonics of the cycle, at most, that are taken out of each waveform before it counts as scatter."""
 TRIMMED = 0.1
 """Share of the largest squares left out: valves that shut a sample too late are no noise."""
-LARGER, SMALLER = (1.2, 1e-6), (0.92, 0.01)
+LARGER, SMALLER = (1.2, 1e-4), (0.92, 0.01)
 """Factors on the standard deviations between which noise is taken to be as it is said to be, and chances of such a
 scatter above which too. A search stands with other noise where held-out measurements bear it out; what comes and goes
 within the cycle looks like larger noise, but nothing like one that lasts.
@@ -59,8 +59,8 @@ def told(noise: dict[str, Noise]) -> str:
 
 @dataclass(frozen=True)
 class Scatter:
-    """Of one quantity's waveforms beyond the first harmonics: over the said standard deviation, and chances of as much
-    and of as little.
+    """Of one quantity's waveforms beyond the first harmonics: all of them together over the said standard deviation,
+    chances that the middle one scatters as much, and as little.
     """
 
     factor: float
@@ -88,16 +88,15 @@ def scatter(problem: Problem, fit: Fit) -> dict[str, Scatter]:
     time steps add.
 
     Of each residual waveform (k samples) the mean and the first harmonics, as many as leave half of the samples, are
-    projected out, and each sample is divided by the share of its standard deviation that this leaves.
+    projected out, and each sample is divided by the share of its standard deviation that this leaves. Chances are those
+    of the median of the waveforms: what a model lacks is in some of them, noise in all.
     """
-    squares: dict[str, list[np.ndarray]] = {}
-    freedom: dict[str, int] = {}
+    found: dict[str, list[tuple[np.ndarray, int]]] = {}
     for series, rows, phase in _waveforms(problem):
-        left, kept, count = _beyond(phase)
-        quantity = series.quantity
-        squares.setdefault(quantity, []).append((left @ fit.residual[rows])[kept > 0.0] ** 2 / kept[kept > 0.0])
-        freedom[quantity] = freedom.get(quantity, 0) + count
-    return {quantity: _scatter(np.concatenate(parts), freedom[quantity]) for quantity, parts in squares.items()}
+        left, kept, freedom = _beyond(phase)
+        squares = (left @ fit.residual[rows])[kept > 0.0] ** 2 / kept[kept > 0.0]
+        found.setdefault(series.quantity, []).append((squares, freedom))
+    return {quantity: _scatter(*zip(*of, strict=True)) for quantity, of in found.items()}
 
 
 def _waveforms(problem: Problem):
@@ -119,11 +118,19 @@ def _beyond(phase: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
     return left, np.where(kept > 1e-6, kept, 0.0), phase.size - basis.shape[1]
 
 
-def _scatter(squares: np.ndarray, freedom: int) -> Scatter:
-    smaller = np.sort(squares)[: int(np.ceil((1.0 - TRIMMED) * squares.size))]
-    share = float(smaller.mean()) / _MEAN
-    z = (share - 1.0) * np.sqrt(freedom) / _SPREAD
-    return Scatter(float(np.sqrt(share)), float(stats.norm.sf(z)), float(stats.norm.cdf(z)))
+def _scatter(squares: tuple[np.ndarray, ...], freedom: tuple[int, ...]) -> Scatter:
+    """Of the squares of waveforms, each of so many degrees of freedom."""
+    middle = float(np.median([_share(one) for one in squares]))
+    # Of one or two the median is the mean, of more it varies more.
+    spread = _SPREAD / np.sqrt(sum(freedom)) * (np.sqrt(np.pi / 2.0) if len(squares) > 2 else 1.0)
+    z = (middle - 1.0) / spread
+    factor = float(np.sqrt(_share(np.concatenate(squares))))
+    return Scatter(factor, float(stats.norm.sf(z)), float(stats.norm.cdf(z)))
+
+
+def _share(squares: np.ndarray) -> float:
+    """Mean square with the largest left out, over that of standard normal numbers."""
+    return float(np.sort(squares)[: int(np.ceil((1.0 - TRIMMED) * squares.size))].mean()) / _MEAN
 
 
 def _lasting(problem: Problem, quantity: str, factor: float) -> float:
