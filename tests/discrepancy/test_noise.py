@@ -14,7 +14,7 @@ from coronaryuq.discrepancy.conditions import read_conditions
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.measurements import Measured
 from coronaryuq.discrepancy.model import read_problem
-from coronaryuq.discrepancy.noise import HARMONICS, Noise, estimated_noise, parts, scatter
+from coronaryuq.discrepancy.noise import HARMONICS, Noise, estimated_noise, parts, scatter, with_lasting
 from coronaryuq.discrepancy.search import discover
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.words import paragraph
@@ -130,6 +130,8 @@ def test_noise_that_lasts_is_nothing_to_explain(tmp_path):
     found = searched(tmp_path)
     assert not found.alarm and all(one.lasting > 0.0 for one in found.noise.values())
     assert set(found.noise) == {"flow", "pressure"}
+    said, made = np.concatenate([one.sd for one in found.given]), with_lasting(found.problem)
+    assert np.sqrt(np.mean((made / said) ** 2)) == pytest.approx(1.0, abs=0.05)
     assert "taken to last" in paragraph(found, ["half dilated"])
     assert searched(tmp_path, Settings(noise="said")).alarm
 

@@ -12,6 +12,7 @@ The constant, -1/2 N log(2 pi) - sum log sd, is common to all models of the same
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -45,7 +46,7 @@ class Fit:
     def covariance(self) -> np.ndarray:
         return np.linalg.inv(self.precision)
 
-    @property
+    @cached_property
     def evidence(self) -> float:
         return -0.5 * self.objective - 0.5 * float(np.linalg.slogdet(self.precision)[1])
 

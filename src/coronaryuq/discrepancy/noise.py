@@ -167,3 +167,10 @@ def parts(series: Measured, noise: Noise) -> tuple[float, np.ndarray]:
     count = int(np.argmax(variances < SMOOTH * rest))
     white = rest[count]
     return float(np.sqrt(white)), shapes[:count] * np.sqrt(variances[:count] - white)[:, None]
+
+
+def with_lasting(problem: Problem) -> np.ndarray:
+    """Standard deviations (N,) of the measurements, with those of noise that lasts."""
+    lasting = [nuisance.shape for nuisance in problem.forward.nuisances if nuisance.noise]
+    shapes = problem.forward.shapes[lasting] if lasting else np.zeros((0, problem.sd.size))
+    return np.sqrt(problem.sd**2 + np.sum(shapes**2, axis=0))

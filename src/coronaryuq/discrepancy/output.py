@@ -10,8 +10,8 @@ from coronaryuq import files
 from coronaryuq.discrepancy.candidates import Candidate
 from coronaryuq.discrepancy.conditions import drives_of
 from coronaryuq.discrepancy.naming import Round
+from coronaryuq.discrepancy.noise import with_lasting
 from coronaryuq.discrepancy.nuisance import without_noise
-from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.repair import repaired
 from coronaryuq.discrepancy.search import Discovery
 from coronaryuq.discrepancy.separate import separating
@@ -201,20 +201,13 @@ def _residuals(found: Discovery) -> pd.DataFrame:
             "time": times,
             "phase": times / np.array([s.period for s in series]),
             "measured": problem.y,
-            "sd": _spread(problem),
+            "sd": with_lasting(problem),
             "recalibrated": problem.y - plain * problem.sd,
             "repaired": problem.y - repaired * problem.sd,
             "fitted": problem.train,
             "named": bool(found.named),
         }
     )
-
-
-def _spread(problem: Problem) -> np.ndarray:
-    """Standard deviations (N,) of the measurements, with those of noise that lasts."""
-    lasting = [nuisance.shape for nuisance in problem.forward.nuisances if nuisance.noise]
-    shapes = problem.forward.shapes[lasting] if lasting else np.zeros((0, problem.sd.size))
-    return np.sqrt(problem.sd**2 + np.sum(shapes**2, axis=0))
 
 
 def _ranking(found: Discovery) -> pd.DataFrame:
