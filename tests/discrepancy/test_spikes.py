@@ -35,7 +35,7 @@ def noise(seed):
 
 
 def test_noise_and_what_is_smooth_stand_out_nowhere():
-    """20,000 waveforms: five samples are expected in 1e9."""
+    """20,000 waveforms: one sample in 5e8 is expected."""
     phase = np.concatenate([one.time / PERIOD for one in MEASURED] + [np.zeros(1)])
     for seed in range(5000):
         assert not found(noise(seed) + 20.0 * np.sin(2.0 * np.pi * phase) + 3.0 * np.cos(6.0 * np.pi * phase))

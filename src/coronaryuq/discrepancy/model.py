@@ -25,7 +25,7 @@ MISTYPED = {"perfusion": 1e4}
 UNITS_APART = {"pressure": 6.0, "ratio": 20.0, "flow": 20.0, "volume": 20.0}
 """Times what the model has that the middle one of all series cannot be; kPa and mmHg are 7.5 apart."""
 
-LEAST = 0.1
+LEAST_WHITE = 0.1
 """Share of a standard deviation that is left to white noise, whatever the model's floor and time steps add."""
 
 
@@ -131,7 +131,7 @@ def with_noise(problem: Problem, noise: dict[str, Noise]) -> Problem:
             white, lasting = parts(series, noise[series.quantity])
             added = sd**2 - series.sd**2
             measured.append(
-                replace(series, sd=np.sqrt(np.maximum((white * sd) ** 2 - added, (LEAST * series.sd) ** 2)))
+                replace(series, sd=np.sqrt(np.maximum((white * sd) ** 2 - added, (LEAST_WHITE * series.sd) ** 2)))
             )
             for shape in lasting:
                 shapes.append(np.zeros(problem.sd.size))

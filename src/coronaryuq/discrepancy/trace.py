@@ -14,9 +14,9 @@ def least_trace(problem: Problem, without: list[Row], signals: list[np.ndarray],
     """Least norm, in noise sd, of what the fitted data keep of an effect that neither recalibration within the prior,
     about the true nuisance parameters, nor what the analyst's time steps may put wrong can take up; nought of nothing.
 
-    problem: without shapes among its nuisance parameters.
-    without: the truth without each effect, as rows (z, acting) with the nuisance parameters first; signals: what each
-    effect adds to its row, all the data without noise (N,), CGS; sd: of the noise (N,).
+    problem: without shapes among its nuisance parameters; without: the truth without each effect, as rows (z, acting)
+    with the nuisance parameters first; signals: what each effect adds to its row, all the data without noise (N,), CGS;
+    sd: of the noise (N,).
 
     The model without the effect is fitted in full: to first order, viscosity a quarter lower seems to leave half as
     much again as it does, as some of that is the curvature along the resistances themselves.

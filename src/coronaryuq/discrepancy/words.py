@@ -32,16 +32,16 @@ def paragraph(
     separating: of named effects, by name and place, the measurements that would split their class, the best first.
     """
     count = len(found.base.residual)
-    scattered = _scattered(found.noise) + _standing_out(found.spikes)
+    of_the_data = _scattered(found.noise) + _standing_out(found.spikes)
     if not found.alarm:
-        text = scattered + (
+        text = of_the_data + (
             f"The model, recalibrated within its priors, agrees with the {count} fitted measurements "
             f"(global test {chance(found.located.p)}): there is nothing to explain. "
             f"On {_kept(held_out)} its misfit is {found.gaps.before.misfit:.2f} ({FLOOR})."
         )
         return text + _unforeseen(found.verdict.foretold, held_out)
     worst = found.located.groups[0]
-    text = scattered + (
+    text = of_the_data + (
         f"The model disagrees with the {count} fitted measurements beyond what recalibration can mend "
         f"(global test {chance(found.located.p)}), most in the {worst.quantity} at {worst.location} "
         f"under {worst.condition}. "
