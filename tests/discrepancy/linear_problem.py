@@ -4,6 +4,19 @@ import numpy as np
 
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.problem import DISTORTED, Problem
+from coronaryuq.discrepancy.simulation import Acting
+from coronaryuq.zerod.effects.base import Effect, Parameter
+
+SIZE = Parameter("size", "1", "normal", 0.0, 1.0, "")
+
+
+def made_up(name: str, size: Parameter = SIZE, **other) -> Effect:
+    """An effect with one size; other: class attributes that differ from those of any effect."""
+    return type("MadeUp", (Effect,), {"name": name, "parameters": (size,), **other})()
+
+
+def here(name: str) -> Acting:
+    return made_up(name), "here"
 
 
 class LinearProblem:

@@ -4,18 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from linear_problem import LinearProblem
+from linear_problem import LinearProblem, made_up
 
 from coronaryuq.discrepancy.candidates import Candidate, indistinguishable
 from coronaryuq.discrepancy.naming import fit_alike
 from coronaryuq.discrepancy.rivals import ALIKE, RIVALS
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.seeds import generator
-from coronaryuq.zerod.effects.base import Parameter
 
 ROWS, NUISANCES, SEGMENTS, PRIOR = 150, 3, RIVALS + 3, -4.0
-SIZE = Parameter("size", "1", "normal", 0.0, 1.0, "")
-LOSS = type("Loss", (), {"name": "loss", "parameters": (SIZE,), "grafted": False, "nameable": True})()
+LOSS = made_up("loss")
 
 
 class Segments(LinearProblem):

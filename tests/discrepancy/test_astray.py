@@ -4,22 +4,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from linear_problem import LinearProblem
+from linear_problem import LinearProblem, here
 
 from coronaryuq.discrepancy.candidates import ASTRAY, Candidate, fit_shortlist, lost
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.naming import name_one
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.seeds import generator
-from coronaryuq.zerod.effects.base import Parameter
 
 ROWS, NUISANCES, PRIOR = 120, 2, -3.0
-SIZE = Parameter("size", "1", "normal", 0.0, 1.0, "")
-
-
-def made_up(name):
-    kind = {"name": name, "parameters": (SIZE,), "grafted": False, "nameable": True, "side": "network"}
-    return type("MadeUp", (), kind)(), "here"
 
 
 class Astray(LinearProblem):
@@ -28,7 +21,7 @@ class Astray(LinearProblem):
     def __init__(self):
         random = generator(9, "test", "astray")
         self.nuisance = random.standard_normal((ROWS, NUISANCES))
-        self.acting = [made_up("right"), made_up("wrong")]
+        self.acting = [here("right"), here("wrong")]
         right, own = random.standard_normal((2, ROWS))
         self.along = dict(zip(self.acting, (right, 0.4 * right + own), strict=True))
         self.y = 2.0 * right + random.standard_normal(ROWS)
@@ -56,7 +49,7 @@ def test_a_fit_behind_no_effect_at_all_has_gone_astray():
     problem = Astray()
     base = problem.calibrate([])
     fits = [problem.far([problem.acting[0]]), base, None]
-    right, kept, unfit = (Candidate(*made_up(str(i)), PRIOR, estimate=1e3, fit=fit) for i, fit in enumerate(fits))
+    right, kept, unfit = (Candidate(*here(str(i)), PRIOR, estimate=1e3, fit=fit) for i, fit in enumerate(fits))
     assert right.fit.evidence < base.evidence - ASTRAY
     assert lost([right, kept, unfit], 0.0, base.evidence) == [right]
     assert lost([right], 1e6, base.evidence) == [], "what does not promise to compete is left"
@@ -78,7 +71,7 @@ class Distorted(LinearProblem):
     def __init__(self):
         random = generator(10, "test", "astray")
         self.nuisance = random.standard_normal((ROWS, NUISANCES))
-        self.named, self.right = made_up("named"), made_up("right")
+        self.named, self.right = here("named"), here("right")
         self.along = {self.named: random.standard_normal(ROWS), self.right: random.standard_normal(ROWS)}
         self.y = 2.0 * self.along[self.right] + 40.0 * self.nuisance[:, 0] + random.standard_normal(ROWS)
         self.forward, self.settings = SimpleNamespace(nuisances=[None] * NUISANCES), Settings()

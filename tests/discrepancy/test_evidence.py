@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from linear_problem import LinearProblem
+from linear_problem import LinearProblem, here
 from scipy import stats
 
 from coronaryuq.discrepancy.candidates import CONTENDER, PRIOR_NAMED, Candidate
@@ -16,14 +16,8 @@ from coronaryuq.discrepancy.rivals import LIKELIEST
 from coronaryuq.discrepancy.search import _chance_of_evidence, recalibrate
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.seeds import generator
-from coronaryuq.zerod.effects.base import Parameter
 
 ROWS, NUISANCES, EFFECTS, TRIALS = 60, 3, 12, 4000
-SIZE = Parameter("size", "1", "normal", 0.0, 1.0, "")
-
-
-def made_up(name):
-    return type("MadeUp", (), {"name": name, "parameters": (SIZE,), "grafted": False, "nameable": True})(), "here"
 
 
 class Many(LinearProblem):
@@ -32,7 +26,7 @@ class Many(LinearProblem):
     def __init__(self):
         random = generator(3, "test", "evidence")
         self.nuisance = random.standard_normal((ROWS, NUISANCES))
-        self.effects = [made_up(f"effect {number}") for number in range(EFFECTS)]
+        self.effects = [here(f"effect {number}") for number in range(EFFECTS)]
         self.along = {acting: 2.0 * random.standard_normal(ROWS) for acting in self.effects}
         self.forward, self.settings = SimpleNamespace(nuisances=[None] * NUISANCES), Settings()
 
@@ -76,7 +70,7 @@ class Ringing(LinearProblem):
         random = generator(6, "test", "evidence")
         self.nuisance = random.standard_normal((ROWS, NUISANCES))
         right, ringing, own = random.standard_normal((3, ROWS))
-        self.right, self.neighbour = made_up("right"), made_up("neighbour")
+        self.right, self.neighbour = here("right"), here("neighbour")
         self.along = {self.right: right, self.neighbour: right + 0.5 * ringing + 0.4 * own}
         self.left_out = {self.right: 0.5 * ringing, self.neighbour: np.zeros(ROWS)}
         self.y = 2.0 * (right + 0.5 * ringing) + random.standard_normal(ROWS)
@@ -119,7 +113,7 @@ def test_what_is_not_worth_naming_with_its_own_time_steps_is_given_up_again():
             random = generator(8, "test", "evidence")
             basis = np.linalg.qr(random.standard_normal((ROWS, NUISANCES + 3)))[0]
             self.nuisance, (true, ringing, besides) = 3.0 * basis[:, :NUISANCES], 4.0 * basis[:, NUISANCES:].T
-            self.ringing, self.other = ringing, made_up("other")
+            self.ringing, self.other = ringing, here("other")
             self.along = {self.right: true + ringing, self.other: besides}
             self.y = 2.0 * ringing + 2.0 * besides
 
@@ -147,7 +141,7 @@ class Drowned(Ringing):
         random = generator(7, "test", "evidence")
         basis = np.linalg.qr(random.standard_normal((ROWS, NUISANCES + 2)))[0]
         self.nuisance, (right, aside) = 3.0 * basis[:, :NUISANCES], np.sqrt(8.0) * basis[:, NUISANCES:].T
-        self.right = made_up("right")
+        self.right = here("right")
         self.along, self.left_out = {self.right: right + 1.5 * aside}, {self.right: -1.5 * aside}
         self.y = 3.0 * right
         self.forward, self.settings = SimpleNamespace(nuisances=[None] * NUISANCES), Settings()

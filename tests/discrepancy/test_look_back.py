@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from linear_problem import LinearProblem
+from linear_problem import LinearProblem, here
 
 from coronaryuq.discrepancy.candidates import Candidate
 from coronaryuq.discrepancy.looking_back import look_back
@@ -12,10 +12,8 @@ from coronaryuq.discrepancy.naming import Round
 from coronaryuq.discrepancy.rivals import RIVALS
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.seeds import generator
-from coronaryuq.zerod.effects.base import Parameter
 
 ROWS, NUISANCES, PRIOR = 120, 2, -3.0
-SIZE = Parameter("size", "1", "normal", 0.0, 1.0, "")
 
 
 class Linear(LinearProblem):
@@ -29,13 +27,7 @@ class Linear(LinearProblem):
         self.nuisance = random.standard_normal((ROWS, NUISANCES))
         a, b, own = random.standard_normal((3, ROWS))
         along = {"a": a, "b": b, "c": a + 0.05 * own if twins else a + b + 0.8 * own}
-        self.acting = {
-            name: (
-                type("MadeUp", (), {"name": name, "parameters": (SIZE,), "grafted": False, "nameable": True})(),
-                "here",
-            )
-            for name in along
-        }
+        self.acting = {name: here(name) for name in along}
         self.along = {acting: along[name] for name, acting in self.acting.items()}
         self.y = 1.5 * (a + b if twins else along["c"]) + random.standard_normal(ROWS)
         self.forward = SimpleNamespace(nuisances=[None] * NUISANCES)
@@ -88,11 +80,8 @@ class Copies(Linear):
         super().__init__(twins=True)
         noise = generator(5, "test", "look back").standard_normal((copies, ROWS))
         for number in range(copies):
-            effect = type(
-                "MadeUp", (), {"name": f"copy {number}", "parameters": (SIZE,), "grafted": False, "nameable": True}
-            )()
-            self.acting[f"copy {number}"] = (effect, "here")
-            self.along[effect, "here"] = self.along[self.acting["a"]] + 0.01 * noise[number]
+            self.acting[f"copy {number}"] = copy = here(f"copy {number}")
+            self.along[copy] = self.along[self.acting["a"]] + 0.01 * noise[number]
 
 
 def test_a_class_holds_all_that_cannot_be_told_from_its_first_beside_the_later_effects():
@@ -110,7 +99,7 @@ def test_a_class_holds_all_that_cannot_be_told_from_its_first_beside_the_later_e
 def test_a_round_whose_company_was_replaced_looks_at_all_its_candidates_again():
     """What was unlikely beside an effect that is no longer there may be what is missing now."""
     problem = Copies(0)
-    right = (type("MadeUp", (), {"name": "d", "parameters": (SIZE,), "grafted": False, "nameable": True})(), "here")
+    right = here("d")
     problem.acting["d"] = right
     problem.along[right] = problem.along[problem.acting["b"]] + generator(6, "test", "look back").standard_normal(ROWS)
     problem.y = 1.5 * (problem.along[problem.acting["c"]] + problem.along[right]) + problem.y * 0.1

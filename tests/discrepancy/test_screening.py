@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from linear_problem import made_up
 
 from coronaryuq.discrepancy.candidates import Candidate
 from coronaryuq.discrepancy.inference import Fit, Search, maximise
@@ -30,7 +31,7 @@ def case(kind, true):
         sizes = [parameter.from_standard(z[NUISANCES]) if len(z) > NUISANCES else 0.0 for z, _ in rows]
         return np.array([y - g @ z[:NUISANCES] - along * size for (z, _), size in zip(rows, sizes, strict=True)])
 
-    effect = type("MadeUp", (), {"name": "made up", "parameters": (parameter,), "grafted": False})()
+    effect = made_up("made up", parameter)
     return g, y, residuals, Candidate(effect, "here", -1.0)
 
 
@@ -95,7 +96,6 @@ def test_where_the_model_does_not_run_a_nearer_point_stands_for_it_or_nothing_ge
 def varying(random, sizes):
     """p-value of the varying size of an effect that has these sizes under the two conditions."""
     g, along = random.standard_normal((ROWS, NUISANCES)), random.standard_normal(ROWS) / np.sqrt(ROWS)
-    parameter = Parameter("size", "1", "normal", 0.0, 1.0, "")
     felt = along * np.where(CONDITIONS == "rest", *sizes)
     y = g @ random.standard_normal(NUISANCES) + felt + random.standard_normal(ROWS)
 
@@ -104,7 +104,7 @@ def varying(random, sizes):
             [y - g @ z[:NUISANCES] - along * 5.0 * (z[NUISANCES] if len(z) > NUISANCES else 0) for z, _ in rows]
         )
 
-    effect = type("MadeUp", (), {"name": "made up", "parameters": (parameter,), "grafted": False})()
+    effect = made_up("made up")
     z = np.linalg.solve(np.eye(NUISANCES) + g.T @ g, g.T @ y)
     candidate = Candidate(effect, "here", -1.0)
     screen(problem(residuals), Fit(z, y - g @ z, g), [], [candidate])
@@ -123,13 +123,46 @@ def test_a_varying_size_is_found_where_there_is_none_as_often_as_said():
     assert abs(share - level) < 4.0 * np.sqrt(level * (1.0 - level) / trials)
 
 
+def turned(z: float) -> np.ndarray:
+    """(ROWS,): what an effect of size z does that turns: a wave that comes late by z."""
+    phase = 2.0 * np.pi * np.arange(ROWS) / ROWS
+    return 3.0 * (np.sin(phase - 1.2 * z) - np.sin(phase))
+
+
+def of_a_turning_effect(data, turning: bool) -> Candidate:
+    """Weighed from its runs; recalibration takes up what a small size does."""
+    g = turned(SIGNED[0])[:, None] / SIGNED[0]
+
+    def residuals(rows, grafts=()):
+        return np.array([data - g @ z[:1] - turned(z[1] if len(z) > 1 else 0.0) for z, _ in rows])
+
+    candidate = Candidate(made_up("late", turning=turning), "here", -1.0)
+    z = np.linalg.solve(np.eye(1) + g.T @ g, g.T @ data)
+    screen(problem(residuals), Fit(z, data - g @ z, g), [], [candidate])
+    return candidate
+
+
+def test_an_effect_that_turns_with_its_size_is_seen_though_a_small_one_tells_nothing_of_it():
+    noise = generator(23, "test", "screening").standard_normal(ROWS)
+    small, large = (of_a_turning_effect(turned(-1.2) + noise, turning) for turning in (False, True))
+    assert small.z_score < 2.0 < 6.0 < large.z_score
+    assert large.guess[0] == pytest.approx(-1.2, abs=0.1) and large.estimate > small.estimate + 20.0
+
+
+def test_the_best_score_of_several_sizes_raises_no_more_alarms_than_said():
+    """Nothing hidden: p below 0.05 in that share of 2000 trials at most, four standard errors allowed."""
+    trials, level, random = 2000, 0.05, generator(24, "test", "screening")
+    found = [of_a_turning_effect(random.standard_normal(ROWS), turning=True).p_value for _ in range(trials)]
+    assert np.mean(np.array(found) < level) < level + 4.0 * np.sqrt(level * (1.0 - level) / trials)
+
+
 def test_of_many_collaterals_each_is_run():
     """Between any two outlets: the right one is among the best only if it has been run."""
     random, places = generator(8, "test", "many collaterals"), [str(k) for k in range(65)]
     g = random.standard_normal((ROWS, NUISANCES))
     along = dict(zip(places, random.standard_normal((65, ROWS)), strict=True))
     size = Parameter("size", "1", "lognormal", 1.0, 1.2, "")
-    effect = type("Joins", (), {"name": "collateral", "parameters": (size,), "grafted": True})()
+    effect = made_up("collateral", size, grafted=True)
     hidden, y = places[23], g @ random.standard_normal(NUISANCES) + random.standard_normal(ROWS)
     y = y + 0.8 * along[hidden]
 
@@ -147,10 +180,7 @@ def test_a_response_known_about_another_point_serves_where_little_is_promised():
     """Of 400 places and three of another effect: the likely ones are run anew, the others weighed as they are known."""
     random, places = generator(9, "test", "known responses"), [str(k) for k in range(400)]
     g = random.standard_normal((ROWS, NUISANCES))
-    size = Parameter("size", "1", "normal", 0.0, 1.0, "")
-    many, few = (
-        type("Acts", (), {"name": name, "parameters": (size,), "grafted": False})() for name in ("many", "few")
-    )
+    many, few = made_up("many"), made_up("few")
     hidden = (many, "37")
     candidates = [Candidate(many, place, -4.0) for place in places] + [Candidate(few, place, -30.0) for place in "abc"]
     along = {c.acting: random.standard_normal(ROWS) for c in candidates}

@@ -15,7 +15,8 @@ LEAST_SENSITIVITY = 0.3
 PROMISING = 40
 """Candidates whose larger sizes are run too, by the score test."""
 POSITIVE, SIGNED = (-1.0, 0.3, 1.6), (0.3, 1.2, -1.2)
-"""Sizes that are run, in prior standard deviations; the first is that of the score test."""
+"""Sizes that are run, in prior standard deviations; the first is that of the score test (all of them where an effect
+turns with its size)."""
 REACH = np.exp(np.linspace(np.log(1.0 / 3.0), np.log(3.0), 61))
 """Multiples of a run's response that stand for the sizes between the runs."""
 ANEW, ANEW_OF_EACH = 150, 5
@@ -31,7 +32,8 @@ def screen(problem: Problem, at: Fit, acting: list[Acting], candidates: list[Can
     Score test: g'u / sqrt(g'Pg) with g the response to a small size, u the score and P the marginal precision of the
     present model (Rao 1948); sizes that are positive by nature count only in their own direction. Estimate: log
     evidence of the model with the candidate, linear in the nuisance parameters but not in the candidate's size: a
-    strong effect and the distortion that recalibration made of it are not small changes. The score test of a varying
+    strong effect and the distortion that recalibration made of it are not small changes. Of an effect that turns with
+    its size the best of the score tests of all sizes counts (Bonferroni). The score test of a varying
     size is that of one size for each condition, of either sign: what comes and goes is seen by it, and by no other.
 
     A candidate that comes with its response about another point is weighed with that, and run anew if it may matter:
@@ -57,20 +59,26 @@ def screen(problem: Problem, at: Fit, acting: list[Acting], candidates: list[Can
     for candidate, response in zip(first, responses, strict=True):
         candidate.response = response
         linear.test(candidate)
-    ranked = sorted((c for c in first if c.guess is not None and c.z_score > 2.0), key=lambda c: -c.z_score)
-    larger = [(c, size) for c in ranked[:PROMISING] for size in _sizes(c)[1:]]
+    turning = [c for c in first if c.effect.turning]
+    ranked = sorted((c for c in first if not c.effect.turning and c.z_score > 2.0), key=lambda c: -c.z_score)
+    larger = [(c, size) for c in (*turning, *ranked[:PROMISING]) for size in _sizes(c)[1:]]
     responses = _responses(problem, at, acting, larger)
+    scores: dict[Acting, list[float]] = {c.acting: [c.z_score] for c in turning}
     for (candidate, size), response in zip(larger, responses, strict=True):
         linear.weigh(candidate, size, response)
+        if candidate.effect.turning:
+            scores[candidate.acting].append(abs(linear.score_of(response)))
+    for candidate in turning:
+        candidate.z_score = _best_of(scores[candidate.acting])
 
 
 def _worth_running(known: list[Candidate]) -> list[Candidate]:
-    """Those that promise most, and the best of each effect, by their responses about another point."""
+    """Those that promise most, the best of each effect, by their responses about another point, and all that turn."""
     ranked, seen = sorted(known, key=lambda c: -c.promise), Counter()
     chosen = []
     for number, candidate in enumerate(ranked):
         seen[candidate.effect.name] += 1
-        if number < ANEW or seen[candidate.effect.name] <= ANEW_OF_EACH:
+        if number < ANEW or seen[candidate.effect.name] <= ANEW_OF_EACH or candidate.effect.turning:
             chosen.append(candidate)
     return chosen
 
@@ -116,13 +124,19 @@ class _Linear:
         candidate.clear_score()
         response = candidate.response
         if np.isfinite(response).all():
-            length = float(np.sqrt(max(response @ self.project(response), 0.0)))
-            z = float(response @ self.score) / length if length > LEAST_SENSITIVITY else 0.0
+            z = self.score_of(response)
             candidate.z_score = max(z, 0.0) if candidate.one_sided else abs(z)
-            if length > LEAST_SENSITIVITY and self.apart.shape[1] > 1:
+            if z != 0.0 and self.apart.shape[1] > 1:
                 each = response[:, None] * self.apart
                 candidate.p_varying = chi2_tail(each.T @ self.project(each), each.T @ self.score)
             self.weigh(candidate, _sizes(candidate)[0], response)
+
+    def score_of(self, response: np.ndarray) -> float:
+        """The score test's standard normal number of one response; nought where data cannot see it."""
+        if not np.isfinite(response).all():
+            return 0.0
+        length = float(np.sqrt(max(response @ self.project(response), 0.0)))
+        return float(response @ self.score) / length if length > LEAST_SENSITIVITY else 0.0
 
     def weigh(self, candidate: Candidate, size: float, response: np.ndarray) -> None:
         """Let the candidate have the greatest log evidence that multiples of this response reach, if it is greater."""
@@ -133,6 +147,12 @@ class _Linear:
         if self.evidence + gain > candidate.estimate:
             candidate.estimate = self.evidence + gain
             candidate.guess = np.full(len(candidate.effect.parameters), np.clip(best, -2.5, 2.5))
+
+
+def _best_of(scores: list[float]) -> float:
+    """The standard normal number that stands for the best of n score tests: its tail is n times that of the best, or
+    more (Bonferroni, by the tail's leading term)."""
+    return float(np.sqrt(max(max(scores) ** 2 - 2.0 * np.log(len(scores)), 0.0)))
 
 
 def _best_size(candidate: Candidate, size: float, along: float, square: float) -> tuple[float, float]:

@@ -78,6 +78,9 @@ class Effect(ABC):
     """True when `insert` adds vessels that carry next to nothing until `changes` opens them: many fit one network."""
     feedback: ClassVar[bool] = False
     """True when `changes` needs the mean pressures at the beds, found by running twice."""
+    turning: ClassVar[bool] = False
+    """True where a small size does not tell what a larger one does: a wave that comes late by a quarter of its period
+    differs in another shape than one that is hardly late."""
     nameable: ClassVar[bool] = True
     """False for a mistake in the model: where it explains best, what is missing is no effect."""
 

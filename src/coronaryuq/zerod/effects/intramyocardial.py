@@ -71,6 +71,7 @@ class IntramyocardialDelay(Effect):
     source = "Spaan et al., Circ. Res. 49 (1981) 584"
     signature = "the systolic dip of flow is shifted in time, its depth unchanged"
     native = "Pim of open-loop CORONARY blocks (not expressible in the closed-loop heart)"
+    turning = True
     parameters = (Parameter("delay", "cycle", "normal", 0.0, 0.05, "delay over the period"),)
 
     def places(self, anatomy, observed=()):

@@ -39,6 +39,8 @@ class _Gain(_Sensor):
 class _Delay(_Sensor):
     """In seconds: a line, a filter or a trigger knows nothing of the heart rate."""
 
+    turning = True
+
     def _reads(self, series):
         return series.statistic == "waveform" and super()._reads(series)
 
