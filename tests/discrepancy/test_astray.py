@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from linear_problem import LinearProblem, here
 
-from coronaryuq.discrepancy.candidates import ASTRAY, Candidate, fit_shortlist, lost
+from coronaryuq.discrepancy.candidates import ASTRAY, ASTRAY_TRIED, Candidate, fit_shortlist, lost
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.naming import name_one
 from coronaryuq.discrepancy.settings import Settings
@@ -41,8 +41,8 @@ class Astray(LinearProblem):
     def calibrate_each(self, wanted):
         return [self.far(acting) for acting, _ in wanted]
 
-    def restarted(self, acting, fit):
-        return max(fit, self.calibrate(acting), key=lambda one: one.evidence)
+    def from_the_mean(self, acting):
+        return self.calibrate(acting)
 
 
 def test_a_fit_behind_no_effect_at_all_has_gone_astray():
@@ -53,6 +53,20 @@ def test_a_fit_behind_no_effect_at_all_has_gone_astray():
     assert right.fit.evidence < base.evidence - ASTRAY
     assert lost([right, kept, unfit], 0.0, base.evidence) == [right]
     assert lost([right], 1e6, base.evidence) == [], "what does not promise to compete is left"
+
+
+def test_of_those_astray_the_best_place_of_the_most_promising_effects_is_tried_again():
+    problem = Astray()
+    base, far = problem.calibrate([]), problem.far([problem.acting[0]])
+    effects = [here(str(number))[0] for number in range(ASTRAY_TRIED + 3)]
+    astray = [
+        Candidate(effect, place, PRIOR, estimate=1e3 + 10.0 * number + better, fit=far)
+        for number, effect in enumerate(effects)
+        for place, better in (("there", 0.0), ("here", 1.0))
+    ]
+    found = lost(astray, 0.0, base.evidence)
+    assert [c.place for c in found] == ["here"] * ASTRAY_TRIED
+    assert [c.effect for c in found] == effects[: -ASTRAY_TRIED - 1 : -1]
 
 
 def test_the_right_effect_is_named_although_its_first_fit_went_astray():

@@ -18,6 +18,8 @@ CONTENDER, ROUGH = 15.0, 0.2
 because sensitivities of the nuisance parameters that were not recomputed err the more, the farther a fit has moved."""
 ASTRAY = 10.0
 """Log evidence behind the fit without it from which a candidate's fit has gone astray."""
+ASTRAY_TRIED = 5
+"""Effects whose best candidate is fitted from other points where its fit has gone astray, which takes three in full."""
 STORES = "epicardial_compliance"
 """The effect that gives a vessel a compliance."""
 PRIOR_NONE, PRIOR_NAMED, PRIOR_OUTSIDE = 0.45, 0.45, 0.10
@@ -29,7 +31,8 @@ class Candidate:
 
     z_score: of the score test; p_varying: of that with a size for each condition; estimate: log evidence and guess:
     size z, both as `screening` finds them; response: change (N,) of whitened predictions by a small size, about the
-    point where it was last run; fit: with full marginal likelihood, None while not on the shortlist.
+    point where it was last run; fit: with full marginal likelihood, None while not on the shortlist; from_the_mean: the
+    best of the fits from the prior's mean beside the same effects, None while there was no need of any.
     log_prior: its share of `PRIOR_NAMED`: effects alike, then places alike.
     """
 
@@ -42,6 +45,7 @@ class Candidate:
     guess: np.ndarray | None = None
     response: np.ndarray | None = None
     fit: Fit | None = None
+    from_the_mean: Fit | None = None
     probability: float = 0.0
 
     @property
@@ -138,14 +142,28 @@ def fit_shortlist(
 
 def lost(candidates: list[Candidate], least: float, without: float) -> list[Candidate]:
     """Those that promise more than `least` but whose fit is behind that without any effect, which a size near nought
-    would be: it has gone astray, perhaps because sizes of other effects make up for what this one explains."""
-    return [c for c in candidates if c.promise > least and c.fit is not None and c.fit.evidence < without - ASTRAY]
+    would be: it has gone astray, perhaps because sizes of other effects make up for what this one explains. The best
+    place of each effect, as a look about its fit finds the others."""
+    astray = [c for c in candidates if c.promise > least and c.fit is not None and c.fit.evidence < without - ASTRAY]
+    return best_of_effects(sorted(astray, key=lambda c: -c.promise), ASTRAY_TRIED)
+
+
+def best_of_effects(ranked: list[Candidate], count: int) -> list[Candidate]:
+    """The first candidate of each of the first effects: about one place many are nearly the same."""
+    best: dict[str, Candidate] = {}
+    for candidate in ranked:
+        best.setdefault(candidate.effect.name, candidate)
+    return list(best.values())[:count]
 
 
 def refit(problem: Problem, acting: list[Acting], candidates: list[Candidate]) -> None:
     """Let candidates beside other effects have the best of their fits and of those that start from the prior's mean."""
     for candidate in candidates:
-        candidate.fit = problem.restarted([*acting, candidate.acting], candidate.fit)
+        if candidate.from_the_mean is None:
+            candidate.from_the_mean = problem.from_the_mean([*acting, candidate.acting])
+        other = candidate.from_the_mean
+        if other is not None and other.evidence > candidate.fit.evidence:
+            candidate.fit = other
 
 
 def _contenders(chosen: list[Candidate], base: Fit, count: int) -> list[Candidate]:

@@ -107,7 +107,7 @@ def _weighed(
     """
     replaced = any(one not in others for one in current.beside)
     pool = current.screened if replaced else likely(current.screened)
-    rivals = [replace(c, fit=None) for c in pool if c.acting not in (*others, present.acting)]
+    rivals = [replace(c, fit=None, from_the_mean=None) for c in pool if c.acting not in (*others, present.acting)]
     screen(problem, about, others, rivals)
     rivals = sorted((c for c in rivals if c.promise > least), key=lambda c: -c.promise)
     first = rivals[:RIVALS]

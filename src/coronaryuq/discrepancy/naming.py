@@ -8,6 +8,7 @@ from coronaryuq.discrepancy import flexible
 from coronaryuq.discrepancy.candidates import (
     CONTENDER,
     Candidate,
+    best_of_effects,
     fit_shortlist,
     indistinguishable,
     least_weight,
@@ -19,7 +20,7 @@ from coronaryuq.discrepancy.candidates import (
 )
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.problem import Problem
-from coronaryuq.discrepancy.rivals import RIVALS, around, best_of_effects, by_own_steps, exact, fit_each, may_be_alike
+from coronaryuq.discrepancy.rivals import LIKELIEST, RIVALS, around, by_own_steps, exact, fit_each, may_be_alike
 from coronaryuq.discrepancy.screening import screen
 from coronaryuq.discrepancy.simulation import Acting
 
@@ -83,7 +84,7 @@ def name_one(
     chosen.sort(key=lambda c: -c.log_weight)
     worth_naming = _worth_naming(problem, fit, chosen)
     if not worth_naming:
-        by_own_steps(problem, acting, best_of_effects(chosen))
+        by_own_steps(problem, acting, best_of_effects(chosen, LIKELIEST))
         chosen.sort(key=lambda c: -c.log_weight)
         worth_naming = _worth_naming(problem, fit, chosen)
     outside_evidence = fit.evidence + flexible.gain(fit, features[problem.train])[0]
@@ -113,7 +114,7 @@ def _seen_from(problem: Problem, fit: Fit, acting: list[Acting], everything: lis
     fit_shortlist(problem, fit, acting, chosen, fit)
     for candidate in chosen:
         one = known[candidate.acting]
-        one.z_score = max(one.z_score, candidate.z_score)
+        one.z_score, one.from_the_mean = max(one.z_score, candidate.z_score), candidate.from_the_mean
         if candidate.estimate > one.estimate:
             one.estimate, one.guess = candidate.estimate, candidate.guess
         if candidate.log_weight > one.log_weight:
@@ -146,6 +147,7 @@ def look_again(
     found = fit_each(problem, acting, waiting, about, least_weight(best, fit), fit.evidence)
     for candidate, its in zip(waiting, found, strict=True):
         one = known[candidate.acting]
+        one.from_the_mean = candidate.from_the_mean
         if its is not None and its.evidence + one.log_prior > one.log_weight:
             one.fit = its
             if one not in chosen:

@@ -17,14 +17,6 @@ ALIKE = LARGEST_CLASS_ODDS + 2.0
 """Log odds, or log Bayes factor, by which an estimate about the best fit may fall behind it and be of its class."""
 
 
-def best_of_effects(ranked: list[Candidate]) -> list[Candidate]:
-    """The first candidate of each of the first effects: about one place many are nearly the same."""
-    best: dict[str, Candidate] = {}
-    for candidate in ranked:
-        best.setdefault(candidate.effect.name, candidate)
-    return list(best.values())[:LIKELIEST]
-
-
 def by_own_steps(problem: Problem, acting: list[Acting], candidates: list[Candidate]) -> None:
     """Fit candidates beside other effects again, each with the time steps put right about itself."""
     found = problem.corrected_each([([*acting, c.acting], c.fit) for c in candidates])
@@ -72,4 +64,6 @@ def fit_each(
         found[i] = fit or found[i]
     tried = [replace(candidate, fit=fit) for candidate, fit in zip(candidates, found, strict=True)]
     refit(problem, acting, lost(tried, least, without))
+    for candidate, one in zip(candidates, tried, strict=True):
+        candidate.from_the_mean = one.from_the_mean
     return [candidate.fit for candidate in tried]

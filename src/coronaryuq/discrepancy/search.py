@@ -8,7 +8,7 @@ import numpy as np
 from coronaryuq.discrepancy import flexible
 from coronaryuq.discrepancy.abstention import CENTRAL_99, Gaps, Verdict, judge
 from coronaryuq.discrepancy.borne_out import borne_out
-from coronaryuq.discrepancy.candidates import PRIOR_NAMED, Candidate, all_candidates
+from coronaryuq.discrepancy.candidates import PRIOR_NAMED, Candidate, all_candidates, best_of_effects
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.locate import Located, locate
 from coronaryuq.discrepancy.looking_back import correct, look_back
@@ -17,7 +17,7 @@ from coronaryuq.discrepancy.model import with_noise
 from coronaryuq.discrepancy.naming import Round, name_one
 from coronaryuq.discrepancy.noise import Noise, estimated_noise, told, with_lasting
 from coronaryuq.discrepancy.problem import Problem
-from coronaryuq.discrepancy.rivals import best_of_effects, by_own_steps, fit_each
+from coronaryuq.discrepancy.rivals import LIKELIEST, by_own_steps, fit_each
 from coronaryuq.discrepancy.screening import screen
 from coronaryuq.discrepancy.simulation import Acting
 from coronaryuq.discrepancy.spikes import Spike, spikes
@@ -267,7 +267,7 @@ def _chance_of_evidence(problem: Problem, fit: Fit, acting: list[Acting], everyt
     The Bayes factor of all candidates together, weighed by their priors, exceeds 1 / p with a probability of p at most
     where nothing is missing (Markov's inequality; Vovk & Wang 2021); those that are not fitted count nought.
     """
-    likeliest = best_of_effects(sorted(everything, key=lambda c: -c.promise))
+    likeliest = best_of_effects(sorted(everything, key=lambda c: -c.promise), LIKELIEST)
     found = zip(likeliest, fit_each(problem, acting, likeliest, fit), strict=True)
     tried = [replace(candidate, fit=its) for candidate, its in found if its is not None]
     by_own_steps(problem, acting, tried)
