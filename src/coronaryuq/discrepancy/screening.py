@@ -33,8 +33,8 @@ def screen(problem: Problem, at: Fit, acting: list[Acting], candidates: list[Can
     present model (Rao 1948); sizes that are positive by nature count only in their own direction. Estimate: log
     evidence of the model with the candidate, linear in the nuisance parameters but not in the candidate's size: a
     strong effect and the distortion that recalibration made of it are not small changes. Of an effect that turns with
-    its size the best of the score tests of all sizes counts (Bonferroni). The score test of a varying
-    size is that of one size for each condition, of either sign: what comes and goes is seen by it, and by no other.
+    its size the best of the score tests of all sizes counts (Bonferroni). The score test of a varying size is that of
+    one size for each condition, of either sign: what comes and goes is seen by it, and by no other.
 
     A candidate that comes with its response about another point is weighed with that, and run anew if it may matter:
     what an effect does changes little from one point to the next.
@@ -66,7 +66,7 @@ def screen(problem: Problem, at: Fit, acting: list[Acting], candidates: list[Can
     scores: dict[Acting, list[float]] = {c.acting: [c.z_score] for c in turning}
     for (candidate, size), response in zip(larger, responses, strict=True):
         linear.weigh(candidate, size, response)
-        if candidate.effect.turning:
+        if candidate.acting in scores:
             scores[candidate.acting].append(abs(linear.score_of(response)))
     for candidate in turning:
         candidate.z_score = _best_of(scores[candidate.acting])
