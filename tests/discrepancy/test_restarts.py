@@ -30,9 +30,9 @@ class TwoValleys:
     def linear_part(self):
         return [], np.zeros((3, 0))
 
-    def calibrate_each(self, wanted, iterations=None):
+    def calibrate_each(self, wanted):
         self.starts += [tuple(start) for _, start in wanted]
-        return Problem.calibrate_each(self, wanted, iterations)
+        return Problem.calibrate_each(self, wanted)
 
     def calibrate(self, start):
         return self.calibrate_each([([], np.array(start))])[0]

@@ -86,19 +86,17 @@ class Problem:
             raise FloatingPointError("the model could not be run")
         return fit
 
-    def calibrate_each(
-        self, wanted: list[tuple[list[Acting], np.ndarray | None]], iterations: int | None = None
-    ) -> list[Fit | None]:
+    def calibrate_each(self, wanted: list[tuple[list[Acting], np.ndarray | None]]) -> list[Fit | None]:
         """Fits in full of several sets of effects from their starts (None: the prior's mean), side by side.
 
-        iterations: at most, the settings' unless given. None where the model does not run at the start.
+        None where the model does not run at the start.
         """
         searches = []
         for acting, start in wanted:
             if start is None:
                 start = np.zeros(self.count + len(self.forward.parameters(acting)))
             searches.append(self._in_full(list(acting), start))
-        maximise(self.fitted, searches, iterations or self.settings.iterations)
+        maximise(self.fitted, searches, self.settings.iterations)
         return [None if search.failed else search.fit for search in searches]
 
     def to_the_end(self, acting: list[Acting], fit: Fit) -> Fit:
@@ -180,18 +178,12 @@ class Problem:
         return float(np.sqrt(max(missed @ (missed - shapes.T @ weights), 0.0)))
 
     def from_the_mean(self, acting: list[Acting]) -> Fit | None:
-        """A fit from the prior's mean with one size or another of all effects, from wherever half the iterations lead
-        farthest; None where the model runs at none."""
+        """The best of the fits that start from the prior's mean with one size or another of all effects, each to its
+        end: halfway the best may be another one. None where the model runs at none."""
         sizes = len(self.forward.parameters(acting))
         starts = [np.concatenate([np.zeros(self.count), np.full(sizes, size)]) for size in RESTARTS]
-        half = (self.settings.iterations + 1) // 2
-        found = [fit for fit in self.calibrate_each([(acting, start) for start in starts], half) if fit is not None]
-        if not found:
-            return None
-        best = max(found, key=lambda one: one.evidence)
-        search = self._in_full(list(acting), best.z, jacobian=best.jacobian.copy(), renewed=best.renewed)
-        maximise(self.fitted, [search], half)
-        return best if search.failed else search.fit
+        found = [fit for fit in self.calibrate_each([(acting, start) for start in starts]) if fit is not None]
+        return max(found, key=lambda one: one.evidence, default=None)
 
     def distorted(self, fit: Fit) -> bool:
         """Whether recalibration has left the prior, so that what is missing is better looked for from elsewhere."""
