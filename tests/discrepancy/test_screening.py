@@ -8,7 +8,7 @@ from linear_problem import made_up
 
 from coronaryuq.discrepancy.candidates import Candidate
 from coronaryuq.discrepancy.inference import Fit, Search, maximise
-from coronaryuq.discrepancy.screening import ANEW, SIGNED, screen
+from coronaryuq.discrepancy.screening import ANEW, SIGNED, TURNING, screen
 from coronaryuq.seeds import generator
 from coronaryuq.zerod.effects.base import Parameter
 
@@ -131,7 +131,7 @@ def turned(z: float) -> np.ndarray:
 
 def of_a_turning_effect(data, turning: bool) -> Candidate:
     """Weighed from its runs; recalibration takes up what a small size does."""
-    g = turned(SIGNED[0])[:, None] / SIGNED[0]
+    g = turned(TURNING[0])[:, None] / TURNING[0]
 
     def residuals(rows, grafts=()):
         return np.array([data - g @ z[:1] - turned(z[1] if len(z) > 1 else 0.0) for z, _ in rows])
@@ -147,6 +147,13 @@ def test_an_effect_that_turns_with_its_size_is_seen_though_a_small_one_tells_not
     small, large = (of_a_turning_effect(turned(-1.2) + noise, turning) for turning in (False, True))
     assert small.z_score < 2.0 < 6.0 < large.z_score
     assert large.guess[0] == pytest.approx(-1.2, abs=0.1) and large.estimate > small.estimate + 20.0
+
+
+@pytest.mark.parametrize("true", [-1.7, -0.6, 0.8, 2.2])
+def test_the_estimate_of_an_effect_that_turns_is_near_that_at_its_true_size(true):
+    noise = generator(25, "test", "screening").standard_normal(ROWS)
+    found = of_a_turning_effect(turned(true) + noise, turning=True)
+    assert found.guess[0] == pytest.approx(true, abs=0.35)
 
 
 def test_the_best_score_of_several_sizes_raises_no_more_alarms_than_said():

@@ -15,8 +15,9 @@ LEAST_SENSITIVITY = 0.3
 PROMISING = 40
 """Candidates whose larger sizes are run too, by the score test."""
 POSITIVE, SIGNED = (-1.0, 0.3, 1.6), (0.3, 1.2, -1.2)
-"""Sizes that are run, in prior standard deviations; the first is that of the score test (all of them where an effect
-turns with its size)."""
+"""Sizes that are run, in prior standard deviations; the first is that of the score test."""
+TURNING = (0.3, -0.3, 0.6, -0.6, 1.2, -1.2, 2.0, -2.0)
+"""Those of an effect that turns with its size, all of them tested: of a half or twice its size they tell little."""
 REACH = np.exp(np.linspace(np.log(1.0 / 3.0), np.log(3.0), 61))
 """Multiples of a run's response that stand for the sizes between the runs."""
 ANEW, ANEW_OF_EACH = 150, 5
@@ -27,7 +28,7 @@ NEARER = (0.95, 0.8, 0.5)
 
 
 def screen(problem: Problem, at: Fit, acting: list[Acting], candidates: list[Candidate]) -> None:
-    """Set `z_score`, `p_varying`, `estimate` and `guess` of all candidates from runs of three sizes about `at`.
+    """Set `z_score`, `p_varying`, `estimate` and `guess` of all candidates from runs of a few sizes about `at`.
 
     Score test: g'u / sqrt(g'Pg) with g the response to a small size, u the score and P the marginal precision of the
     present model (Rao 1948); sizes that are positive by nature count only in their own direction. Estimate: log
@@ -94,6 +95,8 @@ def _runs_at(problem: Problem, at: Fit, acting: list[Acting]) -> Fit | None:
 
 
 def _sizes(candidate: Candidate) -> tuple[float, ...]:
+    if candidate.effect.turning:
+        return TURNING
     return POSITIVE if candidate.one_sided else SIGNED
 
 
