@@ -18,7 +18,7 @@ CONDITIONS = np.repeat(["rest", "hyperaemia", "pacing"], ROWS // 3)
 def gap(nats: float) -> Gap:
     """So many nats per row better than residuals of one standard deviation."""
     residual = np.full(KEPT_OUT, np.sqrt(max(1.0 - 2.0 * nats, 0.0)))
-    return Gap(1.0, (0.0, 2.0), {}, nats, nats * KEPT_OUT, residual, np.arange(KEPT_OUT))
+    return Gap(1.0, (0.0, 2.0), {}, nats, nats * KEPT_OUT, residual)
 
 
 def verdict(

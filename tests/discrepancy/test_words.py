@@ -20,7 +20,7 @@ OPEN_LOOP, CLOSED_LOOP = (
 
 
 def gap(lpd: float) -> Gap:
-    return Gap(1.0, (0.9, 1.1), {}, lpd, 10 * lpd, np.zeros(10), np.arange(10))
+    return Gap(1.0, (0.9, 1.1), {}, lpd, 10 * lpd, np.zeros(10))
 
 
 @pytest.mark.parametrize(

@@ -116,7 +116,7 @@ def helped(still: bool, doubtful: bool, gaps: Gaps) -> float | None:
 
     None where the question does not arise: all named effects have one size under all conditions and foretell the
     held-out measurements, and they leave nothing, or a flexible discrepancy alone does not predict held-out data better
-    than they do, by half a standard error.
+    than they do, by 3 nats and half a standard error.
     """
     if not doubtful and not (still and better(gaps.flexible, gaps.after)):
         return None

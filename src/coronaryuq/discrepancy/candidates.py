@@ -20,6 +20,8 @@ ASTRAY = 10.0
 """Log evidence behind the fit without it from which a candidate's fit has gone astray."""
 ASTRAY_TRIED = 5
 """Effects whose best candidate is fitted from other points where its fit has gone astray, which takes three in full."""
+EXACT, LIKELY = 5, 40
+"""Candidates of a shortlist that are fitted in full, and those that are worth a second look, at most."""
 STORES = "epicardial_compliance"
 """The effect that gives a vessel a compliance."""
 PRIOR_NONE, PRIOR_NAMED, PRIOR_OUTSIDE = 0.45, 0.45, 0.10
@@ -114,15 +116,13 @@ def shortlist(candidates: list[Candidate], count: int) -> list[Candidate]:
     return chosen
 
 
-def likely(candidates: list[Candidate], count: int = 40) -> list[Candidate]:
-    """The most promising `count` of those that the score test does not rule out: what is worth a second look."""
-    return sorted((c for c in candidates if c.z_score > 2.0), key=lambda c: -c.promise)[:count]
+def likely(candidates: list[Candidate]) -> list[Candidate]:
+    """The most promising `LIKELY` of those that the score test does not rule out: what is worth a second look."""
+    return sorted((c for c in candidates if c.z_score > 2.0), key=lambda c: -c.promise)[:LIKELY]
 
 
-def fit_shortlist(
-    problem: Problem, base: Fit, acting: list[Acting], chosen: list[Candidate], vantage: Fit, exact: int = 5
-) -> None:
-    """Fit the shortlist from `vantage` with its sensitivities frozen, then the best `exact` in full.
+def fit_shortlist(problem: Problem, base: Fit, acting: list[Acting], chosen: list[Candidate], vantage: Fit) -> None:
+    """Fit the shortlist from `vantage` with its sensitivities frozen, then the best `EXACT` in full.
 
     Where even the best of those leaves the prior, so much is still missing that a fit may have ended anywhere: those
     that compete are fitted from other points too, as are those that promise to and have gone astray.
@@ -130,11 +130,11 @@ def fit_shortlist(
     found = problem.fit_candidates(vantage, acting, [c.acting for c in chosen], [c.guess for c in chosen])
     for candidate, fit in zip(chosen, found, strict=True):
         candidate.fit = fit
-    contenders = _contenders(chosen, base, exact)
+    contenders = _contenders(chosen, base)
     found = problem.calibrate_each([([*acting, candidate.acting], candidate.fit.z) for candidate in contenders])
     for candidate, fit in zip(contenders, found, strict=True):
         candidate.fit = fit
-    contenders = _contenders(chosen, base, exact)
+    contenders = _contenders(chosen, base)
     again = contenders if contenders and problem.distorted(contenders[0].fit) else []
     least = contenders[0].log_weight - CONTENDER if contenders else -np.inf
     refit(problem, acting, [*again, *(c for c in lost(chosen, least, base.evidence) if c not in again)])
@@ -166,12 +166,12 @@ def refit(problem: Problem, acting: list[Acting], candidates: list[Candidate]) -
             candidate.fit = other
 
 
-def _contenders(chosen: list[Candidate], base: Fit, count: int) -> list[Candidate]:
+def _contenders(chosen: list[Candidate], base: Fit) -> list[Candidate]:
     """The best of those that were fitted, so many at most, and none too far behind the first."""
     ranked = sorted((c for c in chosen if c.fit is not None), key=lambda c: -c.log_weight)
     if not ranked:
         return []
-    return [c for c in ranked[:count] if c.log_weight > least_weight(ranked[0], base)]
+    return [c for c in ranked[:EXACT] if c.log_weight > least_weight(ranked[0], base)]
 
 
 def least_weight(best: Candidate, without: Fit) -> float:
@@ -184,7 +184,7 @@ def posterior(without: float, chosen: list[Candidate], outside: float) -> dict[s
 
     Candidates and "none" share 1 among them, given that the truth is in the library; "outside" is the probability that
     it is not. The second is by evidence alone, and says yes to any small misfit of a model to many data: whether to
-    abstain is decided by prediction of held-out data (`search`).
+    abstain is decided by prediction of held-out data (`abstention.judge`).
     without, outside: log evidence of the model without any of them, and of that with a flexible discrepancy.
     """
     weights = np.array([without + np.log(PRIOR_NONE), outside + np.log(PRIOR_OUTSIDE), *(c.log_weight for c in chosen)])

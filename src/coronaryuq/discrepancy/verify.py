@@ -56,7 +56,7 @@ class Gap:
     """Misfit of one model on held-out rows.
 
     misfit: root mean square of the residuals whitened by noise and predictive spread (noise floor 1), with a 90 %
-    interval; residual: those residuals, (m,) for `rows` (m,);
+    interval; residual: those residuals, (m,) in the order of the folds;
     rmse: per quantity, CGS; lpd: log predictive density per row, nats, CGS.
     """
 
@@ -66,7 +66,6 @@ class Gap:
     lpd: float
     total_lpd: float
     residual: np.ndarray
-    rows: np.ndarray
 
     def summary(self) -> dict:
         return {
@@ -99,7 +98,6 @@ def gap(problem: Problem, model: Linear, folds: list[tuple[np.ndarray, np.ndarra
         density / len(rows),
         density,
         residual,
-        rows,
     )
 
 
