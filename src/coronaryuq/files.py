@@ -15,6 +15,9 @@ from typing import Any
 
 from coronaryuq.errors import REMEDIES, InputError
 
+GAPS = ("", "NA", "N/A", "n/a", "#N/A", "NaN", "nan", "-NaN", "-nan", "NULL", "null", "None", "<NA>", "1.#QNAN")
+"""What stands in a cell without a number."""
+
 
 @contextmanager
 def replacing(path: str | Path, room: int = 0) -> Iterator[Path]:
@@ -170,7 +173,7 @@ def read_csv(path: str | Path, columns: tuple[str, ...] = (), words: tuple[str, 
     """Read a CSV into a DataFrame; a missing file, a broken one or a missing column is an `InputError`.
 
     Takes what spreadsheets write, too: see `table_text`; with semicolons, decimal commas. words: columns, in lower
-    case, of which 01 is no number.
+    case, of which 01 is no number and NA no gap.
     """
     import pandas as pd
 
@@ -180,6 +183,8 @@ def read_csv(path: str | Path, columns: tuple[str, ...] = (), words: tuple[str, 
         layout = {"sep": separator, "decimal": decimal, "skipinitialspace": separator != "\t"}
         heading = pd.read_csv(io.StringIO(text), nrows=0, **layout).columns
         kept = {name: str for name in heading if str(name).strip().lower() in words}
+        if kept:
+            layout |= {"keep_default_na": False, "na_values": {name: GAPS for name in heading if name not in kept}}
         frame = pd.read_csv(io.StringIO(text), dtype=kept, **layout)
     except ValueError as error:
         reason = " ".join(str(error).split())
@@ -194,6 +199,18 @@ def table_text(path: str | Path) -> tuple[str, str]:
 
     UTF-8 with or without a mark, UTF-16 with one, else Windows' Western code page. The first line tells the separator.
     """
+    lines, separator = _table_lines(path)
+    return "".join(lines.values()), separator
+
+
+def line_of(path: str | Path, row: int) -> int:
+    """Line of the file, from 1, that holds a row of its table, counted from 0 after the heading."""
+    lines, _ = _table_lines(path)
+    return list(lines)[row + 1]
+
+
+def _table_lines(path: str | Path) -> tuple[dict[int, str], str]:
+    """Line number, from 1, → line, of those that `table_text` keeps; and the separator."""
     try:
         raw = Path(path).read_bytes()
     except FileNotFoundError:
@@ -204,10 +221,10 @@ def table_text(path: str | Path) -> tuple[str, str]:
         text = raw.decode("utf-16" if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8-sig")
     except UnicodeDecodeError:
         text = raw.decode("cp1252", errors="replace")
-    lines = [line for line in text.splitlines(keepends=True) if not line.startswith("#")]
-    first = next((line for line in lines if line.strip()), "")
+    lines = {n: line for n, line in enumerate(text.splitlines(keepends=True), 1) if not line.startswith("#")}
+    first = next((line for line in lines.values() if line.strip()), "")
     separator = next((mark for mark in ",;\t" if mark in first), ",")
-    return "".join(line for line in lines if not line.strip() or line.strip(f"{separator} \r\n")), separator
+    return {n: line for n, line in lines.items() if line.strip(f"{separator} \r\n")}, separator
 
 
 def _with_columns(path: str | Path, frame, columns: tuple[str, ...]):

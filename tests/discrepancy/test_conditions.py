@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from coronaryuq.bench.openloop import PERIOD, left_coronary
-from coronaryuq.discrepancy.conditions import Condition, drives_of, period_of, read_conditions, under
+from coronaryuq.discrepancy.conditions import Condition, drive_files, drives_of, period_of, read_conditions, under
 from coronaryuq.discrepancy.measurements import _table
 from coronaryuq.errors import InputError
 
@@ -65,6 +65,64 @@ def test_a_condition_may_be_called_by_digits(tmp_path):
     (tmp_path / "measurements.csv").write_text("\n".join(rows) + "\n")
     table = _table(tmp_path / "measurements.csv")
     assert table["condition"].tolist() == ["01"] and table["value"].tolist() == [1.0]
+
+
+def test_every_drive_has_a_file_of_its_own():
+    """Also where case does not count, and in no other folder."""
+    wanted = [
+        ("low dose", "A"),
+        ("low_dose", "A"),
+        ("a", "b_c"),
+        ("a_b", "c"),
+        ("A_b", "c"),
+        ("../up", "A"),
+        ("x", "y"),
+    ]
+    found = drive_files(wanted)
+    assert list(found) == wanted
+    assert len({name.lower() for name in found.values()}) == len(wanted)
+    assert all(name.count("/") == 1 and ".." not in name for name in found.values())
+    assert found["x", "y"] == "drives/x_y.csv"
+
+
+def test_a_block_called_as_a_measured_waveform_is(tmp_path):
+    network = left_coronary()
+    network["boundary_conditions"][0]["bc_name"] = "LV"
+    network["vessels"][0]["boundary_conditions"]["inlet"] = "LV"
+    wave = (np.linspace(0.0, PERIOD, 9), np.ones(9))
+    with pytest.raises(InputError, match=r"rest\.drive\.LV: .*name that block otherwise"):
+        under(network, Condition("rest", drive={"LV": wave}))
+
+
+def test_a_flag_is_no_number_to_scale():
+    network = left_coronary()
+    network["boundary_conditions"][1]["bc_values"]["closed_loop_outlet"] = True
+    with pytest.raises(InputError) as caught:
+        under(network, Condition("rest", scale={"BC_lad": {"closed_loop_outlet": 2.0}}))
+    assert "know Ra1" in str(caught.value) and "closed_loop_outlet," not in str(caught.value)
+
+
+def test_a_number_that_no_machine_holds(tmp_path):
+    with pytest.raises(InputError, match="want a number"):
+        read(tmp_path, f"rest: {{period_scale: {'9' * 400}}}")
+
+
+@pytest.mark.parametrize("name", ["'#1'", "' rest'", '"re\\nst"'])
+def test_a_condition_whose_name_no_table_holds(tmp_path, name):
+    with pytest.raises(InputError, match="not a condition's name"):
+        read(tmp_path, f"{name}:\nrest:\n")
+
+
+def test_one_value_is_no_beat():
+    """A constant says nothing of the period, whatever time it is given for."""
+    network = left_coronary()
+    for block in network["boundary_conditions"]:
+        for name in ("P", "Pim"):
+            if name in block["bc_values"]:
+                block["bc_values"] |= {name: block["bc_values"][name][:1], "t": [0.0]}
+    assert period_of(network) == 1.0
+    network["simulation_parameters"]["cardiac_period"] = 0.7
+    assert period_of(network) == 0.7
 
 
 def test_a_block_that_is_not_there_is_answered_with_those_near():

@@ -19,7 +19,6 @@ from coronaryuq.discrepancy.conditions import Condition, read_conditions, under,
 from coronaryuq.discrepancy.laws import LAWS, fit_law, predict
 from coronaryuq.discrepancy.model import read_problem
 from coronaryuq.discrepancy.pairs import discover_pairs
-from coronaryuq.discrepancy.recordings import prepare
 from coronaryuq.discrepancy.repair import repaired_conditions, repaired_network
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.tables import Branch, branches, read_pairs
@@ -85,6 +84,23 @@ def test_missing_sd(spoiled):
         return table
 
     assert "line 5: sd" in spoiled(change)
+
+
+def test_the_line_of_a_fault_is_that_of_the_file(spoiled, tmp_path, capsys):
+    spoiled(lambda t: t.assign(sd=np.where(t.index == 3, -1.0, t.sd)))
+    path = tmp_path / "measurements.csv"
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join(["# mine", lines[0], "", *lines[1:3], "# more", *lines[3:]]) + "\n")
+    words = [word for name in ("model.json", "measurements.csv", "conditions.yaml") for word in
+             (f"--{name.split('.')[0]}", str(tmp_path / name))]  # fmt: skip
+    cli.main(["discrepancy", *words, "--out", str(tmp_path / "out")])
+    assert "line 8: sd = -1.0" in capsys.readouterr().err
+
+
+def test_two_columns_of_one_name(spoiled):
+    assert "value: two columns of that name; leave one" in spoiled(
+        lambda t: t.assign(Value=1.0).rename(columns={"value": "VALUE"})
+    )
 
 
 def test_one_condition_only(spoiled):
@@ -233,6 +249,11 @@ def test_one_kind_of_input_at_a_time(tmp_path, words, said):
         command.main(arguments(*words, "--out", tmp_path / "out"))
     assert str(caught.value) == f"command line: {said}; leave one out"
     assert not (tmp_path / "out").exists()
+
+
+def test_pairs_have_no_waveforms_whose_noise_could_be_said(tmp_path):
+    with pytest.raises(InputError, match="--noise = 'said': is of waveforms, which --pairs has none of"):
+        command.main(arguments("--pairs", "a", "b", "--noise", "said", "--out", tmp_path / "out"))
 
 
 def test_unknown_key_of_a_condition(tmp_path):
@@ -562,6 +583,16 @@ def test_a_network_without_vessels(hidden_stenosis, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+def test_an_answer_that_cannot_be_made_leaves_the_one_before(hidden_stenosis, tmp_path, monkeypatch):
+    paths = [hidden_stenosis[0] / name for name in ("model.json", "measurements.csv", "conditions.yaml")]
+    command.from_files(*paths, tmp_path, Settings(max_effects=0), 1)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    monkeypatch.setattr(output, "_tree", lambda found: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        command.from_files(*paths, tmp_path, Settings(max_effects=0), 2)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
 def test_every_measured_condition_held_out(hidden_stenosis, tmp_path):
     folder = hidden_stenosis[0]
     content = yaml.safe_load((folder / "conditions.yaml").read_text())
@@ -574,180 +605,6 @@ def test_every_measured_condition_held_out(hidden_stenosis, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def recording(folder, name, flow, count=80, period=0.6):
-    phase = np.linspace(0.0, 1.0, count)
-    frame = {"t abs [s]": 3.0 + period * phase, "AoP [mmHg]": 80 + 20 * np.sin(2 * np.pi * phase)}
-    frame |= {
-        "LVP [mmHg]": 50 + 50 * np.sin(2 * np.pi * phase),
-        "LAD Flow [ml/s]": flow * (1 + 0.2 * np.cos(2 * np.pi * phase)),
-    }
-    pd.DataFrame(frame).to_csv(folder / f"{name}.csv", index=False)
-
-
-@pytest.mark.parametrize(("flow", "unit"), [(30.0, "mL/min"), (0.5, "mL/s")])
-def test_recordings_of_an_animal_become_a_case(tmp_path, flow, unit):
-    for name in ("X1_rest", "X1_baseline", "X1_rest_dob", "X10_baseline"):
-        recording(tmp_path, name, flow)
-    (tmp_path / "X1_microsphere.csv").write_text("baseline [ml/min/g]\n1.0\n")
-    prepare(tmp_path, "X1", tmp_path / "case")
-    conditions = read_conditions(tmp_path / "case" / "conditions.yaml")
-    assert list(conditions) == ["baseline", "rest", "rest_dob"]
-    assert [name for name, c in conditions.items() if c.held_out] == ["rest_dob"]
-    table = pd.read_csv(tmp_path / "case" / "measurements.csv")
-    assert set(table.unit) == {unit}
-    network = files.read_json(tmp_path / "case" / "model.json")
-    read_problem(network, tmp_path / "case" / "measurements.csv", conditions, "c", Settings())
-
-
-def test_curves_drawn_through_recordings_say_no_more_than_those(tmp_path):
-    """Readings closer in time than a flow probe tells apart are left out; the pressures keep all of theirs."""
-    for name in ("X1_rest", "X1_baseline"):
-        recording(tmp_path, name, 30.0, count=801)
-    prepare(tmp_path, "X1", tmp_path / "case")
-    table = pd.read_csv(tmp_path / "case" / "measurements.csv")
-    times = table[(table.condition == "rest") & (table.statistic == "waveform")].time
-    assert np.diff(times) == pytest.approx(9 * 0.6 / 800)
-    assert len(pd.read_csv(tmp_path / "case" / "drives" / "rest_LV.csv")) == 801
-
-
-def test_an_animal_whose_name_was_cut_short(tmp_path):
-    for name in ("pig_7_baseline", "pig_7_dob"):
-        recording(tmp_path, name, 30.0)
-    with pytest.raises(InputError, match=r"pig: no such animal; did you mean pig_7\?"):
-        prepare(tmp_path, "pig", tmp_path / "case")
-    prepare(tmp_path, "pig_7", tmp_path / "case")
-
-
-def test_recordings_of_another_artery_in_other_units(tmp_path):
-    """The same beats under other headings make the same case, but for the artery's name."""
-    for name in ("X1_baseline", "X1_rest"):
-        recording(tmp_path, name, 30.0)
-        frame = pd.read_csv(tmp_path / f"{name}.csv")
-        other = {"Time [ms]": 1000 * frame["t abs [s]"], "LCx flow [mL/min]": frame["LAD Flow [ml/s]"]}
-        other |= {f"{p} [kPa]": frame[f"{p} [mmHg]"] * MMHG / 1e4 for p in ("LVP", "AoP")}
-        pd.DataFrame(other).to_csv(tmp_path / f"X2_{name[3:]}.csv", index=False)
-    prepare(tmp_path, "X1", tmp_path / "one")
-    prepare(tmp_path, "X2", tmp_path / "two")
-    one, two = (pd.read_csv(tmp_path / folder / "measurements.csv") for folder in ("one", "two"))
-    assert set(two.location) == {"AORTA:lcx"}
-    pd.testing.assert_frame_equal(one.drop(columns="location"), two.drop(columns="location"), rtol=1e-12)
-    one, two = (files.read_json(tmp_path / folder / "model.json") for folder in ("one", "two"))
-    one, two = (network["boundary_conditions"][0]["bc_values"]["P"] for network in (one, two))
-    assert two == pytest.approx(one, rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ("AoP [mmHg]", "AoP [bar]", "X1_rest.csv: AoP [bar] = 'bar': know dyn/cm2, mmhg, pa, kpa"),
-        ("AoP [mmHg]", "Pa [mmHg]", "X1_rest.csv: AoP [mmHg]: column missing"),
-        ("LAD Flow", "LCx Flow", "X1_rest.csv: flow = 'lcx ml/s': the other recordings hold lad ml/s"),
-    ],
-)
-def test_recordings_that_do_not_agree(tmp_path, old, new, said):
-    for name in ("X1_baseline", "X1_rest"):
-        recording(tmp_path, name, 30.0)
-    path = tmp_path / "X1_rest.csv"
-    path.write_text(path.read_text().replace(old, new))
-    with pytest.raises(InputError) as caught:
-        prepare(tmp_path, "X1", tmp_path / "case")
-    assert said in str(caught.value)
-
-
-def beats(frame, count, share=1.0):
-    """A recording of so many beats, of which the last is cut."""
-    one = frame.iloc[:-1]
-    step = one["t abs [s]"].diff().iloc[1]
-    many = pd.concat([one] * count, ignore_index=True)
-    many["t abs [s]"] = step * np.arange(len(many))
-    return many.iloc[: int(share * len(many))]
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        (lambda f: beats(f, 3), "LVP [mmHg] = 3: systoles in the recording; cut out one beat"),
-        (lambda f: f.iloc[:65], "of its range from end to start; want one whole beat"),
-        (
-            lambda f: f.assign(**{"AoP [mmHg]": f["LVP [mmHg]"], "LVP [mmHg]": f["AoP [mmHg]"]}),
-            "are the two exchanged?",
-        ),
-        (lambda f: f.assign(**{"LAD Flow [ml/s]": -f["LAD Flow [ml/s]"]}), "turn the sign if the probe was reversed"),
-        (lambda f: f.assign(**{"AoP [mmHg]": 0.1333 * f["AoP [mmHg]"]}), "want 20 to 250; see its unit"),
-        (
-            lambda f: f.assign(**{"t abs [s]": 1000 * f["t abs [s]"]}),
-            "want one beat, 0.1 to 3.0 s; see the unit of time",
-        ),
-        (lambda f: f.iloc[[0, 2, 1, *range(3, len(f))]], "line 4: not later than the line before"),
-        (lambda f: f.rename(columns={c: c.split(" [")[0] for c in f}), "no unit in the heading"),
-    ],
-)
-def test_recordings_that_are_no_beat_of_a_coronary_artery(tmp_path, change, said):
-    for name in ("X1_baseline", "X1_rest"):
-        recording(tmp_path, name, 30.0)
-    path = tmp_path / "X1_rest.csv"
-    change(pd.read_csv(path)).to_csv(path, index=False)
-    with pytest.raises(InputError) as caught:
-        prepare(tmp_path, "X1", tmp_path / "case")
-    assert "X1_rest.csv: " in str(caught.value) and said in str(caught.value)
-    assert not (tmp_path / "case").exists()
-
-
-def test_headings_may_have_units_in_round_brackets(tmp_path):
-    for name in ("X1_baseline", "X1_rest"):
-        recording(tmp_path, name, 30.0)
-    path = tmp_path / "X1_rest.csv"
-    path.write_text(path.read_text().replace("[", "(").replace("]", ")"))
-    prepare(tmp_path, "X1", tmp_path / "case")
-    assert list(read_conditions(tmp_path / "case" / "conditions.yaml")) == ["baseline", "rest"]
-
-
-def test_files_of_an_animal_whose_name_begins_the_same_are_not_taken_for_its_own(tmp_path):
-    for name in ("dog_baseline", "dog_mild_sten", "dog_2_baseline", "dog_2_mild_sten"):
-        recording(tmp_path, name, 30.0)
-    with pytest.raises(InputError, match="2_baseline, 2_mild_sten look like conditions of dog_2"):
-        prepare(tmp_path, "dog", tmp_path / "case")
-    prepare(tmp_path, "dog_2", tmp_path / "case")
-
-
-def test_names_of_conditions_do_not_decide_what_the_model_is(tmp_path):
-    """Unless one is called baseline: then the model has its resistance."""
-    flows = {"a": 40.0, "b": 20.0, "c": 30.0}
-    for animal, order in (("X1", "abc"), ("X2", "cab")):
-        for name, of in zip("abc", order, strict=True):
-            recording(tmp_path, f"{animal}_{name}", flows[of])
-        prepare(tmp_path, animal, tmp_path / animal)
-    recording(tmp_path, "X2_baseline", flows["a"])
-    prepare(tmp_path, "X2", tmp_path / "X3")
-    one, two, three = (
-        files.read_json(tmp_path / name / "model.json")["boundary_conditions"] for name in ("X1", "X2", "X3")
-    )
-    assert one == two
-    assert one[1]["bc_values"]["Ra1"] / three[1]["bc_values"]["Ra1"] == pytest.approx(flows["a"] / flows["c"], rel=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("names", "held_out", "expected"),
-    [
-        (("rest", "DOB", "sten_dobutamine", "doberman_x"), None, ["DOB", "sten_dobutamine"]),
-        (("rest", "DOB", "sten"), ["sten"], ["sten"]),
-        (("a_dob", "b_dob"), None, []),
-        (("rest", "DOB"), ["dob"], "held_out = 'dob': no such condition of X1; know rest, DOB"),
-        (("rest", "DOB"), ["DOB", "rest"], "all conditions; leave one at least to be fitted"),
-    ],
-)
-def test_conditions_kept_out_of_the_fits(tmp_path, names, held_out, expected):
-    for name in names:
-        recording(tmp_path, f"X1_{name}", 30.0)
-    if isinstance(expected, str):
-        with pytest.raises(InputError, match=expected):
-            prepare(tmp_path, "X1", tmp_path / "case", held_out)
-        return
-    prepare(tmp_path, "X1", tmp_path / "case", held_out)
-    conditions = read_conditions(tmp_path / "case" / "conditions.yaml")
-    assert [name for name, c in conditions.items() if c.held_out] == expected
-
-
 def test_a_bed_s_value_under_a_condition_holds_where_an_effect_changes_the_kind_of_bed():
     """What a search writes into `conditions.yaml` can be searched again."""
     network, condition = left_coronary(), Condition("x", set={"BC_lad": {"Ra2": 5.0, "Ra1": 2.0}})
@@ -757,19 +614,6 @@ def test_a_bed_s_value_under_a_condition_holds_where_an_effect_changes_the_kind_
     changed = under(network, condition)
     changed = next(b for b in changed["boundary_conditions"] if b["bc_name"] == "BC_lad")["bc_values"]
     assert (changed["Ra1"], changed["Ra2_min"], changed["Ra2_max"]) == (2.0, 5.0, 5.0)
-
-
-def test_recordings_of_one_condition_are_too_few(tmp_path):
-    recording(tmp_path, "X1_baseline", 30.0)
-    with pytest.raises(InputError, match="X1_CONDITION.csv of two conditions"):
-        prepare(tmp_path, "X1", tmp_path / "case")
-    assert not (tmp_path / "case").exists()
-
-
-def test_a_folder_of_recordings_that_is_not_there(tmp_path):
-    with pytest.raises(InputError, match="nowhere: no such folder"):
-        command.main(arguments("--recordings", tmp_path / "nowhere", "X1", "--out", tmp_path / "out"))
-    assert not (tmp_path / "out").exists()
 
 
 def test_a_law_knows_nothing_of_samples_that_it_is_judged_on(tmp_path):

@@ -1,8 +1,21 @@
-"""A state carried over to a network with added elements."""
+"""What a network may be, its numbers and waveforms, and a state carried over to one with added elements."""
 
 import numpy as np
+import pytest
 
-from coronaryuq.discrepancy.networks import carried_over
+from coronaryuq.bench.hidden_cases import open_loop
+from coronaryuq.bench.openloop import left_coronary
+from coronaryuq.discrepancy.measurements import Measured
+from coronaryuq.discrepancy.model import _mass, check_searchable, locations, make_problem
+from coronaryuq.discrepancy.networks import carried_over, sampled
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.discrepancy.stage import loop_conditions
+from coronaryuq.errors import InputError
+from coronaryuq.files import read_json
+from coronaryuq.units import MBF_PER_MIN_PER_G
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.base import WAVE_POINTS
+from coronaryuq.zerod.effects.intramyocardial import waveform
 
 NAMES = ["pressure:A:v", "flow:A:v", "pressure:v:BED", "flow:v:BED", "other"]
 STATE = np.array([90.0, 4.0, 80.0, 3.0, 7.0])
@@ -20,3 +33,78 @@ def test_added_pressures_are_those_of_what_they_hang_on_however_far_and_added_fl
     wanted = ["pressure:x:END", "pressure:y:x", "pressure:J:y", "flow:J:y", "pressure:v:J", "pressure:A:v"]
     found = carried_over(NAMES, STATE, [*wanted, "pressure:far:away"], RENAMED)
     assert found.tolist() == [80.0, 80.0, 80.0, 0.0, 80.0, 90.0, 0.0]
+
+
+def _rename(network, part, key, name):
+    network[part][-1][key] = name
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda n: n.pop("vessels"), "vessels: missing"),
+        (
+            lambda n: _rename(n, "vessels", "vessel_name", "la:d"),
+            "vessels.vessel_name = 'la:d': want a name without : ~ <",
+        ),
+        (lambda n: _rename(n, "boundary_conditions", "bc_name", "BC<1"), "boundary_conditions.bc_name = 'BC<1'"),
+        (lambda n: _rename(n, "junctions", "junction_name", "J~1"), "junctions.junction_name = 'J~1'"),
+        (
+            lambda n: n["vessels"][2].update(
+                zero_d_element_type="BloodVesselRC", zero_d_element_values={"Rpd": 1, "Cp": 1}
+            ),
+            "lad = 'BloodVesselRC': no effect is written for it",
+        ),
+        (
+            lambda n: n.update(external_solver_coupling_blocks=[{"name": "IN"}]),
+            "external_solver_coupling_blocks.IN: driven by another solver",
+        ),
+    ],
+)
+def test_what_a_search_has_no_use_of(change, said):
+    network = left_coronary()
+    check_searchable(network, "n.json")
+    change(network)
+    with pytest.raises(InputError) as caught:
+        check_searchable(network, "n.json")
+    assert str(caught.value).startswith(f"n.json: {said}")
+
+
+def test_a_waveform_of_one_value():
+    network = left_coronary()
+    network["boundary_conditions"][1]["bc_values"]["Pim"] = [12.0]
+    assert sampled(network, "BC_lad.Pim").tolist() == [12.0] * WAVE_POINTS
+    assert waveform(network, "BC_lad", 0.85)[1].tolist() == [12.0] * WAVE_POINTS
+
+
+@pytest.mark.parametrize(
+    ("rest", "hyperaemia", "expected"),
+    [((0.8, 0.3), (2.4, 0.3), "hyperaemia"), ((1.0, 0.3), (2.4, 0.3), "rest"), ((0.0, 0.3), (0.1, 0.5), "hyperaemia")],
+)
+def test_a_perfusion_lost_in_its_noise_sets_no_tissue_mass(rest, hyperaemia, expected):
+    network, conditions, _ = open_loop()
+    anatomy = Anatomy(network)
+    anatomy.flow = dict.fromkeys(anatomy.vessels, 1.0)
+    read = {"rest": rest, "hyperaemia": hyperaemia}
+    measured = [
+        Measured(name, "perfusion", "BC_lad", "mean", None, 0.85, *(np.array([x * MBF_PER_MIN_PER_G]) for x in pair))
+        for name, pair in read.items()
+    ]
+    flow = anatomy.flow_scale("lad") / conditions[expected].coronary_resistance_scale
+    found = _mass("BC_lad", conditions, measured, anatomy)
+    assert found == pytest.approx(flow / (max(read[expected]) * MBF_PER_MIN_PER_G))
+
+
+def test_every_location_that_is_offered_can_be_measured(shared):
+    """Heart and beds have unknowns of their own, and the heart's junctions are places as others are."""
+    network = read_json(shared / "data" / "svzerod-cases" / "closedLoopHeart_withCoronaries.json")
+    conditions = {one.name: one for one in loop_conditions()[:1]}
+    offered = locations(network)
+    assert any(name.endswith(":CLH") for name in offered["flow"])
+    measured = [
+        Measured("rest", quantity, place, "mean", None, 1.0, np.ones(1), np.ones(1))
+        for quantity in ("flow", "pressure", "volume")
+        for place in offered[quantity]
+    ]
+    forward = make_problem(network, conditions, measured, Settings(steps_per_cycle=100)).forward
+    assert np.isfinite(forward.predict(np.zeros(len(forward.nuisances)))).all()

@@ -185,3 +185,35 @@ def test_a_branch_that_only_one_table_has_is_noted(tmp_path, capsys):
     rewritten(files[1], lambda table: table.assign(FFR_y=table["ffr_x"]))
     branch_of(files)
     assert f"note: {files[1]}: FFR_y: not in the other table" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("table", "value"), [(0, 0.0), (1, 0.0), (1, -0.01)])
+def test_blood_that_does_not_flow_downstream(tmp_path, table, value):
+    files = noisy_pairs(tmp_path, 1, quadratic=1.0)
+    frame = pd.read_csv(files[table])
+    frame.loc[7, "mean_flow:v1:BC"] = value
+    frame.to_csv(files[table], index=False)
+    with pytest.raises(InputError, match=r"mean_flow:v1:BC = .*: in sample s7; want a positive flow"):
+        discover_pairs(*files, tmp_path / "out", 1)
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_empty_pressure_is_not_the_root_s(tmp_path):
+    files = noisy_pairs(tmp_path, 1)
+    for file in files:
+        frame = pd.read_csv(file)
+        frame.insert(1, "mean_pressure:away:away", np.nan if file == files[1] else 50.0)
+        frame.to_csv(file, index=False)
+    assert branch_of(files).root3.mean() == pytest.approx(84.5, abs=1.0)
+
+
+def test_inputs_that_are_the_same_in_all_samples(tmp_path):
+    """Runs of one parameter set leave the reference nothing to learn from but the mean."""
+    files = noisy_pairs(tmp_path, 1)
+    simulated = pd.read_csv(files[0])
+    simulated.iloc[:, 1:] = simulated.iloc[0, 1:].to_numpy(float)
+    simulated.to_csv(files[0], index=False)
+    measured = pd.read_csv(files[1])
+    discover_pairs(*files, tmp_path / "out", 1)
+    flexible = pd.read_csv(tmp_path / "out" / "pairs.csv").ffr_flexible
+    assert flexible.to_numpy() == pytest.approx(measured.ffr_x.mean(), abs=3 * measured.ffr_x.std())

@@ -53,7 +53,7 @@ def test_measurements_go_with_the_repaired_network(tmp_path):
         for quantity, statistic, time, k in (("pressure", "waveform", phase * period, 20), ("flow", "mean", None, 1))
     ]
     measured += [
-        Measured(name, "perfusion", bed, "mean", None, t, np.ones(1), np.ones(1)) for name, t in periods.items()
+        Measured(name, "perfusion", bed, "mean", None, t, np.ones(1), np.full(1, 0.1)) for name, t in periods.items()
     ]
     forward = make_problem(network, conditions, measured, Settings()).forward
     acting = [(effect("quadratic_stenosis"), vessel), (effect("side_branch_leak"), vessel)]

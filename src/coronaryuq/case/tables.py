@@ -14,7 +14,7 @@ from coronaryuq.case.perfusion_map import PLAUSIBLE_FLOW, PLAUSIBLE_VOLUME
 from coronaryuq.case.targets import BY_NAME, checked
 from coronaryuq.case.yamlfile import read_yaml
 from coronaryuq.errors import InputError
-from coronaryuq.files import read_csv, table_text
+from coronaryuq.files import line_of, read_csv, table_text
 from coronaryuq.units import FLOWS, MBF_PER_MIN_PER_G, TISSUE_DENSITY, perfusions
 
 BRANCHES = get_args(Branch)
@@ -209,7 +209,7 @@ def csv_targets(path: Path) -> dict[str, tuple[str | None, float | None, str | N
             cells = {"name": row[0], "description": ", ".join(row[1:-1]), "value": row[-1]}
         else:
             wanted = ", ".join(header) if headed else "name, description, value; or a header with name and value"
-            raise InputError(path, f"line {number}", separator.join(row), f"wanted {wanted}")
+            raise InputError(path, f"line {line_of(path, number - 2)}", separator.join(row), f"wanted {wanted}")
         name, value = cells["name"], cells["value"]
         value = value.replace(",", ".") if separator == ";" else value
         if name in given:

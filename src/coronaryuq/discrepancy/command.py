@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from coronaryuq import arguments, units
 from coronaryuq.discrepancy import output, pairs
 from coronaryuq.discrepancy.conditions import drives_of, read_conditions
-from coronaryuq.discrepancy.model import read_problem
+from coronaryuq.discrepancy.model import check_searchable, read_problem
 from coronaryuq.discrepancy.recordings import prepare
 from coronaryuq.discrepancy.search import discover
 from coronaryuq.discrepancy.settings import Settings
@@ -116,6 +116,8 @@ def _one_source(args: argparse.Namespace) -> None:
         raise InputError("command line", f"--{others[0]}", value, f"not together with --{first}; leave one out")
     if args.pressure_unit != "auto" and first in ("pairs", "recordings"):
         raise InputError("command line", "--pressure-unit", args.pressure_unit, f"is of --model, not of --{first}")
+    if args.noise != "estimated" and first == "pairs":
+        raise InputError("command line", "--noise", args.noise, "is of waveforms, which --pairs has none of")
     if args.free_bed and first != "recordings":
         raise InputError("command line", "--free-bed", None, "is of --recordings; say it in the conditions file")
     if args.held_out and first != "recordings":
@@ -131,8 +133,7 @@ def from_files(model, measurements, conditions, out: Path, settings: Settings, s
     """Search one case given by files; writes the results into `out` and returns the summary."""
     network = read_network(model)
     note_negative_resistances(network, model)
-    if not network.get("vessels"):
-        raise InputError(model, "vessels", None, "missing; there is no vessel or bed that an effect could act on")
+    check_searchable(network, model)
     try:
         problem = read_problem(network, measurements, read_conditions(conditions), conditions, settings)
     except InputError as error:

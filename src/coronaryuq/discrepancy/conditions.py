@@ -2,6 +2,8 @@
 
 import copy
 import difflib
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,9 +15,8 @@ from coronaryuq.errors import InputError
 from coronaryuq.files import read_csv
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.beds import arteriolar
-from coronaryuq.zerod.network import copy_of
+from coronaryuq.zerod.network import HEART, copy_of
 
-HEART = "CLH"
 SERIES = {"PRESSURE": "P", "FLOW": "Q", "CORONARY": "Pim", "CORONARY_VAR_RES": "Pim"}
 """The waveform that a drive replaces in each kind of boundary condition."""
 COVARIATES = ("LV",)
@@ -62,7 +63,16 @@ def read_conditions(path: str | Path) -> dict[str, Condition]:
     content = read_yaml(path, wanted)
     if not content:
         raise InputError(path, None, None, wanted)
+    for name in content:
+        check_name(path, name)
     return {name: _condition(path, name, keys or {}) for name, keys in content.items()}
+
+
+def check_name(file: str | Path, name: str) -> None:
+    """Raise `InputError` for a condition's name that a cell of a table cannot hold as it is."""
+    if not name or name != name.strip() or name.startswith("#") or not name.isprintable():
+        remedy = "not a condition's name; want letters, without # or blanks before them or blanks behind"
+        raise InputError(file, "condition", name, remedy)
 
 
 def drives_of(path: str | Path) -> list[Path]:
@@ -127,11 +137,15 @@ def _number(path, where: str, value) -> float:
     """A finite number; YAML takes 1e9 and 1.0e9, without a sign in the exponent, for words."""
     try:
         number = float(value) if not isinstance(value, bool) else np.nan
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = np.nan
     if not np.isfinite(number):
         raise InputError(path, where, value, "want a number")
     return number
+
+
+def _is_number(value) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _drive(path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -163,9 +177,19 @@ def as_entry(condition: Condition) -> dict:
     return entry
 
 
-def drive_file(condition: str, block: str) -> str:
-    """Where a drive is written, beside the conditions file."""
-    return f"drives/{condition}_{block}.csv".replace(" ", "_")
+def drive_files(wanted: Iterable[tuple[str, str]]) -> dict[tuple[str, str], str]:
+    """(condition, block) → where that drive is written, beside the conditions file; no two are one file, also where
+    case does not count.
+    """
+    found: dict[tuple[str, str], str] = {}
+    for condition, block in wanted:
+        stem = plain = re.sub(r"[^\w-]+", "_", f"{condition}_{block}")
+        taken, number = {name.lower() for name in found.values()}, 1
+        while f"drives/{stem}.csv".lower() in taken:
+            number += 1
+            stem = f"{plain}_{number}"
+        found[condition, block] = f"drives/{stem}.csv"
+    return found
 
 
 def write_drive(path: Path, time: np.ndarray, value: np.ndarray) -> None:
@@ -180,7 +204,7 @@ def period_of(network: dict, default: float = 1.0) -> float:
     for heart in network.get("closed_loop_blocks", []):
         return float(heart["cardiac_cycle_period"])
     pulsing = [b["bc_values"] for b in network["boundary_conditions"] if b["bc_type"] in SERIES]
-    for values in sorted(pulsing, key=lambda v: -len(v["t"])):
+    for values in sorted((v for v in pulsing if len(v["t"]) > 1), key=lambda v: -len(v["t"])):
         return float(values["t"][-1] - values["t"][0])
     return float(network["simulation_parameters"].get("cardiac_period", default))
 
@@ -207,8 +231,8 @@ def under(network: dict, condition: Condition, file: str | Path = "conditions") 
                 for name in split if parameter not in values and all(one in values for one in split) else [parameter]:
                     if name in ELEMENTS and values is vessels.get(block):
                         values.setdefault(name, 0.0)
-                    if name not in values or isinstance(values[name], list):
-                        known = ", ".join(k for k, v in values.items() if isinstance(v, int | float))
+                    if name not in values or not _is_number(values[name]):
+                        known = ", ".join(k for k, v in values.items() if _is_number(v))
                         raise InputError(file, f"{condition.name}.{key}.{block}.{name}", None, f"know {known}")
                     values[name] = combine(values[name], value)
     for vessel, name in condition.stenosis.items():
@@ -221,6 +245,10 @@ def under(network: dict, condition: Condition, file: str | Path = "conditions") 
             raise InputError(file, where, name, "the vessel has a C; put a vessel without one ahead of it for the loss")
         if not values.get(LOSS, 0.0) > 0.0:
             raise InputError(file, where, name, f"want a guess of its loss; set {vessel}'s {LOSS} under this condition")
+    for name in COVARIATES:
+        if name in condition.drive and name in {*vessels, *anatomy.blocks}:
+            remedy = "the left ventricular pressure of a drive, and a block of the network; name that block otherwise"
+            raise InputError(file, f"{condition.name}.drive.{name}", None, remedy)
     driven = {name: waveform for name, waveform in condition.drive.items() if name not in COVARIATES}
     target = _own_period(condition, period, file)
     for name, (time, value) in driven.items():

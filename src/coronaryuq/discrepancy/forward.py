@@ -2,11 +2,12 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from coronaryuq import units
-from coronaryuq.discrepancy.conditions import HEART, Condition
+from coronaryuq.discrepancy.conditions import Condition
 from coronaryuq.discrepancy.jobs import Job, Prepared, Scaled
 from coronaryuq.discrepancy.measurements import Measured
 from coronaryuq.discrepancy.networks import with_values
@@ -16,6 +17,7 @@ from coronaryuq.discrepancy.simulation import Acting, Simulation, elements
 from coronaryuq.discrepancy.starts import Point
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Situation
+from coronaryuq.zerod.engine import Engine
 
 FEEDBACK_ROUNDS = 3
 MANY = 20
@@ -294,9 +296,14 @@ class Forward:
             return (f"flow:{renamed.get(at, at)}",)
         if series.quantity == "ratio":
             return f"pressure:{location}", f"pressure:{renamed.get(self.root, self.root)}"
-        if ":" in location and location.split(":")[1] == HEART:
+        if location in self._inside:
             return (location,)
         return (f"{series.quantity}:{location}",)
+
+    @cached_property
+    def _inside(self) -> frozenset[str]:
+        """Unknowns of the heart and of beds, which are measured by their own names."""
+        return frozenset(name for name in Engine(self.network).unknowns if not name.startswith(("flow:", "pressure:")))
 
     @property
     def root(self) -> str:

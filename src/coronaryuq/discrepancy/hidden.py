@@ -10,7 +10,7 @@ import pandas as pd
 import yaml
 
 from coronaryuq import files
-from coronaryuq.discrepancy.conditions import Condition, as_entry, drive_file, period_of, under, write_drive
+from coronaryuq.discrepancy.conditions import Condition, as_entry, drive_files, period_of, under, write_drive
 from coronaryuq.discrepancy.forward import Forward
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.measurements import Measured
@@ -26,6 +26,8 @@ from coronaryuq.zerod.effects.base import Series
 UNIT = {"flow": "mL/s", "pressure": "dyn/cm2", "volume": "mL", "perfusion": "mL/s/g", "ratio": "1"}
 TRUTH_STEPS = 1500
 """Time steps per cycle of the runs behind the data, against 300 of the analysis."""
+NUISANCE_SPREAD = 0.6
+"""Standard deviation of the true nuisance parameters over the analyst's prior."""
 TRUTH_RHO = 0.8
 """Spectral radius of the truth's time integration, against 0.5 of the analysis."""
 
@@ -66,7 +68,7 @@ def hide(
     seed: int,
     folder: Path,
     outside: Callable[[dict, str], dict] | None = None,
-    nuisance_spread: float = 0.6,
+    nuisance_spread: float = NUISANCE_SPREAD,
     said: float = 1.0,
     keeps: float = 0.0,
 ) -> Truth:
@@ -126,13 +128,11 @@ class Unmeasured:
         return Truth(acting, sizes, self.nuisance, visible)
 
 
-def prepare(
-    network: dict, conditions: dict[str, Condition], plan: Plan, seed: int, nuisance_spread: float = 0.6
-) -> Unmeasured:
+def prepare(network: dict, conditions: dict[str, Condition], plan: Plan, seed: int) -> Unmeasured:
     """What `hide` draws, for data that are run elsewhere."""
     random = generator(seed, "discrepancy", "hidden")
     problem = make_problem(network, conditions, _blank(network, conditions, plan, random), Settings())
-    return Unmeasured(problem, plan, _nuisance(problem.forward, nuisance_spread, random), random)
+    return Unmeasured(problem, plan, _nuisance(problem.forward, NUISANCE_SPREAD, random), random)
 
 
 def _nuisance(forward: Forward, spread: float, random: np.random.Generator) -> np.ndarray:
@@ -215,9 +215,8 @@ def _blank(network, conditions, plan, random) -> list[Measured]:
                 jitter = random.uniform(-0.3, 0.3, count)
                 time = np.sort((np.arange(count) + 0.5 + jitter) / count * period)
             unit = 1.0 if quantity != "perfusion" else 1.0 / 60.0
-            found.append(
-                Measured(name, quantity, location, statistic, time, period, np.full(count, unit), np.full(count, 1.0))
-            )
+            value = np.full(count, unit)
+            found.append(Measured(name, quantity, location, statistic, time, period, value, 0.1 * value))
     return found
 
 
@@ -261,13 +260,10 @@ def _write(network, conditions, plan, series, predicted, errors: _Errors, folder
     columns = ["condition", "quantity", "location", "statistic", "time", "value", "sd", "unit"]
     files.write_json(folder / "model.json", network)
     files.write_csv(folder / "measurements.csv", pd.DataFrame(rows, columns=columns))
-    content = {}
-    for name, condition in conditions.items():
-        content[name] = as_entry(condition)
-        drives = {block: drive_file(name, block) for block in condition.drive}
-        for block, (time, value) in condition.drive.items():
-            write_drive(folder / drives[block], time, value)
-        if drives:
-            content[name]["drive"] = drives
+    content = {name: as_entry(condition) for name, condition in conditions.items()}
+    at = drive_files((name, block) for name, condition in conditions.items() for block in condition.drive)
+    for (name, block), path in at.items():
+        write_drive(folder / path, *conditions[name].drive[block])
+        content[name].setdefault("drive", {})[block] = path
     files.write_text(folder / "conditions.yaml", yaml.safe_dump(content, sort_keys=False))
     return np.array([row[6] for row in rows])

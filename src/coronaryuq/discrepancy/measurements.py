@@ -9,7 +9,7 @@ import pandas as pd
 
 from coronaryuq import units
 from coronaryuq.errors import InputError
-from coronaryuq.files import read_csv
+from coronaryuq.files import line_of, read_csv
 from coronaryuq.zerod.effects.base import Series
 
 COLUMNS = ("condition", "quantity", "location", "statistic", "time", "value", "sd", "unit")
@@ -50,7 +50,7 @@ def read_measurements(path: str | Path, conditions, locations: dict[str, list[st
     sd, and a waveform that does not cover a cycle.
     """
     frame = _table(path)
-    for number, row in enumerate(frame.itertuples(index=False), start=2):
+    for number, row in zip(frame.index, frame.itertuples(index=False), strict=True):
         _check_row(path, number, row, conditions, locations)
     found = []
     for key, rows in frame.groupby(["condition", "quantity", "location", "statistic"], sort=False, dropna=False):
@@ -73,6 +73,9 @@ def _table(path: str | Path) -> pd.DataFrame:
     frame = read_csv(path, words=WORDS)
     names = [str(name).strip() for name in frame.columns]
     frame.columns = [name if name.lower() in names else name.lower() for name in names]
+    twice = [name for name in COLUMNS if list(frame.columns).count(name) > 1]
+    if twice:
+        raise InputError(path, twice[0], None, "two columns of that name; leave one")
     if "time" not in frame.columns:
         frame["time"] = np.nan
     for column in COLUMNS:
@@ -109,7 +112,7 @@ def _spelled(unit: str, known: dict[str, float]) -> str:
 
 def _check_row(path, number: int, row, conditions, locations) -> None:
     def fail(field, value, remedy):
-        raise InputError(path, f"line {number}: {field}", value, remedy)
+        raise InputError(path, f"line {line_of(path, number)}: {field}", value, remedy)
 
     if str(row.condition) not in conditions:
         fail("condition", row.condition, f"not in the conditions file; know {', '.join(conditions)}")

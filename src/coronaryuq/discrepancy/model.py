@@ -25,6 +25,10 @@ MISTYPED = {"perfusion": 1e4}
 UNITS_APART = {"pressure": 6.0, "ratio": 20.0, "flow": 20.0, "volume": 20.0}
 """Times what the model has that the middle one of all series cannot be; kPa and mmHg are 7.5 apart."""
 
+MARKS = (":", "~", "<")
+"""What stands between the blocks of a place."""
+KNOWN = 3.0
+"""Standard deviations by which a perfusion is above nought that may set a tissue mass."""
 LEAST_WHITE = 0.1
 """Share of a standard deviation that is left to white noise, whatever the model's floor and time steps add."""
 
@@ -41,6 +45,26 @@ def locations(network: dict) -> dict[str, list[str]]:
         "perfusion": list(Anatomy(network).beds),
         "ratio": places,
     }
+
+
+def check_searchable(network: dict, file: str | Path) -> None:
+    """Raise `InputError` for what a network may be and a search has no use of; `file` for messages.
+
+    Places are written BLOCK:BLOCK, BED~BED and BED<BED, so that no name may hold these marks.
+    """
+    if not network.get("vessels"):
+        raise InputError(file, "vessels", None, "missing; there is no vessel or bed that an effect could act on")
+    for block in network.get("external_solver_coupling_blocks", []):
+        remedy = "driven by another solver, of which a search knows nothing; put a boundary condition in its place"
+        raise InputError(file, f"external_solver_coupling_blocks.{block['name']}", None, remedy)
+    for vessel in network["vessels"]:
+        if vessel["zero_d_element_type"] == "BloodVesselRC":
+            remedy = "no effect is written for it; want BloodVessel, or BloodVesselCRL with R_poiseuille and C"
+            raise InputError(file, vessel["vessel_name"], "BloodVesselRC", remedy)
+    for part, key in (("vessels", "vessel_name"), ("boundary_conditions", "bc_name"), ("junctions", "junction_name")):
+        for block in network.get(part, []):
+            if any(mark in block[key] for mark in MARKS):
+                raise InputError(file, f"{part}.{key}", block[key], f"want a name without {' '.join(MARKS)}")
 
 
 def read_problem(
@@ -195,9 +219,12 @@ def _as_it_is(engine: Engine, quantities: list[str], steps_per_cycle: int) -> di
 def _mass(territory: str, conditions, measured, anatomy) -> float:
     """Tissue mass (g) that makes the first measured perfusion right in the model as it is.
 
-    Of a condition that is fitted, if there is one: the prior's mean shall know nothing of what is held out.
+    Of a condition that is fitted, if there is one: the prior's mean shall know nothing of what is held out. A reading
+    that is lost in its own noise says nothing of the mass; where all are, the best.
     """
     mine = [s for s in measured if s.quantity == "perfusion" and s.location == territory]
-    first = min(mine, key=lambda s: conditions[s.condition].held_out)
+    mine = [s for s in mine if not conditions[s.condition].held_out] or mine
+    clear = {s.condition: float(s.value[0] / s.sd[0]) for s in mine}
+    first = next((s for s in mine if clear[s.condition] > KNOWN), max(mine, key=lambda s: clear[s.condition]))
     flow = anatomy.flow_scale(anatomy.beds[territory]) / conditions[first.condition].coronary_resistance_scale
-    return flow / max(abs(float(first.value[0])), 1e-3 * units.MBF_PER_MIN_PER_G)
+    return flow / max(float(first.value[0]), float(first.sd[0]), 1e-3 * units.MBF_PER_MIN_PER_G)

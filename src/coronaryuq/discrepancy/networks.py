@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from coronaryuq.discrepancy.conditions import ELEMENTS, HEART, SERIES, period_of
+from coronaryuq.discrepancy.conditions import ELEMENTS, SERIES, period_of
 from coronaryuq.zerod.effects.base import WAVE_POINTS
 from coronaryuq.zerod.model import PERIOD
+from coronaryuq.zerod.network import HEART
 
 
 def scalars(network: dict) -> dict[str, float]:
@@ -44,7 +45,7 @@ def sampled(network: dict, name: str) -> np.ndarray:
     block, _, parameter = name.rpartition(".")
     values = next(b["bc_values"] for b in network["boundary_conditions"] if b["bc_name"] == block)
     time = np.asarray(values["t"], dtype=float)
-    if len(time) == 1:
+    if len(values[parameter]) == 1:
         return np.full(WAVE_POINTS, float(values[parameter][0]))
     return np.interp(np.linspace(time[0], time[-1], WAVE_POINTS), time, np.asarray(values[parameter], dtype=float))
 

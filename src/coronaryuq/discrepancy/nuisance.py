@@ -55,9 +55,9 @@ def nuisances(
     """The nuisance parameters of a network and its measurements.
 
     Resistance and compliance of all coronary beds together and of each; in closed loops systemic resistance and
-    compliance and left ventricular elastance; one factor for every condition but the first, whose coronary state is
-    never known exactly; the tissue mass of each territory with measured perfusion. Where a condition lists it as free,
-    the shape of the beds as well; and each stenosis that conditions name, in all of them.
+    compliance and left ventricular elastance; one factor for every measured condition but the first, as its coronary
+    state is never known exactly; the tissue mass of each territory with measured perfusion. Where a condition lists it
+    as free, the shape of the beds as well; and each stenosis that conditions name, in all of them.
     """
     anatomy = Anatomy(network)
     beds = list(anatomy.beds)

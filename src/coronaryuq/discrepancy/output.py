@@ -170,18 +170,22 @@ def write(found: Discovery, folder: Path) -> dict:
         if found.outside_library
         else repaired(replace(found.problem.forward, measured=found.given), found.acting, found.fit)
     )
+    tables = {
+        "located.csv": pd.DataFrame([vars(group) for group in found.located.groups]),
+        "residuals.csv": _residuals(found),
+        "ranking.csv": _ranking(found),
+        "sizes.csv": _sizes(found),
+        "tree.csv": _tree(found),
+        "gap.csv": _gaps(found),
+    }
     clear(folder)
-    files.write_json(folder / "discrepancy.json", answer)
-    files.write_text(folder / "paragraph.txt", answer["paragraph"] + "\n")
-    located = pd.DataFrame([vars(group) for group in found.located.groups])
-    files.write_csv(folder / "located.csv", located)
-    files.write_csv(folder / "residuals.csv", _residuals(found))
-    files.write_csv(folder / "ranking.csv", _ranking(found))
-    files.write_csv(folder / "sizes.csv", _sizes(found))
-    files.write_csv(folder / "tree.csv", _tree(found))
-    files.write_csv(folder / "gap.csv", _gaps(found))
+    for name, table in tables.items():
+        files.write_csv(folder / name, table)
     if mended is not None:
         mended.write(folder)
+    files.write_text(folder / "paragraph.txt", answer["paragraph"] + "\n")
+    # Last, so that where it stands all the others do.
+    files.write_json(folder / "discrepancy.json", answer)
     return answer
 
 

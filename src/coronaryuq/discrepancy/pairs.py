@@ -121,8 +121,10 @@ def _flexible(branch: Branch, train: np.ndarray, test: np.ndarray) -> np.ndarray
 
     inputs = np.column_stack([branch.flow0, branch.distal0 / branch.root0, branch.root0])
     inputs = inputs[:, inputs[train].std(axis=0) > CONSTANT * np.abs(inputs[train]).max(axis=0)]
-    inputs = (inputs - inputs[train].mean(axis=0)) / inputs[train].std(axis=0)
     target = branch.distal3 / branch.root3
+    if inputs.shape[1] == 0:
+        return np.full(int(test.sum()), target[train].mean())
+    inputs = (inputs - inputs[train].mean(axis=0)) / inputs[train].std(axis=0)
     kernel = ConstantKernel(10.0, (1e-2, 1e8)) * RBF(np.full(inputs.shape[1], 5.0), (1e-1, 1e3)) + WhiteKernel(
         1e-3, (1e-10, 1.0)
     )

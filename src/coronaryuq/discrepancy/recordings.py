@@ -11,10 +11,10 @@ import pandas as pd
 import yaml
 
 from coronaryuq import files, units
-from coronaryuq.discrepancy.conditions import BED_SHAPE, LOSS, RESISTANCE
-from coronaryuq.discrepancy.measurements import AORTIC, LEAST_POINTS
+from coronaryuq.discrepancy.conditions import BED_SHAPE, LOSS, RESISTANCE, check_name
+from coronaryuq.discrepancy.measurements import AORTIC, LEAST_POINTS, WIDEST_GAP
 from coronaryuq.errors import InputError
-from coronaryuq.files import read_csv
+from coronaryuq.files import line_of, read_csv
 from coronaryuq.zerod.effects.base import vessel_values
 from coronaryuq.zerod.effects.grafting import put_ahead
 from coronaryuq.zerod.effects.quadratic import TAG
@@ -141,6 +141,7 @@ def _beats(folder: Path, animal: str) -> tuple[dict[str, pd.DataFrame], str, str
             continue
         frame, *heading = recording
         _check_beat(path, frame)
+        check_name(path, path.stem.removeprefix(f"{animal}_"))
         found[path.stem.removeprefix(f"{animal}_")] = frame
         headings.setdefault(tuple(heading), path)
     if len(found) < 2:
@@ -179,11 +180,16 @@ def _check_beat(path: Path, frame: pd.DataFrame) -> None:
     if (np.diff(time) <= 0).any():
         row = int(np.argmax(np.diff(time) <= 0)) + 1
         raise InputError(
-            path, TIME, float(time[row]), f"line {row + 2}: not later than the line before; sort the times"
+            path, TIME, float(time[row]), f"line {line_of(path, row)}: not later than the line before; sort the times"
         )
     if not SHORTEST <= time[-1] - time[0] <= LONGEST:
         remedy = f"want one beat, {SHORTEST} to {LONGEST} s; see the unit of time"
         raise InputError(path, TIME, float(time[-1] - time[0]), remedy)
+    gap = float(np.diff(time).max() / (time[-1] - time[0]))
+    if gap > WIDEST_GAP:
+        raise InputError(
+            path, TIME, f"{gap:.0%}", "of the beat without a reading; leave the beat out, or cut out another"
+        )
     if not AORTIC[0] <= aorta.mean() <= AORTIC[1]:
         remedy = f"mmHg on average, want {AORTIC[0]:g} to {AORTIC[1]:g}; see its unit"
         raise InputError(path, AORTA, round(float(aorta.mean()), 3), remedy)
@@ -240,10 +246,10 @@ def _recording(path: Path) -> tuple[pd.DataFrame, str, str] | None:
         if unit not in factors:
             raise InputError(path, column, unit, f"know {', '.join(factors)}")
         beat[wanted] = pd.to_numeric(frame[column], errors="coerce") * factors[unit]
-        if beat[wanted].isna().any():
-            row = int(np.argmax(beat[wanted].isna()))
+        if not np.isfinite(beat[wanted]).all():
+            row = int(np.argmax(~np.isfinite(beat[wanted])))
             given = frame[column].iloc[row]
-            remedy = f"line {row + 2}: want a number in every row; fill the gap or leave the beat out"
+            remedy = f"line {line_of(path, row)}: want a number in every row; fill the gap or leave the beat out"
             raise InputError(path, column, None if pd.isna(given) else str(given), remedy)
     name, unit = parts[flows[0]]
     return pd.DataFrame(beat), name.removesuffix("flow").strip() or "artery", unit

@@ -10,12 +10,13 @@ import pandas as pd
 import yaml
 
 from coronaryuq import files, units
-from coronaryuq.discrepancy.conditions import HEART, Condition, as_entry, drive_file, under, write_drive
+from coronaryuq.discrepancy.conditions import Condition, as_entry, drive_files, under, write_drive
 from coronaryuq.discrepancy.forward import Forward
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.measurements import COLUMNS, UNITS
 from coronaryuq.discrepancy.networks import scalars, with_values
 from coronaryuq.discrepancy.simulation import Acting
+from coronaryuq.zerod.network import HEART
 
 SAME = 1e-9
 WRITTEN_IN = {"flow": "mL/s", "pressure": "mmHg", "volume": "mL", "perfusion": "mL/min/g", "ratio": "1"}
@@ -46,19 +47,19 @@ def repaired_conditions(
         entry = as_entry(condition)
         wanted, _ = forward.condition_changes(name, z, acting)
         given = scalars(under(network, condition))
-        drives = {bc: drive_file(name, bc) for bc in condition.drive}
-        waves |= {drives[bc]: waveform for bc, waveform in condition.drive.items()}
+        drives = dict(condition.drive)
         for parameter, value in wanted.items():
             block, _, key = parameter.rpartition(".")
             if np.ndim(value):
-                drives[block] = drive_file(name, block)
-                waves[drives[block]] = np.linspace(0.0, forward.periods[name], len(value)), np.asarray(value)
+                drives[block] = np.linspace(0.0, forward.periods[name], len(value)), np.asarray(value)
             elif abs(given.get(parameter, 0.0) - float(value)) > SAME * abs(float(value)):
                 entry.setdefault("set", {}).setdefault(block, {})[key] = float(value)
-        if drives:
-            entry["drive"] = drives
+        waves |= {(name, block): waveform for block, waveform in drives.items()}
         content[name] = entry
-    return content, waves
+    at = drive_files(waves)
+    for name, block in waves:
+        content[name].setdefault("drive", {})[block] = at[name, block]
+    return content, {at[which]: waveform for which, waveform in waves.items()}
 
 
 def renamed_locations(forward: Forward, acting: list[Acting]) -> dict[str, str]:

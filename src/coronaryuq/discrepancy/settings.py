@@ -131,7 +131,7 @@ class Settings(BaseModel):
         description="log evidence, with its share of the prior, by which an effect or its class must exceed the "
         "present model's; 3 are posterior odds of 45 to 1",
     )
-    starts: int = Field(3, ge=1, description="starting sizes of an effect per fit")
+    starts: int = Field(3, ge=1, le=6, description="starting sizes of an effect per fit, six at most")
     iterations: int = Field(12, ge=1, description="Gauss-Newton iterations of a fit at most")
     steps_per_cycle: int = Field(300, ge=50, description="time steps per cycle of the 0D runs")
     threads: int = Field(1, ge=1, description="threads of the 0D engine")

@@ -111,7 +111,7 @@ def branches(
         if not there:
             raise _column_missing(simulated, file, measured_file, wanted)
     ratios = [f"ffr_{name}" for name in names]
-    root = max(pressures, key=lambda key: measured[pressures[key][1]].mean())
+    root = max(pressures, key=lambda key: np.nan_to_num(measured[pressures[key][1]].mean(), nan=-np.inf))
     _check_whole(file, simulated, [*ratios, pressures[root][0]])
     _check_whole(measured_file, measured, [*ratios, pressures[root][1]])
     root0, root3 = (table[c].to_numpy() for table, c in zip((simulated, measured), pressures[root], strict=True))
@@ -133,6 +133,8 @@ def branches(
         (p0, p3), (q0, q3) = outlets["mean_pressure", outlet], flows["mean_flow", outlet]
         _check_whole(file, simulated, [p0, q0, f"mean_flow:{place}"])
         _check_whole(measured_file, measured, [p3, q3])
+        _check_forward(file, simulated, [q0, f"mean_flow:{place}"])
+        _check_forward(measured_file, measured, [q3])
         flow3 = flow0 * measured[q3].to_numpy() / simulated[q0].to_numpy()
         source = f"simulated flow times measured over simulated flow of outlet {outlet}"
         if q0 == f"mean_flow:{place}":
@@ -160,6 +162,16 @@ def _check_whole(path: str | Path, table: pd.DataFrame, columns: list[str]) -> N
         if gaps.any():
             remedy = f"no finite number in sample {table.index[int(np.argmax(gaps))]}; leave that row out"
             raise InputError(path, column, None, remedy)
+
+
+def _check_forward(path: str | Path, table: pd.DataFrame, columns: list[str]) -> None:
+    """Raise `InputError` where blood does not flow downstream: laws of loss are fitted to relative flows."""
+    for column in columns:
+        wrong = ~(table[column].to_numpy() > 0.0)
+        if wrong.any():
+            sample, value = table.index[int(np.argmax(wrong))], float(table[column].to_numpy()[wrong][0])
+            remedy = f"in sample {sample}; want a positive flow, downstream; leave that row out"
+            raise InputError(path, column, value, remedy)
 
 
 def _pairs(simulated, measured) -> dict[tuple[str, str], tuple[str, str]]:
@@ -244,9 +256,11 @@ def _zero_flow(simulated, measured, pressures, flows, root) -> tuple[float, floa
         a, b, q, r = (
             t[c].to_numpy() for t, c in ((simulated, p0), (measured, p3), (simulated, pair[0]), (measured, pair[1]))
         )
-        whole = np.isfinite(a * b * r / q) & (a > 0.0) & (b > 0.0) & (r / q > 0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = r / q
+            whole = np.isfinite(a * b * ratio) & (a > 0.0) & (b > 0.0) & (ratio > 0.0)
         if whole.any():
-            beds.append((a[whole], b[whole], (r / q)[whole]))
+            beds.append((a[whole], b[whole], ratio[whole]))
     if not beds:
         return 0.0, 0.0
     scale = SD_ZERO_FLOW * float(simulated[pressures[root][0]].mean())

@@ -98,6 +98,8 @@ def waveform(network: dict, bed: str, period: float) -> tuple[np.ndarray, np.nda
     values = bed_values(network, bed)
     time, pressure = np.asarray(values["t"], dtype=float), np.asarray(values["Pim"], dtype=float)
     grid = np.linspace(0.0, period, WAVE_POINTS)
+    if len(pressure) == 1:
+        return grid, np.full(WAVE_POINTS, pressure[0])
     return grid, np.interp(grid, time - time[0], pressure)
 
 
