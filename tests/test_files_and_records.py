@@ -43,6 +43,7 @@ def test_broken_json_is_named_on_one_line(tmp_path, text):
         b"name\tvalue\nvan Gogh\t1.5\nb\t-2\n",
         b"name;value\r\nvan Gogh;1.5\r\n;\r\nb;-2\r\n ; \r\n;\r\n",
         "name,value\nvan Gogh,1.5\nb,-2\n".encode("utf-16"),
+        b"sep=;\r\nname;value\r\nvan Gogh;1,5\r\nb;-2\r\n",
     ],
 )
 def test_a_table_reads_the_same_however_a_spreadsheet_wrote_it(tmp_path, raw):

@@ -48,6 +48,8 @@ def replacing(path: str | Path, room: int = 0) -> Iterator[Path]:
 
 def check_folder(path: str | Path) -> Path:
     """`path`, if results can be written there: asked before long work, and nothing is made. Else an `InputError`."""
+    if not str(path):
+        raise InputError("command line", "--out", "", "empty; name a folder")
     path = Path(path)
     existing = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
     if not existing.is_dir():
@@ -222,6 +224,8 @@ def _table_lines(path: str | Path) -> tuple[dict[int, str], str]:
     except UnicodeDecodeError:
         text = raw.decode("cp1252", errors="replace")
     lines = {n: line for n, line in enumerate(text.splitlines(keepends=True), 1) if not line.startswith("#")}
+    if re.fullmatch(r"sep=[,;\t]\s*", lines.get(1, "")):  # as Excel writes to itself
+        del lines[1]
     first = next((line for line in lines.values() if line.strip()), "")
     separator = next((mark for mark in ",;\t" if mark in first), ",")
     return {n: line for n, line in lines.items() if line.strip(f"{separator} \r\n")}, separator

@@ -102,6 +102,18 @@ def test_a_flag_is_no_number_to_scale():
     assert "know Ra1" in str(caught.value) and "closed_loop_outlet," not in str(caught.value)
 
 
+@pytest.mark.parametrize("scale", [30.0, 0.01])
+def test_a_factor_that_is_a_percentage(tmp_path, scale):
+    with pytest.raises(InputError, match="a factor, 0.05 to 20; 0.3 for 30 %"):
+        read(tmp_path, f"rest: {{coronary_resistance_scale: {scale}}}")
+
+
+def test_a_drive_in_another_unit_than_the_network():
+    time = np.linspace(0.0, PERIOD, 9)
+    with pytest.raises(InputError, match=r"rest\.drive\.AORTA = 0\.000\d+: times the network's own"):
+        under(left_coronary(), Condition("rest", drive={"AORTA": (time, np.full(9, 90.0))}))
+
+
 def test_a_number_that_no_machine_holds(tmp_path):
     with pytest.raises(InputError, match="want a number"):
         read(tmp_path, f"rest: {{period_scale: {'9' * 400}}}")

@@ -113,9 +113,11 @@ def test_waveform_that_misses_part_of_the_cycle(spoiled):
     assert "does not cover the cycle" in message
 
 
-@pytest.mark.parametrize("shift", [0.45, -0.2])
-def test_waveform_that_does_not_begin_with_the_beat(spoiled, shift):
-    assert "beyond the beat of 0.85 s; count times from its start" in spoiled(lambda t: t.assign(time=t.time + shift))
+@pytest.mark.parametrize(("shift", "factor"), [(0.45, 1.0), (-0.2, 1.0), (0.0, 1.0 / 0.85)])
+def test_waveform_that_does_not_go_with_the_beat(spoiled, shift, factor):
+    """The last has shares of the beat for seconds."""
+    message = spoiled(lambda t: t.assign(time=factor * t.time + shift))
+    assert "beyond the beat of 0.85 s; count times from its start" in message
 
 
 def test_a_time_given_twice(spoiled):
@@ -132,7 +134,9 @@ def test_a_number_that_no_measurement_can_be(spoiled):
     assert "rest/flow/AORTA:left_main/waveform, t = " in message and "see the number and its unit" in message
 
 
-@pytest.mark.parametrize(("quantity", "factor", "times"), [("flow", 30.0, "30.4"), ("pressure", 7.5, "7.")])
+@pytest.mark.parametrize(
+    ("quantity", "factor", "times"), [("flow", 30.0, "30.4"), ("flow", 1 / 60, "0.01"), ("pressure", 7.5, "7.")]
+)
 def test_values_in_another_unit_than_they_say(spoiled, quantity, factor, times):
     message = spoiled(lambda t: t.assign(value=np.where(t.quantity == quantity, factor * t.value, t.value)))
     assert f"{quantity}: value = {times}" in message and "see the units of both" in message
@@ -177,14 +181,18 @@ def test_results_do_not_go_over_drives_or_tables_of_pairs(tmp_path):
         command.main(arguments("--pairs", tmp_path / "pairs.csv", "x.csv", "--out", tmp_path))
 
 
+def _in_the_lcx(table):
+    return (table.quantity == "flow") & (table.location == "lcx:BC_lcx")
+
+
 @pytest.mark.parametrize(
     "change",
     [
-        lambda t: t.assign(value=np.where(t.quantity == "flow", 1e-3 * t.value, t.value)),
+        lambda t: t.assign(value=np.where(_in_the_lcx(t), 1e-3 * t.value, t.value)),
         lambda t: t.assign(value=np.where((t.quantity == "perfusion") & (t.condition == "rest"), 0.0, t.value)),
         lambda t: t.assign(value=np.where(t.quantity == "pressure", 0.22 * t.value, t.value)),
     ],
-    ids=["vessels all but closed", "a bed without perfusion at rest", "behind a tight stenosis"],
+    ids=["a vessel all but closed", "a bed without perfusion at rest", "behind a tight stenosis"],
 )
 def test_what_may_be_measured_is_taken(hidden_stenosis, tmp_path, change):
     folder = hidden_stenosis[0]
@@ -228,6 +236,11 @@ def test_a_hidden_case_keeps_all_keys_of_its_conditions(tmp_path):
     read = read_conditions(tmp_path / "conditions.yaml")
     assert read["low"].free == driven.free and read["low"].held_out
     assert read["low"].drive["AORTA"][1] == pytest.approx(0.8 * aortic)
+
+
+def test_a_folder_without_a_name():
+    with pytest.raises(InputError, match="--out = '': empty; name a folder"):
+        command.main(arguments("--model", "x.json", "--out", ""))
 
 
 def test_missing_arguments_are_named(tmp_path):

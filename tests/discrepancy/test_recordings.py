@@ -156,6 +156,24 @@ def test_a_condition_called_na(tmp_path):
     assert set(problem.condition) == {"baseline", "NA"}
 
 
+def test_flow_in_another_unit_than_is_headed(tmp_path):
+    for name in ("X1_baseline", "X1_rest"):
+        recording(tmp_path, name, 0.6)
+        path = tmp_path / f"{name}.csv"
+        path.write_text(path.read_text().replace("ml/s", "ml/min"))
+    with pytest.raises(InputError, match="X1: flow = 0.6.*less than the error of such a flow"):
+        prepare(tmp_path, "X1", tmp_path / "case")
+
+
+@pytest.mark.parametrize(("rate", "used"), [(110, 110), (151, 151), (300, 150), (1000, 143)])
+def test_readings_that_are_used_of_a_second(tmp_path, rate, used):
+    for name in ("X1_rest", "X1_baseline"):
+        recording(tmp_path, name, 30.0, count=rate + 1, period=1.0)
+    prepare(tmp_path, "X1", tmp_path / "case")
+    table = pd.read_csv(tmp_path / "case" / "measurements.csv")
+    assert ((table.condition == "rest") & (table.statistic == "waveform")).sum() == pytest.approx(used, abs=1)
+
+
 def test_headings_may_have_units_in_round_brackets(tmp_path):
     for name in ("X1_baseline", "X1_rest"):
         recording(tmp_path, name, 30.0)

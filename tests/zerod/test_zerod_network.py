@@ -3,6 +3,7 @@
 import copy
 import json
 
+import numpy as np
 import pytest
 from zerod_networks import bifurcation, boundary, closed_loop
 
@@ -111,6 +112,13 @@ def test_comments_are_allowed_anywhere():
     network["_comment_"] = network["vessels"][0]["_note"] = "n"
     network["vessels"][0]["zero_d_element_values"]["_comment_"] = "n"
     check_network(network)
+
+
+def test_periods_that_differ_by_rounding_are_one():
+    network = bifurcation()
+    period = Model(network).period
+    network["simulation_parameters"]["cardiac_period"] = float(np.nextafter(period, 2.0))
+    assert Model(network).period == pytest.approx(period, rel=1e-12)
 
 
 def test_periods_that_disagree_are_named():

@@ -28,6 +28,10 @@ ELEMENTS = ("R_poiseuille", "L", "C", LOSS)
 FREE = (RESISTANCE, BED_SHAPE)
 """What may be unknown: of a condition its coronary resistance; of all together how resistance and compliance lie along
 the beds."""
+LARGEST_SCALE = 20.0
+"""Factor on a coronary resistance or a period, or one over it, beyond which it is a percentage or mistyped."""
+LARGEST_DRIVE = 6.0
+"""Times the network's own mean pressure that a drive may have; kPa and mmHg are 7.5 apart."""
 SAME_BEAT = 0.02
 """Share by which a drive may be longer or shorter than the beat that a period_scale says."""
 
@@ -97,6 +101,9 @@ def _condition(path, name: str, keys: dict) -> Condition:
         numbers[key] = _number(path, f"{name}.{key}", keys.get(key, 1.0))
         if numbers[key] <= 0.0:
             raise InputError(path, f"{name}.{key}", keys[key], "want a positive number")
+        if not 1.0 / LARGEST_SCALE <= numbers[key] <= LARGEST_SCALE:
+            remedy = f"a factor, {1.0 / LARGEST_SCALE:g} to {LARGEST_SCALE:g}; 0.3 for 30 %"
+            raise InputError(path, f"{name}.{key}", keys[key], remedy)
     if not isinstance(keys.get("held_out", False), bool):
         raise InputError(path, f"{name}.held_out", keys["held_out"], "want true or false")
     tables = {key: _table(path, f"{name}.{key}", keys.get(key) or {}) for key in ("scale", "set")}
@@ -256,6 +263,11 @@ def under(network: dict, condition: Condition, file: str | Path = "conditions") 
         if block is None or block["bc_type"] not in SERIES:
             known = ", ".join([b for b, v in anatomy.blocks.items() if v["bc_type"] in SERIES] + list(COVARIATES))
             raise InputError(file, f"{condition.name}.drive.{name}", None, f"no block with a waveform; know {known}")
+        if block["bc_type"] == "PRESSURE":
+            own, given = (float(np.abs(np.mean(values))) for values in (block["bc_values"]["P"], value))
+            if own > 0.0 and not 1.0 / LARGEST_DRIVE <= given / own <= LARGEST_DRIVE:
+                remedy = "times the network's own on average; want the network's unit of pressure"
+                raise InputError(file, f"{condition.name}.drive.{name}", float(f"{given / own:.3g}"), remedy)
         block["bc_values"]["t"], block["bc_values"][SERIES[block["bc_type"]]] = time.tolist(), value.tolist()
     _set_period(network, target)
     return network

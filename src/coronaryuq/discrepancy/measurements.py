@@ -31,7 +31,7 @@ WIDEST_GAP = 0.25
 LONGEST = 1.5
 """Longest waveform in cycles: beyond it the times are those of many beats, or not in s."""
 LATE = 0.05
-"""Share of the beat by which a waveform may begin late and end beyond it."""
+"""Share of the beat by which a waveform may end beyond it."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,8 @@ def _check_row(path, number: int, row, conditions, locations) -> None:
         fail("statistic", row.statistic, "a ratio is of mean pressures; want mean")
     if str(row.location) not in locations[row.quantity]:
         near = difflib.get_close_matches(str(row.location), locations[row.quantity], n=3, cutoff=0.3)
-        hint = f"near: {', '.join(near)}" if near else f"such as {', '.join(locations[row.quantity][:3])}"
+        known = locations[row.quantity]
+        hint = f"near: {', '.join(near)}" if near else f"such as {', '.join(known[:3])}" if known else "it has none"
         fail("location", row.location, f"the model has no such {row.quantity} location; {hint}")
     if str(row.unit) not in UNITS[row.quantity]:
         fail("unit", row.unit, f"not a unit of {row.quantity}; know {', '.join(UNITS[row.quantity])}")
@@ -147,8 +148,8 @@ def _check_waveform(path, key, time: np.ndarray, period: float) -> None:
     if np.ptp(time) > LONGEST * period:
         remedy = f"times span {np.ptp(time) / period:.3g} cycles of {period:.4g} s; give one beat, times in s"
         raise InputError(path, where, float(np.ptp(time)), remedy)
-    if time[0] < 0.0 or (time[0] > LATE * period and time[-1] > (1.0 + LATE) * period):
-        remedy = f"beyond the beat of {period:.4g} s; count times from its start"
+    if time[0] < 0.0 or time[-1] > (1.0 + LATE) * period:
+        remedy = f"beyond the beat of {period:.4g} s; count times from its start, in s, or give the period_scale"
         raise InputError(path, where, float(time[0] if time[0] < 0.0 else time[-1]), remedy)
     if (np.diff(time) == 0.0).any():
         twice = float(time[np.argmin(np.diff(time))])

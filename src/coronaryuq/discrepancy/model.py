@@ -105,7 +105,7 @@ def _check_root(problem: Problem) -> None:
 def _check_sizes(problem: Problem, file: str | Path) -> None:
     """Measurements that are far from anything that the model has are in another unit, or mistyped.
 
-    Flow may be much less than the model's, in a vessel all but closed, and the scale of perfusion is the data's own.
+    One flow may be much less than the model's, in a vessel all but closed; the scale of perfusion is the data's own.
     """
     forward = problem.forward
     predicted = forward.split(forward.predict(np.zeros(problem.count)))
@@ -126,7 +126,8 @@ def _check_sizes(problem: Problem, file: str | Path) -> None:
         most = max(float(np.abs(s.value).max()) for s, _ in mine) / largest
         limit = UNITS_APART.get(quantity, np.inf)
         times = middle if middle > limit else most
-        if middle > limit or (quantity in ("pressure", "ratio") and most < 1.0 / limit):
+        several = quantity != "flow" or len({s.location for s, _ in mine}) > 1
+        if middle > limit or (several and most < 1.0 / limit):
             remedy = "times what the model has; see the units of both"
             raise InputError(file, f"{quantity}: value", float(f"{times:.3g}"), remedy)
 

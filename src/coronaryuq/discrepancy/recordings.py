@@ -34,9 +34,9 @@ TIME, AORTA, VENTRICLE, FLOW = "t abs [s]", "AoP [mmHg]", "LVP [mmHg]", "LAD Flo
 SD_FLOW, SD_SHARE = 1.0, 0.05
 """Standard deviation of flow: two steps of the recorder (mL/min), and a share of the reading's mean."""
 SD_MEAN = 0.03
-MOST_PER_SECOND = 150.0
-"""Readings of flow that are used of a second at most: noise of readings closer in time is not independent, as it counts
-here, and curves drawn through them tell nothing more."""
+USED_PER_SECOND = 150.0
+"""Readings of flow that are used of a second, about, where there are more: noise of readings closer in time is not
+independent, as it counts here, and curves drawn through them tell nothing more."""
 SHORTEST, LONGEST = 0.1, 3.0
 """Lengths of a beat, s, from a small animal's to a slow heart's."""
 LARGEST_JUMP = 0.25
@@ -83,6 +83,9 @@ def prepare(
     if heading == "ml/s" and unit == "mL/min":
         note = f"note: {folder}: {animal}: flow headed ml/s, {largest:.3g} on average, is read as mL/min"
         print(note, file=sys.stderr, flush=True)
+    if largest < SD_FLOW * per_minute:
+        remedy = f"{unit} on average, less than the error of such a flow ({SD_FLOW * per_minute:.2g}); see its unit"
+        raise InputError(folder, f"{animal}: flow", float(f"{largest:.3g}"), remedy)
     reference, narrow = _reference(beats, unit), f"{artery}_{TAG}"
     stenosed = [name for name in beats if free_bed and STENOSED.search(name)]
     guess = STENOSIS * float(np.trapezoid(reference[1], reference[0]) / reference[0][-1]) / reference[2] ** 2
@@ -104,7 +107,7 @@ def prepare(
         flow = frame[FLOW].to_numpy()
         mean = float(np.trapezoid(flow, time) / time[-1])
         sd = float(np.hypot(SD_FLOW * per_minute, SD_SHARE * mean))
-        every = int(np.ceil((len(time) - 1) / time[-1] / MOST_PER_SECOND))
+        every = max(1, round((len(time) - 1) / time[-1] / USED_PER_SECOND))
         readings = zip(time[:-1:every], flow[:-1:every], strict=True)
         rows += [(name, "flow", place, "waveform", t, q, sd) for t, q in readings]
         rows.append((name, "flow", place, "mean", "", mean, max(SD_MEAN * abs(mean), 0.3 * per_minute)))

@@ -68,7 +68,7 @@ def read_pairs(simulated: str | Path, measured: str | Path) -> tuple[pd.DataFram
     tables = [read_csv(path, ("sample",)).set_index("sample") for path in (simulated, measured)]
     for path, table in zip((simulated, measured), tables, strict=True):
         if table.index.has_duplicates:
-            raise InputError(path, "sample", table.index[table.index.duplicated()][0], "given twice; keep one row")
+            raise InputError(path, "sample", str(table.index[table.index.duplicated()][0]), "given twice; keep one row")
         _check_ffr(path, table)
     common = [name for name in tables[0].index if name in tables[1].index]
     if len(common) < LEAST_SAMPLES:

@@ -26,6 +26,8 @@ INTERNAL = {
 """Internal variables of each element, in svZeroDSolver's order."""
 
 PERIOD = f"{HEART}.cardiac_cycle_period"
+SAME_PERIOD = 1e-9
+"""Share by which two periods may differ, as those of times cut out of a recording do."""
 """Name under which the period can be changed, with or without a heart in the network."""
 
 
@@ -129,7 +131,7 @@ class Model:
             return 1.0
         (first, period), *others = found.items()
         for name, other in others:
-            if other != period:
+            if abs(other - period) > SAME_PERIOD * period:
                 raise InputError(self.file, name, other, f"inconsistent cardiac period; {first} says {period}")
         return float(period)
 
