@@ -85,7 +85,7 @@ def test_every_drive_has_a_file_of_its_own():
     assert found["x", "y"] == "drives/x_y.csv"
 
 
-def test_a_block_called_as_a_measured_waveform_is(tmp_path):
+def test_a_block_called_as_a_measured_waveform_is():
     network = left_coronary()
     network["boundary_conditions"][0]["bc_name"] = "LV"
     network["vessels"][0]["boundary_conditions"]["inlet"] = "LV"

@@ -86,15 +86,13 @@ def test_missing_sd(spoiled):
     assert "line 5: sd" in spoiled(change)
 
 
-def test_the_line_of_a_fault_is_that_of_the_file(spoiled, tmp_path, capsys):
+def test_the_line_of_a_fault_is_that_of_the_file(spoiled, tmp_path):
     spoiled(lambda t: t.assign(sd=np.where(t.index == 3, -1.0, t.sd)))
     path = tmp_path / "measurements.csv"
     lines = path.read_text().splitlines()
     path.write_text("\n".join(["# mine", lines[0], "", *lines[1:3], "# more", *lines[3:]]) + "\n")
-    words = [word for name in ("model.json", "measurements.csv", "conditions.yaml") for word in
-             (f"--{name.split('.')[0]}", str(tmp_path / name))]  # fmt: skip
-    cli.main(["discrepancy", *words, "--out", str(tmp_path / "out")])
-    assert "line 8: sd = -1.0" in capsys.readouterr().err
+    with pytest.raises(InputError, match=r"line 8: sd = -1\.0"):
+        command.main(case_arguments(tmp_path, tmp_path / "out"))
 
 
 def test_two_columns_of_one_name(spoiled):

@@ -151,7 +151,8 @@ def _number(path, where: str, value) -> float:
     return number
 
 
-def _is_number(value) -> bool:
+def is_number(value) -> bool:
+    """Whether a value of a network is a number, and neither a waveform nor a flag."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
@@ -238,8 +239,8 @@ def under(network: dict, condition: Condition, file: str | Path = "conditions") 
                 for name in split if parameter not in values and all(one in values for one in split) else [parameter]:
                     if name in ELEMENTS and values is vessels.get(block):
                         values.setdefault(name, 0.0)
-                    if name not in values or not _is_number(values[name]):
-                        known = ", ".join(k for k, v in values.items() if _is_number(v))
+                    if name not in values or not is_number(values[name]):
+                        known = ", ".join(k for k, v in values.items() if is_number(v))
                         raise InputError(file, f"{condition.name}.{key}.{block}.{name}", None, f"know {known}")
                     values[name] = combine(values[name], value)
     for vessel, name in condition.stenosis.items():

@@ -10,7 +10,7 @@ from coronaryuq import units
 from coronaryuq.discrepancy.conditions import Condition
 from coronaryuq.discrepancy.jobs import Job, Prepared, Scaled
 from coronaryuq.discrepancy.measurements import Measured
-from coronaryuq.discrepancy.networks import with_values
+from coronaryuq.discrepancy.networks import inner, with_values
 from coronaryuq.discrepancy.nuisance import Nuisance
 from coronaryuq.discrepancy.side_by_side import Asking, side_by_side
 from coronaryuq.discrepancy.simulation import Acting, Simulation, elements
@@ -296,14 +296,13 @@ class Forward:
             return (f"flow:{renamed.get(at, at)}",)
         if series.quantity == "ratio":
             return f"pressure:{location}", f"pressure:{renamed.get(self.root, self.root)}"
-        if location in self._inside:
+        if location in self._inner:
             return (location,)
         return (f"{series.quantity}:{location}",)
 
     @cached_property
-    def _inside(self) -> frozenset[str]:
-        """Unknowns of the heart and of beds, which are measured by their own names."""
-        return frozenset(name for name in Engine(self.network).unknowns if not name.startswith(("flow:", "pressure:")))
+    def _inner(self) -> frozenset[str]:
+        return frozenset(inner(Engine(self.network).unknowns))
 
     @property
     def root(self) -> str:

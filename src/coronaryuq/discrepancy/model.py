@@ -9,6 +9,7 @@ from coronaryuq import units
 from coronaryuq.discrepancy.conditions import Condition, period_of, under
 from coronaryuq.discrepancy.forward import Forward, pressure_factor
 from coronaryuq.discrepancy.measurements import AORTIC, Measured, measured_conditions, read_measurements
+from coronaryuq.discrepancy.networks import inner
 from coronaryuq.discrepancy.noise import Noise, parts
 from coronaryuq.discrepancy.nuisance import Nuisance, nuisances
 from coronaryuq.discrepancy.numerics import time_steps
@@ -37,7 +38,7 @@ def locations(network: dict) -> dict[str, list[str]]:
     """Names that measurements may use, per quantity."""
     unknowns = Engine(network).unknowns
     places = [name.split(":", 1)[1] for name in unknowns if name.startswith("flow:")]
-    internal = [name for name in unknowns if not name.startswith(("flow:", "pressure:"))]
+    internal = inner(unknowns)
     return {
         "flow": places + [n for n in internal if n.startswith("Q_")],
         "pressure": places + [n for n in internal if n.startswith("P_")],

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from coronaryuq.discrepancy.conditions import ELEMENTS, SERIES, period_of
+from coronaryuq.discrepancy.conditions import ELEMENTS, SERIES, is_number, period_of
 from coronaryuq.zerod.effects.base import WAVE_POINTS
 from coronaryuq.zerod.model import PERIOD
 from coronaryuq.zerod.network import HEART
@@ -18,11 +18,7 @@ def scalars(network: dict) -> dict[str, float]:
         found |= {f"{block['bc_name']}.{name}": value for name, value in block["bc_values"].items()}
     for heart in network.get("closed_loop_blocks", []):
         found |= {f"{HEART}.{name}": value for name, value in heart["parameters"].items()}
-    return {
-        name: float(value)
-        for name, value in found.items()
-        if isinstance(value, int | float) and not isinstance(value, bool)
-    }
+    return {name: float(value) for name, value in found.items() if is_number(value)}
 
 
 def differences(own: dict, other: dict) -> dict[str, float | np.ndarray]:
@@ -38,6 +34,11 @@ def differences(own: dict, other: dict) -> dict[str, float | np.ndarray]:
             if np.abs(ours - theirs).max() > 1e-9 * np.abs(ours).max():
                 found[name] = theirs
     return found
+
+
+def inner(unknowns: list[str]) -> list[str]:
+    """Unknowns of the heart and of beds, which are measured by their own names: no flow or pressure between blocks."""
+    return [name for name in unknowns if not name.startswith(("flow:", "pressure:"))]
 
 
 def sampled(network: dict, name: str) -> np.ndarray:

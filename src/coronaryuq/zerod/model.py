@@ -26,9 +26,9 @@ INTERNAL = {
 """Internal variables of each element, in svZeroDSolver's order."""
 
 PERIOD = f"{HEART}.cardiac_cycle_period"
+"""Name under which the period can be changed, with or without a heart in the network."""
 SAME_PERIOD = 1e-9
 """Share by which two periods may differ, as those of times cut out of a recording do."""
-"""Name under which the period can be changed, with or without a heart in the network."""
 
 
 @dataclass
