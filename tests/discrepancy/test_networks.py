@@ -79,7 +79,7 @@ def test_a_waveform_of_one_value():
 
 @pytest.mark.parametrize(
     ("rest", "hyperaemia", "expected"),
-    [((0.8, 0.3), (2.4, 0.3), "hyperaemia"), ((1.0, 0.3), (2.4, 0.3), "rest"), ((0.0, 0.3), (0.1, 0.5), "hyperaemia")],
+    [((0.2, 0.3), (2.4, 0.3), "hyperaemia"), ((0.4, 0.3), (2.4, 0.3), "rest"), ((0.0, 0.3), (0.1, 0.5), "hyperaemia")],
 )
 def test_a_perfusion_lost_in_its_noise_sets_no_tissue_mass(rest, hyperaemia, expected):
     network, conditions, _ = open_loop()

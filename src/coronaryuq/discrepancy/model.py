@@ -28,7 +28,7 @@ UNITS_APART = {"pressure": 6.0, "ratio": 20.0, "flow": 20.0, "volume": 20.0}
 
 MARKS = (":", "~", "<")
 """What stands between the blocks of a place."""
-KNOWN = 3.0
+KNOWN = 1.0
 """Standard deviations by which a perfusion is above nought that may set a tissue mass."""
 LEAST_WHITE = 0.1
 """Share of a standard deviation that is left to white noise, whatever the model's floor and time steps add."""
