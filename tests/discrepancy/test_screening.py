@@ -93,6 +93,25 @@ def test_where_the_model_does_not_run_a_nearer_point_stands_for_it_or_nothing_ge
     assert (candidate.estimate, candidate.p_varying, candidate.guess.tolist()) == (-np.inf, 1.0, [0.0])
 
 
+@pytest.mark.parametrize(("norm", "seen"), [(0.04, True), (1e-4, False)])
+def test_what_data_see_only_if_it_is_large_is_run_larger(norm, seen):
+    """An effect whose smallest size changes the data by `norm` noise sd, and its true one by 200 times that, or so."""
+    random = generator(26, "test", "screening")
+    g, along = random.standard_normal((ROWS, NUISANCES)), random.standard_normal(ROWS) / np.sqrt(ROWS)
+    parameter = Parameter("size", "1", "lognormal", norm * np.exp(1.5), 1.5, "")
+    y = g @ random.standard_normal(NUISANCES) + along * parameter.from_standard(2.5) + random.standard_normal(ROWS)
+
+    def residuals(rows, grafts=()):
+        sizes = [parameter.from_standard(z[NUISANCES]) if len(z) > NUISANCES else 0.0 for z, _ in rows]
+        return np.array([y - g @ z[:NUISANCES] - along * size for (z, _), size in zip(rows, sizes, strict=True)])
+
+    candidate = Candidate(made_up("made up", parameter), "here", -1.0)
+    z = np.linalg.solve(np.eye(NUISANCES) + g.T @ g, g.T @ y)
+    screen(problem(residuals), Fit(z, y - g @ z, g), [], [candidate])
+    assert (candidate.z_score > 5.0) is seen
+    assert not seen or candidate.guess[0] == pytest.approx(2.5, abs=0.3)
+
+
 def varying(random, sizes):
     """p-value of the varying size of an effect that has these sizes under the two conditions."""
     g, along = random.standard_normal((ROWS, NUISANCES)), random.standard_normal(ROWS) / np.sqrt(ROWS)

@@ -10,10 +10,12 @@ from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.shapes import chi2_tail
 from coronaryuq.discrepancy.simulation import Acting
 
-LEAST_SENSITIVITY = 0.3
-"""Whitened norm below which data cannot see an effect of the tested size."""
+LEAST_SENSITIVITY, LARGEST = 0.3, 2.0
+"""Whitened norm below which data cannot see an effect, and the size at which it has to be above that, in prior standard
+deviations."""
 PROMISING = 40
-"""Candidates whose larger sizes are run too, by the score test."""
+"""Candidates whose larger sizes are run too, by the score test: so many of those of which data see a small size, and of
+those of which they would see a larger one only."""
 POSITIVE, SIGNED = (-1.0, 0.3, 1.6), (0.3, 1.2, -1.2)
 """Sizes that are run, in prior standard deviations; the first is that of the score test."""
 TURNING = (0.3, -0.3, 0.6, -0.6, 1.2, -1.2, 2.0, -2.0)
@@ -62,13 +64,14 @@ def screen(problem: Problem, at: Fit, acting: list[Acting], candidates: list[Can
         linear.test(candidate)
     turning = [c for c in first if c.effect.turning]
     ranked = sorted((c for c in first if not c.effect.turning and c.z_score > 2.0), key=lambda c: -c.z_score)
-    larger = [(c, size) for c in (*turning, *ranked[:PROMISING]) for size in _sizes(c)[1:]]
+    clear, faint = ([c for c in ranked if linear.sees(c.response) is so][:PROMISING] for so in (True, False))
+    larger = [(c, size) for c in (*turning, *clear, *faint) for size in _sizes(c)[1:]]
     responses = _responses(problem, at, acting, larger)
     scores: dict[Acting, list[float]] = {c.acting: [c.z_score] for c in turning}
     for (candidate, size), response in zip(larger, responses, strict=True):
         linear.weigh(candidate, size, response)
         if candidate.acting in scores:
-            scores[candidate.acting].append(abs(linear.score_of(response)))
+            scores[candidate.acting].append(abs(linear.score_of(response, _growth(candidate, size))))
     for candidate in turning:
         candidate.z_score = _best_of(scores[candidate.acting])
 
@@ -100,6 +103,15 @@ def _sizes(candidate: Candidate) -> tuple[float, ...]:
     return POSITIVE if candidate.one_sided else SIGNED
 
 
+def _growth(candidate: Candidate, size: float) -> float:
+    """How many times an effect of size z would be at the largest size, were it in proportion; 1 for one that turns."""
+    if candidate.effect.turning:
+        return 1.0
+    if candidate.one_sided:
+        return float(np.exp(candidate.effect.parameters[0].spread * (LARGEST - size)))
+    return LARGEST / abs(size)
+
+
 def _responses(problem: Problem, at: Fit, acting: list[Acting], wanted: list[tuple[Candidate, float]]) -> np.ndarray:
     """Change (n, N) of whitened predictions by each (candidate, size z) wanted."""
     if not wanted:
@@ -127,19 +139,26 @@ class _Linear:
         candidate.clear_score()
         response = candidate.response
         if np.isfinite(response).all():
-            z = self.score_of(response)
+            z = self.score_of(response, _growth(candidate, _sizes(candidate)[0]))
             candidate.z_score = max(z, 0.0) if candidate.one_sided else abs(z)
             if z != 0.0 and self.apart.shape[1] > 1:
                 each = response[:, None] * self.apart
                 candidate.p_varying = chi2_tail(each.T @ self.project(each), each.T @ self.score)
             self.weigh(candidate, _sizes(candidate)[0], response)
 
-    def score_of(self, response: np.ndarray) -> float:
-        """The score test's standard normal number of one response; nought where data cannot see it."""
-        if not np.isfinite(response).all():
+    def sees(self, response: np.ndarray, growth: float = 1.0) -> bool:
+        """Whether data see what is `growth` times as large as this response."""
+        return self._length(response) * growth > LEAST_SENSITIVITY
+
+    def score_of(self, response: np.ndarray, growth: float) -> float:
+        """The score test's standard normal number of one response; nought where data do not see it however large."""
+        if not np.isfinite(response).all() or not self.sees(response, growth):
             return 0.0
-        length = float(np.sqrt(max(response @ self.project(response), 0.0)))
-        return float(response @ self.score) / length if length > LEAST_SENSITIVITY else 0.0
+        return float(response @ self.score) / self._length(response)
+
+    def _length(self, response: np.ndarray) -> float:
+        """Whitened norm of what the nuisance parameters leave of a response."""
+        return float(np.sqrt(max(response @ self.project(response), 0.0)))
 
     def weigh(self, candidate: Candidate, size: float, response: np.ndarray) -> None:
         """Let the candidate have the greatest log evidence that multiples of this response reach, if it is greater."""

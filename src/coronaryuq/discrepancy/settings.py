@@ -34,6 +34,7 @@ Effect = Literal[
     "flow_gain",
     "flow_delay",
     "trigger_delay",
+    "drive_gain",
     "exchanged_outlets",
 ]
 """What can be hidden: names of the library, which is not imported because reading settings costs nothing."""

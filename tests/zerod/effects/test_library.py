@@ -45,9 +45,10 @@ def flows(network, anatomy, one=None, place=None, sizes=None):
         changes = one.changes(network, place, sizes, anatomy, situation(anatomy))
         for name, value in list(changes.items()):
             if np.ndim(value) == 2:
-                block = next(b for b in network["boundary_conditions"] if b["bc_name"] == name.split(".")[0])
+                driven, waveform = name.split(".")
+                block = next(b for b in network["boundary_conditions"] if b["bc_name"] == driven)
                 block["bc_values"]["t"] = np.linspace(0, anatomy.period, value.shape[1]).tolist()
-                block["bc_values"]["Pim"] = value[0].tolist()
+                block["bc_values"][waveform] = value[0].tolist()
                 del changes[name]
     names = [renamed.get(f"{v}:{bed}", f"{v}:{bed}") for bed, v in anatomy.beds.items()]
     found = Engine(network).run(changes, [f"mean_flow:{n}" for n in names], periodic=True, steps_per_cycle=200)
@@ -230,6 +231,19 @@ def test_a_whole_exchange_puts_each_bed_at_the_others_vessel(tree):
     one["bc_values"], other["bc_values"] = other["bc_values"], one["bc_values"]
     assert found == pytest.approx(flows(swapped, anatomy), rel=1e-6)
     assert abs(found / flows(network, anatomy) - 1.0).max() > 0.1
+
+
+def test_a_gain_of_the_drive_is_that_of_what_the_network_is_driven_by(tree):
+    """Flow into every bed is that of the network with the scaled waveform, and it acts where a drive is, only."""
+    network, anatomy = tree
+    one = effect("drive_gain")
+    assert one.places(anatomy) == ["AORTA"]
+    driven = copy.deepcopy(network)
+    aorta = next(b for b in driven["boundary_conditions"] if b["bc_name"] == "AORTA")["bc_values"]
+    aorta["P"] = [0.9 * pressure for pressure in aorta["P"]]
+    found = flows(network, anatomy, one, "AORTA", {"gain": np.array([-0.1])})
+    assert found == pytest.approx(flows(driven, anatomy), rel=1e-4)
+    assert (found < 0.95 * flows(network, anatomy)).all()
 
 
 def test_compression_is_said_as_the_loop_has_it_and_its_shape_where_it_is_assumed(tree):

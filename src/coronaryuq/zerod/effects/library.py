@@ -3,6 +3,7 @@
 from coronaryuq.zerod.effects.base import Effect
 from coronaryuq.zerod.effects.beds import Autoregulation, BackPressure, CompressedResistance, IncompleteHyperaemia
 from coronaryuq.zerod.effects.collateral import Collateral
+from coronaryuq.zerod.effects.drive import DriveGain
 from coronaryuq.zerod.effects.intramyocardial import IntramyocardialDelay, IntramyocardialPressure
 from coronaryuq.zerod.effects.kinetic import BifurcationLoss, OstialLoss
 from coronaryuq.zerod.effects.leak import SideBranchLeak
@@ -50,6 +51,7 @@ LIBRARY: tuple[Effect, ...] = (
     FlowGain(),
     FlowDelay(),
     TriggerDelay(),
+    DriveGain(),
 )
 
 MISTAKES: tuple[Effect, ...] = (ExchangedOutlets(),)
