@@ -22,10 +22,10 @@ def gap(nats: float) -> Gap:
 
 
 def verdict(
-    size=1.5, sizes=None, held_out=True, still=False, after=0.1, flexible=0.0, both=0.1, foretold=0.5, side="network"
+    size=1.5, sizes=None, held_out=True, still=False, after=0.1, flexible=0.0, both=0.1, foretold=0.5, instrument=False
 ):
     """Of one effect of that size, or of these under the three conditions; nats per held-out row over recalibration."""
-    acting = SimpleNamespace(name="made up", parameters=(None,), nameable=True, side=side), "here"
+    acting = SimpleNamespace(name="made up", parameters=(None,), nameable=True, of_an_instrument=instrument), "here"
     random = generator(7, "test", "abstention")
     nuisance, along = random.standard_normal((ROWS, 2)), random.standard_normal(ROWS)
     felt = size if sizes is None else np.repeat(sizes, ROWS // 3)
@@ -62,14 +62,14 @@ def test_held_out_data_take_back_what_they_outweigh(after, refuted):
     ("given", "incredible"),
     [
         ({}, True),
-        ({"side": "network"}, False),
+        ({"instrument": False}, False),
         ({"size": 1.5}, False),
         ({"still": False}, False),
         ({"foretold": 0.5}, False),
     ],
 )
 def test_a_sensor_far_off_that_does_not_explain_it_all_is_not_named(given, incredible):
-    said = {"side": "measurement", "size": 6.0, "still": True, "foretold": 1e-9, "both": 1.0} | given
+    said = {"instrument": True, "size": 6.0, "still": True, "foretold": 1e-9, "both": 1.0} | given
     assert verdict(**said).incredible == incredible == verdict(**said).abstains
 
 

@@ -156,7 +156,21 @@ def test_sensors_that_may_be_off_beside_a_loss_are_said():
     assert "these samples leave room for pressure gain (0.84) or pressure offset (0.16)" in answer
 
 
-def discovered(left, beside=None):
+def test_what_recalibration_does_to_the_models_own_loss_is_said_where_it_is_much():
+    left = {"after": 0.0020, "recalibration_alone": 0.0281}
+    assert "multiplies the model's own loss by 1.1 (+2.4 standard" in discovered(left, moved=2.4)
+    assert "the model's own loss" not in discovered(left, moved=1.0)
+
+
+@pytest.mark.parametrize("share", [0.2, 0.35])
+def test_a_model_with_a_loss_that_is_not_there_lacks_nothing(tmp_path, share):
+    """Its own loss is 3: what is measured has a share of it."""
+    answer = discover_pairs(*noisy_pairs(tmp_path, 5, linear=3.0 * (share - 1.0)), tmp_path / "out", 1)
+    assert answer["outside_library"] and not answer["named"]
+    assert "The model seems to have a loss that is not there, or too strong a one" in answer["paragraph"]
+
+
+def discovered(left, beside=None, moved=0.3):
     """The sentences on a branch with a named loss, with these held-out errors."""
     interval = {"size": 0.2, "size_low": 0.1, "size_high": 0.3}
     return _words(
@@ -165,6 +179,9 @@ def discovered(left, beside=None):
             "place": "a:b",
             "alarm": True,
             "outside_library": False,
+            "overstated": False,
+            "recalibration": {"own": 1.1},
+            "own_loss_moved": moved,
             "effects": ["quadratic_stenosis"],
             "classes": {"quadratic_stenosis": {"quadratic_stenosis": 1.0}},
             "probability": 1.0,

@@ -102,11 +102,11 @@ def judge(
 
 
 def _sensor_far_off(problem: Problem, fit: Fit, acting: list[Acting]) -> bool:
-    """Whether what a measurement is said to be off by lies outside the central 99 % of its prior."""
+    """Whether what an instrument is said to be off by lies outside the central 99 % of its prior."""
     column, far = problem.count, False
     for effect, _ in acting:
         size = fit.z[column : column + len(effect.parameters)]
-        far |= effect.side == "measurement" and bool(np.any(np.abs(size) > CENTRAL_99))
+        far |= effect.of_an_instrument and bool(np.any(np.abs(size) > CENTRAL_99))
         column += len(effect.parameters)
     return far
 

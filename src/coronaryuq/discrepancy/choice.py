@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coronaryuq.discrepancy.laws import FLOOR_FFR, LawFit
+from coronaryuq.discrepancy.laws import FLOOR_FFR, SENSORS, LawFit
 
 LEAST_INCLUSION = 0.9
 """Posterior probability from which an effect, or what the samples cannot tell from it, is part of the law."""
@@ -67,15 +67,16 @@ def choose(ranked: list[LawFit]) -> Choice:
     """The best law without what is no part of it with probability `LEAST_INCLUSION`, and what the samples take for it.
 
     The probability is that of the effect's class: where two sensors share the law between them, one of the two is part
-    of it. A sensor's error beside a loss is left out as well where the loss alone leaves less than `FLOOR_FFR`.
+    of it. A sensor's error is left out as well where the loss beside it alone, or recalibration, leaves less than
+    `FLOOR_FFR`: a loss of the model that differs in its form is as likely.
     """
     fit = ranked[0]
     while True:
         classes = _classes(ranked, fit.law.effects)
         doubtful = [k for k, one in enumerate(classes) if one.probability < LEAST_INCLUSION]
-        if not doubtful and len(classes) == 2:
-            alone = next(one for one in ranked if one.law.effects == fit.law.effects[:1])
-            doubtful = [1] if alone.rms_ffr < FLOOR_FFR else []
+        if not doubtful and classes and fit.law.effects[-1] in SENSORS:
+            alone = next(one for one in ranked if one.law.effects == fit.law.effects[:-1])
+            doubtful = [len(classes) - 1] if alone.rms_ffr < FLOOR_FFR else []
         if not doubtful:
             return Choice(fit, tuple(classes))
         least = min(doubtful, key=lambda k: classes[k].probability)

@@ -70,6 +70,11 @@ class LawFit:
     rms_ffr: float
     point: tuple[float, ...]
 
+    @property
+    def own(self) -> float:
+        """How far recalibration has moved the model's own loss, in standard deviations of its prior."""
+        return self.point[RECALIBRATION.index("own")]
+
 
 @dataclass(frozen=True)
 class Size:
@@ -88,8 +93,8 @@ def predict(branch: Branch, terms: dict[str, float]) -> tuple[np.ndarray, np.nda
     Solves P_root = z + (own D_0/Q_0 + R + R_end + bed R_bed) Q + S Q^2 per sample: D_0 the simulated drop to the distal
     place, R_end the resistance from there to the outlet (the simulated one and what lies beyond), R_bed the bed's,
     (P_outlet - z) / Q_0, z the zero-flow pressure. The root's is the simulated one times `ROOT`, its mean ratio, of all
-    samples unless given. A sensor's offset and gain act on the distal
-    pressure and the flow that are read.
+    samples unless given. A sensor's offset and gain act on the distal pressure and the flow that are read, and on the
+    outlet's pressure where that is the same.
     """
     bed = terms.get("bed", 1.0) * (branch.outlet0 - branch.venous) / branch.flow0
     end = (branch.distal0 - branch.outlet0) / branch.flow0 + terms.get(BEYOND, 0.0)
@@ -100,8 +105,10 @@ def predict(branch: Branch, terms: dict[str, float]) -> tuple[np.ndarray, np.nda
     flow = 2.0 * head / (series + np.sqrt(series**2 + 4.0 * quadratic * head))
     outlet = branch.venous + bed * flow
     distal = outlet + end * flow
-    read = distal * (1.0 + terms.get("gain", 0.0)) + terms.get("offset", 0.0)
-    return read / root, flow * (1.0 + terms.get("flow", 0.0)), outlet / root
+    gain, offset = 1.0 + terms.get("gain", 0.0), terms.get("offset", 0.0)
+    if branch.one_sensor:
+        outlet = gain * outlet + offset
+    return (gain * distal + offset) / root, flow * (1.0 + terms.get("flow", 0.0)), outlet / root
 
 
 def fit_law(branch: Branch, law: Law, rows: np.ndarray) -> LawFit:

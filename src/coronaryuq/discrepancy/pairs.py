@@ -37,6 +37,9 @@ leaves, or so many times `FLOOR_FFR`. Where it leaves more than all three, somet
 WORSE = 2.0
 """Standard errors, of the paired difference of squares over held-out samples, by which a law that is no better than
 recalibration has to be worse to be refuted: stretching the model's own loss is a linear loss as well, and ties."""
+SHRUNK, STRETCHED = -3.0, 2.0
+"""Prior standard deviations by which recalibration may lessen the model's own loss, beyond which that is wrong in the
+model; and by which it may change it either way before the answer says so."""
 UNITS = {
     "linear": "pressure unit of the tables / flow unit",
     "quadratic": "pressure unit of the tables / flow unit squared",
@@ -165,8 +168,16 @@ class _Examined:
         return left >= max(LEFT_FLEXIBLE * self.rmse(self.flexible), LEFT_FLOORS * FLOOR_FFR)
 
     @property
+    def overstated(self) -> bool:
+        """That what is measured has little of the loss that the model has: it lacks nothing, it has too much."""
+        return self.choice.fit.own < SHRUNK
+
+    @property
     def outside(self) -> bool:
-        """That the law leaves too much, or predicts held-out samples worse than recalibration by `WORSE` sd errors."""
+        """That the law leaves too much, or predicts held-out samples worse than recalibration by `WORSE` sd errors, or
+        needs a model without its own loss."""
+        if self.overstated:
+            return True
         if self.misfits and self.rmse(self.after) >= LEFT * self.rmse(self.before):
             return True
         worse = (self.after - self.measured) ** 2 - (self.plain - self.measured) ** 2
@@ -210,6 +221,7 @@ def _answer(branch: Branch, one: _Examined) -> dict:
         "alarm": bool(one.alarm or one.outside),
         "effects": list(effects) if name_it else [],
         "outside_library": one.outside,
+        "overstated": one.overstated,
         "doubt": bool(one.doubt),
         "probability": min((c.probability for c in classes.values()), default=0.0),
         "inclusion": probabilities,
@@ -221,6 +233,7 @@ def _answer(branch: Branch, one: _Examined) -> dict:
         "terms": [{"term": n, "unit": UNITS[n], **found[n]} for n in best.law.terms] if name_it else [],
         "sizes": {name: {"of": _meaning(name), **found[name]} for name in effects} if name_it else {},
         "recalibration": {name: best.terms[name] for name in (*RECALIBRATION, BEYOND)},
+        "own_loss_moved": best.own,
         "share_of_folds_with_this_name": float(
             np.mean([is_one_of(e, [c.members for c in one.choice.classes]) for e in one.in_folds])
         ),
@@ -301,6 +314,13 @@ def _words(a: dict) -> str:
         f"{artery(a['branch'])}: the drop of pressure to {a['place']} is {a['drop']['measured']:.1f} measured and "
         f"{a['drop']['simulated']:.1f} simulated"
     )
+    own = f"multiplies the model's own loss by {a['recalibration']['own']:.2g}"
+    if a["overstated"]:
+        return (
+            f"{drops}, and recalibration {own}, {a['own_loss_moved']:+.1f} standard deviations of its prior. The model "
+            "seems to have a loss that is not there, or too strong a one, or the two tables are exchanged; nothing is "
+            f"named. With that, o{error}"
+        )
     if a["outside_library"]:
         nearest = _listed(list(a["classes"]) or ["recalibration"], " and ")
         return (
@@ -309,7 +329,9 @@ def _words(a: dict) -> str:
         )
     if a["alarm"] and not a["effects"]:
         rivals = _listed(a["possibly_also"], " or ")
-        return f"{drops}; something is missing, and the samples do not tell which: {rivals}. O{error}"
+        which = f": {rivals}" if rivals else ""
+        told = f"something differs, and the samples do not tell what{which}. Recalibration {own}"
+        return f"{drops}; {told}. O{error}"
     if not a["effects"]:
         return f"{artery(a['branch'])}: simulated and measured drops agree; nothing to explain."
     names = []
@@ -338,6 +360,8 @@ def _words(a: dict) -> str:
             " In doubt: recalibration alone, which stretches the model's own linear loss, predicts held-out samples as "
             "well."
         )
+    if abs(a["own_loss_moved"]) > STRETCHED:
+        doubt += f" With it recalibration {own} ({a['own_loss_moved']:+.1f} standard deviations of its prior)."
     if a["possibly_also"]:
         room = _listed([f"{name} ({a['inclusion'][name]:.2f})" for name in a["possibly_also"]], " or ")
         doubt += f" Beside it these samples leave room for {room}, with that probability."

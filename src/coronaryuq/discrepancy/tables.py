@@ -26,6 +26,10 @@ LARGEST_RATIO, LARGEST_FLOW_RATIO = 3.0, 20.0
 """Of the root's mean pressure, and of a branch's flow, in both tables, beyond which they are not in one unit."""
 
 
+SAME_PRESSURE = 1e-3
+"""Share of the root's pressure by which two columns of one pressure may differ: FFR is rounded."""
+
+
 @dataclass(frozen=True)
 class Branch:
     """One stenosed branch: pressures at root, behind the stenosis and at the outlet; simulated (0), measured (3).
@@ -48,6 +52,17 @@ class Branch:
     venous: float
     flow_source: str
     venous_sd: float = 0.0
+
+    @property
+    def one_sensor(self) -> bool:
+        """Whether what is read behind the stenosis is what is read at the outlet, errors and all."""
+        return all(
+            bool((np.abs(distal - outlet) <= SAME_PRESSURE * root).all())
+            for distal, outlet, root in (
+                (self.distal0, self.outlet0, self.root0),
+                (self.distal3, self.outlet3, self.root3),
+            )
+        )
 
     @property
     def drop0(self) -> np.ndarray:

@@ -84,6 +84,11 @@ class Effect(ABC):
     nameable: ClassVar[bool] = True
     """False for a mistake in the model: where it explains best, what is missing is no effect."""
 
+    @property
+    def of_an_instrument(self) -> bool:
+        """Whether it is of what was read and not of the patient: beyond its prior it is not to be believed."""
+        return self.side == "measurement"
+
     def places(self, anatomy: Anatomy, observed: list[Series] = ()) -> list[str]:
         """Where it may act; `observed` are the measured series, which effects on the measuring side act on."""
         raise NotImplementedError

@@ -17,6 +17,7 @@ class DriveGain(Effect):
     signature = "pressures and flows everywhere a factor off, in every condition alike"
     native = "P or Q of the boundary condition at the inlet"
     parameters = (Parameter("gain", "1", "normal", 0.0, 0.1, "gain less 1"),)
+    of_an_instrument = True
 
     def places(self, anatomy, observed=()):
         inlets = dict.fromkeys(anatomy.inlet_bc[root] for root in anatomy.roots if root in anatomy.inlet_bc)
