@@ -14,8 +14,8 @@ from coronaryuq.discrepancy.verify import Gap, better
 WORTH = 0.2
 """Held-out log predictive density per row that named effects must add to a flexible discrepancy to be named beside it.
 
-Set where effects outside the library that the benchmark hides (0.17 at most, but for one of 150) and compression in
-two animals' recorded coronary flow (0.62 and 1.01) lie apart: those two answers are therefore no test of it.
+Set where effects outside the library that the benchmark hides (0.17 at most, of 150) and compression in two animals'
+recorded coronary flow (0.62 and 1.01) lie apart: those two answers are therefore no test of it.
 docs/discrepancy-method.md has what other thresholds would answer."""
 
 CENTRAL_99 = 2.5758293035489004
