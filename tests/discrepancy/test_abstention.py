@@ -69,8 +69,14 @@ def test_held_out_data_take_back_what_they_outweigh(after, refuted):
     ],
 )
 def test_a_sensor_far_off_that_does_not_explain_it_all_is_not_named(given, incredible):
-    said = {"instrument": True, "size": 6.0, "still": True, "foretold": 1e-9, "both": 1.0} | given
+    said = {"instrument": True, "size": 3.3, "still": True, "foretold": 1e-9, "both": 1.0} | given
     assert verdict(**said).incredible == incredible == verdict(**said).abstains
+
+
+@pytest.mark.parametrize(("size", "believed"), [(3.3, True), (-3.3, True), (4.7, False), (-4.7, False)])
+def test_a_size_that_nobody_has_is_not_named_however_well_it_explains(size, believed):
+    found = verdict(size=size, after=5.0)
+    assert found.incredible != believed and found.abstains != believed
 
 
 @pytest.mark.parametrize("still", [False, True])

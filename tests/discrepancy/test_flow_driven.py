@@ -7,6 +7,7 @@ from coronaryuq.bench.discrepancy import analyse
 from coronaryuq.discrepancy import hidden
 from coronaryuq.discrepancy.conditions import Condition
 from coronaryuq.discrepancy.repair import repaired_conditions, repaired_network
+from coronaryuq.zerod.effects.library import effect
 
 PERIOD = 0.9
 BRANCHES = {"carotid": 9000.0, "renal": 6000.0, "iliac_l": 8000.0, "iliac_r": 8000.0}
@@ -50,8 +51,9 @@ def aorta():
     return {"simulation_parameters": simulation} | parts
 
 
-def examined(folder, wrong):
-    """The search on measurements of the aorta in which `wrong(network)` has changed something."""
+def examined(folder, wrong=lambda network: None, off=(), noise=1.0):
+    """The search on measurements of the aorta in which `wrong(network)` has changed something, and probes at `off` read
+    15 % too much."""
     conditions = [
         Condition("rest"),
         Condition("vasodilated", coronary_resistance_scale=0.6),
@@ -65,7 +67,8 @@ def examined(folder, wrong):
         return network
 
     named = {condition.name: condition for condition in conditions}
-    hidden.hide(aorta(), named, hidden.Plan(tuple(plan)), [], np.zeros(0), 1.0, 3, folder, altered)
+    probes = [(effect("flow_gain"), place) for place in off]
+    hidden.hide(aorta(), named, hidden.Plan(tuple(plan)), probes, np.ones(len(off)), noise, 3, folder, altered)
     return analyse(folder)
 
 
@@ -89,7 +92,7 @@ def less(network):
 
 def test_a_compliance_of_which_data_see_only_larger_sizes_is_named(tmp_path):
     found = examined(tmp_path, softer)
-    assert [(effect.name, place) for effect, place in found.acting] == [("epicardial_compliance", "descending")]
+    assert [(one.name, place) for one, place in found.acting] == [("epicardial_compliance", "descending")]
     assert found.named and not found.remaining.alarm(0.01)
     repaired = repaired_network(found.problem.forward, found.acting, found.fit.z)
     assert elements(repaired, "descending")["C"] == pytest.approx(4.5e-4, rel=0.1)
@@ -97,7 +100,7 @@ def test_a_compliance_of_which_data_see_only_larger_sizes_is_named(tmp_path):
 
 def test_an_inflow_that_is_off_is_named_and_mended(tmp_path):
     found = examined(tmp_path, less)
-    assert [(effect.name, place) for effect, place in found.acting] == [("drive_gain", "INFLOW")]
+    assert [(one.name, place) for one, place in found.acting] == [("drive_gain", "INFLOW")]
     assert found.named and not found.remaining.alarm(0.01)
     ((_, z, sd),) = found.sizes(found.acting[0])
     assert 0.1 * z == pytest.approx(-0.2, abs=4.0 * 0.1 * sd)
@@ -108,3 +111,11 @@ def test_an_inflow_that_is_off_is_named_and_mended(tmp_path):
     for entry in entries.values():
         _, flow = drives[entry["drive"]["INFLOW"]]
         assert np.mean(flow[:-1]) == pytest.approx(64.0, rel=0.02)
+
+
+def test_probes_that_read_too_much_are_no_drive_that_is_off(tmp_path):
+    """Alone none explains as much as the drive does, which a search with it takes."""
+    probes = {"J0:carotid", "J1:renal", "iliac_r:RCR_iliac_r"}
+    found = examined(tmp_path, off=sorted(probes), noise=0.6)
+    assert {one.name for one, _ in found.acting} == {"flow_gain"} and {place for _, place in found.acting} == probes
+    assert found.named and not found.remaining.alarm(0.01)

@@ -170,6 +170,24 @@ def test_a_model_with_a_loss_that_is_not_there_lacks_nothing(tmp_path, share):
     assert "The model seems to have a loss that is not there, or too strong a one" in answer["paragraph"]
 
 
+def test_a_drop_that_recalibration_takes_up_is_no_agreement(tmp_path):
+    answer = discover_pairs(*noisy_pairs(tmp_path, 6, linear=1.0), tmp_path / "out", 1)
+    assert not answer["named"] and not answer["alarm"]
+    assert "which recalibration takes up: it multiplies the model's own loss by 1.3" in answer["paragraph"]
+
+
+def test_a_loss_beyond_recalibration_is_one_that_is_missing(tmp_path):
+    """Two and a half times the model's own, and in the same form."""
+    answer = discover_pairs(*noisy_pairs(tmp_path, 7, linear=4.5), tmp_path / "out", 1)
+    assert answer["alarm"] and not answer["outside_library"]
+
+
+def test_a_stenosis_beside_an_offset_is_not_taken_for_too_much_loss(tmp_path):
+    answer = discover_pairs(*noisy_pairs(tmp_path, 8, quadratic=1.5, offset=3.0), tmp_path / "out", 1)
+    assert "quadratic_stenosis" in [one["effect"] for one in answer["named"]]
+    assert not answer["held_out"]["branches"][0]["overstated"]
+
+
 def discovered(left, beside=None, moved=0.3):
     """The sentences on a branch with a named loss, with these held-out errors."""
     interval = {"size": 0.2, "size_low": 0.1, "size_high": 0.3}

@@ -16,7 +16,7 @@ QUADRATIC = next(law for law in LAWS if law.terms == ("quadratic",))
 def ranked(rms=0.01, **evidence):
     """Laws by their effects joined with "_and_", with these log evidences; none at nought."""
     laws = [Law((), ()), *(Law(tuple(name.split("_and_")), ("made up",)) for name in evidence)]
-    fits = [LawFit(law, {}, e, rms, ()) for law, e in zip(laws, [0.0, *evidence.values()], strict=True)]
+    fits = [LawFit(law, {}, e, rms, (0.0, 0.0, 0.0)) for law, e in zip(laws, [0.0, *evidence.values()], strict=True)]
     return sorted(fits, key=lambda fit: -fit.evidence)
 
 

@@ -21,6 +21,9 @@ docs/discrepancy-method.md has what other thresholds would answer."""
 CENTRAL_99 = 2.5758293035489004
 """Standard deviations of a normal prior that hold its central 99 %."""
 
+FAR_OUT = 4.0
+"""Prior standard deviations beyond which no size is believed; of 2354 named in the benchmark none lies there."""
+
 LEAST_FORETOLD = 0.001
 """p-value of held-out measurements below which the named effects do not foretell them: one in a thousand right names
 is put in doubt by chance."""
@@ -43,10 +46,10 @@ class Verdict:
     mistaken: those that are a mistake in the model. redistributed: they are flow gains that blood which goes elsewhere
     explains as well, with one cause. refuted: measurements that no fit had seen take back so much that all together
     leave less than naming takes, or recalibration alone predicts them better while something remains. incredible: a
-    sensor would have to be off by more than any is, and even so something remains, and held-out measurements are not
-    foretold. varying: those of different size under different conditions. foretold: p-value of the held-out
-    measurements with the named effects; unforeseen: there are such, and it is below `LEAST_FORETOLD`. helped: as the
-    function of that name gives it, compared with `WORTH`.
+    size lies beyond `FAR_OUT`; or a sensor would have to be off by more than any is, and even so something remains, and
+    held-out measurements are not foretold. varying: those of different size under different conditions. foretold:
+    p-value of the held-out measurements with the named effects; unforeseen: there are such, and it is below
+    `LEAST_FORETOLD`. helped: as the function of that name gives it, compared with `WORTH`.
     """
 
     mistaken: list[Acting]
@@ -97,16 +100,19 @@ def judge(
     mistaken = [one for one in acting if not one[0].nameable]
     unforeseen = bool(acting and foretold < LEAST_FORETOLD)
     nats = helped(still, bool(varying) or unforeseen, gaps)
-    incredible = still and unforeseen and _sensor_far_off(problem, fit, acting)
+    incredible = _far(problem, fit, acting, FAR_OUT)
+    if still and unforeseen:
+        incredible |= _far(problem, fit, acting, CENTRAL_99, instruments=True)
     return Verdict(mistaken, redistributed, refuted, incredible, constancies, varying, foretold, unforeseen, nats)
 
 
-def _sensor_far_off(problem: Problem, fit: Fit, acting: list[Acting]) -> bool:
-    """Whether what an instrument is said to be off by lies outside the central 99 % of its prior."""
+def _far(problem: Problem, fit: Fit, acting: list[Acting], most: float, instruments: bool = False) -> bool:
+    """Whether a size, of an instrument's error alone if so said, lies more than `most` standard deviations of its prior
+    from its mean."""
     column, far = problem.count, False
     for effect, _ in acting:
         size = fit.z[column : column + len(effect.parameters)]
-        far |= effect.of_an_instrument and bool(np.any(np.abs(size) > CENTRAL_99))
+        far |= (effect.of_an_instrument or not instruments) and bool(np.any(np.abs(size) > most))
         column += len(effect.parameters)
     return far
 

@@ -8,6 +8,8 @@ from coronaryuq.discrepancy.laws import FLOOR_FFR, SENSORS, LawFit
 
 LEAST_INCLUSION = 0.9
 """Posterior probability from which an effect, or what the samples cannot tell from it, is part of the law."""
+SHRUNK = -3.0
+"""Prior standard deviations by which the model's own loss may be lessened; farther is no recalibration."""
 ODDS_OF_CLASS = 20.0
 """Odds within which an effect that takes another's place in a law is of its class, as in the search on networks."""
 
@@ -68,7 +70,7 @@ def choose(ranked: list[LawFit]) -> Choice:
 
     The probability is that of the effect's class: where two sensors share the law between them, one of the two is part
     of it. A sensor's error is left out as well where the loss beside it alone, or recalibration, leaves less than
-    `FLOOR_FFR`: a loss of the model that differs in its form is as likely.
+    `FLOOR_FFR`, and the model's own loss where it was: a loss of the model that differs in its form is as likely.
     """
     fit = ranked[0]
     while True:
@@ -76,7 +78,7 @@ def choose(ranked: list[LawFit]) -> Choice:
         doubtful = [k for k, one in enumerate(classes) if one.probability < LEAST_INCLUSION]
         if not doubtful and classes and fit.law.effects[-1] in SENSORS:
             alone = next(one for one in ranked if one.law.effects == fit.law.effects[:-1])
-            doubtful = [len(classes) - 1] if alone.rms_ffr < FLOOR_FFR else []
+            doubtful = [len(classes) - 1] if alone.rms_ffr < FLOOR_FFR and alone.own > SHRUNK else []
         if not doubtful:
             return Choice(fit, tuple(classes))
         least = min(doubtful, key=lambda k: classes[k].probability)

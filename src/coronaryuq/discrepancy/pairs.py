@@ -8,7 +8,7 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from coronaryuq import files
-from coronaryuq.discrepancy.choice import Choice, choose, inclusion, is_one_of
+from coronaryuq.discrepancy.choice import SHRUNK, Choice, choose, inclusion, is_one_of
 from coronaryuq.discrepancy.laws import (
     BEYOND,
     FLOOR_FFR,
@@ -37,9 +37,8 @@ leaves, or so many times `FLOOR_FFR`. Where it leaves more than all three, somet
 WORSE = 2.0
 """Standard errors, of the paired difference of squares over held-out samples, by which a law that is no better than
 recalibration has to be worse to be refuted: stretching the model's own loss is a linear loss as well, and ties."""
-SHRUNK, STRETCHED = -3.0, 2.0
-"""Prior standard deviations by which recalibration may lessen the model's own loss, beyond which that is wrong in the
-model; and by which it may change it either way before the answer says so."""
+STRETCHED = 2.0
+"""Prior standard deviations by which recalibration may change the model's own loss before the answer says so."""
 UNITS = {
     "linear": "pressure unit of the tables / flow unit",
     "quadratic": "pressure unit of the tables / flow unit squared",
@@ -157,9 +156,14 @@ class _Examined:
         return float(np.sqrt(np.mean((values - self.measured) ** 2)))
 
     @property
+    def alone(self) -> LawFit:
+        """Recalibration without any effect."""
+        return next(f for f in self.ranked if not f.law.terms)
+
+    @property
     def alarm(self) -> bool:
-        none = next(f for f in self.ranked if not f.law.terms)
-        return self.ranked[0].evidence - none.evidence > LEAST_GAIN
+        """That a law is likelier, or recalibration has to stretch the model's own loss as far as none does."""
+        return self.ranked[0].evidence - self.alone.evidence > LEAST_GAIN or self.alone.own > -SHRUNK
 
     @property
     def misfits(self) -> bool:
@@ -170,7 +174,7 @@ class _Examined:
     @property
     def overstated(self) -> bool:
         """That what is measured has little of the loss that the model has: it lacks nothing, it has too much."""
-        return self.choice.fit.own < SHRUNK
+        return self.choice.fit.own < SHRUNK and self.measured.mean() > self.before.mean()
 
     @property
     def outside(self) -> bool:
@@ -205,10 +209,11 @@ def _examined(branch: Branch, fold: np.ndarray, before, flexible, laws) -> _Exam
 
 
 def _answer(branch: Branch, one: _Examined) -> dict:
-    best, probabilities = one.choice.fit, inclusion(one.ranked)
+    answered = one.choice if one.alarm or one.outside else Choice(one.alone, ())
+    best, probabilities = answered.fit, inclusion(one.ranked)
     effects = best.law.effects
-    classes = dict(zip(effects, one.choice.classes, strict=True))
-    members = [name for c in one.choice.classes for name in c.members]
+    classes = dict(zip(effects, answered.classes, strict=True))
+    members = [name for c in answered.classes for name in c.members]
     every = np.ones(len(branch.flow0), dtype=bool)
     found = {name: _size(size) for name, size in sizes(branch, best, every).items()}
     name_it = one.alarm and not one.outside
@@ -235,7 +240,7 @@ def _answer(branch: Branch, one: _Examined) -> dict:
         "recalibration": {name: best.terms[name] for name in (*RECALIBRATION, BEYOND)},
         "own_loss_moved": best.own,
         "share_of_folds_with_this_name": float(
-            np.mean([is_one_of(e, [c.members for c in one.choice.classes]) for e in one.in_folds])
+            np.mean([is_one_of(e, [c.members for c in answered.classes]) for e in one.in_folds])
         ),
         "drop": {
             "measured": float(branch.drop3.mean()),
@@ -332,6 +337,9 @@ def _words(a: dict) -> str:
         which = f": {rivals}" if rivals else ""
         told = f"something differs, and the samples do not tell what{which}. Recalibration {own}"
         return f"{drops}; {told}. O{error}"
+    if not a["effects"] and left["before"] > LEFT_FLOORS * FLOOR_FFR:
+        room = f" These samples leave room for {_listed(a['possibly_also'], ' or ')}." if a["possibly_also"] else ""
+        return f"{drops}, which recalibration takes up: it {own}. Nothing else is asked for.{room} O{error}"
     if not a["effects"]:
         return f"{artery(a['branch'])}: simulated and measured drops agree; nothing to explain."
     names = []

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from coronaryuq.discrepancy.abstention import LEAST_FORETOLD, Gaps
+from coronaryuq.discrepancy.abstention import FAR_OUT, LEAST_FORETOLD, Gaps
 from coronaryuq.discrepancy.conservation import PROBE
 from coronaryuq.discrepancy.constancy import Constancy
 from coronaryuq.discrepancy.locate import Located, Strain
@@ -79,6 +79,14 @@ def paragraph(
         )
         return text
     went = f"With it the misfit on {_kept(held_out)} {moved(found.gaps.before.misfit, found.gaps.after.misfit)}."
+    if found.verdict.incredible and far_out(found):
+        told = listed([f"{_called(one)} ({_size_of(found, one)})" for one in far_out(found)])
+        nearest = listed([_called(one) for one in found.acting])
+        text += (
+            f"No effect of the library explains it: what comes nearest is {nearest}, with a size more than "
+            f"{FAR_OUT:.0f} standard deviations of its prior away from it: {told}. Nothing is named. {went}"
+        )
+        return text
     if found.outside_library and found.verdict.varying:
         return f"{text}No effect of the library explains it: {_varying(found)}. Nothing is named. {went}"
     if found.outside_library and found.verdict.unforeseen:
@@ -241,6 +249,11 @@ def _size_of(found: Discovery, acting: Acting) -> str:
         size, low, high = (f"{value:.2g}" for value in sizes)
         told.append(f"{'read early by' if early else meaning} {size} ({low} to {high})" + " s" * early)
     return ", ".join(told)
+
+
+def far_out(found: Discovery) -> list[Acting]:
+    """Those that come nearest with a size that is not to be believed."""
+    return [one for one in found.acting if any(abs(z) > FAR_OUT for _, z, _ in found.sizes(one))]
 
 
 def shapeless(found: Discovery) -> float | None:
