@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from coronaryuq.discrepancy import flexible
-from coronaryuq.discrepancy.abstention import CENTRAL_99, Gaps, Verdict, judge
+from coronaryuq.discrepancy.abstention import CENTRAL_99, FAR_OUT, Gaps, Verdict, judge
 from coronaryuq.discrepancy.borne_out import borne_out
 from coronaryuq.discrepancy.candidates import PRIOR_NAMED, Candidate, all_candidates, best_of_effects
 from coronaryuq.discrepancy.inference import Fit
@@ -28,7 +28,7 @@ from coronaryuq.zerod.effects.library import SEARCHED
 Report = Callable[[str], None]
 
 CULPRIT = "drive_gain"
-"""The effect that all readings follow: several that are off look like it at first, each alone less so."""
+"""The effect that all readings follow: several of them that are off look like it at first, each alone less so."""
 LARGEST_LOG = 500.0
 """Log Bayes factor beyond which its size is of no matter."""
 
@@ -88,6 +88,11 @@ class Discovery:
         """Sizes of a named effect that lie outside the central 99 % of their prior: it may stand for something else."""
         return [parameter for parameter, z, _ in self.sizes(one) if abs(z) > CENTRAL_99]
 
+    @property
+    def far_out(self) -> list[Acting]:
+        """Those that come nearest with a size that is not to be believed."""
+        return [one for one in self.acting if any(abs(z) > FAR_OUT for _, z, _ in self.sizes(one))]
+
     def sizes(self, one: Acting) -> list[tuple[Parameter, float, float]]:
         """Sizes of an acting effect: each with its standard number z and the standard deviation of that."""
         number = self.acting.index(one)
@@ -130,13 +135,16 @@ def _searched(problem: Problem, seed: int, library: tuple[Effect, ...], report: 
 
 
 def _with_and_without(problem: Problem, seed: int, library: tuple[Effect, ...], report: Report) -> Discovery:
-    """One search; where it names `CULPRIT`, another without that, which stands if all measurements make it likelier."""
+    """One search, and another one without an effect that is easily taken for others: which of the two all measurements
+    make likelier stands. Such are a named `CULPRIT`, and an instrument's error of a size that nobody has."""
     found = _search(problem, seed, library, report)
-    if all(entry.accepted.effect.name != CULPRIT for entry in found.named):
-        return found
-    report(f"all readings follow what drives the model: searching again without {CULPRIT}")
-    other = _search(problem, seed, tuple(one for one in library if one.name != CULPRIT), report)
-    return other if other.log_weight > found.log_weight else found
+    named = [entry.accepted.effect for entry in found.named if entry.accepted.effect.name == CULPRIT]
+    far = [one[0] for one in found.far_out if one[0].of_an_instrument]
+    for effect in [*named, *far][:1]:
+        report(f"{effect.name} may stand for others: searching again without it")
+        other = _search(problem, seed, tuple(one for one in library if one.name != effect.name), report)
+        return other if other.log_weight > found.log_weight else found
+    return found
 
 
 def _search(problem: Problem, seed: int, library: tuple[Effect, ...], report: Report) -> Discovery:

@@ -79,8 +79,8 @@ def paragraph(
         )
         return text
     went = f"With it the misfit on {_kept(held_out)} {moved(found.gaps.before.misfit, found.gaps.after.misfit)}."
-    if found.verdict.incredible and far_out(found):
-        told = listed([f"{_called(one)} ({_size_of(found, one)})" for one in far_out(found)])
+    if found.verdict.incredible and found.far_out:
+        told = listed([f"{_called(one)} ({_size_of(found, one)})" for one in found.far_out])
         nearest = listed([_called(one) for one in found.acting])
         text += (
             f"No effect of the library explains it: what comes nearest is {nearest}, with a size more than "
@@ -249,11 +249,6 @@ def _size_of(found: Discovery, acting: Acting) -> str:
         size, low, high = (f"{value:.2g}" for value in sizes)
         told.append(f"{'read early by' if early else meaning} {size} ({low} to {high})" + " s" * early)
     return ", ".join(told)
-
-
-def far_out(found: Discovery) -> list[Acting]:
-    """Those that come nearest with a size that is not to be believed."""
-    return [one for one in found.acting if any(abs(z) > FAR_OUT for _, z, _ in found.sizes(one))]
 
 
 def shapeless(found: Discovery) -> float | None:

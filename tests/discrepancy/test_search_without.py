@@ -1,0 +1,46 @@
+"""A second search without an effect that is easily taken for others: when it is made, and which of the two stands."""
+
+from types import SimpleNamespace
+
+import pytest
+from linear_problem import made_up
+
+from coronaryuq.discrepancy import search
+
+DRIVE, PROBE, LOSS = made_up("drive_gain"), made_up("flow_gain", of_an_instrument=True), made_up("loss")
+LIBRARY = (DRIVE, PROBE, LOSS)
+
+
+def found(named=(), far_out=(), log_weight=0.0):
+    rounds = [SimpleNamespace(accepted=SimpleNamespace(effect=one)) for one in named]
+    return SimpleNamespace(named=rounds, far_out=[(one, "here") for one in far_out], log_weight=log_weight)
+
+
+def searched(monkeypatch, first, second):
+    """What stands of a search that finds `first`, and `second` without an effect; and which effect that was."""
+    left_out = []
+
+    def one(problem, seed, library, report):
+        gone = set(LIBRARY) - set(library)
+        left_out.extend(effect.name for effect in gone)
+        return second if gone else first
+
+    monkeypatch.setattr(search, "_search", one)
+    return search._with_and_without(None, 1, LIBRARY, lambda line: None), left_out
+
+
+@pytest.mark.parametrize("likelier", [True, False])
+@pytest.mark.parametrize(
+    ("given", "without"), [({"named": [LOSS, DRIVE]}, "drive_gain"), ({"far_out": [LOSS, PROBE]}, "flow_gain")]
+)
+def test_the_likelier_of_both_stands(monkeypatch, given, without, likelier):
+    first, second = found(**given), found([LOSS], log_weight=1.0 if likelier else -1.0)
+    stands, left_out = searched(monkeypatch, first, second)
+    assert left_out == [without] and stands is (second if likelier else first)
+
+
+@pytest.mark.parametrize("given", [{"named": [LOSS, PROBE]}, {"far_out": [LOSS]}, {}])
+def test_others_need_no_second_search(monkeypatch, given):
+    first = found(**given)
+    stands, left_out = searched(monkeypatch, first, found(log_weight=9.0))
+    assert stands is first and not left_out
