@@ -22,7 +22,8 @@ CENTRAL_99 = 2.5758293035489004
 """Standard deviations of a normal prior that hold its central 99 %."""
 
 FAR_OUT = 4.0
-"""Prior standard deviations beyond which no size is believed; of 2354 named in the benchmark none lies there."""
+"""Prior standard deviations beyond which no size is believed; of those that the benchmark's searches named none lies
+there."""
 
 LEAST_FORETOLD = 0.001
 """p-value of held-out measurements below which the named effects do not foretell them: one in a thousand right names

@@ -15,9 +15,10 @@ from coronaryuq.errors import InputError
 from coronaryuq.files import read_csv
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.beds import arteriolar
+from coronaryuq.zerod.effects.drive import DRIVES
 from coronaryuq.zerod.network import HEART, copy_of
 
-SERIES = {"PRESSURE": "P", "FLOW": "Q", "CORONARY": "Pim", "CORONARY_VAR_RES": "Pim"}
+SERIES = DRIVES | {"CORONARY": "Pim", "CORONARY_VAR_RES": "Pim"}
 """The waveform that a drive replaces in each kind of boundary condition."""
 COVARIATES = ("LV",)
 """Measured waveforms that a drive may name although they are no block: left ventricular pressure."""

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from coronaryuq.discrepancy.conditions import LOSS
-from coronaryuq.discrepancy.networks import differences, sampled, scalars
+from coronaryuq.discrepancy.networks import differences, scalars
 from coronaryuq.discrepancy.starts import Point, Structure
-from coronaryuq.zerod.effects.base import WAVE_POINTS
+from coronaryuq.zerod.effects.base import WAVE_POINTS, sampled
 from coronaryuq.zerod.engine import Engine
 
 Scaled = dict[str, list[int]]

@@ -3,7 +3,7 @@
 import numpy as np
 
 from coronaryuq.discrepancy.conditions import ELEMENTS, SERIES, is_number, period_of
-from coronaryuq.zerod.effects.base import WAVE_POINTS
+from coronaryuq.zerod.effects.base import sampled
 from coronaryuq.zerod.model import PERIOD
 from coronaryuq.zerod.network import HEART
 
@@ -39,16 +39,6 @@ def differences(own: dict, other: dict) -> dict[str, float | np.ndarray]:
 def inner(unknowns: list[str]) -> list[str]:
     """Unknowns of the heart and of beds, which are measured by their own names: no flow or pressure between blocks."""
     return [name for name in unknowns if not name.startswith(("flow:", "pressure:"))]
-
-
-def sampled(network: dict, name: str) -> np.ndarray:
-    """A boundary condition's waveform on an even grid over its cycle, both ends included, (WAVE_POINTS,)."""
-    block, _, parameter = name.rpartition(".")
-    values = next(b["bc_values"] for b in network["boundary_conditions"] if b["bc_name"] == block)
-    time = np.asarray(values["t"], dtype=float)
-    if len(values[parameter]) == 1:
-        return np.full(WAVE_POINTS, float(values[parameter][0]))
-    return np.interp(np.linspace(time[0], time[-1], WAVE_POINTS), time, np.asarray(values[parameter], dtype=float))
 
 
 def with_values(network: dict, table: dict) -> dict:

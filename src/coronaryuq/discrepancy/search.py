@@ -140,11 +140,12 @@ def _with_and_without(problem: Problem, seed: int, library: tuple[Effect, ...], 
     found = _search(problem, seed, library, report)
     named = [entry.accepted.effect for entry in found.named if entry.accepted.effect.name == CULPRIT]
     far = [one[0] for one in found.far_out if one[0].of_an_instrument]
-    for effect in [*named, *far][:1]:
-        report(f"{effect.name} may stand for others: searching again without it")
-        other = _search(problem, seed, tuple(one for one in library if one.name != effect.name), report)
-        return other if other.log_weight > found.log_weight else found
-    return found
+    if not (named or far):
+        return found
+    doubtful = (named + far)[0].name
+    report(f"{doubtful} may stand for others: searching again without it")
+    other = _search(problem, seed, tuple(one for one in library if one.name != doubtful), report)
+    return other if other.log_weight > found.log_weight else found
 
 
 def _search(problem: Problem, seed: int, library: tuple[Effect, ...], report: Report) -> Discovery:

@@ -24,8 +24,6 @@ LEAST_SAMPLES = 20
 LARGEST_FFR = 1.5
 LARGEST_RATIO, LARGEST_FLOW_RATIO = 3.0, 20.0
 """Of the root's mean pressure, and of a branch's flow, in both tables, beyond which they are not in one unit."""
-
-
 SAME_PRESSURE = 1e-3
 """Share of the root's pressure by which two columns of one pressure may differ: FFR is rounded."""
 

@@ -79,7 +79,7 @@ def paragraph(
         )
         return text
     went = f"With it the misfit on {_kept(held_out)} {moved(found.gaps.before.misfit, found.gaps.after.misfit)}."
-    if found.verdict.incredible and found.far_out:
+    if found.outside_library and found.far_out:
         told = listed([f"{_called(one)} ({_size_of(found, one)})" for one in found.far_out])
         nearest = listed([_called(one) for one in found.acting])
         text += (

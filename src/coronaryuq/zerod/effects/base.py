@@ -155,3 +155,13 @@ def bed_values(network: dict, bed: str) -> dict:
 def vessel_values(network: dict, vessel: str) -> dict:
     """The `zero_d_element_values` of one vessel."""
     return next(v for v in network["vessels"] if v["vessel_name"] == vessel)["zero_d_element_values"]
+
+
+def sampled(network: dict, name: str) -> np.ndarray:
+    """A boundary condition's waveform on an even grid over its cycle, both ends included, (WAVE_POINTS,)."""
+    block, _, parameter = name.rpartition(".")
+    values = bed_values(network, block)
+    time = np.asarray(values["t"], dtype=float)
+    if len(values[parameter]) == 1:
+        return np.full(WAVE_POINTS, float(values[parameter][0]))
+    return np.interp(np.linspace(time[0], time[-1], WAVE_POINTS), time, np.asarray(values[parameter], dtype=float))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from coronaryuq.zerod.effects.base import WAVE_POINTS, Effect, Parameter, bed_values
+from coronaryuq.zerod.effects.base import Effect, Parameter, sampled
 
 DRIVES = {"PRESSURE": "P", "FLOW": "Q"}
 """Waveform of each kind of boundary condition that drives a network."""
@@ -24,11 +24,5 @@ class DriveGain(Effect):
         return [inlet for inlet in inlets if anatomy.blocks[inlet]["bc_type"] in DRIVES]
 
     def changes(self, network, place, sizes, anatomy, condition):
-        name = DRIVES[anatomy.blocks[place]["bc_type"]]
-        values = bed_values(network, place)
-        time, wave = np.asarray(values["t"], dtype=float), np.asarray(values[name], dtype=float)
-        if len(wave) == 1:
-            wave = np.full(WAVE_POINTS, wave[0])
-        else:
-            wave = np.interp(np.linspace(0.0, time[-1] - time[0], WAVE_POINTS), time - time[0], wave)
-        return {f"{place}.{name}": (1.0 + np.asarray(sizes["gain"], dtype=float))[:, None] * wave}
+        name = f"{place}.{DRIVES[anatomy.blocks[place]['bc_type']]}"
+        return {name: (1.0 + np.asarray(sizes["gain"], dtype=float))[:, None] * sampled(network, name)}

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from coronaryuq.zerod.effects.base import WAVE_POINTS, Effect, Parameter, bed_values
+from coronaryuq.zerod.effects.base import WAVE_POINTS, Effect, Parameter, sampled
 
 EJECTION = 0.35
 """Systole's share of the cycle where no ventricular pressure was measured (Weissler, Circulation 37 (1968) 149)."""
@@ -95,12 +95,7 @@ def _open_beds(anatomy):
 
 def waveform(network: dict, bed: str, period: float) -> tuple[np.ndarray, np.ndarray]:
     """Intramyocardial pressure of a bed over one cycle, on an even grid."""
-    values = bed_values(network, bed)
-    time, pressure = np.asarray(values["t"], dtype=float), np.asarray(values["Pim"], dtype=float)
-    grid = np.linspace(0.0, period, WAVE_POINTS)
-    if len(pressure) == 1:
-        return grid, np.full(WAVE_POINTS, pressure[0])
-    return grid, np.interp(grid, time - time[0], pressure)
+    return np.linspace(0.0, period, WAVE_POINTS), sampled(network, f"{bed}.Pim")
 
 
 def ventricular_pressure(time: np.ndarray, anatomy, condition, compression: np.ndarray = 0.0) -> np.ndarray:
