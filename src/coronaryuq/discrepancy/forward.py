@@ -8,6 +8,7 @@ import numpy as np
 
 from coronaryuq import units
 from coronaryuq.discrepancy.conditions import Condition
+from coronaryuq.discrepancy.feedback import Feedback
 from coronaryuq.discrepancy.jobs import Job, Prepared, Scaled
 from coronaryuq.discrepancy.measurements import Measured
 from coronaryuq.discrepancy.networks import inner, with_values
@@ -19,7 +20,6 @@ from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Situation
 from coronaryuq.zerod.engine import Engine
 
-FEEDBACK_ROUNDS = 3
 MANY = 20
 """Collaterals that share one network: all pairs of outlets would couple everything with everything."""
 
@@ -187,35 +187,36 @@ class Forward:
             n for series in self.measured if series.condition in conditions for n in self.variables(series, renamed)
         ]
         beds = {bed: f"pressure:{renamed.get(f'{v}:{bed}', f'{v}:{bed}')}" for bed, v in self.anatomy.beds.items()}
-        rounds = FEEDBACK_ROUNDS if any(effect.feedback for _, acting in rows for effect, _ in acting) else 1
-        names = list(dict.fromkeys(names + (list(beds.values()) if rounds > 1 else [])))
-        felt = {name: [dict(self.resting) for _ in rows] for name in conditions}
-        failed = {name: np.zeros(len(rows), dtype=bool) for name in conditions}
+        responds = [any(effect.feedback for effect, _ in acting) for _, acting in rows]
+        names = list(dict.fromkeys(names + (list(beds.values()) if any(responds) else [])))
         points = [self._point(z, acting) for z, acting in rows]
         z = np.array([row[: len(self.nuisances)] for row, _ in rows])
         factors = {name: self._factors(prepared, name, z) for name in conditions}
-        for _ in range(rounds):
-            jobs = [
-                Job(points[i], name, self._effects(prepared, name, acting, values, felt[name][i]), each[i], scaled)
-                for name, (each, scaled) in factors.items()
-                for i, ((_, acting), values) in enumerate(zip(rows, sizes, strict=True))
-            ]
-            found = yield from self.simulation.waveforms(prepared, jobs, names)
-            waveforms = {
-                name: {key: wave[k * len(rows) : (k + 1) * len(rows)] for key, wave in found.items()}
-                for k, name in enumerate(conditions)
-            }
-            if rounds > 1:
-                for name in conditions:
-                    means = {bed: waveforms[name][at][:, :-1].mean(axis=1) for bed, at in beds.items()}
-                    failed[name] |= ~np.isfinite(list(means.values())).all(axis=0)
-                    felt[name] = [
-                        dict(self.resting) if failed[name][i] else {bed: float(means[bed][i]) for bed in beds}
-                        for i in range(len(rows))
-                    ]
-        for name, rows_of in waveforms.items():
-            for wave in rows_of.values():
-                wave[failed[name]] = np.nan
+        runs = [(name, i) for name in conditions for i in range(len(rows))]
+        feedback = Feedback(self.resting, [responds[i] for _, i in runs])
+
+        def job(number: int) -> Job:
+            name, i = runs[number]
+            each, scaled = factors[name]
+            effects = self._effects(prepared, name, rows[i][1], sizes[i], feedback.felt(number))
+            return Job(points[i], name, effects, each[i], scaled)
+
+        left, waves = np.arange(len(runs)), {}
+        while left.size:
+            found = yield from self.simulation.waveforms(prepared, [job(number) for number in left], names)
+            waves = waves or found
+            for key, wave in found.items():
+                waves[key][left] = wave
+            if not any(responds):
+                break
+            had = np.array([found[beds[bed]][:, :-1].mean(axis=1) for bed in feedback.beds]).T
+            left = feedback.unsettled(left, had)
+        for wave in waves.values():
+            wave[feedback.astray] = np.nan
+        waveforms = {
+            name: {key: wave[k * len(rows) : (k + 1) * len(rows)] for key, wave in waves.items()}
+            for k, name in enumerate(conditions)
+        }
         return waveforms, renamed
 
     def condition_changes(self, name: str, z: np.ndarray, acting: list[Acting]) -> tuple[dict, dict]:
@@ -224,20 +225,21 @@ class Forward:
         Feedback effects see the pressures that the fitted model settles at.
         """
         prepared = self.simulation.prepared(acting)
-        pressure, sizes = dict(self.resting), self._sizes(z, acting)
+        sizes, point = self._sizes(z, acting), self._point(z, acting)
         each, scaled = self._factors(prepared, name, z[None, : len(self.nuisances)])
+        feedback = Feedback(self.resting, [any(effect.feedback for effect, _ in acting)])
 
         def job() -> Job:
-            effects = self._effects(prepared, name, acting, sizes, pressure)
-            return Job(self._point(z, acting), name, effects, each[0], scaled)
+            effects = self._effects(prepared, name, acting, sizes, feedback.felt(0))
+            return Job(point, name, effects, each[0], scaled)
 
-        if any(effect.feedback for effect, _ in acting):
-            beds = {bed: f"{v}:{bed}" for bed, v in self.anatomy.beds.items()}
-            at = {bed: f"pressure:{prepared.renamed.get(place, place)}" for bed, place in beds.items()}
-            for _ in range(FEEDBACK_ROUNDS - 1):
-                asking = self.simulation.waveforms(prepared, [job()], list(at.values()))
-                (waves,) = side_by_side([asking], self.simulation.threads)
-                pressure = {bed: float(waves[place][0, :-1].mean()) for bed, place in at.items()}
+        places = [f"{self.anatomy.beds[bed]}:{bed}" for bed in feedback.beds]
+        at = [f"pressure:{prepared.renamed.get(place, place)}" for place in places]
+        left = np.flatnonzero(feedback.responds)
+        while left.size:
+            asking = self.simulation.waveforms(prepared, [job()], at)
+            (waves,) = side_by_side([asking], self.simulation.threads)
+            left = feedback.unsettled(left, np.array([[waves[place][0, :-1].mean() for place in at]]))
         return job().table(prepared), prepared.networks[name]
 
     def _effects(self, prepared: Prepared, name: str, acting, sizes, pressure) -> dict[str, np.ndarray | float]:
