@@ -222,6 +222,30 @@ def test_a_trigger_is_of_all_waveforms_that_share_it():
     assert trigger.places(None, flows) == ["every flow"]
 
 
+def test_an_offset_is_of_all_pressures_that_share_it(tree):
+    """The same number of mmHg wherever it is read; the root's own pressure stays, where only the wire is off."""
+    network, anatomy = tree
+    one, root, size = effect("shared_offset"), "AORTA:left_main", {"offset": np.array([0.1])}
+    but_root = f"every pressure but {root}"
+    far, farther = (Series("rest", "pressure", place, "mean", None, 1.0) for place in ("lad:BC_lad", "lcx:BC_lcx"))
+    at_root, flow = (Series("rest", quantity, root, "mean", None, 1.0) for quantity in ("pressure", "flow"))
+    ratio = Series("rest", "ratio", "lad:BC_lad", "mean", None, 1.0)
+    series = [at_root, far, farther, flow]
+    assert one.places(anatomy, series) == ["every pressure", but_root]
+    predicted = [np.array([[value]]) for value in (100.0, 90.0, 70.0, 3.0)]
+    read = {p: np.ravel(one.observe(p, size, series, predicted)) for p in one.places(anatomy, series)}
+    assert read[but_root] == pytest.approx([100.0, 98.0, 78.0, 3.0])
+    assert read["every pressure"] == pytest.approx([100.0 + 26.0 / 3.0, 90.0 + 26.0 / 3.0, 70.0 + 26.0 / 3.0, 3.0])
+    # What is one sensor's own offset, or what another place's name says too, is no place of it.
+    assert one.places(anatomy, [at_root, far]) == ["every pressure"]
+    assert one.places(anatomy, [far, farther]) == ["every pressure"]
+    assert one.places(anatomy, [far, flow]) == []
+    # A ratio of two pressures that are both off hardly changes, and tells the two places apart.
+    assert one.places(anatomy, [far, farther, ratio]) == ["every pressure", but_root]
+    both = [np.ravel(one.observe(p, size, [far, ratio], [np.array([[80.0]]), np.array([[0.8]])])) for p in read]
+    assert both[0] == pytest.approx([88.0, 88.0 / 108.0], abs=0.01) and both[1] == pytest.approx([88.0, 0.88])
+
+
 def test_a_whole_exchange_puts_each_bed_at_the_others_vessel(tree):
     """Flow into every bed is that of the network whose two beds have each other's values."""
     network, anatomy = tree

@@ -15,6 +15,7 @@ from coronaryuq.zerod.effects.sensors import (
     PressureDelay,
     PressureGain,
     PressureOffset,
+    SharedOffset,
     TriggerDelay,
 )
 from coronaryuq.zerod.effects.stenosis import QuadraticStenosis, StenosisWithFriction
@@ -46,6 +47,7 @@ LIBRARY: tuple[Effect, ...] = (
     ShiftedTerritories(),
     RotatedTerritories(),
     PressureOffset(),
+    SharedOffset(),
     PressureGain(),
     PressureDelay(),
     FlowGain(),

@@ -1,4 +1,4 @@
-"""Errors of sensors: offset, gain and delay of pressure, gain and delay of flow, a trigger that several share."""
+"""Errors of sensors: offset, gain and delay of pressure, gain and delay of flow, what several of them share."""
 
 from typing import ClassVar
 
@@ -6,7 +6,8 @@ import numpy as np
 
 from coronaryuq.zerod.effects.base import Effect, Parameter
 
-NATIVE = "measuring side: acts on predictions at one location, the network stays as it is"
+NATIVE = "measuring side: acts on predictions, the network stays as it is"
+EVERY_PRESSURE = "every pressure"
 
 
 class _Sensor(Effect):
@@ -61,12 +62,53 @@ class PressureOffset(_Sensor):
     def observe(self, place, sizes, series, predicted):
         found = list(predicted)
         for quantity in self.quantities:
-            mine = [i for i, s in enumerate(series) if (s.quantity, s.location) == (quantity, place)]
+            mine = [i for i, s in enumerate(series) if s.quantity == quantity and self._covers(place, s.location)]
             if mine:
                 scale = np.mean([predicted[i].mean(axis=1) for i in mine], axis=0)
                 for i in mine:
                     found[i] = predicted[i] + (np.asarray(sizes["offset"]) * scale)[:, None]
         return found
+
+    def _covers(self, place, location):
+        return location == place
+
+
+class SharedOffset(PressureOffset):
+    """Zero of several pressures off alike: a wire that has drifted and is drawn from place to place, or one height of
+    all transducers.
+
+    Places: every pressure but the root's, and every pressure; of the second an FFR, ratio of two pressures that are
+    both off, changes by b (1 - FFR) over the root's pressure.
+    """
+
+    name = "shared_offset"
+    formula = "P_read = P + b at several places"
+    source = "Cook et al., Circ. Cardiovasc. Interv. 9 (2016) e002988 (drift of pressure wires)"
+    signature = "several pressures off by one constant in every phase and condition"
+    parameters = (Parameter("offset", "1", "normal", 0.0, 0.08, "offset over the mean of these pressures"),)
+
+    def places(self, anatomy, observed=()):
+        read = [s for s in observed if self._reads(s)]
+        kinds = {s.quantity for s in read}
+        roots = (anatomy.inlet(root) for root in anatomy.roots)
+        shared: dict[tuple, str] = {}
+        for place in (EVERY_PRESSURE, *(f"{EVERY_PRESSURE} but {root}" for root in roots)):
+            mine = frozenset(s.location for s in read if self._covers(place, s.location))
+            # One place alone is its own sensor's; the same places under two names are one, but where a ratio tells. Of
+            # an offset of all pressures ratios alone know nothing.
+            if len(mine) > 1 and (place != EVERY_PRESSURE or "pressure" in kinds):
+                shared.setdefault((mine, place == EVERY_PRESSURE and "ratio" in kinds), place)
+        return list(shared.values())
+
+    def observe(self, place, sizes, series, predicted):
+        found = super().observe(place, sizes, series, predicted)
+        if place == EVERY_PRESSURE:
+            for i in (i for i, s in enumerate(series) if s.quantity == "ratio"):
+                found[i] = predicted[i] + np.asarray(sizes["offset"])[:, None] * (1.0 - predicted[i])
+        return found
+
+    def _covers(self, place, location):
+        return place != f"{EVERY_PRESSURE} but {location}"
 
 
 class PressureGain(_Gain):
@@ -124,7 +166,7 @@ class TriggerDelay(_Delay):
     parameters = (Parameter("delay", "s", "normal", 0.0, 0.1, "delay in seconds"),)
     quantities_of: ClassVar = {
         "every waveform": ("pressure", "flow", "volume"),
-        "every pressure": ("pressure",),
+        EVERY_PRESSURE: ("pressure",),
         "every flow": ("flow",),
     }
 
