@@ -44,3 +44,18 @@ def test_others_need_no_second_search(monkeypatch, given):
     first = found(**given)
     stands, left_out = searched(monkeypatch, first, found(log_weight=9.0))
     assert stands is first and not left_out
+
+
+@pytest.mark.parametrize(("held_out", "weight"), [(True, -10.0 - 2.0 + 4.0), (False, -10.0 - 2.0)])
+def test_a_weight_counts_no_measurement_twice(held_out, weight):
+    """Evidence, the class's share of the prior, and the density of measurements that were kept out, if any were."""
+    acting = (LOSS, "here")
+    conditions = {"rest": SimpleNamespace(held_out=False), "pacing": SimpleNamespace(held_out=held_out)}
+    answer = SimpleNamespace(
+        acting=[acting],
+        rounds=[SimpleNamespace(accepted=SimpleNamespace(acting=acting), class_log_prior=-2.0)],
+        problem=SimpleNamespace(forward=SimpleNamespace(conditions=conditions)),
+        fit=SimpleNamespace(evidence=-10.0),
+        gaps=SimpleNamespace(after=SimpleNamespace(total_lpd=4.0)),
+    )
+    assert search.Discovery.log_weight.fget(answer) == weight

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from coronaryuq.discrepancy.separate import information
+from coronaryuq.discrepancy.separate import _of_the_patient, information
 from coronaryuq.seeds import generator
+from coronaryuq.zerod.effects.library import effect
 
 
 def test_far_apart_it_is_all_there_is_to_know_and_close_by_an_eighth_of_the_square():
@@ -24,3 +25,12 @@ def test_in_between_it_is_what_sampling_says():
     gained = np.log(density[true, np.arange(len(true))] / density.mean(axis=0))
     error = gained.std() / np.sqrt(len(gained))
     assert information(predicted[:, None])[0] == pytest.approx(gained.mean(), abs=4.0 * error)
+
+
+def test_another_instrument_does_not_share_an_error():
+    """Of what a member says only the patient's part is what a new reading would show."""
+    offset, loss = (effect("pressure_offset"), "a:b"), (effect("stenosis_with_friction"), "a")
+    z, acting = _of_the_patient(np.arange(5.0), [offset, loss], 2)
+    assert z.tolist() == [0.0, 1.0, 3.0, 4.0] and acting == [loss]
+    z, acting = _of_the_patient(np.arange(3.0), [offset], 2)
+    assert z.tolist() == [0.0, 1.0] and acting == []

@@ -69,9 +69,12 @@ def member(name: str, place: str, probability: float):
 
 def test_what_would_split_a_class_is_said_where_anything_would():
     best = {"quantity": "pressure", "location": "lad:BC_lad", "condition": "rest", "expected_information_nats": 0.55}
+    best |= {"already_measured": False}
     assert words._told_apart([best]).startswith(
         "The mean pressure at lad:BC_lad under rest would tell them apart best (0.55"
     )
+    by_another = words._told_apart([best | {"already_measured": True}])
+    assert by_another.startswith("The mean pressure at lad:BC_lad under rest, read by another instrument, would tell")
     assert words._told_apart([best | {"expected_information_nats": 0.01}]).startswith("No mean pressure or flow")
     assert words._told_apart([]) == ""
 

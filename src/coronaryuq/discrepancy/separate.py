@@ -9,6 +9,7 @@ from coronaryuq import units
 from coronaryuq.discrepancy.measurements import Measured
 from coronaryuq.discrepancy.naming import Round
 from coronaryuq.discrepancy.search import Discovery
+from coronaryuq.discrepancy.simulation import Acting
 
 SD_PRESSURE = 2.0 * units.MMHG
 """Standard deviation of a pressure wire's mean (drift included)."""
@@ -24,7 +25,8 @@ NODES = 40
 def separating(found: Discovery, entry: Round) -> list[dict]:
     """Mean pressures and flows ranked by the expected information (nats) on which of a class is true.
 
-    Empty for a class of one.
+    Each member at its own best fit, with the noise of the new measurement alone: what a reading can tell at most. The
+    new one is by another instrument, which does not share an error of those in use. Empty for a class of one.
     """
     members = [c for c in entry.members if c.fit is not None]
     if len(members) < 2:
@@ -33,8 +35,10 @@ def separating(found: Discovery, entry: Round) -> list[dict]:
     feasible = _feasible(forward)
     asked = replace(forward, measured=feasible, shapes=None)
     count = len(forward.nuisances)
-    rows = [(c.fit.z, [*entry.beside, c.acting]) for c in members if c.effect.side == "network"]
-    usable = [(z, acting) for z, acting in rows if len(z) == count + len(forward.parameters(acting))]
+    rows = [(c.fit.z, [*entry.beside, c.acting]) for c in members]
+    usable = [
+        _of_the_patient(z, acting, count) for z, acting in rows if len(z) == count + len(forward.parameters(acting))
+    ]
     if len(usable) < 2:
         return []
     predicted = asked.predict_rows(usable)
@@ -43,12 +47,14 @@ def separating(found: Discovery, entry: Round) -> list[dict]:
     sd = np.where([s.quantity == "pressure" for s in feasible], SD_PRESSURE, flow_sd)
     gained = information(predicted / sd)
     order = np.argsort(-np.nan_to_num(gained), kind="stable")[:BEST]
+    known = {(s.condition, s.quantity, s.location) for s in forward.measured}
     return [
         {
             "quantity": feasible[i].quantity,
             "location": feasible[i].location,
             "condition": feasible[i].condition,
             "statistic": "mean",
+            "already_measured": (feasible[i].condition, feasible[i].quantity, feasible[i].location) in known,
             "expected_information_nats": float(gained[i]),
         }
         for i in order
@@ -66,6 +72,14 @@ def information(predicted: np.ndarray) -> np.ndarray:
         behind = 0.5 * (nodes[:, None] ** 2 - (read[None] - predicted[:, None, :]) ** 2)
         found += weights @ (np.log(len(predicted)) - logsumexp(behind, axis=0))
     return found / len(predicted) / weights.sum()
+
+
+def _of_the_patient(z: np.ndarray, acting: list[Acting], count: int) -> tuple[np.ndarray, list[Acting]]:
+    """A row (z, acting) without the effects on the measuring side; count: of nuisance parameters."""
+    ends = count + np.cumsum([0, *(len(effect.parameters) for effect, _ in acting)])
+    kept = [number for number, (effect, _) in enumerate(acting) if effect.side == "network"]
+    sizes = [z[ends[number] : ends[number + 1]] for number in kept]
+    return np.concatenate([z[:count], *sizes]), [acting[number] for number in kept]
 
 
 def _feasible(forward) -> list[Measured]:

@@ -54,108 +54,123 @@ def paragraph(
             f"{larger:.2f} times as large as the standard deviations say. See whether they are those of the "
             "measurements; nothing is named."
         )
-    if found.verdict.mistaken:
-        pairs = ", ".join(place.replace("~", " and ") for _, place in found.verdict.mistaken)
-        beside = [_called(one) for one in found.acting if one not in found.verdict.mistaken]
-        text += (
+    reason = _why_not_named(found, held_out)
+    if reason:
+        return text + reason
+    if not found.named:
+        text += "No effect of the library explains it well enough to be named. "
+    for number, entry in enumerate(found.named):
+        by = (separating or {}).get((entry.accepted.effect.name, entry.accepted.place), [])
+        text += f"{'Missing' if number == 0 else 'Also missing'} is {_described(found, entry, by)}"
+    return (text + _not_borne_out(found) + _afterwards(found, held_out)).rstrip()
+
+
+def _why_not_named(found: Discovery, held_out: list[str]) -> str:
+    """Why nothing is named of what came nearest, where the answer is outside the library; else nothing."""
+    if not found.outside_library:
+        return ""
+    gaps, verdict = found.gaps, found.verdict
+    nearest = listed([_called(one) for one in found.acting])
+    went = f"With it the misfit on {_kept(held_out)} {moved(gaps.before.misfit, gaps.after.misfit)}."
+    if verdict.mistaken:
+        pairs = ", ".join(place.replace("~", " and ") for _, place in verdict.mistaken)
+        beside = [_called(one) for one in found.acting if one not in verdict.mistaken]
+        text = (
             f"The measurements look as if outlets had been exchanged in the model: {pairs}. That is no effect of the "
             "library, and nothing is named; see whether each bed is at its own vessel, and search again."
         )
         return text + (f" Beside it there may be {' and '.join(beside)}." if beside else "")
-    if found.verdict.redistributed:
+    if verdict.redistributed:
         places = " and ".join(place for effect, place in found.acting if effect.name == PROBE)
-        text += (
+        return (
             f"Flow probes off at {places} would explain it, but what one reads too much the other reads too little: "
             "blood that goes elsewhere than the network says, as through swapped or wrongly wired outlets, explains "
             "the same with one cause, which the library does not have. It is not named."
         )
-        return text
-    if found.verdict.refuted:
-        nearest = listed([_called(one) for one in found.acting])
-        text += (
-            f"No effect of the library explains it: what comes nearest in the fitted measurements, {nearest}, is not "
-            f"borne out by those that no fit had seen (log predictive density per row {found.gaps.after.lpd:.3f}, of "
-            f"recalibration alone {found.gaps.before.lpd:.3f}). Nothing is named."
+    if verdict.refuted:
+        reason = (
+            f"what comes nearest in the fitted measurements, {nearest}, is not borne out by those that no fit had seen "
+            f"(log predictive density per row {gaps.after.lpd:.3f}, of recalibration alone {gaps.before.lpd:.3f}). "
+            "Nothing is named."
         )
-        return text
-    went = f"With it the misfit on {_kept(held_out)} {moved(found.gaps.before.misfit, found.gaps.after.misfit)}."
-    if found.outside_library and found.far_out:
+    elif found.far_out:
         told = listed([f"{_called(one)} ({_size_of(found, one)})" for one in found.far_out])
-        nearest = listed([_called(one) for one in found.acting])
-        text += (
-            f"No effect of the library explains it: what comes nearest is {nearest}, with a size more than "
-            f"{FAR_OUT:.0f} standard deviations of its prior away from it: {told}. Nothing is named. {went}"
+        reason = (
+            f"what comes nearest is {nearest}, with a size more than {FAR_OUT:.0f} standard deviations of its prior "
+            f"away from it: {told}. Nothing is named. {went}"
         )
-        return text
-    if found.outside_library and found.verdict.varying:
-        return f"{text}No effect of the library explains it: {_varying(found)}. Nothing is named. {went}"
-    if found.outside_library and found.verdict.unforeseen:
-        nearest = listed([_called(one) for one in found.acting])
-        text += (
-            f"No effect of the library explains it: what comes nearest in the fitted measurements, {nearest}, does not "
-            f"foretell those that no fit had seen ({chance(found.verdict.foretold)}). Nothing is named. {went}"
+    elif verdict.varying:
+        reason = f"{_varying(found)}. Nothing is named. {went}"
+    elif verdict.unforeseen:
+        reason = (
+            f"what comes nearest in the fitted measurements, {nearest}, does not foretell those that no fit had seen "
+            f"({chance(verdict.foretold)}). Nothing is named. {went}"
         )
-        return text
-    if found.outside_library:
-        text += (
-            "No effect of the library explains it: a flexible discrepancy predicts measurements that no fit had seen "
-            f"clearly better than every named candidate (misfit {found.gaps.flexible.misfit:.2f} against "
-            f"{found.gaps.after.misfit:.2f}). "
-            "The residual waveforms show where it acts and its shape; it is not named."
+    else:
+        reason = (
+            "a flexible discrepancy predicts measurements that no fit had seen clearly better than every named "
+            f"candidate (misfit {gaps.flexible.misfit:.2f} against {gaps.after.misfit:.2f}). The residual waveforms "
+            "show where it acts and its shape; it is not named."
         )
-        return text
-    if not found.named:
-        text += "No effect of the library explains it well enough to be named. "
-    for number, entry in enumerate(found.named):
-        one = entry.accepted
-        text += f"{'Missing' if number == 0 else 'Also missing'} is {_called(one.acting)}"
-        text += f" ({_probability(entry)}; {_size_of(found, one.acting)}). "
-        text += _told_apart((separating or {}).get((one.effect.name, one.place), []))
-        forward = found.problem.forward
-        text += one.effect.assumed(forward.anatomy, [c.covariates for c in forward.conditions.values()])
-        for parameter in found.beyond_prior(one.acting):
-            bounds = (float(parameter.from_standard(k * CENTRAL_99)) for k in (-1, 1))
-            low, high = sorted(one.effect.said(parameter, bound, forward.anatomy)[1] for bound in bounds)
-            size = _label(one.acting, parameter, forward.anatomy)
-            text += (
-                f"Its {size} lies beyond the central 99 % of what is thought possible ({low:.3g} to {high:.3g}): "
-                "it may stand for something that the library does not have. "
-            )
-        for varying in (v for v in found.verdict.varying if v.acting == one.acting):
-            sizes = _sizes(varying, forward.anatomy)
-            text += (
-                f"Fitted to each condition by itself its size differs ({sizes}): it may change, or stand for "
-                "something that the library does not have. "
-            )
-        if entry.held_out is not None and entry.held_out < 0.0:
-            text += (
-                f"Measurements that no fit had seen are predicted better without it (by {-entry.held_out:.2g} nats in "
-                "all): it may stand for something that the library does not have. "
-            )
-    if found.named and found.not_borne_out:
-        those = "it" if len(found.named) == 1 else "them"
-        wanted = listed([_called(one) for one in found.not_borne_out])
+    return f"No effect of the library explains it: {reason}"
+
+
+def _described(found: Discovery, entry: Round, separating: list[dict]) -> str:
+    """A named effect: how sure, how large, what would split its class, and what puts it in doubt."""
+    one, anatomy = entry.accepted, found.problem.forward.anatomy
+    text = f"{_called(one.acting)} ({_probability(entry)}; {_size_of(found, one.acting)}). "
+    text += _told_apart(separating)
+    text += one.effect.assumed(anatomy, [c.covariates for c in found.problem.forward.conditions.values()])
+    for parameter in found.beyond_prior(one.acting):
+        bounds = (float(parameter.from_standard(k * CENTRAL_99)) for k in (-1, 1))
+        low, high = sorted(one.effect.said(parameter, bound, anatomy)[1] for bound in bounds)
         text += (
-            f"Beside {those} the fitted measurements ask for {wanted}, too, which those that no fit had seen do not "
-            "bear out: not named. "
+            f"Its {_label(one.acting, parameter, anatomy)} lies beyond the central 99 % of what is thought possible "
+            f"({low:.3g} to {high:.3g}): it may stand for something that the library does not have. "
         )
-    text += f"On {_kept(held_out)} the misfit {moved(found.gaps.before.misfit, found.gaps.after.misfit)}. "
-    if found.named and found.gaps.after.total_lpd < found.gaps.before.total_lpd:
+    for varying in (v for v in found.verdict.varying if v.acting == one.acting):
+        text += (
+            f"Fitted to each condition by itself its size differs ({_sizes(varying, anatomy)}): it may change, or "
+            "stand for something that the library does not have. "
+        )
+    if entry.held_out is not None and entry.held_out < 0.0:
+        text += (
+            f"Measurements that no fit had seen are predicted better without it (by {-entry.held_out:.2g} nats in "
+            "all): it may stand for something that the library does not have. "
+        )
+    return text
+
+
+def _not_borne_out(found: Discovery) -> str:
+    """Effects that the fitted measurements alone ask for, beside named ones."""
+    if not (found.named and found.not_borne_out):
+        return ""
+    those = "it" if len(found.named) == 1 else "them"
+    wanted = listed([_called(one) for one in found.not_borne_out])
+    return (
+        f"Beside {those} the fitted measurements ask for {wanted}, too, which those that no fit had seen do not bear "
+        "out: not named. "
+    )
+
+
+def _afterwards(found: Discovery, held_out: list[str]) -> str:
+    """How far the gap has closed, and what is left."""
+    gaps = found.gaps
+    text = f"On {_kept(held_out)} the misfit {moved(gaps.before.misfit, gaps.after.misfit)}. "
+    if found.named and gaps.after.total_lpd < gaps.before.total_lpd:
         text += (
             "Those measurements are predicted worse with the named effects than by recalibration alone (log predictive "
-            f"density per row {found.gaps.after.lpd:.2f}, {found.gaps.before.lpd:.2f}). "
+            f"density per row {gaps.after.lpd:.2f}, {gaps.before.lpd:.2f}). "
         )
     if found.named and found.verdict.unforeseen:
         text += f"Not all of those are as the named effects foretell them ({chance(found.verdict.foretold)}). "
     if found.remaining.alarm(found.problem.settings.alarm_level):
-        text += f"Something remains unexplained ({chance(found.remaining.p)})"
-        text += rival(found.gaps, bool(found.named))
-        text += ". "
+        text += f"Something remains unexplained ({chance(found.remaining.p)}){rival(gaps, bool(found.named))}. "
     else:
         text += f"What remains is within the noise ({chance(found.remaining.p)}). "
     if found.named:
         text += _strained("With the named effects recalibration still moves", found.remaining, found)
-    return text.rstrip()
+    return text
 
 
 def _scattered(noise: dict[str, Noise]) -> str:
@@ -222,6 +237,7 @@ def _told_apart(by: list[dict]) -> str:
     if best["expected_information_nats"] < LEAST_INFORMATION:
         return "No mean pressure or flow of these vessels would tell them apart. "
     what = f"The mean {best['quantity']} at {best['location']} under {best['condition']}"
+    what += ", read by another instrument," if best["already_measured"] else ""
     return f"{what} would tell them apart best ({best['expected_information_nats']:.2g} nats are expected of it). "
 
 
