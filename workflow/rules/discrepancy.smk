@@ -19,7 +19,7 @@ def made(case):
     return {name: examined(case, "case", file) for name, file in names.items()}
 
 
-SEARCHED = {animal: made(animal) for animal in DISCREPANCY.animals}
+SEARCHED = {animal: made(animal) | {"drives": examined(animal, "case", "drives")} for animal in DISCREPANCY.animals}
 if DISCREPANCY.measurements:
     SEARCHED["case"] = {
         "model": DISCREPANCY.model or rules.calibration.output.rest,
@@ -30,22 +30,20 @@ if DISCREPANCY.measurements:
 if not SEARCHED and not DISCREPANCY.pairs:
     SEARCHED["hidden"] = made("hidden")
 EXAMINED = [*SEARCHED, *(["pairs"] if DISCREPANCY.pairs else [])]
-DISCREPANCY_SETTINGS = block(
-    "discrepancy",
-    without=(
-        "model",
-        "measurements",
-        "conditions",
-        "pairs",
-        "recordings",
-        "animals",
-        "held_out",
-        "free_bed",
-        "in_report",
-        "benchmark",
-    ),
+NOT_SEARCHED_WITH = (
+    "model",
+    "measurements",
+    "conditions",
+    "pairs",
+    "recordings",
+    "animals",
+    "held_out",
+    "free_bed",
+    "in_report",
+    "benchmark",
 )
 HIDING = ("hidden_effect", "hidden_size")
+DISCREPANCY_SETTINGS = block("discrepancy", without=(*NOT_SEARCHED_WITH, *HIDING))
 HIDDEN_IN = DISCREPANCY.benchmark.named
 NAMED_FILES = {
     "model": [DISCREPANCY.model],
@@ -101,7 +99,7 @@ rule discrepancy_hidden:
     log:
         log_of("discrepancy_hidden.log"),
     params:
-        settings=DISCREPANCY_SETTINGS,
+        settings=block("discrepancy", without=NOT_SEARCHED_WITH),
         seed=campaign.seed,
     script:
         "../scripts/discrepancy_hidden.py"
@@ -115,6 +113,7 @@ if DISCREPANCY.recordings:
             code=code("coronaryuq.discrepancy.recordings"),
         output:
             **made("{animal}"),
+            drives=directory(examined("{animal}", "case", "drives")),
         log:
             log_of("discrepancy_recordings", "{animal}.log"),
         wildcard_constraints:
