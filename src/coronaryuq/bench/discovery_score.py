@@ -140,7 +140,7 @@ def score(found: list[dict]) -> dict:
             "interval_coverage_90": wilson(sum(covered), len(covered)),
             "gap_closed": float(np.median(closed)) if closed else None,
             "gap_closed_above_90": wilson(sum(c >= 0.9 for c in closed), len(closed)),
-            "worse_than_recalibration": share(found, "worse"),
+            "worse_than_recalibration": share([e for e in found if names_something(e)], "worse"),
         },
         "confusion": confusion,
         "by_worth": [_with_worth(worth, single, outside) for worth in WORTHS],
@@ -149,6 +149,11 @@ def score(found: list[dict]) -> dict:
         "longest_cpu_s": max((e["cpu_s"] for e in found), default=None),
         "longest_wall_s": max((e["wall_s"] for e in found), default=None),
     }
+
+
+def names_something(case: dict) -> bool:
+    """Whether an answer names an effect: any other is recalibration itself, than which it cannot be worse."""
+    return case["alarmed"] and not case["abstained"]
 
 
 def _with_worth(worth: float, single: list[dict], outside: list[dict]) -> dict:

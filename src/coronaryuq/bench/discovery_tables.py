@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from coronaryuq.bench.discovery_score import wilson
+from coronaryuq.bench.discovery_score import names_something, wilson
 from coronaryuq.bench.hidden_cases import BESIDE_A_STENOSIS
 from coronaryuq.files import read_json, write_csv
 
@@ -22,7 +22,7 @@ WANTED = {
     "abstention outside the library": (0.85, 1.0),
     "both of two effects named": (0.80, 1.0),
     "≥ 90 % of the gap closed that the true effect closes": (0.90, 1.0),
-    "worse than recalibration": (0.0, 0.0),
+    "named, and worse than recalibration": (0.0, 0.0),
 }
 """Share wanted of each measure, from and to."""
 
@@ -55,7 +55,7 @@ def measures(cases: Sequence[dict]) -> dict[str, tuple[int, int]]:
         [c["abstained"] for c in outside],
         [c["named"] for c in double],
         [s >= 0.9 for s in shares if s is not None],
-        [c["worse"] for c in cases if c.get("worse") is not None],
+        [c["worse"] for c in cases if names_something(c) and c.get("worse") is not None],
     ]
     return {name: (sum(map(bool, held)), len(held)) for name, held in zip(WANTED, found, strict=True)}
 

@@ -14,16 +14,16 @@ from coronaryuq.discrepancy.verify import Gap, better
 WORTH = 0.2
 """Held-out log predictive density per row that named effects must add to a flexible discrepancy to be named beside it.
 
-Set where effects outside the library that the benchmark hides (0.17 at most, of 150) and compression in two animals'
-recorded coronary flow (0.62 and 1.01) lie apart: those two answers are therefore no test of it.
-docs/discrepancy-method.md has what other thresholds would answer."""
+Set by looking at two animals' recorded coronary flow, to which compression adds more, and at effects outside the
+library in the benchmark, which add less: neither is a test of it. docs/discrepancy-method.md has what other thresholds
+answer."""
 
 CENTRAL_99 = 2.5758293035489004
 """Standard deviations of a normal prior that hold its central 99 %."""
 
 FAR_OUT = 4.0
-"""Prior standard deviations beyond which no size is believed; of those that the benchmark's searches named none lies
-there."""
+"""Prior standard deviations beyond which no size is believed, set by looking: of those that the benchmark's searches
+named none lies there."""
 
 LEAST_FORETOLD = 0.001
 """p-value of held-out measurements below which the named effects do not foretell them: one in a thousand right names

@@ -26,8 +26,8 @@ from coronaryuq.zerod.effects.base import Series
 UNIT = {"flow": "mL/s", "pressure": "dyn/cm2", "volume": "mL", "perfusion": "mL/s/g", "ratio": "1"}
 TRUTH_STEPS = 1500
 """Time steps per cycle of the runs behind the data, against 300 of the analysis."""
-NUISANCE_SPREAD = 0.6
-"""Standard deviation of the true nuisance parameters over the analyst's prior."""
+NUISANCE_SPREAD, MASS_SPREAD = 0.6, 0.2
+"""Standard deviation of the true nuisance parameters, and of the tissue masses, over the analyst's prior."""
 TRUTH_RHO = 0.8
 """Spectral radius of the truth's time integration, against 0.5 of the analysis."""
 
@@ -77,7 +77,7 @@ def hide(
     acting, sizes: effects and their sizes z in prior standard deviations. noise: multiple of the plan's noise; said:
     share of its standard deviation that the table says; keeps: share of it that lasts from sample to sample.
     outside: a change of a condition's network that no effect of the library expresses. nuisance_spread: standard
-    deviation of the true nuisance parameters over the analyst's prior.
+    deviation of the true nuisance parameters over the analyst's prior, but for tissue masses (`MASS_SPREAD`).
     """
     network = copy.deepcopy(network)
     random = generator(seed, "discrepancy", "hidden")
@@ -136,11 +136,11 @@ def prepare(network: dict, conditions: dict[str, Condition], plan: Plan, seed: i
 
 
 def _nuisance(forward: Forward, spread: float, random: np.random.Generator) -> np.ndarray:
-    """True nuisance parameters z (p,)."""
+    """True nuisance parameters z (p,); tissue masses have a spread of their own."""
     found = spread * random.standard_normal(len(forward.nuisances))
     for column, entry in enumerate(forward.nuisances):
         if entry.mass is not None:
-            found[column] = 0.2 * random.standard_normal()
+            found[column] = MASS_SPREAD * random.standard_normal()
     return found
 
 

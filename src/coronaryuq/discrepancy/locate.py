@@ -66,7 +66,8 @@ def locate(problem: Problem, fit: Fit) -> Located:
     Under the model the score u = P e0 has covariance P (see `inference`), so W'u has covariance W'PW for any shapes W:
     nuisance parameters that recalibration moved, and how far the prior lets them, are accounted for exactly in the
     linear case. The global test takes the least of four p-values, times four: all residuals, their smooth part
-    (mean and three harmonics of each series), the worst single series and the worst nuisance parameter (Bonferroni).
+    (mean and three harmonics of each series), the worst single series and the worst nuisance parameter (Bonferroni);
+    `search.assess` adds those of the candidates.
     """
     score = fit.score
     strains = _strains(problem, fit)

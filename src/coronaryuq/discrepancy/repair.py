@@ -106,7 +106,7 @@ def difference(forward: Forward, acting: list[Acting], fit: Fit) -> str:
         lines += [f"  {old} -> {new}" for old, new in renamed.items()]
     lines += ["", "Values (old -> new)"]
     for part, key, values, kind in (
-        ("vessels", "vessel_name", "zero_d_element_values", "vessel_type"),
+        ("vessels", "vessel_name", "zero_d_element_values", "zero_d_element_type"),
         ("boundary_conditions", "bc_name", "bc_values", "bc_type"),
     ):
         old = {entry[key]: entry for entry in before.get(part, [])}

@@ -35,7 +35,8 @@ LARGEST_LOG = 500.0
 
 @dataclass
 class Discovery:
-    """What a search found. acting: the named effects, in order; fit: their joint fit; base: the model without any.
+    """What a search found. acting: the effects that come nearest, in order, whether or not they are named; fit: their
+    joint fit; base: the model without any.
 
     plain, problem: with the time steps put right about the model as it is, and about the named effects. given: the
     measurements as they are; scattered: what their waveforms say of their noise, about all that came nearest; noise: of
@@ -80,9 +81,11 @@ class Discovery:
     @property
     def log_weight(self) -> float:
         """Of what comes nearest: log evidence, with its share of the prior, and log predictive density of what was kept
-        out of the fits."""
+        out of the fits; where no condition is, that would count the fitted measurements twice."""
         priors = {r.accepted.acting: r.class_log_prior for r in self.rounds if r.accepted is not None}
-        return self.fit.evidence + sum(priors[one] for one in self.acting) + self.gaps.after.total_lpd
+        kept_out = any(condition.held_out for condition in self.problem.forward.conditions.values())
+        held_out = self.gaps.after.total_lpd if kept_out else 0.0
+        return self.fit.evidence + sum(priors[one] for one in self.acting) + held_out
 
     def beyond_prior(self, one: Acting) -> list[Parameter]:
         """Sizes of a named effect that lie outside the central 99 % of their prior: it may stand for something else."""

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-Effect = Literal[
+EffectName = Literal[
     "quadratic_stenosis",
     "stenosis_with_friction",
     "diffuse_narrowing",
@@ -29,6 +29,7 @@ Effect = Literal[
     "shifted_territory",
     "rotated_territories",
     "pressure_offset",
+    "shared_offset",
     "pressure_gain",
     "pressure_delay",
     "flow_gain",
@@ -103,7 +104,7 @@ class Settings(BaseModel):
     )
     in_report: bool = Field(False, description="whether the whole campaign and its report include the search")
     benchmark: Benchmark = Field(default_factory=Benchmark, description="effects hidden on purpose")
-    hidden_effect: Effect = Field("quadratic_stenosis", description="effect hidden where no measurements are given")
+    hidden_effect: EffectName = Field("quadratic_stenosis", description="effect hidden where no measurements are given")
     hidden_size: float = Field(1.0, description="its size, in prior standard deviations")
     pressure_unit: Literal["auto", "dyn/cm2", "mmHg", "Pa", "kPa"] = Field(
         "auto", description="pressure unit of the network; auto: by its simulated root pressure, dyn/cm2 or mmHg"

@@ -30,7 +30,9 @@ class BackPressure(Effect):
     name = "back_pressure"
     formula = "Q = (P - P_zf) / R with P_zf above venous pressure"
     source = "Bellamy, Circ. Res. 43 (1978) 92; Spaan, Circ. Res. 56 (1985) 293"
-    signature = "flow lower than pressure over resistance, most at low pressure; alike in relative terms in all phases"
+    signature = (
+        "flow lower than pressure over resistance, by the same amount at every pressure: most of it at low pressure"
+    )
     native = "P_v of CORONARY, Pd of RCR and RESISTANCE (not expressible in the closed loop)"
     parameters = (
         Parameter("pressure", "1", "lognormal", 0.1, 0.8, "zero-flow pressure that is added, over the mean pressure"),
@@ -83,7 +85,8 @@ class IncompleteHyperaemia(Effect):
 
     name = "incomplete_hyperaemia"
     formula = (
-        "R = R_rest (f + s (1 - f)), f the nominal factor of the condition, s the share of dilatation that stays out"
+        "R = R_rest (f + s (1 - f)), f the nominal factor of the condition, s the share of dilatation that stays out, "
+        "all of it at most"
     )
     source = "De Bruyne et al., Circulation 107 (2003) 1877"
     signature = "flow too low where the condition dilates, right where it does not"
@@ -97,7 +100,9 @@ class IncompleteHyperaemia(Effect):
         nominal = condition.vasodilated
         if nominal >= 1.0:
             return {}
-        factor = (nominal + np.asarray(sizes["share"]) * (1.0 - nominal)) / nominal
+        # Beyond all of it a bed would be tighter than at rest.
+        share = np.minimum(np.asarray(sizes["share"]), 1.0)
+        factor = (nominal + share * (1.0 - nominal)) / nominal
         found = {}
         for bed in _chosen(place, anatomy):
             found |= {f"{bed}.{k}": v * factor for k, v in arteriolar(network, bed).items()}

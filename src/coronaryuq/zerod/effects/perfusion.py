@@ -42,7 +42,7 @@ class ShiftedTerritories(Effect):
     """Perfusion of one territory counted in part with a neighbour's."""
 
     name = "shifted_territory"
-    formula = "MBF_a = (1 - s) F_a + s F_b"
+    formula = "MBF_a = (1 - s) F_a + s F_b, s at most 1"
     source = "territories by nearest outlet and their noise: Menon et al. (2024)"
     signature = (
         "one territory's perfusion drawn towards another's in every condition, pressures and epicardial flows right"
@@ -57,7 +57,7 @@ class ShiftedTerritories(Effect):
 
     def observe(self, place, sizes, series, predicted):
         taker, giver = place.split("<")
-        share = np.asarray(sizes["share"])[:, None]
+        share = np.minimum(np.asarray(sizes["share"]), 1.0)[:, None]
         index = {(s.condition, s.location, s.statistic): i for i, s in enumerate(series) if s.quantity == "perfusion"}
         found = list(predicted)
         for (condition, location, statistic), i in index.items():

@@ -30,7 +30,8 @@ class StenosisWithFriction(QuadraticStenosis):
     )
     native = f"R_poiseuille and {QuadraticLoss.native}"
     parameters = (
-        # By the formula at a mean velocity of 15 cm/s: 0.1, 1.3 and 36 % with 45, 75 and 94 % of the area gone.
+        # By the formula at a mean velocity of 15 cm/s: 0.1, 1.3 and 36 % with 45, 75 and 94 % of the area gone. Smaller
+        # than turbulence alone: friction is a large part of the loss where a stenosis is mild.
         Parameter("loss", "1", "lognormal", 0.02, 1.5, "share of the mean pressure lost to turbulence at mean flow"),
         Parameter("friction", "1", "lognormal", 1.0, 1.0, "loss to friction over that to turbulence at mean flow"),
     )

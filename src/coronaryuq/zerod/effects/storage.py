@@ -45,6 +45,8 @@ class Inertance(EpicardialCompliance):
     source = "Milnor, Hemodynamics (2nd ed., 1989), chapter 2: L = rho l / A"
     signature = "flow lags pressure; sharp changes of flow are rounded, means are unchanged"
     native = "L of the vessel"
+    # A coronary artery of 3 mm and 5 cm at 1 mL/s has 7e-4, which usual noise hides: the prior is about what is seen,
+    # as of a cannula or of a vessel that the model lacks, and reaches down to that.
     parameters = (
         Parameter(
             "inertia",

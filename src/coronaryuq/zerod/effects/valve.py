@@ -10,7 +10,7 @@ class AorticStenosis(Effect):
 
     name = "aortic_stenosis"
     formula = "R_lv,ao = R_model (1 + s): the mean effect of dP = rho Q^2 / (2 EOA^2) at the mean systolic flow"
-    source = "Garcia et al., Circulation 101 (2000) 765; Kim et al., Ann. Biomed. Eng. 37 (2009) 2153 (heart model)"
+    source = "Gorlin & Gorlin, Am. Heart J. 41 (1951) 1 (orifice); Kim et al., Ann. Biomed. Eng. 37 (2009) 2153 (heart)"
     signature = "ventricular pressure above the aortic in systole, later and lower aortic peak"
     native = "Rlv_ao of ClosedLoopHeartAndPulmonary"
     parameters = (Parameter("rise", "1", "lognormal", 2.0, 1.0, "added over present resistance of the open valve"),)

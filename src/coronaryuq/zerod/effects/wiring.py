@@ -11,7 +11,7 @@ class ExchangedOutlets(Effect):
     """Two beds that each feed from the other's vessel."""
 
     name = "exchanged_outlets"
-    formula = "x_a -> x_a (x_b / x_a)^s and x_b -> x_b (x_a / x_b)^s for every resistance and compliance x of both beds"
+    formula = "x_a -> x_a (x_b / x_a)^s and x_b -> x_b (x_a / x_b)^s for every positive number x that both beds have"
     source = "a mistake in the table of outlets, of names or of their order"
     signature = (
         "one outlet too tight and too stiff by what the other is too wide and too soft, in every condition alike"
