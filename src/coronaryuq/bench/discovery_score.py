@@ -17,7 +17,8 @@ def scored(truth: hidden.Truth, answer: Discovery) -> dict:
     """What one answer is worth, given what was hidden.
 
     oracle, oracle_z: held-out misfit with the true effect, fitted from its true size, and how far its size is off then,
-    in posterior standard deviations: an interval that misses may owe it to the search or to the noise.
+    in posterior standard deviations: an interval that misses may owe it to the search or to the noise. first: an alarm
+    with nothing named is "outside", whether or not the answer says so.
     """
     problem = answer.plain
     classes = [[(c.effect.name, c.place) for c in entry.members] for entry in answer.named]
@@ -25,14 +26,15 @@ def scored(truth: hidden.Truth, answer: Discovery) -> dict:
     got = [any(name == e for members in classes for e, _ in members) for name, _ in wanted]
     placed = [any(pair in members for members in classes) for pair in wanted]
     first = classes[0] if classes else []
+    abstained = answer.outside_library or (answer.alarm and not classes)
     entry = {
         "places": [place for _, place in wanted],
         "visible": truth.visible,
         "named": any(name == wanted[0][0] for name, _ in first) if len(wanted) == 1 else bool(wanted) and all(got),
         "placed": bool(wanted) and all(placed),
         "alarmed": answer.alarm,
-        "abstained": answer.outside_library or (answer.alarm and not classes),
-        "first": first[0][0] if first else ("outside" if answer.outside_library else "none"),
+        "abstained": abstained,
+        "first": first[0][0] if first else ("outside" if abstained else "none"),
         "classes": [["@".join(member) for member in members] for members in classes],
         "sizes": [one.parameters[0].from_standard(z) for (one, _), z in zip(truth.acting, truth.firsts, strict=True)],
         "found": [_told(one) for one in named(answer)],
