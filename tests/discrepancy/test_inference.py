@@ -60,6 +60,19 @@ def test_what_is_linear_by_nature_is_not_held_back_where_the_rest_is():
     assert found(fresh=[0, 1])[0] < 10.0
 
 
+def test_a_weight_that_starts_far_off_is_no_reason_to_move_anything_else():
+    """Sensitivities of an earlier fit that hold no more: whatever is gained by the weight would pay for a wrong step."""
+    random = generator(10, "test", "weight far off")
+    shape, slope = random.standard_normal((2, 50)) / 0.1
+    g, y = np.column_stack([shape, slope]), 40.0 * shape + 0.5 * slope
+    best = fit_of(g, y).z
+    stale = np.column_stack([shape, slope + 0.5 * shape])
+    start = np.array([0.0, best[1]])
+    search = Search(None, start, [1], stale, renewed=start, exact=([0], g[:, :1]))
+    maximise(lambda rows: np.array([y - g @ z for z, _ in rows]), [search], 1)
+    assert search.z == pytest.approx(best, abs=1e-6)
+
+
 def test_sensitivities_that_were_recomputed_close_by_serve_another_fit():
     """Data that are put right elsewhere want no new ones, however far weights of shapes go; going far does."""
     g, y = linear_case(12)

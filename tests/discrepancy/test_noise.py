@@ -1,5 +1,6 @@
 """Noise as the waveforms have it: how large, how long it lasts, and searches where it is not what is said."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -39,8 +40,14 @@ def case(residual):
     return problem, Fit(np.zeros(1), residual.ravel(), np.zeros((owner.size, 1)))
 
 
+def correlation(time, lasting):
+    """The shorter way round the beat."""
+    apart = np.abs(time[:, None] - time)
+    return np.exp(-np.minimum(apart, PERIOD - apart) / lasting)
+
+
 def lasting_noise(random, time, lasting):
-    return np.linalg.cholesky(np.exp(-np.abs(time[:, None] - time) / lasting)) @ random.standard_normal(time.size)
+    return np.linalg.cholesky(correlation(time, lasting)) @ random.standard_normal(time.size)
 
 
 def test_white_noise_scatters_as_it_is_said_to():
@@ -90,9 +97,20 @@ def test_parts_of_lasting_noise_make_its_covariance(lasting):
     one = series()
     white, shapes = parts(one, Noise(0.5, lasting))
     made = white**2 * np.eye(SAMPLES) + shapes.T @ shapes
-    true = np.exp(-np.abs(one.time[:, None] - one.time) / lasting)
+    true = correlation(one.time, lasting)
     assert np.trace(made) == pytest.approx(SAMPLES)
     assert np.abs(np.linalg.eigvalsh(made - true)).max() <= white**2 + 1e-9
+
+
+@given(st.floats(0.0, 1.0), st.floats(0.01, 0.5))
+def test_where_a_beat_is_cut_makes_no_difference_to_its_noise(cut, lasting):
+    one = series()
+    moved = replace(one, time=(one.time + cut * PERIOD) % PERIOD)
+    covariances = []
+    for each in (one, moved):
+        white, shapes = parts(each, Noise(0.5, lasting))
+        covariances.append(white**2 * np.eye(SAMPLES) + shapes.T @ shapes)
+    np.testing.assert_allclose(covariances[1], covariances[0], atol=1e-6)
 
 
 def test_larger_noise_has_no_shapes():
@@ -133,7 +151,8 @@ def test_noise_that_lasts_is_nothing_to_explain(tmp_path):
     said, made = np.concatenate([one.sd for one in found.given]), with_lasting(found.problem)
     assert np.sqrt(np.mean((made / said) ** 2)) == pytest.approx(1.0, abs=0.05)
     assert "taken to last" in paragraph(found, ["half dilated"])
-    assert searched(tmp_path, Settings(noise="said")).alarm
+    said = searched(tmp_path, Settings(noise="said"))
+    assert said.alarm and said.problem.settings.steps_per_cycle < found.problem.settings.steps_per_cycle
 
 
 def test_a_stenosis_under_noise_that_lasts_is_named(tmp_path):

@@ -103,6 +103,21 @@ class Search:
         """Columns in which the residual is linear, whatever the others are."""
         return [] if self.exact is None else self.exact[0]
 
+    @cached_property
+    def _linear_precision(self) -> tuple:
+        columns, values = self.exact
+        return cho_factor(np.eye(len(columns)) + values.T @ values)
+
+    def settled(self, z: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """A point and its residual with what that is linear in where it is best beside the others."""
+        if not self.linear or not np.isfinite(residual).all():
+            return z, residual
+        columns, values = self.exact
+        step = cho_solve(self._linear_precision, values.T @ residual - z[columns])
+        z = z.copy()
+        z[columns] += step
+        return z, residual - values @ step
+
     @property
     def others(self) -> np.ndarray:
         return np.setdiff1d(np.arange(len(self.z)), np.array(self.linear, dtype=int))
@@ -136,6 +151,9 @@ def maximise(
 ) -> list[Search]:
     """Gauss-Newton with a step search, all `searches` in lockstep so that their runs share batches.
 
+    What the residual is linear in stands at its best at every point that is tried (variable projection; Golub & Pereyra
+    1973): points are compared by what the others make of them.
+
     Sensitivities in `fresh` are recomputed where a step gains less than the linear model promised, or ends `FARTHEST`
     from where they were last, the others start as given; steps taken update all of them. A search is done when its
     objective falls by less than `tolerance`, or by less than a `share` of itself, with sensitivities that were
@@ -144,8 +162,9 @@ def maximise(
     if not searches:
         return []
     for search, residual in zip(searches, evaluate([(s.z, s.label) for s in searches]), strict=True):
-        search.residual, search.stale = residual, search.renewed is None
-        search.failed = search.done = not np.isfinite(residual).all()
+        search.z, search.residual = search.settled(search.z, residual)
+        search.stale, search.failed = search.renewed is None, not np.isfinite(residual).all()
+        search.done = search.failed
     for _ in range(iterations):
         active = [search for search in searches if not search.done]
         if not active:
@@ -221,13 +240,15 @@ def _promised(search: Search, z: np.ndarray) -> float:
 
 def _advance(search: Search, trials: list[np.ndarray], values: np.ndarray, tolerance: float, share: float) -> None:
     present = search.fit.objective
-    objectives = [v @ v + z @ z if np.isfinite(v).all() else np.inf for v, z in zip(values, trials, strict=True)]
+    tried = [search.settled(z, residual) for z, residual in zip(trials, values, strict=True)]
+    objectives = [r @ r + z @ z if np.isfinite(r).all() else np.inf for z, r in tried]
     best = int(np.argmin(objectives))
     gained = present - objectives[best]
     search.stale = gained < GOOD_STEP * _promised(search, trials[0])
     if gained > 0:
-        _update(search, trials[best] - search.z, search.residual - values[best])
-        search.z, search.residual = trials[best], values[best]
+        z, residual = tried[best]
+        _update(search, z - search.z, search.residual - residual)
+        search.z, search.residual = z, residual
         search.stale |= float(np.abs(search.moved).max(initial=0.0)) > (1.0 - 1e-9) * FARTHEST
     if gained < max(tolerance, share * present):
         search.done, search.stale = float(np.linalg.norm(search.moved)) < MOVED, True

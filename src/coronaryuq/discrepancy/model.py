@@ -32,6 +32,10 @@ KNOWN = 1.0
 """Standard deviations by which a perfusion is above nought that may set a tissue mass."""
 LEAST_WHITE = 0.1
 """Share of a standard deviation that is left to white noise, whatever the model's floor and time steps add."""
+STEPS_WHERE_LASTING = 4
+"""How many times as short an open loop's time steps are where noise lasts. It leaves little noise to what is sharp, and
+there steps err: far from the data, where no correction at a fit can know the right one, their error would decide which
+effect comes nearest. In a closed loop some ringing goes on with shorter steps, and runs are dear."""
 
 
 def locations(network: dict) -> dict[str, list[str]]:
@@ -145,7 +149,7 @@ def with_noise(problem: Problem, noise: dict[str, Noise]) -> Problem:
     """The same with the waveforms of some quantities as noisy as is said of them here.
 
     Standard deviations with the model's floor and what time steps add are the measure of it. Shapes of noise that lasts
-    get weights, as those of the time steps have.
+    get weights, as those of the time steps have. Open loops are then run with `STEPS_WHERE_LASTING` times the steps.
     """
     forward = problem.forward
     starts = np.cumsum([0, *(series.value.size for series in forward.measured)])
@@ -165,7 +169,10 @@ def with_noise(problem: Problem, noise: dict[str, Noise]) -> Problem:
             weights += [f"noise of the {series.quantity} at {series.location} under {series.condition}"] * len(lasting)
         else:
             measured.append(series)
-    found = with_time_steps(make_problem(forward.network, forward.conditions, measured, problem.settings))
+    settings = problem.settings
+    if shapes and not forward.anatomy.closed_loop:
+        settings = settings.model_copy(update={"steps_per_cycle": STEPS_WHERE_LASTING * settings.steps_per_cycle})
+    found = with_time_steps(make_problem(forward.network, forward.conditions, measured, settings))
     if not shapes:
         return found
     before = len(found.forward.shapes)

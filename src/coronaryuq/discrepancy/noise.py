@@ -135,24 +135,26 @@ def _share(squares: np.ndarray) -> float:
 
 def _lasting(problem: Problem, quantity: str, factor: float) -> float:
     """Time (s) that noise lasts which scatters by that factor on its standard deviation."""
-    mine = [(series.time, *_beyond(phase)) for series, _, phase in _waveforms(problem) if series.quantity == quantity]
+    mine = [(series, *_beyond(phase)) for series, _, phase in _waveforms(problem) if series.quantity == quantity]
 
     def excess(logarithm: float) -> float:
         shares = []
-        for time, left, kept, _ in mine:
-            within = np.diag(left @ _correlation(time, np.exp(logarithm)) @ left)
+        for series, left, kept, _ in mine:
+            within = np.diag(left @ _correlation(series, np.exp(logarithm)) @ left)
             shares.append(within[kept > 0.0] / kept[kept > 0.0])
         return float(np.concatenate(shares).mean()) - factor**2
 
-    shortest = 1e-3 * min(np.diff(time).min() for time, *_ in mine)
+    shortest = 1e-3 * min(np.diff(series.time).min() for series, *_ in mine)
     longest = LONGEST * max(series.period for series, *_ in _waveforms(problem))
     if excess(np.log(longest)) > 0.0:
         return longest
     return float(np.exp(brentq(excess, np.log(shortest), np.log(longest), xtol=1e-6)))
 
 
-def _correlation(time: np.ndarray, lasting: float) -> np.ndarray:
-    return np.exp(-np.abs(time[:, None] - time[None, :]) / lasting)
+def _correlation(series: Measured, lasting: float) -> np.ndarray:
+    """(k, k) between samples, the shorter way round the beat: where a beat is cut makes no difference."""
+    apart = np.abs(series.time[:, None] - series.time[None, :]) % series.period
+    return np.exp(-np.minimum(apart, series.period - apart) / lasting)
 
 
 def parts(series: Measured, noise: Noise) -> tuple[float, np.ndarray]:
@@ -161,7 +163,7 @@ def parts(series: Measured, noise: Noise) -> tuple[float, np.ndarray]:
     """
     if noise.lasting == 0.0:
         return noise.scatter, np.zeros((0, series.value.size))
-    variances, shapes = np.linalg.eigh(_correlation(series.time, noise.lasting))
+    variances, shapes = np.linalg.eigh(_correlation(series, noise.lasting))
     variances, shapes = variances[::-1], shapes.T[::-1]
     rest = np.cumsum(variances[::-1])[::-1] / np.arange(variances.size, 0, -1)
     count = int(np.argmax(variances < SMOOTH * rest))

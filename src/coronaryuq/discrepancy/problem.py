@@ -150,10 +150,8 @@ class Problem:
         """Fits of problems that differ from this one in what is put right, from earlier ones: sensitivities hold."""
         searches = []
         for other, acting, fit in wanted:
-            start = np.array(fit.z)
-            start[self.forward.shaping] = 0.0
             label = list(acting), other.change - self.change
-            searches.append(self._in_full(label, start, jacobian=fit.jacobian.copy(), renewed=fit.renewed))
+            searches.append(self._in_full(label, fit.z, jacobian=fit.jacobian.copy(), renewed=fit.renewed))
 
         def fitted(rows):
             without = self.fitted([(z, acting) for z, (acting, _) in rows])
