@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from coronaryuq.discrepancy.abstention import LEAST_FORETOLD, WORTH, Gaps, judge
+from coronaryuq.discrepancy.abstention import LEAST_FORETOLD, LEAST_SHARE, WORTH, Gaps, judge
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.verify import Gap
@@ -100,9 +100,17 @@ def test_held_out_data_that_are_not_as_foretold_do_too(both, abstains):
     assert verdict(foretold=2 * LEAST_FORETOLD, both=both).helped is None
 
 
-@pytest.mark.parametrize(("both", "abstains"), [(0.4 + WORTH / 2, True), (0.4 + 2 * WORTH, False)])
+@pytest.mark.parametrize(("both", "abstains"), [(1.0 + WORTH / 2, True), (1.0 + 2 * WORTH, False)])
 def test_a_better_flexible_discrepancy_does_too(both, abstains):
-    assert verdict(still=True, after=0.1, flexible=0.4, both=both).abstains == abstains
+    assert verdict(still=True, after=0.92, flexible=1.0, both=both).abstains == abstains
+
+
+@pytest.mark.parametrize(("after", "overtaken"), [(LEAST_SHARE - 0.02, True), (LEAST_SHARE + 0.02, False)])
+@pytest.mark.parametrize("doubt", [{"still": True}, {"sizes": (1.0, 4.0, 1.0)}, {"foretold": LEAST_FORETOLD / 2}])
+def test_a_flexible_discrepancy_that_closes_more_of_the_gap_is_not_outdone_beside_it(after, overtaken, doubt):
+    found = verdict(after=after, flexible=1.0, both=1.0 + 2 * WORTH, **doubt)
+    assert found.overtaken == overtaken == found.abstains
+    assert not verdict(after=after, flexible=1.0, both=1.0 + 2 * WORTH).overtaken, "nothing is in doubt"
 
 
 def test_where_nothing_remains_a_flexible_discrepancy_is_no_rival():

@@ -140,6 +140,14 @@ def test_values_in_another_unit_than_they_say(spoiled, quantity, factor, times):
     assert f"{quantity}: value = {times}" in message and "see the units of both" in message
 
 
+def test_flows_that_all_run_the_other_way(spoiled):
+    def turned(table):
+        return table.assign(value=np.where(table.quantity == "flow", -table.value, table.value))
+
+    message = spoiled(turned)
+    assert "flow: value = -" in message and "see their signs" in message
+
+
 def test_a_ratio_has_no_waveform(spoiled):
     message = spoiled(lambda t: t.assign(**{"quantity": "ratio", "statistic": "min", "unit": "1"}))
     assert "line 2: statistic = 'min'" in message and "want mean" in message
@@ -390,6 +398,29 @@ def test_nothing_hidden_is_said_so(tmp_path, capsys):
     answer = json.loads(said.out)
     assert not answer["alarm"] and answer["named"] == []
     assert "nothing to explain" in answer["paragraph"]
+
+
+def test_standard_deviations_far_too_large_are_said_so(hidden_stenosis, tmp_path, capsys):
+    """In another unit than the value, perhaps: nothing would be seen of the stenosis."""
+    for name in ("model.json", "conditions.yaml"):
+        (tmp_path / name).write_text((hidden_stenosis[0] / name).read_text())
+    table = pd.read_csv(hidden_stenosis[0] / "measurements.csv")
+    table.assign(sd=100.0 * table.sd).to_csv(tmp_path / "measurements.csv", index=False)
+    command.main(case_arguments(tmp_path, tmp_path / "out"))
+    said = capsys.readouterr().out
+    assert "nothing to explain" in said and "see whether those are right, and in the unit of the values" in said
+
+
+def test_names_that_no_condition_tests_are_said_so(hidden_stenosis, tmp_path, capsys):
+    for name in ("model.json", "measurements.csv"):
+        (tmp_path / name).write_text((hidden_stenosis[0] / name).read_text())
+    conditions = yaml.safe_load((hidden_stenosis[0] / "conditions.yaml").read_text())
+    for entry in conditions.values():
+        (entry or {}).pop("held_out", None)
+    (tmp_path / "conditions.yaml").write_text(yaml.safe_dump(conditions, sort_keys=False))
+    command.main(case_arguments(tmp_path, tmp_path / "out"))
+    said = capsys.readouterr().out
+    assert "Missing is quadratic stenosis" in said and "hold a condition out" in said
 
 
 def test_a_size_beyond_its_prior_is_said_so(hidden_stenosis, tmp_path, capsys):

@@ -61,7 +61,7 @@ def test_what_is_linear_by_nature_is_not_held_back_where_the_rest_is():
 
 
 def test_a_weight_that_starts_far_off_is_no_reason_to_move_anything_else():
-    """Sensitivities of an earlier fit that hold no more: whatever is gained by the weight would pay for a wrong step."""
+    """Sensitivities of an earlier fit that hold no more: what the weight gains would pay for a wrong step."""
     random = generator(10, "test", "weight far off")
     shape, slope = random.standard_normal((2, 50)) / 0.1
     g, y = np.column_stack([shape, slope]), 40.0 * shape + 0.5 * slope

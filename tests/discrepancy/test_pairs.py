@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from coronaryuq.discrepancy.pairs import _words, discover_pairs
+from coronaryuq.discrepancy.pairs import TOGETHER, _words, discover_pairs
 from coronaryuq.discrepancy.tables import _zero_flow, branches, read_pairs
 from coronaryuq.errors import InputError
 
@@ -146,7 +146,22 @@ def test_a_law_that_recalibration_predicts_as_well_is_in_doubt():
     """As with a loss that stretching the model's own explains, or branches that have been exchanged."""
     answer = discovered({"after": 0.0289, "recalibration_alone": 0.0281})
     assert "In doubt: recalibration alone" in answer and "leave room" not in answer
+    assert "In doubt: recalibration alone" in discovered({"after": 0.0279, "recalibration_alone": 0.0281})
     assert "In doubt" not in discovered({"after": 0.0020, "recalibration_alone": 0.0281})
+
+
+def test_rows_that_are_not_the_same_samples_are_in_doubt(tmp_path):
+    files = noisy_pairs(tmp_path, 1, quadratic=10.0)
+    same = discover_pairs(*files, tmp_path / "same", 1)
+    assert same["held_out"]["branches"][0]["goes_together"] > 0.9 and "one sample" not in same["paragraph"]
+    table = pd.read_csv(files[1])
+    values = table.columns != table.columns[0]
+    order = np.random.default_rng(3).permutation(len(table))
+    table.loc[:, values] = table.loc[order, values].to_numpy()
+    table.to_csv(files[1], index=False)
+    answer = discover_pairs(*files, tmp_path / "out", 1)
+    assert answer["held_out"]["branches"][0]["goes_together"] < TOGETHER
+    assert "see whether a row of both tables is one sample" in answer["paragraph"]
 
 
 def test_sensors_that_may_be_off_beside_a_loss_are_said():
@@ -188,7 +203,7 @@ def test_a_stenosis_beside_an_offset_is_not_taken_for_too_much_loss(tmp_path):
     assert not answer["held_out"]["branches"][0]["overstated"]
 
 
-def discovered(left, beside=None, moved=0.3):
+def discovered(left, beside=None, moved=0.3, together=1.0):
     """The sentences on a branch with a named loss, with these held-out errors."""
     interval = {"size": 0.2, "size_low": 0.1, "size_high": 0.3}
     return _words(
@@ -200,6 +215,7 @@ def discovered(left, beside=None, moved=0.3):
             "overstated": False,
             "recalibration": {"own": 1.1},
             "own_loss_moved": moved,
+            "goes_together": together,
             "effects": ["quadratic_stenosis"],
             "classes": {"quadratic_stenosis": {"quadratic_stenosis": 1.0}},
             "probability": 1.0,

@@ -18,6 +18,10 @@ Set by looking at two animals' recorded coronary flow, to which compression adds
 library in the benchmark, which add less: neither is a test of it. docs/discrepancy-method.md has what other thresholds
 answer."""
 
+LEAST_SHARE = 0.9
+"""Share of what a flexible discrepancy adds to recalibration's held-out density that named effects in doubt must add by
+themselves: as much of the gap as named effects are wanted to close of what the true ones close."""
+
 CENTRAL_99 = 2.5758293035489004
 """Standard deviations of a normal prior that hold its central 99 %."""
 
@@ -48,7 +52,8 @@ class Verdict:
     explains as well, with one cause. refuted: measurements that no fit had seen take back so much that all together
     leave less than naming takes, or recalibration alone predicts them better while something remains. incredible: a
     size lies beyond `FAR_OUT`; or a sensor would have to be off by more than any is, and even so something remains, and
-    held-out measurements are not foretold. varying: those of different size under different conditions. foretold:
+    held-out measurements are not foretold. overtaken: they are in doubt, and add less than `LEAST_SHARE` of what a
+    flexible discrepancy adds. varying: those of different size under different conditions. foretold:
     p-value of the held-out measurements with the named effects; unforeseen: there are such, and it is below
     `LEAST_FORETOLD`. helped: as the function of that name gives it, compared with `WORTH`.
     """
@@ -57,6 +62,7 @@ class Verdict:
     redistributed: bool
     refuted: bool
     incredible: bool
+    overtaken: bool
     constancies: list[Constancy]
     varying: list[Constancy]
     foretold: float
@@ -66,7 +72,7 @@ class Verdict:
     @property
     def taken_back(self) -> bool:
         """Whether nothing is named however much it would help a flexible discrepancy."""
-        return bool(self.mistaken) or self.redistributed or self.refuted or self.incredible
+        return bool(self.mistaken) or self.redistributed or self.refuted or self.incredible or self.overtaken
 
     @property
     def abstains(self) -> bool:
@@ -104,7 +110,15 @@ def judge(
     incredible = _far(problem, fit, acting, FAR_OUT)
     if still and unforeseen:
         incredible |= _far(problem, fit, acting, CENTRAL_99, instruments=True)
-    return Verdict(mistaken, redistributed, refuted, incredible, constancies, varying, foretold, unforeseen, nats)
+    overtaken = nats is not None and _added(gaps, gaps.after) < LEAST_SHARE * _added(gaps, gaps.flexible)
+    return Verdict(
+        mistaken, redistributed, refuted, incredible, overtaken, constancies, varying, foretold, unforeseen, nats
+    )
+
+
+def _added(gaps: Gaps, one: Gap) -> float:
+    """Nats that it adds to the held-out density of recalibration alone."""
+    return one.total_lpd - gaps.before.total_lpd
 
 
 def _far(problem: Problem, fit: Fit, acting: list[Acting], most: float, instruments: bool = False) -> bool:

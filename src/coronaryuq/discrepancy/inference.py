@@ -113,6 +113,8 @@ class Search:
         if not self.linear or not np.isfinite(residual).all():
             return z, residual
         columns, values = self.exact
+        # A row among others may be strided, and products of it be rounded in another way than those of it alone.
+        residual = np.ascontiguousarray(residual)
         step = cho_solve(self._linear_precision, values.T @ residual - z[columns])
         z = z.copy()
         z[columns] += step

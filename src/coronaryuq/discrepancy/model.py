@@ -119,6 +119,10 @@ def _check_sizes(problem: Problem, file: str | Path) -> None:
         largest = max(np.abs(p).max() for _, p in mine)
         if not np.isfinite(largest) or largest == 0.0:
             continue
+        places = {s.location for s, _ in mine}
+        if quantity == "flow" and len(places) > 1 and all(_opposite(s, p) for s, p in mine):
+            remedy = "mL/s on average where the model's flow runs the other way, and so all flows; see their signs"
+            raise InputError(file, "flow: value", float(f"{mine[0][0].value.mean():.3g}"), remedy)
         for series, _ in mine:
             worst = int(np.argmax(np.abs(series.value)))
             times = abs(float(series.value[worst])) / largest
@@ -131,10 +135,16 @@ def _check_sizes(problem: Problem, file: str | Path) -> None:
         most = max(float(np.abs(s.value).max()) for s, _ in mine) / largest
         limit = UNITS_APART.get(quantity, np.inf)
         times = middle if middle > limit else most
-        several = quantity != "flow" or len({s.location for s, _ in mine}) > 1
+        several = quantity != "flow" or len(places) > 1
         if middle > limit or (several and most < 1.0 / limit):
             remedy = "times what the model has; see the units of both"
             raise InputError(file, f"{quantity}: value", float(f"{times:.3g}"), remedy)
+
+
+def _opposite(series: Measured, predicted: np.ndarray) -> bool:
+    """Whether a mean flow runs against the model's, by more than its noise."""
+    mean, sd = float(series.value.mean()), float(np.abs(series.sd).mean())
+    return mean * float(predicted.mean()) < 0.0 and abs(mean) > 3.0 * sd
 
 
 def with_time_steps(problem: Problem) -> Problem:

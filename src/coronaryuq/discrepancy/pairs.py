@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy.stats import spearmanr
 from threadpoolctl import threadpool_limits
 
 from coronaryuq import files
@@ -39,6 +40,10 @@ WORSE = 2.0
 recalibration has to be worse to be refuted: stretching the model's own loss is a linear loss as well, and ties."""
 STRETCHED = 2.0
 """Prior standard deviations by which recalibration may change the model's own loss before the answer says so."""
+AS_WELL = 0.95
+"""Share of recalibration's held-out error of FFR above which a law does no better."""
+TOGETHER = 0.3
+"""Rank correlation of the two tables, the largest of what both have, below which rows are hardly the same samples."""
 UNITS = {
     "linear": "pressure unit of the tables / flow unit",
     "quadratic": "pressure unit of the tables / flow unit squared",
@@ -239,6 +244,7 @@ def _answer(branch: Branch, one: _Examined) -> dict:
         "sizes": {name: {"of": _meaning(name), **found[name]} for name in effects} if name_it else {},
         "recalibration": {name: best.terms[name] for name in (*RECALIBRATION, BEYOND)},
         "own_loss_moved": best.own,
+        "goes_together": _together(branch),
         "share_of_folds_with_this_name": float(
             np.mean([is_one_of(e, [c.members for c in answered.classes]) for e in one.in_folds])
         ),
@@ -363,10 +369,15 @@ def _words(a: dict) -> str:
             " In doubt: the Gaussian process does clearly better, so what is missing has another form than this law; "
             "its sizes are of the nearest such law."
         )
-    if left["after"] >= left["recalibration_alone"]:
+    if left["after"] > AS_WELL * left["recalibration_alone"]:
         doubt += (
             " In doubt: recalibration alone, which stretches the model's own linear loss, predicts held-out samples as "
             "well."
+        )
+    if a["goes_together"] < TOGETHER:
+        doubt += (
+            f" In doubt: simulated and measured values hardly go together (rank correlation {a['goes_together']:.2f} "
+            "at most); see whether a row of both tables is one sample."
         )
     if abs(a["own_loss_moved"]) > STRETCHED:
         doubt += f" With it recalibration {own} ({a['own_loss_moved']:+.1f} standard deviations of its prior)."
@@ -378,6 +389,18 @@ def _words(a: dict) -> str:
         f"{a['share_of_folds_with_this_name']:.0%} of the folds). Sizes with 90 % intervals: {shares}; {terms}. "
         f"O{error}{doubt}"
     )
+
+
+def _together(branch: Branch) -> float:
+    """The largest rank correlation, over the samples, of what both tables have: pressures, flow and drop."""
+    both = [
+        (branch.root0, branch.root3),
+        (branch.distal0, branch.distal3),
+        (branch.outlet0, branch.outlet3),
+        (branch.flow0, branch.flow3),
+        (branch.drop0, branch.drop3),
+    ]
+    return max(float(spearmanr(a, b).statistic) if np.ptp(a) > 0.0 < np.ptp(b) else -1.0 for a, b in both)
 
 
 def _short(left: dict) -> str:

@@ -29,6 +29,8 @@ Report = Callable[[str], None]
 
 CULPRIT = "drive_gain"
 """The effect that all readings follow: several of them that are off look like it at first, each alone less so."""
+FURTHER = 2
+"""How many times a search goes on after effects that held-out measurements do not bear out."""
 LARGEST_LOG = 500.0
 """Log Bayes factor beyond which its size is of no matter."""
 
@@ -155,52 +157,22 @@ def _search(problem: Problem, seed: int, library: tuple[Effect, ...], report: Re
     """One search with standard deviations as they are."""
     settings, given = problem.settings, problem.forward.measured
     report(f"{np.count_nonzero(problem.train)} fitted measurements, {problem.count} nuisance parameters: recalibrating")
-    problem, base = recalibrate(problem)
-    plain, fit = problem, base
-    acting: list[Acting] = []
-    located, everything, vantage = assess(problem, fit, acting, library)
-    remaining, alarm = located, located.alarm(settings.alarm_level)
+    plain, base = recalibrate(problem)
+    located, everything, vantage = assess(plain, base, [], library)
+    alarm = located.alarm(settings.alarm_level)
     report(_told(everything, located, alarm))
-    rounds: list[Round] = []
-    features = flexible.features(problem)
-    tested = len(everything)
-    # Twice as many rounds as effects, should a look back undo what is named again and again.
-    most = 2 * settings.max_effects
-    while remaining.alarm(settings.alarm_level) and len(acting) < settings.max_effects and len(rounds) < most:
-        found = name_one(problem, fit, acting, features, everything, vantage)
-        rounds.append(found)
-        if found.accepted is None:
-            report("none of them is worth naming")
+    features = flexible.features(plain)
+    parts = folds(plain, [name for name, c in plain.forward.conditions.items() if c.held_out])
+    at = _Standing(plain, base, located, everything, vantage, len(everything))
+    _name(at, features, library, report)
+    scattered = estimated_noise(at.problem, at.fit)
+    for _ in range(FURTHER):
+        if _take_back(at, parts, library, seed, report):
             break
-        acting = [*acting, found.accepted.acting]
-        fit = found.accepted.fit
-        report(f"nearest: {_listed(acting)}")
-        for _ in range(len(acting) - 1):
-            before = acting
-            acting, fit = look_back(problem, acting, fit, rounds)
-            if acting == before:
-                break
-        wanted = len(acting)
-        problem, acting, fit = correct(problem, acting, fit, rounds)
-        remaining, everything, vantage = assess(problem, fit, acting, library, everything)
-        tested += len(everything)
-        report(f"beside {_listed(acting)}: {_told(everything, remaining, remaining.alarm(settings.alarm_level))}")
-        if len(acting) < wanted:
-            report("the last of them was of the time steps")
-            break
-    if acting:
-        fit = problem.to_the_end(acting, fit)
-        remaining = _located_again(problem, fit, remaining)
-    scattered = estimated_noise(problem, fit)
-    report("verifying on what was kept out of the fits")
-    parts = folds(problem, [name for name, c in problem.forward.conditions.items() if c.held_out])
-    wanted, still = len(acting), remaining.alarm(settings.alarm_level)
-    acting, fit = borne_out(problem, acting, fit, rounds, still, parts, seed)
-    if len(acting) < wanted:
-        report(f"those bear out {_listed(acting)} alone")
-        problem, fit = problem.corrected(acting, fit)
-        fit = problem.to_the_end(acting, fit)
-        remaining, *_ = assess(problem, fit, acting, library, everything)
+        _name(at, features, library, report)
+    else:
+        _take_back(at, parts, library, seed, report)
+    problem, acting, fit = at.problem, at.acting, at.fit
     recalibrated = linearise(plain, base.z, [])
     repaired = linearise(problem, fit.z, acting) if acting else recalibrated
     _, amplitude = flexible.gain(base, features[problem.train])
@@ -208,28 +180,112 @@ def _search(problem: Problem, seed: int, library: tuple[Effect, ...], report: Re
     _, amplitude = flexible.gain(fit, features[problem.train])
     both = repaired.extended(amplitude * features) if acting else process
     gaps = Gaps(*(gap(problem, model, parts, seed) for model in (recalibrated, repaired, process, both)))
-    priors = {entry.accepted.acting: entry.class_log_prior for entry in rounds if entry.accepted is not None}
-    effects = len({candidate.effect.name for candidate in everything})
-    still = remaining.alarm(settings.alarm_level)
+    priors = {entry.accepted.acting: entry.class_log_prior for entry in at.rounds if entry.accepted is not None}
+    effects = len({candidate.effect.name for candidate in at.everything})
     named = [(one, priors[one]) for one in acting]
-    verdict = judge(problem, base, fit, named, effects, still, gaps, foretold(problem, repaired, parts))
+    verdict = judge(problem, base, fit, named, effects, at.alarm, gaps, foretold(problem, repaired, parts))
     return Discovery(
         plain,
         problem,
         base,
         located,
         alarm,
-        rounds,
+        at.rounds,
         acting,
         fit,
-        remaining,
+        at.remaining,
         gaps,
         verdict,
         parts,
         given,
         scattered,
-        tested,
+        at.tested,
     )
+
+
+@dataclass
+class _Standing:
+    """Where a search stands: effects that act, their fit, what remains, candidates beside them and where these were
+    looked at from; how many were, round by round, and those that are not asked again."""
+
+    problem: Problem
+    fit: Fit
+    remaining: Located
+    everything: list[Candidate]
+    vantage: Fit
+    tested: int
+    acting: list[Acting] = field(default_factory=list)
+    rounds: list[Round] = field(default_factory=list)
+    refused: list[Acting] = field(default_factory=list)
+
+    @property
+    def alarm(self) -> bool:
+        return self.remaining.alarm(self.problem.settings.alarm_level)
+
+    def assess(self, library: tuple[Effect, ...]) -> None:
+        self.remaining, self.everything, self.vantage = assess(
+            self.problem, self.fit, self.acting, library, self.everything
+        )
+
+    def to_the_end(self) -> None:
+        self.fit = self.problem.to_the_end(self.acting, self.fit)
+
+    def refuse(self, candidates: list[Candidate]) -> None:
+        self.refused += [candidate.acting for candidate in candidates]
+        for entry in self.rounds:
+            entry.screened = [candidate for candidate in entry.screened if candidate.acting not in self.refused]
+
+
+def _name(at: _Standing, features: np.ndarray, library: tuple[Effect, ...], report: Report) -> None:
+    """One effect after the other, until nothing is left to explain or nothing helps."""
+    settings = at.problem.settings
+    # Twice as many rounds as effects, should a look back undo what is named again and again.
+    most = len(at.rounds) + 2 * settings.max_effects
+    while at.alarm and len(at.acting) < settings.max_effects and len(at.rounds) < most:
+        left = [candidate for candidate in at.everything if candidate.acting not in at.refused]
+        found = name_one(at.problem, at.fit, at.acting, features, left, at.vantage)
+        at.rounds.append(found)
+        if found.accepted is None:
+            report("none of them is worth naming")
+            break
+        at.acting, at.fit = [*at.acting, found.accepted.acting], found.accepted.fit
+        report(f"nearest: {_listed(at.acting)}")
+        for _ in range(len(at.acting) - 1):
+            before = at.acting
+            at.acting, at.fit = look_back(at.problem, at.acting, at.fit, at.rounds)
+            if at.acting == before:
+                break
+        wanted = len(at.acting)
+        at.problem, at.acting, at.fit = correct(at.problem, at.acting, at.fit, at.rounds)
+        at.assess(library)
+        at.tested += len(at.everything)
+        report(f"beside {_listed(at.acting)}: {_told(at.everything, at.remaining, at.alarm)}")
+        if len(at.acting) < wanted:
+            report("the last of them was of the time steps")
+            break
+    if at.acting:
+        at.to_the_end()
+        at.remaining = _located_again(at.problem, at.fit, at.remaining)
+
+
+def _take_back(at: _Standing, parts: list, library: tuple[Effect, ...], seed: int, report: Report) -> bool:
+    """Take back effects that measurements kept out of the fits do not bear out; whether these bear out all.
+
+    One that they do not, with its class, is not asked again: it may have stood in the way of one that they do.
+    """
+    report("verifying on what was kept out of the fits")
+    wanted = at.acting
+    at.acting, at.fit = borne_out(at.problem, at.acting, at.fit, at.rounds, at.alarm, parts, seed)
+    if len(at.acting) == len(wanted):
+        return True
+    report(f"those bear out {_listed(at.acting)} alone")
+    at.problem, at.fit = at.problem.corrected(at.acting, at.fit)
+    at.to_the_end()
+    at.assess(library)
+    for entry in at.rounds:
+        if entry.taken_back is not None:
+            at.refuse(entry.members)
+    return False
 
 
 def _located_again(problem: Problem, fit: Fit, before: Located) -> Located:

@@ -1,6 +1,7 @@
 """One paragraph in plain words about what was found, for the report."""
 
 import numpy as np
+from scipy import stats
 
 from coronaryuq.discrepancy.abstention import FAR_OUT, LEAST_FORETOLD, Gaps
 from coronaryuq.discrepancy.conservation import PROBE
@@ -20,6 +21,8 @@ Z_90 = 1.6448536269514722
 LEAST_INFORMATION = 0.1
 """Nats of expected information below which a measurement tells nothing apart; a class of two holds 0.69."""
 FLOOR = "1 is what noise and the fit's own spread let expect"
+QUIET, UNLIKELY = 0.5, 1e-4
+"""Scatter, over the standard deviations that are said, and its chance, below which these are too large."""
 MOST_LISTED = 4
 """Nuisance parameters, or samples, listed at most in one sentence."""
 
@@ -39,7 +42,7 @@ def paragraph(
             f"(global test {chance(found.located.p)}): there is nothing to explain. "
             f"On {_kept(held_out)} its misfit is {found.gaps.before.misfit:.2f} ({FLOOR})."
         )
-        return text + _unforeseen(found.verdict.foretold, held_out)
+        return text + _quiet(found) + _unforeseen(found.verdict.foretold, held_out)
     worst = found.located.groups[0]
     text = of_the_data + (
         f"The model disagrees with the {count} fitted measurements beyond what recalibration can mend "
@@ -58,7 +61,7 @@ def paragraph(
     if reason:
         return text + reason
     if not found.named:
-        text += "No effect of the library explains it well enough to be named. "
+        text += f"No effect of the library explains it well enough to be named{_nearest(found)}. "
     for number, entry in enumerate(found.named):
         by = (separating or {}).get((entry.accepted.effect.name, entry.accepted.place), [])
         text += f"{'Missing' if number == 0 else 'Also missing'} is {_described(found, entry, by)}"
@@ -157,6 +160,8 @@ def _afterwards(found: Discovery, held_out: list[str]) -> str:
     """How far the gap has closed, and what is left."""
     gaps = found.gaps
     text = f"On {_kept(held_out)} the misfit {moved(gaps.before.misfit, gaps.after.misfit)}. "
+    if found.named and not held_out:
+        text += "That is no test of the names, which were chosen with all of them: hold a condition out for one. "
     if found.named and gaps.after.total_lpd < gaps.before.total_lpd:
         text += (
             "Those measurements are predicted worse with the named effects than by recalibration alone (log predictive "
@@ -181,7 +186,7 @@ def _scattered(noise: dict[str, Noise]) -> str:
     if larger:
         text += (
             "Waveforms scatter more from one sample to the next than their standard deviations say "
-            f"({listed(larger)}) and are taken to be so much less certain. "
+            f"({listed(larger)}), or a drive of the model does, and are taken to be so much less certain. "
         )
     if lasting:
         text += (
@@ -204,6 +209,29 @@ def _standing_out(found: list[Spike]) -> str:
     if len(found) == 1:
         return f"Off both neighbours is {said[0]}: see whether that is an artefact, and leave it out. "
     return f"Off both neighbours are {listed(said)}: see whether those are artefacts, and leave them out. "
+
+
+def _quiet(found: Discovery) -> str:
+    """That measurements scatter far less than their standard deviations say, so that hardly anything would be seen."""
+    count = len(found.base.residual)
+    times = np.sqrt(found.base.objective / count)
+    if times > QUIET or stats.chi2.cdf(found.base.objective, count) > UNLIKELY:
+        return ""
+    return (
+        f" The measurements scatter about it only {times:.2g} times as much as their standard deviations say, which "
+        "would hide what is missing: see whether those are right, and in the unit of the values."
+    )
+
+
+def _nearest(found: Discovery) -> str:
+    """What has the highest probability where nothing is named, if it is likelier than nothing."""
+    tried = [entry for entry in found.rounds[:1] if entry.shortlist]
+    if not tried:
+        return ""
+    best = max(tried[0].shortlist, key=lambda c: c.probability)
+    if best.probability <= tried[0].probabilities["none"]:
+        return ""
+    return f"; nearest comes {_called(best.acting)} (probability {best.probability:.2f}, too little by itself)"
 
 
 def _unforeseen(foretold: float, held_out: list[str]) -> str:
