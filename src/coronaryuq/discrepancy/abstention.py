@@ -107,9 +107,9 @@ def judge(
     mistaken = [one for one in acting if not one[0].nameable]
     unforeseen = bool(acting and foretold < LEAST_FORETOLD)
     nats = helped(still, bool(varying) or unforeseen, gaps)
-    incredible = _far(problem, fit, acting, FAR_OUT)
+    incredible = far_out(problem, fit, acting, FAR_OUT)
     if still and unforeseen:
-        incredible |= _far(problem, fit, acting, CENTRAL_99, instruments=True)
+        incredible |= far_out(problem, fit, acting, CENTRAL_99, instruments=True)
     overtaken = nats is not None and _added(gaps, gaps.after) < LEAST_SHARE * _added(gaps, gaps.flexible)
     return Verdict(
         mistaken, redistributed, refuted, incredible, overtaken, constancies, varying, foretold, unforeseen, nats
@@ -121,7 +121,7 @@ def _added(gaps: Gaps, one: Gap) -> float:
     return one.total_lpd - gaps.before.total_lpd
 
 
-def _far(problem: Problem, fit: Fit, acting: list[Acting], most: float, instruments: bool = False) -> bool:
+def far_out(problem: Problem, fit: Fit, acting: list[Acting], most: float, instruments: bool = False) -> bool:
     """Whether a size, of an instrument's error alone if so said, lies more than `most` standard deviations of its prior
     from its mean."""
     column, far = problem.count, False

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from coronaryuq.discrepancy import flexible
-from coronaryuq.discrepancy.abstention import CENTRAL_99, FAR_OUT, Gaps, Verdict, judge
+from coronaryuq.discrepancy.abstention import CENTRAL_99, FAR_OUT, Gaps, Verdict, far_out, judge
 from coronaryuq.discrepancy.borne_out import borne_out
 from coronaryuq.discrepancy.candidates import PRIOR_NAMED, Candidate, all_candidates, best_of_effects
 from coronaryuq.discrepancy.inference import Fit
@@ -169,7 +169,12 @@ def _search(problem: Problem, seed: int, library: tuple[Effect, ...], report: Re
     for _ in range(FURTHER):
         if _take_back(at, parts, library, seed, report):
             break
+        before = at.copy()
         _name(at, features, library, report)
+        if at.far_out and not before.far_out:
+            report("with a size that nobody has: that stays out")
+            at = before
+            break
     else:
         _take_back(at, parts, library, seed, report)
     problem, acting, fit = at.problem, at.acting, at.fit
@@ -221,6 +226,14 @@ class _Standing:
     @property
     def alarm(self) -> bool:
         return self.remaining.alarm(self.problem.settings.alarm_level)
+
+    @property
+    def far_out(self) -> bool:
+        """Whether a size is not to be believed."""
+        return far_out(self.problem, self.fit, self.acting, FAR_OUT)
+
+    def copy(self) -> "_Standing":
+        return replace(self, rounds=[replace(entry) for entry in self.rounds], refused=list(self.refused))
 
     def assess(self, library: tuple[Effect, ...]) -> None:
         self.remaining, self.everything, self.vantage = assess(

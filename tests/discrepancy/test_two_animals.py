@@ -1,0 +1,48 @@
+"""Recorded coronary flow of two animals, whose answer nobody knows: it may not hang on how the files are written."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from coronaryuq.discrepancy.conditions import read_conditions
+from coronaryuq.discrepancy.model import read_problem
+from coronaryuq.discrepancy.recordings import prepare
+from coronaryuq.discrepancy.search import discover
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.files import read_json
+
+RECORDINGS = Path(__file__).parents[3] / "shared" / "data" / "perfused-heart"
+pytestmark = pytest.mark.skipif(not RECORDINGS.is_dir(), reason=f"{RECORDINGS} is not there")
+
+
+def searched(folder):
+    conditions = folder / "conditions.yaml"
+    files = read_json(folder / "model.json"), folder / "measurements.csv"
+    return discover(read_problem(*files, read_conditions(conditions), conditions, Settings()), 1)
+
+
+def named(found):
+    sizes = {one: [parameter.from_standard(z) for parameter, z, _ in found.sizes(one)] for one in found.acting}
+    return {effect.name: sizes[effect, place] for effect, place in (entry.accepted.acting for entry in found.named)}
+
+
+def test_the_order_of_conditions_decides_nothing(tmp_path):
+    prepare(RECORDINGS, "DSEA10", tmp_path, None, False)
+    as_written = named(searched(tmp_path))
+    assert {"diffuse_narrowing", "intramyocardial_pressure"} <= set(as_written)
+    entries = yaml.safe_load((tmp_path / "conditions.yaml").read_text())
+    first, *others = entries
+    turned = {name: entries[name] for name in (first, *reversed(others))}
+    (tmp_path / "conditions.yaml").write_text(yaml.safe_dump(turned, sort_keys=False))
+    otherwise = named(searched(tmp_path))
+    assert list(otherwise) == list(as_written)
+    for name, sizes in as_written.items():
+        assert otherwise[name] == pytest.approx(sizes, rel=0.05), name
+
+
+def test_what_held_out_recordings_refuse_is_not_the_last_word(tmp_path):
+    prepare(RECORDINGS, "DSEA08", tmp_path, None, False)
+    found = searched(tmp_path)
+    assert [effect.name for effect, _ in found.not_borne_out] == ["flow_delay"]
+    assert set(named(found)) == {"diffuse_narrowing", "intramyocardial_pressure", "inertance"}
