@@ -110,7 +110,7 @@ def judge(
     incredible = far_out(problem, fit, acting, FAR_OUT)
     if still and unforeseen:
         incredible |= far_out(problem, fit, acting, CENTRAL_99, instruments=True)
-    overtaken = nats is not None and _added(gaps, gaps.after) < LEAST_SHARE * _added(gaps, gaps.flexible)
+    overtaken = bool(nats is not None and _added(gaps, gaps.after) < LEAST_SHARE * _added(gaps, gaps.flexible))
     return Verdict(
         mistaken, redistributed, refuted, incredible, overtaken, constancies, varying, foretold, unforeseen, nats
     )
