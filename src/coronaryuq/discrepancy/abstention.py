@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from coronaryuq.discrepancy.conditions import kept_out
 from coronaryuq.discrepancy.conservation import redistribution
 from coronaryuq.discrepancy.constancy import Constancy, constancy
 from coronaryuq.discrepancy.inference import Fit
@@ -98,12 +99,12 @@ def judge(
     # What effects add to the log evidence of the fitted measurements, and to the log predictive density of the others,
     # is their log evidence from all of them.
     odds = fit.evidence + sum(priors) - base.evidence + gaps.after.total_lpd - gaps.before.total_lpd
-    kept_out = any(condition.held_out for condition in problem.forward.conditions.values())
+    tested = kept_out(problem.forward.conditions)
     constancies = constancy(problem, fit, acting)
     varying = [one for one in constancies if one.log_odds > least]
     lost = still and better(gaps.before, gaps.after)
     # Without a condition kept out, evidence would count them twice.
-    refuted = bool(acting and (lost or (kept_out and odds < least)))
+    refuted = bool(acting and (lost or (tested and odds < least)))
     mistaken = [one for one in acting if not one[0].nameable]
     unforeseen = bool(acting and foretold < LEAST_FORETOLD)
     nats = helped(still, bool(varying) or unforeseen, gaps)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from coronaryuq.discrepancy.conditions import kept_out
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.naming import Round
 from coronaryuq.discrepancy.problem import Problem
@@ -23,7 +24,7 @@ def borne_out(
     either: what is fitted may then stand for what remains, and its evidence for nothing. The same is asked of all
     together by `abstention.judge`. Rounds of several effects get both numbers (`worth`, `held_out`).
     """
-    kept_out = any(condition.held_out for condition in problem.forward.conditions.values())
+    tested = kept_out(problem.forward.conditions)
     while len(acting) > 1:
         entries = [next(r for r in rounds if r.accepted is not None and r.accepted.acting == one) for one in acting]
         present = gap(problem, linearise(problem, fit.z, acting), parts, seed)
@@ -35,7 +36,7 @@ def borne_out(
             entry.worth = np.inf if without is None else fit.evidence - without.evidence
             entry.held_out = np.inf if its is None else present.total_lpd - its.total_lpd
             all_of_them = entry.worth + entry.class_log_prior + entry.held_out
-            outweighed = kept_out and all_of_them < problem.settings.least_log_odds
+            outweighed = tested and all_of_them < problem.settings.least_log_odds
             if outweighed or (still and its is not None and better(its, present)):
                 odds[number] = all_of_them
         least = int(np.argmin(odds))

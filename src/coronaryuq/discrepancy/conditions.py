@@ -168,6 +168,11 @@ def _drive(path: Path) -> tuple[np.ndarray, np.ndarray]:
     return time - time[0], value
 
 
+def kept_out(conditions: dict[str, Condition]) -> list[str]:
+    """Names of those that enter no fit."""
+    return [name for name, condition in conditions.items() if condition.held_out]
+
+
 def as_entry(condition: Condition) -> dict:
     """A condition as the conditions file has it, but for its drives, which are files."""
     entry: dict = {}

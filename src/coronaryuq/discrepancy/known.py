@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from coronaryuq.discrepancy.conditions import kept_out
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.problem import Problem
 from coronaryuq.discrepancy.search import recalibrate
@@ -26,5 +27,5 @@ def known_gap(problem: Problem, acting: list[Acting], sizes: np.ndarray, seed: i
     """Held-out gap with what was hidden."""
     plain, base = recalibrate(problem)
     plain, fit = fit_known(plain, acting, sizes, base)
-    parts = folds(plain, [name for name, condition in plain.forward.conditions.items() if condition.held_out])
+    parts = folds(plain, kept_out(plain.forward.conditions))
     return gap(plain, linearise(plain, fit.z, acting), parts, seed)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from coronaryuq import units
-from coronaryuq.discrepancy.conditions import Condition, period_of, under
+from coronaryuq.discrepancy.conditions import Condition, kept_out, period_of, under
 from coronaryuq.discrepancy.forward import Forward, pressure_factor
 from coronaryuq.discrepancy.measurements import AORTIC, Measured, measured_conditions, read_measurements
 from coronaryuq.discrepancy.networks import inner
@@ -216,7 +216,7 @@ def make_problem(
         {bed: values[name] for bed, name in at_beds.items()},
     )
     forward.masses = {n.mass: _mass(n.mass, conditions, measured, anatomy) for n in parameters if n.mass is not None}
-    held = [name for name, condition in conditions.items() if condition.held_out]
+    held = kept_out(conditions)
     problem = Problem(forward, settings, np.ones(forward.size, dtype=bool))
     problem.train = ~np.isin(problem.condition, held)
     for name in held:

@@ -8,7 +8,7 @@ import pandas as pd
 
 from coronaryuq import files
 from coronaryuq.discrepancy.candidates import Candidate
-from coronaryuq.discrepancy.conditions import drives_of
+from coronaryuq.discrepancy.conditions import drives_of, kept_out
 from coronaryuq.discrepancy.naming import Round
 from coronaryuq.discrepancy.noise import with_lasting
 from coronaryuq.discrepancy.nuisance import without_noise
@@ -24,7 +24,7 @@ from coronaryuq.zerod.effects.beds import ALL
 
 def summary(found: Discovery) -> dict:
     """The object that `coronaryuq discrepancy --json` prints."""
-    held_out = [name for name, c in found.problem.forward.conditions.items() if c.held_out]
+    held_out = kept_out(found.problem.forward.conditions)
     level, told = found.problem.settings.false_discovery_rate, named(found)
     return {
         "alarm": found.alarm,

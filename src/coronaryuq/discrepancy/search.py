@@ -9,6 +9,7 @@ from coronaryuq.discrepancy import flexible
 from coronaryuq.discrepancy.abstention import CENTRAL_99, FAR_OUT, Gaps, Verdict, far_out, judge
 from coronaryuq.discrepancy.borne_out import borne_out
 from coronaryuq.discrepancy.candidates import PRIOR_NAMED, Candidate, all_candidates, best_of_effects
+from coronaryuq.discrepancy.conditions import kept_out
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.locate import Located, locate
 from coronaryuq.discrepancy.looking_back import correct, look_back
@@ -85,8 +86,7 @@ class Discovery:
         """Of what comes nearest: log evidence, with its share of the prior, and log predictive density of what was kept
         out of the fits; where no condition is, that would count the fitted measurements twice."""
         priors = {r.accepted.acting: r.class_log_prior for r in self.rounds if r.accepted is not None}
-        kept_out = any(condition.held_out for condition in self.problem.forward.conditions.values())
-        held_out = self.gaps.after.total_lpd if kept_out else 0.0
+        held_out = self.gaps.after.total_lpd if kept_out(self.problem.forward.conditions) else 0.0
         return self.fit.evidence + sum(priors[one] for one in self.acting) + held_out
 
     def beyond_prior(self, one: Acting) -> list[Parameter]:
@@ -162,7 +162,7 @@ def _search(problem: Problem, seed: int, library: tuple[Effect, ...], report: Re
     alarm = located.alarm(settings.alarm_level)
     report(_told(everything, located, alarm))
     features = flexible.features(plain)
-    parts = folds(plain, [name for name, c in plain.forward.conditions.items() if c.held_out])
+    parts = folds(plain, kept_out(plain.forward.conditions))
     at = _Standing(plain, base, located, everything, vantage, len(everything))
     _name(at, features, library, report)
     scattered = estimated_noise(at.problem, at.fit)
