@@ -126,3 +126,10 @@ def test_csv_floats_survive_the_round_trip_to_the_bit(tmp_path_factory, values):
     path = tmp_path_factory.mktemp("table") / "t.csv"
     files.write_csv(path, pd.DataFrame({"a": values}))
     assert files.read_csv(path)["a"].tolist() == values
+
+
+@pytest.mark.parametrize("row", ["1,2,3\n", "1,2,\n", "1,2,3,4\n"])
+def test_rows_longer_than_the_heading_are_not_shifted(tmp_path, row):
+    (tmp_path / "table.csv").write_text("a,b\n" + row)
+    with pytest.raises(InputError, match="heading: rows have more cells than it has columns"):
+        files.read_csv(tmp_path / "table.csv")

@@ -191,6 +191,9 @@ def read_csv(path: str | Path, columns: tuple[str, ...] = (), words: tuple[str, 
     except ValueError as error:
         reason = " ".join(str(error).split())
         raise InputError(path, None, None, f"not a readable CSV ({reason})") from None
+    if not isinstance(frame.index, pd.RangeIndex):
+        # pandas takes the first cells of rows that are longer than the heading for their names.
+        raise InputError(path, "heading", None, "rows have more cells than it has columns; see separators")
     return _with_columns(path, frame, columns)
 
 
