@@ -6,9 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from coronaryuq import files
 from coronaryuq.figures import discrepancy as drawn
-from coronaryuq.figures.discrepancy_benchmark import SHARES, benchmark
 from coronaryuq.units import MBF_PER_MIN_PER_G, ML_PER_MIN, MMHG
 
 
@@ -116,12 +114,3 @@ def test_gap_and_ranking(tmp_path):
     pd.DataFrame(names).assign(accepted=[False, True]).to_csv(tmp_path / "r.csv", index=False)
     drawn.ranking(tmp_path / "r.csv", tmp_path / "r.png")
     assert is_png(tmp_path / "g.png") and is_png(tmp_path / "r.png")
-
-
-def test_benchmark_draws_what_was_hidden_against_what_was_named(tmp_path):
-    share = {"share": 0.9, "low": 0.7, "high": 0.98, "trials": 20}
-    confusion = {"none": {"none": 5}, "leak": {"leak": 3, "none": 1}, "outside:x": {"outside": 2, "stenosis": 1}}
-    totals = dict.fromkeys(SHARES, share) | {"both_of_two": {"share": None, "low": None, "high": None, "trials": 0}}
-    files.write_json(tmp_path / "b.json", {"totals": totals, "confusion": confusion})
-    benchmark(tmp_path / "b.json", tmp_path / "b.png")
-    assert is_png(tmp_path / "b.png")
