@@ -1,9 +1,9 @@
 """Trees to try things on."""
 
-import case_files
 import pytest
 
 from coronaryuq.case.tree import Stenosis
+from support import case_files
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from case_files import straight
 
 from coronaryuq.case.anatomy import labelled
 from coronaryuq.case.graph import graph_of
@@ -19,6 +18,7 @@ from coronaryuq.case.network import (
 from coronaryuq.case.tree import Stenosis, Tree, area_ratio
 from coronaryuq.synthetic.anatomy import narrowed
 from coronaryuq.units import MMHG
+from support.case_files import straight
 
 BEDS = [Bed("BC_lca1", "lca1", False), Bed("BC_lca2", "lca2", False), Bed("BC_rca1", "rca1", True)]
 

@@ -6,7 +6,6 @@ import shutil
 import numpy as np
 import pytest
 import pyvista as pv
-from case_files import write_case
 
 from coronaryuq.case.check import check_case
 from coronaryuq.case.graph import graph_of
@@ -16,6 +15,7 @@ from coronaryuq.case.stage import prepare_case
 from coronaryuq.case.tree import read_tree
 from coronaryuq.errors import InputError
 from coronaryuq.units import MBF_PER_MIN_PER_G, MMHG
+from support.case_files import write_case
 
 
 def test_the_four_files_agree_with_one_another(small_tree, tmp_path):

@@ -5,12 +5,12 @@ import textwrap
 from pathlib import Path
 
 import pytest
-from case_files import write_case
 
 from coronaryuq.case.check import check_case
 from coronaryuq.case.description import read_description, schema
 from coronaryuq.case.reference import reference
 from coronaryuq.case.tables import read_case_targets, read_outlets
+from support.case_files import write_case
 
 
 def test_a_sound_case_has_no_findings_and_says_what_it_holds(small_tree, tmp_path):

@@ -6,8 +6,6 @@ import shutil
 import numpy as np
 import pytest
 import pyvista as pv
-from case_files import straight, write_case
-from tubes import tube_surface
 
 from coronaryuq.case.aortic_root import write_aortic_root_case
 from coronaryuq.case.assembly import assemble
@@ -21,6 +19,8 @@ from coronaryuq.case.tree import Stenosis, Tree, Vessel, area_ratio, throat
 from coronaryuq.errors import InputError
 from coronaryuq.seeds import generator
 from coronaryuq.synthetic.anatomy import narrowed
+from support.case_files import straight, write_case
+from support.tubes import tube_surface
 
 
 def random_tree(seed: int, outlets: int) -> Tree:

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from case_files import straight
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from coronaryuq.case.tree import Stenosis, Tree, Vessel, area_ratio, read_tree, throat, write_tree
 from coronaryuq.errors import InputError
 from coronaryuq.synthetic.anatomy import narrowed
+from support.case_files import straight
 
 
 def test_a_tree_comes_back_from_its_file_to_the_bit(small_tree, tmp_path):

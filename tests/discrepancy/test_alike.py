@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from linear_problem import LinearProblem, made_up
 
 from coronaryuq.discrepancy.candidates import Candidate, indistinguishable
 from coronaryuq.discrepancy.naming import fit_alike
 from coronaryuq.discrepancy.rivals import ALIKE, RIVALS
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.seeds import generator
+from support.linear_problem import LinearProblem, made_up
 
 ROWS, NUISANCES, SEGMENTS, PRIOR = 150, 3, RIVALS + 3, -4.0
 LOSS = made_up("loss")

@@ -4,13 +4,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from linear_problem import LinearProblem, here
 
 from coronaryuq.discrepancy.candidates import ASTRAY, ASTRAY_TRIED, Candidate, fit_shortlist, lost
 from coronaryuq.discrepancy.inference import Fit
 from coronaryuq.discrepancy.naming import name_one
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.seeds import generator
+from support.linear_problem import LinearProblem, here
 
 ROWS, NUISANCES, PRIOR = 120, 2, -3.0
 

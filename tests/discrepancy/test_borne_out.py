@@ -4,7 +4,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from linear_problem import LinearProblem
 
 from coronaryuq.discrepancy.borne_out import borne_out
 from coronaryuq.discrepancy.candidates import Candidate
@@ -13,6 +12,7 @@ from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.verify import folds
 from coronaryuq.seeds import generator
 from coronaryuq.zerod.effects.base import Parameter
+from support.linear_problem import LinearProblem
 
 ROWS, NUISANCES, PRIOR = 120, 2, -5.0
 SIZE = Parameter("size", "1", "normal", 0.0, 1.0, "")

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_starts import fresh
 
 from coronaryuq import files
 from coronaryuq.bench.discrepancy import Case, hide
@@ -15,6 +14,7 @@ from coronaryuq.discrepancy.numerics import FINER
 from coronaryuq.discrepancy.problem import MISSED
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.library import effect
+from support.small_loop import fresh
 
 COARSE = 50
 """Time steps a cycle with which waveforms of this tree are well off."""

@@ -5,7 +5,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from linear_problem import LinearProblem, here
 from scipy import stats
 
 from coronaryuq.discrepancy.candidates import CONTENDER, PRIOR_NAMED, Candidate
@@ -16,6 +15,7 @@ from coronaryuq.discrepancy.rivals import LIKELIEST
 from coronaryuq.discrepancy.search import _chance_of_evidence, recalibrate
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.seeds import generator
+from support.linear_problem import LinearProblem, here
 
 ROWS, NUISANCES, EFFECTS, TRIALS = 60, 3, 12, 4000
 

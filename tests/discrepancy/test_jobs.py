@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from test_starts import STENOSIS, fresh, loop
 
 from coronaryuq.discrepancy.jobs import Job, batches, stacked
 from coronaryuq.discrepancy.settling import Settling
 from coronaryuq.seeds import generator
 from coronaryuq.zerod.blood_volume import BloodVolume
 from coronaryuq.zerod.effects.library import effect
+from support.small_loop import STENOSIS, fresh, loop
 
 LEAK = (effect("side_branch_leak"), "lca2")
 

@@ -4,7 +4,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from linear_problem import LinearProblem, here
 
 from coronaryuq.discrepancy.candidates import Candidate
 from coronaryuq.discrepancy.looking_back import look_back
@@ -12,6 +11,7 @@ from coronaryuq.discrepancy.naming import Round
 from coronaryuq.discrepancy.rivals import RIVALS
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.seeds import generator
+from support.linear_problem import LinearProblem, here
 
 ROWS, NUISANCES, PRIOR = 120, 2, -3.0
 

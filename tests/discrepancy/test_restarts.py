@@ -4,11 +4,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from linear_problem import here
 
 from coronaryuq.discrepancy.candidates import Candidate, refit
 from coronaryuq.discrepancy.problem import RESTARTS, Problem
 from coronaryuq.discrepancy.settings import Settings
+from support.linear_problem import here
 
 
 class TwoValleys:

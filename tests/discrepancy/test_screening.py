@@ -4,13 +4,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from linear_problem import made_up
 
 from coronaryuq.discrepancy.candidates import Candidate
 from coronaryuq.discrepancy.inference import Fit, Search, maximise
 from coronaryuq.discrepancy.screening import ANEW, SIGNED, TURNING, screen
 from coronaryuq.seeds import generator
 from coronaryuq.zerod.effects.base import Parameter
+from support.linear_problem import made_up
 
 ROWS, NUISANCES = 200, 6
 CONDITIONS = np.repeat(["rest", "hyperaemia"], ROWS // 2)

@@ -3,9 +3,9 @@
 from types import SimpleNamespace
 
 import pytest
-from linear_problem import made_up
 
 from coronaryuq.discrepancy import search
+from support.linear_problem import made_up
 
 DRIVE, PROBE, LOSS = made_up("drive_gain"), made_up("flow_gain", of_an_instrument=True), made_up("loss")
 LIBRARY = (DRIVE, PROBE, LOSS)

@@ -4,7 +4,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-import three_levels
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -13,6 +12,7 @@ from coronaryuq.estimation.control_variates import METHODS
 from coronaryuq.estimation.design import make_design
 from coronaryuq.estimation.level_allocation import Costs, allocation, worth
 from coronaryuq.estimation.levels import Parts, multilevel
+from support import three_levels
 
 
 def trials(number, n, beyond, choose, failed=0.0):

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from loops import RADIUS, ensemble, network
 
 from coronaryuq.flow3d.block import _stride
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.zerod.engine import Engine
+from support.loops import RADIUS, ensemble, network
 
 RESISTANCES = np.linspace(20000.0, 45000.0, 10)
 

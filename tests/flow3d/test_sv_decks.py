@@ -7,7 +7,6 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import pyvista as pv
-from sv_case import make_case
 
 from coronaryuq.errors import InputError
 from coronaryuq.flow3d import simvascular, svsolver
@@ -16,6 +15,7 @@ from coronaryuq.flow3d.svmultiphysics import SvMultiPhysics
 from coronaryuq.flow3d.svsolver import SvSolver
 from coronaryuq.zerod.model import Model
 from coronaryuq.zerod.network import check_network, read_network
+from support.sv_case import make_case
 
 SAMPLE = Sample("s7", {"BC_LAD": 1.3, "R_cor_scaling": 0.9})
 

@@ -9,11 +9,11 @@ import shutil
 from dataclasses import replace
 
 import pytest
-from sv_case import make_case
 
 from coronaryuq.flow3d.backend import RunFailed, Sample, execute, run_sample
 from coronaryuq.flow3d.svmultiphysics import SvMultiPhysics
 from coronaryuq.flow3d.svsolver import SvSolver
+from support.sv_case import make_case
 
 SAMPLE = Sample("s1", {"R_cor_scaling": 1.0})
 

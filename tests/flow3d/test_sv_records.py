@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista as pv
-from sv_case import make_case
 
 from coronaryuq import records
 from coronaryuq.errors import InputError
@@ -20,6 +19,7 @@ from coronaryuq.flow3d.external import make_backend, run_external
 from coronaryuq.flow3d.svmultiphysics import SvMultiPhysics
 from coronaryuq.flow3d.svsolver import SvSolver
 from coronaryuq.zerod.network import copy_of
+from support.sv_case import make_case
 
 SAMPLE = Sample("s1", {"R_cor_scaling": 1.0})
 

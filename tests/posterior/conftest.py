@@ -1,9 +1,9 @@
 """A small patient for the posterior stage, made of resistors."""
 
 import pytest
-from resistor_tree import ResistorTree, network_of, targets_of
 
 from coronaryuq.files import write_json
+from support.resistor_tree import ResistorTree, network_of, targets_of
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from resistor_tree import ResistorTree, targets_of
 from scipy import stats
 
 from coronaryuq.files import read_json
@@ -13,6 +12,7 @@ from coronaryuq.posterior.likelihood import Likelihood
 from coronaryuq.posterior.model import Posterior
 from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, Settings
 from coronaryuq.posterior.total_resistance import Conditioned
+from support.resistor_tree import ResistorTree, targets_of
 
 
 def ranks_of_truth(replications, settings, folder, relative_sd=0.2, beds=4):

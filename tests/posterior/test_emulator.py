@@ -1,13 +1,13 @@
 """Fit of flow fractions, design, emulator: accurate near the posterior, and the same density as the model's."""
 
 import numpy as np
-from resistor_tree import ResistorTree, targets_of
 
 from coronaryuq.posterior.emulator import Emulator, design, design_size
 from coronaryuq.posterior.fit import fit_fractions
 from coronaryuq.posterior.likelihood import Likelihood
 from coronaryuq.posterior.model import Posterior
 from coronaryuq.posterior.total_resistance import Conditioned
+from support.resistor_tree import ResistorTree, targets_of
 
 
 def prepared(count=14):

@@ -11,13 +11,13 @@ from pathlib import Path
 import arviz
 import numpy as np
 import pytest
-from resistor_tree import network_of
 
 from coronaryuq.errors import InputError
 from coronaryuq.files import read_csv, read_json, write_json
 from coronaryuq.posterior import stage
 from coronaryuq.posterior.bed_flows import BedFlows
 from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, Settings
+from support.resistor_tree import network_of
 
 SMALL = Settings(
     dream=DreamSettings(chains=24, generations=160), emulator=EmulatorSettings(generations=4), checkpoint=40

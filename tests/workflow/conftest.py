@@ -2,8 +2,8 @@
 
 import pytest
 
-import smoke
-from checkout import Checkout
+from support import smoke
+from support.checkout import Checkout
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 import pytest
 
-from checkout import Checkout
+from support.checkout import Checkout
 
 pytestmark = pytest.mark.workflow
 

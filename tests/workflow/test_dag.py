@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from checkout import Checkout
+from support.checkout import Checkout
 
 pytestmark = pytest.mark.workflow
 

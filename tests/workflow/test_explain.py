@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from checkout import Checkout
 from coronaryuq import explain
 from coronaryuq.errors import InputError
 from coronaryuq.files import read_json
+from support.checkout import Checkout
 
 pytestmark = pytest.mark.workflow
 

@@ -7,9 +7,9 @@ so is, exactly, what the estimators estimate.
 import numpy as np
 import pytest
 
-import standin
-from checkout import Checkout
 from coronaryuq.files import read_csv, read_json
+from support import standin
+from support.checkout import Checkout
 
 pytestmark = [pytest.mark.workflow, pytest.mark.long]
 

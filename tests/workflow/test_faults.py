@@ -18,7 +18,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from checkout import Checkout, scripts_at_work
+from support.checkout import Checkout, scripts_at_work
 
 pytestmark = pytest.mark.workflow
 

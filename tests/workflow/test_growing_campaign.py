@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-import smoke
-from checkout import ROOT, Checkout
 from coronaryuq.files import read_csv, read_json
 from coronaryuq.records import read as read_records
+from support import smoke
+from support.checkout import ROOT, Checkout
 
 pytestmark = [pytest.mark.workflow, pytest.mark.long]
 

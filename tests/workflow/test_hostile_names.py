@@ -1,14 +1,11 @@
 """Folders and files named to trick a shell: every command takes them as names."""
 
-import sys
 from pathlib import Path
 
 import pytest
 
-from checkout import EMPTY_OUTPUTS, Checkout
 from coronaryuq.case.tree import Tree
-
-sys.path.append(str(Path(__file__).parents[1] / "case"))
+from support.checkout import EMPTY_OUTPUTS, Checkout
 
 pytestmark = pytest.mark.workflow
 
@@ -16,7 +13,7 @@ NAME = """it's "one"; $(touch hacked) `touch hacked` & folder"""
 
 
 def test_no_name_reaches_a_shell(tmp_path):
-    from case_files import straight, write_case
+    from support.case_files import straight, write_case
 
     tree = Tree([straight("aorta", (0, 0, 0), (0, 0, 1), 2.0, (1.2, 1.2))])
     checkout = Checkout(tmp_path / NAME)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-import smoke
+from support import smoke
 
 pytestmark = [pytest.mark.workflow, pytest.mark.long]
 

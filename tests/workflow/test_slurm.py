@@ -11,11 +11,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-import cluster
-import smoke
-from checkout import ROOT, Checkout, scripts_at_work
 from coronaryuq import doctor
 from coronaryuq.files import read_json
+from support import cluster, smoke
+from support.checkout import ROOT, Checkout, scripts_at_work
 
 pytestmark = [pytest.mark.workflow]
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import smoke
 from coronaryuq import explain
 from coronaryuq.errors import InputError
 from coronaryuq.files import read_csv, read_json
 from coronaryuq.records import read as read_records
+from support import smoke
 
 pytestmark = pytest.mark.workflow
 

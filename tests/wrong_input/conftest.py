@@ -4,7 +4,8 @@ import shutil
 from pathlib import Path
 
 import pytest
-from sound_inputs import write_sound_inputs
+
+from support.sound_inputs import write_sound_inputs
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from sound_inputs import write_image
 
 from coronaryuq import config, records
 from coronaryuq.calibration.targets import read_targets
@@ -24,6 +23,7 @@ from coronaryuq.errors import InputError
 from coronaryuq.posterior.settings import Settings as PosteriorSettings
 from coronaryuq.posterior.stage import draw_samples
 from coronaryuq.zerod.network import read_network
+from support.sound_inputs import write_image
 
 FUZZ = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from sound_inputs import BEDS, PERFUSION
 
 from coronaryuq import config
 from coronaryuq.calibration.targets import read_targets
@@ -23,6 +22,7 @@ from coronaryuq.perfusion.stage import gather as gather_perfusion
 from coronaryuq.posterior.settings import Settings as PosteriorSettings
 from coronaryuq.posterior.stage import draw_samples
 from coronaryuq.zerod.network import read_network
+from support.sound_inputs import BEDS, PERFUSION
 
 
 def configuration(given, out):

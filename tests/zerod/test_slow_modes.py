@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from zerod_networks import closed_loop
 
 from coronaryuq.zerod.blood_volume import BloodVolume
 from coronaryuq.zerod.engine import Engine
 from coronaryuq.zerod.slow_modes import SlowModes, slow_modes
+from support.zerod_networks import closed_loop
 
 STEPS = 1000
 

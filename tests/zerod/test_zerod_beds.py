@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from zerod_networks import MMHG, bifurcation, closed_loop
 
 from coronaryuq.errors import InputError
 from coronaryuq.zerod.beds import beds, distal_resistances, resistance_changes, theta_changes
+from support.zerod_networks import MMHG, bifurcation, closed_loop
 
 
 def test_beds_are_the_coronary_boundary_conditions():

@@ -4,10 +4,10 @@ import json
 
 import pandas as pd
 import pytest
-from zerod_networks import bifurcation, network, vessel
 
 from coronaryuq.cli import main
 from coronaryuq.zerod.output import simulate
+from support.zerod_networks import bifurcation, network, vessel
 
 
 def test_the_table_is_the_one_that_python_gets(tmp_path):

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from zerod_networks import bifurcation, boundary, closed_loop, network, pulse, vessel
 
 from coronaryuq.errors import InputError
 from coronaryuq.zerod.changes import with_changes
 from coronaryuq.zerod.engine import Engine
+from support.zerod_networks import bifurcation, boundary, closed_loop, network, pulse, vessel
 
 
 def _varied(engine: Engine, samples: int, names: list[str], seed: int = 1) -> dict[str, np.ndarray]:

@@ -6,9 +6,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
-from zerod_networks import boundary, network, vessel
 
 from coronaryuq.zerod.engine import Engine
+from support.zerod_networks import boundary, network, vessel
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,11 @@ import json
 
 import numpy as np
 import pytest
-from zerod_networks import bifurcation, boundary, closed_loop
 
 from coronaryuq.errors import InputError
 from coronaryuq.zerod.model import Model
 from coronaryuq.zerod.network import check_network, read_network, write_network
+from support.zerod_networks import bifurcation, boundary, closed_loop
 
 
 def test_a_network_is_written_and_read_back_unchanged(tmp_path):

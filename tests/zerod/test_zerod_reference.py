@@ -8,9 +8,9 @@ import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
-from zerod_networks import HEART, MMHG, boundary, network, vessel
 
 from coronaryuq.zerod.engine import Engine
+from support.zerod_networks import HEART, MMHG, boundary, network, vessel
 
 _STEPS = 2000
 

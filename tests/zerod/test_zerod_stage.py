@@ -7,13 +7,13 @@ import shutil
 import numpy as np
 import pandas as pd
 import pytest
-from zerod_networks import bifurcation, closed_loop
 
 from coronaryuq.errors import InputError
 from coronaryuq.zerod import backends, svzerod
 from coronaryuq.zerod.engine import Engine
 from coronaryuq.zerod.settings import Settings
 from coronaryuq.zerod.stage import run_chunk
+from support.zerod_networks import bifurcation, closed_loop
 
 CASE = {
     "aorta": {"pressure": "J_heart_outlet:aorta"},

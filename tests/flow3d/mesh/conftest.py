@@ -1,10 +1,10 @@
 """A small mesh that several tests look at."""
 
 import pytest
-from random_trees import network_of, tube
 
 from coronaryuq.flow3d.mesh.settings import Settings
 from coronaryuq.flow3d.mesh.stage import mesh_tree
+from support.random_trees import network_of, tube
 
 
 @pytest.fixture(scope="session")

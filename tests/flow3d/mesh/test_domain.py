@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from random_trees import random_tree, tube
 
 from coronaryuq.case.tree import AORTA, Stenosis, Tree, Vessel
 from coronaryuq.flow3d.mesh import domain
+from support.random_trees import random_tree, tube
 
 
 def straight(name: str, start, end, radius: float, parent=None, branch="LAD") -> Vessel:

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import pyvista as pv
-from random_trees import network_of, random_tree
 
 from coronaryuq import files
 from coronaryuq.case.surface import surface_of
@@ -16,6 +15,7 @@ from coronaryuq.flow3d.mesh import folder
 from coronaryuq.flow3d.mesh.given import adopt_folder, mesh_closed_surface
 from coronaryuq.flow3d.mesh.settings import Settings
 from coronaryuq.flow3d.mesh.stage import make_mesh, mesh_tree
+from support.random_trees import network_of, random_tree
 
 
 @pytest.fixture(scope="module")

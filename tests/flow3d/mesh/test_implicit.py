@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from random_trees import random_tree, tube
 
 from coronaryuq.case.tree import Tree, Vessel
 from coronaryuq.flow3d.mesh import implicit, paths
@@ -12,6 +11,7 @@ from coronaryuq.flow3d.mesh.implicit import Implicit, Path
 from coronaryuq.flow3d.mesh.surface import cut, enclosed_volume, isosurface, surface
 from coronaryuq.flow3d.mesh.volume import borders
 from coronaryuq.seeds import generator
+from support.random_trees import random_tree, tube
 
 
 def path(points, radii, blend=0.05) -> Path:

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from random_trees import network_of, random_tree, tube
 
 from coronaryuq.case.tree import write_tree
 from coronaryuq.errors import InputError
@@ -16,6 +15,7 @@ from coronaryuq.flow3d.mesh.stage import make_mesh, mesh_tree
 from coronaryuq.zerod.engine import Engine
 from coronaryuq.zerod.model import Model
 from coronaryuq.zerod.network import check_network, copy_of
+from support.random_trees import network_of, random_tree, tube
 
 
 def test_volume_and_caps_of_a_stenosed_tube(stenosed):

@@ -1,11 +1,11 @@
 """Random trees are meshed: a few always, fifty coarse ones and sixty segments by hand (`-m long tests/flow3d/mesh`)."""
 
 import pytest
-from random_trees import network_of, random_tree
 
 from coronaryuq.flow3d.mesh import folder
 from coronaryuq.flow3d.mesh.settings import Settings
 from coronaryuq.flow3d.mesh.stage import mesh_tree
+from support.random_trees import network_of, random_tree
 
 COARSE = {"throat_resolution": 2.5, "resolution": 1.6, "core_resolution": 0.0, "wall_grading": 0.0}
 

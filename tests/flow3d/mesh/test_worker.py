@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -46,7 +47,7 @@ def second_time_lucky(attempt):
 
 @pytest.fixture(autouse=True)
 def importable(monkeypatch):
-    monkeypatch.setenv("PYTHONPATH", os.path.dirname(__file__), prepend=os.pathsep)
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[3]), prepend=os.pathsep)
 
 
 @pytest.mark.parametrize(
@@ -72,7 +73,7 @@ def test_the_next_attempt_is_tried_and_the_failure_kept():
 def test_a_limit_that_the_machine_sets_stays_and_is_no_obstacle():
     """A scheduler's limit of CPU time, below the one that an attempt would have, in a process that has no other."""
     told = (
-        "import resource; resource.setrlimit(resource.RLIMIT_CPU, (100, 100)); import test_worker as t; "
+        "import resource; resource.setrlimit(resource.RLIMIT_CPU, (100, 100)); import tests.flow3d.mesh.test_worker as t; "
         "print(len(t.worker.run('LAD', (t.second_time_lucky, {}), 600.0, attempts=2)[0].tets))"
     )
     done = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=False)

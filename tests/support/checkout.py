@@ -11,8 +11,6 @@ from pathlib import Path
 import yaml
 
 ROOT = Path(__file__).parents[2]
-sys.path.append(str(ROOT / "tests" / "case"))
-
 EMPTY_OUTPUTS = """
 import os, pathlib, sys
 with open(os.environ["JOBS_THAT_RAN"], "a") as jobs:
@@ -91,7 +89,7 @@ class Checkout:
 
     def small_case(self) -> str:
         """Write a case of five vessels beside the workflow; its path, as the configuration names it."""
-        from case_files import small_tree, write_case
+        from support.case_files import small_tree, write_case
 
         write_case(self.folder / "given", small_tree())
         return "given/case.yaml"

@@ -1,15 +1,10 @@
 """One sound example of everything that a campaign reads, small; the tests spoil copies of it."""
 
-import sys
 import zipfile
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-
-sys.path.append(str(Path(__file__).parents[1] / "case"))
-
-from case_files import small_tree, write_case
 
 from coronaryuq import records
 from coronaryuq.case.settings import Settings as CaseSettings
@@ -17,6 +12,7 @@ from coronaryuq.case.stage import prepare_case
 from coronaryuq.files import write_csv, write_json
 from coronaryuq.perfusion.settings import Settings as PerfusionSettings
 from coronaryuq.perfusion.stage import run_chunk
+from support.case_files import small_tree, write_case
 
 BEDS = ("BC_lca1", "BC_lca2", "BC_rca1")
 PERFUSION = PerfusionSettings(realisations=20)

@@ -1,7 +1,7 @@
 """The paper's campaign at its full fan-out, with recorded results in the place of what computes: run by hand.
 
-    python tests/workflow/rehearsal.py results/smoke FOLDER              all of it on this machine
-    python tests/workflow/rehearsal.py results/smoke FOLDER --slurm 20   up to 20 of its 3D jobs, on a SLURM of its own
+    python -m support.rehearsal results/smoke FOLDER              all of it on this machine
+    python -m support.rehearsal results/smoke FOLDER --slurm 20   up to 20 of its 3D jobs, on a SLURM of its own
 
 500 3D jobs of one sample each, on SLURM with 96 tasks that `srun` really starts on declared cores; 2500 realisations,
 24 chains, 10,000 0D runs per input set, 80 jobs of resampled inputs. What a job would compute is copied from a record,
@@ -22,13 +22,11 @@ import numpy as np
 import pandas as pd
 import yaml
 
-sys.path.append(str(Path(__file__).parent))
-
-import cluster
-from checkout import ROOT, Checkout
 from coronaryuq import records
 from coronaryuq.files import read_csv, write_csv
 from coronaryuq.posterior.samples import theta
+from support import cluster
+from support.checkout import ROOT, Checkout
 
 IN_EARNEST = ("runs",)
 NAME = "rehearsal"

@@ -1,0 +1,84 @@
+"""A closed loop of one systemic and two coronary beds, and a problem on it."""
+
+import numpy as np
+
+from coronaryuq.case.network import HEART
+from coronaryuq.discrepancy.conditions import Condition
+from coronaryuq.discrepancy.measurements import Measured
+from coronaryuq.discrepancy.model import make_problem
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.units import MMHG
+from coronaryuq.zerod.effects.library import effect
+
+
+def vessel(number, name, outlet=None, **values):
+    ends = {"boundary_conditions": {"outlet": outlet}} if outlet else {}
+    return {
+        "vessel_id": number,
+        "vessel_name": name,
+        "vessel_length": 1.0,
+        "zero_d_element_type": "BloodVessel",
+        "zero_d_element_values": {"R_poiseuille": 5.0, "L": 1.0, **values},
+    } | ends
+
+
+def bed(name, share):
+    total = 60.0 * MMHG / share
+    values = {"Ra": 0.32 * total, "Ram": 0.52 * total, "Rv": 0.16 * total, "Ca": 0.05 / total, "Cim": 0.6 / total}
+    return {"bc_name": name, "bc_type": "ClosedLoopCoronaryLeft", "bc_values": values}
+
+
+def loop():
+    """Heart, aorta, one systemic bed and two coronary beds behind vessels that store blood."""
+    systemic = {"Rp": 0.1 * MMHG, "Rd": 1.1 * MMHG, "C": 0.6 / MMHG, "closed_loop_outlet": True}
+    full = {"V_RA:CLH": 38.0, "V_RV:CLH": 96.0, "V_LA:CLH": 38.0, "V_LV:CLH": 96.0, "P_pul:CLH": 8.0 * MMHG}
+    return {
+        "simulation_parameters": {
+            "number_of_cardiac_cycles": 6,
+            "number_of_time_pts_per_cardiac_cycle": 401,
+            "steady_initial": False,
+        },
+        "vessels": [
+            vessel(0, "aorta", R_poiseuille=1.0, C=0.1 / MMHG),
+            vessel(1, "outlet", "BC_RCR1", R_poiseuille=1.0),
+            vessel(2, "lca1", "BC_lca1", R_poiseuille=500.0, C=1e-7),
+            vessel(3, "lca2", "BC_lca2", R_poiseuille=500.0, C=1e-7),
+        ],
+        "junctions": [
+            {
+                "junction_name": "J0",
+                "junction_type": "NORMAL_JUNCTION",
+                "inlet_vessels": [0],
+                "outlet_vessels": [1, 2, 3],
+            }
+        ],
+        "boundary_conditions": [
+            {"bc_name": "BC_RCR1", "bc_type": "ClosedLoopRCR", "bc_values": systemic},
+            bed("BC_lca1", 0.6),
+            bed("BC_lca2", 0.4),
+        ],
+        "closed_loop_blocks": [
+            {
+                "outlet_blocks": ["aorta"],
+                "closed_loop_type": "ClosedLoopHeartAndPulmonary",
+                "cardiac_cycle_period": 1.0,
+                "parameters": dict(HEART),
+            }
+        ],
+        "initial_condition": full | {"pressure_all": 70.0 * MMHG},
+    }
+
+
+STENOSIS = (effect("quadratic_stenosis"), "lca1")
+
+
+def fresh(network=None, threads=1):
+    conditions = {c.name: c for c in (Condition("rest"), Condition("hyperaemia", coronary_resistance_scale=0.3))}
+    time = np.linspace(0.0, 0.975, 40)
+    places = (("pressure", "J_heart_outlet:aorta"), ("pressure", "lca1:BC_lca1"), ("flow", "J0:lca2"))
+    measured = [
+        Measured(name, quantity, place, "waveform", time, 1.0, np.ones(40), np.ones(40))
+        for name in conditions
+        for quantity, place in places
+    ]
+    return make_problem(network or loop(), conditions, measured, Settings(steps_per_cycle=200, threads=threads))
