@@ -2,7 +2,7 @@
 
 import pytest
 
-from coronaryuq import cli
+from coronaryuq.cli import main
 
 COMMANDS = {
     "tune": ["tune", "loop.json", "targets.csv", "--out", "out"],
@@ -17,7 +17,7 @@ COMMANDS = {
 )
 def test_threads_are_one_or_more_and_seeds_nought_or_more(command, option, value, least, capsys):
     with pytest.raises(SystemExit) as ended:
-        cli.main([*COMMANDS[command], option, value])
+        main.main([*COMMANDS[command], option, value])
     assert ended.value.code == 2
     assert f"argument {option}: '{value}' is no number of {least} or more\n" in capsys.readouterr().err
 
@@ -25,5 +25,5 @@ def test_threads_are_one_or_more_and_seeds_nought_or_more(command, option, value
 @pytest.mark.parametrize("command", COMMANDS)
 def test_nought_is_a_seed(command, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert cli.main([*COMMANDS[command], "--seed", "0"]) == 2
+    assert main.main([*COMMANDS[command], "--seed", "0"]) == 2
     assert "no such file" in capsys.readouterr().err

@@ -2,14 +2,14 @@
 
 import pytest
 
-from coronaryuq import byhand
-from coronaryuq.errors import InputError
+from coronaryuq.core import by_hand
+from coronaryuq.core.errors import InputError
 from coronaryuq.flow3d.settings import Settings
 
 
 def test_sound_settings_reach_the_work_and_end_in_0(capsys):
     seen = []
-    assert byhand.run(seen.append, Settings, '{"steps_per_cycle": 600}') == 0
+    assert by_hand.run(seen.append, Settings, '{"steps_per_cycle": 600}') == 0
     assert seen[0].steps_per_cycle == 600 and capsys.readouterr().err == ""
 
 
@@ -25,7 +25,7 @@ def test_sound_settings_reach_the_work_and_end_in_0(capsys):
     ],
 )
 def test_wrong_settings_are_one_line(settings, line, capsys):
-    assert byhand.run(lambda given: pytest.fail("ran"), Settings, settings) == InputError.EXIT_CODE
+    assert by_hand.run(lambda given: pytest.fail("ran"), Settings, settings) == InputError.EXIT_CODE
     said = capsys.readouterr().err
     assert said.startswith(line) and said.count("\n") == 1
 
@@ -34,5 +34,5 @@ def test_wrong_input_of_the_work_is_one_line(capsys):
     def work(settings):
         raise InputError("pilot.csv", "sample", None, "missing")
 
-    assert byhand.run(work, Settings, "{}") == InputError.EXIT_CODE
+    assert by_hand.run(work, Settings, "{}") == InputError.EXIT_CODE
     assert capsys.readouterr().err == "error: pilot.csv: sample: missing\n"

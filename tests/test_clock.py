@@ -3,7 +3,7 @@
 import os
 import time
 
-from coronaryuq.clock import bring_to_the_present
+from coronaryuq.core.io.mtime import bring_to_the_present
 
 
 def test_files_from_the_future_come_to_the_present_in_their_order(tmp_path):

@@ -4,7 +4,7 @@ import os
 import subprocess
 import sys
 
-from coronaryuq.compiled import VARIABLE, keep_apart
+from coronaryuq.core.numba_cache import VARIABLE, keep_apart
 
 
 def folder_of(package, monkeypatch, home):

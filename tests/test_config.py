@@ -8,13 +8,13 @@ import pytest
 import yaml
 
 from coronaryuq import config
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import read_json
+from coronaryuq.core.units import PRESSURES
 from coronaryuq.discrepancy.settings import Settings as Discrepancy
-from coronaryuq.errors import InputError
 from coronaryuq.estimation.settings import Settings as Estimation
-from coronaryuq.files import read_json
-from coronaryuq.units import PRESSURES
-from coronaryuq.zerod.beds import SCALING
 from coronaryuq.zerod.effects.library import SEARCHED
+from coronaryuq.zerod.network.beds import SCALING
 
 FOLDER = Path(__file__).parents[1] / "config"
 

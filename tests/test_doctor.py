@@ -2,9 +2,10 @@
 
 import pytest
 
-from coronaryuq import compiled, doctor
+from coronaryuq.cli import doctor
+from coronaryuq.core import numba_cache
 
-VARIABLES = {"SNAKEMAKE_OUTPUT_CACHE": doctor._cache, compiled.VARIABLE: doctor._kernels, "TMPDIR": doctor._scratch}
+VARIABLES = {"SNAKEMAKE_OUTPUT_CACHE": doctor._cache, numba_cache.VARIABLE: doctor._kernels, "TMPDIR": doctor._scratch}
 
 
 @pytest.mark.parametrize("variable", VARIABLES)
@@ -27,5 +28,5 @@ def test_a_folder_that_serves_is_named(variable, tmp_path, monkeypatch):
 
 
 def test_without_a_folder_for_kernels_it_says_what_to_set(monkeypatch):
-    monkeypatch.delenv(compiled.VARIABLE, raising=False)
-    assert f"set {compiled.VARIABLE}" in doctor._kernels().detail
+    monkeypatch.delenv(numba_cache.VARIABLE, raising=False)
+    assert f"set {numba_cache.VARIABLE}" in doctor._kernels().detail

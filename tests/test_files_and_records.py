@@ -7,8 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coronaryuq import cli, files, records
-from coronaryuq.errors import InputError
+from coronaryuq.cli import main
+from coronaryuq.core import records
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io import files
 
 floats = st.floats(allow_nan=False, allow_infinity=False)
 
@@ -77,7 +79,7 @@ def test_a_result_that_cannot_be_written_is_one_line(tmp_path, capsys):
     }
     files.write_json(tmp_path / "n.json", network)
     table = tmp_path / ("x" * 300)
-    assert cli.main(["solve", str(tmp_path / "n.json"), str(table)]) == 2
+    assert main.main(["solve", str(tmp_path / "n.json"), str(table)]) == 2
     assert capsys.readouterr().err == f"error: {table}: File name too long\n"
 
 
@@ -86,7 +88,7 @@ def test_a_folder_for_results_that_is_a_file_is_told_before_the_work(tmp_path, c
     (tmp_path / "file").write_text("")
     words = {"tune": ["n.json", "t.csv"], "fit": ["n.json", "t.csv"], "discrepancy": ["--pairs", "s.csv", "m.csv"]}
     for out in (tmp_path / "file", tmp_path / "file" / "below"):
-        assert cli.main([command, *words[command], "--out", str(out)]) == 2
+        assert main.main([command, *words[command], "--out", str(out)]) == 2
         said = f"error: {out}: wanted a folder for results, and {tmp_path / 'file'} is a file\n"
         assert capsys.readouterr().err == said
 

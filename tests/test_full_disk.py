@@ -10,7 +10,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from coronaryuq import byhand, cli, files
+from coronaryuq.cli import main
+from coronaryuq.core import by_hand
+from coronaryuq.core.io import files
 from coronaryuq.flow3d.settings import Settings
 
 REPOSITORY = Path(__file__).parents[1]
@@ -58,7 +60,7 @@ WRITERS = {
 def test_a_full_disk_is_one_line(disk, capsys, name):
     folder, _ = disk
     files.write_text(folder / name, "before")
-    assert byhand.run(lambda settings: WRITERS[name](folder / name), Settings, "{}") == 2
+    assert by_hand.run(lambda settings: WRITERS[name](folder / name), Settings, "{}") == 2
     assert capsys.readouterr().err == f"error: {folder / name}: {NO_ROOM}"
     assert [path.name for path in folder.iterdir()] == [name] and (folder / name).read_text() == "before"
 
@@ -66,15 +68,15 @@ def test_a_full_disk_is_one_line(disk, capsys, name):
 def test_a_folder_that_takes_no_files_is_one_line(disk, capsys):
     folder, remount = disk
     remount("ro")
-    assert byhand.run(lambda settings: files.write_json(folder / "a" / "t.json", 1), Settings, "{}") == 2
+    assert by_hand.run(lambda settings: files.write_json(folder / "a" / "t.json", 1), Settings, "{}") == 2
     said = capsys.readouterr().err
     assert said.startswith(f"error: {folder / 'a'}") and "Read-only file system: name a folder elsewhere" in said
 
 
 def test_a_command_on_a_full_disk_is_one_line(disk, capsys, monkeypatch):
     folder, _ = disk
-    monkeypatch.setattr("coronaryuq.cli._check", lambda chosen: WRITERS["t.csv"](folder / "t.csv"))
-    assert cli.main(["check", "case.yaml"]) == 2
+    monkeypatch.setattr("coronaryuq.cli.main._check", lambda chosen: WRITERS["t.csv"](folder / "t.csv"))
+    assert main.main(["check", "case.yaml"]) == 2
     assert capsys.readouterr().err == f"error: {folder / 't.csv'}: {NO_ROOM}"
 
 

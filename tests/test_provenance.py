@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from coronaryuq import provenance
+from coronaryuq.core import provenance
 
 
 def names(*modules):
@@ -14,12 +14,12 @@ def names(*modules):
 
 
 def test_sources_follow_imports_to_the_ground():
-    found = names("coronaryuq.records")
+    found = names("coronaryuq.core.records")
     assert {"__init__.py", "records.py", "errors.py", "files.py"} <= found
 
 
 def test_sources_leave_out_what_is_not_imported():
-    assert "seeds.py" not in names("coronaryuq.records")
+    assert "seeds.py" not in names("coronaryuq.core.records")
 
 
 def test_imports_are_those_that_the_whole_file_parsed_gives():

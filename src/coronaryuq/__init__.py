@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from coronaryuq.compiled import keep_apart
+from coronaryuq.core.numba_cache import keep_apart
 
 __version__ = "0.1.0"
 

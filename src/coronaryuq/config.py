@@ -10,10 +10,10 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from coronaryuq.calibration.settings import Settings as CalibrationSettings
+from coronaryuq.case.description.yaml_file import read_yaml
 from coronaryuq.case.settings import Settings as CaseSettings
-from coronaryuq.case.yamlfile import read_yaml
+from coronaryuq.core.errors import InputError
 from coronaryuq.discrepancy.settings import Settings as DiscrepancySettings
-from coronaryuq.errors import InputError
 from coronaryuq.estimation.settings import Settings as EstimationSettings
 from coronaryuq.flow3d.mesh.settings import Settings as MeshSettings
 from coronaryuq.flow3d.settings import Settings as Flow3DSettings

@@ -5,8 +5,8 @@ import inspect
 
 import pytest
 
-from coronaryuq.cli import BENCHMARKS, OPTIONS, main
-from coronaryuq.errors import InputError
+from coronaryuq.cli.main import BENCHMARKS, OPTIONS, main
+from coronaryuq.core.errors import InputError
 
 
 @pytest.mark.parametrize("name", BENCHMARKS)

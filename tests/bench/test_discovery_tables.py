@@ -2,10 +2,10 @@
 
 import pandas as pd
 
-from coronaryuq.bench.discovery_tables import cells, chosen, measures, right, shares, tabulate
+from coronaryuq.bench.discrepancy.tables import cells, chosen, measures, right, shares, tabulate
+from coronaryuq.core.io.files import read_csv, write_json
 from coronaryuq.figures.draw import draw
-from coronaryuq.files import read_csv, write_json
-from coronaryuq.report.discovery import write_page
+from coronaryuq.report.discrepancy_benchmark import write_page
 
 LEAK = {"network": "open loop", "effect": "side_branch_leak", "strength": "medium", "noise": "nominal", "seed": 1}
 LEAK |= {"first": "side_branch_leak", "named": True, "placed": False, "alarmed": True, "abstained": False}

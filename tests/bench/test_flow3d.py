@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from coronaryuq import files, records
-from coronaryuq.bench.flow3d import convergence, cost
-from coronaryuq.errors import InputError
-from coronaryuq.records import Record
+from coronaryuq.bench.flow3d.benchmark import convergence, cost
+from coronaryuq.core import records
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io import files
+from coronaryuq.core.records import Record
 
 QUANTITIES = ("ffr", "tawss_min", "osi_max")
 

@@ -5,13 +5,13 @@ import copy
 import numpy as np
 import pytest
 
-from coronaryuq.bench.discrepancy import run
-from coronaryuq.bench.hidden_cases import OUTSIDE_LOOP, outside
-from coronaryuq.errors import InputError
-from coronaryuq.files import read_json
+from coronaryuq.bench.discrepancy.benchmark import run
+from coronaryuq.bench.discrepancy.hidden_cases import OUTSIDE_LOOP, outside
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import read_json
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.grafting import add_vessel, attach, open_end
-from coronaryuq.zerod.engine import Engine
+from coronaryuq.zerod.solver.engine import Engine
 
 
 @pytest.mark.parametrize("arteries", [2, 1])

@@ -2,9 +2,9 @@
 
 import pytest
 
-from coronaryuq.bench import discrepancy
-from coronaryuq.bench.discrepancy import run
-from coronaryuq.errors import InputError
+from coronaryuq.bench.discrepancy import benchmark
+from coronaryuq.bench.discrepancy.benchmark import run
+from coronaryuq.core.errors import InputError
 
 SPENT = ("cpu_s", "wall_s")
 
@@ -16,13 +16,13 @@ def answers(found):
 @pytest.fixture
 def tried(monkeypatch):
     """Labels of the cases that are searched."""
-    labels, trial = [], discrepancy.trial
+    labels, trial = [], benchmark.trial
 
     def noted(case, *rest):
         labels.append(case.label)
         return trial(case, *rest)
 
-    monkeypatch.setattr(discrepancy, "trial", noted)
+    monkeypatch.setattr(benchmark, "trial", noted)
     return labels
 
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from coronaryuq.bench import same_mesh
-from coronaryuq.errors import InputError
+from coronaryuq.bench.flow3d import same_mesh
+from coronaryuq.core.errors import InputError
 from coronaryuq.flow3d.settings import Settings
 
 

@@ -6,10 +6,10 @@ import pytest
 
 from coronaryuq.bench import zerod
 from coronaryuq.bench.coronary_tree import made_loop
-from coronaryuq.case.graph import graph_of
-from coronaryuq.cli import main
-from coronaryuq.zerod import svzerod
-from coronaryuq.zerod.engine import Engine
+from coronaryuq.case.network.topology import graph_of
+from coronaryuq.cli.main import main
+from coronaryuq.zerod.solver.engine import Engine
+from coronaryuq.zerod.svzerodsolver import program
 
 KEYS = {
     *("network", "vessels", "unknowns", "samples", "steps_per_cycle", "cycles", "cpu_s_per_sample", "newton_per_step"),
@@ -45,7 +45,7 @@ def test_the_benchmark_has_the_fixed_keys(monkeypatch, tmp_path, request, shared
 
 def test_the_command_prints_one_json_object_without_the_shared_data(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(zerod, "_SHARED", tmp_path)
-    monkeypatch.setattr(svzerod, "installed", lambda: None)
+    monkeypatch.setattr(program, "installed", lambda: None)
     assert main(["bench", "zerod", "--quick", "--json"]) == 0
     (line,) = capsys.readouterr().out.strip().splitlines()
     told = json.loads(line)

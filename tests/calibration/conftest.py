@@ -4,8 +4,8 @@ import copy
 
 import pytest
 
-from coronaryuq.case.network import HEART
-from coronaryuq.units import MMHG
+from coronaryuq.case.network.build import HEART
+from coronaryuq.core.units import MMHG
 
 
 def vessel(number, name, outlet=None, resistance=5.0, compliance=0.0):

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from coronaryuq.calibration import parameters
-from coronaryuq.calibration.beds import share_out, shares
+from coronaryuq.calibration.conductance_shares import share_out, shares
+from coronaryuq.calibration.initial_scaling import scaled
 from coronaryuq.calibration.loop import Loop
-from coronaryuq.calibration.scaling import scaled
-from coronaryuq.units import MMHG
-from coronaryuq.zerod.beds import distal_resistances
+from coronaryuq.core.units import MMHG
+from coronaryuq.zerod.network.beds import distal_resistances
 
 STEPS = 250
 

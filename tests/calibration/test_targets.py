@@ -12,8 +12,8 @@ from coronaryuq.calibration.targets import (
     misfits,
     read_targets,
 )
-from coronaryuq.errors import InputError
-from coronaryuq.units import MMHG
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.units import MMHG
 from coronaryuq.zerod.cardiac_function import MEASURES
 
 TABLE = "PaoMin,Minimum,{min}\nPaoMean,Mean,{mean}\nEFLV,Ejection,0.68\nmitValveTime,Valve,none\nAbsQin,Stroke,66.3\n"

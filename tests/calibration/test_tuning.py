@@ -7,22 +7,22 @@ import pandas as pd
 import pytest
 
 from coronaryuq.calibration import parameters
+from coronaryuq.calibration.coronary_flow_reserve import Reserve, hyperaemic_flow, meet_reserve
+from coronaryuq.calibration.initial_scaling import scaled
 from coronaryuq.calibration.loop import Loop
-from coronaryuq.calibration.reserve import Reserve, hyperaemic_flow, meet_reserve
-from coronaryuq.calibration.scaling import scaled
 from coronaryuq.calibration.search import cost
 from coronaryuq.calibration.settings import Settings
 from coronaryuq.calibration.stage import tune, tune_files
 from coronaryuq.calibration.targets import BY_NAME, TUNED, in_own_units
-from coronaryuq.case.network_units import rescaled
-from coronaryuq.errors import InputError
-from coronaryuq.files import read_csv, write_json
-from coronaryuq.units import MMHG
-from coronaryuq.zerod import svzerod
-from coronaryuq.zerod.beds import beds, distal_resistances
+from coronaryuq.case.network.units import rescaled
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import read_csv, write_json
+from coronaryuq.core.units import MMHG
 from coronaryuq.zerod.cardiac_function import measure, waveform_names
-from coronaryuq.zerod.engine import Engine
-from coronaryuq.zerod.network import read_network
+from coronaryuq.zerod.network.beds import beds, distal_resistances
+from coronaryuq.zerod.network.read import read_network
+from coronaryuq.zerod.solver.engine import Engine
+from coronaryuq.zerod.svzerodsolver import program
 
 QUICK = Settings(candidates=16, starts=2, approach=5, rounds=1, evaluations_per_parameter=4, final_steps_per_cycle=500)
 LV = ("BC_lca1", "BC_lca2")
@@ -167,11 +167,11 @@ def test_the_real_network_meets_its_clinical_targets(shared, tmp_path, seed, pre
     tuned = tune_files(tmp_path / "in.json", data / "coronary_cgs.csv", Settings(), seed, tmp_path, report=print)
     fit = tuned.fit.set_index("target")
     assert (fit.relative[fit.clinical].abs() < 0.05).all(), fit.to_string()
-    if svzerod.installed():
+    if program.installed():
         network = read_network(tmp_path / "rest.json")
         roles = waveform_names(network)
         names = sorted({name for members in roles.values() for name in members})
-        result = svzerod.SvZeroD(network).run(waveforms=names, cycles=3)
+        result = program.SvZeroD(network).run(waveforms=names, cycles=3)
         waves = {role: sum(result.waveforms[name] for name in members) for role, members in roles.items()}
         theirs = in_own_units(measure(result.time, waves))
         for name in ("PaoMin", "PaoMax", "PaoMean", "AbsQin", "ESV", "EFLV", "AorCorSplit"):

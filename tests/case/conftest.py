@@ -2,7 +2,7 @@
 
 import pytest
 
-from coronaryuq.case.tree import Stenosis
+from coronaryuq.case.anatomy.tree import Stenosis
 from support import case_files
 
 

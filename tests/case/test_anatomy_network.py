@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from coronaryuq.case.anatomy import labelled
-from coronaryuq.case.graph import graph_of
-from coronaryuq.case.network import (
+from coronaryuq.case.anatomy.read import labelled
+from coronaryuq.case.anatomy.tree import Stenosis, Tree, area_ratio
+from coronaryuq.case.network.build import (
     CORONARY_CAPACITANCE,
     HEART,
     Bed,
@@ -15,9 +15,9 @@ from coronaryuq.case.network import (
     segments,
     stenosis_coefficient,
 )
-from coronaryuq.case.tree import Stenosis, Tree, area_ratio
+from coronaryuq.case.network.topology import graph_of
+from coronaryuq.core.units import MMHG
 from coronaryuq.synthetic.anatomy import narrowed
-from coronaryuq.units import MMHG
 from support.case_files import straight
 
 BEDS = [Bed("BC_lca1", "lca1", False), Bed("BC_lca2", "lca2", False), Bed("BC_rca1", "rca1", True)]

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 import pyvista as pv
 
+from coronaryuq.case.anatomy.tree import read_tree
 from coronaryuq.case.check import check_case
-from coronaryuq.case.graph import graph_of
-from coronaryuq.case.network_units import rescaled
+from coronaryuq.case.network.topology import graph_of
+from coronaryuq.case.network.units import rescaled
 from coronaryuq.case.settings import Settings
 from coronaryuq.case.stage import prepare_case
-from coronaryuq.case.tree import read_tree
-from coronaryuq.errors import InputError
-from coronaryuq.units import MBF_PER_MIN_PER_G, MMHG
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.units import MBF_PER_MIN_PER_G, MMHG
 from support.case_files import write_case
 
 

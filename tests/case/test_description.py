@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from coronaryuq.case.check import check_case
-from coronaryuq.case.description import read_description, schema
-from coronaryuq.case.reference import reference
-from coronaryuq.case.tables import read_case_targets, read_outlets
+from coronaryuq.case.description.fields import read_description, schema
+from coronaryuq.case.description.reference import reference
+from coronaryuq.case.tables.read import read_case_targets, read_outlets
 from support.case_files import write_case
 
 

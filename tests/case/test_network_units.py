@@ -5,13 +5,13 @@ import copy
 import numpy as np
 import pytest
 
-from coronaryuq.case.network import Bed, network_from_tree
-from coronaryuq.case.network_units import PER_PRESSURE, PRESSURE_PER, detect, rescaled, to_cgs
-from coronaryuq.errors import InputError
-from coronaryuq.units import MMHG
-from coronaryuq.zerod.engine import Engine
-from coronaryuq.zerod.network import read_network
-from coronaryuq.zerod.parameters import BOUNDARIES, CLOSED_LOOP, COUPLINGS, JUNCTIONS, VESSELS
+from coronaryuq.case.network.build import Bed, network_from_tree
+from coronaryuq.case.network.units import PER_PRESSURE, PRESSURE_PER, detect, rescaled, to_cgs
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.units import MMHG
+from coronaryuq.zerod.network.parameters import BOUNDARIES, CLOSED_LOOP, COUPLINGS, JUNCTIONS, VESSELS
+from coronaryuq.zerod.network.read import read_network
+from coronaryuq.zerod.solver.engine import Engine
 
 NEITHER = {
     "Tsa", "tpwave", "iml", "imr", "Vrv_u", "Vlv_u", "Kxv_ra", "Kxv_la", "Vaso_ra", "Vaso_la", "closed_loop_outlet",

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from coronaryuq.case.description import Perfusion
-from coronaryuq.case.perfusion_map import read_wall
-from coronaryuq.errors import InputError
+from coronaryuq.case.description.fields import Perfusion
+from coronaryuq.case.perfusion.perfusion_map import read_wall
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.units import MBF_PER_MIN_PER_G, TISSUE_DENSITY
 from coronaryuq.synthetic.ventricle import Ventricle
-from coronaryuq.units import MBF_PER_MIN_PER_G, TISSUE_DENSITY
 
 sitk = pytest.importorskip("SimpleITK")
 

@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from coronaryuq.case.aortic_root import write_aortic_root_case
+from coronaryuq.case.anatomy.centrelines import centreline_tree, signed_distance
+from coronaryuq.case.anatomy.simvascular import read_project
+from coronaryuq.case.anatomy.stenosis_detection import tightest
+from coronaryuq.case.anatomy.surface import Surface, read_surface, surface_of
+from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel, area_ratio, throat
 from coronaryuq.case.assembly import assemble
-from coronaryuq.case.centrelines import centreline_tree, signed_distance
 from coronaryuq.case.check import check_case
-from coronaryuq.case.narrowing import tightest
 from coronaryuq.case.settings import Settings
-from coronaryuq.case.simvascular import read_project
-from coronaryuq.case.surface import Surface, read_surface, surface_of
-from coronaryuq.case.tree import Stenosis, Tree, Vessel, area_ratio, throat
-from coronaryuq.errors import InputError
-from coronaryuq.seeds import generator
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.seeds import generator
 from coronaryuq.synthetic.anatomy import narrowed
+from support.aortic_root import write_aortic_root_case
 from support.case_files import straight, write_case
 from support.tubes import tube_surface
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from coronaryuq.case.tree import Stenosis, Tree, Vessel, area_ratio, read_tree, throat, write_tree
-from coronaryuq.errors import InputError
+from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel, area_ratio, read_tree, throat, write_tree
+from coronaryuq.core.errors import InputError
 from coronaryuq.synthetic.anatomy import narrowed
 from support.case_files import straight
 

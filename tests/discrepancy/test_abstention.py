@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from coronaryuq.discrepancy.abstention import LEAST_FORETOLD, LEAST_SHARE, WORTH, Gaps, judge
-from coronaryuq.discrepancy.inference import Fit
+from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.inference.cross_validation import Gap
+from coronaryuq.discrepancy.inference.gauss_newton import Fit
+from coronaryuq.discrepancy.selection.abstention import LEAST_FORETOLD, LEAST_SHARE, WORTH, Gaps, judge
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.discrepancy.verify import Gap
-from coronaryuq.seeds import generator
 
 ROWS, KEPT_OUT, PRIOR = 60, 80, -5.0
 CONDITIONS = np.repeat(["rest", "hyperaemia", "pacing"], ROWS // 3)

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from coronaryuq.discrepancy.candidates import Candidate, indistinguishable
-from coronaryuq.discrepancy.naming import fit_alike
-from coronaryuq.discrepancy.rivals import ALIKE, RIVALS
+from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.selection.candidates import Candidate, indistinguishable
+from coronaryuq.discrepancy.selection.forward_step import fit_alike
+from coronaryuq.discrepancy.selection.refit import ALIKE, RIVALS
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.seeds import generator
 from support.linear_problem import LinearProblem, made_up
 
 ROWS, NUISANCES, SEGMENTS, PRIOR = 150, 3, RIVALS + 3, -4.0

@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from coronaryuq.discrepancy.candidates import ASTRAY, ASTRAY_TRIED, Candidate, fit_shortlist, lost
-from coronaryuq.discrepancy.inference import Fit
-from coronaryuq.discrepancy.naming import name_one
+from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.inference.gauss_newton import Fit
+from coronaryuq.discrepancy.selection.candidates import ASTRAY, ASTRAY_TRIED, Candidate, fit_shortlist, lost
+from coronaryuq.discrepancy.selection.forward_step import name_one
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.seeds import generator
 from support.linear_problem import LinearProblem, here
 
 ROWS, NUISANCES, PRIOR = 120, 2, -3.0

@@ -5,12 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from coronaryuq.discrepancy.borne_out import borne_out
-from coronaryuq.discrepancy.candidates import Candidate
-from coronaryuq.discrepancy.naming import Round
+from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.inference.cross_validation import folds
+from coronaryuq.discrepancy.selection.candidates import Candidate
+from coronaryuq.discrepancy.selection.forward_step import Round
+from coronaryuq.discrepancy.selection.held_out_check import borne_out
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.discrepancy.verify import folds
-from coronaryuq.seeds import generator
 from coronaryuq.zerod.effects.base import Parameter
 from support.linear_problem import LinearProblem
 

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from coronaryuq.discrepancy.candidates import Candidate, indistinguishable, of_class, preferred
-from coronaryuq.discrepancy.inference import Fit
-from coronaryuq.discrepancy.naming import Round
+from coronaryuq.discrepancy.inference.gauss_newton import Fit
+from coronaryuq.discrepancy.selection.candidates import Candidate, indistinguishable, of_class, preferred
+from coronaryuq.discrepancy.selection.forward_step import Round
 
 
 def candidate(evidence: float, log_prior: float = 0.0, nameable: bool = True) -> Candidate:

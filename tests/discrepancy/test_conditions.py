@@ -4,10 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from coronaryuq.bench.openloop import PERIOD, left_coronary
-from coronaryuq.discrepancy.conditions import Condition, drive_files, drives_of, period_of, read_conditions, under
-from coronaryuq.discrepancy.measurements import _table
-from coronaryuq.errors import InputError
+from coronaryuq.bench.discrepancy.open_loop_tree import PERIOD, left_coronary
+from coronaryuq.core.errors import InputError
+from coronaryuq.discrepancy.data.conditions import Condition, drive_files, drives_of, period_of, read_conditions, under
+from coronaryuq.discrepancy.data.measurements import _table
 
 
 def read(tmp_path, text):

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from coronaryuq.bench.openloop import left_coronary
-from coronaryuq.discrepancy.conservation import redistribution
-from coronaryuq.discrepancy.inference import Fit
+from coronaryuq.bench.discrepancy.open_loop_tree import left_coronary
+from coronaryuq.discrepancy.inference.gauss_newton import Fit
+from coronaryuq.discrepancy.selection.flow_conservation import redistribution
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.library import effect
 

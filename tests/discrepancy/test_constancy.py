@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from coronaryuq.bench.discrepancy import Case, analyse, hide
-from coronaryuq.bench.hidden_cases import open_loop
-from coronaryuq.discrepancy.constancy import FLAT, Constancy, constancy
-from coronaryuq.discrepancy.inference import Fit
-from coronaryuq.discrepancy.words import paragraph
-from coronaryuq.seeds import generator
+from coronaryuq.bench.discrepancy.benchmark import Case, analyse, hide
+from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.inference.gauss_newton import Fit
+from coronaryuq.discrepancy.result.summary_text import paragraph
+from coronaryuq.discrepancy.selection.size_constancy import FLAT, Constancy, constancy
 
 CONDITIONS = np.repeat(["rest", "hyperaemia", "pacing"], 20)
 NUISANCES = 2

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from coronaryuq import files
-from coronaryuq.bench.discrepancy import Case, hide
-from coronaryuq.bench.hidden_cases import open_loop
-from coronaryuq.discrepancy.conditions import read_conditions
-from coronaryuq.discrepancy.model import read_problem, with_time_steps
-from coronaryuq.discrepancy.numerics import FINER
-from coronaryuq.discrepancy.problem import MISSED
+from coronaryuq.bench.discrepancy.benchmark import Case, hide
+from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.core.io import files
+from coronaryuq.discrepancy.data.conditions import read_conditions
+from coronaryuq.discrepancy.inference.problem import MISSED
+from coronaryuq.discrepancy.inference.read_problem import read_problem, with_time_steps
+from coronaryuq.discrepancy.inference.time_step_error import FINER
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.library import effect
 from support.small_loop import fresh

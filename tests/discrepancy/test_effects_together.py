@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from coronaryuq import units
-from coronaryuq.bench.openloop import PERIOD, left_coronary, pressures
-from coronaryuq.discrepancy.conditions import Condition, period_of, under
-from coronaryuq.discrepancy.forward import Forward
-from coronaryuq.discrepancy.measurements import Measured
-from coronaryuq.discrepancy.model import make_problem
-from coronaryuq.discrepancy.networks import with_values
+from coronaryuq.bench.discrepancy.open_loop_tree import PERIOD, left_coronary, pressures
+from coronaryuq.core import units
+from coronaryuq.discrepancy.data.conditions import Condition, period_of, under
+from coronaryuq.discrepancy.data.measurements import Measured
+from coronaryuq.discrepancy.forward.network_values import with_values
+from coronaryuq.discrepancy.forward.predict import Forward
+from coronaryuq.discrepancy.inference.read_problem import make_problem
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Situation

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from coronaryuq.discrepancy.candidates import CONTENDER, PRIOR_NAMED, Candidate
-from coronaryuq.discrepancy.looking_back import _compete_again
-from coronaryuq.discrepancy.naming import Round, name_one
-from coronaryuq.discrepancy.problem import MISSED
-from coronaryuq.discrepancy.rivals import LIKELIEST
-from coronaryuq.discrepancy.search import _chance_of_evidence, recalibrate
+from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.inference.problem import MISSED
+from coronaryuq.discrepancy.selection.backward_step import _compete_again
+from coronaryuq.discrepancy.selection.candidates import CONTENDER, PRIOR_NAMED, Candidate
+from coronaryuq.discrepancy.selection.forward_step import Round, name_one
+from coronaryuq.discrepancy.selection.refit import LIKELIEST
+from coronaryuq.discrepancy.selection.search import _chance_of_evidence, recalibrate
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.seeds import generator
 from support.linear_problem import LinearProblem, here
 
 ROWS, NUISANCES, EFFECTS, TRIALS = 60, 3, 12, 4000

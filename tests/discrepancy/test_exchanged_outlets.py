@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from coronaryuq.bench.discrepancy import analyse
-from coronaryuq.bench.hidden_cases import open_loop
-from coronaryuq.discrepancy import hidden
-from coronaryuq.discrepancy.output import summary
-from coronaryuq.discrepancy.words import paragraph
+from coronaryuq.bench.discrepancy.benchmark import analyse
+from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.discrepancy.hidden import make_case
+from coronaryuq.discrepancy.result.summary_text import paragraph
+from coronaryuq.discrepancy.result.write import summary
 
 
 def exchanged(network, condition):
@@ -19,7 +19,7 @@ def exchanged(network, condition):
 
 def test_two_exchanged_outlets_are_said_and_not_named(tmp_path):
     network, conditions, plan = open_loop()
-    hidden.hide(network, conditions, plan, [], np.zeros(0), 1.0, 11, tmp_path, exchanged)
+    make_case.hide(network, conditions, plan, [], np.zeros(0), 1.0, 11, tmp_path, exchanged)
     found = analyse(tmp_path)
     assert [place for _, place in found.verdict.mistaken] == ["BC_lad~BC_lcx"]
     assert found.outside_library and not found.named

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from coronaryuq.bench import openloop
-from coronaryuq.discrepancy.conditions import Condition
-from coronaryuq.discrepancy.feedback import MOST_ROUNDS, SETTLED, Feedback
-from coronaryuq.discrepancy.measurements import Measured
-from coronaryuq.discrepancy.model import make_problem
+from coronaryuq.bench.discrepancy import open_loop_tree
+from coronaryuq.discrepancy.data.conditions import Condition
+from coronaryuq.discrepancy.data.measurements import Measured
+from coronaryuq.discrepancy.forward.feedback import MOST_ROUNDS, SETTLED, Feedback
+from coronaryuq.discrepancy.inference.read_problem import make_problem
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.base import bed_values
 from coronaryuq.zerod.effects.library import effect
@@ -21,7 +21,7 @@ def forward():
     """Pressures at the beds of the bundled tree; flow into one of them."""
     places = [("pressure", f"{bed}:BC_{bed}") for bed in ("lad", "diagonal", "lcx")] + [("flow", "lad:BC_lad")]
     measured = [Measured(c, q, p, "mean", None, 1.0, np.ones(1), np.ones(1)) for c in CONDITIONS for q, p in places]
-    problem = make_problem(openloop.left_coronary(), CONDITIONS, measured, Settings(steps_per_cycle=200))
+    problem = make_problem(open_loop_tree.left_coronary(), CONDITIONS, measured, Settings(steps_per_cycle=200))
     return problem.forward, np.zeros(problem.count)
 
 

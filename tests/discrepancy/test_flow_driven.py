@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from coronaryuq.bench.discrepancy import analyse
-from coronaryuq.discrepancy import hidden
-from coronaryuq.discrepancy.conditions import Condition
-from coronaryuq.discrepancy.repair import repaired_conditions, repaired_network
+from coronaryuq.bench.discrepancy.benchmark import analyse
+from coronaryuq.discrepancy.data.conditions import Condition
+from coronaryuq.discrepancy.hidden import make_case
+from coronaryuq.discrepancy.result.repair import repaired_conditions, repaired_network
 from coronaryuq.zerod.effects.library import effect
 
 PERIOD = 0.9
@@ -68,7 +68,7 @@ def examined(folder, wrong=lambda network: None, off=(), noise=1.0):
 
     named = {condition.name: condition for condition in conditions}
     probes = [(effect("flow_gain"), place) for place in off]
-    hidden.hide(aorta(), named, hidden.Plan(tuple(plan)), probes, np.ones(len(off)), noise, 3, folder, altered)
+    make_case.hide(aorta(), named, make_case.Plan(tuple(plan)), probes, np.ones(len(off)), noise, 3, folder, altered)
     return analyse(folder)
 
 

@@ -4,8 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from coronaryuq.discrepancy.verify import Linear, foretold
-from coronaryuq.seeds import generator
+from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.inference.cross_validation import Linear, foretold
 
 SERIES, POINTS, PARAMETERS = 4, 15, 3
 ROWS = SERIES * POINTS

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from coronaryuq import files
-from coronaryuq.bench.discrepancy import Case, hide
-from coronaryuq.bench.hidden_cases import open_loop
-from coronaryuq.discrepancy import forward
-from coronaryuq.discrepancy.conditions import read_conditions
-from coronaryuq.discrepancy.model import read_problem
+from coronaryuq.bench.discrepancy.benchmark import Case, hide
+from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.core.io import files
+from coronaryuq.core.provenance import sources
+from coronaryuq.discrepancy.data.conditions import read_conditions
+from coronaryuq.discrepancy.forward import predict
+from coronaryuq.discrepancy.inference.read_problem import read_problem
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.provenance import sources
 from coronaryuq.zerod.effects.library import effect
 
 
@@ -44,10 +44,10 @@ def test_a_network_with_all_grafts_predicts_what_one_with_its_own_does(problem, 
 
 def test_no_more_than_a_few_collaterals_share_a_network(problem, monkeypatch):
     """Each is predicted as by itself, whichever network it is in; leaks stay together."""
-    monkeypatch.setattr(forward, "MANY", 2)
+    monkeypatch.setattr(predict, "MANY", 2)
     collateral = effect("collateral")
     ends = [(collateral, place) for place in collateral.places(problem.forward.anatomy)]
-    shares = forward._shares([*LEAKS, *ends])
+    shares = predict._shares([*LEAKS, *ends])
     assert set(shares) == {*LEAKS, *ends} and all(one in share for one, share in shares.items())
     assert all(set(LEAKS) <= set(shares[one]) for one in LEAKS)
     sizes = {len([one for one in share if one[0] is collateral]) for share in shares.values()}
@@ -114,13 +114,13 @@ def test_what_finer_steps_change_is_put_right(problem):
 
     What it leaves of each series, along whatever shape, is within three of the standard deviations that go with it.
     """
-    forward, steps = problem.forward, problem.time_steps
-    finer = replace(forward, simulation=forward.simulation.changed(steps_per_cycle=3000))
+    predict, steps = problem.forward, problem.time_steps
+    finer = replace(predict, simulation=predict.simulation.changed(steps_per_cycle=3000))
     z = 0.3 * np.ones(problem.count)
-    difference = (finer.predict(z) - forward.predict(z))[0]
+    difference = (finer.predict(z) - predict.predict(z))[0]
     left = difference - steps.change
     assert np.linalg.norm(left / problem.sd) < np.linalg.norm(difference / problem.sd) / 2.0
-    for of, said in zip(forward.split(left[None, :]), forward.split(steps.sd[None, :]), strict=True):
+    for of, said in zip(predict.split(left[None, :]), predict.split(steps.sd[None, :]), strict=True):
         assert np.linalg.norm(of) < 3.0 * said.max()
 
 

@@ -9,21 +9,24 @@ import pandas as pd
 import pytest
 import yaml
 
-from coronaryuq import cli, files
-from coronaryuq.bench.discovery_score import wilson
-from coronaryuq.bench.discrepancy import Case, hide
-from coronaryuq.bench.hidden_cases import open_loop
-from coronaryuq.bench.openloop import left_coronary, pressures
-from coronaryuq.discrepancy import command, hidden, output
-from coronaryuq.discrepancy.conditions import Condition, read_conditions, under, write_drive
-from coronaryuq.discrepancy.laws import LAWS, fit_law, predict
-from coronaryuq.discrepancy.model import read_problem
-from coronaryuq.discrepancy.pairs import discover_pairs
-from coronaryuq.discrepancy.repair import repaired_conditions, repaired_network
+from coronaryuq.bench.discrepancy.benchmark import Case, hide
+from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.bench.discrepancy.open_loop_tree import left_coronary, pressures
+from coronaryuq.bench.discrepancy.score import wilson
+from coronaryuq.cli import main
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io import files
+from coronaryuq.core.units import MMHG
+from coronaryuq.discrepancy import command
+from coronaryuq.discrepancy.data.conditions import Condition, read_conditions, under, write_drive
+from coronaryuq.discrepancy.hidden import make_case
+from coronaryuq.discrepancy.inference.read_problem import read_problem
+from coronaryuq.discrepancy.result import write
+from coronaryuq.discrepancy.result.repair import repaired_conditions, repaired_network
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.discrepancy.tables import Branch, branches, read_pairs
-from coronaryuq.errors import InputError
-from coronaryuq.units import MMHG
+from coronaryuq.discrepancy.table_model.laws import LAWS, fit_law, predict
+from coronaryuq.discrepancy.table_model.search import discover_pairs
+from coronaryuq.discrepancy.table_model.tables import Branch, branches, read_pairs
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.library import effect
 
@@ -59,9 +62,9 @@ def spoiled(hidden_stenosis, tmp_path, capsys):
         change(table).to_csv(tmp_path / "measurements.csv", index=False)
         paths = ("--model", "model.json", "--measurements", "measurements.csv", "--conditions", "conditions.yaml")
         words = [word if word.startswith("--") else str(tmp_path / word) for word in (*paths, "--out", "out")]
-        assert cli.main(["discrepancy", *words]) == InputError.EXIT_CODE
-        output, line = capsys.readouterr()
-        assert not output and not (tmp_path / "out").exists()
+        assert main.main(["discrepancy", *words]) == InputError.EXIT_CODE
+        write, line = capsys.readouterr()
+        assert not write and not (tmp_path / "out").exists()
         assert line.startswith("error: ") and line.count("\n") == 1
         return line
 
@@ -163,7 +166,7 @@ def test_a_network_in_another_unit_than_is_guessed(hidden_stenosis, tmp_path, ca
     files.write_json(tmp_path / "model.json", network)
     words = ["--model", tmp_path / "model.json", "--measurements", folder / "measurements.csv"]
     words += ["--conditions", folder / "conditions.yaml", "--out", tmp_path / "out"]
-    assert cli.main(["discrepancy", *map(str, words)]) == InputError.EXIT_CODE
+    assert main.main(["discrepancy", *map(str, words)]) == InputError.EXIT_CODE
     line = capsys.readouterr().err
     assert (
         f"{tmp_path / 'model.json'}: pressure_unit = " in line
@@ -238,7 +241,7 @@ def test_a_hidden_case_keeps_all_keys_of_its_conditions(tmp_path):
     driven = Condition("low", drive={"AORTA": (time, 0.8 * aortic)}, free=("coronary_resistance_scale",), held_out=True)
     conditions = {"rest": Condition("rest"), "low": driven}
     made = open_loop()
-    hidden.hide(made.network, conditions, made.plan, [], np.zeros(0), 1.0, 3, tmp_path)
+    make_case.hide(made.network, conditions, made.plan, [], np.zeros(0), 1.0, 3, tmp_path)
     read = read_conditions(tmp_path / "conditions.yaml")
     assert read["low"].free == driven.free and read["low"].held_out
     assert read["low"].drive["AORTA"][1] == pytest.approx(0.8 * aortic)
@@ -348,10 +351,10 @@ def test_a_place_is_its_vessels():
     anatomy = Anatomy(open_loop()[0])
     beds = anatomy.beds
     (one, first), (other, second), *_ = beds.items()
-    assert output.vessels_of(first, anatomy) == output.vessels_of(one, anatomy) == [first]
-    assert output.vessels_of(f"{first}~{second}", anatomy) == output.vessels_of(f"{one}<{other}", anatomy)
-    assert output.vessels_of("all beds", anatomy) == list(beds.values())
-    assert output.vessels_of(f"{first}:{one}", anatomy) == output.vessels_of("every flow", anatomy) == []
+    assert write.vessels_of(first, anatomy) == write.vessels_of(one, anatomy) == [first]
+    assert write.vessels_of(f"{first}~{second}", anatomy) == write.vessels_of(f"{one}<{other}", anatomy)
+    assert write.vessels_of("all beds", anatomy) == list(beds.values())
+    assert write.vessels_of(f"{first}:{one}", anatomy) == write.vessels_of("every flow", anatomy) == []
 
 
 def test_a_repaired_case_is_a_case_with_nothing_to_explain(hidden_stenosis, tmp_path, capsys):
@@ -427,7 +430,7 @@ def test_a_size_beyond_its_prior_is_said_so(hidden_stenosis, tmp_path, capsys):
     """A sensor off by four prior standard deviations is named with a word of doubt, one within its prior without."""
     network, conditions, plan = open_loop()
     acting = [(effect("pressure_offset"), "lad:BC_lad")]
-    hidden.hide(network, conditions, plan, acting, np.array([4.0]), 1.0, 3, tmp_path)
+    make_case.hide(network, conditions, plan, acting, np.array([4.0]), 1.0, 3, tmp_path)
     for folder, beyond in ((tmp_path, ["offset"]), (hidden_stenosis[0], [])):
         command.main(case_arguments(folder, tmp_path / "out"))
         answer = json.loads(capsys.readouterr().out)
@@ -629,7 +632,7 @@ def test_an_answer_that_cannot_be_made_leaves_the_one_before(hidden_stenosis, tm
     paths = [hidden_stenosis[0] / name for name in ("model.json", "measurements.csv", "conditions.yaml")]
     command.from_files(*paths, tmp_path, Settings(max_effects=0), 1)
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    monkeypatch.setattr(output, "_tree", lambda found: 1 / 0)
+    monkeypatch.setattr(write, "_tree", lambda found: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         command.from_files(*paths, tmp_path, Settings(max_effects=0), 2)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from coronaryuq.discrepancy.flexible import AMPLITUDES, gain
-from coronaryuq.discrepancy.inference import Fit, Search, maximise
-from coronaryuq.discrepancy.locate import false_discovery
-from coronaryuq.seeds import generator
+from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.inference.gauss_newton import Fit, Search, maximise
+from coronaryuq.discrepancy.inference.gp_discrepancy import AMPLITUDES, gain
+from coronaryuq.discrepancy.inference.locate import false_discovery
 
 
 def linear_case(seed, rows=40, columns=5):

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from coronaryuq.discrepancy.jobs import Job, batches, stacked
-from coronaryuq.discrepancy.settling import Settling
-from coronaryuq.seeds import generator
-from coronaryuq.zerod.blood_volume import BloodVolume
+from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.forward.fast_settling import Settling
+from coronaryuq.discrepancy.forward.jobs import Job, batches, stacked
 from coronaryuq.zerod.effects.library import effect
+from coronaryuq.zerod.solver.blood_volume import BloodVolume
 from support.small_loop import STENOSIS, fresh, loop
 
 LEAK = (effect("side_branch_leak"), "lca2")

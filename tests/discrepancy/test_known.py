@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from coronaryuq.discrepancy.inference import Fit
-from coronaryuq.discrepancy.known import fit_known
+from coronaryuq.discrepancy.hidden.reference_gap import fit_known
+from coronaryuq.discrepancy.inference.gauss_newton import Fit
 
 BASE = Fit(np.array([2.0, -1.0]), np.zeros(3), np.zeros((3, 2)))
 

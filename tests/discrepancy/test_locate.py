@@ -4,10 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from coronaryuq.discrepancy.inference import Fit
-from coronaryuq.discrepancy.locate import locate
-from coronaryuq.discrepancy.nuisance import Nuisance
-from coronaryuq.seeds import generator
+from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.forward.nuisance import Nuisance
+from coronaryuq.discrepancy.inference.gauss_newton import Fit
+from coronaryuq.discrepancy.inference.locate import locate
 
 SERIES, POINTS = 3, 12
 NUISANCES = [

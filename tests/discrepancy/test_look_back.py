@@ -5,12 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from coronaryuq.discrepancy.candidates import Candidate
-from coronaryuq.discrepancy.looking_back import look_back
-from coronaryuq.discrepancy.naming import Round
-from coronaryuq.discrepancy.rivals import RIVALS
+from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.selection.backward_step import look_back
+from coronaryuq.discrepancy.selection.candidates import Candidate
+from coronaryuq.discrepancy.selection.forward_step import Round
+from coronaryuq.discrepancy.selection.refit import RIVALS
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.seeds import generator
 from support.linear_problem import LinearProblem, here
 
 ROWS, NUISANCES, PRIOR = 120, 2, -3.0

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from coronaryuq.discrepancy.measurements import Measured
-from coronaryuq.discrepancy.model import make_problem
+from coronaryuq.core.io.files import read_json
+from coronaryuq.discrepancy.data.measurements import Measured
+from coronaryuq.discrepancy.inference.read_problem import make_problem
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.stage import loop_conditions
-from coronaryuq.files import read_json
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.engine import Engine
+from coronaryuq.zerod.solver.engine import Engine
 
 
 def test_a_loop_that_settles_loosely_is_examined(shared):

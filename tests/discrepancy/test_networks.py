@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from coronaryuq.bench.hidden_cases import open_loop
-from coronaryuq.bench.openloop import left_coronary
-from coronaryuq.discrepancy.measurements import Measured
-from coronaryuq.discrepancy.model import _mass, check_searchable, locations, make_problem
-from coronaryuq.discrepancy.networks import carried_over, sampled
+from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.bench.discrepancy.open_loop_tree import left_coronary
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import read_json
+from coronaryuq.core.units import MBF_PER_MIN_PER_G
+from coronaryuq.discrepancy.data.measurements import Measured
+from coronaryuq.discrepancy.forward.network_values import carried_over, sampled
+from coronaryuq.discrepancy.inference.read_problem import _mass, check_searchable, locations, make_problem
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.stage import loop_conditions
-from coronaryuq.errors import InputError
-from coronaryuq.files import read_json
-from coronaryuq.units import MBF_PER_MIN_PER_G
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import WAVE_POINTS
 from coronaryuq.zerod.effects.intramyocardial import waveform

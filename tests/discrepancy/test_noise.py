@@ -9,17 +9,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coronaryuq.bench.discrepancy import Case, hide
-from coronaryuq.bench.hidden_cases import open_loop
-from coronaryuq.discrepancy.conditions import read_conditions
-from coronaryuq.discrepancy.inference import Fit
-from coronaryuq.discrepancy.measurements import Measured
-from coronaryuq.discrepancy.model import read_problem
-from coronaryuq.discrepancy.noise import HARMONICS, Noise, estimated_noise, parts, scatter, with_lasting
-from coronaryuq.discrepancy.search import discover
+from coronaryuq.bench.discrepancy.benchmark import Case, hide
+from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.core.io.files import read_json
+from coronaryuq.discrepancy.data.conditions import read_conditions
+from coronaryuq.discrepancy.data.measurements import Measured
+from coronaryuq.discrepancy.inference.gauss_newton import Fit
+from coronaryuq.discrepancy.inference.noise import HARMONICS, Noise, estimated_noise, parts, scatter, with_lasting
+from coronaryuq.discrepancy.inference.read_problem import read_problem
+from coronaryuq.discrepancy.result.summary_text import paragraph
+from coronaryuq.discrepancy.selection.search import discover
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.discrepancy.words import paragraph
-from coronaryuq.files import read_json
 
 SAMPLES, SERIES, PERIOD = 40, 6, 0.8
 

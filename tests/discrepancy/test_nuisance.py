@@ -5,19 +5,19 @@ import copy
 import numpy as np
 import pytest
 
-from coronaryuq.bench.hidden_cases import open_loop
-from coronaryuq.bench.openloop import left_coronary
-from coronaryuq.discrepancy.candidates import STORES, all_candidates
+from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.bench.discrepancy.open_loop_tree import left_coronary
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import read_json, write_json
+from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.command import from_files
-from coronaryuq.discrepancy.conditions import BED_SHAPE, RESISTANCE, Condition, under
-from coronaryuq.discrepancy.hidden import hide
-from coronaryuq.discrepancy.measurements import Measured
-from coronaryuq.discrepancy.model import make_problem
-from coronaryuq.discrepancy.recordings import prepare
+from coronaryuq.discrepancy.data.conditions import BED_SHAPE, RESISTANCE, Condition, under
+from coronaryuq.discrepancy.data.measurements import Measured
+from coronaryuq.discrepancy.data.recordings import prepare
+from coronaryuq.discrepancy.hidden.make_case import hide
+from coronaryuq.discrepancy.inference.read_problem import make_problem
+from coronaryuq.discrepancy.selection.candidates import STORES, all_candidates
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.errors import InputError
-from coronaryuq.files import read_json, write_json
-from coronaryuq.seeds import generator
 from coronaryuq.zerod.effects.base import vessel_values
 from coronaryuq.zerod.effects.grafting import put_ahead
 from coronaryuq.zerod.effects.library import effect

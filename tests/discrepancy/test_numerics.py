@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from coronaryuq.discrepancy import numerics
-from coronaryuq.discrepancy.numerics import DRAWS, FINER, time_steps
-from coronaryuq.seeds import generator
+from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.inference import time_step_error
+from coronaryuq.discrepancy.inference.time_step_error import DRAWS, FINER, time_steps
 
 ROWS, SERIES = 80, 2
 PHASE = 2.0 * np.pi * np.arange(ROWS) / (ROWS // SERIES)
@@ -48,7 +48,7 @@ def copies(monkeypatch):
         other.simulation = simulation
         return other
 
-    monkeypatch.setattr(numerics, "replace", replace)
+    monkeypatch.setattr(time_step_error, "replace", replace)
 
 
 def test_what_is_alike_is_put_right():

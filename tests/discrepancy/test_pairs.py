@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from coronaryuq.discrepancy.pairs import TOGETHER, _words, discover_pairs
-from coronaryuq.discrepancy.tables import _zero_flow, branches, read_pairs
-from coronaryuq.errors import InputError
+from coronaryuq.core.errors import InputError
+from coronaryuq.discrepancy.table_model.search import TOGETHER, _words, discover_pairs
+from coronaryuq.discrepancy.table_model.tables import _zero_flow, branches, read_pairs
 
 ZERO_FLOW = 5.0
 

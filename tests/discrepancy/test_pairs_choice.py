@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from coronaryuq.discrepancy.choice import choose, inclusion
-from coronaryuq.discrepancy.laws import LAWS, Law, LawFit, fit_law, sizes
-from coronaryuq.discrepancy.tables import Branch
-from coronaryuq.seeds import generator
+from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.table_model.law_selection import choose, inclusion
+from coronaryuq.discrepancy.table_model.laws import LAWS, Law, LawFit, fit_law, sizes
+from coronaryuq.discrepancy.table_model.tables import Branch
 
 QUADRATIC = next(law for law in LAWS if law.terms == ("quadratic",))
 

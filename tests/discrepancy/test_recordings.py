@@ -4,13 +4,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from coronaryuq import files
-from coronaryuq.discrepancy.conditions import read_conditions
-from coronaryuq.discrepancy.model import read_problem
-from coronaryuq.discrepancy.recordings import prepare
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io import files
+from coronaryuq.core.units import MMHG
+from coronaryuq.discrepancy.data.conditions import read_conditions
+from coronaryuq.discrepancy.data.recordings import prepare
+from coronaryuq.discrepancy.inference.read_problem import read_problem
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.errors import InputError
-from coronaryuq.units import MMHG
 
 
 def recording(folder, name, flow, count=80, period=0.6):

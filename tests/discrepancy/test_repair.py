@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from coronaryuq.bench.hidden_cases import open_loop
-from coronaryuq.discrepancy.conditions import period_of, read_conditions, under
-from coronaryuq.discrepancy.inference import Fit
-from coronaryuq.discrepancy.measurements import Measured
-from coronaryuq.discrepancy.model import make_problem, read_problem
-from coronaryuq.discrepancy.repair import _changed, repaired
+from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.core.io.files import read_json
+from coronaryuq.discrepancy.data.conditions import period_of, read_conditions, under
+from coronaryuq.discrepancy.data.measurements import Measured
+from coronaryuq.discrepancy.inference.gauss_newton import Fit
+from coronaryuq.discrepancy.inference.read_problem import make_problem, read_problem
+from coronaryuq.discrepancy.result.repair import _changed, repaired
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.stage import loop_conditions
-from coronaryuq.files import read_json
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.library import effect
 

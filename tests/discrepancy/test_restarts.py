@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from coronaryuq.discrepancy.candidates import Candidate, refit
-from coronaryuq.discrepancy.problem import RESTARTS, Problem
+from coronaryuq.discrepancy.inference.problem import RESTARTS, Problem
+from coronaryuq.discrepancy.selection.candidates import Candidate, refit
 from coronaryuq.discrepancy.settings import Settings
 from support.linear_problem import here
 

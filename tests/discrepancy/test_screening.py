@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from coronaryuq.discrepancy.candidates import Candidate
-from coronaryuq.discrepancy.inference import Fit, Search, maximise
-from coronaryuq.discrepancy.screening import ANEW, SIGNED, TURNING, screen
-from coronaryuq.seeds import generator
+from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.inference.gauss_newton import Fit, Search, maximise
+from coronaryuq.discrepancy.selection.candidates import Candidate
+from coronaryuq.discrepancy.selection.score_test import ANEW, SIGNED, TURNING, screen
 from coronaryuq.zerod.effects.base import Parameter
 from support.linear_problem import made_up
 

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from coronaryuq.discrepancy import search
+from coronaryuq.discrepancy.selection import search
 from support.linear_problem import made_up
 
 DRIVE, PROBE, LOSS = made_up("drive_gain"), made_up("flow_gain", of_an_instrument=True), made_up("loss")

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from coronaryuq.discrepancy.separate import _of_the_patient, information
-from coronaryuq.seeds import generator
+from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.selection.next_measurement import _of_the_patient, information
 from coronaryuq.zerod.effects.library import effect
 
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from coronaryuq.discrepancy.side_by_side import Run, side_by_side
+from coronaryuq.discrepancy.forward.lockstep import Run, side_by_side
 
 
 class Doubling:

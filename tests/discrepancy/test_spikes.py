@@ -6,9 +6,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from coronaryuq.discrepancy.measurements import Measured
-from coronaryuq.discrepancy.spikes import Spike, spikes
-from coronaryuq.discrepancy.words import _standing_out
+from coronaryuq.discrepancy.data.measurements import Measured
+from coronaryuq.discrepancy.inference.outliers import Spike, spikes
+from coronaryuq.discrepancy.result.summary_text import _standing_out
 
 SAMPLES, PERIOD = 40, 0.8
 CONDITIONS = ("rest", "pacing", "hyperaemia", "drug")

@@ -2,15 +2,15 @@
 
 import pytest
 
-from coronaryuq import files
-from coronaryuq.bench.hidden_cases import open_loop
-from coronaryuq.discrepancy.conditions import read_conditions
-from coronaryuq.discrepancy.model import read_problem
+from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.core.io import files
+from coronaryuq.discrepancy.data.conditions import read_conditions
+from coronaryuq.discrepancy.inference.read_problem import read_problem
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.stage import compare, hide_in_loop, search
 from coronaryuq.report.discrepancy import write_page
 from coronaryuq.zerod.effects.library import effect
-from coronaryuq.zerod.network import read_network
+from coronaryuq.zerod.network.read import read_network
 
 SEED = 4
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from coronaryuq.discrepancy.starts import MOST, OTHER_EFFECT, Known, Point, Starts, Structure
-from coronaryuq.seeds import generator
-from coronaryuq.zerod.blood_volume import BloodVolume
+from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.forward.warm_starts import MOST, OTHER_EFFECT, Known, Point, Starts, Structure
 from coronaryuq.zerod.effects.library import effect
+from coronaryuq.zerod.solver.blood_volume import BloodVolume
 from support.small_loop import STENOSIS, fresh
 
 

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from coronaryuq.bench.hidden_cases import open_loop
-from coronaryuq.discrepancy.conditions import read_conditions
-from coronaryuq.discrepancy.hidden import hide
-from coronaryuq.discrepancy.inference import Fit
-from coronaryuq.discrepancy.model import make_problem, read_problem
-from coronaryuq.discrepancy.numerics import time_steps
+from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.core.io.files import read_json
+from coronaryuq.discrepancy.data.conditions import read_conditions
+from coronaryuq.discrepancy.hidden.detectability import least_trace
+from coronaryuq.discrepancy.hidden.make_case import hide
+from coronaryuq.discrepancy.inference.gauss_newton import Fit
+from coronaryuq.discrepancy.inference.read_problem import make_problem, read_problem
+from coronaryuq.discrepancy.inference.time_step_error import time_steps
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.discrepancy.trace import least_trace
-from coronaryuq.files import read_json
 from coronaryuq.zerod.effects.library import effect
 
 

@@ -5,12 +5,12 @@ from pathlib import Path
 import pytest
 import yaml
 
-from coronaryuq.discrepancy.conditions import read_conditions
-from coronaryuq.discrepancy.model import read_problem
-from coronaryuq.discrepancy.recordings import prepare
-from coronaryuq.discrepancy.search import discover
+from coronaryuq.core.io.files import read_json
+from coronaryuq.discrepancy.data.conditions import read_conditions
+from coronaryuq.discrepancy.data.recordings import prepare
+from coronaryuq.discrepancy.inference.read_problem import read_problem
+from coronaryuq.discrepancy.selection.search import discover
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.files import read_json
 
 RECORDINGS = Path(__file__).parents[3] / "shared" / "data" / "perfused-heart"
 pytestmark = pytest.mark.skipif(not RECORDINGS.is_dir(), reason=f"{RECORDINGS} is not there")

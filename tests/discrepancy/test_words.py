@@ -5,13 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from coronaryuq.discrepancy import words
-from coronaryuq.discrepancy.abstention import Gaps
-from coronaryuq.discrepancy.constancy import Constancy
-from coronaryuq.discrepancy.locate import Strain
+from coronaryuq.discrepancy.inference.cross_validation import Gap
+from coronaryuq.discrepancy.inference.locate import Strain
+from coronaryuq.discrepancy.result import summary_text
+from coronaryuq.discrepancy.result.summary_text import _unforeseen, moved, rival, shapeless
+from coronaryuq.discrepancy.selection.abstention import Gaps
+from coronaryuq.discrepancy.selection.size_constancy import Constancy
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.discrepancy.verify import Gap
-from coronaryuq.discrepancy.words import _unforeseen, moved, rival, shapeless
 from coronaryuq.zerod.effects.library import effect
 
 OPEN_LOOP, CLOSED_LOOP = (
@@ -70,19 +70,19 @@ def member(name: str, place: str, probability: float):
 def test_what_would_split_a_class_is_said_where_anything_would():
     best = {"quantity": "pressure", "location": "lad:BC_lad", "condition": "rest", "expected_information_nats": 0.55}
     best |= {"already_measured": False}
-    assert words._told_apart([best]).startswith(
+    assert summary_text._told_apart([best]).startswith(
         "The mean pressure at lad:BC_lad under rest would tell them apart best (0.55"
     )
-    by_another = words._told_apart([best | {"already_measured": True}])
+    by_another = summary_text._told_apart([best | {"already_measured": True}])
     assert by_another.startswith("The mean pressure at lad:BC_lad under rest, read by another instrument, would tell")
-    assert words._told_apart([best | {"expected_information_nats": 0.01}]).startswith("No mean pressure or flow")
-    assert words._told_apart([]) == ""
+    assert summary_text._told_apart([best | {"expected_information_nats": 0.01}]).startswith("No mean pressure or flow")
+    assert summary_text._told_apart([]) == ""
 
 
 def test_the_probability_of_a_class_is_told_from_that_of_its_first_member():
     one, other = member("bifurcation_loss", "lad", 0.4), member("ostial_loss", "lm", 0.59)
-    assert words._probability(SimpleNamespace(members=[one])) == "probability 0.40"
-    told = words._probability(SimpleNamespace(members=[one, other]))
+    assert summary_text._probability(SimpleNamespace(members=[one])) == "probability 0.40"
+    told = summary_text._probability(SimpleNamespace(members=[one, other]))
     assert told.startswith("probability of the class 0.99, of this member 0.40; ")
     assert told.endswith("cannot tell from it: ostial loss at lm 0.59")
 
@@ -111,19 +111,19 @@ def test_every_nuisance_parameter_far_outside_its_prior_is_said(strains, said):
     located = SimpleNamespace(strains=[Strain(name, sd, sd, p) for name, sd, p in strains])
     nuisances = [SimpleNamespace(name=name, sd=0.5) for name, _, _ in strains]
     problem = SimpleNamespace(settings=Settings(), forward=SimpleNamespace(nuisances=nuisances))
-    assert words._strained("It moves", located, SimpleNamespace(problem=problem)) == said
+    assert summary_text._strained("It moves", located, SimpleNamespace(problem=problem)) == said
 
 
 def test_what_comes_nearest_is_all_that_acts():
     leak, loss = (effect("side_branch_leak"), "lad"), (effect("diffuse_narrowing"), "lad")
     varying = Constancy(loss, 9.0, {"rest": (0.0, 0.1), "pacing": (2.0, 0.1)})
     parts = {"verdict": SimpleNamespace(varying=[varying]), "problem": OPEN_LOOP}
-    several = words._varying(SimpleNamespace(acting=[leak, loss], **parts))
+    several = summary_text._varying(SimpleNamespace(acting=[leak, loss], **parts))
     assert several.startswith(
         "what comes nearest is side branch leak at lad and diffuse narrowing at lad, of which diffuse"
     )
     assert several.endswith(") would need another size under each condition")
-    alone = words._varying(SimpleNamespace(acting=[loss], **parts))
+    alone = summary_text._varying(SimpleNamespace(acting=[loss], **parts))
     assert alone.startswith(
         "what comes nearest, diffuse narrowing at lad, would need another size under each condition (l"
     )
@@ -131,14 +131,14 @@ def test_what_comes_nearest_is_all_that_acts():
 
 def test_sizes_by_condition_have_their_intervals_and_leave_out_what_says_nothing():
     known = {"rest": (0.0, 0.1), "pacing": (2.0, 0.2), "held": (0.0, 1.2)}
-    told = words._sizes(Constancy((effect("flow_delay"), "a:b"), 9.0, known), OPEN_LOOP.forward.anatomy)
+    told = summary_text._sizes(Constancy((effect("flow_delay"), "a:b"), 9.0, known), OPEN_LOOP.forward.anatomy)
     assert told == "delay: rest 0 (-0.0049 to 0.0049), pacing 0.06 (0.05 to 0.07) s"
 
 
 def test_sizes_by_condition_are_said_as_the_size_is():
     """A share of the ventricular pressure that is added, in a closed loop the factor on what is there."""
     varying = Constancy((effect("intramyocardial_pressure"), "all beds"), 9.0, {"rest": (1.0, 0.1)})
-    (share, factor) = (words._sizes(varying, one.forward.anatomy) for one in (OPEN_LOOP, CLOSED_LOOP))
+    (share, factor) = (summary_text._sizes(varying, one.forward.anatomy) for one in (OPEN_LOOP, CLOSED_LOOP))
     (parameter,) = varying.acting[0].parameters
     added = float(parameter.from_standard(1.0))
     assert share.startswith(f"share: rest {added:.2g} (")
@@ -157,4 +157,4 @@ def test_a_negative_delay_is_read_early(name, z, said):
     one = effect(name)
     problem = SimpleNamespace(forward=SimpleNamespace(anatomy=None))
     found = SimpleNamespace(sizes=lambda acting: [(one.parameters[0], z, 0.1)], problem=problem)
-    assert words._size_of(found, (one, "a:b")) == said
+    assert summary_text._size_of(found, (one, "a:b")) == said

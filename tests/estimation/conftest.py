@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from coronaryuq.seeds import generator
+from coronaryuq.core.seeds import generator
 
 
 @pytest.fixture(scope="session")

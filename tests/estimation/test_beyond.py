@@ -7,17 +7,17 @@ import pandas as pd
 import pytest
 from scipy.stats import norm
 
-from coronaryuq.bench.problems import ROW as ANY
-from coronaryuq.bench.problems import Trial, as_design
-from coronaryuq.estimation import beyond
-from coronaryuq.estimation.control_variates import Seen
-from coronaryuq.estimation.design import Block, Design
-from coronaryuq.estimation.estimators import predict
-from coronaryuq.estimation.folds import assign
-from coronaryuq.estimation.montecarlo import Interval
-from coronaryuq.estimation.runs import Row, Runs
+from coronaryuq.bench.estimation.problems import ROW as ANY
+from coronaryuq.bench.estimation.problems import Trial, as_design
+from coronaryuq.core.seeds import generator
+from coronaryuq.estimation.estimators import tails_and_sobol
+from coronaryuq.estimation.estimators.folds import assign
+from coronaryuq.estimation.estimators.folds_and_blocks import Block, Design
+from coronaryuq.estimation.estimators.montecarlo import Interval
+from coronaryuq.estimation.estimators.per_row import predict
+from coronaryuq.estimation.runs.table import Row, Runs
 from coronaryuq.estimation.settings import Settings
-from coronaryuq.seeds import generator
+from coronaryuq.estimation.surrogates.control_variates import Seen
 
 TRIALS, N, M, FOLDS = 200, 60, 1500, 10
 ROW = Row("1", "ffr_lad", "q", "")
@@ -58,12 +58,12 @@ def check(found, truth):
 
 @pytest.mark.parametrize("at", [0.0, -1.5])
 def test_probability(trials, at):
-    check([beyond.probability(d, y, p, at) for d, y, p in trials], norm.cdf(at / np.sqrt(1.3125)))
+    check([tails_and_sobol.probability(d, y, p, at) for d, y, p in trials], norm.cdf(at / np.sqrt(1.3125)))
 
 
 @pytest.mark.parametrize("share", [0.5, 0.95])
 def test_quantile(trials, share):
-    found = [beyond.quantile(d, y, p, share) for d, y, p in trials[:120]]
+    found = [tails_and_sobol.quantile(d, y, p, share) for d, y, p in trials[:120]]
     truth = norm.ppf(share) * np.sqrt(1.3125)
     assert held_share(found, truth) >= 0.95 - 3 * np.sqrt(0.95 * 0.05 / len(found))
     assert abs(np.mean([v for v, _, _ in found]) - truth) < 0.05
@@ -76,7 +76,7 @@ def test_a_quantile_of_a_finite_set_that_is_predicted_to_a_hair_is_the_one_of_th
     x, more = rng.normal(size=(50, 2)), rng.normal(size=(400, 2))
     trial = Trial(seen_of(x), np.exp(0.1 * x[:, 0]), seen_of(more), more_y=np.exp(0.1 * more[:, 0]))
     design = as_design(trial, assign(50, 10, 5, "finite"))
-    _, _, interval = beyond.quantile(design, trial.y, predict(design, ANY), share)
+    _, _, interval = tails_and_sobol.quantile(design, trial.y, predict(design, ANY), share)
     assert interval.holds(np.sort(trial.more_y)[int(share * 400)])
     assert interval.half_width < 2e-4
 
@@ -86,16 +86,16 @@ def seen_of(x):
 
 
 def test_variance(trials):
-    check([beyond.variance(d, y, p) for d, y, p in trials], 1.3125)
+    check([tails_and_sobol.variance(d, y, p) for d, y, p in trials], 1.3125)
 
 
 @pytest.mark.parametrize(("name", "truth"), [("a", 1 / 1.3125), ("b", 0.25 / 1.3125)])
 def test_sobol_indices_of_an_additive_model(trials, name, truth):
-    found = [beyond.sobol(d, y, p)[name] for d, y, p in trials]
+    found = [tails_and_sobol.sobol(d, y, p)[name] for d, y, p in trials]
     check([(f["value"], f["std"], Interval(f["low"], f["high"], 0.95)) for f in found], truth)
 
 
 def test_a_quantile_with_few_runs_beyond_it_carries_a_warning(trials):
-    found = beyond.everything(trials[0][0], ROW, trials[0][2], Settings())
+    found = tails_and_sobol.everything(trials[0][0], ROW, trials[0][2], Settings())
     warned = {share for share, value in found["quantiles"].items() if "warning" in value}
     assert warned == {"0.05", "0.95"}

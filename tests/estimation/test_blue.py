@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from coronaryuq.estimation.blue import Group, blue, blue_variance
-from coronaryuq.estimation.montecarlo import mfmc_mean, mfmc_variance
-from coronaryuq.seeds import generator
+from coronaryuq.core.seeds import generator
+from coronaryuq.estimation.estimators.blue import Group, blue, blue_variance
+from coronaryuq.estimation.estimators.montecarlo import mfmc_mean, mfmc_variance
 
 COVARIANCE = np.array([[4.0, 1.8, 1.0], [1.8, 1.0, 0.4], [1.0, 0.4, 1.0]])
 

@@ -1,7 +1,7 @@
 """Rounds of a growing campaign: what is decided, and that gathered counts are the first samples."""
 
-from coronaryuq.estimation.allocation import decide
-from coronaryuq.estimation.studies import Want
+from coronaryuq.estimation.campaign.allocation import decide
+from coronaryuq.estimation.campaign.convergence_and_budget import Want
 
 COUNTS, MOST, PORTION = {"n_3d": 16, "n_0d": 200}, {"n_3d": 40, "n_0d": 400}, {"n_3d": 8, "n_0d": 100}
 

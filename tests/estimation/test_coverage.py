@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest, norm
 
-from coronaryuq.bench import coverage_autoencoder
-from coronaryuq.bench.coverage import cell, run, tabulate
-from coronaryuq.bench.coverage_beyond import truths
-from coronaryuq.bench.pairs import PAIRS, _moment
-from coronaryuq.bench.problems import from_pair
-from coronaryuq.estimation.diagnostics import SMALL_SHARE, VERIFIED_FROM, VERIFIED_WHERE_SMALL, unverified
+from coronaryuq.bench.estimation import coverage_autoencoder
+from coronaryuq.bench.estimation.coverage import cell, run, tabulate
+from coronaryuq.bench.estimation.coverage_tails import truths
+from coronaryuq.bench.estimation.pairs import PAIRS, _moment
+from coronaryuq.bench.estimation.problems import from_pair
+from coronaryuq.core.io.files import read_csv, write_json
+from coronaryuq.core.seeds import generator
+from coronaryuq.estimation.campaign.diagnostics import SMALL_SHARE, VERIFIED_FROM, VERIFIED_WHERE_SMALL, unverified
 from coronaryuq.estimation.settings import Settings
-from coronaryuq.files import read_csv, write_json
-from coronaryuq.seeds import generator
 
 TRIALS = 300
 

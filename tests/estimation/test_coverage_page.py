@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coronaryuq.bench.coverage import judged
-from coronaryuq.seeds import generator
+from coronaryuq.bench.estimation.coverage import judged
+from coronaryuq.core.seeds import generator
 
 DOCS = Path(__file__).parents[2] / "docs"
 

@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from coronaryuq.estimation import diagnostics
-from coronaryuq.estimation.runs import Runs, read_runs
-from coronaryuq.seeds import generator
+from coronaryuq.core.seeds import generator
+from coronaryuq.estimation.campaign import diagnostics
+from coronaryuq.estimation.runs.table import Runs, read_runs
 
 
 def runs(shift=0.0, failed=None, n=200, m=2000):

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from coronaryuq.errors import InputError
+from coronaryuq.core.errors import InputError
 from coronaryuq.estimation import stage
 from coronaryuq.estimation.settings import Settings
 

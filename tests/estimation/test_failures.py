@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from coronaryuq.estimation import failures
-from coronaryuq.estimation.runs import Runs
-from coronaryuq.seeds import generator
+from coronaryuq.core.seeds import generator
+from coronaryuq.estimation.campaign import failures
+from coronaryuq.estimation.runs.table import Runs
 
 BEDS, SCALING = 14, "R_cor_scaling"
 INPUTS = (*(f"bed_{j}" for j in range(BEDS)), SCALING)

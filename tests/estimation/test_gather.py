@@ -4,13 +4,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from coronaryuq.errors import InputError
-from coronaryuq.estimation.allocation import allocate
-from coronaryuq.estimation.gather import coarse_cost, gather
-from coronaryuq.estimation.runs import read_rows, read_runs
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import read_csv, read_json, write_csv, write_json
+from coronaryuq.core.records import Record, write
+from coronaryuq.estimation.campaign.allocation import allocate
+from coronaryuq.estimation.runs.gather import coarse_cost, gather
+from coronaryuq.estimation.runs.table import read_rows, read_runs
 from coronaryuq.estimation.settings import Settings
-from coronaryuq.files import read_csv, read_json, write_csv, write_json
-from coronaryuq.records import Record, write
 
 CASE = {"stenoses": [{"name": "LAD", "outlet": "BC_lca1"}, {"name": "RCA", "outlet": "BC_rca1"}]}
 LIMITS = {"r": (0.5, 2.0), "R_cor_scaling": (0.7, 1.25)}

@@ -5,9 +5,9 @@ import pytest
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, DotProduct, Matern, WhiteKernel
 
-from coronaryuq.estimation import gaussian_process as gp
-from coronaryuq.estimation import matern
-from coronaryuq.seeds import generator
+from coronaryuq.core.seeds import generator
+from coronaryuq.estimation.surrogates import gaussian_process as gp
+from coronaryuq.estimation.surrogates import matern
 
 
 def problem(n=40, d=3):

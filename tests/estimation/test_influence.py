@@ -5,15 +5,15 @@ from itertools import product
 import numpy as np
 import pytest
 
-from coronaryuq.bench.coverage import cell, cross_fitted
-from coronaryuq.bench.problems import Trial, from_runs
-from coronaryuq.estimation import gaussian_process as gp
-from coronaryuq.estimation import matern
-from coronaryuq.estimation.control_variates import METHODS, RUNS_PER_POWER, Seen, with_rival
-from coronaryuq.estimation.crossfit import Propagated, combine
-from coronaryuq.estimation.influence import Influence
-from coronaryuq.estimation.runs import read_rows, read_runs
-from coronaryuq.seeds import generator
+from coronaryuq.bench.estimation.coverage import cell, cross_fitted
+from coronaryuq.bench.estimation.problems import Trial, from_runs
+from coronaryuq.core.seeds import generator
+from coronaryuq.estimation.estimators.crossfit import Propagated, combine
+from coronaryuq.estimation.estimators.fold_covariance import Influence
+from coronaryuq.estimation.runs.table import read_rows, read_runs
+from coronaryuq.estimation.surrogates import gaussian_process as gp
+from coronaryuq.estimation.surrogates import matern
+from coronaryuq.estimation.surrogates.control_variates import METHODS, RUNS_PER_POWER, Seen, with_rival
 
 
 def seen_of(x):

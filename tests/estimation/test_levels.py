@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from coronaryuq.estimation import diagnostics, selector
-from coronaryuq.estimation.control_variates import METHODS
-from coronaryuq.estimation.design import make_design
-from coronaryuq.estimation.level_allocation import Costs, allocation, worth
-from coronaryuq.estimation.levels import Parts, multilevel
+from coronaryuq.estimation.campaign import diagnostics
+from coronaryuq.estimation.estimators.folds_and_blocks import make_design
+from coronaryuq.estimation.estimators.level_allocation import Costs, allocation, worth
+from coronaryuq.estimation.estimators.multilevel_crossfit import Parts, multilevel
+from coronaryuq.estimation.surrogates import selector
+from coronaryuq.estimation.surrogates.control_variates import METHODS
 from support import three_levels
 
 

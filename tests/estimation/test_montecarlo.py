@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from coronaryuq.estimation.montecarlo import (
+from coronaryuq.core.seeds import generator
+from coronaryuq.estimation.estimators.montecarlo import (
     additional_budget,
     chebyshev,
     control_coefficient,
@@ -14,7 +15,6 @@ from coronaryuq.estimation.montecarlo import (
     optimal_allocation,
     optimal_variance,
 )
-from coronaryuq.seeds import generator
 
 
 def test_variance_is_exact_for_a_pair_of_monomials():

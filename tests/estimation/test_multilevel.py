@@ -4,14 +4,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from coronaryuq.errors import InputError
-from coronaryuq.estimation.analysis import analyse
-from coronaryuq.estimation.blue import Group, blue, blue_variance
-from coronaryuq.estimation.montecarlo import mfmc_variance
-from coronaryuq.estimation.multilevel import acv_variance, blue_weights, estimate
-from coronaryuq.estimation.runs import read_rows, read_runs
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.seeds import generator
+from coronaryuq.estimation.campaign.analysis import analyse
+from coronaryuq.estimation.estimators.blue import Group, blue, blue_variance
+from coronaryuq.estimation.estimators.montecarlo import mfmc_variance
+from coronaryuq.estimation.estimators.multilevel import acv_variance, blue_weights, estimate
+from coronaryuq.estimation.runs.table import read_rows, read_runs
 from coronaryuq.estimation.settings import Settings
-from coronaryuq.seeds import generator
 
 # A 3D model, its coarse mesh, two 0D outputs.
 COVARIANCE = np.array([[4.0, 3.6, 1.8, 0.6], [3.6, 4.0, 1.7, 0.5], [1.8, 1.7, 1.0, 0.1], [0.6, 0.5, 0.1, 1.0]])

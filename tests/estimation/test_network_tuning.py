@@ -2,10 +2,10 @@
 
 import pytest
 
-from coronaryuq.errors import InputError
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import read_json
+from coronaryuq.estimation.campaign.tuning import tune
 from coronaryuq.estimation.settings import Settings
-from coronaryuq.estimation.tuning import tune
-from coronaryuq.files import read_json
 
 SETTINGS = Settings(steps=(40, 30), curve_nodes=9, restarts=1, folds=2, tuning_trials=3)
 

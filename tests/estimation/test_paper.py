@@ -2,8 +2,8 @@
 
 import pandas as pd
 
-from coronaryuq.estimation.paper import paper_row
-from coronaryuq.estimation.runs import pair, read_rows, read_runs
+from coronaryuq.estimation.campaign.paper import paper_row
+from coronaryuq.estimation.runs.table import pair, read_rows, read_runs
 
 
 def test_original_correlation_and_both_standard_deviations_equal_the_printed_table(menon):

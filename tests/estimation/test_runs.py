@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from coronaryuq.errors import InputError
-from coronaryuq.estimation.runs import pair, read_rows, read_runs
+from coronaryuq.core.errors import InputError
+from coronaryuq.estimation.runs.table import pair, read_rows, read_runs
 
 BOUNDS = {"min": 0.1, "max": 9.0}
 

@@ -5,9 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from coronaryuq.errors import InputError
-from coronaryuq.estimation import stage, studies
-from coronaryuq.estimation.montecarlo import mfmc_variance
+from coronaryuq.core.errors import InputError
+from coronaryuq.estimation import stage
+from coronaryuq.estimation.campaign import convergence_and_budget
+from coronaryuq.estimation.estimators.montecarlo import mfmc_variance
 from coronaryuq.estimation.settings import Settings
 
 SETTINGS = Settings(autoencoder=False, trials=6, trials_fitted=2, convergence_sizes=[20, 400], min_3d=20)
@@ -37,7 +38,7 @@ def test_convergence_leaves_out_sizes_that_leave_nothing_out(folder):
 
 
 def test_budget_curves_begin_at_today_and_fall():
-    (row,) = studies.budget([result()], 1e-3)
+    (row,) = convergence_and_budget.budget([result()], 1e-3)
     for curve in row["estimators"].values():
         assert curve["additional_cost"][0] == pytest.approx(0, abs=1e-9)
         assert np.all(np.diff(curve["additional_cost"]) >= 0) and np.all(np.diff(curve["optimal_variance"]) < 0)
@@ -45,14 +46,14 @@ def test_budget_curves_begin_at_today_and_fall():
 
 
 def test_a_plan_that_is_carried_out_meets_the_wanted_width():
-    (want,) = studies.plan([result()], {"1": 0.05}, 1e-3)
+    (want,) = convergence_and_budget.plan([result()], {"1": 0.05}, 1e-3)
     n, m = 100 + want.more_3d, 1000 + want.more_0d
     assert mfmc_variance(4.0, 0.99, n, m) <= mfmc_variance(4.0, 0.99, 100, 1000) * 0.25 * (1 + 1e-9)
     assert want.cost_of_half > want.cost > 0
 
 
 def test_a_width_that_is_met_costs_nothing():
-    (want,) = studies.plan([result()], {"1": 0.2}, 1e-3)
+    (want,) = convergence_and_budget.plan([result()], {"1": 0.2}, 1e-3)
     assert want.more_3d == want.more_0d == 0
 
 

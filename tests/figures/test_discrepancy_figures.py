@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from coronaryuq.core.units import MBF_PER_MIN_PER_G, ML_PER_MIN, MMHG
 from coronaryuq.figures import discrepancy as drawn
-from coronaryuq.units import MBF_PER_MIN_PER_G, ML_PER_MIN, MMHG
 
 
 def is_png(path):

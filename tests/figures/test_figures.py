@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from coronaryuq.errors import InputError
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import write_csv, write_json
 from coronaryuq.figures.draw import FIGURES, _function, draw
-from coronaryuq.files import write_csv, write_json
 
 
 @pytest.fixture

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from coronaryuq.case.network import Bed, network_from_tree
-from coronaryuq.case.tree import AORTA, Stenosis, Tree, Vessel
-from coronaryuq.flow3d.ensemble import Ensemble
-from coronaryuq.flow3d.geometry import read_geometry
+from coronaryuq.case.anatomy.tree import AORTA, Stenosis, Tree, Vessel
+from coronaryuq.case.network.build import Bed, network_from_tree
+from coronaryuq.core.units import BLOOD_DENSITY, BLOOD_VISCOSITY
+from coronaryuq.flow3d.ensemble.ensemble import Ensemble
+from coronaryuq.flow3d.ensemble.geometry import read_geometry
 from coronaryuq.flow3d.mesh.settings import Settings as MeshSettings
 from coronaryuq.flow3d.mesh.stage import mesh_tree
 from coronaryuq.flow3d.settings import Settings
-from coronaryuq.units import BLOOD_DENSITY, BLOOD_VISCOSITY
-from coronaryuq.zerod.beds import HYPERAEMIA
+from coronaryuq.zerod.network.beds import HYPERAEMIA
 
 COARSE = {
     "throat_resolution": 2.0, "jet_resolution": 1.5, "resolution": 1.5, "core_resolution": 0.0, "wall_grading": 0.0,

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from coronaryuq.flow3d.block import _stride
+from coronaryuq.flow3d.ensemble.block import _stride
 from coronaryuq.flow3d.settings import Settings
-from coronaryuq.zerod.engine import Engine
+from coronaryuq.zerod.solver.engine import Engine
 from support.loops import RADIUS, ensemble, network
 
 RESISTANCES = np.linspace(20000.0, 45000.0, 10)

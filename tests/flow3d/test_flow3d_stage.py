@@ -9,17 +9,18 @@ import pandas as pd
 import pytest
 import pyvista as pv
 
-from coronaryuq import files, records
-from coronaryuq.case.network import Bed, network_from_tree, segments
-from coronaryuq.case.tree import Stenosis, Tree, Vessel
-from coronaryuq.errors import InputError
-from coronaryuq.flow3d.mesh import folder
-from coronaryuq.flow3d.mesh.coupling import downstream_block, upstream_block
-from coronaryuq.flow3d.mesh.quality import boundary
+from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel
+from coronaryuq.case.network.build import Bed, network_from_tree, segments
+from coronaryuq.core import records
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io import files
+from coronaryuq.flow3d.mesh.coupling.caps import downstream_block, upstream_block
+from coronaryuq.flow3d.mesh.generation import folder
+from coronaryuq.flow3d.mesh.generation.quality import boundary
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.flow3d.stage import run_batch
-from coronaryuq.flow3d.tube import tube
-from coronaryuq.zerod.engine import Engine
+from coronaryuq.flow3d.verification.tube import tube
+from coronaryuq.zerod.solver.engine import Engine
 
 SETTINGS = Settings(steps_per_cycle=300, max_cycles=3, wall_samples_per_cycle=50)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from coronaryuq.bench.tubes import manufactured
+from coronaryuq.bench.flow3d.tubes import manufactured
 
 
 def test_velocity_converges_with_second_order():

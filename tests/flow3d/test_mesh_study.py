@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coronaryuq import files, provenance, records
-from coronaryuq.errors import InputError
+from coronaryuq.core import provenance, records
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io import files
+from coronaryuq.core.records import Record
 from coronaryuq.flow3d.mesh_study import mesh_study, richardson
-from coronaryuq.records import Record
 
 NODES = {"coarse": 5000, "own": 12000, "fine": 28000}
 

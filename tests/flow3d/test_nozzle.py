@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from coronaryuq.bench import nozzle
-from coronaryuq.errors import InputError
-from coronaryuq.flow3d.elements import face_vectors, gradients
+from coronaryuq.bench.flow3d import nozzle
+from coronaryuq.core.errors import InputError
+from coronaryuq.flow3d.fem.elements import face_vectors, gradients
 
 
 def test_mesh_has_the_nozzles_volume_and_ends():

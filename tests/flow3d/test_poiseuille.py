@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from coronaryuq.bench import tubes
-from coronaryuq.flow3d.lanes import LANES
-from coronaryuq.flow3d.wall_shear import WallShear
+from coronaryuq.bench.flow3d import tubes
+from coronaryuq.flow3d.fem.lanes import LANES
+from coronaryuq.flow3d.fem.wall_shear import WallShear
 
 FLOW = np.linspace(0.5, 2.0, LANES)
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from coronaryuq.errors import InputError
-from coronaryuq.flow3d.observation import area_quantile
-from coronaryuq.flow3d.section import section_weights
-from coronaryuq.flow3d.tube import tube
+from coronaryuq.core.errors import InputError
+from coronaryuq.flow3d.ensemble.quantities_of_interest import area_quantile
+from coronaryuq.flow3d.fem.cross_section import section_weights
+from coronaryuq.flow3d.verification.tube import tube
 
 
 @pytest.fixture(scope="module")

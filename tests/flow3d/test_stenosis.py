@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from coronaryuq.bench import axisymmetric
-from coronaryuq.bench.flow3d import stenosis
-from coronaryuq.bench.tubes import RADIUS
-from coronaryuq.units import BLOOD_DENSITY, BLOOD_VISCOSITY
+from coronaryuq.bench.flow3d import axisymmetric
+from coronaryuq.bench.flow3d.benchmark import stenosis
+from coronaryuq.bench.flow3d.tubes import RADIUS
+from coronaryuq.core.units import BLOOD_DENSITY, BLOOD_VISCOSITY
 
 
 def test_reference_is_exact_for_poiseuille_flow():

@@ -10,9 +10,9 @@ from dataclasses import replace
 
 import pytest
 
-from coronaryuq.flow3d.backend import RunFailed, Sample, execute, run_sample
-from coronaryuq.flow3d.svmultiphysics import SvMultiPhysics
-from coronaryuq.flow3d.svsolver import SvSolver
+from coronaryuq.flow3d.simvascular.adapter import RunFailed, Sample, execute, run_sample
+from coronaryuq.flow3d.simvascular.svmultiphysics import SvMultiPhysics
+from coronaryuq.flow3d.simvascular.svsolver import SvSolver
 from support.sv_case import make_case
 
 SAMPLE = Sample("s1", {"R_cor_scaling": 1.0})

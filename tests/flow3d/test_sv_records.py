@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from coronaryuq import records
-from coronaryuq.errors import InputError
-from coronaryuq.files import write_text
-from coronaryuq.flow3d import simvascular, svsolver
-from coronaryuq.flow3d.backend import RunFailed, Sample, execute, run_sample
-from coronaryuq.flow3d.external import make_backend, run_external
-from coronaryuq.flow3d.svmultiphysics import SvMultiPhysics
-from coronaryuq.flow3d.svsolver import SvSolver
-from coronaryuq.zerod.network import copy_of
+from coronaryuq.core import records
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import write_text
+from coronaryuq.flow3d.simvascular import common, svsolver
+from coronaryuq.flow3d.simvascular.adapter import RunFailed, Sample, execute, run_sample
+from coronaryuq.flow3d.simvascular.batch import make_backend, run_external
+from coronaryuq.flow3d.simvascular.svmultiphysics import SvMultiPhysics
+from coronaryuq.flow3d.simvascular.svsolver import SvSolver
+from coronaryuq.zerod.network.read import copy_of
 from support.sv_case import make_case
 
 SAMPLE = Sample("s1", {"R_cor_scaling": 1.0})
@@ -147,7 +147,7 @@ def _spoil(path):
 def test_svsolver_reads_what_svpost_combines(case, tmp_path):
     run = SvSolver(case).prepare(SAMPLE, tmp_path / "run")
     points = case.geometry.points
-    volume = pv.read(run / simvascular.INITIAL)
+    volume = pv.read(run / common.INITIAL)
     volume.clear_data()
     volume.point_data["GlobalNodeID"] = np.arange(1, len(points) + 1)
     wall = pv.read(run / "mesh-complete" / "walls_combined.vtp")

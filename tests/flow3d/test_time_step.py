@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from coronaryuq.bench import tubes
-from coronaryuq.flow3d.discretisation import Discretisation
-from coronaryuq.flow3d.lanes import LANES
-from coronaryuq.flow3d.tube import tube
-from coronaryuq.flow3d.wall_shear import WallShear
-from coronaryuq.units import BLOOD_DENSITY, BLOOD_VISCOSITY
+from coronaryuq.bench.flow3d import tubes
+from coronaryuq.core.units import BLOOD_DENSITY, BLOOD_VISCOSITY
+from coronaryuq.flow3d.fem.discretisation import Discretisation
+from coronaryuq.flow3d.fem.lanes import LANES
+from coronaryuq.flow3d.fem.wall_shear import WallShear
+from coronaryuq.flow3d.verification.tube import tube
 
 
 def test_steady_flow_through_a_bent_stenosis_stays_steady():

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from coronaryuq.bench import unstructured
-from coronaryuq.flow3d.lanes import LANES
+from coronaryuq.bench.flow3d import unstructured
+from coronaryuq.flow3d.fem.lanes import LANES
 
 FLOW = np.linspace(0.5, 2.0, LANES)
 FACETS = 0.25

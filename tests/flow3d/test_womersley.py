@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from coronaryuq.bench.tubes import womersley
+from coronaryuq.bench.flow3d.tubes import womersley
 
 
 @pytest.mark.parametrize("alpha", [2.0, 4.0])

@@ -7,8 +7,8 @@ import pytest
 import pyvista
 from scipy.spatial import cKDTree
 
-from coronaryuq.errors import InputError
-from coronaryuq.files import read_json, write_json
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import read_json, write_json
 from coronaryuq.perfusion import stage
 from coronaryuq.perfusion.realisations import Study
 from coronaryuq.perfusion.settings import DistanceNoise, FlowNoise, NoiseModel, Settings

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from coronaryuq.files import read_json
+from coronaryuq.core.io.files import read_json
 from coronaryuq.posterior import stage
-from coronaryuq.posterior.bed_flows import BedFlows
-from coronaryuq.posterior.diagnostics import effective_size
-from coronaryuq.posterior.likelihood import Likelihood
-from coronaryuq.posterior.model import Posterior
+from coronaryuq.posterior.model.bed_flows import BedFlows
+from coronaryuq.posterior.model.flow_model import Posterior
+from coronaryuq.posterior.model.likelihood import Likelihood
+from coronaryuq.posterior.model.total_resistance import Conditioned
+from coronaryuq.posterior.sampler.diagnostics import effective_size
 from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, Settings
-from coronaryuq.posterior.total_resistance import Conditioned
 from support.resistor_tree import ResistorTree, targets_of
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from coronaryuq.posterior.dream import Dream
+from coronaryuq.posterior.sampler.dream import Dream
 from coronaryuq.posterior.settings import DreamSettings
 
 
@@ -192,7 +192,7 @@ def test_detailed_balance_with_an_emulator():
 
 def test_asymmetry_is_noticed():
     """The statistic can fail: a snooker step without its Jacobian breaks detailed balance."""
-    from coronaryuq.posterior import dream as module
+    from coronaryuq.posterior.sampler import dream as module
 
     settings = DreamSettings(chains=24, generations=10, snooker=0.9)
     correct = module.snooker

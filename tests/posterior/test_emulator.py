@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from coronaryuq.posterior.emulator import Emulator, design, design_size
-from coronaryuq.posterior.fit import fit_fractions
-from coronaryuq.posterior.likelihood import Likelihood
-from coronaryuq.posterior.model import Posterior
-from coronaryuq.posterior.total_resistance import Conditioned
+from coronaryuq.posterior.model.emulator import Emulator, design, design_size
+from coronaryuq.posterior.model.fit_to_fractions import fit_fractions
+from coronaryuq.posterior.model.flow_model import Posterior
+from coronaryuq.posterior.model.likelihood import Likelihood
+from coronaryuq.posterior.model.total_resistance import Conditioned
 from support.resistor_tree import ResistorTree, targets_of
 
 

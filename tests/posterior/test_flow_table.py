@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from coronaryuq.cli import main
-from coronaryuq.files import read_csv, read_json, write_json
-from coronaryuq.posterior.bed_flows import BedFlows
-from coronaryuq.zerod.beds import distal_resistances
-from coronaryuq.zerod.network import read_network
+from coronaryuq.cli.main import main
+from coronaryuq.core.io.files import read_csv, read_json, write_json
+from coronaryuq.posterior.model.bed_flows import BedFlows
+from coronaryuq.zerod.network.beds import distal_resistances
+from coronaryuq.zerod.network.read import read_network
 
 SHARES = np.array([0.40, 0.03, 0.25, 0.12, 0.20])
 

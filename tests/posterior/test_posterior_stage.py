@@ -12,10 +12,10 @@ import arviz
 import numpy as np
 import pytest
 
-from coronaryuq.errors import InputError
-from coronaryuq.files import read_csv, read_json, write_json
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import read_csv, read_json, write_json
 from coronaryuq.posterior import stage
-from coronaryuq.posterior.bed_flows import BedFlows
+from coronaryuq.posterior.model.bed_flows import BedFlows
 from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, Settings
 from support.resistor_tree import network_of
 
@@ -150,7 +150,7 @@ def test_resume_from_every_checkpoint_and_with_torn_chain_files(campaign, tmp_pa
     class Killed(Exception):
         pass
 
-    from coronaryuq.posterior.chains import Recorder
+    from coronaryuq.posterior.sampler.chains import Recorder
 
     save = Recorder.save
     for stop in (1, 2, 3):

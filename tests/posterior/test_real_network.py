@@ -10,13 +10,13 @@ from coronaryuq.calibration import stage as calibration
 from coronaryuq.calibration.settings import Settings as CalibrationSettings
 from coronaryuq.case.settings import Settings as CaseSettings
 from coronaryuq.case.stage import prepare_case
-from coronaryuq.files import read_csv, read_json
+from coronaryuq.core.io.files import read_csv, read_json
 from coronaryuq.perfusion import stage as perfusion
 from coronaryuq.perfusion.settings import Settings as PerfusionSettings
 from coronaryuq.posterior import stage as posterior
 from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, Settings
-from coronaryuq.zerod.engine import Engine
-from coronaryuq.zerod.network import read_network
+from coronaryuq.zerod.network.read import read_network
+from coronaryuq.zerod.solver.engine import Engine
 
 OUTSIDE = {"rca1", "rca2", "rca3", "rca4", "rca10"}
 

@@ -7,11 +7,11 @@ import pytest
 
 from coronaryuq.bench.dream import SEED, bundled_files, target_of
 from coronaryuq.posterior import stage
-from coronaryuq.posterior.diagnostics import effective_size
-from coronaryuq.posterior.emulator import design
-from coronaryuq.posterior.model import Posterior
+from coronaryuq.posterior.model.emulator import design
+from coronaryuq.posterior.model.flow_model import Posterior
+from coronaryuq.posterior.model.total_resistance import Conditioned
+from coronaryuq.posterior.sampler.diagnostics import effective_size
 from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, Settings
-from coronaryuq.posterior.total_resistance import Conditioned
 
 
 def differences(ours, theirs):

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from coronaryuq.posterior.dream import Dream
+from coronaryuq.posterior.model.total_resistance import Conditioned, Rescaled
+from coronaryuq.posterior.sampler.dream import Dream
 from coronaryuq.posterior.settings import DreamSettings
-from coronaryuq.posterior.total_resistance import Conditioned, Rescaled
 
 PRIOR = (0.5, 2.0)
 

@@ -2,7 +2,8 @@
 
 import pytest
 
-from coronaryuq import files, provenance
+from coronaryuq.core import provenance
+from coronaryuq.core.io import files
 from coronaryuq.report.mesh_error import MeshError
 
 

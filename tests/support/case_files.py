@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from coronaryuq.case.tree import Tree, Vessel, write_tree
+from coronaryuq.case.anatomy.tree import Tree, Vessel, write_tree
 
 
 def straight(name, start, direction, length, radii, parent=None, branch="aorta", points=21):

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from coronaryuq.discrepancy.inference import Fit
-from coronaryuq.discrepancy.problem import DISTORTED, Problem
-from coronaryuq.discrepancy.simulation import Acting
+from coronaryuq.discrepancy.forward.simulation import Acting
+from coronaryuq.discrepancy.inference.gauss_newton import Fit
+from coronaryuq.discrepancy.inference.problem import DISTORTED, Problem
 from coronaryuq.zerod.effects.base import Effect, Parameter
 
 SIZE = Parameter("size", "1", "normal", 0.0, 1.0, "")

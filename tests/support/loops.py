@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from coronaryuq.flow3d.ensemble import Ensemble
-from coronaryuq.flow3d.geometry import Geometry
+from coronaryuq.core.units import BLOOD_DENSITY as DENSITY
+from coronaryuq.core.units import BLOOD_VISCOSITY as VISCOSITY
+from coronaryuq.flow3d.ensemble.ensemble import Ensemble
+from coronaryuq.flow3d.ensemble.geometry import Geometry
 from coronaryuq.flow3d.settings import Settings
-from coronaryuq.flow3d.tube import tube
-from coronaryuq.units import BLOOD_DENSITY as DENSITY
-from coronaryuq.units import BLOOD_VISCOSITY as VISCOSITY
+from coronaryuq.flow3d.verification.tube import tube
 
 RADIUS, LENGTH, PERIOD = 0.15, 0.8, 0.5
 RESISTANCE = 8 * VISCOSITY * LENGTH / (np.pi * RADIUS**4)

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from coronaryuq.case.network import Bed, network_from_tree
-from coronaryuq.case.tree import Stenosis, Tree, Vessel, distance_to
-from coronaryuq.seeds import generator
+from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel, distance_to
+from coronaryuq.case.network.build import Bed, network_from_tree
+from coronaryuq.core.seeds import generator
 
 SPACING = 0.03
 

@@ -22,8 +22,8 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from coronaryuq import records
-from coronaryuq.files import read_csv, write_csv
+from coronaryuq.core import records
+from coronaryuq.core.io.files import read_csv, write_csv
 from coronaryuq.posterior.samples import theta
 from support import cluster
 from support.checkout import ROOT, Checkout

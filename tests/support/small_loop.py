@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from coronaryuq.case.network import HEART
-from coronaryuq.discrepancy.conditions import Condition
-from coronaryuq.discrepancy.measurements import Measured
-from coronaryuq.discrepancy.model import make_problem
+from coronaryuq.case.network.build import HEART
+from coronaryuq.core.units import MMHG
+from coronaryuq.discrepancy.data.conditions import Condition
+from coronaryuq.discrepancy.data.measurements import Measured
+from coronaryuq.discrepancy.inference.read_problem import make_problem
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.units import MMHG
 from coronaryuq.zerod.effects.library import effect
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from coronaryuq import records
 from coronaryuq.case.settings import Settings as CaseSettings
 from coronaryuq.case.stage import prepare_case
-from coronaryuq.files import write_csv, write_json
+from coronaryuq.core import records
+from coronaryuq.core.io.files import write_csv, write_json
 from coronaryuq.perfusion.settings import Settings as PerfusionSettings
 from coronaryuq.perfusion.stage import run_chunk
 from support.case_files import small_tree, write_case

@@ -4,14 +4,14 @@ from pathlib import Path
 
 import numpy as np
 
-from coronaryuq.case.network import Bed, network_from_tree
-from coronaryuq.case.tree import Stenosis, Tree, Vessel
-from coronaryuq.files import write_json
+from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel
+from coronaryuq.case.network.build import Bed, network_from_tree
+from coronaryuq.core.io.files import write_json
 from coronaryuq.flow3d.mesh.settings import Settings
 from coronaryuq.flow3d.mesh.stage import mesh_tree
-from coronaryuq.flow3d.simvascular import Case, read_case
+from coronaryuq.flow3d.simvascular.common import Case, read_case
 from coronaryuq.flow3d.simvascular_settings import SimVascularSettings
-from coronaryuq.zerod.network import write_network
+from coronaryuq.zerod.network.read import write_network
 
 
 def make_case(folder: Path, **settings) -> Case:

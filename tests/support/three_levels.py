@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from coronaryuq.estimation.runs import Row, Runs
-from coronaryuq.seeds import generator
+from coronaryuq.core.seeds import generator
+from coronaryuq.estimation.runs.table import Row, Runs
 
 ROW = Row("osi", "osi", "flow", "maximum OSI")
 LIMITS = np.tile([0.5, 2.0], (3, 1))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from coronaryuq.case.tree import Tree, distance_to
+from coronaryuq.case.anatomy.tree import Tree, distance_to
 
 
 def tube_surface(tree: Tree, spacing: float) -> tuple[np.ndarray, np.ndarray]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from coronaryuq.case.tree import AORTA, area_ratio, distance_to
+from coronaryuq.case.anatomy.tree import AORTA, area_ratio, distance_to
 from coronaryuq.synthetic.anatomy import EXPONENT, SMALLEST, Anatomy, patient_anatomy
 
 SEEDS = [2024, 1, 2, 3]

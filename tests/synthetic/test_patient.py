@@ -7,8 +7,8 @@ import pytest
 
 from coronaryuq.case.settings import Settings as CaseSettings
 from coronaryuq.case.stage import prepare_case
+from coronaryuq.core.units import MMHG
 from coronaryuq.synthetic.patient import CLINICAL, clinical_targets, write_files
-from coronaryuq.units import MMHG
 from coronaryuq.zerod.cardiac_function import MEASURES
 
 

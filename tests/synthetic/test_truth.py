@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from coronaryuq.core.units import MBF_PER_MIN_PER_G, MMHG, TISSUE_DENSITY
 from coronaryuq.synthetic.truth import bed_name
-from coronaryuq.units import MBF_PER_MIN_PER_G, MMHG, TISSUE_DENSITY
-from coronaryuq.zerod.beds import beds, distal_resistances
-from coronaryuq.zerod.engine import Engine
+from coronaryuq.zerod.network.beds import beds, distal_resistances
+from coronaryuq.zerod.solver.engine import Engine
 
 
 def wall_of(patient):

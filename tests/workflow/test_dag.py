@@ -86,8 +86,12 @@ def test_a_changed_setting_makes_stale_what_depends_on_it(finished, block, value
 @pytest.mark.parametrize(
     ("module", "stale", "fresh"),
     [
-        ("posterior/dream.py", {"posterior_chains", "flow3d_batch"}, {"perfusion_chunk", "calibration", "mesh"}),
-        ("flow3d/wall_shear.py", {"flow3d_batch"} | ESTIMATES, {"zerod_chunk", "posterior"}),
+        (
+            "posterior/sampler/dream.py",
+            {"posterior_chains", "flow3d_batch"},
+            {"perfusion_chunk", "calibration", "mesh"},
+        ),
+        ("flow3d/fem/wall_shear.py", {"flow3d_batch"} | ESTIMATES, {"zerod_chunk", "posterior"}),
         ("report/page.py", {"report"}, {"figure", "estimation"}),
         ("figures/style.py", {"figure"}, {"estimation", "flow3d_batch"}),
     ],

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from coronaryuq import explain
-from coronaryuq.errors import InputError
-from coronaryuq.files import read_json
+from coronaryuq.cli import explain
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import read_json
 from support.checkout import Checkout
 
 pytestmark = pytest.mark.workflow
@@ -33,7 +33,7 @@ def campaign(tmp_path_factory):
 
 
 def said(campaign: Path, result: str) -> subprocess.CompletedProcess:
-    command = [sys.executable, "-m", "coronaryuq.cli", "explain", result]
+    command = [sys.executable, "-m", "coronaryuq.cli.main", "explain", result]
     environment = os.environ | {"PYTHONPATH": str(campaign / "src")}
     return subprocess.run(command, cwd=campaign, env=environment, capture_output=True, text=True)
 

@@ -73,7 +73,7 @@ class Campaign(Checkout):
         return (self.folder / "out.log").read_text()
 
     def verify(self, *arguments: str) -> subprocess.CompletedProcess:
-        command = [sys.executable, "-m", "coronaryuq.cli", "verify", "results/small", *arguments]
+        command = [sys.executable, "-m", "coronaryuq.cli.main", "verify", "results/small", *arguments]
         given = self.command() | {"args": command}
         return subprocess.run(**given, capture_output=True)
 

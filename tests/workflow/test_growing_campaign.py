@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from coronaryuq.files import read_csv, read_json
-from coronaryuq.records import read as read_records
+from coronaryuq.core.io.files import read_csv, read_json
+from coronaryuq.core.records import read as read_records
 from support import smoke
 from support.checkout import ROOT, Checkout
 

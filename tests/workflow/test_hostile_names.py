@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from coronaryuq.case.tree import Tree
+from coronaryuq.case.anatomy.tree import Tree
 from support.checkout import EMPTY_OUTPUTS, Checkout
 
 pytestmark = pytest.mark.workflow

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from coronaryuq import doctor
-from coronaryuq.files import read_json
+from coronaryuq.cli import doctor
+from coronaryuq.core.io.files import read_json
 from support import cluster, smoke
 from support.checkout import ROOT, Checkout, scripts_at_work
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coronaryuq import explain
-from coronaryuq.errors import InputError
-from coronaryuq.files import read_csv, read_json
-from coronaryuq.records import read as read_records
+from coronaryuq.cli import explain
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import read_csv, read_json
+from coronaryuq.core.records import read as read_records
 from support import smoke
 
 pytestmark = pytest.mark.workflow
@@ -93,7 +93,7 @@ def test_a_spoiled_file_of_any_kind_is_told(results, tmp_path):
 def test_spoiled_files_of_every_kind_are_made_again(results, tmp_path):
     again = shutil.copytree(results.parents[1], tmp_path / "again")
     spoil_every_kind(again)
-    command = [sys.executable, "-m", "coronaryuq.cli", "verify", "--remove", "results/smoke"]
+    command = [sys.executable, "-m", "coronaryuq.cli.main", "verify", "--remove", "results/smoke"]
     assert subprocess.run(command, cwd=again).returncode == 0
     assert not smoke.differences(results, smoke.campaign(again))
     assert explain.altered(again / "results" / "smoke") == []

@@ -15,14 +15,14 @@ pytestmark = pytest.mark.long
 
 READERS = {
     "campaign.yaml": "coronaryuq.config.load",
-    "case.yaml": "coronaryuq.case.description.read_description",
-    "conditions.yaml": "coronaryuq.discrepancy.conditions.read_conditions",
-    "model.json": "coronaryuq.zerod.network.read_network",
-    "case/case.json": "coronaryuq.case.casefile.read_case",
-    "batch_0.jsonl": "coronaryuq.records.read",
-    "outlets.csv": "coronaryuq.case.tables.read_outlets",
-    "targets.csv": "coronaryuq.case.tables.read_case_targets",
-    "mesh-complete.zip": "coronaryuq.flow3d.mesh.folder.unpack",
+    "case.yaml": "coronaryuq.case.description.fields.read_description",
+    "conditions.yaml": "coronaryuq.discrepancy.data.conditions.read_conditions",
+    "model.json": "coronaryuq.zerod.network.read.read_network",
+    "case/case.json": "coronaryuq.case.case_json.read_case",
+    "batch_0.jsonl": "coronaryuq.core.records.read",
+    "outlets.csv": "coronaryuq.case.tables.read.read_outlets",
+    "targets.csv": "coronaryuq.case.tables.read.read_case_targets",
+    "mesh-complete.zip": "coronaryuq.flow3d.mesh.generation.folder.unpack",
 }
 
 GUIDED = """

@@ -11,18 +11,19 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from coronaryuq import config, records
+from coronaryuq import config
 from coronaryuq.calibration.targets import read_targets
-from coronaryuq.case.casefile import read_case
-from coronaryuq.case.description import read_description
-from coronaryuq.case.tables import read_case_targets, read_outlets
-from coronaryuq.discrepancy.conditions import read_conditions
-from coronaryuq.discrepancy.measurements import read_measurements
-from coronaryuq.discrepancy.model import locations
-from coronaryuq.errors import InputError
+from coronaryuq.case.case_json import read_case
+from coronaryuq.case.description.fields import read_description
+from coronaryuq.case.tables.read import read_case_targets, read_outlets
+from coronaryuq.core import records
+from coronaryuq.core.errors import InputError
+from coronaryuq.discrepancy.data.conditions import read_conditions
+from coronaryuq.discrepancy.data.measurements import read_measurements
+from coronaryuq.discrepancy.inference.read_problem import locations
 from coronaryuq.posterior.settings import Settings as PosteriorSettings
 from coronaryuq.posterior.stage import draw_samples
-from coronaryuq.zerod.network import read_network
+from coronaryuq.zerod.network.read import read_network
 from support.sound_inputs import write_image
 
 FUZZ = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -12,16 +12,16 @@ from coronaryuq import config
 from coronaryuq.calibration.targets import read_targets
 from coronaryuq.case.settings import Settings as CaseSettings
 from coronaryuq.case.stage import prepare_case
-from coronaryuq.discrepancy.conditions import read_conditions
-from coronaryuq.discrepancy.measurements import read_measurements
-from coronaryuq.discrepancy.model import locations
-from coronaryuq.errors import InputError
-from coronaryuq.estimation.gather import gather as gather_runs
-from coronaryuq.flow3d.mesh.folder import unpack
+from coronaryuq.core.errors import InputError
+from coronaryuq.discrepancy.data.conditions import read_conditions
+from coronaryuq.discrepancy.data.measurements import read_measurements
+from coronaryuq.discrepancy.inference.read_problem import locations
+from coronaryuq.estimation.runs.gather import gather as gather_runs
+from coronaryuq.flow3d.mesh.generation.folder import unpack
 from coronaryuq.perfusion.stage import gather as gather_perfusion
 from coronaryuq.posterior.settings import Settings as PosteriorSettings
 from coronaryuq.posterior.stage import draw_samples
-from coronaryuq.zerod.network import read_network
+from coronaryuq.zerod.network.read import read_network
 from support.sound_inputs import BEDS, PERFUSION
 
 

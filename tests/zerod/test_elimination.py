@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from coronaryuq.zerod.elimination import Singular, Tape, eliminate
+from coronaryuq.zerod.solver.elimination import Singular, Tape, eliminate
 
 
 def solved(tape: Tape, matrix: np.ndarray, right: np.ndarray) -> np.ndarray:

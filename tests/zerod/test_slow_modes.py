@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from coronaryuq.zerod.blood_volume import BloodVolume
-from coronaryuq.zerod.engine import Engine
-from coronaryuq.zerod.slow_modes import SlowModes, slow_modes
+from coronaryuq.zerod.solver.blood_volume import BloodVolume
+from coronaryuq.zerod.solver.engine import Engine
+from coronaryuq.zerod.solver.slow_modes import SlowModes, slow_modes
 from support.zerod_networks import closed_loop
 
 STEPS = 1000

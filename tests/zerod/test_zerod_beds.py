@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from coronaryuq.errors import InputError
-from coronaryuq.zerod.beds import beds, distal_resistances, resistance_changes, theta_changes
+from coronaryuq.core.errors import InputError
+from coronaryuq.zerod.network.beds import beds, distal_resistances, resistance_changes, theta_changes
 from support.zerod_networks import MMHG, bifurcation, closed_loop
 
 

@@ -5,8 +5,8 @@ import json
 import pandas as pd
 import pytest
 
-from coronaryuq.cli import main
-from coronaryuq.zerod.output import simulate
+from coronaryuq.cli.main import main
+from coronaryuq.zerod.svzerodsolver.tables import simulate
 from support.zerod_networks import bifurcation, network, vessel
 
 

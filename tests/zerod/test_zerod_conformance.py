@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from coronaryuq.zerod.network import read_network
-from coronaryuq.zerod.output import simulate
+from coronaryuq.zerod.network.read import read_network
+from coronaryuq.zerod.svzerodsolver.tables import simulate
 
 CASES = [
     "closedLoopHeart_singleVessel",

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from coronaryuq.errors import InputError
-from coronaryuq.zerod.changes import with_changes
-from coronaryuq.zerod.engine import Engine
+from coronaryuq.core.errors import InputError
+from coronaryuq.zerod.network.changes import with_changes
+from coronaryuq.zerod.solver.engine import Engine
 from support.zerod_networks import bifurcation, boundary, closed_loop, network, pulse, vessel
 
 

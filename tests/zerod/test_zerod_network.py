@@ -6,9 +6,9 @@ import json
 import numpy as np
 import pytest
 
-from coronaryuq.errors import InputError
-from coronaryuq.zerod.model import Model
-from coronaryuq.zerod.network import check_network, read_network, write_network
+from coronaryuq.core.errors import InputError
+from coronaryuq.zerod.network.numbering import Model
+from coronaryuq.zerod.network.read import check_network, read_network, write_network
 from support.zerod_networks import bifurcation, boundary, closed_loop
 
 

@@ -9,7 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from coronaryuq.zerod.engine import Engine
+from coronaryuq.zerod.solver.engine import Engine
 from support.zerod_networks import HEART, MMHG, boundary, network, vessel
 
 _STEPS = 2000
@@ -57,7 +57,7 @@ def test_a_stenosed_vessel_with_a_windkessel(r, l, s, rp, rd, c):
 
 
 def _elastance(phase):
-    from coronaryuq.zerod.assembly import _ELASTANCE
+    from coronaryuq.zerod.solver.assembly import _ELASTANCE
 
     angle = 2.0 * np.pi * np.arange(len(_ELASTANCE)) * phase
     return float(_ELASTANCE[:, 0] @ np.cos(angle) - _ELASTANCE[:, 1] @ np.sin(angle))

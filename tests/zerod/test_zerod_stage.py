@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from coronaryuq.errors import InputError
-from coronaryuq.zerod import backends, svzerod
-from coronaryuq.zerod.engine import Engine
+from coronaryuq.core.errors import InputError
 from coronaryuq.zerod.settings import Settings
+from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.stage import run_chunk
+from coronaryuq.zerod.svzerodsolver import choose, program
 from support.zerod_networks import bifurcation, closed_loop
 
 CASE = {
@@ -75,8 +75,8 @@ def theirs(request, monkeypatch):
     module = importlib.util.find_spec("pysvzerod") is not None
     if not (module if request.param == "pysvzerod" else shutil.which("svzerodsolver")):
         pytest.skip(f"needs {request.param}, which is not installed")
-    monkeypatch.setattr(svzerod, "installed", lambda: request.param)
-    return lambda network: backends.make("svzerod", network)
+    monkeypatch.setattr(program, "installed", lambda: request.param)
+    return lambda network: choose.make("svzerod", network)
 
 
 def test_both_backends_give_the_same_numbers(theirs):

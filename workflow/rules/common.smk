@@ -9,12 +9,14 @@ from pathlib import Path
 import yaml
 
 from coronaryuq import config as configuration
-from coronaryuq import explain, files, provenance
-from coronaryuq.case.description import read_description
-from coronaryuq.case.named import files_named, lumen
-from coronaryuq.clock import bring_to_the_present
-from coronaryuq.errors import InputError
-from coronaryuq.exclusive import occupy
+from coronaryuq.cli import explain
+from coronaryuq.core import provenance
+from coronaryuq.core.io import files
+from coronaryuq.case.description.fields import read_description
+from coronaryuq.case.description.dependencies import files_named, lumen
+from coronaryuq.core.io.mtime import bring_to_the_present
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.lock import occupy
 
 # Jobs started from the shell find this environment's python and mpiexec, whether or not it has been activated.
 os.environ["PATH"] = os.pathsep.join([Path(sys.executable).parent.as_posix(), os.environ.get("PATH", "")])

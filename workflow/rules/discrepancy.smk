@@ -3,7 +3,7 @@
 # Cases: the files that the configuration names, pairs of simulated and measured outputs, recorded animals; where it
 # names none, an effect hidden in the campaign's own tuned loop.
 
-from coronaryuq.discrepancy.conditions import drives_of
+from coronaryuq.discrepancy.data.conditions import drives_of
 from coronaryuq.discrepancy.settings import GIVEN
 
 DISCREPANCY = campaign.discrepancy
@@ -110,7 +110,7 @@ if DISCREPANCY.recordings:
     rule discrepancy_recordings:
         input:
             recordings=lambda wildcards: sorted(Path(DISCREPANCY.recordings).glob(f"{wildcards.animal}_*.csv")),
-            code=code("coronaryuq.discrepancy.recordings"),
+            code=code("coronaryuq.discrepancy.data.recordings"),
         output:
             **made("{animal}"),
             drives=directory(examined("{animal}", "case", "drives")),
@@ -178,7 +178,7 @@ if DISCREPANCY.pairs:
         input:
             simulated=DISCREPANCY.pairs[0],
             measured=DISCREPANCY.pairs[1],
-            code=code("coronaryuq.discrepancy.pairs"),
+            code=code("coronaryuq.discrepancy.table_model.search"),
         output:
             answer=examined("pairs", "found", "discrepancy.json"),
             pairs=examined("pairs", "found", "pairs.csv"),
@@ -250,7 +250,7 @@ def hidden_in(wildcards):
 rule discrepancy_benchmark_seed:
     input:
         unpack(hidden_in),
-        code=code("coronaryuq.bench.discrepancy"),
+        code=code("coronaryuq.bench.discrepancy.benchmark"),
     output:
         cases=examined("benchmark", "{network}", "seed_{seed}.json"),
     log:
@@ -275,7 +275,7 @@ rule discrepancy_benchmark_tables:
             network=HIDDEN_IN,
             seed=range(FIRST_SEED, FIRST_SEED + DISCREPANCY.benchmark.seeds),
         ),
-        code=code("coronaryuq.bench.discovery_tables"),
+        code=code("coronaryuq.bench.discrepancy.tables"),
     output:
         shares=examined("benchmark", "shares.csv"),
         cells=examined("benchmark", "cells.csv"),
@@ -290,7 +290,7 @@ rule discrepancy_benchmark_figure:
     input:
         shares=rules.discrepancy_benchmark_tables.output.shares,
         answers=rules.discrepancy_benchmark_tables.output.answers,
-        code=code("coronaryuq.figures.draw", "coronaryuq.figures.discovery"),
+        code=code("coronaryuq.figures.draw", "coronaryuq.figures.discrepancy_benchmark"),
     output:
         figure=examined("benchmark", "benchmark.png"),
     log:
@@ -307,7 +307,7 @@ rule discrepancy_benchmark:
         cells=rules.discrepancy_benchmark_tables.output.cells,
         answers=rules.discrepancy_benchmark_tables.output.answers,
         figure=rules.discrepancy_benchmark_figure.output.figure,
-        code=code("coronaryuq.report.discovery"),
+        code=code("coronaryuq.report.discrepancy_benchmark"),
         templates=report_templates("discovery_page.html", "style.css"),
     output:
         report=examined("benchmark", "report.html"),

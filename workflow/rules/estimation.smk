@@ -60,7 +60,7 @@ checkpoint allocation:
         case=rules.case.output.case,
         pilot=results("samples", "pilot.csv"),
         propagation=results("samples", "propagation.csv"),
-        code=code("coronaryuq.estimation.allocation"),
+        code=code("coronaryuq.estimation.campaign.allocation"),
     output:
         round=results("allocation", "round_{r}.json"),
     log:
@@ -85,7 +85,7 @@ rule runs:
         case=rules.case.output.case,
         pilot=results("samples", "pilot.csv"),
         propagation=results("samples", "propagation.csv"),
-        code=code("coronaryuq.estimation.gather"),
+        code=code("coronaryuq.estimation.runs.gather"),
     output:
         **{name: results("runs", f"{name}.csv") for name in COARSE_TABLES},
         params=results("runs", "params.csv"),
@@ -149,7 +149,7 @@ rule estimation:
         **{name: path for name, path in rules.runs.output.items()},
         networks=rules.estimation_train.output.networks,
         zerod=expand(rules.zerod_resampled.output.runs, k=RESAMPLED),
-        code=code("coronaryuq.estimation.stage", "coronaryuq.estimation.scatter"),
+        code=code("coronaryuq.estimation.stage", "coronaryuq.estimation.campaign.pairs_table"),
     output:
         estimates=results("estimation", "estimates.json"),
         table=results("estimation", "table.csv"),
@@ -224,7 +224,7 @@ rule paper_convergence_figure:
 
 rule coverage_of_size:
     input:
-        code=code("coronaryuq.bench.coverage"),
+        code=code("coronaryuq.bench.estimation.coverage"),
     output:
         cells=results("coverage", "n_{n}.json"),
     log:
@@ -242,7 +242,7 @@ rule coverage_of_size:
 rule coverage_table:
     input:
         cells=expand(rules.coverage_of_size.output.cells, n=campaign.estimation.coverage_sizes),
-        code=code("coronaryuq.bench.coverage"),
+        code=code("coronaryuq.bench.estimation.coverage"),
     output:
         table=results("coverage", "table.csv"),
     log:
@@ -274,7 +274,7 @@ rule coverage:
 rule tuning:
     input:
         **{name: path for name, path in rules.runs.output.items()},
-        code=code("coronaryuq.estimation.tuning"),
+        code=code("coronaryuq.estimation.campaign.tuning"),
     output:
         tuning=results("estimation", "tuning.json"),
     log:

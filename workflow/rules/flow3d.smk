@@ -7,7 +7,7 @@ rule mesh:
         tree=rules.case.output.tree,
         network=rules.case.output.network,
         lumen=files_under(LUMEN) if LUMEN else [],
-        code=code("coronaryuq.flow3d.mesh.stage", "coronaryuq.flow3d.mesh.worker"),
+        code=code("coronaryuq.flow3d.mesh.stage", "coronaryuq.flow3d.mesh.generation.mmg_process"),
     output:
         archive=results("mesh", "mesh-complete.zip"),
         description=results("mesh", "mesh.json"),

@@ -92,7 +92,7 @@ rule report:
 
 rule paper_table:
     input:
-        code=code("coronaryuq.estimation.paper_table"),
+        code=code("coronaryuq.estimation.campaign.paper_table"),
     output:
         table=results("paper_table.csv"),
         estimates=results("paper", "estimates.json"),

@@ -1,7 +1,7 @@
 """One round of a growing campaign: are the wanted intervals reached, and what does the next round run?"""
 
-from coronaryuq import files
-from coronaryuq.estimation.allocation import allocate
+from coronaryuq.core.io import files
+from coronaryuq.estimation.campaign.allocation import allocate
 from coronaryuq.estimation.settings import Settings
 from job import job
 

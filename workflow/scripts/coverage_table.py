@@ -1,6 +1,6 @@
 """Cells of all pilot sizes as one table."""
 
-from coronaryuq.bench.coverage import tabulate
+from coronaryuq.bench.estimation.coverage import tabulate
 from job import job
 
 with job(globals()) as this:

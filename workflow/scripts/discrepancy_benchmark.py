@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from coronaryuq import files
-from coronaryuq.bench.discrepancy import run
+from coronaryuq.bench.discrepancy.benchmark import run
+from coronaryuq.core.io import files
 from job import job
 
 with job(globals()) as this:

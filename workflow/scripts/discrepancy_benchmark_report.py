@@ -1,6 +1,6 @@
 """Write the page of the discrepancy benchmark."""
 
-from coronaryuq.report.discovery import write_page
+from coronaryuq.report.discrepancy_benchmark import write_page
 from job import job
 
 with job(globals()) as this:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from coronaryuq.bench.discovery_tables import tabulate
+from coronaryuq.bench.discrepancy.tables import tabulate
 from job import job
 
 with job(globals()) as this:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from coronaryuq.discrepancy.pairs import discover_pairs
+from coronaryuq.discrepancy.table_model.search import discover_pairs
 from job import job
 
 with job(globals()) as this:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from coronaryuq.discrepancy.recordings import prepare
+from coronaryuq.discrepancy.data.recordings import prepare
 from job import job
 
 with job(globals()) as this:

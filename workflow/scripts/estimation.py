@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from coronaryuq.estimation.scatter import write_pairs
+from coronaryuq.estimation.campaign.pairs_table import write_pairs
 from coronaryuq.estimation.settings import Settings
 from coronaryuq.estimation.stage import estimate
 from job import job

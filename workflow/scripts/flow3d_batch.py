@@ -4,9 +4,9 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-from coronaryuq.files import replacing
-from coronaryuq.flow3d.external import run_external
+from coronaryuq.core.io.files import replacing
 from coronaryuq.flow3d.settings import Settings
+from coronaryuq.flow3d.simvascular.batch import run_external
 from coronaryuq.flow3d.stage import run_batch
 from coronaryuq.posterior.settings import Settings as PosteriorSettings
 from coronaryuq.posterior.stage import draw_samples

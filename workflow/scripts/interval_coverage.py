@@ -1,8 +1,8 @@
 """Coverage of the intervals at one pilot size: analytic pairs, and the published runs where there are any."""
 
-from coronaryuq import files
-from coronaryuq.bench.coverage import run
-from coronaryuq.estimation.paper_table import published
+from coronaryuq.bench.estimation.coverage import run
+from coronaryuq.core.io import files
+from coronaryuq.estimation.campaign.paper_table import published
 from job import job
 
 with job(globals()) as this:

@@ -26,8 +26,8 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from coronaryuq.errors import InputError, refusal
-from coronaryuq.explain import write_note
+from coronaryuq.cli.explain import write_note
+from coronaryuq.core.errors import InputError, refusal
 
 
 @dataclass

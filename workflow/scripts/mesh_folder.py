@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from coronaryuq.flow3d.mesh.folder import unpack
+from coronaryuq.flow3d.mesh.generation.folder import unpack
 from job import job
 
 with job(globals()) as this:

@@ -1,6 +1,6 @@
 """Convergence with the number of 3D runs on the published runs."""
 
-from coronaryuq.estimation.paper_table import published
+from coronaryuq.estimation.campaign.paper_table import published
 from coronaryuq.estimation.settings import Settings
 from coronaryuq.estimation.stage import convergence
 from job import job

@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-from coronaryuq.estimation.paper_table import paper_table, published
+from coronaryuq.estimation.campaign.paper_table import paper_table, published
 from coronaryuq.estimation.settings import Settings
 from job import job
 

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from coronaryuq import files
-from coronaryuq.estimation.gather import gather
+from coronaryuq.core.io import files
+from coronaryuq.estimation.runs.gather import gather
 from job import job
 
 with job(globals()) as this:

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from coronaryuq.estimation.campaign.tuning import tune
 from coronaryuq.estimation.settings import Settings
-from coronaryuq.estimation.tuning import tune
 from job import job
 
 with job(globals()) as this:

@@ -13,7 +13,7 @@ from urllib.parse import unquote
 
 import coronaryuq
 from coronaryuq import config
-from coronaryuq.errors import InputError
+from coronaryuq.core.errors import InputError
 
 QUICK_TARGET = "perfusion/targets.json"
 """How far a quick run goes: the patient, the case, the noise statistics."""

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from coronaryuq.case.network import MURRAY_EXPONENT, Bed, Physics, network_from_tree
-from coronaryuq.case.tree import Stenosis, Tree, Vessel
-from coronaryuq.zerod.network import Network
+from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel
+from coronaryuq.case.network.build import MURRAY_EXPONENT, Bed, Physics, network_from_tree
+from coronaryuq.zerod.network.read import Network
 
 LEFT, RIGHT = 12, 10
 """Outlets of the left and of the right coronary artery."""

@@ -8,24 +8,24 @@ from pathlib import Path
 
 import numpy as np
 
-from coronaryuq.calibration.beds import share_out, shares
+from coronaryuq.calibration.conductance_shares import share_out, shares
 from coronaryuq.case.settings import Settings as CaseSettings
 from coronaryuq.case.stage import prepare_case
-from coronaryuq.files import read_json
+from coronaryuq.core.io.files import read_json
 from coronaryuq.perfusion import stage as perfusion
 from coronaryuq.perfusion.settings import Settings as PerfusionSettings
 from coronaryuq.posterior import stage as posterior
-from coronaryuq.posterior.bed_flows import BedFlows
-from coronaryuq.posterior.diagnostics import effective_size, split_rhat
-from coronaryuq.posterior.emulator import Emulator, design, design_size
-from coronaryuq.posterior.likelihood import Likelihood
-from coronaryuq.posterior.model import Posterior
+from coronaryuq.posterior.model.bed_flows import BedFlows
+from coronaryuq.posterior.model.emulator import Emulator, design, design_size
+from coronaryuq.posterior.model.flow_model import Posterior
+from coronaryuq.posterior.model.likelihood import Likelihood
+from coronaryuq.posterior.model.total_resistance import Conditioned
+from coronaryuq.posterior.sampler.diagnostics import effective_size, split_rhat
 from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, Settings
-from coronaryuq.posterior.total_resistance import Conditioned
 from coronaryuq.synthetic.patient import write_files
 from coronaryuq.synthetic.settings import Settings as SyntheticSettings
 from coronaryuq.synthetic.truth import make_patient
-from coronaryuq.zerod.network import write_network
+from coronaryuq.zerod.network.read import write_network
 
 SEED = 20241117
 WALKERS = 32

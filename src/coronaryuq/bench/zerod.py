@@ -10,14 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
-from coronaryuq import files, seeds
 from coronaryuq.bench.coronary_tree import made_loop
-from coronaryuq.units import MMHG
-from coronaryuq.zerod import svzerod
-from coronaryuq.zerod.beds import beds, resistance_changes
-from coronaryuq.zerod.engine import Engine
-from coronaryuq.zerod.lanes import LANES
-from coronaryuq.zerod.network import Network, check_network, copy_of, read_network, write_network
+from coronaryuq.core import seeds
+from coronaryuq.core.io import files
+from coronaryuq.core.units import MMHG
+from coronaryuq.zerod.network.beds import beds, resistance_changes
+from coronaryuq.zerod.network.read import Network, check_network, copy_of, read_network, write_network
+from coronaryuq.zerod.solver.engine import Engine
+from coronaryuq.zerod.solver.lanes import LANES
+from coronaryuq.zerod.svzerodsolver import program
 
 _SHARED = Path(__file__).parents[4] / "shared" / "data"
 _PRESSURE_LIKE = ("R", "L", "E", "Kxp")
@@ -111,7 +112,7 @@ def _in_cgs(name: str, value: float) -> float:
 
 def _against_svzerod(engine: Engine, network: Network, cycles: int, steps: int, settled: float):
     """CPU time of svZeroDSolver for one sample, its ratio to periodic accuracy, and the largest relative difference."""
-    if svzerod.installed() is None:
+    if program.installed() is None:
         return None, None, None
     brief = copy_of(network)
     brief["simulation_parameters"] |= {
@@ -121,9 +122,9 @@ def _against_svzerod(engine: Engine, network: Network, cycles: int, steps: int, 
         "output_mean_only": True,
     }
     spent = _cpu()
-    svzerod.simulate(brief)
+    program.simulate(brief)
     spent = _cpu() - spent
-    theirs = svzerod.SvZeroD(network).run(waveforms=engine.unknowns, cycles=cycles, steps_per_cycle=steps)
+    theirs = program.SvZeroD(network).run(waveforms=engine.unknowns, cycles=cycles, steps_per_cycle=steps)
     ours = engine.run(waveforms=engine.unknowns, cycles=cycles, steps_per_cycle=steps)
     difference = 0.0
     for name in engine.unknowns:

@@ -3,10 +3,10 @@
 import argparse
 import sys
 
-from coronaryuq import arguments
 from coronaryuq.calibration.settings import Settings
 from coronaryuq.calibration.stage import tune_files
-from coronaryuq.files import check_folder
+from coronaryuq.core import arguments
+from coronaryuq.core.io.files import check_folder
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -7,9 +7,9 @@ import numpy as np
 
 from coronaryuq.calibration import parameters
 from coronaryuq.calibration.targets import in_own_units
-from coronaryuq.zerod.blood_volume import BloodVolume
 from coronaryuq.zerod.cardiac_function import measure, waveform_names
-from coronaryuq.zerod.engine import Engine
+from coronaryuq.zerod.solver.blood_volume import BloodVolume
+from coronaryuq.zerod.solver.engine import Engine
 
 RIGHT_ATRIUM = "V_RA:CLH"
 

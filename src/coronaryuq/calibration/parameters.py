@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coronaryuq.units import MMHG
-from coronaryuq.zerod.network import HEART
+from coronaryuq.core.units import MMHG
+from coronaryuq.zerod.network.read import HEART
 
 FACTORS = {
     "1": 1.0,

@@ -13,13 +13,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from coronaryuq import seeds
 from coronaryuq.calibration import parameters
-from coronaryuq.calibration.approach import approach
+from coronaryuq.calibration.least_squares_start import approach
 from coronaryuq.calibration.loop import Loop
 from coronaryuq.calibration.settings import Settings
 from coronaryuq.calibration.simplex import nelder_mead
 from coronaryuq.calibration.targets import BY_NAME, misfits
+from coronaryuq.core import seeds
 
 FAILED = 1e9
 """Cost of a loop that has no periodic state."""

@@ -3,17 +3,17 @@
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from coronaryuq.calibration.beds import shares
-from coronaryuq.calibration.reserve import Reserve
+from coronaryuq.calibration.conductance_shares import shares
+from coronaryuq.calibration.coronary_flow_reserve import Reserve
 from coronaryuq.calibration.settings import Settings
 from coronaryuq.calibration.targets import from_case, read_targets
 from coronaryuq.calibration.tuning import Tuned, tune_loop
-from coronaryuq.case.casefile import read_case
-from coronaryuq.case.network_units import to_cgs
-from coronaryuq.errors import InputError
-from coronaryuq.files import read_json, write_csv
-from coronaryuq.zerod.beds import HYPERAEMIA, beds
-from coronaryuq.zerod.network import read_network, write_network
+from coronaryuq.case.case_json import read_case
+from coronaryuq.case.network.units import to_cgs
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import read_json, write_csv
+from coronaryuq.zerod.network.beds import HYPERAEMIA, beds
+from coronaryuq.zerod.network.read import read_network, write_network
 
 NEEDED = ("PaoMean", "AbsQin")
 

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from coronaryuq.case.tables import csv_targets
-from coronaryuq.case.targets import BY_NAME, TARGETS, checked
-from coronaryuq.errors import InputError
-from coronaryuq.units import MMHG
+from coronaryuq.case.tables.read import csv_targets
+from coronaryuq.case.tables.targets import BY_NAME, TARGETS, checked
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.units import MMHG
 
 TUNED = tuple(target.name for target in TARGETS if not target.name.endswith("_conv"))
 

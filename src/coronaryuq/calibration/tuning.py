@@ -6,15 +6,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from coronaryuq.calibration import beds, parameters
+from coronaryuq.calibration import conductance_shares, parameters
+from coronaryuq.calibration.coronary_flow_reserve import Reserve, hyperaemic_changes, hyperaemic_flow, meet_reserve
+from coronaryuq.calibration.initial_scaling import scaled
 from coronaryuq.calibration.loop import Evaluation, Loop
-from coronaryuq.calibration.reserve import Reserve, hyperaemic_changes, hyperaemic_flow, meet_reserve
-from coronaryuq.calibration.scaling import scaled
 from coronaryuq.calibration.search import Report, Search
 from coronaryuq.calibration.settings import Settings
 from coronaryuq.calibration.targets import TARGETS, misfits
-from coronaryuq.units import ML_PER_MIN
-from coronaryuq.zerod.changes import with_changes
+from coronaryuq.core.units import ML_PER_MIN
+from coronaryuq.zerod.network.changes import with_changes
 
 RESERVE_TOLERANCE = 0.05
 """Relative; of the hyperaemic total, for its misfit in fit.csv."""
@@ -51,7 +51,7 @@ def tune_loop(
     period = network["closed_loop_blocks"][0]["cardiac_cycle_period"]
     network = scaled(network, targets, period)
     if shares is not None:
-        beds.share_out(network, shares)
+        conductance_shares.share_out(network, shares)
     loop = Loop(network, settings.steps_per_cycle, threads)
     search = Search(loop, targets, settings, report)
     split = targets.get("AorCorSplit")

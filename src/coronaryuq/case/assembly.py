@@ -6,20 +6,20 @@ from typing import Any
 
 import numpy as np
 
-from coronaryuq.case.anatomy import Placed, place_outlets, place_stenoses, read_anatomy
-from coronaryuq.case.description import Description, read_description
-from coronaryuq.case.graph import CORONARY, SYSTEMIC, Graph, graph_of
-from coronaryuq.case.network import Bed, Physics, network_from_tree, segments
-from coronaryuq.case.network_units import to_cgs
-from coronaryuq.case.perfusion_map import Wall, check_place, read_wall
-from coronaryuq.case.schematic import radius_from_inertance, schematic_tree
+from coronaryuq.case.anatomy.read import Placed, place_outlets, place_stenoses, read_anatomy
+from coronaryuq.case.anatomy.tree import Stenosis, Tree, area_ratio
+from coronaryuq.case.description.fields import Description, read_description
+from coronaryuq.case.network.build import Bed, Physics, network_from_tree, segments
+from coronaryuq.case.network.schematic import radius_from_inertance, schematic_tree
+from coronaryuq.case.network.topology import CORONARY, SYSTEMIC, Graph, graph_of
+from coronaryuq.case.network.units import to_cgs
+from coronaryuq.case.perfusion.perfusion_map import Wall, check_place, read_wall
+from coronaryuq.case.perfusion.territories import wall_of_territories
 from coronaryuq.case.settings import Settings
-from coronaryuq.case.tables import OutletRow, read_case_targets, read_outlets, read_territory_flows
-from coronaryuq.case.territories import wall_of_territories
-from coronaryuq.case.tree import Stenosis, Tree, area_ratio
-from coronaryuq.errors import InputError
-from coronaryuq.files import read_json
-from coronaryuq.units import MMHG, PRESSURES
+from coronaryuq.case.tables.read import OutletRow, read_case_targets, read_outlets, read_territory_flows
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import read_json
+from coronaryuq.core.units import MMHG, PRESSURES
 
 AORTIC_PRESSURE_WITHOUT_TARGET = 93.0 * MMHG
 DEFAULT_PERIOD = 1.0

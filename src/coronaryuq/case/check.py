@@ -3,14 +3,14 @@
 from collections import Counter
 from pathlib import Path
 
+from coronaryuq.case.anatomy.stenosis_detection import example
+from coronaryuq.case.anatomy.tree import AORTA
 from coronaryuq.case.assembly import Case, assemble
-from coronaryuq.case.narrowing import example
-from coronaryuq.case.perfusion_map import distances_to_outlets
+from coronaryuq.case.perfusion.perfusion_map import distances_to_outlets
 from coronaryuq.case.settings import Settings
-from coronaryuq.case.targets import BY_NAME, checked
-from coronaryuq.case.tree import AORTA
-from coronaryuq.errors import InputError
-from coronaryuq.units import MBF_PER_MIN_PER_G, ML_PER_MIN
+from coronaryuq.case.tables.targets import BY_NAME, checked
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.units import MBF_PER_MIN_PER_G, ML_PER_MIN
 
 
 def check_case(case_yaml: str | Path, settings: Settings | None = None) -> tuple[list[str], list[str]]:

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
+from coronaryuq.case.anatomy.tree import write_tree
 from coronaryuq.case.assembly import assemble
 from coronaryuq.case.settings import Settings
-from coronaryuq.case.tree import write_tree
-from coronaryuq.files import write_json, write_vtk
-from coronaryuq.provenance import stamp
+from coronaryuq.core.io.files import write_json, write_vtk
+from coronaryuq.core.provenance import stamp
 
 
 def prepare_case(case_yaml: str | Path, settings: Settings, out_dir: str | Path) -> None:

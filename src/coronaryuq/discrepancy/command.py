@@ -9,16 +9,17 @@ from typing import get_args
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from coronaryuq import arguments, units
-from coronaryuq.discrepancy import output, pairs
-from coronaryuq.discrepancy.conditions import drives_of, read_conditions
-from coronaryuq.discrepancy.model import check_searchable, read_problem
-from coronaryuq.discrepancy.recordings import prepare
-from coronaryuq.discrepancy.search import discover
+from coronaryuq.core import arguments, units
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import check_folder
+from coronaryuq.discrepancy.data.conditions import drives_of, read_conditions
+from coronaryuq.discrepancy.data.recordings import prepare
+from coronaryuq.discrepancy.inference.read_problem import check_searchable, read_problem
+from coronaryuq.discrepancy.result import write
+from coronaryuq.discrepancy.selection.search import discover
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.errors import InputError
-from coronaryuq.files import check_folder
-from coronaryuq.zerod.network import note_negative_resistances, read_network
+from coronaryuq.discrepancy.table_model import search
+from coronaryuq.zerod.network.read import note_negative_resistances, read_network
 
 UNITS = get_args(Settings.model_fields["pressure_unit"].annotation)
 NAMELESS = ("model", "network")
@@ -81,7 +82,7 @@ def _answer(args: argparse.Namespace, out: Path) -> dict:
     _one_source(args)
     _spares_its_input(args, out)
     if args.pairs:
-        return pairs.discover_pairs(*args.pairs, out=out, seed=args.seed)
+        return search.discover_pairs(*args.pairs, out=out, seed=args.seed)
     settings = Settings(threads=args.threads, pressure_unit=args.pressure_unit, noise=args.noise)
     if args.recordings:
         prepare(*args.recordings, out / "case", args.held_out, args.free_bed)
@@ -100,7 +101,7 @@ def _spares_its_input(args: argparse.Namespace, out: Path) -> None:
     given += drives_of(args.conditions) if args.conditions else []
     for one in given:
         beside = one.resolve().parent == (out / "drives").resolve()
-        if beside or any(one.resolve() == (out / name).resolve() for name in output.WRITTEN):
+        if beside or any(one.resolve() == (out / name).resolve() for name in write.WRITTEN):
             raise InputError("command line", "--out", str(out), f"would write over {one}; name another folder")
 
 
@@ -149,4 +150,4 @@ def from_files(model, measurements, conditions, out: Path, settings: Settings, s
         failed = ", ".join(dict.fromkeys(problem.condition[~np.isfinite(residual)]))
         remedy = f"the model does not run under {failed or 'all conditions, recalibrated'}; see what changes there"
         raise InputError(conditions, failed or None, None, remedy) from error
-    return output.write(found, out)
+    return write.write(found, out)

@@ -6,21 +6,21 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from coronaryuq import files
-from coronaryuq.discrepancy import hidden
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io import files
+from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.command import from_files
-from coronaryuq.discrepancy.conditions import Condition, read_conditions
-from coronaryuq.discrepancy.known import known_gap
-from coronaryuq.discrepancy.model import read_problem, with_noise
-from coronaryuq.discrepancy.noise import Noise
-from coronaryuq.discrepancy.output import gap_row
+from coronaryuq.discrepancy.data.conditions import Condition, read_conditions
+from coronaryuq.discrepancy.hidden import make_case
+from coronaryuq.discrepancy.hidden.reference_gap import known_gap
+from coronaryuq.discrepancy.inference.noise import Noise
+from coronaryuq.discrepancy.inference.read_problem import read_problem, with_noise
+from coronaryuq.discrepancy.result.write import gap_row
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.errors import InputError
-from coronaryuq.seeds import generator
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.library import effect
-from coronaryuq.zerod.engine import Engine
-from coronaryuq.zerod.network import read_network
+from coronaryuq.zerod.network.read import read_network
+from coronaryuq.zerod.solver.engine import Engine
 
 HYPERAEMIA = 0.24
 LARGEST = 3
@@ -38,14 +38,14 @@ def hide_in_loop(rest: str | Path, settings: Settings, seed: int, folder: str | 
     random = generator(seed, "discrepancy", "place")
     inside = [e for e in plan.entries if e[0] == "pressure"][1:]
     fed = [location.split(":")[0] for _, location, _, _ in inside]
-    places = one.places(Anatomy(network), hidden.series_of(plan, conditions))
+    places = one.places(Anatomy(network), make_case.series_of(plan, conditions))
     if not places:
         raise InputError("configuration", "discrepancy.hidden_effect", one.name, "has no place in this loop")
     # Before a bed whose pressure is measured an effect leaves its trace.
     places = [vessel for vessel in fed if vessel in places] or places
     place = places[int(random.integers(len(places)))]
     sizes = np.full(len(one.parameters), settings.hidden_size)
-    truth = hidden.hide(network, {c.name: c for c in conditions}, plan, [(one, place)], sizes, 1.0, seed, folder)
+    truth = make_case.hide(network, {c.name: c for c in conditions}, plan, [(one, place)], sizes, 1.0, seed, folder)
     files.write_json(
         folder / "truth.json",
         {
@@ -68,7 +68,7 @@ def loop_conditions() -> list[Condition]:
     ]
 
 
-def plan_of(network: dict) -> hidden.Plan:
+def plan_of(network: dict) -> make_case.Plan:
     """What a catheter laboratory and a perfusion scan would measure on any network."""
     anatomy = Anatomy(network)
     beds = anatomy.beds
@@ -81,7 +81,7 @@ def plan_of(network: dict) -> hidden.Plan:
     entries += [("pressure", f"{beds[bed]}:{bed}", "waveform", 0.02) for bed in order[:LARGEST]]
     entries += [("flow", anatomy.inlet(vessel), "waveform", 0.05) for vessel in anatomy.ostia]
     entries += [("perfusion", bed, "mean", 0.08) for bed in beds]
-    return hidden.Plan(tuple(entries))
+    return make_case.Plan(tuple(entries))
 
 
 def search(

@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from coronaryuq import files
-from coronaryuq.errors import InputError
-from coronaryuq.estimation import analysis, report, studies
-from coronaryuq.estimation.gather import coarse_cost, measured_cost_ratio
-from coronaryuq.estimation.level_allocation import Costs, worth
-from coronaryuq.estimation.mfmc_ae import Networks
-from coronaryuq.estimation.runs import read_rows, read_runs
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io import files
+from coronaryuq.core.provenance import stamp
+from coronaryuq.estimation.campaign import analysis, convergence_and_budget, tables
+from coronaryuq.estimation.estimators.level_allocation import Costs, worth
+from coronaryuq.estimation.runs.gather import coarse_cost, measured_cost_ratio
+from coronaryuq.estimation.runs.table import read_rows, read_runs
 from coronaryuq.estimation.settings import Settings
-from coronaryuq.provenance import stamp
+from coronaryuq.estimation.surrogates.networks_file import read_networks, read_resampled
 
 
 def train(
@@ -55,7 +55,7 @@ def estimate(
             "provenance": stamp(seed=seed),
         },
     )
-    files.write_csv(table_csv, report.table(results))
+    files.write_csv(table_csv, tables.table(results))
 
 
 def convergence(
@@ -65,7 +65,7 @@ def convergence(
     runs, rows = _read(runs_folder, rows_csv, settings)
     named = settings.convergence_rows
     chosen = [row for row in rows if (row.name in named if named else "osi" in row.column_3d.lower())]
-    files.write_json(out_json, {"convergence": studies.convergence(runs, chosen, settings, seed)})
+    files.write_json(out_json, {"convergence": convergence_and_budget.convergence(runs, chosen, settings, seed)})
 
 
 def budget(
@@ -83,33 +83,8 @@ def budget(
     for name in settings.wanted:
         if name not in {result["row"] for result in results}:
             raise InputError("estimation.wanted", name, settings.wanted[name], "no such row among the estimates")
-    plan = [asdict(want) for want in studies.plan(results, settings.wanted, ratio)]
-    files.write_json(out_json, {"budget": studies.budget(results, ratio), "plan": plan})
-
-
-def read_networks(path: str | Path) -> Networks | None:
-    """Networks from the `.npz`, without pickle; None where none were trained."""
-    held = files.read_npz(path, ("rows",))
-    try:
-        return Networks.from_arrays(held) if len(held["rows"]) else None
-    except (ValueError, KeyError) as error:
-        raise InputError(path, None, None, f"not networks of this stage ({error}); train again") from None
-
-
-def read_resampled(paths: list[str | Path]) -> pd.DataFrame:
-    """0D outputs at the resampled inputs, index `sample`; Parquet or CSV; failed runs stay in as NaN."""
-    frames = []
-    for path in paths:
-        if Path(path).suffix == ".parquet":
-            frames.append(files.read_parquet(path, ("sample",)))
-        else:
-            frames.append(files.read_csv(path, ("sample",)))
-    frame = pd.concat(frames, ignore_index=True)
-    if frame["sample"].duplicated().any():
-        raise InputError(
-            paths[0], "sample", frame["sample"][frame["sample"].duplicated()].iloc[0], "twice among the 0D runs"
-        )
-    return frame.set_index(frame.pop("sample").astype(str))
+    plan = [asdict(want) for want in convergence_and_budget.plan(results, settings.wanted, ratio)]
+    files.write_json(out_json, {"budget": convergence_and_budget.budget(results, ratio), "plan": plan})
 
 
 def _coarse_level(failures_json: Path, results: list[dict], settings: Settings) -> dict | None:

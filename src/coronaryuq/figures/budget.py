@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from coronaryuq.core.io.files import read_json
 from coronaryuq.figures.style import ESTIMATORS, MUTED, saved
-from coronaryuq.files import read_json
 
 SHOWN = "max OSI"
 """The paper's example for both figures, and the hardest quantity."""

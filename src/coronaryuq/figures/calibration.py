@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from coronaryuq.core.io.files import read_csv
 from coronaryuq.figures.style import MEASURED, MUTED, SIMULATED, saved
-from coronaryuq.files import read_csv
 
 NARROW, WIDEST = 5.0, 60.0
 """Per cent: the band that counts as matched, and the largest half width of the axis."""

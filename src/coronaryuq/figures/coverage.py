@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.ticker import FixedLocator, NullLocator
 
+from coronaryuq.core.io.files import read_csv
 from coronaryuq.figures.style import ESTIMATORS, MUTED, saved
-from coronaryuq.files import read_csv
 
 RATIO, COVERAGE = (0.85, 1.15), (93, 97)
 """What is wanted: a claim within 15 % of the spread, 93 to 97 % of intervals that hold."""

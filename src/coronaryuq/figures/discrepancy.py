@@ -9,11 +9,11 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.patheffects import withStroke
 
-from coronaryuq import units
-from coronaryuq.discrepancy.tables import artery
+from coronaryuq.core import units
+from coronaryuq.core.io.files import read_csv
+from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.table_model.tables import artery
 from coronaryuq.figures.style import MUTED, saved
-from coronaryuq.files import read_csv
-from coronaryuq.seeds import generator
 
 MEASURED, BEFORE, AFTER, FLEXIBLE = "#000000", "#0072B2", "#D55E00", "#009E73"
 TOGETHER = "#CC79A7"

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 
-from coronaryuq.errors import InputError
+from coronaryuq.core.errors import InputError
 
 FIGURES: dict[str, str] = {
     "cardiac_function": "coronaryuq.figures.calibration:cardiac_function",
@@ -27,7 +27,7 @@ FIGURES: dict[str, str] = {
     "discrepancy_pairs": "coronaryuq.figures.discrepancy:pairs",
     "discrepancy_pairs_gap": "coronaryuq.figures.discrepancy:pairs_gap",
     "discrepancy_pairs_effects": "coronaryuq.figures.discrepancy:pairs_effects",
-    "discovery": "coronaryuq.figures.discovery:discovery",
+    "discovery": "coronaryuq.figures.discrepancy_benchmark:discovery",
 }
 
 

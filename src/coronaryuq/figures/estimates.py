@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
+from coronaryuq.core.io.files import read_csv, read_json
 from coronaryuq.figures.style import ESTIMATORS, MUTED, SIMULATED, colour, saved
-from coronaryuq.files import read_csv, read_json
 
 UNITS = {"min TAWSS": " (dyn/cm²)"}
 

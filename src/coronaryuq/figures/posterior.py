@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
+from coronaryuq.core.io.files import read_json
+from coronaryuq.core.units import ML_PER_MIN
 from coronaryuq.figures.style import MEASURED, SIMULATED, saved
-from coronaryuq.files import read_json
-from coronaryuq.units import ML_PER_MIN
 
 
 def marginals(posterior: str, case: str, output: str) -> None:

@@ -11,12 +11,12 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize, to_hex, to_rgb
 from matplotlib.patheffects import withStroke
 
-from coronaryuq.case.tree import Tree, read_tree
-from coronaryuq.errors import InputError
+from coronaryuq.case.anatomy.tree import Tree, read_tree
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import read_csv, read_json
+from coronaryuq.core.units import MBF_PER_MIN_PER_G, MMHG
 from coronaryuq.figures.render import Camera, Rendering, rendered
 from coronaryuq.figures.style import BRANCHES, saved
-from coronaryuq.files import read_csv, read_json
-from coronaryuq.units import MBF_PER_MIN_PER_G, MMHG
 
 FRONT = Camera((0.65, -1.0, 0.2))
 """Left-posterior-superior axes: from in front and its left, a little above."""

@@ -4,11 +4,11 @@ import argparse
 import sys
 from pathlib import Path
 
-from coronaryuq import byhand
-from coronaryuq.files import read_csv
+from coronaryuq.core import by_hand
+from coronaryuq.core.io.files import read_csv
+from coronaryuq.core.ranks import Ranks
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.flow3d.stage import run_batch
-from coronaryuq.ranks import Ranks
 
 
 def main() -> int:
@@ -33,7 +33,7 @@ def main() -> int:
             settings, out, out.parent / "checkpoints", out.parent / "fields", Ranks.of_this_job(),
         )  # fmt: skip
 
-    return byhand.run(work, Settings, given.settings)
+    return by_hand.run(work, Settings, given.settings)
 
 
 if __name__ == "__main__":

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import brentq
 
-from coronaryuq import files, provenance, records
-from coronaryuq.errors import InputError
+from coronaryuq.core import provenance, records
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io import files
 
 ORDER = 2.0
 """Of the discretisation in the element size: linear elements, second-order steps. No higher one is believed."""

@@ -4,19 +4,20 @@ import sys
 import time
 from pathlib import Path
 
-from coronaryuq import files, provenance, records
-from coronaryuq.case.casefile import read_case
-from coronaryuq.errors import InputError
-from coronaryuq.flow3d.block import Block, Outcome
-from coronaryuq.flow3d.ensemble import Ensemble
-from coronaryuq.flow3d.fields import write_fields
-from coronaryuq.flow3d.geometry import read_geometry
-from coronaryuq.flow3d.lanes import LANES
+from coronaryuq.case.case_json import read_case
+from coronaryuq.core import provenance, records
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io import files
+from coronaryuq.core.ranks import Ranks
+from coronaryuq.core.records import Record
+from coronaryuq.flow3d.ensemble.block import Block, Outcome
+from coronaryuq.flow3d.ensemble.ensemble import Ensemble
+from coronaryuq.flow3d.ensemble.fields import write_fields
+from coronaryuq.flow3d.ensemble.geometry import read_geometry
+from coronaryuq.flow3d.fem.lanes import LANES
 from coronaryuq.flow3d.settings import Settings
-from coronaryuq.ranks import Ranks
-from coronaryuq.records import Record
-from coronaryuq.zerod.beds import SCALING, beds, theta_changes
-from coronaryuq.zerod.network import read_network
+from coronaryuq.zerod.network.beds import SCALING, beds, theta_changes
+from coronaryuq.zerod.network.read import read_network
 
 COUPLING = "closed loop, monolithic at every step"
 

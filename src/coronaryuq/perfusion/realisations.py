@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from coronaryuq.core.seeds import generator
 from coronaryuq.perfusion.fields import FieldGrid, interpolate
 from coronaryuq.perfusion.normals import quantile, surely_above, uniform_at
 from coronaryuq.perfusion.settings import NoiseModel
 from coronaryuq.perfusion.territories import Ventricle
-from coronaryuq.seeds import generator
 
 SIGMAS = 6.0
 

@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from coronaryuq.case.casefile import read_case
-from coronaryuq.errors import InputError
-from coronaryuq.files import read_npz, replacing, write_json
+from coronaryuq.case.case_json import read_case
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import read_npz, replacing, write_json
+from coronaryuq.core.provenance import stamp
 from coronaryuq.perfusion.covariance import describe, scaled_to
 from coronaryuq.perfusion.realisations import Study
 from coronaryuq.perfusion.settings import Settings
@@ -19,7 +20,6 @@ from coronaryuq.perfusion.territories import (
     perfusing_outlets,
     weighted,
 )
-from coronaryuq.provenance import stamp
 
 
 def run_chunk(

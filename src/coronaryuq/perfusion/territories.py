@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from coronaryuq.errors import InputError
-from coronaryuq.files import read_vtk
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import read_vtk
 
 
 @dataclass(frozen=True)

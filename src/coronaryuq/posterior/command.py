@@ -25,9 +25,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(chosen: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from coronaryuq.files import check_folder, write_csv
-    from coronaryuq.posterior.flow_table import fit_table
-    from coronaryuq.zerod.network import note_negative_resistances, read_network, write_network
+    from coronaryuq.core.io.files import check_folder, write_csv
+    from coronaryuq.posterior.model.flow_table import fit_table
+    from coronaryuq.zerod.network.read import note_negative_resistances, read_network, write_network
 
     if chosen.out:
         check_folder(chosen.out)

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from coronaryuq.seeds import generator
-from coronaryuq.zerod.beds import SCALING
+from coronaryuq.core.seeds import generator
+from coronaryuq.zerod.network.beds import SCALING
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,26 +8,26 @@ from pathlib import Path
 import numpy as np
 
 import coronaryuq
-from coronaryuq.case.casefile import read_case
-from coronaryuq.errors import InputError
-from coronaryuq.files import read_csv, read_json, read_npz, replacing, write_csv, write_json
-from coronaryuq.posterior import chains as carried
-from coronaryuq.posterior.bed_flows import BedFlows
-from coronaryuq.posterior.diagnostics import diagnose
-from coronaryuq.posterior.fit import Fit, fit_fractions
-from coronaryuq.posterior.fractions import fractions
-from coronaryuq.posterior.likelihood import Likelihood
-from coronaryuq.posterior.model import FlowModel, Posterior
-from coronaryuq.posterior.predictive import check
+from coronaryuq.case.case_json import read_case
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import read_csv, read_json, read_npz, replacing, write_csv, write_json
+from coronaryuq.core.provenance import checksum, digest, stamp
+from coronaryuq.core.ranks import Ranks
+from coronaryuq.core.seeds import generator
+from coronaryuq.posterior.model.bed_flows import BedFlows
+from coronaryuq.posterior.model.fit_to_fractions import Fit, fit_fractions
+from coronaryuq.posterior.model.flow_model import FlowModel, Posterior
+from coronaryuq.posterior.model.fractions import fractions
+from coronaryuq.posterior.model.likelihood import Likelihood
+from coronaryuq.posterior.model.predictive import check
+from coronaryuq.posterior.model.total_resistance import Conditioned, Rescaled
+from coronaryuq.posterior.sampler import chains as carried
+from coronaryuq.posterior.sampler.diagnostics import diagnose
 from coronaryuq.posterior.samples import theta
 from coronaryuq.posterior.settings import Settings
-from coronaryuq.posterior.total_resistance import Conditioned, Rescaled
-from coronaryuq.provenance import checksum, digest, stamp
-from coronaryuq.ranks import Ranks
-from coronaryuq.seeds import generator
-from coronaryuq.zerod.beds import SCALING, distal_resistances, resistance_changes
-from coronaryuq.zerod.changes import with_changes
-from coronaryuq.zerod.network import read_network, write_network
+from coronaryuq.zerod.network.beds import SCALING, distal_resistances, resistance_changes
+from coronaryuq.zerod.network.changes import with_changes
+from coronaryuq.zerod.network.read import read_network, write_network
 
 _SPACES = {"conditioned": Conditioned, "rescaled": Rescaled}
 

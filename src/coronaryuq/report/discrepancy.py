@@ -7,9 +7,9 @@ from pathlib import Path
 import yaml
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from coronaryuq import provenance, units
-from coronaryuq.discrepancy.tables import artery
-from coronaryuq.files import read_json, write_text
+from coronaryuq.core import provenance, units
+from coronaryuq.core.io.files import read_json, write_text
+from coronaryuq.discrepancy.table_model.tables import artery
 
 CAPTIONS = {
     "tree": "Vessels from left to right as they divide, coloured by their largest disagreement after recalibration. "

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from coronaryuq import provenance
-from coronaryuq.files import read_json
+from coronaryuq.core import provenance
+from coronaryuq.core.io.files import read_json
 
 EXTREMES = ("tawss_min_", "osi_max_")
 COMPARE = "compare them between draws, not with other meshes."

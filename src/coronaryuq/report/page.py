@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from coronaryuq import provenance
-from coronaryuq.files import read_csv, read_json, write_text
+from coronaryuq.core import provenance
+from coronaryuq.core.io.files import read_csv, read_json, write_text
 from coronaryuq.report import coarse_level, discrepancy, wanted
 from coronaryuq.report.costs import costs
 from coronaryuq.report.discrepancy import embedded

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
-from coronaryuq import seeds
-from coronaryuq.case.tree import AORTA, Stenosis, Tree, Vessel
+from coronaryuq.case.anatomy.tree import AORTA, Stenosis, Tree, Vessel
+from coronaryuq.core import seeds
 from coronaryuq.synthetic.ventricle import Ventricle
 
 SEED = 2024

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from coronaryuq.case.tree import write_tree
-from coronaryuq.files import write_csv, write_json, write_text, write_vtk
+from coronaryuq.case.anatomy.tree import write_tree
+from coronaryuq.core.io.files import write_csv, write_json, write_text, write_vtk
+from coronaryuq.core.units import MMHG
 from coronaryuq.synthetic.truth import Patient, State, bed_name
-from coronaryuq.units import MMHG
-from coronaryuq.zerod.beds import distal_resistances
+from coronaryuq.zerod.network.beds import distal_resistances
 
 CLINICAL = {
     "PaoMin": ("Minimum Aortic Pressure", MMHG, 0),

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-from coronaryuq import seeds
+from coronaryuq.core import seeds
 
 WAVES = 64
 """Random plane waves that make up the texture; enough for a nearly Gaussian field."""

@@ -6,18 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coronaryuq import seeds
-from coronaryuq.case.network import Bed, Physics, murray_shares, network_from_tree, segments
+from coronaryuq.case.network.build import Bed, Physics, murray_shares, network_from_tree, segments
+from coronaryuq.core import seeds
+from coronaryuq.core.units import MBF_PER_MIN_PER_G, MMHG, TISSUE_DENSITY
 from coronaryuq.synthetic.anatomy import Anatomy, patient_anatomy
 from coronaryuq.synthetic.perfusion_map import perfusion_map, territories, texture
 from coronaryuq.synthetic.settings import Settings
-from coronaryuq.units import MBF_PER_MIN_PER_G, MMHG, TISSUE_DENSITY
-from coronaryuq.zerod.beds import resistance_changes
-from coronaryuq.zerod.blood_volume import BloodVolume
 from coronaryuq.zerod.cardiac_function import measure, waveform_names
-from coronaryuq.zerod.changes import with_changes
-from coronaryuq.zerod.engine import Engine
-from coronaryuq.zerod.result import Result
+from coronaryuq.zerod.network.beds import resistance_changes
+from coronaryuq.zerod.network.changes import with_changes
+from coronaryuq.zerod.solver.blood_volume import BloodVolume
+from coronaryuq.zerod.solver.engine import Engine
+from coronaryuq.zerod.solver.result import Result
 
 SYSTEMIC = "BC_RCR1"
 RIGHT_ATRIUM = "V_RA:CLH"

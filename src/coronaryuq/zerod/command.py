@@ -4,10 +4,10 @@ import argparse
 import sys
 from pathlib import Path
 
-from coronaryuq.errors import InputError
-from coronaryuq.files import check_file, write_csv
-from coronaryuq.zerod.network import note_negative_resistances, read_network
-from coronaryuq.zerod.output import simulate
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import check_file, write_csv
+from coronaryuq.zerod.network.read import note_negative_resistances, read_network
+from coronaryuq.zerod.svzerodsolver.tables import simulate
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

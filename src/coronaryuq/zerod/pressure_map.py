@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from coronaryuq.case.casefile import read_case
-from coronaryuq.case.network import segments
-from coronaryuq.case.tree import Stenosis, read_tree
-from coronaryuq.files import read_csv, write_csv
-from coronaryuq.zerod.beds import beds, theta_changes
-from coronaryuq.zerod.engine import Engine
-from coronaryuq.zerod.network import read_network
+from coronaryuq.case.anatomy.tree import Stenosis, read_tree
+from coronaryuq.case.case_json import read_case
+from coronaryuq.case.network.build import segments
+from coronaryuq.core.io.files import read_csv, write_csv
+from coronaryuq.zerod.network.beds import beds, theta_changes
+from coronaryuq.zerod.network.read import read_network
+from coronaryuq.zerod.solver.engine import Engine
 
 
 def write_map(

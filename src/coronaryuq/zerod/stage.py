@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from coronaryuq import files
-from coronaryuq.case.casefile import read_case
-from coronaryuq.errors import InputError
-from coronaryuq.records import FAILED, OK
-from coronaryuq.zerod import backends
-from coronaryuq.zerod.beds import beds, theta_changes
-from coronaryuq.zerod.network import read_network
+from coronaryuq.case.case_json import read_case
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io import files
+from coronaryuq.core.records import FAILED, OK
+from coronaryuq.zerod.network.beds import beds, theta_changes
+from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.settings import Settings
+from coronaryuq.zerod.svzerodsolver import choose
 
 STATISTICS = ("mean", "min", "max")
 
@@ -46,7 +46,7 @@ def run_chunk(
     for column in theta.columns:
         if column not in known:
             raise InputError(samples_csv, column, None, f"is no coronary bed of {network_path}")
-    solver = backends.make(settings.backend, network, network_path)
+    solver = choose.make(settings.backend, network, network_path)
     places, ratios = locations(case, solver.unknowns, case_path), ffr_locations(case)
     quantities = [
         f"{statistic}_{kind}:{at}" for at in places for kind in ("flow", "pressure") for statistic in STATISTICS

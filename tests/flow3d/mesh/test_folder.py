@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from coronaryuq.errors import InputError
-from coronaryuq.flow3d.mesh import folder, quality
+from coronaryuq.core.errors import InputError
+from coronaryuq.flow3d.mesh.generation import folder, quality
 
 
 @pytest.fixture

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from coronaryuq import files
-from coronaryuq.case.surface import surface_of
-from coronaryuq.case.tree import write_tree
-from coronaryuq.errors import InputError
-from coronaryuq.flow3d.geometry import read_geometry
-from coronaryuq.flow3d.mesh import folder
-from coronaryuq.flow3d.mesh.given import adopt_folder, mesh_closed_surface
+from coronaryuq.case.anatomy.surface import surface_of
+from coronaryuq.case.anatomy.tree import write_tree
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io import files
+from coronaryuq.flow3d.ensemble.geometry import read_geometry
+from coronaryuq.flow3d.mesh.generation import folder
+from coronaryuq.flow3d.mesh.imported_lumen import adopt_folder, mesh_closed_surface
 from coronaryuq.flow3d.mesh.settings import Settings
 from coronaryuq.flow3d.mesh.stage import make_mesh, mesh_tree
 from support.random_trees import network_of, random_tree

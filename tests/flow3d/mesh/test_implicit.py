@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from coronaryuq.case.tree import Tree, Vessel
-from coronaryuq.flow3d.mesh import implicit, paths
-from coronaryuq.flow3d.mesh.domain import trees
-from coronaryuq.flow3d.mesh.errors import MeshError
-from coronaryuq.flow3d.mesh.implicit import Implicit, Path
-from coronaryuq.flow3d.mesh.surface import cut, enclosed_volume, isosurface, surface
-from coronaryuq.flow3d.mesh.volume import borders
-from coronaryuq.seeds import generator
+from coronaryuq.case.anatomy.tree import Tree, Vessel
+from coronaryuq.core.seeds import generator
+from coronaryuq.flow3d.mesh.generation.volume import borders
+from coronaryuq.flow3d.mesh.geometry import implicit, paths
+from coronaryuq.flow3d.mesh.geometry.errors import MeshError
+from coronaryuq.flow3d.mesh.geometry.extent import trees
+from coronaryuq.flow3d.mesh.geometry.implicit import Implicit, Path
+from coronaryuq.flow3d.mesh.geometry.surface import cut, enclosed_volume, isosurface, surface
 from support.random_trees import random_tree, tube
 
 

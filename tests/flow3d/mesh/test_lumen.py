@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from coronaryuq.flow3d.mesh import lumen
-from coronaryuq.flow3d.mesh.lumen import Lumen, simplified
-from coronaryuq.seeds import generator
+from coronaryuq.core.seeds import generator
+from coronaryuq.flow3d.mesh.geometry import lumen
+from coronaryuq.flow3d.mesh.geometry.lumen import Lumen, simplified
 
 
 @pytest.fixture(scope="module")

@@ -3,18 +3,19 @@
 import numpy as np
 import pytest
 
-from coronaryuq.case.tree import write_tree
-from coronaryuq.errors import InputError
-from coronaryuq.files import read_json, write_json
-from coronaryuq.flow3d.mesh import folder, paths, quality
-from coronaryuq.flow3d.mesh.build import cuthill_mckee, kept_vessels
-from coronaryuq.flow3d.mesh.coupling import couple, parts_of
-from coronaryuq.flow3d.mesh.remainder import remaining_network
+from coronaryuq.case.anatomy.tree import write_tree
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import read_json, write_json
+from coronaryuq.flow3d.mesh.coupling.caps import couple, parts_of
+from coronaryuq.flow3d.mesh.coupling.network_without_mesh import remaining_network
+from coronaryuq.flow3d.mesh.generation import folder, quality
+from coronaryuq.flow3d.mesh.generation.build import cuthill_mckee, kept_vessels
+from coronaryuq.flow3d.mesh.geometry import paths
 from coronaryuq.flow3d.mesh.settings import Settings
 from coronaryuq.flow3d.mesh.stage import make_mesh, mesh_tree
-from coronaryuq.zerod.engine import Engine
-from coronaryuq.zerod.model import Model
-from coronaryuq.zerod.network import check_network, copy_of
+from coronaryuq.zerod.network.numbering import Model
+from coronaryuq.zerod.network.read import check_network, copy_of
+from coronaryuq.zerod.solver.engine import Engine
 from support.random_trees import network_of, random_tree, tube
 
 

@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from coronaryuq.case.tree import Stenosis
-from coronaryuq.flow3d.mesh import parcel
-from coronaryuq.flow3d.mesh.implicit import Implicit, Path
-from coronaryuq.flow3d.mesh.paths import Size
-from coronaryuq.flow3d.mesh.piece import ATTEMPTS
+from coronaryuq.case.anatomy.tree import Stenosis
+from coronaryuq.flow3d.mesh.generation import subprocess_io
+from coronaryuq.flow3d.mesh.generation.piece import ATTEMPTS
+from coronaryuq.flow3d.mesh.geometry.implicit import Implicit, Path
+from coronaryuq.flow3d.mesh.geometry.paths import Size
 from coronaryuq.flow3d.mesh.settings import Settings
 
 
@@ -19,8 +19,8 @@ def test_a_job_comes_back_to_the_bit(tmp_path):
     surface = Implicit([along])
     size = Size(surface, [Stenosis("LAD", "lca1", 1.0, 2.0)], Settings())
     given = {"implicit": surface, "size": size, "attempt": ATTEMPTS[1], "radius": np.float64(1 / 3), "ends": (1, [2])}
-    parcel.write(tmp_path / "job.npz", given)
-    back = parcel.read(tmp_path / "job.npz")
+    subprocess_io.write(tmp_path / "job.npz", given)
+    back = subprocess_io.read(tmp_path / "job.npz")
     at = np.random.default_rng(1).normal(size=(50, 3))
     assert np.array_equal(back["implicit"].distance(at), surface.distance(at))
     assert np.array_equal(back["size"](at), size(at))
@@ -29,24 +29,24 @@ def test_a_job_comes_back_to_the_bit(tmp_path):
 
 def test_what_is_not_ours_is_not_written(tmp_path):
     with pytest.raises(TypeError, match="without pickle"):
-        parcel.write(tmp_path / "job.npz", {"callback": print})
+        subprocess_io.write(tmp_path / "job.npz", {"callback": print})
 
 
 @pytest.mark.parametrize(
     "value",
     [
         {"object": ["subprocess", "Popen"], "state": {"dict": [["args", "true"]]}},
-        {"object": ["coronaryuq.flow3d.mesh.worker", "subprocess"], "state": {"dict": []}},
-        {"object": ["coronaryuq.flow3d.mesh.worker", "run"], "state": {"dict": []}},
+        {"object": ["coronaryuq.flow3d.mesh.generation.mmg_process", "subprocess"], "state": {"dict": []}},
+        {"object": ["coronaryuq.flow3d.mesh.generation.mmg_process", "run"], "state": {"dict": []}},
     ],
 )
 def test_a_foreign_name_in_the_file_is_refused(tmp_path, value):
     np.savez(tmp_path / "job.npz", parcel=np.array(json.dumps(value)))
     with pytest.raises(ValueError, match="is no class of coronaryuq"):
-        parcel.read(tmp_path / "job.npz")
+        subprocess_io.read(tmp_path / "job.npz")
 
 
 def test_a_pickle_in_the_file_is_refused(tmp_path):
     np.savez(tmp_path / "job.npz", parcel=np.array(json.dumps({"array": 0})), a0=np.array([{}], object))
     with pytest.raises(ValueError, match="allow_pickle=False"):
-        parcel.read(tmp_path / "job.npz")
+        subprocess_io.read(tmp_path / "job.npz")

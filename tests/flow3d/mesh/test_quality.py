@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from coronaryuq.flow3d.mesh import quality
-from coronaryuq.seeds import generator
+from coronaryuq.core.seeds import generator
+from coronaryuq.flow3d.mesh.generation import quality
 
 REGULAR = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1.0]])[[0, 2, 1, 3]]
 ONE = np.array([[0, 1, 2, 3]])

@@ -2,7 +2,7 @@
 
 import pytest
 
-from coronaryuq.flow3d.mesh import folder
+from coronaryuq.flow3d.mesh.generation import folder
 from coronaryuq.flow3d.mesh.settings import Settings
 from coronaryuq.flow3d.mesh.stage import mesh_tree
 from support.random_trees import network_of, random_tree

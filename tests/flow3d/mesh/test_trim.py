@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from coronaryuq.flow3d.mesh import quality
-from coronaryuq.flow3d.mesh.errors import MeshError
-from coronaryuq.flow3d.mesh.paths import Cap
-from coronaryuq.flow3d.mesh.surface import enclosed_volume
-from coronaryuq.flow3d.mesh.trim import INSET, trimmed
+from coronaryuq.flow3d.mesh.generation import quality
+from coronaryuq.flow3d.mesh.geometry.clip_caps import INSET, trimmed
+from coronaryuq.flow3d.mesh.geometry.errors import MeshError
+from coronaryuq.flow3d.mesh.geometry.paths import Cap
+from coronaryuq.flow3d.mesh.geometry.surface import enclosed_volume
 
 LENGTH, RADIUS = 4.0, 1.0
 

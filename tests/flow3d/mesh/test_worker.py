@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coronaryuq.flow3d.mesh import worker
-from coronaryuq.flow3d.mesh.errors import MeshError
-from coronaryuq.flow3d.mesh.piece import ATTEMPTS, Piece, check
+from coronaryuq.flow3d.mesh.generation import mmg_process
+from coronaryuq.flow3d.mesh.generation.piece import ATTEMPTS, Piece, check
+from coronaryuq.flow3d.mesh.geometry.errors import MeshError
 
 TETRAHEDRON = Piece(
     np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]]),
@@ -61,11 +61,11 @@ def importable(monkeypatch):
 )
 def test_every_failure_is_named(function, limit, told):
     with pytest.raises(MeshError, match=told):
-        worker.run("LAD", (function, {}), limit, attempts=2)
+        mmg_process.run("LAD", (function, {}), limit, attempts=2)
 
 
 def test_the_next_attempt_is_tried_and_the_failure_kept():
-    piece, failures = worker.run("LAD", (second_time_lucky, {}), 30.0, attempts=3)
+    piece, failures = mmg_process.run("LAD", (second_time_lucky, {}), 30.0, attempts=3)
     assert np.array_equal(piece.tets, TETRAHEDRON.tets)
     assert failures == ["attempt 1: first attempts never work"]
 
@@ -73,7 +73,8 @@ def test_the_next_attempt_is_tried_and_the_failure_kept():
 def test_a_limit_that_the_machine_sets_stays_and_is_no_obstacle():
     """A scheduler's limit of CPU time, below the one that an attempt would have, in a process that has no other."""
     told = (
-        "import resource; resource.setrlimit(resource.RLIMIT_CPU, (100, 100)); import tests.flow3d.mesh.test_worker as t; "
+        "import resource; resource.setrlimit(resource.RLIMIT_CPU, (100, 100)); "
+        "import tests.flow3d.mesh.test_worker as t; "
         "print(len(t.worker.run('LAD', (t.second_time_lucky, {}), 600.0, attempts=2)[0].tets))"
     )
     done = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=False)

@@ -5,7 +5,7 @@ import pytest
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.grafting import open_end
 from coronaryuq.zerod.effects.library import effect
-from coronaryuq.zerod.engine import Engine
+from coronaryuq.zerod.solver.engine import Engine
 
 INFLOW, LEAK = 5.0, effect("side_branch_leak")
 

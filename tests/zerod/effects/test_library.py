@@ -6,11 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from coronaryuq.bench.openloop import left_coronary
+from coronaryuq.bench.discrepancy.open_loop_tree import left_coronary
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Series, Situation
 from coronaryuq.zerod.effects.library import SEARCHED, effect
-from coronaryuq.zerod.engine import Engine
+from coronaryuq.zerod.solver.engine import Engine
 
 NETWORK_SIDE = [one for one in SEARCHED if one.side == "network" and not one.name.startswith("aortic")]
 

@@ -5,19 +5,20 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from coronaryuq.case.casefile import read_case
-from coronaryuq.case.narrowing import example
-from coronaryuq.case.surface import read_surface
-from coronaryuq.case.tree import Stenosis, Tree, read_tree
-from coronaryuq.errors import InputError
-from coronaryuq.files import read_json, write_json
-from coronaryuq.flow3d.mesh import folder, given, regions
-from coronaryuq.flow3d.mesh.build import build
-from coronaryuq.flow3d.mesh.describe import describe
-from coronaryuq.flow3d.mesh.errors import MeshError
+from coronaryuq.case.anatomy.stenosis_detection import example
+from coronaryuq.case.anatomy.surface import read_surface
+from coronaryuq.case.anatomy.tree import Stenosis, Tree, read_tree
+from coronaryuq.case.case_json import read_case
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import read_json, write_json
+from coronaryuq.core.units import LENGTHS
+from coronaryuq.flow3d.mesh import imported_lumen
+from coronaryuq.flow3d.mesh.coupling.describe import describe
+from coronaryuq.flow3d.mesh.generation import folder, regions
+from coronaryuq.flow3d.mesh.generation.build import build
+from coronaryuq.flow3d.mesh.geometry.errors import MeshError
 from coronaryuq.flow3d.mesh.settings import Settings
-from coronaryuq.units import LENGTHS
-from coronaryuq.zerod.network import Network, read_network
+from coronaryuq.zerod.network.read import Network, read_network
 
 
 def make_mesh(case: Path, tree: Path, network: Path, settings: Settings, out: Path, lumen: Path | None = None) -> dict:
@@ -55,10 +56,10 @@ def _make_mesh(case: Path, tree: Path, network: Path, settings: Settings, out: P
         )
     scale = LENGTHS[content["anatomy"]["unit"]]
     if lumen.is_dir():
-        mesh, made = given.adopt_folder(lumen, whole, stenoses, loop, settings, scale)
+        mesh, made = imported_lumen.adopt_folder(lumen, whole, stenoses, loop, settings, scale)
     else:
         surface = read_surface(lumen, scale)
-        mesh, made = given.mesh_closed_surface(surface, whole, stenoses, loop, settings, lumen)
+        mesh, made = imported_lumen.mesh_closed_surface(surface, whole, stenoses, loop, settings, lumen)
     write_mesh(out, mesh, made)
     return made
 

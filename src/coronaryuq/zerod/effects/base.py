@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.network import copy_of
+from coronaryuq.zerod.network.read import copy_of
 
 Values = dict[str, np.ndarray]
 

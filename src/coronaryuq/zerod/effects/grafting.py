@@ -1,7 +1,7 @@
 """Adding vessels and junctions to a 0D network without disturbing the flow through it."""
 
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.network import copy_of
+from coronaryuq.zerod.network.read import copy_of
 
 
 def open_end(network: dict, vessel: str, tag: str) -> tuple[dict, str, dict[str, str]]:

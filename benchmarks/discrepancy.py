@@ -1,0 +1,201 @@
+"""Puts cases of `coronaryuq bench discrepancy` into discrepancy-cases.jsonl, and what they say into the documents.
+
+Arguments: NETWORK=FILE for further cases, one JSON object a line as the benchmark writes them to standard error.
+A case that is there already, by network, effect, strength, noise and seed, gives way to its new run.
+"""
+
+import json
+import sys
+import tempfile
+from pathlib import Path
+
+from coronaryuq.bench.discrepancy.score import wilson
+from coronaryuq.bench.discrepancy.tables import WANTED, answers, chosen, in_order, is_pair, measures, right, shares
+from coronaryuq.core.io.files import write_csv
+from coronaryuq.figures.discrepancy_benchmark import discovery, words
+from coronaryuq.report.discrepancy_benchmark import wanted
+
+FOLDER = Path(__file__).parent
+CASES = FOLDER / "discrepancy-cases.jsonl"
+GUIDE, METHOD, PAGE = (FOLDER / f"discrepancy{part}.md" for part in ("", "-method", "-benchmark"))
+PICTURE = FOLDER / "pictures" / "discrepancy-benchmark.png"
+NETWORKS = ("open loop", "bundled patient", "another patient", "svZeroDSolver test", "22 outlets")
+GRID = [(strength, "nominal") for strength in ("weak", "medium", "strong")]
+GRID += [("medium", noise) for noise in ("half", "double")]
+KEPT = "network effect strength noise seed places visible first classes named placed alarmed abstained covered before "
+KEPT = (KEPT + "after oracle gap_closed_over_oracle worse foretold helped cpu_s skipped redrawn").split()
+DIGITS = {"visible": 3, "before": 4, "after": 4, "oracle": 4, "gap_closed_over_oracle": 4, "cpu_s": 3}
+
+
+def read(path: str | Path) -> list[dict]:
+    lines = Path(path).read_text(encoding="utf-8").splitlines()
+    return [json.loads(line) for line in lines if line.startswith("{")]
+
+
+def key(case: dict) -> tuple:
+    return tuple(case.get(name) for name in ("network", "effect", "strength", "noise", "seed"))
+
+
+def kept(case: dict, network: str) -> dict:
+    """What the tables are made of; classes only where they say more than the first name."""
+    found = {name: case[name] for name in KEPT if case.get(name) is not None} | {"network": network}
+    for name, digits in DIGITS.items():
+        if name in found:
+            found[name] = float(f"{found[name]:.{digits}g}")
+    return {name: found[name] for name in KEPT if name in found}
+
+
+def merged(cases: list[dict], more: list[dict]) -> list[dict]:
+    found = {key(case): case for case in cases} | {key(case): case for case in more}
+    return sorted(found.values(), key=lambda c: (NETWORKS.index(c["network"]), c.get("seed") or 0))
+
+
+def totals(cases: list[dict]) -> list[str]:
+    lines = ["| tested | on | cases | share | 95 % interval (Wilson) | wanted |", "|---|---|---|---|---|---|"]
+    before = None
+    for one in shares({name: chosen(cases, name) for name in NETWORKS}).itertuples():
+        first = one.tested != before
+        lines.append(
+            f"| {one.tested if first else ''} | {one.on} | {one.held} of {one.trials} | {one.share:.3f} | "
+            f"{one.low:.3f} to {one.high:.3f} | {wanted(one.wanted_from, one.wanted_to) if first else ''} |"
+        )
+        before = one.tested
+    return lines
+
+
+def costs(cases: list[dict]) -> list[str]:
+    """CPU seconds of a search, mean and largest, by what was hidden."""
+    kinds = {
+        "nothing hidden": lambda c: c["effect"] == "none",
+        "one effect": lambda c: c["effect"] != "none" and not is_pair(c) and not c["effect"].startswith("outside"),
+        "two effects": is_pair,
+        "outside the library": lambda c: c["effect"].startswith("outside"),
+    }
+    lines = ["| CPU-s of a search: mean, largest | " + " | ".join(kinds) + " |", "|---|" + "---|" * len(kinds)]
+    for network in NETWORKS:
+        spent = [[c["cpu_s"] for c in chosen(cases, network) if of_kind(c)] for of_kind in kinds.values()]
+        row = [
+            ", ".join(f"{v:.0f}" if v > 10 else f"{v:.1f}" for v in (sum(s) / len(s), max(s))) if s else ""
+            for s in spent
+        ]
+        lines.append(f"| {network} | " + " | ".join(row) + " |")
+    return lines
+
+
+def summary(cases: list[dict]) -> list[str]:
+    """Medium strength, nominal noise: the open loop, the bundled patient, all other closed loops together."""
+    parts = {name: chosen(cases, name) for name in NETWORKS[:2]}
+    parts["other loops"] = [c for name in NETWORKS[2:] for c in chosen(cases, name)]
+    lines = ["| tested | " + " | ".join(parts) + " | wanted |", "|---|" + "---|" * (len(parts) + 1)]
+    for name, sought in WANTED.items():
+        row = []
+        for held, trials in (measures(mine)[name] for mine in parts.values()):
+            share = wilson(held, trials)
+            row.append(f"{held} of {trials} ({share['low']:.2f} to {share['high']:.2f})" if trials else "–")
+        lines.append(f"| {name} | " + " | ".join(row) + f" | {wanted(*sought)} |")
+    return lines
+
+
+def cells(cases: list[dict]) -> list[str]:
+    """Right answers of cases, effect by effect, at medium strength and nominal noise."""
+    lines = ["| hidden | " + " | ".join(NETWORKS) + " |", "|" + "---|" * (len(NETWORKS) + 1)]
+    for effect in in_order(c["effect"] for n in NETWORKS for c in chosen(cases, n)):
+        row = []
+        for network in NETWORKS:
+            mine = [c for c in chosen(cases, network) if c["effect"] == effect]
+            row.append(f"{sum(map(right, mine))} of {len(mine)}" if mine else "")
+        lines.append(f"| {words(effect)} | " + " | ".join(row) + " |")
+    return lines
+
+
+def grid(cases: list[dict]) -> list[str]:
+    """The open loop at every strength and noise that were searched; without a trace: seeds of effects left out."""
+    kinds = {"right name": 0, "right place": 1, "interval holds": 2, "false alarm": 3, "gap closed": 6}
+    lines = ["| strength, noise | without a trace | " + " | ".join(kinds) + " |", "|---|" + "---|" * (len(kinds) + 1)]
+    for strength, noise in GRID:
+        mine = chosen(cases, NETWORKS[0], strength, noise)
+        if not mine:
+            continue
+        single = [c for c in mine if not (is_pair(c) or c["effect"].startswith("outside"))]
+        of = {"network": NETWORKS[0], "strength": strength, "noise": noise, "skipped": True}
+        without = [c for c in cases if all(c.get(name) == value for name, value in of.items())]
+        row = []
+        for held, trials in (list(measures(single).values())[number] for number in kinds.values()):
+            share = wilson(held, trials)
+            row.append(f"{held} of {trials} ({share['low']:.2f} to {share['high']:.2f})" if trials else "")
+        lines.append(f"| {strength}, {noise} | {len(without)} | " + " | ".join(row) + " |")
+    return lines
+
+
+def noises(cases: list[dict]) -> list[str]:
+    """The open loop with noise that is not what the table says, medium strength."""
+    kinds = {"understated": "sd of two thirds of the noise's", "lasting": "samples keep 0.7 of the noise before"}
+    parts = {told: chosen(cases, NETWORKS[0], noise=name) for name, told in kinds.items()}
+    lines = ["| tested | " + " | ".join(parts) + " | wanted |", "|---|" + "---|" * (len(parts) + 1)]
+    for name, sought in WANTED.items():
+        row = [f"{held} of {trials}" for held, trials in (measures(mine)[name] for mine in parts.values())]
+        lines.append(f"| {name} | " + " | ".join(row) + f" | {wanted(*sought)} |")
+    return lines
+
+
+def misses(cases: list[dict]) -> list[str]:
+    """Every wrong answer, with what was named first in its place."""
+    columns = ["on", "hidden", "strength, noise", "trace, noise sd", "answer", "seed"]
+    lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
+    for case in (c for c in cases if not c.get("skipped") and not right(c)):
+        places = " and ".join(f"`{place}`" for place in dict.fromkeys(case.get("places", [])))
+        hidden = f"{words(case['effect']).replace('none', 'nothing')}{', ' * bool(places)}{places}"
+        beside = ", beside a stenosis" if case["network"] != NETWORKS[0] and case["noise"] == "half" else ""
+        size = "–" if case["strength"] == "none" else f"{case['strength']}, {case['noise']}"
+        row = (case["network"], hidden + beside, size, _rounded(case["visible"]), answered(case), str(case["seed"]))
+        lines.append("| " + " | ".join(row) + " |")
+    return lines
+
+
+def _rounded(trace: float) -> str:
+    return f"{trace:.1f}" if trace < 10.0 else f"{trace:.0f}"
+
+
+def answered(case: dict) -> str:
+    """What was named, the first of each class, or what was said instead."""
+    first = [members[0].split("@") for members in case.get("classes", [])]
+    if first:
+        return " and ".join(f"{words(name)}, `{place}`" for name, place in first)
+    return "outside the library" if case["abstained"] else "no name" if case["alarmed"] else "no alarm"
+
+
+def picture(cases: list[dict]) -> None:
+    """What was hidden and what was named first on the open loop; shares of every network with their intervals."""
+    with tempfile.TemporaryDirectory() as name:
+        tables = [Path(name) / table for table in ("shares.csv", "answers.csv")]
+        write_csv(tables[0], shares({network: chosen(cases, network) for network in NETWORKS}))
+        write_csv(tables[1], answers(cases))
+        discovery(*map(str, tables), output=str(PICTURE))
+
+
+def put(page: str, name: str, lines: list[str]) -> str:
+    """The page with other lines between its marks."""
+    before, _, rest = page.partition(f"<!-- {name} -->\n")
+    _, end, after = rest.partition(f"<!-- end of {name} -->\n")
+    assert end, f"the page lacks the marks of {name}"
+    return "".join([before, f"<!-- {name} -->\n", "\n".join(lines), "\n", end, after])
+
+
+def tables(cases: list[dict]) -> list[tuple[Path, str, list[str]]]:
+    """Page, name and lines of every table."""
+    found = [(GUIDE, "summary", summary(cases)), (PAGE, "totals", totals(cases)), (PAGE, "cells", cells(cases))]
+    found += [(METHOD, "noise", noises(cases)), (PAGE, "grid", grid(cases))]
+    return [*found, (PAGE, "misses", misses(cases)), (PAGE, "costs", costs(cases))]
+
+
+def main(more: list[str]) -> None:
+    given = [argument.partition("=") for argument in more]
+    cases = merged(read(CASES), [kept(case, network) for network, _, path in given for case in read(path)])
+    CASES.write_text("".join(json.dumps(case) + "\n" for case in cases), encoding="utf-8")
+    for path, name, lines in tables(cases):
+        path.write_text(put(path.read_text(encoding="utf-8"), name, lines), encoding="utf-8")
+    picture(cases)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,1 @@
+"""The benchmark `discrepancy`: effects hidden on purpose."""

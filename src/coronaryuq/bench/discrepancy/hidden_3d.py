@@ -1,0 +1,209 @@
+"""Cases whose measurements are taken from runs of the 3D ensemble solver: one vessel of a closed loop as a tube."""
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from coronaryuq.bench.coronary_tree import LENGTH, made_loop
+from coronaryuq.case.network.build import Physics, stenosis_coefficient
+from coronaryuq.core import units
+from coronaryuq.discrepancy.data.conditions import Condition, under
+from coronaryuq.discrepancy.forward.network_values import differences
+from coronaryuq.discrepancy.hidden import make_case
+from coronaryuq.discrepancy.stage import HYPERAEMIA, plan_of
+from coronaryuq.flow3d.ensemble.ensemble import Ensemble
+from coronaryuq.flow3d.ensemble.geometry import Geometry
+from coronaryuq.flow3d.fem.lanes import LANES
+from coronaryuq.flow3d.settings import Settings
+from coronaryuq.flow3d.verification.tube import tube
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.base import vessel_values
+from coronaryuq.zerod.effects.library import effect
+from coronaryuq.zerod.solver.engine import Engine
+
+PLACES = ("lca0_seg0", "lca1")
+"""An inner and an ending vessel of the tree."""
+STENOSES = {"mild": 0.6, "moderate": 0.5, "severe": 0.4}
+"""Least radius over the healthy one: 64, 75 and 84 % of the area gone."""
+NARROWED = 0.75
+"""Radius of a diffusely narrowed vessel over the healthy one."""
+TAPER = 0.1
+"""Share of a narrowed vessel's length over which its radius changes, at either end."""
+RUN = Settings(steps_per_cycle=600, min_cycles=3, max_cycles=3, wall_samples_per_cycle=20, checkpoints=False, fields=0)
+RINGS, LEVELS = 4, 60
+"""Cells from the axis to the wall, and along the vessel: 3,721 nodes."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What the 3D vessel looks like. kind: "healthy", "narrowed", or a degree of stenosis."""
+
+    place: str
+    kind: str
+
+    @property
+    def label(self) -> str:
+        return f"{self.place}:{self.kind}"
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """The library's effects that stand for it."""
+        return {"healthy": (), "narrowed": ("diffuse_narrowing",)}.get(self.kind, ("stenosis_with_friction",))
+
+    def radius(self, along: np.ndarray) -> np.ndarray:
+        """Over the healthy one, at shares of the length; a cosine stenosis takes the middle 40 % of it."""
+        if self.kind == "healthy":
+            return np.ones_like(along)
+        if self.kind == "narrowed":
+            inside = np.clip(np.minimum(along, 1.0 - along) / TAPER, 0.0, 1.0)
+            return 1.0 - (1.0 - NARROWED) * np.sin(0.5 * np.pi * inside) ** 2
+        within = np.clip((along - 0.5) / 0.2, -1.0, 1.0)
+        return 1.0 - (1.0 - STENOSES[self.kind]) * np.cos(0.5 * np.pi * within) ** 2
+
+
+SHAPES = tuple(Shape(place, kind) for place in PLACES for kind in ("healthy", "narrowed", *STENOSES))
+
+
+def loop() -> tuple[dict, dict[str, Condition], make_case.Plan]:
+    """The analyst's 0D loop of healthy vessels, rest, hyperaemia, raised afterload, and half a dilatation held out.
+
+    All conditions have one heart rate, so that the 3D solver runs them side by side. Beside what is measured on any
+    loop, pressure behind both `PLACES` and flow through them.
+    """
+    network = made_loop(left=3, right=2, end_radius=0.12, stenosed=False)
+    conditions = [
+        Condition("rest"),
+        Condition("hyperaemia", coronary_resistance_scale=HYPERAEMIA),
+        Condition("afterload", scale={"BC_RCR1": {"Rd": 1.3}}),
+        Condition("half dilated", coronary_resistance_scale=0.5, held_out=True),
+    ]
+    anatomy = Anatomy(network)
+    entries = list(plan_of(network).entries)
+    for place in PLACES:
+        for entry in (
+            ("pressure", anatomy.outlet(place), "waveform", 0.02),
+            ("flow", anatomy.inlet(place), "waveform", 0.05),
+        ):
+            if entry[:3] not in [one[:3] for one in entries]:
+                entries.append(entry)
+    return network, {one.name: one for one in conditions}, make_case.Plan(tuple(entries))
+
+
+def hide(shape: Shape, seeds: Sequence[int], folders: Sequence[Path]) -> list[make_case.Truth]:
+    """Run a vessel of this shape in 3D under all conditions and write one case for each seed into its folder.
+
+    Seeds differ in the nuisance parameters and in the noise; as many as fit run side by side.
+    """
+    network, conditions, plan = loop()
+    cases = [make_case.prepare(network, conditions, plan, seed) for seed in seeds]
+    side_by_side = max(1, LANES // len(conditions))
+    truths = []
+    for first in range(0, len(cases), side_by_side):
+        block = cases[first : first + side_by_side]
+        found = _run(shape, network, conditions, block)
+        for number, case in enumerate(block):
+            truths.append(case.write(found[number], *_nearest(shape, case, found[number]), folders[first + number]))
+    return truths
+
+
+def _run(
+    shape: Shape, network: dict, conditions: dict[str, Condition], cases: list[make_case.Unmeasured]
+) -> list[dict]:
+    """Waveforms of each case, condition → unknown → (steps + 1,)."""
+    tables, starts = [], []
+    for condition in conditions.values():
+        changed = under(network, condition)
+        # All runs of one condition hold the blood that the analyst's model holds under it.
+        starts.append(Engine(changed).run(periodic=True, steps_per_cycle=300).state[0])
+        for case in cases:
+            table, _ = case.problem.forward.condition_changes(condition.name, case.nuisance, [])
+            tables.append(differences(network, changed) | table)
+    engine = Engine(network)
+    changes = {
+        name: np.array([table.get(name, engine.parameters[name]) for table in tables])
+        for name in dict.fromkeys(name for table in tables for name in table)
+    }
+    forward = cases[0].problem.forward
+    places = dict.fromkeys(name for series in forward.measured for name in forward.variables(series, {}))
+    names = list(places | dict.fromkeys(_drop(shape, network)))
+    ensemble = Ensemble(
+        _geometry(shape, network), _near(shape, network), forward.root, units.BLOOD_DENSITY, units.BLOOD_VISCOSITY, RUN
+    )
+    begin = np.repeat(starts, len(cases), axis=0)
+    outcomes = ensemble.run(changes, len(tables), waveforms=names, start=begin)
+    failed = next((one.reason for one in outcomes if not one.ok), None)
+    if failed is not None:
+        raise FloatingPointError(f"the hidden case does not run in 3D: {failed}")
+    return [
+        {name: outcomes[k * len(cases) + number].waveforms for k, name in enumerate(conditions)}
+        for number in range(len(cases))
+    ]
+
+
+def _healthy(network: dict, place: str) -> float:
+    """Radius (cm) of the tube that has the 0D vessel's resistance and inertance."""
+    values = vessel_values(network, place)
+    physics = Physics()
+    # R / L = 8 mu / (rho r^2).
+    return float(np.sqrt(8 * physics.viscosity / physics.density * values["L"] / values["R_poiseuille"]))
+
+
+def _near(shape: Shape, network: dict) -> dict:
+    """The network with the shape in 0D: where the 3D runs begin, so that few cycles will do."""
+    network, healthy = copy.deepcopy(network), _healthy(network, shape.place)
+    values = vessel_values(network, shape.place)
+    values["R_poiseuille"] *= float(np.mean(shape.radius(np.linspace(0.0, 1.0, 401)) ** -4.0))
+    if shape.kind in STENOSES:
+        values["stenosis_coefficient"] = stenosis_coefficient(STENOSES[shape.kind] ** 2, healthy, Physics())
+    return network
+
+
+def _geometry(shape: Shape, network: dict) -> Geometry:
+    anatomy, radius = Anatomy(network), _healthy(network, shape.place)
+    points, tets, faces = tube(LENGTH, lambda z: radius * shape.radius(z / LENGTH), RINGS, LEVELS)
+    caps = []
+    for name, location, flow in (
+        ("inlet", anatomy.inlet(shape.place), "in"),
+        ("outlet", anatomy.outlet(shape.place), "out"),
+    ):
+        upstream, downstream = location.split(":")
+        couples = {"upstream": upstream, "downstream": downstream, "flow": flow}
+        caps.append({"name": name, "kind": "cap", "couples": couples})
+    description = {"faces": caps, "replaces": [shape.place], "cut": {}}
+    return Geometry(points, tets, {n: faces[n] for n in ("inlet", "outlet")}, ["inlet"], {}, {}, description)
+
+
+def _drop(shape: Shape, network: dict) -> tuple[str, str, str]:
+    """Unknowns before and behind the 3D vessel, and its flow."""
+    anatomy = Anatomy(network)
+    before, behind = anatomy.inlet(shape.place), anatomy.outlet(shape.place)
+    return f"pressure:{before}", f"pressure:{behind}", f"flow:{behind}"
+
+
+def _nearest(shape: Shape, case: make_case.Unmeasured, waveforms: dict[str, dict]) -> tuple[list, np.ndarray]:
+    """The effect of the library that stands for the shape, with the size z that the 3D drop of pressure has.
+
+    Least squares of drop = R Q + S |Q| Q + L dQ/dt over all conditions: S, and R beyond the model's, of a
+    stenosis; that R alone of a narrowing.
+    """
+    anatomy, network = case.problem.forward.anatomy, case.problem.forward.network
+    rows, drops = [], []
+    for of in waveforms.values():
+        before, behind, flow = (of[name][:-1] for name in _drop(shape, network))
+        rate = (np.roll(flow, -1) - np.roll(flow, 1)) * len(flow) / (2.0 * anatomy.period)
+        rows.append(np.stack([flow, flow * np.abs(flow), rate], axis=1))
+        drops.append(before - behind)
+    resistance, square, _ = np.linalg.lstsq(np.concatenate(rows), np.concatenate(drops), rcond=None)[0]
+    scale = anatomy.flow_scale(shape.place)
+    acting = [(effect(name), shape.place) for name in shape.effects]
+    if not acting:
+        return acting, np.zeros(0)
+    friction = (resistance - vessel_values(network, shape.place)["R_poiseuille"]) * scale
+    sizes = (square * scale**2 / anatomy.pressure, friction / (square * scale**2))
+    if shape.kind not in STENOSES:
+        sizes = (friction / anatomy.pressure,)
+    parameters = acting[0][0].parameters
+    return acting, np.array([float(one.to_standard(size)) for one, size in zip(parameters, sizes, strict=True)])

@@ -1,0 +1,176 @@
+"""Discoveries against what was hidden: one entry a case, cells, totals with intervals, confusion matrix."""
+
+import numpy as np
+from scipy.stats import binomtest
+
+from coronaryuq.discrepancy.hidden import make_case
+from coronaryuq.discrepancy.hidden.reference_gap import fit_known
+from coronaryuq.discrepancy.inference.cross_validation import gap, linearise
+from coronaryuq.discrepancy.result.write import named
+from coronaryuq.discrepancy.selection.search import Discovery
+
+WORTHS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
+"""Thresholds of `abstention.WORTH` for which answers are counted; cases that never come to it stay as they are."""
+
+
+def scored(truth: make_case.Truth, answer: Discovery) -> dict:
+    """What one answer is worth, given what was hidden.
+
+    oracle, oracle_z: held-out misfit with the true effect, fitted from its true size, and how far its size is off then,
+    in posterior standard deviations: an interval that misses may owe it to the search or to the noise. first: an alarm
+    with nothing named is "outside", whether or not the answer says so.
+    """
+    problem = answer.plain
+    classes = [[(c.effect.name, c.place) for c in entry.members] for entry in answer.named]
+    wanted = [(one.name, place) for one, place in truth.acting]
+    got = [any(name == e for members in classes for e, _ in members) for name, _ in wanted]
+    placed = [any(pair in members for members in classes) for pair in wanted]
+    first = classes[0] if classes else []
+    abstained = answer.outside_library or (answer.alarm and not classes)
+    entry = {
+        "places": [place for _, place in wanted],
+        "visible": truth.visible,
+        "named": any(name == wanted[0][0] for name, _ in first) if len(wanted) == 1 else bool(wanted) and all(got),
+        "placed": bool(wanted) and all(placed),
+        "alarmed": answer.alarm,
+        "abstained": abstained,
+        "first": first[0][0] if first else ("outside" if abstained else "none"),
+        "classes": [["@".join(member) for member in members] for members in classes],
+        "sizes": [one.parameters[0].from_standard(z) for (one, _), z in zip(truth.acting, truth.firsts, strict=True)],
+        "found": [_told(one) for one in named(answer)],
+        "before": answer.gaps.before.misfit,
+        "after": answer.gaps.before.misfit if answer.outside_library else answer.gaps.after.misfit,
+        "flexible": answer.gaps.flexible.misfit,
+        "remaining": answer.remaining.p,
+        "noise_taken": {quantity: vars(one) for quantity, one in answer.noise.items()},
+        "varying": max((one.log_odds for one in answer.verdict.constancies), default=None),
+        "foretold": answer.verdict.foretold,
+        "helped": None if answer.verdict.taken_back else answer.verdict.helped,
+    }
+    rows = len(answer.gaps.before.residual)
+    entry["held_out_lpd_gain"] = (
+        0.0 if answer.outside_library else answer.gaps.after.total_lpd - answer.gaps.before.total_lpd
+    )
+    # The mean square of m whitened residuals varies by sqrt(2 / m) by chance alone.
+    entry["worse"] = bool(entry["after"] ** 2 > answer.gaps.before.misfit**2 + 2.0 * np.sqrt(2.0 / rows))
+    if wanted:
+        problem, oracle = fit_known(problem, truth.acting, truth.sizes, answer.base)
+        best = gap(problem, linearise(problem, oracle.z, truth.acting), answer.folds, 1).misfit
+        room = answer.gaps.before.misfit**2 - best**2
+        entry["oracle"] = best
+        entry["gap_closed_over_oracle"] = (
+            float((answer.gaps.before.misfit**2 - entry["after"] ** 2) / room) if room > 0.1 else None
+        )
+        entry["covered"] = _covered(answer, truth)
+        spread = np.sqrt(np.diag(oracle.covariance))[problem.count :]
+        entry["oracle_z"] = float((oracle.z[problem.count] - truth.sizes[0]) / spread[0])
+    return entry
+
+
+def _told(one: dict) -> dict:
+    """A named effect in one line: place, probability of its class, its first size with its interval."""
+    name, size = next(iter(one["sizes"].items()))
+    told = {key: one[key] for key in ("effect", "place", "class_probability", "beyond_prior")}
+    return told | {name: [size["value"], *size["interval_90"]]}
+
+
+def _covered(answer: Discovery, truth: make_case.Truth) -> bool | None:
+    """Whether the 90 % interval of the size holds the true one; None where the true effect was not the one added."""
+    if len(truth.acting) != 1 or not answer.named:
+        return None
+    (one, place), size = truth.acting[0], truth.sizes[0]
+    for entry in named(answer):
+        if (entry["effect"], entry["place"]) == (one.name, place):
+            parameter = one.parameters[0]
+            low, high = entry["sizes"][parameter.name]["interval_90"]
+            return bool(low <= float(parameter.from_standard(size)) <= high)
+    return None
+
+
+def wilson(successes: int, trials: int) -> dict:
+    """Share with its 95 % interval (Wilson 1927)."""
+    if trials == 0:
+        return {"share": None, "low": None, "high": None, "trials": 0}
+    found = binomtest(successes, trials).proportion_ci(method="wilson")
+    return {"share": successes / trials, "low": float(found.low), "high": float(found.high), "trials": trials}
+
+
+def score(found: list[dict]) -> dict:
+    """Cells, totals with Wilson intervals, confusion matrix, from scored cases."""
+    skipped = [e for e in found if e.get("skipped")]
+    found = [e for e in found if not e.get("skipped")]
+    single = [e for e in found if len(e["places"]) == 1]
+    double = [e for e in found if len(e["places"]) == 2]
+    nothing = [e for e in found if e["effect"] == "none"]
+    outside = [e for e in found if e["effect"].startswith("outside:")]
+    headline = [e for e in single if "shape" in e or (e["noise"] == "nominal" and e["strength"] == "medium")]
+    covered = [e["covered"] for e in single if e["covered"] is not None]
+    closed = [e["gap_closed_over_oracle"] for e in single + double if e["gap_closed_over_oracle"] is not None]
+
+    def share(entries, key):
+        return wilson(sum(bool(e[key]) for e in entries), len(entries))
+
+    cells: dict[tuple, list[dict]] = {}
+    for e in found:
+        cells.setdefault((e["effect"], e["strength"], e["noise"], e["network"]), []).append(e)
+    confusion: dict[str, dict[str, int]] = {}
+    for e in found:
+        row = confusion.setdefault(e["effect"], {})
+        row[e["first"]] = row.get(e["first"], 0) + 1
+    return {
+        "cells": [
+            {
+                "effect": key[0],
+                "strength": key[1],
+                "noise": key[2],
+                "network": key[3],
+                "seeds": len(entries),
+                "named": float(np.mean([e["named"] for e in entries])),
+                "placed": float(np.mean([e["placed"] for e in entries])),
+                "alarmed": float(np.mean([e["alarmed"] for e in entries])),
+                "abstained": float(np.mean([e["abstained"] for e in entries])),
+                "gap_closed_over_oracle": _mean([e.get("gap_closed_over_oracle") for e in entries]),
+            }
+            for key, entries in cells.items()
+        ],
+        "totals": {
+            "identification": share(headline, "named"),
+            "place": share(headline, "placed"),
+            "false_alarm": share(nothing, "alarmed"),
+            "abstention": share(outside, "abstained"),
+            "both_of_two": share(double, "named"),
+            "interval_coverage_90": wilson(sum(covered), len(covered)),
+            "gap_closed": float(np.median(closed)) if closed else None,
+            "gap_closed_above_90": wilson(sum(c >= 0.9 for c in closed), len(closed)),
+            "worse_than_recalibration": share([e for e in found if names_something(e)], "worse"),
+        },
+        "confusion": confusion,
+        "by_worth": [_with_worth(worth, single, outside) for worth in WORTHS],
+        "invisible": {e["effect"]: sum(o["effect"] == e["effect"] for o in skipped) for e in skipped},
+        "cpu_s_per_discovery": _mean([e["cpu_s"] for e in found]),
+        "longest_cpu_s": max((e["cpu_s"] for e in found), default=None),
+        "longest_wall_s": max((e["wall_s"] for e in found), default=None),
+    }
+
+
+def names_something(case: dict) -> bool:
+    """Whether an answer names an effect: any other is recalibration itself, than which it cannot be worse."""
+    return case["alarmed"] and not case["abstained"]
+
+
+def _with_worth(worth: float, single: list[dict], outside: list[dict]) -> dict:
+    """Names and abstentions if named effects had to add `worth` nats per row to a flexible discrepancy."""
+
+    def abstained(entry):
+        return entry["abstained"] if entry.get("helped") is None else entry["helped"] <= worth
+
+    return {
+        "worth": worth,
+        "abstention": wilson(sum(map(abstained, outside)), len(outside)),
+        "single_abstained": wilson(sum(map(abstained, single)), len(single)),
+    }
+
+
+def _mean(values) -> float | None:
+    known = [v for v in values if v is not None]
+    return float(np.mean(known)) if known else None

@@ -1,0 +1,1 @@
+"""The benchmarks `table` and `coverage`: the estimators' intervals."""

@@ -1,0 +1,136 @@
+"""Benchmark `coverage`: claimed against empirical spread, and coverage of 95 % intervals, over repeated trials."""
+
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.stats import binomtest
+
+from coronaryuq.bench.estimation import coverage_autoencoder, coverage_tails
+from coronaryuq.bench.estimation.pairs import PAIRS
+from coronaryuq.bench.estimation.problems import SEED, Problem, Trial, from_pair, from_runs
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import read_json, write_csv
+from coronaryuq.estimation.campaign.diagnostics import unverified
+from coronaryuq.estimation.estimators.crossfit import Estimate, Propagated, combine
+from coronaryuq.estimation.estimators.fold_covariance import CENTRE, Influence, changes
+from coronaryuq.estimation.estimators.folds import assign, count
+from coronaryuq.estimation.runs.table import read_rows, read_runs
+from coronaryuq.estimation.surrogates import selector
+from coronaryuq.estimation.surrogates.control_variates import METHODS
+
+FOLDS = 5
+SIZES = (25, 50, 100, 250)
+CONTROL_VARIATES = {
+    "MC": METHODS["constant"],
+    "MFMC": METHODS["linear 0D"],
+    "best": selector.choose,
+}
+
+
+def run(
+    quick: bool = False, data: str | None = None, rows: str | None = None, trials: int = 400,
+    sizes: tuple[int, ...] = (), methods: tuple[str, ...] = (), problems: tuple[str, ...] = (),
+) -> dict:  # fmt: skip
+    """Cells as in the list of benchmarks; problems as in `bench.problems`, the published runs where `data` is given.
+
+    `coverage_95_error` is the binomial standard error of the coverage, `coverage_95_low` and `_high` its Wilson 95 %
+    interval. `methods` may name MFMC-AE, which takes some 5 CPU-s per trial and is left out by default. `quick`: linear
+    methods, 25 and 50 runs, 400 trials.
+    """
+    if rows and not data:
+        raise InputError("bench coverage", "--rows", rows, "is of published runs: --data wanted")
+    sizes = sizes or ((25, 50) if quick else SIZES)
+    methods = methods or (("MC", "MFMC") if quick else tuple(CONTROL_VARIATES))
+    start, cells = time.process_time(), []
+    sources = [from_pair(p) for p in PAIRS.values()]
+    if data:
+        folder = Path(data).absolute()  # so that a message about one of its files says where that is, for "." too
+        runs = read_runs(folder)
+        sources += [from_runs(runs, row) for row in read_rows(rows or folder / "table1.csv")]
+    for problem in sources:
+        for n in sizes if not problems or problem.name in problems else ():
+            for method in methods:
+                cells.append(cell(problem, n, method, trials))
+                print(f"{problem.name}, N_3D = {n}, {method}: {cells[-1]}", file=sys.stderr, flush=True)
+    beyond = [
+        one for name in PAIRS if not quick and (not problems or name in problems)
+        for n in sizes for one in cells_beyond(name, n, trials)
+    ]  # fmt: skip
+    return {"cells": cells, "beyond_the_mean": beyond, "trials": trials, "cpu_s": time.process_time() - start}
+
+
+def cell(problem: Problem, n: int, method: str, trials: int, first: int = 0) -> dict:
+    """One problem, pilot size and method. first: number of the first trial; a rule that was chosen by looking at some
+    trials is judged by others."""
+    numbers = range(first, first + trials)
+    if method == "MFMC-AE":
+        found = coverage_autoencoder.estimates(problem, n, numbers, FOLDS)
+    else:
+        found = _estimates(problem, n, numbers, CONTROL_VARIATES[method])
+    values = [(e.mean - truth, e.std, e.interval.holds(truth)) for truth, e in found]
+    errors, stds, holds = (np.array(v) for v in zip(*values, strict=True))
+    return {"problem": problem.name, "method": method, "n_3d": n} | judged(errors, stds, holds) | {
+        "warned": unverified(method, n) is not None
+    }  # fmt: skip
+
+
+def cells_beyond(name: str, n: int, trials: int, first: int = 0) -> list[dict]:
+    """One cell per quantity beyond the mean of an analytic pair; `quantity` names it. first: as of `cell`."""
+    found = coverage_tails.errors(name, n, trials, FOLDS, first)
+    return [
+        {"problem": name, "quantity": quantity, "method": "best", "n_3d": n} | judged(*values)
+        for quantity, values in found.items()
+    ]
+
+
+def judged(errors: np.ndarray, stds: np.ndarray, holds: np.ndarray) -> dict:
+    """Claims (T,), errors (T,) and whether the interval held (T,) as one cell."""
+    trials, empirical = len(errors), errors.std(ddof=1)
+    wilson = binomtest(int(holds.sum()), trials).proportion_ci(method="wilson")
+    return {
+        "trials": trials,
+        "claimed_over_empirical": float(np.sqrt(np.mean(stds**2)) / empirical),
+        "coverage_95": float(holds.mean()),
+        "coverage_95_error": float(np.sqrt(0.95 * 0.05 / trials)),
+        "coverage_95_low": float(wilson.low),
+        "coverage_95_high": float(wilson.high),
+        "bias_z": float(errors.mean() / (empirical / np.sqrt(trials))),
+        "empirical_std": float(empirical),
+    }
+
+
+def _estimates(problem: Problem, n: int, numbers: range, fit) -> Iterator[tuple[float, Estimate]]:
+    for number in numbers:
+        trial, fold = problem.draw(n, number), assign(n, count(n, FOLDS), SEED, "coverage", number)
+        yield trial.truth(fold), cross_fitted(trial, fold, fit)
+
+
+def cross_fitted(trial: Trial, fold: np.ndarray, fit) -> Estimate:
+    """Cross-fitted estimate of one trial."""
+    seen, y, n = trial.seen, trial.y, len(trial.y)
+    held, moved, variance, blocks, centres, variances = np.empty(n), np.zeros((n, n)), np.empty(n), [], [], []
+    for j, block in enumerate(trial.blocks(int(fold.max()) + 1)):
+        train, test = np.flatnonzero(fold != j), np.flatnonzero(fold == j)
+        fitted = fit(seen[train], y[train])
+        held[test], variance[test] = fitted.predict(seen[test]), fitted.variance(seen[test])
+        moved[test] = changes(fitted, seen[test], train, n)
+        mine = trial.more[block]
+        blocks.append(Propagated(fitted.predict(mine)))
+        some = mine[:CENTRE]
+        centres.append(changes(fitted, some, train, n))
+        variances.append(fitted.variance(some))
+    weights = [np.ones(len(c)) for c in centres]
+    between = Influence(fold, moved, centres, weights, variance, variances).between()
+    return combine("", y, held, blocks, fold, n, between=between, target=trial.target)
+
+
+def tabulate(found: list[str | Path], table_csv: str | Path) -> None:
+    """Cells of several runs of this benchmark (JSON files) as one table; `quantity` is `mean` where nothing else is
+    said."""
+    every = [read_json(path) for path in found]
+    cells = [cell for one in every for cell in one["cells"] + one["beyond_the_mean"]]
+    write_csv(table_csv, pd.DataFrame([{"quantity": "mean"} | cell for cell in cells]))

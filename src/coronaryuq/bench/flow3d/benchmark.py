@@ -1,0 +1,184 @@
+"""Benchmark `flow3d`: cost per sample and cycle, verification against exact solutions, mesh convergence."""
+
+import resource
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from coronaryuq.bench.flow3d import axisymmetric, nozzle, tubes, unstructured
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.units import BLOOD_DENSITY, BLOOD_VISCOSITY
+from coronaryuq.flow3d.fem.cross_section import section_weights
+from coronaryuq.flow3d.fem.lanes import LANES
+from coronaryuq.flow3d.mesh_study import compare, richardson
+
+MESHES = ((5, 75), (8, 90), (13, 127))
+"""Cells over the radius and along the axis: about 7, 20 and 70 thousand nodes."""
+NOZZLE_DATA = Path(__file__).parents[5] / "shared" / "data" / "fda-nozzle"
+PEAK, STEPS_PER_CYCLE, PERIOD = 100.0, 800, 0.9
+MEASURED_STEPS = 12
+
+
+def run(quick: bool, data: str | None = None) -> dict:
+    """Costs at three mesh sizes with 1 and 16 samples (quick: the smallest, 8), verification, and convergence.
+
+    data: a folder with one folder per mesh of the same patient, each with `mesh.json` and `batch*.jsonl` of the same
+    samples; without it `convergence` is empty. The nozzle's error is null where the laboratories' files are not found
+    in `../shared`, and when quick.
+    """
+    converged = convergence(data) if data else []  # first: a wrong folder is told before the minutes of the rest
+    meshes = []
+    for rings, levels in MESHES[: 1 if quick else 3]:
+        for samples in (LANES,) if quick else (1, 16):
+            meshes.append(cost(rings, levels, samples))
+            print(f"cost: {meshes[-1]}", file=sys.stderr, flush=True)
+    return {
+        "quick": quick,
+        "meshes": meshes,
+        "verification": verification(quick),
+        "convergence": converged,
+    }
+
+
+def cost(rings: int, levels: int, samples: int) -> dict:
+    """CPU per sample and cycle of the solver's steps in a tube at 100 cm/s; blocks of LANES one after the other.
+
+    A few steps are timed, compiled, and scaled to a cycle.
+    """
+    length = 5.0 * tubes.RADIUS
+    space = tubes.discretised(length, tubes.RADIUS, rings, levels, PERIOD / STEPS_PER_CYCLE)
+    flow = np.full(LANES, PEAK / 2 * np.pi * tubes.RADIUS**2)
+    blocks = [tubes.driven(space, lambda t: flow) for _ in range(-(-samples // LANES))]
+    for stepper, caps in blocks:
+        for _ in range(3):
+            stepper.step(caps)
+    begun = time.process_time()
+    for _ in range(MEASURED_STEPS):
+        for stepper, caps in blocks:
+            stepper.step(caps)
+    spent = (time.process_time() - begun) / MEASURED_STEPS / samples
+    return {
+        "nodes": space.nodes,
+        "tets": len(space.tets),
+        "samples": samples,
+        "steps_per_cycle": STEPS_PER_CYCLE,
+        "cpu_s_per_sample_cycle": round(spent * STEPS_PER_CYCLE, 3),
+        "peak_rss_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1),
+        "factor_nonzeros": space.factor.nonzeros,
+    }
+
+
+def verification(quick: bool) -> dict:
+    """Errors against exact solutions on the finest mesh tried, and observed orders."""
+    coarse, fine = (3, 5) if quick else (4, 8)
+    steps = 80 if quick else 240
+    flow = np.linspace(0.5, 2.0, LANES)
+    tube = tubes.poiseuille(fine, flow)
+    print(f"poiseuille: {np.abs(tube['drop']).max():.4f}", file=sys.stderr, flush=True)
+    pulse = [tubes.womersley(fine, steps, alpha) for alpha in (2.0, 4.0)]
+    ratios = np.concatenate([np.concatenate([p["gradient"], p["shear"]]) for p in pulse])
+    print(f"womersley: {np.abs(np.abs(ratios) - 1).max():.4f}", file=sys.stderr, flush=True)
+    errors = [tubes.manufactured(rings) for rings in (coarse, fine)]
+    print(f"manufactured: {errors}", file=sys.stderr, flush=True)
+    found = {
+        "rings": fine,
+        "poiseuille_dp_error": float(np.abs(tube["drop"]).max()),
+        "poiseuille_wss_rms": float(tube["shear_rms"].max()),
+        "womersley_amplitude_error": float(np.abs(np.abs(ratios) - 1).max()),
+        "womersley_phase_error_deg": float(np.abs(np.degrees(np.angle(ratios))).max()),
+        "mms_velocity_order": float(np.log(errors[0] / errors[1]) / np.log(fine / coarse)),
+        "mass_balance": float(tube["imbalance"].max()),
+        "nozzle_axial_velocity_error": None,
+    }
+    if not quick and NOZZLE_DATA.is_dir():
+        found["nozzle"] = against_laboratories(nozzle.solve())
+        found["nozzle_axial_velocity_error"] = found["nozzle"]["axial_velocity_error"]
+    if not quick:
+        found["stenosis"] = stenosis()
+        found["wall_shear_unstructured"] = unstructured.wall_shear()
+    return found
+
+
+def against_laboratories(flow: nozzle.NozzleFlow) -> dict:
+    """The FDA nozzle up to the jet's breakdown: largest error of the axial velocity to the laboratories' mean and to
+    the exact solution; how far outside their spread velocity (cm/s) and pressure (dyn/cm2) come at most and at how
+    many stations, here and for the exact solution.
+    """
+    laboratories = nozzle.measured(NOZZLE_DATA)
+    found = {"nodes": flow.nodes}
+    exact = nozzle.reference()
+    for name, curves in (("solver", flow), ("exact", exact)):
+        read = nozzle.stations(curves, laboratories)
+        for quantity in ("axial", "pressure"):
+            outside = [station.outside() for station in read if station.quantity == quantity]
+            found[f"{quantity}_{name}"] = {
+                "stations": len(outside),
+                "outside": sum(distance > 0 for distance in outside),
+                "most_outside": max(outside),
+            }
+    axial = [s for s in nozzle.stations(flow, laboratories) if s.quantity == "axial"]
+    found["axial_velocity_error"] = max(abs(station.error()) for station in axial)
+    found["axial_velocity_error_exact"] = max(
+        abs(station.value / float(np.interp(station.z, exact.z, exact.axial)) - 1.0) for station in axial
+    )
+    return found
+
+
+def stenosis(
+    rings: Sequence[int] = (4, 6, 8), flows: Sequence[float] = (0.4, 0.8, 1.6), levels: int = 120, cells: int = 12
+) -> list[dict]:
+    """Relative error of a stenosis' pressure drop against the axisymmetric reference, per flow (mL/s) and mesh."""
+    length = 2.4
+    exact = []
+    for flow in flows:
+        reference = axisymmetric.solve(
+            tubes.narrowing, np.linspace(0, length, levels + 1), cells, flow, BLOOD_DENSITY, BLOOD_VISCOSITY
+        )
+        at = [float(np.interp(z, reference.z, reference.pressure)) for z in (0.4, 1.8)]
+        exact.append(at[0] - at[1])
+    rows = []
+    for count in rings:
+        space = tubes.discretised(length, tubes.narrowing, count, 20 * count, dt=1e-3)
+        flow = np.resize(np.asarray(flows, float), LANES)
+        stepper = tubes.steady(space, flow, time=0.25)
+        drop = [mean_pressure(space, stepper, z) for z in (0.4, 1.8)]
+        error = (drop[0] - drop[1])[: len(flows)] / np.array(exact) - 1.0
+        rows.append({"rings": count, "nodes": space.nodes, "flow": list(flows), "drop_error": error.tolist()})
+        print(f"stenosis: {rows[-1]}", file=sys.stderr, flush=True)
+    return rows
+
+
+def mean_pressure(space, stepper, z: float) -> np.ndarray:
+    """Mean pressure (LANES,) over the cross-section at z."""
+    nodes, weight, _ = section_weights(space.points, space.tets, np.array([0.0, 0.0, z]), np.array([0.0, 0.0, 1.0]))
+    return (weight[:, None] * stepper.pressure[nodes]).sum(axis=0)
+
+
+def convergence(data: str | Path) -> list[dict]:
+    """Quantities of interest on several meshes of one patient; means over the samples that every mesh has.
+
+    default_error: of the finest mesh but one, against the extrapolation from the finest ones; null where the values do
+    not converge (see `flow3d.mesh_study.richardson`).
+    """
+    meshes = {
+        found.parent.name: (found, sorted(found.parent.glob("batch*.jsonl")))
+        for found in sorted(Path(data).glob("*/mesh.json"))
+    }
+    if len(meshes) < 2:
+        raise InputError(data, None, None, "want at least two folders with mesh.json and batch*.jsonl")
+    _, nodes, _, found = compare(meshes, data)
+    size = np.array(nodes, float) ** (-1 / 3)
+    rows = []
+    for name, every in found.items():
+        quantity, _, branch = name.rpartition("_")
+        limit = richardson(size, every.mean(axis=1).tolist(), len(nodes) - 2)
+        known = limit["extrapolated"] is not None
+        rows.append(
+            {"quantity": quantity, "branch": branch, "nodes": nodes, **limit}
+            | {"default_error": limit["values"][-2] - limit["extrapolated"] if known else None}
+            | {"spread": float(np.std(every[-1] - every[-2]))}
+        )
+    return rows

@@ -1,0 +1,43 @@
+"""How total coronary conductance is shared among the beds before anything is tuned (paper, section 2.3)."""
+
+from collections.abc import Mapping
+
+from coronaryuq.case.network.build import murray_shares
+
+RESISTANCES = ("Ra", "Ram", "Rv")
+COMPLIANCES = ("Ca", "Cim")
+
+
+def shares(outlets: list[Mapping], flows: Mapping[str, float]) -> dict[str, float]:
+    """Share of total coronary conductance of each bed (boundary condition → share, sum 1).
+
+    `outlets` as in `case.json`; `flows`: perfusion's mean flow of every bed that perfuses the left ventricle.
+    Murray's law over all outlets decides what the LV-perfusing beds get together; among themselves they share it as
+    their flows.
+    """
+    by_radius = murray_shares([outlet["radius"] for outlet in outlets])
+    total = sum(flows.values())
+    left_ventricle = sum(share for outlet, share in zip(outlets, by_radius, strict=True) if outlet["perfuses"] == "LV")
+    return {
+        outlet["bc"]: left_ventricle * flows[outlet["bc"]] / total if outlet["perfuses"] == "LV" else float(share)
+        for outlet, share in zip(outlets, by_radius, strict=True)
+    }
+
+
+def share_out(network: Mapping, wanted: Mapping[str, float]) -> None:
+    """Change the coronary beds of `network` in place to the wanted shares of conductance (boundary condition → share).
+
+    The parallel resistance of all beds and the total of each compliance stay what they were; within a bed the
+    proportions of Ra, Ram and Rv stay; compliances go with conductance, so that every bed has the same time
+    constants.
+    """
+    beds = {bc["bc_name"]: bc["bc_values"] for bc in network["boundary_conditions"] if bc["bc_name"] in wanted}
+    totals = {name: sum(values[member] for member in RESISTANCES) for name, values in beds.items()}
+    conductance = sum(1.0 / total for total in totals.values())
+    compliances = {member: sum(values[member] for values in beds.values()) for member in COMPLIANCES}
+    for name, values in beds.items():
+        factor = 1.0 / (conductance * wanted[name]) / totals[name]
+        for member in RESISTANCES:
+            values[member] *= factor
+        for member in COMPLIANCES:
+            values[member] = compliances[member] * wanted[name]

@@ -1,0 +1,93 @@
+"""Finding stenoses: narrowings of a vessel relative to the healthy calibre that its two sides suggest."""
+
+import numpy as np
+
+from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel, area_ratio
+
+REACH = (0.3, 0.5, 0.75, 1.0, 1.5)
+"""cm either way within which the healthy calibre is looked for."""
+SHORTEST = 0.2
+"""cm."""
+SMALLEST = 0.075
+"""cm: narrowings of thinner vessels are not looked for; trials treat vessels of 1.5 mm diameter and more (SYNTAX)."""
+
+
+def relative_area(vessel: Vessel, first: float, spacing: float = 0.02) -> tuple[np.ndarray, np.ndarray]:
+    """Arc lengths (cm) from `first` on and there the area over the healthy area, at most 1.
+
+    The healthy radius is interpolated between the largest radii within reach upstream and downstream: a taper or a step
+    at a side branch is no narrowing, a waist between two wider places is. The tightest over several reaches counts.
+    """
+    arc = np.linspace(first, vessel.length, max(3, int((vessel.length - first) / spacing) + 1))
+    radius = vessel.radius_at(arc)
+    ratio = np.ones(len(arc))
+    for reach in REACH:
+        for k, here in enumerate(arc):
+            up, down = (arc >= here - reach) & (arc <= here), (arc >= here) & (arc <= here + reach)
+            i, j = np.flatnonzero(up)[np.argmax(radius[up])], np.flatnonzero(down)[np.argmax(radius[down])]
+            if i < k < j:
+                healthy = np.interp(here, [arc[i], arc[j]], [radius[i], radius[j]])
+                ratio[k] = min(ratio[k], (radius[k] / healthy) ** 2)
+    return arc, ratio
+
+
+def around(tree: Tree, name: str, vessel: str, arc: float, length: float | None = None) -> Stenosis:
+    """The stenosis of artery `name` at arc length `arc` of a vessel: of given length, or from shoulder to shoulder."""
+    first, last = tree.emergence(vessel), tree[vessel].length
+    if length is not None:
+        start = min(max(arc - length / 2, first), max(first, last - length))
+        return Stenosis(name, vessel, start, min(start + length, last))
+    places, _ = relative_area(tree[vessel], first)
+    radius = tree[vessel].radius_at(places)
+    near = np.abs(places - arc) <= 0.3
+    throat = np.flatnonzero(near)[np.argmin(radius[near])] if near.any() else int(np.argmin(np.abs(places - arc)))
+    start, end = _shoulders(places, radius, throat)
+    return Stenosis(name, vessel, start, end)
+
+
+def tightest(tree: Tree, below: float) -> list[Stenosis]:
+    """The narrowest stenosis of each of LAD, LCx and RCA whose area ratio is less than `below`."""
+    found = []
+    for branch in ("LAD", "LCx", "RCA"):
+        best: tuple[float, Stenosis] | None = None
+        for vessel in tree:
+            if vessel.branch != branch or vessel.length - tree.emergence(vessel.name) < 2 * SHORTEST:
+                continue
+            arc, ratio = relative_area(vessel, tree.emergence(vessel.name))
+            ratio = np.where(vessel.radius_at(arc) / np.sqrt(ratio) < SMALLEST, np.inf, ratio)
+            k = int(np.argmin(ratio))
+            if ratio[k] < below and (best is None or ratio[k] < best[0]):
+                start, end = _shoulders(arc, vessel.radius_at(arc), k)
+                stenosis = Stenosis(branch, vessel.name, start, end)
+                if area_ratio(tree, stenosis) < below:
+                    best = (float(ratio[k]), stenosis)
+        if best is not None:
+            found.append(best[1])
+    return found
+
+
+def example(tree: Tree) -> str:
+    """How `stenoses` of `case.yaml` names a stretch of this tree: a centimetre, or less, amid the longest vessel."""
+    arteries = [vessel for vessel in tree if vessel.branch in ("LAD", "LCx", "RCA")]
+    if not arteries:
+        return "{name: LAD, vessel: LAD, start: 2.0, end: 3.0}"
+    vessel = max(arteries, key=lambda one: one.length - tree.emergence(one.name))
+    first = tree.emergence(vessel.name)
+    middle, half = (first + vessel.length) / 2, min(1.0, (vessel.length - first) / 2) / 2
+    return f"{{name: {vessel.branch}, vessel: {vessel.name}, start: {middle - half:.2f}, end: {middle + half:.2f}}}"
+
+
+def _shoulders(arc: np.ndarray, radius: np.ndarray, throat: int) -> tuple[float, float]:
+    """Where the calibre stops growing on either side of the throat, at least `SHORTEST` apart."""
+    i = j = throat
+    step = arc[1] - arc[0]
+    window = max(1, int(round(0.1 / step)))
+    while i > 0 and radius[max(i - window, 0)] > radius[i] * 1.005 and arc[throat] - arc[i] < max(REACH):
+        i -= 1
+    last = len(arc) - 1
+    while j < last and radius[min(j + window, last)] > radius[j] * 1.005 and arc[j] - arc[throat] < max(REACH):
+        j += 1
+    start, end = float(arc[i]), float(arc[j])
+    if end - start < SHORTEST:
+        start, end = max(arc[0], arc[throat] - SHORTEST / 2), min(arc[-1], arc[throat] + SHORTEST / 2)
+    return float(start), float(end)

@@ -1,0 +1,48 @@
+"""The fields of `case.yaml` as tables for the documentation."""
+
+from typing import Literal, get_args, get_origin
+
+from pydantic import BaseModel
+
+from coronaryuq.case.description.fields import (
+    Anatomy,
+    Description,
+    Label,
+    Perfusion,
+    Registration,
+    StenosisPlace,
+    SystemicOutlet,
+    TerritoryFlows,
+)
+
+BLOCKS = {
+    "case.yaml": Description,
+    "anatomy": Anatomy,
+    "perfusion": Perfusion,
+    "perfusion.label": Label,
+    "perfusion.registration": Registration,
+    "territory_flows": TerritoryFlows,
+    "stenoses": StenosisPlace,
+    "systemic_outlets": SystemicOutlet,
+}
+
+
+def reference() -> str:
+    """Markdown: a table of fields, defaults and meanings per block, in the words of the model that checks them."""
+    parts = []
+    for name, model in BLOCKS.items():
+        each = " (each)" if name in ("stenoses", "systemic_outlets") else ""
+        parts += [f"### `{name}`{each}", "", "| field | default | what |", "|---|---|---|", *_rows(model), ""]
+    return "\n".join(parts)
+
+
+def _rows(model: type[BaseModel]) -> list[str]:
+    rows = []
+    for name, field in model.model_fields.items():
+        default = "required" if field.is_required() else field.get_default(call_default_factory=True)
+        shown = "required" if default == "required" else "none" if default in (None, "", []) else f"`{default}`"
+        what = field.description or f"see `{name}` below"
+        if get_origin(field.annotation) is Literal:
+            what += f": {', '.join(get_args(field.annotation))}"
+        rows.append(f"| `{name}` | {shown} | {what.replace('|', '¦')} |")
+    return rows

@@ -1,0 +1,47 @@
+"""Small YAML files, read safely: no objects, no anchors that multiply, no key given twice, a sane size."""
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from coronaryuq.core.errors import InputError
+
+LARGEST = 1_000_000
+"""Bytes."""
+
+
+class _Loader(yaml.SafeLoader):
+    """Plain YAML values only."""
+
+    def compose_node(self, parent, index):
+        if self.check_event(yaml.events.AliasEvent):
+            raise yaml.YAMLError(f"line {self.peek_event().start_mark.line + 1}: aliases (*name) are not used here")
+        return super().compose_node(parent, index)
+
+    def construct_mapping(self, node, deep=False):
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+        for key in keys:
+            if not isinstance(key, str):
+                raise yaml.YAMLError(f"line {node.start_mark.line + 1}: key {key!r} is not text; put it in quotes")
+            if keys.count(key) > 1:
+                raise yaml.YAMLError(f"line {node.start_mark.line + 1}: {key} is given twice")
+        return super().construct_mapping(node, deep)
+
+
+def read_yaml(path: str | Path, wanted: str = "wanted a mapping of fields") -> dict[str, Any]:
+    """Read a YAML mapping; anything else is an `InputError` on one line that says what was `wanted`."""
+    try:
+        size = Path(path).stat().st_size
+        if size > LARGEST:
+            raise InputError(path, None, f"{size} bytes", f"more than {LARGEST}; this is not a description")
+        given = yaml.load(Path(path).read_text(encoding="utf-8"), Loader=_Loader)
+    except FileNotFoundError:
+        raise InputError(path, None, None, "no such file") from None
+    except OSError as error:
+        raise InputError(path, None, None, f"cannot be read ({error.strerror})") from None
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        raise InputError(path, None, None, f"not valid YAML ({error})") from None
+    if not isinstance(given, dict):
+        raise InputError(path, None, None, wanted)
+    return given

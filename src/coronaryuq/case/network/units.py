@@ -1,0 +1,109 @@
+"""Networks that are not in CGS: which unit of pressure a network is in, and the same network in CGS."""
+
+import copy
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.units import MMHG
+
+_VESSEL = ("R_poiseuille", "L", "stenosis_coefficient")
+_OPEN_CORONARY = ("Ra1", "Rv1", "P_v", "Pim")
+
+PRESSURE_PER = {
+    "BloodVessel": _VESSEL,
+    "BloodVesselCRL": _VESSEL,
+    "BloodVesselRC": ("Rpd",),
+    "NORMAL_JUNCTION": (),
+    "internal_junction": (),
+    "BloodVesselJunction": _VESSEL,
+    "FLOW": (),
+    "PRESSURE": ("P",),
+    "RESISTANCE": ("R", "Pd"),
+    "RCR": ("Rp", "Rd", "Pd"),
+    "CORONARY": (*_OPEN_CORONARY, "Ra2"),
+    "CORONARY_VAR_RES": (*_OPEN_CORONARY, "Ra2_min", "Ra2_max"),
+    "ClosedLoopRCR": ("Rp", "Rd"),
+    "ClosedLoopCoronaryLeft": ("Ra", "Ram", "Rv"),
+    "ClosedLoopCoronaryRight": ("Ra", "Ram", "Rv"),
+    "ClosedLoopHeartAndPulmonary": (
+        "Erv_s", "Elv_s", "Lra_v", "Rra_v", "Lrv_a", "Rrv_a", "Lla_v", "Rla_v", "Llv_a", "Rlv_ao", "Rpd", "Kxp_ra",
+        "Kxp_la", "Emax_ra", "Emax_la",
+    ),
+}  # fmt: skip
+"""Parameters of each element that carry pressure as a factor; times 1333.22 from mmHg."""
+
+PER_PRESSURE = {
+    "BloodVessel": ("C",), "BloodVesselCRL": ("C",), "BloodVesselRC": ("Cp",), "RCR": ("C",), "CORONARY": ("Ca", "Cc"),
+    "CORONARY_VAR_RES": ("Ca", "Cc"), "ClosedLoopRCR": ("C",), "ClosedLoopCoronaryLeft": ("Ca", "Cim"),
+    "ClosedLoopCoronaryRight": ("Ca", "Cim"), "ClosedLoopHeartAndPulmonary": ("Cp", "Cpa", "Gao_leak"),
+}  # fmt: skip
+"""Parameters that are divided by pressure."""
+
+SYSTEMIC_RESISTANCE = {"mmHg": (0.05, 25.0), "cgs": (65.0, 33e3)}
+"""Total systemic resistance that a person of any size at rest or exercise can have: mmHg s/mL and dyn s/cm5."""
+
+
+def detect(network: Mapping, file: str | Path) -> str:
+    """`mmHg` or `cgs`, by the parallel resistance of the closed-loop RCR beds; `InputError` where that is neither."""
+    beds = [bc["bc_values"] for bc in network["boundary_conditions"] if bc["bc_type"] == "ClosedLoopRCR"]
+    if not beds:
+        raise InputError(
+            file, "boundary_conditions", None, "no ClosedLoopRCR bed; tuning needs the systemic circulation"
+        )
+    conductance = sum(1.0 / (bed["Rp"] + bed["Rd"]) for bed in beds if bed["Rp"] + bed["Rd"] > 0)
+    resistance = 1.0 / conductance if conductance else 0.0
+    for system, (low, high) in SYSTEMIC_RESISTANCE.items():
+        if low <= resistance <= high:
+            return system
+    raise InputError(
+        file, "boundary_conditions.Rp+Rd", resistance,
+        "systemic resistance is neither in mmHg s/mL (about 1) nor in dyn s/cm5 (about 1300); say units: cgs or mmHg",
+    )  # fmt: skip
+
+
+def to_cgs(network: Mapping, system: str, file: str | Path = "network") -> tuple[dict, str]:
+    """A copy of a network in CGS, and the units that it was in; `system`: `cgs`, `mmHg` or `auto` (see `detect`)."""
+    if system == "auto":
+        system = detect(network, file)
+    return rescaled(network, {"cgs": 1.0, "mmHg": MMHG}[system], file), system
+
+
+def rescaled(network: Mapping, pressure: float, file: str | Path = "network") -> dict:
+    """A copy of a network whose unit of pressure is 1 / `pressure` of the given one's; volumes and times stay."""
+    network = copy.deepcopy(dict(network))
+    if pressure == 1.0:
+        return network
+    for kind, values in _blocks(network):
+        if kind not in PRESSURE_PER:
+            raise InputError(file, kind, None, "no conversion from mmHg for this element; give the network in CGS")
+        for name in PRESSURE_PER[kind]:
+            if name in values:
+                values[name] = _times(values[name], pressure)
+        for name in PER_PRESSURE.get(kind, ()):
+            if name in values:
+                values[name] = _times(values[name], 1.0 / pressure)
+    for part in ("initial_condition", "initial_condition_d"):
+        condition = network.get(part, {})
+        for name in condition:
+            if name.split(":", 1)[0].lower().startswith(("pressure", "p_")):
+                condition[name] *= pressure
+    return network
+
+
+def _blocks(network: Mapping) -> Iterator[tuple[str, dict[str, Any]]]:
+    for vessel in network.get("vessels", []):
+        yield vessel["zero_d_element_type"], vessel["zero_d_element_values"]
+    for bc in network["boundary_conditions"]:
+        yield bc["bc_type"], bc["bc_values"]
+    for junction in network.get("junctions", []):
+        yield junction["junction_type"], junction.get("junction_values", {})
+    for block in network.get("external_solver_coupling_blocks", []):
+        yield block["type"], block["values"]
+    for block in network.get("closed_loop_blocks", []):
+        yield block["closed_loop_type"], block["parameters"]
+
+
+def _times(value, factor: float):
+    return [entry * factor for entry in value] if isinstance(value, list) else value * factor

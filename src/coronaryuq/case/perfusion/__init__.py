@@ -1,0 +1,1 @@
+"""The perfusion map: images, cells of the left ventricle, territories."""

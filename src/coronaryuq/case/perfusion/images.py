@@ -1,0 +1,198 @@
+"""Medical images (NIfTI, NRRD): reading, cutting out the wall, and the affine registration of one to another."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from coronaryuq.core.errors import InputError
+
+IMAGE_SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")
+LARGEST = 600_000_000
+"""Voxels."""
+FINEST = 2_000_000
+"""Voxels of a registration's last level, about: more say no more about twelve numbers."""
+
+
+@dataclass(frozen=True)
+class Image:
+    """A scalar volume. values: (i, j, k). matrix: (4, 4), from voxel index to position in the file's length unit."""
+
+    values: np.ndarray
+    matrix: np.ndarray
+
+
+@dataclass(frozen=True)
+class Invalid:
+    """Cells or voxels of the wall without a usable value: missing and negative, out of how many of which kind."""
+
+    missing: int
+    negative: int
+    among: int
+    kind: str
+
+    def __str__(self) -> str:
+        return f"{self.missing} missing and {self.negative} negative of {self.among} {self.kind}"
+
+
+def read_image(path: str | Path, like: Image | None = None, path_like: str | Path = "") -> Image:
+    """Read a volume; positions are LPS, as SimpleITK gives them for every format.
+
+    like: an image whose grid this one must share (else InputError). Raises InputError for a missing or foreign file, a
+    vector image, a 2D image and one of absurd size.
+    """
+    import SimpleITK as sitk
+
+    if not Path(path).is_file():
+        raise InputError(path, None, None, "no such file")
+    reader = sitk.ImageFileReader()
+    reader.SetFileName(str(path))
+    try:
+        reader.ReadImageInformation()
+        if int(np.prod(reader.GetSize(), dtype=float)) > LARGEST:
+            raise InputError(path, "size", reader.GetSize(), f"more than {LARGEST} voxels; crop the image")
+        image = reader.Execute()
+    except RuntimeError as error:
+        last = str(error).strip().splitlines()[-1]
+        raise InputError(path, None, None, f"not a readable image ({last})") from None
+    if image.GetDimension() != 3 or image.GetNumberOfComponentsPerPixel() != 1:
+        raise InputError(path, "size", image.GetSize(), "wanted a 3D image with one value per voxel")
+    values = np.asarray(sitk.GetArrayFromImage(image)).transpose(2, 1, 0)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.array(image.GetDirection()).reshape(3, 3) * np.array(image.GetSpacing())
+    matrix[:3, 3] = image.GetOrigin()
+    if like is not None and (values.shape != like.values.shape or not np.allclose(matrix, like.matrix, atol=1e-3)):
+        raise InputError(path, "grid", values.shape, f"differs from that of {path_like}; resample it onto that grid")
+    return Image(values, matrix)
+
+
+def as_cells(file, image: Image, label: np.ndarray | None, threshold: float | None, most_cells: int):
+    """The wall as a pyvista grid of voxels, and how many of its voxels have a missing and how many a negative value.
+
+    The grid is in the image's space and length unit, with cell data `value`. Which voxels: `label` (bool), or the
+    largest connected part above `threshold`, or every positive value. A threshold would leave holes where values are
+    invalid, so an invalid voxel with four or more of its six neighbours in that part belongs to it. A voxel of the wall
+    that is exactly zero has no value: readers of NIfTI turn NaN into zero. Voxels are merged in blocks of 2 x 2 x 2,
+    3 x 3 x 3, ... until at most `most_cells` remain; a block has the mean of its valid voxels (NaN without any) and
+    is scaled to the volume of all its wall voxels.
+    """
+    import pyvista as pv
+
+    values = np.asarray(image.values, dtype=float)
+    valid = np.isfinite(values) & (values > 0)
+    if label is not None:
+        inside, field = label, "perfusion.label.values"
+    elif threshold is not None:
+        inside, field = _largest_above(values, threshold, valid), "perfusion.threshold"
+    else:
+        inside, field = valid, "perfusion.file"
+    if not inside.any():
+        raise InputError(file, field, threshold, "selects no voxel of the map")
+    invalid = inside & ~valid
+    negative = int(np.count_nonzero(values[invalid] < 0))
+    factor = 1
+    while np.count_nonzero(_blocks(inside, factor, np.any)) > most_cells:
+        factor += 1
+    share = _blocks(inside.astype(float), factor, np.mean)
+    valid &= inside
+    total = _blocks(np.where(valid, values, 0.0), factor, np.sum)
+    count = _blocks(valid.astype(float), factor, np.sum)
+    at = np.argwhere(share > 0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        merged = (total / count)[tuple(at.T)]
+    # Hexahedra, because VTK takes its voxel cells to lie along the axes, and images are often turned.
+    square = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
+    half = (share[tuple(at.T)] ** (1 / 3))[:, None, None] * np.array(
+        [[x, y, z] for z in (-0.5, 0.5) for x, y in square]
+    )
+    corners = (at[:, None, :] + 0.5 + half) * factor - 0.5
+    points = corners.reshape(-1, 3) @ image.matrix[:3, :3].T + image.matrix[:3, 3]
+    grid = pv.UnstructuredGrid({pv.CellType.HEXAHEDRON: np.arange(len(points)).reshape(-1, 8)}, points)
+    grid.cell_data["value"] = merged
+    return grid, Invalid(int(invalid.sum()) - negative, negative, int(inside.sum()), "voxels")
+
+
+def _largest_above(values: np.ndarray, threshold: float, valid: np.ndarray) -> np.ndarray:
+    """Largest part of the voxels above the threshold, with the invalid ones that it all but encloses."""
+    from scipy import ndimage
+
+    parts, count = ndimage.label(valid & (values > threshold))
+    if not count:
+        return parts > 0
+    part = parts == 1 + int(np.argmax(np.bincount(parts.ravel())[1:]))
+    around = ndimage.generate_binary_structure(3, 1).astype(np.uint8)
+    return part | (~valid & (ndimage.convolve(part.astype(np.uint8), around, mode="constant") >= 4))
+
+
+def _blocks(values: np.ndarray, factor: int, reduce) -> np.ndarray:
+    if factor == 1:
+        return values
+    padded = np.pad(values, [(0, -n % factor) for n in values.shape])
+    i, j, k = (n // factor for n in padded.shape)
+    return reduce(padded.reshape(i, factor, j, factor, k, factor), axis=(1, 3, 5))
+
+
+def register(file, fixed: str | Path, moving: str | Path) -> np.ndarray:
+    """Matrix (4, 4) that takes a position in the moving image's space to the fixed image's, both in their length unit.
+
+    Centres of mass, then a rigid, then an affine map, by mutual information (Mattes et al. 2003) from coarse to fine;
+    sampled on every voxel by one thread, so that the same images give the same matrix. Raises InputError when the
+    images cannot be registered.
+    """
+    import SimpleITK as sitk
+
+    for path in (fixed, moving):
+        if not Path(path).is_file():
+            raise InputError(file, "perfusion.registration", str(path), "no such file")
+    target, source = (sitk.Cast(_finite(sitk.ReadImage(str(p))), sitk.sitkFloat32) for p in (fixed, moving))
+    rigid = sitk.CenteredTransformInitializer(
+        target, source, sitk.Euler3DTransform(), sitk.CenteredTransformInitializerFilter.MOMENTS
+    )
+    finest = max(1, round((target.GetNumberOfPixels() / FINEST) ** (1 / 3)))
+    try:
+        rigid = sitk.Euler3DTransform(_fitted(target, source, rigid, [2 * finest]))
+        start = sitk.AffineTransform(3)
+        start.SetMatrix(rigid.GetMatrix())
+        start.SetCenter(rigid.GetCenter())
+        start.SetTranslation(rigid.GetTranslation())
+        found = _fitted(target, source, start, [2 * finest, finest])
+    except RuntimeError as error:
+        last = str(error).strip().splitlines()[-1]
+        raise InputError(file, "perfusion.registration", str(moving), f"the images do not register ({last})") from None
+    forward = np.array([found.TransformPoint(p) for p in np.vstack([np.zeros(3), np.eye(3)])])
+    # SimpleITK's transform takes fixed positions to moving ones; its inverse is what the map needs.
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = (forward[1:] - forward[0]).T, forward[0]
+    return np.linalg.inv(matrix)
+
+
+def _fitted(target, source, start, levels: list[int]):
+    """Best transform of the kind of `start`, from images shrunk by each of `levels` in turn."""
+    import SimpleITK as sitk
+
+    method = sitk.ImageRegistrationMethod()
+    method.SetMetricAsMattesMutualInformation(numberOfHistogramBins=32)
+    method.SetMetricSamplingStrategy(method.NONE)
+    method.SetInterpolator(sitk.sitkLinear)
+    method.SetOptimizerAsRegularStepGradientDescent(
+        learningRate=0.5, minStep=1e-4, numberOfIterations=200, gradientMagnitudeTolerance=1e-9
+    )
+    method.SetOptimizerScalesFromPhysicalShift()
+    method.SetShrinkFactorsPerLevel(levels)
+    method.SetSmoothingSigmasPerLevel([level / 2 for level in levels])
+    method.SmoothingSigmasAreSpecifiedInPhysicalUnitsOff()
+    method.SetInitialTransform(start, inPlace=False)
+    method.SetGlobalDefaultNumberOfThreads(1)
+    found = method.Execute(target, source)
+    return found.GetNthTransform(0) if isinstance(found, sitk.CompositeTransform) else found
+
+
+def _finite(image):
+    import SimpleITK as sitk
+
+    values = sitk.GetArrayFromImage(image)
+    if not np.issubdtype(values.dtype, np.floating) or np.isfinite(values).all():
+        return image
+    mended = sitk.GetImageFromArray(np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0))
+    mended.CopyInformation(image)
+    return mended

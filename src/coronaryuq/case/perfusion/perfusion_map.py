@@ -1,0 +1,280 @@
+"""The map of myocardial blood flow: read in the user's units, cut to the wall, checked, mended, in CGS."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from coronaryuq.case.description.fields import Perfusion
+from coronaryuq.case.perfusion.cells import turnable
+from coronaryuq.case.perfusion.images import IMAGE_SUFFIXES, Invalid, as_cells, read_image, register
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.units import LENGTHS, MBF_PER_MIN_PER_G, perfusions
+
+VTK_SUFFIXES = (".vtu", ".vtk", ".vti", ".vtp", ".vts", ".vtr")
+PLAUSIBLE_FLOW = (0.1, 10.0)
+"""mL/min/g: median of a wall at rest or stress; outside it the unit is wrong."""
+PLAUSIBLE_EXTENT = (2.5, 20.0)
+"""cm: longest side of the wall's bounding box, from a small animal's heart to a dilated human one."""
+PLAUSIBLE_VOLUME = (5.0, 800.0)
+"""cm3 of wall."""
+DOUBTFUL, FARTHEST = 2.0, 5.0
+"""cm: median distance of LV-perfusing outlets to the wall from which map and anatomy may be, or are, in two spaces."""
+MOST_INVALID = 0.2
+"""Share of the wall without a valid value above which filling would be invention."""
+
+
+@dataclass(frozen=True)
+class Wall:
+    """The left ventricular wall: a pyvista grid, cell data Volume (cm3) and MBF (mL/s per g); what was mended."""
+
+    mesh: object
+    notes: tuple[str, ...]
+
+    @property
+    def volume(self) -> float:
+        """cm3."""
+        return float(np.sum(self.mesh.cell_data["Volume"]))
+
+    def flow(self, tissue_density: float) -> float:
+        """Of the whole wall, mL/s."""
+        return float(np.sum(self.mesh.cell_data["Volume"] * self.mesh.cell_data["MBF"]) * tissue_density)
+
+
+def read_wall(file: str | Path, map_: Perfusion, folder: Path, tissue_density: float, most_cells: int) -> Wall:
+    """Read the map named in `case.yaml` (`file`, which errors name) with paths relative to `folder`.
+
+    Cells whose value is missing (NaN, infinite; in an image also exactly zero) or negative keep their volume and get
+    the value of the nearest valid cell; their number is noted. Raises InputError for wrong units (range checks on
+    median flow, extent and volume), for an empty wall and for a wall of which more than a fifth has no valid value.
+    """
+    path = folder / map_.file
+    if not path.is_file():
+        raise InputError(file, "perfusion.file", map_.file, "no such file")
+    grid, invalid = _cells(file, path, map_, folder, most_cells)
+    grid = turnable(grid)
+    grid.points = _to_anatomy(file, np.asarray(grid.points, dtype=float), path, map_, folder)
+    sizes = grid.compute_cell_sizes(length=False, area=False, volume=True).cell_data["Volume"]
+    volumes = np.abs(np.asarray(sizes, dtype=float))
+    if not (volumes > 0).any():
+        raise InputError(path, "cells", grid.n_cells, "no cell has a volume; wanted tetrahedra, hexahedra or voxels")
+    values = np.asarray(grid.cell_data["value"], dtype=float)
+    _check_lengths(file, map_, grid, volumes)
+    values, notes = _mended(path, values, np.asarray(grid.cell_centers().points, dtype=float), invalid)
+    _check_unit(file, map_, values, volumes, tissue_density)
+    grid.clear_data()
+    grid.cell_data["Volume"] = volumes
+    grid.cell_data["MBF"] = values * perfusions(tissue_density)[map_.unit]
+    return Wall(grid, notes)
+
+
+def distances_to_outlets(wall: Wall, outlets: list[dict]) -> np.ndarray:
+    """Distance (n,) in cm from each LV-perfusing outlet to the wall."""
+    from scipy.spatial import cKDTree
+
+    points = [outlet["point"] for outlet in outlets if outlet["perfuses"] == "LV"]
+    return cKDTree(np.asarray(wall.mesh.points, dtype=float)).query(np.array(points, dtype=float))[0]
+
+
+def check_place(file: str | Path, map_: Perfusion, wall: Wall, outlets: list[dict]) -> tuple[str, ...]:
+    """A note where the outlets lie far from the wall; InputError where the map is in another space than they are."""
+    away = float(np.median(distances_to_outlets(wall, outlets)))
+    found = f"the wall lies {away:.2g} cm (median) from the outlets that perfuse it"
+    if away > FARTHEST:
+        way = "affine" if map_.affine is not None else "registration" if map_.registration is not None else None
+        remedy = f"check the {way}" if way else "bring it there with affine or registration"
+        raise InputError(
+            file, f"perfusion.{way or 'file'}", None if way else map_.file,
+            f"{found}: the map is not in the anatomy's space; {remedy}",
+        )  # fmt: skip
+    return (f"{found}: see that map and anatomy are in one space",) if away > DOUBTFUL else ()
+
+
+def _cells(file, path: Path, map_: Perfusion, folder: Path, most_cells: int):
+    """The wall as an unstructured grid, and what is invalid in it.
+
+    Cell data `value` in the map's unit, points in the map's length unit.
+    """
+    name = path.name.lower()
+    if name.endswith(IMAGE_SUFFIXES):
+        image = read_image(path)
+        label = None
+        if map_.label is not None:
+            if map_.label.file is None:
+                raise InputError(
+                    file, "perfusion.label.file", None, "an image map needs its label in a file of its own"
+                )
+            label = np.isin(read_image(folder / map_.label.file, like=image, path_like=path).values, map_.label.values)
+        return as_cells(file, image, label, map_.threshold, most_cells)
+    if not name.endswith(VTK_SUFFIXES):
+        known = ", ".join((*VTK_SUFFIXES, *IMAGE_SUFFIXES))
+        raise InputError(file, "perfusion.file", map_.file, f"unknown kind of file; known: {known}")
+    return _from_vtk(file, path, map_)
+
+
+def _from_vtk(file, path: Path, map_: Perfusion):
+    import pyvista as pv
+
+    try:
+        mesh = pv.read(path)
+    except Exception as error:
+        raise InputError(path, None, None, f"not a readable VTK file ({error})") from None
+    if isinstance(mesh, pv.MultiBlock) or mesh.n_cells == 0:
+        raise InputError(path, "cells", mesh.n_cells, "wanted one mesh with volume cells")
+    arrays = sorted({*mesh.cell_data.keys(), *mesh.point_data.keys()} - {"vtkGhostType"})
+    array = map_.array
+    if array is None:
+        left = [a for a in arrays if map_.label is None or a != map_.label.array]
+        if len(left) != 1:
+            raise InputError(file, "perfusion.array", None, f"name it; the map has {', '.join(arrays) or 'no array'}")
+        array = left[0]
+    values = _on_cells(file, "perfusion.array", mesh, array, arrays)
+    valid = np.isfinite(values) & (values >= 0)
+    keep = np.ones(mesh.n_cells, dtype=bool)
+    if map_.label is not None:
+        if map_.label.array is None:
+            raise InputError(
+                file, "perfusion.label.array", None, f"name the label array; the map has {', '.join(arrays)}"
+            )
+        keep = _label_on_cells(file, mesh, map_, arrays)
+    if map_.threshold is not None:
+        keep = _largest_above(mesh, valid & (values > map_.threshold), ~valid)
+    if not keep.any():
+        field = "perfusion.label" if map_.label is not None else "perfusion.threshold"
+        raise InputError(file, field, map_.threshold, "selects no cell of the map")
+    grid = pv.UnstructuredGrid(mesh.extract_cells(np.flatnonzero(keep)))
+    grid.clear_data()
+    grid.cell_data["value"] = values[keep]
+    negative = int(np.count_nonzero(values[keep] < 0))
+    return grid, Invalid(int(np.count_nonzero(~valid[keep])) - negative, negative, int(keep.sum()), "cells")
+
+
+def _largest_above(mesh, above: np.ndarray, invalid: np.ndarray) -> np.ndarray:
+    """Largest connected part of the cells `above` the threshold, with the invalid ones that lie in it.
+
+    In it lies an invalid cell of whose six nearest valid cells four or more belong to that part.
+    """
+    from scipy.spatial import cKDTree
+
+    if not above.any():
+        return above
+    labelled = mesh.extract_cells(np.flatnonzero(above)).connectivity("all")
+    region = np.asarray(labelled.cell_data["RegionId"])
+    part = np.zeros(mesh.n_cells, dtype=bool)
+    part[np.flatnonzero(above)[region == np.argmax(np.bincount(region))]] = True
+    if invalid.any():
+        centres = np.asarray(mesh.cell_centers().points)
+        valid = np.flatnonzero(~invalid)
+        _, near = cKDTree(centres[valid]).query(centres[invalid], k=min(6, len(valid)))
+        part[np.flatnonzero(invalid)[part[valid][near].reshape(len(near), -1).sum(axis=1) >= 4]] = True
+    return part
+
+
+def _on_cells(file, field: str, mesh, array: str, arrays: list[str]) -> np.ndarray:
+    """A cell value for every cell; from points by the mean over its valid points."""
+    if array in mesh.cell_data:
+        values = np.asarray(mesh.cell_data[array], dtype=float)
+    elif array in mesh.point_data:
+        at_points = np.asarray(mesh.point_data[array], dtype=float)
+        if at_points.ndim == 1:
+            valid = np.isfinite(at_points) & (at_points >= 0)
+            work = mesh.copy(deep=False)
+            work.clear_data()
+            work.point_data["sum"], work.point_data["share"] = np.where(valid, at_points, 0.0), valid.astype(float)
+            averaged = work.point_data_to_cell_data()
+            with np.errstate(invalid="ignore", divide="ignore"):
+                return np.asarray(averaged.cell_data["sum"]) / np.asarray(averaged.cell_data["share"])
+        values = at_points
+    else:
+        raise InputError(file, field, array, f"no such array; the map has {', '.join(arrays) or 'none'}")
+    if values.ndim != 1:
+        raise InputError(file, field, array, f"has {values.shape[1]} components; wanted one")
+    return values
+
+
+def _label_on_cells(file, mesh, map_: Perfusion, arrays: list[str]) -> np.ndarray:
+    name = map_.label.array
+    if name in mesh.cell_data:
+        return np.isin(np.asarray(mesh.cell_data[name]), map_.label.values)
+    if name in mesh.point_data:
+        inside = np.isin(np.asarray(mesh.point_data[name]), map_.label.values)
+        work = mesh.copy(deep=False)
+        work.clear_data()
+        work.point_data["share"] = inside.astype(float)
+        return np.asarray(work.point_data_to_cell_data().cell_data["share"]) >= 0.5
+    raise InputError(file, "perfusion.label.array", name, f"no such array; the map has {', '.join(arrays)}")
+
+
+def _to_anatomy(file, points: np.ndarray, path: Path, map_: Perfusion, folder: Path) -> np.ndarray:
+    scale = LENGTHS[map_.length_unit]
+    if map_.registration is not None:
+        fixed, moving = folder / map_.registration.fixed, folder / (map_.registration.moving or map_.file)
+        matrix = register(file, fixed, moving)
+        return (points @ matrix[:3, :3].T + matrix[:3, 3]) * scale
+    if map_.affine is not None:
+        matrix = np.array(map_.affine, dtype=float)
+        if not np.allclose(matrix[3], [0, 0, 0, 1]) or abs(np.linalg.det(matrix[:3, :3])) < 1e-12:
+            raise InputError(
+                file, "perfusion.affine", map_.affine, "last row must be 0 0 0 1 and the matrix invertible"
+            )
+        return points @ matrix[:3, :3].T + matrix[:3, 3]
+    return points * scale
+
+
+def _check_lengths(file, map_: Perfusion, grid, volumes: np.ndarray) -> None:
+    extent = float(np.ptp(np.asarray(grid.points), axis=0).max())
+    low, high = PLAUSIBLE_EXTENT
+    if not low <= extent <= high:
+        used = LENGTHS[map_.length_unit]
+        fits = [u for u, s in LENGTHS.items() if low <= extent / used * s <= high]
+        hint = f"; its points look like {fits[0]}" if len(fits) == 1 else ""
+        hint = "; the affine must lead to cm" if map_.affine is not None else hint
+        raise InputError(
+            file, "perfusion.length_unit" if map_.affine is None else "perfusion.affine",
+            map_.length_unit if map_.affine is None else None, f"makes the wall {extent:.3g} cm long{hint}",
+        )  # fmt: skip
+    total = float(volumes.sum())
+    if not PLAUSIBLE_VOLUME[0] <= total <= PLAUSIBLE_VOLUME[1]:
+        raise InputError(
+            file, "perfusion", f"{total:.3g} cm3", "is no plausible wall volume; check label, threshold and length_unit"
+        )
+
+
+def _check_unit(file, map_: Perfusion, values: np.ndarray, volumes: np.ndarray, tissue_density: float) -> None:
+    units = perfusions(tissue_density)
+    order = np.argsort(values)
+    median = values[order][np.searchsorted(np.cumsum(volumes[order]), volumes.sum() / 2)]
+    low, high = PLAUSIBLE_FLOW
+
+    def plausible(unit: str) -> bool:
+        return low <= median * units[unit] / MBF_PER_MIN_PER_G <= high
+
+    if not plausible(map_.unit):
+        fits = [unit for unit in units if plausible(unit)]
+        hint = f"; the values would fit {' or '.join(fits)}" if fits else ""
+        shown = median * units[map_.unit] / MBF_PER_MIN_PER_G
+        raise InputError(
+            file,
+            "perfusion.unit",
+            map_.unit,
+            f"makes the median flow {shown:.3g} mL/min/g, outside {low} to {high}{hint}",
+        )
+
+
+def _mended(
+    path: Path, values: np.ndarray, centres: np.ndarray, invalid: Invalid
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    from scipy.spatial import cKDTree
+
+    if not invalid.missing + invalid.negative:
+        return values, ()
+    if invalid.missing + invalid.negative > MOST_INVALID * invalid.among:
+        raise InputError(
+            path, "values", str(invalid), f"more than {MOST_INVALID:.0%} invalid; repair the map or cut it to the wall"
+        )
+    empty = ~np.isfinite(values) | (values < 0)
+    if empty.any():
+        _, nearest = cKDTree(centres[~empty]).query(centres[empty])
+        values = values.copy()
+        values[empty] = values[~empty][nearest]
+    return values, (f"{invalid} took their nearest valid value",)

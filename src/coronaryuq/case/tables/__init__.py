@@ -1,0 +1,1 @@
+"""Tables of a case: outlets, territories, clinical targets."""

@@ -1,0 +1,259 @@
+"""The tables that `case.yaml` names: outlets, measured territory flows, clinical targets."""
+
+import csv
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+
+from coronaryuq.case.description.fields import Branch, TerritoryFlows
+from coronaryuq.case.description.yaml_file import read_yaml
+from coronaryuq.case.perfusion.perfusion_map import PLAUSIBLE_FLOW, PLAUSIBLE_VOLUME
+from coronaryuq.case.tables.targets import BY_NAME, checked
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import line_of, read_csv, table_text
+from coronaryuq.core.units import FLOWS, MBF_PER_MIN_PER_G, TISSUE_DENSITY, perfusions
+
+BRANCHES = get_args(Branch)
+PERFUSES = ("LV", "RV", "septum")
+MOST_OUTLETS = 500
+LARGEST_TABLE = 10_000_000
+"""Bytes."""
+
+
+@dataclass(frozen=True)
+class OutletRow:
+    """One row of the outlets table; `point` in the anatomy's length unit; vessel or point may be None."""
+
+    name: str
+    bc: str
+    vessel: str | None
+    point: tuple[float, float, float] | None
+    perfuses: str
+    branch: str
+    label: str
+
+
+def read_outlets(path: Path) -> list[OutletRow]:
+    """Read the outlets table; a wrong cell is an `InputError` that names its row and column."""
+    _sane(path)
+    frame = read_csv(path, ("name", "perfuses", "branch"))
+    if not 1 <= len(frame) <= MOST_OUTLETS:
+        raise InputError(path, "rows", len(frame), f"wanted 1 to {MOST_OUTLETS} outlets")
+    known = {"name", "bc", "vessel", "x", "y", "z", "perfuses", "branch", "label"}
+    for column in frame.columns:
+        if column not in known:
+            raise InputError(path, str(column), None, f"unknown column; known: {', '.join(sorted(known))}")
+    rows = []
+    for number, record in enumerate(frame.astype(object).where(frame.notna(), None).to_dict("records"), start=1):
+        rows.append(_outlet(path, number, record))
+    for field in ("name", "bc"):
+        values = [getattr(row, field) for row in rows]
+        for value in values:
+            if values.count(value) > 1:
+                raise InputError(path, field, value, "occurs twice; every outlet needs its own")
+    if not any(row.perfuses == "LV" for row in rows):
+        raise InputError(path, "perfuses", None, "no outlet perfuses the LV; at least one must")
+    return rows
+
+
+def _outlet(path: Path, number: int, record: dict) -> OutletRow:
+    def text(column: str, default: str | None = None) -> str | None:
+        value = record.get(column)
+        return default if value is None else str(value).strip()
+
+    name = text("name")
+    if name is None or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_.-]{0,63}", name):
+        raise InputError(path, f"row {number}, name", name, "wanted letters, digits, _ . - with a letter first")
+    bc = text("bc", f"BC_{name}")
+    for column, allowed in (("perfuses", PERFUSES), ("branch", BRANCHES)):
+        if text(column) not in allowed:
+            raise InputError(path, f"row {number}, {column}", text(column), f"allowed: {', '.join(allowed)}")
+    given = [record.get(axis) is not None for axis in "xyz"]
+    point = None
+    if any(given):
+        if not all(given):
+            raise InputError(path, f"row {number}, x y z", None, "give all three or none")
+        try:
+            point = tuple(float(record[axis]) for axis in "xyz")
+        except ValueError:
+            raise InputError(path, f"row {number}, x y z", [record[a] for a in "xyz"], "wanted numbers") from None
+        if not all(map(math.isfinite, point)):
+            raise InputError(path, f"row {number}, x y z", point, "wanted finite numbers")
+    return OutletRow(name, bc, text("vessel"), point, text("perfuses"), text("branch"), text("label", name))
+
+
+def read_territory_flows(
+    file: str | Path, flows: TerritoryFlows, folder: Path, lv: dict[str, str], tissue_density: float
+) -> dict[str, tuple]:
+    """Flow (mL/s) and territory volume (cm3, NaN where not given) of every LV-perfusing outlet.
+
+    lv: outlet → boundary condition, of those that perfuse the LV; the table may use either name. Raises InputError for
+    an outlet without a row, a row without an outlet, and what is no plausible flow.
+    """
+    path = folder / flows.file
+    _sane(path)
+    measured = {"volume": (), "fraction": ("flow",)}.get(flows.unit, ("flow",) if flows.unit in FLOWS else ("mbf",))
+    needs_volume = measured != ("flow",)
+    frame = read_csv(path, ("name", *measured, *(("volume",) if needs_volume else ())))
+    names = _outlet_names(path, frame, lv)
+    values = _positive(path, frame, names, *measured) if measured else None
+    volumes = _positive(path, frame, names, "volume") if "volume" in frame else np.full(len(names), np.nan)
+    if flows.unit in FLOWS:
+        flow = values * FLOWS[flows.unit]
+    elif flows.unit == "fraction":
+        if abs(values.sum() - 1) > 0.02:
+            raise InputError(path, "flow", float(values.sum()), "fractions must add up to 1")
+        flow = values
+    elif flows.unit == "volume":
+        flow = volumes
+    else:
+        flow = values * perfusions(tissue_density)[flows.unit] * volumes * tissue_density
+    if flows.total is not None:
+        flow = flow / flow.sum() * flows.total * FLOWS[flows.total_unit]
+    _plausible(file, flows, float(flow.sum()), float(volumes.sum()))
+    return {name: (float(q), float(v)) for name, q, v in zip(names, flow, volumes, strict=True)}
+
+
+def _outlet_names(path: Path, frame, lv: dict[str, str]) -> list[str]:
+    """Outlet of every row, all of `lv` exactly once."""
+    by_bc = {bc: name for name, bc in lv.items()}
+    names = []
+    for given in (str(cell).strip() for cell in frame["name"]):
+        name = given if given in lv else by_bc.get(given)
+        if name is None:
+            raise InputError(path, "name", given, f"is no outlet that perfuses the LV; those are {', '.join(lv)}")
+        if name in names:
+            raise InputError(path, "name", given, "occurs twice")
+        names.append(name)
+    for name in lv:
+        if name not in names:
+            raise InputError(path, "name", name, "missing; every outlet that perfuses the LV needs a row")
+    return names
+
+
+def _positive(path: Path, frame, names: list[str], column: str) -> np.ndarray:
+    values = _numbers(path, frame, column)
+    if (values <= 0).any():
+        worst = int(np.argmin(values))
+        raise InputError(path, f"{column} of {names[worst]}", float(values[worst]), "must be positive")
+    return values
+
+
+def _plausible(file: str | Path, flows: TerritoryFlows, flow: float, volume: float) -> None:
+    """Total flow (mL/s) and, where volumes are known, the wall and its perfusion must be those of a heart."""
+    field, value = ("unit", flows.unit) if flows.total is None else ("total", f"{flows.total:g} {flows.total_unit}")
+    if not 0.1 <= flow <= 60.0:
+        raise InputError(file, f"territory_flows.{field}", value, f"makes the LV flow {flow:.3g} mL/s; check the unit")
+    if not np.isfinite(volume):
+        return
+    low, high = PLAUSIBLE_VOLUME
+    if not low <= volume <= high:
+        raise InputError(
+            file, "territory_flows.file", f"{volume:.3g} cm3", "is no plausible wall volume; volume is in cm3"
+        )
+    perfusion = flow / (volume * TISSUE_DENSITY) / MBF_PER_MIN_PER_G
+    low, high = PLAUSIBLE_FLOW
+    if not low <= perfusion <= high:
+        raise InputError(
+            file, f"territory_flows.{field}", value,
+            f"makes the mean flow {perfusion:.3g} mL/min/g, outside {low} to {high}; check its unit and volume (cm3)",
+        )  # fmt: skip
+
+
+def read_case_targets(path: Path) -> dict[str, dict]:
+    """Clinical targets as `case.json` holds them: name → description, value or None, unit; plausible ones (`checked`).
+
+    A CSV is read as by `csv_targets`; YAML is `NAME: value` or `NAME: {value, unit, description}`.
+    Without a unit, pressures are dyn/cm2 if the largest in the file is 1000 or more, else mmHg: no body has both.
+    """
+    _sane(path)
+    if path.suffix.lower() in (".yaml", ".yml"):
+        given = {name: _yaml_target(path, name, entry) for name, entry in read_yaml(path).items()}
+    else:
+        given = csv_targets(path)
+    pressures = [abs(value or 0.0) for name, (_, value, _) in given.items() if _is_pressure(name)]
+    pressure = "mmHg" if max(pressures, default=0.0) < 1000.0 else "dyn/cm2"
+    targets = {}
+    for name, (description, value, unit) in given.items():
+        target = BY_NAME.get(name)
+        unit = unit or (pressure if _is_pressure(name) else target and target.unit)
+        description = description or (target and target.description)
+        targets[name] = {"description": description, "value": value, "unit": unit}
+    checked(targets, path)
+    return targets
+
+
+def _is_pressure(name: str) -> bool:
+    return name in BY_NAME and BY_NAME[name].unit == "mmHg"
+
+
+def csv_targets(path: Path) -> dict[str, tuple[str | None, float | None, str | None]]:
+    """Targets of a table: name → description, value or None, unit or None.
+
+    With a header: columns name and value, if wanted description and unit. Without: name, description, value.
+    """
+    given: dict[str, tuple] = {}
+    text, separator = table_text(path)
+    rows = list(enumerate(csv.reader(text.splitlines(), delimiter=separator), start=1))
+    rows = [(number, [cell.strip() for cell in row]) for number, row in rows if any(cell.strip() for cell in row)]
+    header = [cell.lower() for cell in rows[0][1]] if rows else []
+    headed = "name" in header and "value" in header
+    for number, row in rows[1:] if headed else rows:
+        if headed and len(row) == len(header):
+            cells = dict(zip(header, row, strict=True))
+        elif not headed and len(row) >= 3:
+            cells = {"name": row[0], "description": ", ".join(row[1:-1]), "value": row[-1]}
+        else:
+            wanted = ", ".join(header) if headed else "name, description, value; or a header with name and value"
+            raise InputError(path, f"line {line_of(path, number - 2)}", separator.join(row), f"wanted {wanted}")
+        name, value = cells["name"], cells["value"]
+        value = value.replace(",", ".") if separator == ";" else value
+        if name in given:
+            raise InputError(path, name, value, "given twice")
+        given[name] = cells.get("description") or None, _number(path, name, value), cells.get("unit") or None
+    return given
+
+
+def _yaml_target(path: Path, name: str, entry) -> tuple:
+    if not isinstance(entry, dict):
+        return None, _number(path, name, entry), None
+    for key in entry:
+        if key not in ("value", "unit", "description"):
+            raise InputError(path, f"{name}.{key}", None, "unknown field; known: value, unit, description")
+    return entry.get("description"), _number(path, name, entry.get("value")), entry.get("unit")
+
+
+def _number(path: Path, name: str, value) -> float | None:
+    if value is None or (isinstance(value, str) and value.lower() in ("none", "nan", "")):
+        return None
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if isinstance(value, bool) or not math.isfinite(number):
+        remedy = "wanted a number or none"
+        if isinstance(value, str) and re.match(r"[-+]?[\d.]+\s*[A-Za-z%]", value):
+            remedy += "; a unit goes into a column `unit`, under a header"
+        raise InputError(path, name, value, remedy)
+    return number
+
+
+def _numbers(path: Path, frame, column: str) -> np.ndarray:
+    values = []
+    for number, cell in enumerate(frame[column], start=1):
+        value = _number(path, f"row {number}, {column}", cell if isinstance(cell, str) else float(cell))
+        if value is None:
+            raise InputError(path, f"row {number}, {column}", cell, "wanted a number")
+        values.append(value)
+    return np.array(values)
+
+
+def _sane(path: Path) -> None:
+    if not path.is_file():
+        raise InputError(path, None, None, "no such file")
+    if path.stat().st_size > LARGEST_TABLE:
+        raise InputError(path, None, f"{path.stat().st_size} bytes", f"more than {LARGEST_TABLE}; this is not a table")

@@ -1,0 +1,228 @@
+"""Notes that jobs leave about their results, and `coronaryuq explain`, which reads them back.
+
+Every job writes one note, `results/NAME/provenance/JOB.json`: what it read, what it wrote, with which settings, code
+and libraries, on which machine. A note lies beside the results and not in them, because results are the same to the bit
+whenever and wherever they are made and a note is not. With a cache between campaigns a copy of the note lies there,
+under the checksum of each result, for the campaigns that take the result from it.
+"""
+
+import json
+import os
+import platform
+import shlex
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from coronaryuq.cli.doctor import versions
+from coronaryuq.core import provenance
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import read_json, write_json
+
+FOLDER = "provenance"
+CAMPAIGN = "campaign.yaml"
+"""The whole configuration of a campaign as it last ran, in its results folder."""
+CACHE = "SNAKEMAKE_OUTPUT_CACHE"
+CACHED = "coronaryuq-provenance"
+
+
+def write_note(
+    job: str,
+    inputs: Mapping[str, str | Sequence[str]],
+    outputs: Mapping[str, str | Sequence[str]],
+    params: Mapping[str, Any],
+    resources: Mapping[str, Any],
+    project: Path,
+) -> None:
+    """Leave the note of a job that has written its `outputs`; paths are relative to the working folder.
+
+    inputs: `code` among them is summed up in one checksum. resources: threads, MPI tasks, cost. project: where the
+    Snakefile is. A result outside `results/NAME` is nobody's campaign: no note is written.
+    """
+    results = {path: checksum(path) for path in _flat(outputs.values()) if Path(path).exists()}
+    campaign = next((home for home in map(_home, results) if home), None)
+    if campaign is None:
+        return
+    sources = {name: provenance.checksum(name) for name in _flat([inputs.get("code", [])])}
+    read = _flat(value for name, value in inputs.items() if name != "code")
+    note = {
+        "job": job,
+        "results": results,
+        "inputs": {path: checksum(path) for path in read},
+        "sources": {"files": len(sources), "sha256": provenance.digest(list(sources.values()))},
+        "params": {name: _plain(value) for name, value in params.items()},
+        **provenance.stamp(libraries=versions()),
+        "machine": {
+            "name": platform.node(),
+            "system": f"{platform.system()} {platform.release()} {platform.machine()}",
+            "cores": os.cpu_count(),
+        },
+        "resources": dict(resources),
+        "made": datetime.now(UTC).isoformat(timespec="seconds"),
+        "folder": Path.cwd().as_posix(),
+        "project": project.resolve().as_posix(),
+    }
+    write_json(campaign / FOLDER / f"{job.replace(' ', '-')}.json", note)
+    cache = os.environ.get(CACHE)
+    if cache and os.access(cache, os.W_OK):
+        for content in results.values():
+            write_json(Path(cache, CACHED, f"{content}.json"), note)
+
+
+def checksum(path: str | Path) -> str:
+    """SHA-256 of a file; of a folder, that of its files' names and checksums.
+
+    Snakemake leaves its own hidden file in a folder after the job has written its note: that is no part of the result.
+    """
+    path = Path(path)
+    if path.is_file():
+        return provenance.checksum(path)
+    inside = sorted(p for p in path.rglob("*") if p.is_file() and p.name != ".snakemake_timestamp")
+    return provenance.digest([[p.relative_to(path).as_posix(), provenance.checksum(p)] for p in inside])
+
+
+def explain(result: str | Path) -> tuple[str, bool]:
+    """What is known about a result, as text, and whether the file is what its job wrote.
+
+    Raises InputError for a path that does not exist, lies in no campaign's results, or that no job has written.
+    """
+    path = Path(os.path.abspath(result))
+    if not path.exists():
+        raise InputError(result, None, None, "no such file; run the campaign that makes it")
+    home = _home(path)
+    if home is None:
+        raise InputError(result, None, None, "is no result: it lies in no campaign's folder, results/NAME")
+    name = path.relative_to(home.parents[1]).as_posix()
+    if name in (f"results/{home.name}/{CAMPAIGN}", f"results/{home.name}/.lock") or path == home:
+        raise InputError(result, None, None, "is no result but the campaign itself; name a file that a job wrote")
+    if path.parent == home / FOLDER:
+        raise InputError(result, None, None, "is a note about results; name one of them")
+    note, entry = _note(home, path, name)
+    sound = checksum(path if entry == name else home.parents[1] / entry) == note["results"][entry]
+    return _text(note, path, entry, name, home, sound), sound
+
+
+def altered(home: str | Path) -> list[Path]:
+    """Results of a campaign that are no longer what their jobs wrote: truncated, emptied, overwritten, corrupted.
+
+    Files that are gone are not among them; neither are those that no note is about.
+    """
+    home = Path(os.path.abspath(home))
+    if not (home / FOLDER).is_dir():
+        raise InputError(home, None, None, f"holds no {FOLDER}/: is this the results folder of a campaign?")
+    newest: dict[str, tuple[str, str]] = {}
+    for note in _notes(home / FOLDER):
+        for name, content in note["results"].items():
+            newest[name] = max(newest.get(name, ("", "")), (note["made"], content))
+    there = ((home.parents[1] / name, content) for name, (_, content) in sorted(newest.items()))
+    return [path for path, content in there if path.exists() and checksum(path) != content]
+
+
+def _note(home: Path, path: Path, name: str) -> tuple[dict, str]:
+    """The note about a result, and the entry of its `results` that is the file, or the folder that holds it."""
+    notes = list(_notes(home / FOLDER))
+    parents = [name, *(parent.as_posix() for parent in Path(name).parents)]
+    # The latest note counts: more samples may have left the portion of another size to a job of the same name.
+    found = [(note, entry) for note in notes for entry in parents if entry in note["results"]]
+    if found:
+        content = {entry: checksum(home.parents[1] / entry) for _, entry in found}
+        return max(found, key=lambda pair: (content[pair[1]] == pair[0]["results"][pair[1]], pair[0]["made"]))
+    cache = path.resolve().parent if path.is_symlink() else os.environ.get(CACHE)
+    if cache and path.is_file():
+        copy = Path(cache, CACHED, f"{checksum(path)}.json")
+        if copy.is_file():
+            note = read_json(copy)
+            (entry,) = (e for e, content in note["results"].items() if content == copy.stem and _same_place(e, name))
+            return note | {"results": {name: copy.stem}, "cached": entry}, name
+    raise InputError(path, None, None, f"no job's note in {home / FOLDER} is about this file; make it again")
+
+
+def _same_place(one: str, other: str) -> bool:
+    """Whether two results have the same path within their campaigns."""
+    return Path(one).parts[2:] == Path(other).parts[2:]
+
+
+def _notes(folder: Path) -> Iterator[dict]:
+    for path in sorted(folder.glob("*.json")):
+        note = read_json(path)
+        if not isinstance(note, dict) or not isinstance(note.get("results"), dict) or "made" not in note:
+            raise InputError(path, None, None, "not a job's note; delete it and make its results again")
+        yield note
+
+
+def _home(path: str | Path) -> Path | None:
+    """The folder `results/NAME` that a path lies in."""
+    parts = Path(path).parts
+    for k in range(len(parts) - 2, -1, -1):
+        if parts[k] == "results":
+            return Path(*parts[: k + 2])
+    return None
+
+
+def _text(note: dict, path: Path, entry: str, name: str, home: Path, sound: bool) -> str:
+    state = "as its job wrote it" if sound else "CHANGED since its job wrote it: make it again"
+    lines = [f"{name}: {state}", "", f"made by     {note['job']}, {note['made']}"]
+    if "cached" in note:
+        lines.append(f"taken from  the cache; first made as {note['cached']}")
+    lines += [
+        f"code        {note['code']}; {note['sources']['files']} source files, SHA-256 {note['sources']['sha256']}",
+        f"machine     {note['machine']['name']}: {note['machine']['system']}, {note['machine']['cores']} cores",
+        f"resources   {', '.join(f'{key} {value}' for key, value in note['resources'].items())}",
+        f"python      {note['python']}",
+        f"libraries   {', '.join(f'{key} {value}' for key, value in note['libraries'].items())}",
+    ]
+    lines += [f"solver      {solver}" for solver in _solvers(path)]
+    lines += ["settings", *_indented(note["params"]), "inputs"]
+    lines += [f"  {content[:16]}  {file}{_now(file, content, home)}" for file, content in note["inputs"].items()]
+    lines += ["results", *(f"  {content[:16]}  {file}" for file, content in note["results"].items())]
+    return "\n".join([*lines, "make it again", f"  {remake(note, entry, home)}"])
+
+
+def _now(file: str, content: str, home: Path) -> str:
+    path = home.parents[1] / file
+    if not path.exists():
+        return "  (is gone)"
+    return "" if checksum(path) == content else "  (has changed since)"
+
+
+def remake(note: Mapping[str, Any], entry: str, home: Path) -> str:
+    """The command that makes a result again, to be typed anywhere."""
+    folder, project = home.parents[1], Path(note["project"])
+    profile, snakefile, directory = "workflow/profiles/default", [], []
+    if folder != project:
+        profile = (project / profile).as_posix()
+        snakefile = ["--snakefile", (project / "Snakefile").as_posix()]
+        directory = ["--directory", "."]
+    program = Path(sys.executable).parent / "snakemake"
+    if program.is_relative_to(folder):
+        program = program.relative_to(folder)
+    words = [program.as_posix(), "--profile", profile, *snakefile, *directory]
+    words += ["--configfile", f"results/{home.name}/{CAMPAIGN}", "--force", "--", entry]
+    return f"cd {shlex.quote(folder.as_posix())} && {shlex.join(words)}"
+
+
+def _solvers(path: Path) -> list[str]:
+    """Which solvers the records of a batch name."""
+    if path.suffix != ".jsonl":
+        return []
+    from coronaryuq.core import records
+
+    return sorted({", ".join(record.solver.values()) for record in records.read(path)})
+
+
+def _indented(value: Any) -> list[str]:
+    text = yaml.safe_dump(value, sort_keys=False, allow_unicode=True, width=110)
+    return [f"  {line}" for line in text.splitlines()]
+
+
+def _flat(values) -> list[str]:
+    return [path for value in values for path in ([value] if isinstance(value, str) else value)]
+
+
+def _plain(value: Any) -> Any:
+    """Parameters as JSON holds them; what a shell job got as JSON text is opened."""
+    return json.loads(json.dumps(value, default=str))

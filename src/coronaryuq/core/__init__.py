@@ -1,0 +1,1 @@
+"""Units, seeds, errors, records and files: what every other package builds on."""

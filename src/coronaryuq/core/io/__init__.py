@@ -1,0 +1,1 @@
+"""Files: atomic writes, tables, VTK, modification times, one campaign per folder."""

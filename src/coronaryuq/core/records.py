@@ -1,0 +1,81 @@
+"""What became of one sample: inputs, outputs, status, solver, cost; kept as JSON lines, one file per batch."""
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import _plain, write_text
+
+OK, FAILED = "ok", "failed"
+
+
+@dataclass
+class Record:
+    """One sample's end.
+
+    sample: its name in the table of inputs. inputs: θ. outputs: quantity → value (empty when failed).
+    status: "ok" or "failed"; reason: one line when failed. solver: name and version. cost: cpu_s, wall_s, cycles...
+    diagnostics: anything a reviewer would ask for (CFL, mass balance, backflow events).
+    """
+
+    sample: str
+    inputs: dict[str, float]
+    outputs: dict[str, float] = field(default_factory=dict)
+    status: str = OK
+    reason: str = ""
+    solver: dict[str, str] = field(default_factory=dict)
+    cost: dict[str, float] = field(default_factory=dict)
+    diagnostics: dict[str, object] = field(default_factory=dict)
+
+    @classmethod
+    def failed(cls, sample: str, inputs: dict[str, float], reason: str, **rest) -> "Record":
+        return cls(sample=sample, inputs=inputs, status=FAILED, reason=" ".join(str(reason).split()), **rest)
+
+    @property
+    def ok(self) -> bool:
+        return self.status == OK
+
+
+def write(path: str | Path, records: Iterable[Record]) -> None:
+    """Write records as JSON lines, one per sample, in the order given."""
+    lines = (json.dumps(asdict(r), ensure_ascii=False, default=_plain) for r in records)
+    write_text(path, "".join(line + "\n" for line in lines))
+
+
+def read(path: str | Path) -> list[Record]:
+    """Read records; an empty, truncated or foreign file is an `InputError` that names the line."""
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise InputError(path, None, None, "no such file") from None
+    except UnicodeDecodeError:
+        raise InputError(path, None, None, "not a text file; delete it and run again") from None
+    if not text.endswith("\n"):
+        raise InputError(path, None, None, "empty or truncated records; delete it and run again")
+    records = []
+    for number, line in enumerate(text[:-1].split("\n"), start=1):
+        try:
+            records.append(_checked(Record(**json.loads(line))))
+        except (ValueError, TypeError, RecursionError) as error:
+            raise InputError(path, f"line {number}", None, f"not a record ({error}); delete it and run again") from None
+    return records
+
+
+def _checked(record: Record) -> Record:
+    """The record, if its fields are of their kind; else ValueError."""
+    if record.status not in (OK, FAILED):
+        raise ValueError(f"status {record.status!r} is neither {OK} nor {FAILED}")
+    if not isinstance(record.sample, str) or not isinstance(record.reason, str):
+        raise ValueError("sample and reason are text")
+    for name in ("inputs", "outputs", "cost"):
+        held = getattr(record, name)
+        if not isinstance(held, dict):
+            raise ValueError(f"{name} is no mapping")
+        for key, value in held.items():
+            if isinstance(value, bool) or not isinstance(value, int | float):
+                raise ValueError(f"{name}.{key} = {value!r} is no number")
+    if not isinstance(record.solver, dict) or not isinstance(record.diagnostics, dict):
+        raise ValueError("solver and diagnostics are mappings")
+    return record

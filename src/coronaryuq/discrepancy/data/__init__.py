@@ -1,0 +1,1 @@
+"""Measurements, conditions, recorded animals."""

@@ -1,0 +1,128 @@
+"""Numbers and waveforms of a network by name, how two networks of one structure differ, states carried between them."""
+
+import numpy as np
+
+from coronaryuq.discrepancy.data.conditions import ELEMENTS, SERIES, is_number, period_of
+from coronaryuq.zerod.effects.base import sampled
+from coronaryuq.zerod.network.numbering import PERIOD
+from coronaryuq.zerod.network.read import HEART
+
+
+def scalars(network: dict) -> dict[str, float]:
+    """ "BLOCK.parameter" → value of every vessel, boundary condition and heart."""
+    found: dict[str, float] = {}
+    for vessel in network["vessels"]:
+        values = dict.fromkeys(ELEMENTS, 0.0) | vessel["zero_d_element_values"]
+        found |= {f"{vessel['vessel_name']}.{name}": value for name, value in values.items()}
+    for block in network["boundary_conditions"]:
+        found |= {f"{block['bc_name']}.{name}": value for name, value in block["bc_values"].items()}
+    for heart in network.get("closed_loop_blocks", []):
+        found |= {f"{HEART}.{name}": value for name, value in heart["parameters"].items()}
+    return {name: float(value) for name, value in found.items() if is_number(value)}
+
+
+def differences(own: dict, other: dict) -> dict[str, float | np.ndarray]:
+    """Engine changes that turn `own` into `other`, a network of the same structure; waveforms (WAVE_POINTS,)."""
+    ours, theirs = scalars(own), scalars(other)
+    found: dict[str, float | np.ndarray] = {name: value for name, value in theirs.items() if ours[name] != value}
+    if period_of(own) != period_of(other):
+        found[PERIOD] = period_of(other)
+    for block in own["boundary_conditions"]:
+        if block["bc_type"] in SERIES:
+            name = f"{block['bc_name']}.{SERIES[block['bc_type']]}"
+            ours, theirs = sampled(own, name), sampled(other, name)
+            if np.abs(ours - theirs).max() > 1e-9 * np.abs(ours).max():
+                found[name] = theirs
+    return found
+
+
+def inner(unknowns: list[str]) -> list[str]:
+    """Unknowns of the heart and of beds, which are measured by their own names: no flow or pressure between blocks."""
+    return [name for name in unknowns if not name.startswith(("flow:", "pressure:"))]
+
+
+def with_values(network: dict, table: dict) -> dict:
+    """The network with other numbers and waveforms, "BLOCK.parameter" → value; waveforms are on an even grid over the
+    cycle. What does not change is shared with `network`.
+    """
+    changed: dict[str, dict] = {}
+    for name, value in table.items():
+        block, _, parameter = name.rpartition(".")
+        changed.setdefault(block, {})[parameter] = value
+    found = dict(network)
+    for part, key, values in (
+        ("vessels", "vessel_name", "zero_d_element_values"),
+        ("boundary_conditions", "bc_name", "bc_values"),
+    ):
+        found[part] = [
+            entry | {values: _with(entry[values], changed[entry[key]], network)} if entry[key] in changed else entry
+            for entry in network[part]
+        ]
+    if HEART in changed:
+        heart, *others = network["closed_loop_blocks"]
+        parameters = _with(heart["parameters"], changed[HEART], network)
+        found["closed_loop_blocks"] = [heart | {"parameters": parameters}, *others]
+    return found
+
+
+def _with(values: dict, changed: dict, network: dict) -> dict:
+    found = dict(values)
+    for parameter, value in changed.items():
+        if np.ndim(value) == 0:
+            found[parameter] = float(value)
+            continue
+        found[parameter] = np.asarray(value, dtype=float).tolist()
+        if len(found["t"]) != len(value) or not np.allclose(np.diff(found["t"], n=2), 0.0):
+            found["t"] = np.linspace(0.0, period_of(network), len(value)).tolist()
+    return found
+
+
+def carried_over(names: list[str], state: np.ndarray, wanted: list[str], renamed: dict[str, str]) -> np.ndarray:
+    """A state of one network for the same with added elements (`wanted`, renamed: old → new locations).
+
+    names, state: of the network without the elements. An added vessel starts without flow, at the pressure of what it
+    was attached to; a vessel whose end was moved keeps its flow.
+    """
+    known = dict(zip(names, state, strict=True))
+    before = {new: old for old, new in renamed.items()}
+    moved, stubs = {}, {}
+    for old, new in renamed.items():
+        (feeder, fed), (stub, ahead) = old.split(":"), new.split(":")
+        # A vessel added behind takes over the end of the old one, a vessel added ahead its start.
+        first, second = (feeder, stub) if fed == ahead else (ahead, fed)
+        moved[first] = stubs[second] = old
+    found: dict[str, float] = {}
+    for name in wanted:
+        kind, _, location = name.partition(":")
+        first, _, second = location.partition(":")
+        old = before.get(location) or moved.get(first) or stubs.get(second)
+        for candidate in (name, f"{kind}:{old}"):
+            if candidate in known and name not in found:
+                found[name] = known[candidate]
+    for kind in ("pressure", "d_pressure"):
+        _attached(found, [name for name in wanted if name.startswith(f"{kind}:")])
+    return np.array([found.get(name, 0.0) for name in wanted])
+
+
+def _attached(found: dict[str, float], locations: list[str]) -> None:
+    """Give what is not in `found` of some locations, KIND:BLOCK:BLOCK, the value of the first there that shares a block
+    with it, until no more can be given.
+    """
+    wanted = set(locations)
+    known = [name for name in found if name in wanted]
+    first: dict[str, int] = {}
+    for turn, name in enumerate(known):
+        for block in name.split(":")[1:]:
+            first.setdefault(block, turn)
+    waiting, left = [name for name in locations if name not in found], -1
+    while len(waiting) != left:
+        left = len(waiting)
+        for name in waiting:
+            blocks = name.split(":")[1:]
+            near = [first[block] for block in blocks if block in first]
+            if near:
+                found[name] = found[known[min(near)]]
+                for block in blocks:
+                    first.setdefault(block, len(known))
+                known.append(name)
+        waiting = [name for name in waiting if name not in found]

@@ -1,0 +1,134 @@
+"""What recalibration may move: factors on groups of the network's parameters, each with a log-normal prior."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from coronaryuq.discrepancy.data.conditions import BED_SHAPE, LOSS, RESISTANCE, Condition
+from coronaryuq.discrepancy.data.measurements import Measured
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.zerod.effects.anatomy import RESISTANCES, Anatomy
+from coronaryuq.zerod.effects.beds import arteriolar
+
+COMPLIANCES = ("Ca", "Cim", "Cc", "C")
+SD_MASS = 1.0
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """A factor exp(sd z), z standard normal, on `targets` ("BLOCK.parameter") in some conditions, or in all (None).
+
+    `mass` names a territory whose tissue mass the factor scales instead: perfusion is flow over mass. `shape`: z times
+    a row of `Forward.shapes` is added to predictions instead; the network stays. `noise`: that is the measurement's.
+    """
+
+    name: str
+    sd: float
+    targets: tuple[str, ...] = ()
+    conditions: tuple[str, ...] | None = None
+    mass: str | None = None
+    shape: int | None = None
+    noise: bool = False
+
+    @property
+    def simulated(self) -> bool:
+        """Whether it changes what is run, not only what is made of it."""
+        return self.mass is None and self.shape is None
+
+    def acts_under(self, condition: str) -> bool:
+        return self.conditions is None or condition in self.conditions
+
+    def factor(self, z: np.ndarray) -> np.ndarray:
+        return np.exp(self.sd * np.asarray(z))
+
+
+def without_noise(parameters: list[Nuisance], z: np.ndarray) -> np.ndarray:
+    """z (p,), of which the first are of these, with what is the measurements' own and no part of the model left out."""
+    found = np.array(z, dtype=float)
+    found[[column for column, nuisance in enumerate(parameters) if nuisance.noise]] = 0.0
+    return found
+
+
+def nuisances(
+    network: dict, conditions: dict[str, Condition], measured: list[Measured], settings: Settings
+) -> list[Nuisance]:
+    """The nuisance parameters of a network and its measurements.
+
+    Resistance and compliance of all coronary beds together and of each; in closed loops systemic resistance and
+    compliance and left ventricular elastance; one factor for every measured condition but the first, as its coronary
+    state is never known exactly; the tissue mass of each territory with measured perfusion. Where a condition lists it
+    as free, the shape of the beds as well; and each stenosis that conditions name, in all of them.
+    """
+    anatomy = Anatomy(network)
+    beds = list(anatomy.beds)
+
+    def of(bed, names):
+        return tuple(f"{bed}.{name}" for name in names if anatomy.blocks[bed]["bc_values"].get(name, 0.0) > 0.0)
+
+    resistances = {bed: of(bed, RESISTANCES) for bed in beds}
+    everywhere = tuple(key for keys in resistances.values() for key in keys)
+    found = [Nuisance("coronary resistance", settings.sd_coronary, everywhere)]
+    if len(beds) > 1:
+        found += [Nuisance(f"resistance of {bed}", settings.sd_bed, keys) for bed, keys in resistances.items()]
+    storing = {bed: stores for bed in beds if (stores := of(bed, COMPLIANCES))}
+    if storing:
+        everywhere = tuple(key for stores in storing.values() for key in stores)
+        found.append(Nuisance("coronary compliance", settings.sd_compliance, everywhere))
+    if len(storing) > 1:
+        found += [
+            Nuisance(f"compliance of {bed}", settings.sd_bed_compliance, stores) for bed, stores in storing.items()
+        ]
+    if any(BED_SHAPE in condition.free for condition in conditions.values()):
+        found += _shape(anatomy, settings.sd_bed_shape)
+    others = [bed for bed in anatomy.blocks if bed not in beds and bed in set(anatomy.outlet_bc.values())]
+    if others:
+        systemic = tuple(key for bed in others for key in of(bed, ("Rp", "Rd", "R")))
+        found.append(Nuisance("systemic resistance", settings.sd_systemic, systemic))
+        stores = tuple(key for bed in others for key in of(bed, ("C",)))
+        if stores:
+            found.append(Nuisance("systemic compliance", settings.sd_systemic, stores))
+    if anatomy.closed_loop:
+        found.append(Nuisance("left ventricular elastance", settings.sd_heart, ("CLH.Elv_s",)))
+    dilating = tuple(f"{bed}.{name}" for bed in beds for name in arteriolar(network, bed))
+    used = [name for name in conditions if any(series.condition == name for series in measured)]
+    for name in used:
+        wide = RESISTANCE in conditions[name].free
+        if name != used[0] or wide:
+            sd = settings.sd_free if wide else settings.sd_condition
+            found.append(Nuisance(f"coronary state of {name}", sd, dilating, (name,)))
+    found += _stenoses({name: conditions[name] for name in used}, settings.sd_stenosis)
+    territories = dict.fromkeys(series.location for series in measured if series.quantity == "perfusion")
+    found += [Nuisance(f"mass of {place}", SD_MASS, mass=place) for place in territories]
+    return found
+
+
+def _shape(anatomy: Anatomy, sd: float) -> list[Nuisance]:
+    """What a bed of the literature leaves open of a real one: how its resistance and compliance lie along it; and the
+    compliance of the vessels before it."""
+
+    def of_beds(name):
+        return [f"{bed}.{name}" for bed in anatomy.beds if anatomy.blocks[bed]["bc_values"].get(name, 0.0) > 0.0]
+
+    vessels = [
+        f"{vessel}.C"
+        for vessel in anatomy.coronary_vessels
+        if anatomy.vessels[vessel]["zero_d_element_values"].get("C", 0.0) > 0.0
+    ]
+    groups = {
+        "proximal resistance of the beds": of_beds("Ra1"),
+        "proximal compliance of the beds": of_beds("Ca"),
+        "compliance of the vessels": vessels,
+    }
+    return [Nuisance(name, sd, tuple(targets)) for name, targets in groups.items() if targets]
+
+
+def _stenoses(conditions: dict[str, Condition], sd: float) -> list[Nuisance]:
+    """One for each stenosis known to be there, however severe, on the loss that its vessel has under its conditions."""
+    named: dict[tuple[str, str], list[str]] = {}
+    for condition in conditions.values():
+        for vessel, name in condition.stenosis.items():
+            named.setdefault((vessel, name), []).append(condition.name)
+    return [
+        Nuisance(f"stenosis {name} of {vessel}", sd, (f"{vessel}.{LOSS}",), tuple(under))
+        for (vessel, name), under in named.items()
+    ]

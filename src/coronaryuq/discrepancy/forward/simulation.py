@@ -1,0 +1,188 @@
+"""Runs of a network with effects put in, under all conditions: engines kept, starts near, failed runs tried again."""
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from coronaryuq.discrepancy.data.conditions import Condition, under
+from coronaryuq.discrepancy.forward.fast_settling import Settling
+from coronaryuq.discrepancy.forward.jobs import Job, Prepared, batches, stacked
+from coronaryuq.discrepancy.forward.lockstep import Asking, Run
+from coronaryuq.discrepancy.forward.network_values import carried_over
+from coronaryuq.discrepancy.forward.warm_starts import Point, Starts
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.base import Effect
+from coronaryuq.zerod.solver.periodic import Ahead
+from coronaryuq.zerod.solver.result import Result
+
+Acting = tuple[Effect, str]
+"""An effect at a place."""
+
+MOST_ENGINES = 150
+TOLERANCE = 1e-4
+"""Cycle error of a run: well below the change that a finite difference of the sensitivities looks for."""
+
+PATIENCE = 6
+"""Cycles without half the cycle error after which a run is taken not to settle any closer."""
+LOOSE, MOST_CYCLES = 5e-3, 25
+"""Cycle error that will do where valves that open a step earlier or later keep a run from settling to `TOLERANCE`."""
+NEAR_SETTLED = 0.2
+"""Cycle error below which a run that did not settle goes on from where it is."""
+
+
+@dataclass
+class Simulation:
+    """A network and the conditions it runs under: `prepared` gives a structure of it, `waveforms` runs that.
+
+    alter: a further change of the network under a condition; hidden cases outside the library use it. runs: how many
+    were made.
+    """
+
+    network: dict
+    conditions: dict[str, Condition]
+    anatomy: Anatomy
+    steps_per_cycle: int
+    threads: int = 1
+    alter: Callable[[dict, str], dict] | None = None
+    runs: int = 0
+    _engines: dict = field(default_factory=dict)
+    _met: Starts = field(default_factory=Starts)
+    _settling: Settling = field(default_factory=Settling)
+
+    def changed(self, **fields) -> "Simulation":
+        """The same with other steps, or another change of the network: engines are made anew."""
+        return replace(self, **fields, runs=0, _engines={})
+
+    def branched(self) -> "Simulation":
+        """The same, as much as it has met so far; what the two meet from now on is each one's own."""
+        return replace(self, runs=0, _engines=dict(self._engines), _met=self._met.branched())
+
+    def inserting(self, acting: Collection[Acting]) -> list[Acting]:
+        """Those that add elements to the network."""
+        return [(effect, place) for effect, place in acting if effect.inserts(place, self.anatomy)]
+
+    def structure(self, acting: list[Acting]) -> tuple[dict, dict[str, str]]:
+        """The rest network with the elements of the acting effects, and old → new names of locations."""
+        network, renamed = self.network, {}
+        for effect, place in acting:
+            anatomy = Anatomy(network, self.anatomy.pressure, self.anatomy.flow, self.anatomy.period)
+            fresh = effect.aliases(place, anatomy)
+            network = effect.insert(network, place, anatomy)
+            renamed = {old: fresh.get(new, new) for old, new in renamed.items()} | {
+                old: new for old, new in fresh.items() if old not in renamed.values()
+            }
+        return network, renamed
+
+    def prepared(self, acting: list[Acting]) -> Prepared:
+        inserted = self.inserting(acting)
+        key = elements(inserted)
+        if key not in self._engines:
+            if len(self._engines) > MOST_ENGINES:
+                self._engines.clear()
+            structure, renamed = self.structure(inserted)
+            networks = {name: under(structure, condition) for name, condition in self.conditions.items()}
+            if self.alter is not None:
+                networks = {name: self.alter(network, name) for name, network in networks.items()}
+            prepared = Prepared(networks, renamed)
+            prepared.start = self._starts(prepared, inserted)
+            self._engines[key] = prepared
+        return self._engines[key]
+
+    def _starts(self, prepared: Prepared, inserted: list[Acting]) -> dict[str, np.ndarray | None]:
+        """Periodic states of the conditions' own values; a changed structure takes them over by name."""
+        if inserted and self.alter is None:
+            plain = self.prepared([])
+            return {
+                name: None
+                if state is None
+                else carried_over(plain.engine.state_names, state, prepared.engine.state_names, prepared.renamed)
+                for name, state in plain.start.items()
+            }
+        prepared.start = dict.fromkeys(prepared.networks)
+        nominal = prepared.engine.run(
+            stacked(prepared, [Job(Point(np.zeros(0), {}), name) for name in prepared.networks]),
+            periodic=True,
+            steps_per_cycle=self.steps_per_cycle,
+            tolerance=TOLERANCE,
+        )
+        self.runs += len(prepared.networks)
+        settled = nominal.cycle_error < LOOSE
+        return {name: nominal.state[i] if settled[i] else None for i, name in enumerate(prepared.networks)}
+
+    def waveforms(self, prepared: Prepared, jobs: list[Job], names: list[str]) -> Asking[dict[str, np.ndarray]]:
+        """Waveforms name → (jobs, steps + 1), NaN where a run failed, by the runs that this asks for."""
+        seat: dict[tuple, int] = {}
+        seats = [seat.setdefault(job.key, len(seat)) for job in jobs]
+        found = yield from self._run_each(prepared, [jobs[seats.index(k)] for k in range(len(seat))], names)
+        return {name: waves[seats] for name, waves in found.items()}
+
+    def _run_each(self, prepared: Prepared, jobs: list[Job], names: list[str]) -> Asking[dict[str, np.ndarray]]:
+        self.runs += len(jobs)
+        found = {name: np.full((len(jobs), self.steps_per_cycle + 1), np.nan) for name in names}
+        starts = [prepared.start[job.condition] for job in jobs]
+        own = None if any(state is None for state in starts) else np.array(starts)
+        for numbers in batches(prepared, jobs):
+            changes, left = stacked(prepared, [jobs[i] for i in numbers]), np.array(numbers)
+            batch, start, ahead = [jobs[i] for i in numbers], None, None
+            if own is not None:
+                start = self._start(prepared, batch, own[left], changes)
+                ahead = self._ahead(prepared, batch, changes)
+            for tolerance in (TOLERANCE, LOOSE, LOOSE):
+                mine = np.isin(numbers, left)
+                options = {
+                    "waveforms": names,
+                    "periodic": True,
+                    "cycles": MOST_CYCLES,
+                    "steps_per_cycle": self.steps_per_cycle,
+                    "tolerance": tolerance,
+                    "patience": PATIENCE if tolerance == TOLERANCE else None,
+                    "start": start,
+                    "ahead": ahead,
+                }
+                result = yield Run(prepared.engine, {name: value[mine] for name, value in changes.items()}, options)
+                for name in names:
+                    found[name][left] = result.waveforms[name]
+                self._remember(prepared, [jobs[i] for i in left], result)
+                again = tolerance == LOOSE
+                start = None if own is None else own[left[~result.ok]] if again else _from_there(result, own[left])
+                # What does not settle so is tried again by acceleration alone.
+                left, ahead = left[~result.ok], None
+                if not left.size:
+                    break
+        return found
+
+    @property
+    def _keeps(self) -> bool:
+        """Whether states and modes that were met serve further runs: an open loop forgets where it starts."""
+        return self.anatomy.closed_loop and self.alter is None
+
+    def _ahead(self, prepared: Prepared, jobs: list[Job], changes: dict) -> Ahead | None:
+        if not self._keeps:
+            return None
+        return self._settling.ahead(self.prepared([]), prepared, jobs, changes, self.steps_per_cycle)
+
+    def _start(self, prepared: Prepared, jobs: list[Job], own: np.ndarray, changes: dict) -> np.ndarray:
+        """Where the runs start: by the model as it is, or at the nearest state met before."""
+        if not self._keeps:
+            return own
+        conditions, points = [job.condition for job in jobs], [job.point for job in jobs]
+        return self._met.near(conditions, points, prepared.structure, own, changes)
+
+    def _remember(self, prepared: Prepared, jobs: list[Job], result: Result) -> None:
+        if self._keeps:
+            for job, ok, state in zip(jobs, result.ok, result.state, strict=True):
+                if ok:
+                    self._met.keep(job.condition, job.point, prepared.structure, state)
+
+
+def elements(inserted: list[Acting]) -> tuple:
+    """What tells the structure of a network with these effects from that of another."""
+    return tuple((effect.name, place) for effect, place in inserted)
+
+
+def _from_there(result: Result, own: np.ndarray) -> np.ndarray:
+    """Starts of a second attempt of the runs that failed: where the first ended, if it was near to settling."""
+    failed = ~result.ok
+    near = result.cycle_error[failed] < NEAR_SETTLED
+    return np.where(near[:, None], result.state[failed], own[failed])

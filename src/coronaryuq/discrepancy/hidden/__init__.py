@@ -1,0 +1,1 @@
+"""Cases with an effect hidden on purpose."""

@@ -1,0 +1,1 @@
+"""Fits: the problem, its noise, Gauss-Newton, cross-validation."""

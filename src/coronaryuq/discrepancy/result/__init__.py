@@ -1,0 +1,1 @@
+"""The answer: tables, text, the repaired network."""

@@ -1,0 +1,295 @@
+"""What a search leaves behind: one JSON for the command line, tables for figures, the repaired model."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from coronaryuq.core.io import files
+from coronaryuq.discrepancy.data.conditions import drives_of, kept_out
+from coronaryuq.discrepancy.forward.nuisance import without_noise
+from coronaryuq.discrepancy.forward.simulation import Acting
+from coronaryuq.discrepancy.inference.cross_validation import Gap
+from coronaryuq.discrepancy.inference.noise import with_lasting
+from coronaryuq.discrepancy.result.repair import repaired
+from coronaryuq.discrepancy.result.summary_text import Z_90, paragraph, strained
+from coronaryuq.discrepancy.selection.candidates import Candidate
+from coronaryuq.discrepancy.selection.forward_step import Round
+from coronaryuq.discrepancy.selection.next_measurement import separating
+from coronaryuq.discrepancy.selection.search import Discovery
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.beds import ALL
+
+
+def summary(found: Discovery) -> dict:
+    """The object that `coronaryuq discrepancy --json` prints."""
+    held_out = kept_out(found.problem.forward.conditions)
+    level, told = found.problem.settings.false_discovery_rate, named(found)
+    return {
+        "alarm": found.alarm,
+        "spikes": [vars(one) for one in found.spikes],
+        "noise": {quantity: vars(one) for quantity, one in found.noise.items()},
+        "global_test": {"p": found.located.p, **found.located.tests},
+        "strained": [vars(one) | {"factor": factor} for one, factor in strained(found.located, found)],
+        "still_strained": [vars(one) | {"factor": factor} for one, factor in strained(found.remaining, found)],
+        "located": [vars(group) | {"unit": "CGS"} for group in found.located.groups if group.q < level][:40],
+        "named": told,
+        "probabilities": [
+            {
+                "none": entry.probabilities["none"],
+                "outside": entry.probabilities["outside"],
+                "ranking": [
+                    {"effect": c.effect.name, "place": c.place, "probability": c.probability, "score": c.z_score}
+                    for c in entry.shortlist[:10]
+                ],
+            }
+            for entry in found.rounds
+        ],
+        "outside_library": found.outside_library,
+        "not_borne_out": [
+            {"effect": entry.taken_back.effect.name, "place": entry.taken_back.place, "log_evidence": _adds(entry)}
+            for entry in found.rounds
+            if entry.taken_back is not None
+        ],
+        "mistakes": [{"mistake": one.name, "place": place} for one, place in found.verdict.mistaken],
+        "gap_before": found.gaps.before.misfit,
+        "gap_after": found.gaps.before.misfit if found.outside_library else found.gaps.after.misfit,
+        "gap_flexible": found.gaps.flexible.misfit,
+        "noise_floor": 1.0,
+        "held_out": {
+            "conditions": held_out or "each in turn",
+            "before": found.gaps.before.summary(),
+            "after": found.gaps.after.summary(),
+            "flexible": found.gaps.flexible.summary(),
+            "both": found.gaps.both.summary(),
+            "p_of_foretold": found.verdict.foretold,
+        },
+        "remaining": {"p": found.remaining.p, **found.remaining.tests},
+        "candidates_tested": found.candidates_tested,
+        "paragraph": paragraph(found, held_out, {(one["effect"], one["place"]): one["separate_by"] for one in told}),
+    }
+
+
+def named(found: Discovery) -> list[dict]:
+    """The named effects with probability, class, sizes and, for a class, the measurements that would split it."""
+    forward = found.problem.forward
+    rounds = {entry.accepted.acting: entry for entry in found.named}
+    result = []
+    for effect, place in found.acting:
+        sizes = {}
+        for parameter, z, sd in found.sizes((effect, place)):
+            low, mid, high = (float(parameter.from_standard(z + k * sd)) for k in (-Z_90, 0.0, Z_90))
+            sizes[parameter.name] = {"value": mid, "interval_90": [low, high], "unit": parameter.unit}
+        entry = rounds.get((effect, place))
+        if entry is None:
+            continue
+        mid = {name: size["value"] for name, size in sizes.items()}
+        result.append(
+            {
+                "effect": effect.name,
+                "place": place,
+                "probability": entry.accepted.probability,
+                "class": [_member(c) for c in entry.members],
+                "class_probability": float(sum(c.probability for c in entry.members)),
+                "log_evidence": _adds(entry),
+                "sizes": sizes,
+                "by_condition": _by_condition(found, (effect, place)),
+                "beyond_prior": [parameter.name for parameter in found.beyond_prior((effect, place))],
+                "physical": effect.physical(place, mid, forward.anatomy),
+                "formula": effect.formula,
+                "looks_like": effect.signature,
+                "source": effect.source,
+                "written_as": effect.native,
+                "separate_by": separating(found, entry),
+            }
+        )
+    order = [entry.accepted.acting for entry in found.named]
+    return sorted(result, key=lambda one: [(e.name, p) for e, p in order].index((one["effect"], one["place"])))
+
+
+def _adds(entry: Round) -> dict | None:
+    """Nats that an effect adds to all the others: to what was fitted, and to what was not; None: it is alone.
+
+    Nats are null where the model does not run without it.
+    """
+    if entry.held_out is None:
+        return None
+    nats = {"fitted": entry.worth, "held_out": entry.held_out}
+    return {name: value if np.isfinite(value) else None for name, value in nats.items()}
+
+
+def _by_condition(found: Discovery, acting: Acting) -> dict:
+    """Log odds that the first size differs between conditions, and its 90 % interval under each that tells of it."""
+    one = next(c for c in found.verdict.constancies if c.acting == acting)
+    parameter = acting[0].parameters[0]
+    sizes = {
+        name: [float(parameter.from_standard(mean + k * sd)) for k in (-Z_90, 0.0, Z_90)]
+        for name, (mean, sd) in one.known.items()
+    }
+    return {"log_odds_that_it_differs": one.log_odds, parameter.name: sizes}
+
+
+def _member(candidate: Candidate) -> dict:
+    return {
+        "effect": candidate.effect.name,
+        "place": candidate.place,
+        "probability": candidate.probability,
+    }
+
+
+WRITTEN = (
+    *("discrepancy.json", "paragraph.txt", "located.csv", "residuals.csv", "ranking.csv", "sizes.csv", "tree.csv"),
+    *("gap.csv", "repaired.json", "measurements.csv", "conditions.yaml", "difference.txt"),
+    *("pairs.csv", "laws.csv", "effects.csv"),
+)
+"""All that a search may leave behind, beside the folder `drives`."""
+A_CASE = ("measurements.csv", "conditions.yaml")
+"""Those that a case has as well: beside a repaired model alone they are an earlier search's."""
+
+
+def clear(folder: Path) -> None:
+    """Remove what an earlier search left in `folder`: another answer has no repaired model, perhaps."""
+    drives, repaired = [], (folder / "repaired.json").exists()
+    if repaired and (folder / "conditions.yaml").exists():
+        drives = [path for path in drives_of(folder / "conditions.yaml") if path.parent == folder / "drives"]
+    ours = [folder / name for name in WRITTEN if repaired or name not in A_CASE]
+    for path in (*ours, *drives):
+        path.unlink(missing_ok=True)
+
+
+def write(found: Discovery, folder: Path) -> dict:
+    """Write everything into `folder`; returns the summary.
+
+    discrepancy.json; located.csv; residuals.csv; ranking.csv; sizes.csv; tree.csv; gap.csv; paragraph.txt; and,
+    unless the effect is outside the library, repaired.json, measurements.csv, conditions.yaml, difference.txt.
+    """
+    answer = summary(found)
+    mended = (
+        None
+        if found.outside_library
+        else repaired(replace(found.problem.forward, measured=found.given), found.acting, found.fit)
+    )
+    tables = {
+        "located.csv": pd.DataFrame([vars(group) for group in found.located.groups]),
+        "residuals.csv": _residuals(found),
+        "ranking.csv": _ranking(found),
+        "sizes.csv": _sizes(found),
+        "tree.csv": _tree(found),
+        "gap.csv": _gaps(found),
+    }
+    clear(folder)
+    for name, table in tables.items():
+        files.write_csv(folder / name, table)
+    if mended is not None:
+        mended.write(folder)
+    files.write_text(folder / "paragraph.txt", answer["paragraph"] + "\n")
+    # Last, so that where it stands all the others do.
+    files.write_json(folder / "discrepancy.json", answer)
+    return answer
+
+
+def _residuals(found: Discovery) -> pd.DataFrame:
+    problem = found.problem
+    series = [problem.forward.measured[i] for i in problem.owner]
+    parameters = problem.forward.nuisances
+    (plain,) = found.plain.whitened([(without_noise(parameters, found.base.z), [])])
+    (repaired,) = problem.whitened([(without_noise(parameters, found.fit.z), found.acting)])
+    times = np.concatenate([np.full(1, np.nan) if s.time is None else s.time for s in problem.forward.measured])
+    return pd.DataFrame(
+        {
+            "condition": [s.condition for s in series],
+            "quantity": [s.quantity for s in series],
+            "location": [s.location for s in series],
+            "statistic": [s.statistic for s in series],
+            "time": times,
+            "phase": times / np.array([s.period for s in series]),
+            "measured": problem.y,
+            "sd": with_lasting(problem),
+            "recalibrated": problem.y - plain * problem.sd,
+            "repaired": problem.y - repaired * problem.sd,
+            "fitted": problem.train,
+            "named": bool(found.named),
+        }
+    )
+
+
+def _ranking(found: Discovery) -> pd.DataFrame:
+    rows = []
+    for number, entry in enumerate(found.rounds, start=1):
+        rows.append((number, "none", "", entry.probabilities["none"], 0.0, False))
+        rows.append((number, "outside the library", "", entry.probabilities["outside"], 0.0, False))
+        for c in entry.shortlist:
+            rows.append((number, c.effect.name, c.place, c.probability, c.z_score, c is entry.accepted))
+    return pd.DataFrame(rows, columns=["round", "effect", "place", "probability", "score", "accepted"])
+
+
+def _sizes(found: Discovery) -> pd.DataFrame:
+    """Posterior density of every size of the named effects, on a grid."""
+    rows = []
+    for effect, place in found.acting:
+        for parameter, mode, sd in found.sizes((effect, place)):
+            z = mode + sd * np.linspace(-4, 4, 161)
+            size = parameter.from_standard(z)
+            per_size = 1.0 / np.abs(np.gradient(size, z))
+            density = per_size * np.exp(-0.5 * ((z - mode) / sd) ** 2)
+            density = density / np.trapezoid(density, size)
+            prior = per_size * np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi)
+            rows += [
+                (effect.name, place, parameter.name, parameter.unit, *row)
+                for row in zip(size, density, prior, strict=True)
+            ]
+    return pd.DataFrame(rows, columns=["effect", "place", "parameter", "unit", "size", "posterior", "prior"])
+
+
+def _tree(found: Discovery) -> pd.DataFrame:
+    """Vessels with their parent, the largest disagreement measured at either end (score in standard deviations), and
+    the named effects that act at a vessel or at its bed.
+    """
+    anatomy = found.problem.forward.anatomy
+    worst: dict[str, float] = {}
+    for group in found.located.groups:
+        vessel = anatomy.beds.get(group.location) or anatomy.vessel_at(group.location)
+        if vessel:
+            worst[vessel] = max(worst.get(vessel, 0.0), abs(group.score))
+    rows = [
+        (
+            name,
+            anatomy.parents[name][0] if anatomy.parents[name] else "",
+            anatomy.flow_scale(name),
+            worst.get(name, np.nan),
+            "; ".join(
+                f"{effect.name} at {place}"
+                for effect, place in (entry.accepted.acting for entry in found.named)
+                if name in vessels_of(place, anatomy)
+            ),
+        )
+        for name in anatomy.vessels
+    ]
+    return pd.DataFrame(rows, columns=["vessel", "parent", "mean_flow", "disagreement", "named"])
+
+
+def vessels_of(place: str, anatomy: Anatomy) -> list[str]:
+    """The vessels that a place is, or whose beds it is: two of a collateral, none of a sensor."""
+    if place == ALL:
+        return list(anatomy.beds.values())
+    parts = [part for end in place.split("~") for part in end.split("<")]
+    return [anatomy.beds.get(part, part) for part in parts if part in anatomy.beds or part in anatomy.vessels]
+
+
+def _gaps(found: Discovery) -> pd.DataFrame:
+    models = (
+        ("recalibration alone", found.gaps.before),
+        ("with the named effects" if found.named else "with what comes nearest", found.gaps.after),
+        ("flexible discrepancy", found.gaps.flexible),
+        ("both together", found.gaps.both),
+    )
+    return pd.DataFrame(
+        [gap_row(*one) for one in models],
+        columns=["model", "misfit", "low", "high", "log_predictive_density", "noise_floor"],
+    )
+
+
+def gap_row(name: str, gap: Gap) -> tuple:
+    """A row of `gap.csv`."""
+    return name, gap.misfit, *gap.interval, gap.lpd, 1.0

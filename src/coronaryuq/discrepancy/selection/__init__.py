@@ -1,0 +1,1 @@
+"""Which effect is missing: stepwise selection among candidates, and abstention."""

@@ -1,0 +1,1 @@
+"""The search on paired tables of simulated and measured outputs."""

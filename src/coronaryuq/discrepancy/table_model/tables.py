@@ -1,0 +1,298 @@
+"""Table models: pairs of simulated and measured outputs without a network, joined and cut into branches."""
+
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.optimize import minimize_scalar
+
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import read_csv
+
+SD_ZERO_FLOW, SD_BED, FLOOR_BED = 0.1, 0.25, 0.003
+"""Prior standard deviations of the zero-flow pressure over the root's and of the logarithm of a bed's resistance;
+relative error of an outlet's pressure and flow below which tables are not to be believed."""
+EXACT, LARGEST_ROUNDING = 1e-6, 0.01
+"""Relative difference that two equal pressures may have, and the largest that rounding may add to it."""
+MOST_DIGITS = 12
+AS_NEAR = 2.0
+"""Standard errors of the mean difference of squares within which two columns are equally near."""
+LEAST_SAMPLES = 20
+LARGEST_FFR = 1.5
+LARGEST_RATIO, LARGEST_FLOW_RATIO = 3.0, 20.0
+"""Of the root's mean pressure, and of a branch's flow, in both tables, beyond which they are not in one unit."""
+SAME_PRESSURE = 1e-3
+"""Share of the root's pressure by which two columns of one pressure may differ: FFR is rounded."""
+
+
+@dataclass(frozen=True)
+class Branch:
+    """One stenosed branch: pressures at root, behind the stenosis and at the outlet; simulated (0), measured (3).
+
+    name: of the `ffr_NAME` column; place: 0D location of the distal pressure; all arrays (n,), the table's units.
+    venous: zero-flow pressure of the beds, with its posterior standard deviation `venous_sd`.
+    flow_source: "measured", or how the measured flow was had from the pressures.
+    """
+
+    name: str
+    place: str
+    root0: np.ndarray
+    root3: np.ndarray
+    distal0: np.ndarray
+    distal3: np.ndarray
+    outlet0: np.ndarray
+    outlet3: np.ndarray
+    flow0: np.ndarray
+    flow3: np.ndarray
+    venous: float
+    flow_source: str
+    venous_sd: float = 0.0
+
+    @property
+    def one_sensor(self) -> bool:
+        """Whether what is read behind the stenosis is what is read at the outlet, errors and all."""
+        return all(
+            bool((np.abs(distal - outlet) <= SAME_PRESSURE * root).all())
+            for distal, outlet, root in (
+                (self.distal0, self.outlet0, self.root0),
+                (self.distal3, self.outlet3, self.root3),
+            )
+        )
+
+    @property
+    def drop0(self) -> np.ndarray:
+        return self.root0 - self.distal0
+
+    @property
+    def drop3(self) -> np.ndarray:
+        return self.root3 - self.distal3
+
+
+def artery(name: str) -> str:
+    """A branch as one writes it: LAD, LCx, RCA."""
+    return {"lcx": "LCx"}.get(name.lower(), name.upper())
+
+
+def read_pairs(simulated: str | Path, measured: str | Path) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Both tables, rows joined by `sample` and in one order. Raises `InputError` where no samples are common."""
+    tables = [read_csv(path, ("sample",)).set_index("sample") for path in (simulated, measured)]
+    for path, table in zip((simulated, measured), tables, strict=True):
+        if table.index.has_duplicates:
+            raise InputError(path, "sample", str(table.index[table.index.duplicated()][0]), "given twice; keep one row")
+        _check_ffr(path, table)
+    common = [name for name in tables[0].index if name in tables[1].index]
+    if len(common) < LEAST_SAMPLES:
+        ids = " and ".join(repr(table.index.tolist()[0]) for table in tables if len(table))
+        remedy = f"samples in common with {simulated}, whose names may differ ({ids}); need at least {LEAST_SAMPLES}"
+        raise InputError(measured, "sample", len(common), remedy)
+    first, second = (table.loc[common].apply(pd.to_numeric, errors="coerce") for table in tables)
+    return first, second
+
+
+def _check_ffr(path: str | Path, table: pd.DataFrame) -> None:
+    for column in (c for c in table.columns if str(c).startswith("ffr_")):
+        middle = pd.to_numeric(table[column], errors="coerce").median()
+        if not (np.isnan(middle) or 0.0 < middle <= LARGEST_FFR):
+            remedy = "as the middle of all; want distal over root pressure, 0 to 1 (not in %)"
+            raise InputError(path, column, float(f"{middle:.4g}"), remedy)
+
+
+def branches(
+    simulated: pd.DataFrame, measured: pd.DataFrame, file: str | Path, measured_file: str | Path
+) -> list[Branch]:
+    """The branches that both tables describe by `ffr_NAME`.
+
+    The root's pressure is the highest mean pressure that both have. The distal location is the simulated pressure that
+    equals FFR times root pressure. Its outlet is the one there, or the one whose pressure follows it best; the
+    measured flow is that of the outlet, or scales as it does. `venous` is the zero-flow pressure that the
+    outlets' pairs agree on.
+    """
+    pairs = _pairs(simulated, measured)
+    pressures = {key: pair for key, pair in pairs.items() if key[0] == "mean_pressure"}
+    flows = {key: pair for key, pair in pairs.items() if key[0] == "mean_flow"}
+    names = [c[4:] for c in simulated.columns if c.startswith("ffr_") and c in measured.columns]
+    if not names:
+        raise _column_missing(simulated, file, measured_file, "ffr_NAME")
+    for here, path, there in ((simulated, file, measured), (measured, measured_file, simulated)):
+        lonely = [c for c in here.columns if str(c).lower().startswith("ffr_") and c not in there.columns]
+        if lonely:
+            print(f"note: {path}: {', '.join(lonely)}: not in the other table, left out", file=sys.stderr)
+    for wanted, there in (("mean_pressure:A:B", pressures), ("mean_flow:A:B", flows)):
+        if not there:
+            raise _column_missing(simulated, file, measured_file, wanted)
+    ratios = [f"ffr_{name}" for name in names]
+    root = max(pressures, key=lambda key: np.nan_to_num(measured[pressures[key][1]].mean(), nan=-np.inf))
+    _check_whole(file, simulated, [*ratios, pressures[root][0]])
+    _check_whole(measured_file, measured, [*ratios, pressures[root][1]])
+    root0, root3 = (table[c].to_numpy() for table, c in zip((simulated, measured), pressures[root], strict=True))
+    ratio = float(root3.mean() / root0.mean())
+    if not 1.0 / LARGEST_RATIO < ratio < LARGEST_RATIO:
+        remedy = f"the other table has {ratio:.4g} times its mean; give both in one unit of pressure"
+        raise InputError(file, pressures[root][0], float(f"{root0.mean():.4g}"), remedy)
+    venous, venous_sd = _zero_flow(simulated, measured, pressures, flows, root)
+    outlets = {key: pair for key, pair in pressures.items() if key != root}
+    found = []
+    for name in names:
+        place = _same_pressure(simulated, pressures[root][0], file, name)
+        distal0 = simulated[f"mean_pressure:{place}"].to_numpy()
+        distal3 = measured[f"ffr_{name}"].to_numpy() * root3
+        if f"mean_flow:{place}" not in simulated.columns:
+            raise InputError(file, f"mean_flow:{place}", None, f"column missing: the flow at the stenosis of {name}")
+        flow0 = simulated[f"mean_flow:{place}"].to_numpy()
+        outlet = _outlet(file, simulated, outlets, flows, root0, distal0, place)
+        (p0, p3), (q0, q3) = outlets["mean_pressure", outlet], flows["mean_flow", outlet]
+        _check_whole(file, simulated, [p0, q0, f"mean_flow:{place}"])
+        _check_whole(measured_file, measured, [p3, q3])
+        _check_forward(file, simulated, [q0, f"mean_flow:{place}"])
+        _check_forward(measured_file, measured, [q3])
+        flow3 = flow0 * measured[q3].to_numpy() / simulated[q0].to_numpy()
+        source = f"simulated flow times measured over simulated flow of outlet {outlet}"
+        if q0 == f"mean_flow:{place}":
+            source = "measured"
+        ends = (simulated[p0].to_numpy(), measured[p3].to_numpy())
+        parts = (root0, root3, distal0, distal3, *ends, flow0, flow3)
+        times = float(np.median(flow3 / flow0))
+        if not 1.0 / LARGEST_FLOW_RATIO < times < LARGEST_FLOW_RATIO:
+            remedy = f"the other table has {times:.4g} times its flow; give both in one unit of flow"
+            raise InputError(file, q0, float(f"{np.median(flow0):.4g}"), remedy)
+        found.append(Branch(name, place, *parts, venous, source, venous_sd))
+    return found
+
+
+def _column_missing(simulated: pd.DataFrame, file: str | Path, measured_file: str | Path, wanted: str) -> InputError:
+    """That no column of that kind is common to both tables, with the file of the one that has none."""
+    prefix = wanted.removesuffix("NAME").removesuffix("A:B")
+    has = any(str(column).startswith(prefix) for column in simulated.columns)
+    return InputError(measured_file if has else file, wanted, None, "no such column that both tables have")
+
+
+def _check_whole(path: str | Path, table: pd.DataFrame, columns: list[str]) -> None:
+    for column in columns:
+        gaps = ~np.isfinite(table[column].to_numpy())
+        if gaps.any():
+            remedy = f"no finite number in sample {table.index[int(np.argmax(gaps))]}; leave that row out"
+            raise InputError(path, column, None, remedy)
+
+
+def _check_forward(path: str | Path, table: pd.DataFrame, columns: list[str]) -> None:
+    """Raise `InputError` where blood does not flow downstream: laws of loss are fitted to relative flows."""
+    for column in columns:
+        wrong = ~(table[column].to_numpy() > 0.0)
+        if wrong.any():
+            sample, value = table.index[int(np.argmax(wrong))], float(table[column].to_numpy()[wrong][0])
+            remedy = f"in sample {sample}; want a positive flow, downstream; leave that row out"
+            raise InputError(path, column, value, remedy)
+
+
+def _pairs(simulated, measured) -> dict[tuple[str, str], tuple[str, str]]:
+    """(statistic_quantity, block downstream) → columns of both tables that mean the same."""
+
+    def key(column):
+        match = re.fullmatch(r"((?:mean|min|max)_(?:pressure|flow)):([^:]+):([^:]+)", column)
+        return (match[1], re.sub(r"^(inlet_|outlet_)", "", match[3])) if match else None
+
+    first = {key(c): c for c in simulated.columns if key(c)}
+    second = {key(c): c for c in measured.columns if key(c)}
+    return {k: (first[k], second[k]) for k in first if k in second}
+
+
+def _same_pressure(simulated: pd.DataFrame, root: str, file: str | Path, name: str) -> str:
+    """Where the distal pressure of a branch is taken: `A:B` of the column that equals FFR times the root's pressure.
+
+    But for `EXACT` and for what the digits of the three columns leave open. Of columns within that the nearest, the
+    first of equal ones; an `InputError` where none is, or where another one is as near.
+    """
+    ffr, over = simulated[f"ffr_{name}"].to_numpy(), simulated[root].to_numpy()
+    columns = [c for c in simulated.columns if c.startswith("mean_pressure:") and np.isfinite(simulated[c]).all()]
+    wanted, squares = ffr * over, {}
+    for column in columns:
+        pressure = simulated[column].to_numpy()
+        open_ = over * _rounding(ffr) + ffr * _rounding(over) + _rounding(pressure)
+        allowed = EXACT + np.minimum(open_ / wanted, LARGEST_ROUNDING)
+        if (np.abs(pressure / wanted - 1.0) < allowed).all():
+            squares[column] = (pressure / wanted - 1.0) ** 2
+    if not squares:
+        raise InputError(file, f"ffr_{name}", None, "no mean_pressure column equals FFR times the root's pressure")
+    best = min(squares, key=lambda c: squares[c].mean())
+    for other in squares:
+        same = np.abs(simulated[other] / simulated[best] - 1.0).max() < EXACT
+        more = squares[other] - squares[best]
+        if not same and more.mean() < AS_NEAR * more.std() / np.sqrt(len(more)):
+            remedy = f"times the root's pressure is {best} or {other}, as far as it is rounded; give more digits"
+            raise InputError(file, f"ffr_{name}", None, remedy)
+    return best.split(":", 1)[1]
+
+
+def _rounding(values: np.ndarray) -> np.ndarray:
+    """Half a unit of each number's last digit, (n,), as all were written: to so many decimals, or so many digits."""
+    exponent = np.floor(np.log10(np.maximum(np.abs(values), np.finfo(float).tiny)))
+    halves = np.zeros(len(values))
+    for of_first in (np.zeros(len(values)), exponent):
+        for digits in range(-3, MOST_DIGITS):
+            unit = 10.0 ** (of_first - digits)
+            if np.allclose(np.round(values / unit) * unit, values, rtol=1e-14, atol=0.0):
+                halves = np.maximum(halves, 0.5 * unit)
+                break
+    return halves
+
+
+def _outlet(file, simulated, outlets, flows, root0, distal0, place: str) -> str:
+    """The outlet at a place, or the one whose pressure over the root's follows that of the place best."""
+    shared = {block: pair for (_, block), pair in outlets.items() if ("mean_flow", block) in flows}
+    if not shared:
+        remedy = "no outlet has both in both tables; want mean_pressure and mean_flow of one at least"
+        raise InputError(file, "mean_pressure:A:B, mean_flow:A:B", None, remedy)
+    if place.split(":")[-1] in shared:
+        return place.split(":")[-1]
+    follows = {
+        block: abs(np.corrcoef(simulated[column] / root0, distal0 / root0)[0, 1])
+        for block, (column, _) in shared.items()
+    }
+    return max(follows, key=follows.get)
+
+
+def _zero_flow(simulated, measured, pressures, flows, root) -> tuple[float, float]:
+    """Pressure at which beds carry no flow, from 0 to below the least at any outlet: most probable, and posterior sd.
+
+    A bed keeps its resistance but for a factor k of its own: P3 - z = k (P0 - z) Q3 / Q0. What is left of that is
+    weighed by the variance that equal relative errors of P3 and Q3 give it (total least squares), its own size unknown
+    above `FLOOR_BED`; k and z have priors, so that beds whose flow does not change tell nothing and leave z near 0.
+    """
+    beds = []
+    for key, (p0, p3) in pressures.items():
+        pair = flows.get(("mean_flow", key[1]))
+        if key == root or pair is None:
+            continue
+        a, b, q, r = (
+            t[c].to_numpy() for t, c in ((simulated, p0), (measured, p3), (simulated, pair[0]), (measured, pair[1]))
+        )
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = r / q
+            whole = np.isfinite(a * b * ratio) & (a > 0.0) & (b > 0.0) & (ratio > 0.0)
+        if whole.any():
+            beds.append((a[whole], b[whole], ratio[whole]))
+    if not beds:
+        return 0.0, 0.0
+    scale = SD_ZERO_FLOW * float(simulated[pressures[root][0]].mean())
+
+    def objective(z):
+        total = 0.5 * (z / scale) ** 2
+        for a, b, ratio in beds:
+            expected, weight = (a - z) * ratio, 1.0 / (b**2 + (b - z) ** 2)
+            factor = np.sum(weight * (b - z) * expected) / np.sum(weight * expected**2)
+            left = np.mean(weight * (b - z - factor * expected) ** 2)
+            total += 0.5 * len(a) * np.log(left + FLOOR_BED**2) + 0.5 * (np.log(factor) / SD_BED) ** 2
+        return float(total)
+
+    least = min(min(a.min(), b.min()) for a, b, _ in beds)
+    grid = np.linspace(0.0, least, 200, endpoint=False)
+    best = int(np.argmin([objective(z) for z in grid]))
+    bounds = (grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)])
+    found = float(minimize_scalar(objective, bounds=bounds, method="bounded", options={"xatol": 1e-6 * least}).x)
+    # Beyond the least pressure a bed's factor would be negative.
+    step = min(0.01 * scale, 0.5 * (least - found))
+    curvature = (objective(found + step) - 2.0 * objective(found) + objective(found - step)) / step**2
+    return found, float(1.0 / np.sqrt(max(curvature, scale**-2)))

@@ -1,0 +1,1 @@
+"""What a campaign asks of the estimators: tables, allocation, convergence, diagnostics."""

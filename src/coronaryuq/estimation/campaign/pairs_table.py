@@ -1,0 +1,54 @@
+"""Pairs of 3D and 0D outputs, before and after the shared space: the data behind the scatter figure (Fig. 3)."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from coronaryuq.core.io.files import write_csv
+from coronaryuq.estimation.campaign.analysis import chosen_rows, curves_of
+from coronaryuq.estimation.estimators.folds import assign, count
+from coronaryuq.estimation.estimators.per_row import aligned
+from coronaryuq.estimation.runs.table import Row, Runs, pair, read_rows, read_runs
+from coronaryuq.estimation.settings import Settings
+from coronaryuq.estimation.surrogates import mfmc_ae
+from coronaryuq.estimation.surrogates.networks_file import read_networks, read_resampled
+
+
+def write_pairs(
+    runs_folder: str | Path, networks_npz: str | Path, zerod_tables: list[str | Path], settings: Settings, seed: int,
+    out_csv: str | Path,
+) -> None:  # fmt: skip
+    """Columns: row, label, sample, y (3D), q (0D at the same θ), q_resampled (0D at the input that the shared space
+    pairs with it).
+
+    Every resampled value comes from the network that did not see its sample, so the figure shows what a new sample
+    would show. Each fold's network has a sign and scale of its own: they are aligned as the estimator aligns them, to
+    rise with y, at the mean and spread of q. Without networks the column is empty.
+    """
+    runs, rows_csv = read_runs(runs_folder), Path(runs_folder) / "rows.csv"
+    networks = read_networks(networks_npz)
+    outputs = read_resampled(zerod_tables) if networks else None
+    write_csv(
+        out_csv, pairs(runs, chosen_rows(read_rows(rows_csv), settings, rows_csv), settings, seed, networks, outputs)
+    )
+
+
+def pairs(
+    runs: Runs, rows: list[Row], settings: Settings, seed: int, networks: mfmc_ae.Networks | None,
+    resampled: pd.DataFrame | None,
+) -> pd.DataFrame:  # fmt: skip
+    """The table of `write_pairs`. `resampled`: 0D outputs at the networks' inputs, index `sample`."""
+    fold = assign(len(runs), count(len(runs), settings.folds), seed)
+    frames = []
+    for row in rows:
+        y, q = pair(runs, row)
+        again = np.full(len(y), np.nan)
+        curves = curves_of(networks, row, resampled[row.column_0d], settings.curve_nodes) if networks else {}
+        for k in (k for k in curves if k != mfmc_ae.IN_SAMPLE):
+            held, train = np.flatnonzero(fold == k), np.flatnonzero(fold != k)
+            follows = aligned(runs.theta, y, train, networks, row, k, curves)
+            again[held] = q.mean() + q.std() * follows(runs.theta[held])
+        frame = {"row": row.name, "label": row.label, "sample": runs.samples, "y": y, "q": q, "q_resampled": again}
+        frames.append(pd.DataFrame(frame))
+    return pd.concat(frames, ignore_index=True)

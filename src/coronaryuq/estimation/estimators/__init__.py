@@ -1,0 +1,1 @@
+"""Estimators of a mean and its interval."""

@@ -1,0 +1,159 @@
+"""Folds, propagation blocks and emulated 0D outputs that all rows of one campaign share."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from coronaryuq.core.seeds import generator
+from coronaryuq.estimation.estimators import folds
+from coronaryuq.estimation.runs.table import Row, Runs, pair
+from coronaryuq.estimation.surrogates.control_variates import Seen
+from coronaryuq.estimation.surrogates.emulator import Emulator, informative
+
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
+
+
+@dataclass(frozen=True)
+class Block:
+    """Propagation samples of one fold: indices (m,); log θ (m · s, d) at s values of the integrated input."""
+
+    index: np.ndarray
+    log_theta: np.ndarray
+    outputs: dict[str, np.ndarray]
+    repeats: int
+
+    def average(self, values: np.ndarray) -> np.ndarray:
+        """Values (m · s,) integrated over the known input: (m,)."""
+        if self.repeats == 1:
+            return values
+        return values.reshape(-1, self.repeats) @ (WEIGHTS / 2)
+
+    def weights(self, samples: int) -> np.ndarray:
+        """Weights of the first `samples` propagation samples at every value of the integrated input."""
+        return np.ones(samples) if self.repeats == 1 else np.tile(WEIGHTS / 2, samples)
+
+
+@dataclass(frozen=True)
+class Design:
+    """Everything that is fixed before a 3D output is looked at.
+
+    fold (n,); blocks, one per fold; held_out: 0D output → (n,) emulated without the sample's own fold; shared: names
+    of the 0D outputs that every control variate may see, those of all rows among them; emulator_error: 0D output →
+    held-out mean square error over variance. coarse: per fold its samples of the coarse 3D level beyond the pilot;
+    empty without such a level. target: as in `crossfit.combine`.
+    """
+
+    runs: Runs
+    fold: np.ndarray
+    blocks: list[Block]
+    held_out: dict[str, np.ndarray]
+    shared: list[str]
+    emulator_error: dict[str, float]
+    integrated: bool
+    coarse: tuple[Block, ...] = ()
+    target: int = 0
+
+    @property
+    def log_theta(self) -> np.ndarray:
+        return np.log(self.runs.theta)
+
+    def training(self, row: Row, k: int) -> tuple[Seen, np.ndarray]:
+        """What the training runs of fold k show (their own 0D outputs), and their indices."""
+        index = np.flatnonzero(self.fold != k)
+        q = self.runs.q
+        seen = Seen(self.log_theta, q[row.column_0d].to_numpy(float), q[self.shared].to_numpy(float))
+        return seen[index], index
+
+    def held(self, row: Row, k: int) -> tuple[Seen, np.ndarray]:
+        """What the held-out runs of fold k show (emulated 0D outputs), and their indices."""
+        index = np.flatnonzero(self.fold == k)
+        outputs = np.column_stack([self.held_out[c] for c in self.shared])
+        return Seen(self.log_theta, self.held_out[row.column_0d], outputs)[index], index
+
+    def propagated(self, row: Row, k: int) -> Seen:
+        """What the propagation samples of fold k show."""
+        return self._of(row, self.blocks[k])
+
+    def coarse_training(self, row: Row, k: int) -> tuple[Seen, np.ndarray]:
+        """What the samples of the coarse level without those of fold k show, and their indices: the pilot first."""
+        pilot, index = self.training(row, k)
+        q, part = self.runs.q_coarse, np.ones(len(self.runs.theta_coarse), dtype=bool)
+        part[self.coarse[k].index] = False
+        more = Seen(np.log(self.runs.theta_coarse), q[row.column_0d].to_numpy(float), q[self.shared].to_numpy(float))[
+            part
+        ]
+        both = (np.concatenate(pair) for pair in zip(pilot.arrays, more.arrays, strict=True))
+        return Seen(*both), np.concatenate([index, len(self.runs) + np.flatnonzero(part)])
+
+    def coarse_held(self, row: Row, k: int) -> tuple[Seen, np.ndarray]:
+        """What the samples of fold k of the coarse level beyond the pilot show, and their indices."""
+        return self._of(row, self.coarse[k]), len(self.runs) + self.coarse[k].index
+
+    def _of(self, row: Row, block: Block) -> Seen:
+        outputs = np.column_stack([block.outputs[c] for c in self.shared])
+        return Seen(block.log_theta, block.outputs[row.column_0d], outputs)
+
+
+def make_design(runs: Runs, rows: list[Row], k: int, seed: int, scaling: str | None = None, most: int = 10) -> Design:
+    """Assign folds, share out propagation samples, emulate 0D outputs without each fold.
+
+    `scaling`: input whose law is known to be uniform within its limits and independent of the others; where the
+    propagation samples do not contradict that (`integrable`), control variates are integrated over it exactly at 8
+    Gauss nodes.
+    """
+    for row in rows:
+        pair(runs, row)  # a row that names a missing column ends here
+    n, m = len(runs), len(runs.theta_more)
+    fold = folds.assign(n, k, seed)
+    integrated = scaling is not None and integrable(runs, scaling)
+    wanted = list(dict.fromkeys(row.column_0d for row in rows))
+    names = informative(runs.q, wanted, max(most, len(wanted)))
+    order = generator(seed, "estimation", "blocks").permutation(m) % k
+    log_theta, held_out, blocks = np.log(runs.theta), {name: np.empty(n) for name in names}, []
+    coarse, part = [], None if runs.coarse is None else folds.assign(len(runs.theta_coarse), k, seed, "coarse")
+    for j in range(k):
+        train, held = fold != j, fold == j
+        emulator = Emulator(log_theta[train], runs.q.loc[train, names])
+        for name, values in emulator.predict(log_theta[held]).items():
+            held_out[name][held] = values
+        index = np.flatnonzero(order == j)
+        spread, repeats = _spread(runs, index, scaling if integrated else None)
+        blocks.append(Block(index, spread, emulator.predict(spread), repeats))
+        if runs.coarse is not None:
+            index = np.flatnonzero(part == j)
+            log_coarse = np.log(runs.theta_coarse[index])
+            coarse.append(Block(index, log_coarse, emulator.predict(log_coarse), 1))
+    error = {
+        name: float(np.mean((held_out[name] - runs.q[name]) ** 2) / (np.var(runs.q[name]) or 1.0)) for name in names
+    }
+    return Design(runs, fold, blocks, held_out, names, error, integrated, tuple(coarse))
+
+
+def integrable(runs: Runs, scaling: str) -> bool:
+    """Whether the propagation samples agree with a uniform, independent `scaling`, both tests at 0.1 %.
+
+    Kolmogorov-Smirnov against the limits; Spearman's rank correlation with every other input, Bonferroni-corrected.
+    """
+    if scaling not in runs.inputs or runs.limits is None or len(runs.theta_more) < 100:
+        return False
+    j = runs.inputs.index(scaling)
+    low, high = runs.limits[j]
+    s, others = runs.theta_more[:, j], np.delete(runs.theta_more, j, axis=1)
+    if s.min() < low or s.max() > high:
+        return False
+    uniform = stats.kstest(s, stats.uniform(low, high - low).cdf).pvalue
+    moving = [other for other in others.T if np.ptp(other) > 0]
+    independent = min((stats.spearmanr(s, other).pvalue for other in moving), default=1.0) * max(len(moving), 1)
+    return bool(uniform > 1e-3 and independent > 1e-3)
+
+
+def _spread(runs: Runs, index: np.ndarray, scaling: str | None) -> tuple[np.ndarray, int]:
+    theta = runs.theta_more[index]
+    if scaling is None:
+        return np.log(theta), 1
+    j = runs.inputs.index(scaling)
+    low, high = runs.limits[j]
+    repeated = np.repeat(theta, len(NODES), axis=0)
+    repeated[:, j] = np.tile(low + (NODES + 1) / 2 * (high - low), len(theta))
+    return np.log(repeated), len(NODES)

@@ -1,0 +1,70 @@
+"""What a coarse 3D level is worth: variance times cost with it and without, and how many runs it should have."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from coronaryuq.estimation.estimators.multilevel_crossfit import Parts
+
+WITHOUT = ("MC", "MFMC", "MFMC-AE", "best")
+"""Estimators that use no coarse level."""
+
+
+@dataclass(frozen=True)
+class Costs:
+    """Costs in fine 3D runs, of a coarse run and of a 0D run."""
+
+    coarse: float
+    cheap: float
+
+
+@dataclass(frozen=True)
+class Allocation:
+    """Counts per fine run that give the least variance for a budget, and variance times cost there."""
+
+    coarse: float
+    cheap: float
+    product: float
+
+
+def allocation(parts: Parts, costs: Costs) -> Allocation:
+    """The least of (fine + coarse / r + cheap / m) (1 + r w + m w_0) over counts per fine run: r, at least 1 as the
+    coarse level runs the pilot too, and m.
+
+    Giles 2015, equation 1: counts go as the square root of variance over cost, and the product is the square of the sum
+    of the roots of variance times cost. Where the root asks for fewer coarse runs than fine ones, both levels run on
+    the same samples.
+    """
+    fine, coarse, per_fine = parts.fine, parts.coarse, 1.0
+    if coarse > fine * costs.coarse:
+        ratio, roots = np.sqrt(coarse / (costs.coarse * fine)) if fine > 0 else np.inf, [fine, coarse * costs.coarse]
+    else:
+        ratio, roots, per_fine = 1.0, [(fine + coarse) * (1 + costs.coarse)], 1 + costs.coarse
+        fine = fine + coarse
+    cheap = np.sqrt(parts.cheap * per_fine / (costs.cheap * fine)) if fine > 0 else np.inf
+    product = sum(np.sqrt(value) for value in [*roots, parts.cheap * costs.cheap]) ** 2
+    return Allocation(float(ratio), float(cheap), float(product))
+
+
+def worth(row: dict, n_coarse: int, costs: Costs) -> dict | None:
+    """For one row of `estimates.json`: what the coarse level gained at the counts that were run, None without one.
+
+    without: the estimator with the least claimed error among those that use no coarse level. claim_ratio: claimed
+    standard deviation with the level over that. gain: variance times cost without the level over the same with it;
+    above 1 the level has paid, if the error without it falls as one over the square root of the fine runs.
+    best_runs_per_fine: what would be best for these variances.
+    """
+    if row["levels"] is None:
+        return None
+    made, n = row["estimators"], row["estimators"]["MC"]["n_3d"]
+    without = min((name for name in WITHOUT if name in made), key=lambda name: made[name]["std"])
+    zerod = costs.cheap * row["n_propagation"]
+    variance = {name: made[name]["std"] ** 2 for name in (without, "multilevel")}
+    cost = {without: n * (1 + costs.cheap) + zerod}
+    cost["multilevel"] = cost[without] + n_coarse * costs.coarse + max(0, n_coarse - n) * costs.cheap
+    return {
+        "without": without,
+        "claim_ratio": (variance["multilevel"] / variance[without]) ** 0.5,
+        "gain": variance[without] * cost[without] / (variance["multilevel"] * cost["multilevel"]),
+        "best_runs_per_fine": allocation(Parts(**row["levels"]), costs).coarse,
+    }

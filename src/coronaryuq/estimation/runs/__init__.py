@@ -1,0 +1,1 @@
+"""Tables of model runs: gathered from a campaign, or published."""

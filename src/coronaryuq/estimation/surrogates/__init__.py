@@ -1,0 +1,1 @@
+"""Surrogates of the models: control variates, Gaussian processes, autoencoders."""

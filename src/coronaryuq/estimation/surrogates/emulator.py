@@ -1,0 +1,50 @@
+"""Gaussian-process emulators of 0D outputs: the 0D model at inputs where nobody ran it.
+
+A 0D mean flow or FFR is a smooth function of θ. A control variate that sees 0D outputs sees them through an emulator
+fitted without the fold that it is used on, so it is a function of θ alone and the estimator stays unbiased whatever
+the emulator's error is; the error costs correlation only.
+"""
+
+import numpy as np
+import pandas as pd
+
+from coronaryuq.estimation.surrogates import gaussian_process
+
+FAMILIES = ("mean_flow", "ffr")
+
+
+def informative(q: pd.DataFrame, first: list[str], most: int = 8) -> list[str]:
+    """Names of up to `most` 0D outputs that say something new, mean flows and FFR, after those named in `first`.
+
+    Greedy: the output with the largest share of variance that those already taken leave unexplained, until that share
+    is below 1e-5. It looks at 0D runs only, so nothing of the 3D outputs leaks into the choice.
+    """
+    taken = list(dict.fromkeys(first))
+    families = [c for c in q.columns if str(c).startswith(FAMILIES) and c not in taken]
+    values = q[families].to_numpy(dtype=float)
+    moving = values.std(axis=0) > 1e-9 * (np.abs(values).max(axis=0) + 1e-300)
+    families, values = [c for c, keep in zip(families, moving, strict=True) if keep], values[:, moving]
+    while families and len(taken) < most:
+        standard = (values - values.mean(axis=0)) / values.std(axis=0)
+        basis = np.column_stack([np.ones(len(q)), q[taken].to_numpy(dtype=float)]) if taken else np.ones((len(q), 1))
+        left = (standard - basis @ np.linalg.lstsq(basis, standard, rcond=None)[0]).var(axis=0)
+        best = int(left.argmax())
+        if left[best] < 1e-5:
+            break
+        taken.append(families.pop(best))
+        values = np.delete(values, best, axis=1)
+    return taken
+
+
+class Emulator:
+    """Emulators of several 0D outputs on one training set: inputs (n, d) of log θ, outputs by name (n,)."""
+
+    def __init__(self, log_theta: np.ndarray, outputs: pd.DataFrame):
+        self.names = tuple(outputs.columns)
+        self.models = [
+            gaussian_process.fit(log_theta, outputs[name].to_numpy(dtype=float), evaluations=24) for name in self.names
+        ]
+
+    def predict(self, log_theta: np.ndarray) -> dict[str, np.ndarray]:
+        """Every output by name (m,) at log θ (m, d)."""
+        return {name: model.predict(log_theta) for name, model in zip(self.names, self.models, strict=True)}

@@ -1,0 +1,34 @@
+"""Read the trained networks of MFMC-AE and the 0D runs at the inputs that they ask for."""
+
+from pathlib import Path
+
+import pandas as pd
+
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io import files
+from coronaryuq.estimation.surrogates.mfmc_ae import Networks
+
+
+def read_networks(path: str | Path) -> Networks | None:
+    """Networks from the `.npz`, without pickle; None where none were trained."""
+    held = files.read_npz(path, ("rows",))
+    try:
+        return Networks.from_arrays(held) if len(held["rows"]) else None
+    except (ValueError, KeyError) as error:
+        raise InputError(path, None, None, f"not networks of this stage ({error}); train again") from None
+
+
+def read_resampled(paths: list[str | Path]) -> pd.DataFrame:
+    """0D outputs at the resampled inputs, index `sample`; Parquet or CSV; failed runs stay in as NaN."""
+    frames = []
+    for path in paths:
+        if Path(path).suffix == ".parquet":
+            frames.append(files.read_parquet(path, ("sample",)))
+        else:
+            frames.append(files.read_csv(path, ("sample",)))
+    frame = pd.concat(frames, ignore_index=True)
+    if frame["sample"].duplicated().any():
+        raise InputError(
+            paths[0], "sample", frame["sample"][frame["sample"].duplicated()].iloc[0], "twice among the 0D runs"
+        )
+    return frame.set_index(frame.pop("sample").astype(str))

@@ -1,0 +1,1 @@
+"""Finite elements: the incompressible Navier-Stokes equations, one time step at a time."""

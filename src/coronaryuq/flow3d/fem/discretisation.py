@@ -1,0 +1,187 @@
+"""What all samples share: mesh, operators, one pressure factor, and what each cap needs."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components, reverse_cuthill_mckee
+
+from coronaryuq.core.errors import InputError
+from coronaryuq.flow3d.fem import elements
+from coronaryuq.flow3d.fem.cholesky import Cholesky
+
+BDF2 = (1.5, -2.0, 0.5)
+"""Second-order backward difference: (1.5 u_new − 2 u + 0.5 u_old)/Δt."""
+
+
+@dataclass(frozen=True)
+class Cap:
+    """A flat end: `area` cm2, outward unit `normal`, `centre`, `nodes` off the wall with their lumped area."""
+
+    name: str
+    inlet: bool
+    faces: np.ndarray
+    nodes: np.ndarray
+    nodal_area: np.ndarray
+    normal: np.ndarray
+    centre: np.ndarray
+    area: float
+
+
+class Discretisation:
+    """Operators of one mesh for one time step, in the solver's own node order (reverse Cuthill-McKee).
+
+    points: (n, 3) cm; tets: (m, 4); caps: name → triangles (k, 3); the other boundary faces are wall. inlets: names of
+    the caps where blood enters and the velocity profile is prescribed by its flow. density g/cm3, viscosity P, dt s.
+    reference_speed: cm/s, sets the pressure stabilisation, h / (2 speed) where convection rules; one for all samples.
+    `node_of[i]` is the node in the mesh that the solver's node i stands for.
+    """
+
+    def __init__(
+        self,
+        points: np.ndarray,
+        tets: np.ndarray,
+        caps: Mapping[str, np.ndarray],
+        inlets: Sequence[str],
+        dt: float,
+        density: float,
+        viscosity: float,
+        reference_speed: float = 100.0,
+    ):
+        for name in inlets:
+            if name not in caps:
+                raise InputError("mesh", "inlet", name, f"no such cap; the mesh has {', '.join(caps)}")
+        self.density, self.viscosity, self.nu, self.dt = density, viscosity, viscosity / density, dt
+        n = len(points)
+        tets = elements.oriented(points, tets)
+        volume, grad = elements.gradients(points, tets)
+        order = _node_order(elements.laplacian(tets, volume, grad, n))
+        self.node_of = order
+        place = np.empty(n, np.int64)
+        place[order] = np.arange(n)
+        points = points[order]
+        tets = place[tets]
+        sort = np.argsort(tets.min(axis=1), kind="stable")
+        tets, volume, grad = tets[sort], volume[sort], grad[sort]
+        self.points, self.nodes = points, n
+        self.tets, self.volume, self.grad = tets.astype(np.int32), volume, np.ascontiguousarray(grad)
+        self.mass = elements.lumped_mass(tets, volume, n)
+
+        faces = elements.boundary_faces(tets)
+        self.caps, self.wall_faces = _caps(points, faces, {k: place[v] for k, v in caps.items()}, set(inlets))
+        self.wall = np.zeros(n, bool)
+        self.wall[self.wall_faces] = True
+        self.cap_of = np.full(n, -1, np.int32)
+        free = ~self.wall
+        for c, cap in enumerate(self.caps):
+            self.cap_of[cap.nodes] = c
+            if cap.inlet:
+                free[cap.nodes] = False
+        self.free = free
+        self.free_nodes = np.flatnonzero(free).astype(np.int32)
+        self.cap_normal = np.array([cap.normal for cap in self.caps]).reshape(-1, 3)
+
+        stiffness = elements.laplacian(tets, volume, grad, n)
+        self.start = stiffness.indptr.astype(np.int64)
+        self.column = stiffness.indices.astype(np.int32)
+        row = np.repeat(np.arange(n), np.diff(self.start))
+        self.diagonal = np.flatnonzero(row == self.column)
+        self.slot = _slots(self.start, self.column, tets)
+        self.gradient = [g.data for g in elements.gradient_operators(tets, volume, grad, n)]
+        self.divergence = [
+            g.T.tocsr().data for g in elements.gradient_operators(tets, volume, grad, n)
+        ]  # same pattern, because it is symmetric
+
+        rate = BDF2[0] / dt
+        self.mass_rate = rate
+        self.constant = self.nu * stiffness.data
+        self.constant[self.diagonal] += rate * self.mass
+        metric = np.einsum("eak,eak->e", grad, grad)
+        self.tau_viscous = (3.0 * self.nu * metric) ** 2
+        tau_element = 1.0 / np.sqrt(reference_speed**2 * metric / 1.5 + self.tau_viscous)
+        self.tau = np.bincount(tets.ravel(), np.repeat(tau_element * volume / 4.0, 4), n) / self.mass
+        tau_element = self.tau[tets].mean(axis=1)
+        self.spread = elements.laplacian(tets, volume, grad, n, tau_element).data
+        pressure = sp.csr_matrix((stiffness.data / rate + self.spread, self.column, self.start), shape=(n, n))
+        self._pressure(pressure)
+
+    def _pressure(self, matrix: sp.csr_matrix) -> None:
+        """Factor the pressure matrix inside the caps; lift each cap's pressure; the caps' mutual admittance."""
+        cap_nodes = [np.unique(cap.faces) for cap in self.caps]
+        inside = np.ones(self.nodes, bool)
+        for nodes in cap_nodes:
+            inside[nodes] = False
+        self.inside = np.flatnonzero(inside)
+        self.factor = Cholesky(matrix[self.inside][:, self.inside], rows=self.inside)
+        self.cap_nodes = cap_nodes
+        self.lift = np.zeros((self.nodes, len(self.caps)))
+        edge = np.zeros((self.nodes, len(self.caps)))
+        for c, nodes in enumerate(cap_nodes):
+            self.lift[nodes, c] = 1.0
+            edge[:, c] = np.asarray(matrix[:, nodes].sum(axis=1)).ravel()
+        self.lift[self.inside] = -self.factor.solve_columns(edge[self.inside])
+        self.admittance = self.lift.T @ (matrix @ self.lift)
+        near = np.flatnonzero(inside & (edge != 0).any(axis=1))
+        self.near_caps, self.near_weight = near, np.ascontiguousarray(edge[near])
+
+
+def _node_order(pattern: sp.csr_matrix) -> np.ndarray:
+    """Reverse Cuthill-McKee, one connected part after the other."""
+    parts, label = connected_components(pattern, directed=False)
+    order = []
+    for part in range(parts):
+        nodes = np.flatnonzero(label == part)
+        order.append(nodes[reverse_cuthill_mckee(pattern[nodes][:, nodes].tocsr(), symmetric_mode=True)])
+    return np.concatenate(order)
+
+
+def _slots(start: np.ndarray, column: np.ndarray, tets: np.ndarray) -> np.ndarray:
+    """Where entry (tets[e, a], tets[e, b]) lies in the data of the sparse pattern: (m, 4, 4)."""
+    n = len(start) - 1
+    key = np.repeat(np.arange(n, dtype=np.int64), np.diff(start)) * n + column
+    wanted = tets[:, :, None].astype(np.int64) * n + tets[:, None, :]
+    return np.searchsorted(key, wanted).astype(np.int32)
+
+
+def _caps(
+    points: np.ndarray, faces: np.ndarray, caps: Mapping[str, np.ndarray], inlets: set[str]
+) -> tuple[list[Cap], np.ndarray]:
+    key = {tuple(sorted(face)): k for k, face in enumerate(faces.tolist())}
+    of_cap = np.full(len(faces), -1)
+    names = list(caps)
+    for c, name in enumerate(names):
+        for face in caps[name].tolist():
+            k = key.get(tuple(sorted(face)))
+            if k is None:
+                raise InputError("mesh", f"cap {name}", None, "has a triangle that is not on the mesh's boundary")
+            of_cap[k] = c
+    wall_faces = faces[of_cap < 0]
+    on_wall = np.zeros(len(points), bool)
+    on_wall[wall_faces] = True
+    out = []
+    for c, name in enumerate(names):
+        mine = faces[of_cap == c]
+        vector = elements.face_vectors(points, mine)
+        size = np.linalg.norm(vector, axis=1)
+        if not len(mine):
+            raise InputError("mesh", f"cap {name}", None, "has no triangles")
+        nodal = np.bincount(mine.ravel(), np.repeat(size / 3.0, 3), len(points))
+        nodes = np.flatnonzero((nodal > 0) & ~on_wall)
+        if not len(nodes):
+            raise InputError("mesh", f"cap {name}", None, "has no node off the wall; refine the mesh there")
+        total = vector.sum(axis=0)
+        centre = (points[mine].mean(axis=1) * size[:, None]).sum(axis=0) / size.sum()
+        out.append(
+            Cap(
+                name,
+                name in inlets,
+                mine,
+                nodes,
+                nodal[nodes],
+                total / np.linalg.norm(total),
+                centre,
+                float(np.linalg.norm(total)),
+            )  # fmt: skip
+        )
+    return out, wall_faces

@@ -1,0 +1,63 @@
+"""What the element loops of momentum and of wall shear have in common, written into each by numba.
+
+A vector is a tuple of three lanes (of velocity, say) or three numbers (a hat function's gradient). The order of the
+operations is part of the result: all samples and both loops see the same.
+"""
+
+import numba as nb
+import numpy as np
+
+from coronaryuq.flow3d.fem.lanes import fma, load
+
+
+@nb.njit(inline="always", error_model="numpy")
+def hats(grad, e):
+    """Gradients of the four hat functions of element e."""
+    a = grad[e, 0, 0], grad[e, 0, 1], grad[e, 0, 2]
+    b = grad[e, 1, 0], grad[e, 1, 1], grad[e, 1, 2]
+    c = grad[e, 2, 0], grad[e, 2, 1], grad[e, 2, 2]
+    d = grad[e, 3, 0], grad[e, 3, 1], grad[e, 3, 2]
+    return a, b, c, d
+
+
+@nb.njit(inline="always", error_model="numpy")
+def corners(tets, e):
+    """Node numbers of element e."""
+    return np.int64(tets[e, 0]), np.int64(tets[e, 1]), np.int64(tets[e, 2]), np.int64(tets[e, 3])
+
+
+@nb.njit(inline="always", error_model="numpy")
+def vector(field, i):
+    """Row i of a field (n, 3, LANES)."""
+    return load(field, 3 * i), load(field, 3 * i + 1), load(field, 3 * i + 2)
+
+
+@nb.njit(inline="always", error_model="numpy")
+def part(vector, c):
+    """Component c, known only when the loop runs."""
+    return vector[0] if c == 0 else (vector[1] if c == 1 else vector[2])
+
+
+@nb.njit(inline="always", error_model="numpy")
+def dot(a, b):
+    return fma(a[2], b[2], fma(a[1], b[1], a[0] * b[0]))
+
+
+@nb.njit(inline="always", error_model="numpy")
+def average(a, b, c, d):
+    return 0.25 * ((a + b) + (c + d))
+
+
+@nb.njit(inline="always", error_model="numpy")
+def centre(a, b, c, d):
+    """Mean of four vectors."""
+    return average(a[0], b[0], c[0], d[0]), average(a[1], b[1], c[1], d[1]), average(a[2], b[2], c[2], d[2])
+
+
+@nb.njit(inline="always", error_model="numpy")
+def gradient(ga, gb, gc, gd, a, b, c, d):
+    """Of the linear function with values a, b, c, d at the corners."""
+    x = fma(gd[0], d, fma(gc[0], c, fma(gb[0], b, ga[0] * a)))
+    y = fma(gd[1], d, fma(gc[1], c, fma(gb[1], b, ga[1] * a)))
+    z = fma(gd[2], d, fma(gc[2], c, fma(gb[2], b, ga[2] * a)))
+    return x, y, z

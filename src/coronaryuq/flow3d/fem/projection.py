@@ -1,0 +1,50 @@
+"""Projection: divergence, gradient and stabilisation kernels around the one pressure factor."""
+
+import numba as nb
+import numpy as np
+
+from coronaryuq.flow3d.fem.lanes import fma, load, splat, store
+
+
+@nb.njit(cache=True, error_model="numpy")
+def divergence(start, column, dx, dy, dz, spread, u, scale, pi, p, b):
+    """b_i = Σ_j ∫∂N_i N_j · (u_j + scale_j π_j) − spread_ij p_j, for b (n, LANES).
+
+    dx, dy, dz hold ∫ ∂N_i/∂x_k N_j. The last two terms are the pressure stabilisation by orthogonal subscales,
+    τ ∫∇q·(∇p − π) with π the projected pressure gradient (Codina 2000).
+    """
+    for i in range(start.shape[0] - 1):
+        total = splat(0.0)
+        for k in range(start[i], start[i + 1]):
+            j = np.int64(column[k])
+            t = scale[j]
+            total = fma(dx[k], fma(t, load(pi, 3 * j), load(u, 3 * j)), total)
+            total = fma(dy[k], fma(t, load(pi, 3 * j + 1), load(u, 3 * j + 1)), total)
+            total = fma(dz[k], fma(t, load(pi, 3 * j + 2), load(u, 3 * j + 2)), total)
+            total = fma(-spread[k], load(p, j), total)
+        store(b, i, total)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def correct(start, column, gx, gy, gz, phi, inverse_mass, free, cap, normal, factor, u, pi):
+    """Add M⁻¹∫N∇φ to π everywhere and take `factor` times it from u at free nodes (its normal part on caps)."""
+    for i in range(start.shape[0] - 1):
+        x, y, z = splat(0.0), splat(0.0), splat(0.0)
+        for k in range(start[i], start[i + 1]):
+            q = load(phi, np.int64(column[k]))
+            x, y, z = fma(gx[k], q, x), fma(gy[k], q, y), fma(gz[k], q, z)
+        m = inverse_mass[i]
+        x, y, z = m * x, m * y, m * z
+        store(pi, 3 * i, load(pi, 3 * i) + x)
+        store(pi, 3 * i + 1, load(pi, 3 * i + 1) + y)
+        store(pi, 3 * i + 2, load(pi, 3 * i + 2) + z)
+        if not free[i]:
+            continue
+        at = cap[i]
+        if at >= 0:
+            nx, ny, nz = normal[at, 0], normal[at, 1], normal[at, 2]
+            along = fma(nz, z, fma(ny, y, nx * x))
+            x, y, z = nx * along, ny * along, nz * along
+        store(u, 3 * i, fma(-factor, x, load(u, 3 * i)))
+        store(u, 3 * i + 1, fma(-factor, y, load(u, 3 * i + 1)))
+        store(u, 3 * i + 2, fma(-factor, z, load(u, 3 * i + 2)))

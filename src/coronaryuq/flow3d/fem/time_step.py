@@ -1,0 +1,231 @@
+"""One time step of LANES samples: momentum, caps coupled implicitly to their 0D sides, projection.
+
+Second-order backward differences, blood carried by the velocity of the step's beginning, incremental pressure
+correction (Guermond, Minev & Shen 2006) with pressure stabilised by orthogonal subscales (Codina 2000). The velocity
+extrapolated to the step's end would be a carrier of second order, but at Courant numbers far above one it feeds waves
+of a dozen steps' length, which the slow flow behind a stenosis cannot be told from.
+Pressure is uniform on each cap and tangential velocity zero; Q_i is the flux that discrete continuity sees,
+Q_i = ∫∇g_i·u − stabilisation, so that the flows of a connected domain sum to zero to rounding.
+"""
+
+from typing import Protocol
+
+import numba as nb
+import numpy as np
+
+from coronaryuq.flow3d.fem import momentum, projection
+from coronaryuq.flow3d.fem.discretisation import Discretisation
+from coronaryuq.flow3d.fem.inlet import InletProfile
+from coronaryuq.flow3d.fem.lanes import LANES, fma, load, splat, store
+
+
+class Coupling(Protocol):
+    """The 0D side of the caps."""
+
+    def advance(self, flow: np.ndarray, admittance: np.ndarray, pressure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Cap flows Q (out of the domain, mL/s) and pressures P (dyn/cm2), both (caps, LANES), at the step's end.
+
+        They satisfy the domain's Q = flow − admittance (P − pressure) together with the 0D side's own equations.
+        """
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _begin(now, old, dt, start, rate):
+    """Velocity to start from and, were it that of the step's end too, its time derivative by backward differences."""
+    for i in range(now.shape[0]):
+        for c in range(3):
+            for s in range(LANES):
+                difference = now[i, c, s] - old[i, c, s]
+                start[i, c, s] = now[i, c, s]
+                rate[i, c, s] = -0.5 * difference / dt
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _backflow(nodes, area, normal, strength, diagonal, u, r, matrix):
+    """Damp inflow through outlets (Esmaily Moghadam et al. 2011); returns how many lanes had any."""
+    lanes = np.zeros(LANES, np.int64)
+    for k in range(nodes.shape[0]):
+        i = nodes[k]
+        for s in range(LANES):
+            inflow = u[i, 0, s] * normal[0] + u[i, 1, s] * normal[1] + u[i, 2, s] * normal[2]
+            if inflow < 0.0:
+                lanes[s] = 1
+                weight = strength * area[k] * inflow
+                for c in range(3):
+                    r[i, c, s] += weight * u[i, c, s]
+                matrix[diagonal[i], s] -= weight
+    return lanes
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _cap_flux(lift, b, flux):
+    for c in range(lift.shape[1]):
+        total = splat(0.0)
+        for i in range(lift.shape[0]):
+            total = fma(lift[i, c], load(b, i), total)
+        store(flux, c, total)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _impose(near, weight, cap_start, cap_node, change, b):
+    """Take the caps' known pressure change out of the right-hand side and put it on the caps' nodes."""
+    for k in range(near.shape[0]):
+        i = near[k]
+        for c in range(weight.shape[1]):
+            w = weight[k, c]
+            for s in range(LANES):
+                b[i, s] -= w * change[c, s]
+    for c in range(weight.shape[1]):
+        for k in range(cap_start[c], cap_start[c + 1]):
+            for s in range(LANES):
+                b[cap_node[k], s] = change[c, s]
+
+
+class Stepper:
+    """State of LANES samples and the step that moves it.
+
+    u, u_old, u_older: velocity (n, 3, LANES) cm/s now, one and two steps ago; pressure (n, LANES) dyn/cm2; both in the
+    solver's node order. cap_pressure, cap_flow (caps, LANES): dyn/cm2, and mL/s out of the domain. force: body
+    force per unit mass (n, 3, LANES), cm/s2, or None.
+    """
+
+    def __init__(
+        self,
+        space: Discretisation,
+        backflow: float = 0.5,
+        momentum_tolerance: float = 3e-3,
+        momentum_sweeps: int = 60,
+    ):
+        self.space = space
+        self.backflow = backflow
+        self.momentum_tolerance, self.momentum_sweeps = momentum_tolerance, momentum_sweeps
+        n = space.nodes
+        self.u, self.u_old, self.u_older = (np.zeros((n, 3, LANES)) for _ in range(3))
+        self.kinematic_pressure = np.zeros((n, LANES))
+        self.projected_gradient = np.zeros((n, 3, LANES))
+        self.cap_pressure = np.zeros((len(space.caps), LANES))
+        self.cap_flow = np.zeros_like(self.cap_pressure)
+        self.inlets = [InletProfile(space, cap) if cap.inlet else None for cap in space.caps]
+        self._rate, self._r = np.zeros((n, 3, LANES)), np.zeros((n, 3, LANES))
+        self._matrix = np.zeros((len(space.column), LANES), np.float32)
+        self._delta = np.zeros((n, 3, LANES), np.float32)
+        self._b = np.zeros((n, LANES))
+        self._flux = np.zeros_like(self.cap_pressure)
+        self._cap_start = np.concatenate([[0], np.cumsum([len(k) for k in space.cap_nodes])]).astype(np.int64)
+        self._cap_node = np.concatenate(space.cap_nodes).astype(np.int64)
+        self._inverse_mass = 1.0 / space.mass
+        self.force: np.ndarray | None = None
+        self.sweeps = np.zeros(LANES, np.int64)
+        self.backflow_lanes = np.zeros(LANES, np.int64)
+        self.unconverged = np.zeros(LANES, bool)
+        self.alive = np.ones((1, LANES))
+
+    @property
+    def pressure(self) -> np.ndarray:
+        return self.space.density * self.kinematic_pressure
+
+    def start(self, cap_pressure: np.ndarray, cap_flow: np.ndarray) -> None:
+        """Fluid at rest but for the inlets, pressure harmonic between the caps' pressures (caps, LANES)."""
+        space = self.space
+        self.u[:] = 0.0
+        self.cap_pressure[:] = cap_pressure
+        self.cap_flow[:] = cap_flow
+        for c, inlet in enumerate(self.inlets):
+            if inlet is not None:
+                inlet.start(-cap_flow[c])
+                self._set_inlet(inlet)
+        self.u_old[:] = self.u
+        kinematic = cap_pressure / space.density
+        self.kinematic_pressure[:] = 0.0
+        self.projected_gradient[:] = 0.0
+        self._b[:] = 0.0
+        for i in range(len(space.caps)):  # a fixed order of summation, whatever the number of samples
+            self._b += space.lift[:, i, None] * kinematic[i]
+        self._add_potential()
+
+    def step(self, coupling: Coupling) -> None:
+        space = self.space
+        _begin(self.u, self.u_old, space.dt, self.u_older, self._rate)
+        if self.force is not None:
+            self._rate -= self.force
+        momentum.system(
+            space.tets, space.grad, space.volume, space.slot, space.tau_viscous, space.nu, space.mass_rate,
+            self.u_older, self._rate, self.kinematic_pressure, space.constant, self._r, self._matrix,
+        )  # fmt: skip
+        self.backflow_lanes[:] = 0
+        for cap in space.caps:
+            if not cap.inlet:
+                self.backflow_lanes |= _backflow(
+                    cap.nodes, cap.nodal_area, cap.normal, self.backflow, space.diagonal, self.u_older, self._r,
+                    self._matrix,
+                )  # fmt: skip
+        self._delta[:] = 0.0
+        for inlet in self.inlets:
+            if inlet is not None:  # its flow at the step's end is not known yet
+                nodes = inlet.cap.nodes
+                self._delta[nodes] = self.u[nodes] - self.u_old[nodes]
+        active = self.alive.copy()
+        self.sweeps = momentum.gauss_seidel(
+            space.start, space.column, space.diagonal, self._matrix, self._r, space.free_nodes, space.cap_of,
+            space.cap_normal, self._delta, active, self.momentum_tolerance, self.momentum_sweeps,
+        )  # fmt: skip
+        self.unconverged = active[0] > 0
+        star = self.u_older
+        star += self._delta
+        projection.divergence(
+            space.start, space.column, *space.divergence, space.spread, star, space.tau, self.projected_gradient,
+            self.kinematic_pressure, self._b,
+        )  # fmt: skip
+        _cap_flux(space.lift, self._b, self._flux)
+        admittance = space.admittance / space.density
+        flow, pressure = coupling.advance(self._flux, admittance, self.cap_pressure)
+        change = (pressure - self.cap_pressure) / space.density
+        _impose(space.near_caps, space.near_weight, self._cap_start, self._cap_node, change, self._b)
+        space.factor.solve(self._b)
+        self.cap_pressure[:] = pressure
+        self.cap_flow[:] = flow
+        self.u_older, self.u_old, self.u = self.u_old, self.u, star
+        self._add_potential(factor=1.0 / space.mass_rate)
+        for c, inlet in enumerate(self.inlets):
+            if inlet is not None:
+                inlet.advance(-flow[c])
+                self._set_inlet(inlet)
+
+    def drop(self, lane: int) -> None:
+        """Put a lane to rest, so that numbers that are none do not slow the others down."""
+        self.alive[0, lane] = 0.0
+        for array in self.state().values():
+            array[..., lane] = 0.0
+
+    def state(self) -> dict[str, np.ndarray]:
+        """The arrays that the next step depends on; views, not copies."""
+        arrays = {
+            "u": self.u,
+            "u_old": self.u_old,
+            "kinematic_pressure": self.kinematic_pressure,
+            "projected_gradient": self.projected_gradient,
+            "cap_pressure": self.cap_pressure,
+            "cap_flow": self.cap_flow,
+            "alive": self.alive,
+        }
+        for c, inlet in enumerate(self.inlets):
+            if inlet is not None:
+                arrays |= {f"inlet_{c}_now": inlet.now, f"inlet_{c}_old": inlet.old}
+        return arrays
+
+    def restore(self, kept: dict[str, np.ndarray]) -> None:
+        """Go on from what `state` gave."""
+        for name, array in self.state().items():
+            array[:] = kept[name]
+
+    def _add_potential(self, factor: float = 0.0) -> None:
+        space = self.space
+        self.kinematic_pressure += self._b
+        projection.correct(
+            space.start, space.column, *space.gradient, self._b, self._inverse_mass, space.free, space.cap_of,
+            space.cap_normal, factor, self.u, self.projected_gradient,
+        )  # fmt: skip
+
+    def _set_inlet(self, inlet: InletProfile) -> None:
+        cap = inlet.cap
+        self.u[cap.nodes] = -cap.normal[None, :, None] * inlet.now[:, None, :]

@@ -1,0 +1,1 @@
+"""Where a mesh cuts the 0D network, and what of the network is left."""

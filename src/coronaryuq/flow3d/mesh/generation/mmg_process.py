@@ -1,0 +1,91 @@
+"""Meshing in a process of its own, because mmg may kill the process that calls it; with retries and a time limit.
+
+The limit is one of CPU time: with a limit on the clock a busy machine would give another attempt's mesh.
+"""
+
+import importlib
+import math
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from coronaryuq.flow3d.mesh.generation import subprocess_io
+from coronaryuq.flow3d.mesh.generation.piece import ATTEMPTS, Attempt, Piece
+from coronaryuq.flow3d.mesh.geometry.errors import MeshError
+
+Job = tuple[Callable[..., Piece], dict]
+"""A module-level function of `piece` and its arguments, all but `attempt`."""
+
+PATIENCE = 20.0
+"""Wall time over CPU time after which an attempt counts as stuck."""
+
+
+def run(name: str, job: Job, time_limit: float, attempts: int) -> tuple[Piece, list[str]]:
+    """Mesh one piece; returns it with one line for every attempt that failed.
+
+    time_limit: CPU seconds of one attempt. Raises MeshError with all of those lines when no attempt succeeded.
+    """
+    failures = []
+    for number, attempt in enumerate(ATTEMPTS[:attempts], start=1):
+        piece, reason = _once(job, attempt, time_limit)
+        if piece is not None:
+            return piece, failures
+        failures.append(f"attempt {number}: {reason}")
+    raise MeshError(f"piece {name} could not be meshed: {'; '.join(failures)}")
+
+
+def _once(job: Job, attempt: Attempt, time_limit: float) -> tuple[Piece | None, str]:
+    with tempfile.TemporaryDirectory(prefix="coronaryuq-mesh-") as folder:
+        given, made = Path(folder) / "job.npz", Path(folder) / "piece.npz"
+        function, arguments = job
+        subprocess_io.write(given, arguments | {"attempt": attempt})
+        try:
+            done = subprocess.run(
+                [sys.executable, "-m", __spec__.name, *map(str, (*_named(function), given, made, time_limit))],
+                capture_output=True,
+                text=True,
+                timeout=PATIENCE * time_limit,
+                check=False,
+                cwd=folder,  # what a mesher leaves behind goes with the folder
+            )
+        except subprocess.TimeoutExpired:
+            return None, f"stuck: not ready after {PATIENCE * time_limit:g} s"
+        if done.returncode == -signal.SIGXCPU:
+            return None, f"not ready after {time_limit:g} s of CPU time"
+        if done.returncode == 0 and made.exists():
+            return subprocess_io.read(made), ""
+        return None, _reason(done)
+
+
+def _named(function: Callable) -> tuple[str, str]:
+    return function.__module__, function.__name__
+
+
+def _reason(done: subprocess.CompletedProcess) -> str:
+    if done.returncode < 0:
+        return f"the mesher was killed ({signal.Signals(-done.returncode).name})"
+    lines = [line for line in done.stderr.splitlines() if line.strip()]
+    return lines[-1].strip() if lines else f"the mesher left with code {done.returncode} and no word"
+
+
+def main(module: str, function: str, given: str, made: str, time_limit: str) -> int:
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    limit = math.ceil(used.ru_utime + used.ru_stime + float(time_limit))
+    # A cluster may have set a limit of its own, which no process may raise; beyond it the kernel ends this one.
+    _, most = resource.getrlimit(resource.RLIMIT_CPU)
+    resource.setrlimit(resource.RLIMIT_CPU, (limit if most == resource.RLIM_INFINITY else min(limit, most), most))
+    try:
+        piece = getattr(importlib.import_module(module), function)(**subprocess_io.read(given))
+    except MeshError as error:
+        print(error, file=sys.stderr)
+        return 1
+    subprocess_io.write(made, piece)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))

@@ -1,0 +1,138 @@
+"""Where wall shear and FFR are read: the stretch of wall around each stenosis, and a plane distal to it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from coronaryuq.case.anatomy.tree import Stenosis, Tree, throat
+from coronaryuq.flow3d.mesh.generation.build import Built
+from coronaryuq.flow3d.mesh.generation.folder import Mesh
+from coronaryuq.flow3d.mesh.geometry.implicit import Path
+
+
+@dataclass(frozen=True)
+class Course:
+    """The path that runs through a stenosis: piece and path index, and distance from the throat (n,) cm, at every
+    point.
+    """
+
+    piece: int
+    path: int
+    offset: np.ndarray
+    along: Path
+
+    def at(self, offset: float) -> tuple[np.ndarray, np.ndarray, float, str, float]:
+        """Point (3,), unit tangent (3,), radius (cm), vessel and arc length (cm) at a distance from the throat."""
+        point = np.array([np.interp(offset, self.offset, self.along.points[:, k]) for k in range(3)])
+        index = int(np.clip(np.searchsorted(self.offset, offset), 1, len(self.offset) - 1))
+        low, high = max(0, index - 3), min(len(self.offset) - 1, index + 2)
+        tangent = self.along.points[high] - self.along.points[low]
+        nearest = int(np.argmin(np.abs(self.offset - offset)))
+        return (
+            point,
+            tangent / np.linalg.norm(tangent),
+            float(np.interp(offset, self.offset, self.along.radii)),
+            str(self.along.vessel[nearest]),
+            float(self.along.arc[nearest]),
+        )
+
+    def at_bifurcation(self, offset: float) -> bool:
+        """Whether a cross-section there, one radius before to two and a half behind, meets a bifurcation."""
+        meets = np.flatnonzero(self.along.vessel[1:] != self.along.vessel[:-1])
+        since = (offset - self.offset[meets]) / self.along.radii[meets]
+        return bool(np.any((since > -1.0) & (since < 2.5)))
+
+
+def course(tree: Tree, stenosis: Stenosis, built: Built) -> Course:
+    """The path through a stenosis, without the stretches beyond its caps."""
+    place, _ = throat(tree, stenosis)
+    for piece, surface in enumerate(built.implicit):
+        for number, path in enumerate(surface.paths):
+            own = np.flatnonzero(path.vessel == stenosis.vessel)
+            if len(own):
+                inside = _between_caps(path, built)
+                path = Path(path.points[inside], path.radii[inside], path.vessel[inside], path.arc[inside], path.blend)
+                s = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(path.points, axis=0), axis=1))]
+                own = np.flatnonzero(path.vessel == stenosis.vessel)
+                return Course(piece, number, s - np.interp(place, path.arc[own], s[own]), path)
+    raise ValueError(f"stenosis {stenosis.name}: vessel {stenosis.vessel} is not in the mesh")
+
+
+def _between_caps(path: Path, built: Built) -> slice:
+    """Without the point beyond the outlet, nor that before the inlet of a path that starts at one."""
+    head = str(path.vessel[0])
+    return slice(1 if any(cap.inlet and cap.vessel == head for cap in built.caps) else 0, len(path.points) - 1)
+
+
+def mark(tree: Tree, stenoses: list[Stenosis], built: Built, upstream: float, downstream: float) -> tuple[Mesh, dict]:
+    """The mesh with `region` set, and what `mesh.json` says of every region.
+
+    upstream, downstream: reach beyond the stenosis in local diameters. A region keeps half a diameter away from
+    caps, and leaves out the walls of side branches.
+    """
+    mesh = built.mesh
+    region = np.zeros(len(mesh.triangles), np.int64)
+    wall = np.flatnonzero(mesh.wall_triangles())
+    centres = mesh.points[mesh.triangles[wall]].mean(axis=1)
+    size = 0.5 * np.linalg.norm(
+        np.cross(
+            mesh.points[mesh.triangles[:, 1]] - mesh.points[mesh.triangles[:, 0]],
+            mesh.points[mesh.triangles[:, 2]] - mesh.points[mesh.triangles[:, 0]],
+        ),
+        axis=1,
+    )
+    said = {}
+    owners = [surface.nearest(centres) for surface in built.implicit]
+    depth = np.column_stack([np.abs(surface.distance(centres)) for surface in built.implicit])
+    piece_of = np.argmin(depth, axis=1)
+    for number, stenosis in enumerate(stenoses, start=1):
+        line = course(tree, stenosis, built)
+        place, radius = throat(tree, stenosis)
+        vessel = tree[stenosis.vessel]
+        low = stenosis.start - place - 2.0 * upstream * float(vessel.radius_at(stenosis.start))
+        high = stenosis.end - place + 2.0 * downstream * float(vessel.radius_at(stenosis.end))
+        low = max(low, float(line.offset[0] + line.along.radii[0]))
+        high = min(high, float(line.offset[-1] - line.along.radii[-1]))
+        full = built.implicit[line.piece].paths[line.path]
+        shift = len(full.points) - len(line.along.points) - 1
+        path, segment, along = owners[line.piece]
+        index = np.clip(segment - shift, 0, len(line.offset) - 2)
+        offset = line.offset[index] + along * (line.offset[index + 1] - line.offset[index])
+        mine = (piece_of == line.piece) & (path == line.path) & (offset >= low) & (offset <= high)
+        region[wall[mine]] = number
+        chosen = wall[mine]
+        said[stenosis.name] = {
+            "id": number,
+            "vessel": stenosis.vessel,
+            "throat": place,
+            "throat_radius": radius,
+            "from": low,
+            "to": high,
+            "triangles": int(mine.sum()),
+            "area": float(size[chosen].sum()),
+        }
+    return replace(mesh, region=region), said
+
+
+def plane(tree: Tree, stenosis: Stenosis, built: Built, diameters: float) -> dict:
+    """Where distal pressure is read: `diameters` local diameters beyond the stenosis, or as far as the mesh goes
+    less one radius; moved along the artery where it would cut a bifurcation.
+    """
+    line = course(tree, stenosis, built)
+    place, _ = throat(tree, stenosis)
+    radius = float(tree[stenosis.vessel].radius_at(stenosis.end))
+    end = stenosis.end - place
+    last = float(line.offset[-1] - line.along.radii[-1])
+    wanted = min(end + 2.0 * diameters * radius, last)
+    places = np.linspace(min(end + radius, last), last, 200)
+    clear = places[[not line.at_bifurcation(offset) for offset in places]]
+    offset = wanted if len(clear) == 0 else float(clear[np.argmin(np.abs(clear - wanted))])
+    point, normal, radius, vessel, arc = line.at(offset)
+    return {
+        "point": point.tolist(),
+        "normal": normal.tolist(),
+        "radius": radius,
+        "vessel": vessel,
+        "arc": arc,
+        "distance_from_throat": offset,
+    }

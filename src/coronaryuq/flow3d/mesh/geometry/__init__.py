@@ -1,0 +1,1 @@
+"""The lumen as a surface: centrelines, implicit functions, caps, mesh grading."""

@@ -1,0 +1,134 @@
+"""A mesh of the patient's own lumen: from a closed surface, or a mesh-complete folder taken as it is."""
+
+import functools
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from coronaryuq.case.anatomy.surface import Surface
+from coronaryuq.case.anatomy.tree import Stenosis, Tree
+from coronaryuq.core.errors import InputError
+from coronaryuq.flow3d.mesh.coupling.describe import describe
+from coronaryuq.flow3d.mesh.generation import folder, mmg_process, regions
+from coronaryuq.flow3d.mesh.generation.build import Built, assemble
+from coronaryuq.flow3d.mesh.generation.piece import mesh_closed
+from coronaryuq.flow3d.mesh.geometry import extent, paths
+from coronaryuq.flow3d.mesh.geometry.grading import Grading
+from coronaryuq.flow3d.mesh.geometry.implicit import Implicit
+from coronaryuq.flow3d.mesh.geometry.lumen import simplified
+from coronaryuq.flow3d.mesh.geometry.paths import Cap, Size
+from coronaryuq.flow3d.mesh.settings import Settings
+from coronaryuq.zerod.network.read import Network
+
+SHORTEST = 0.01
+"""Of the smallest radius: shorter edges of a surface are left out."""
+
+
+def adopt_folder(
+    given: Path, tree: Tree, stenoses: Sequence[Stenosis], network: Network, settings: Settings, scale: float = 1.0
+) -> tuple[folder.Mesh, dict]:
+    """A mesh-complete folder and the content of its `mesh.json`; faces keep their names and numbers.
+
+    scale: the folder's length unit in cm. The tree must be that of the same anatomy: every cap is matched to the end of
+    a vessel. Raises InputError when a cap has no vessel end near it, or an end no cap.
+    """
+    mesh = folder.read(given)
+    mesh = replace(mesh, points=mesh.points * scale)
+    ends = [
+        (name, np.array(face["centroid"]), np.array(face["normal"]), face["radius"])
+        for number, name in mesh.caps.items()
+        for face in [folder.face_geometry(mesh, number)]
+    ]
+    kept, caps = match(given, tree, ends)
+    return _described(mesh, kept, caps, tree, stenoses, network, settings, "given", [])
+
+
+def mesh_closed_surface(
+    surface: Surface, tree: Tree, stenoses: Sequence[Stenosis], network: Network, settings: Settings, file: Path
+) -> tuple[folder.Mesh, dict]:
+    """Tetrahedra inside a closed surface, sized by the tree's radii; raises MeshError when all attempts fail.
+
+    The lumen is cut a little behind each of its caps, so that the cut is flat and its rim clean.
+    """
+    flat = _at_vessel_ends(surface, tree)
+    kept, caps = match(file, tree, [(f"cap{k}", cap.centre, cap.normal, cap.radius) for k, cap in enumerate(flat)])
+    caps = [replace(cap, name=f"{'inlet' if cap.inlet else 'outlet'}_{cap.vessel}") for cap in caps]
+    along = Implicit([path for piece in extent.pieces(tree, kept) for path in paths.paths(tree, kept, piece)])
+    smallest = min(float(path.radii.min()) for path in along.paths)
+    arguments = {
+        "points": surface.points,
+        "triangles": surface.triangles,
+        "faces": [cap.faces for cap in flat],
+        "implicit": simplified(surface.points, surface.triangles, SHORTEST * smallest),
+        "caps": caps,
+        "size": Size(along, stenoses, settings),
+        "radius": smallest,
+        "gradation": settings.gradation,
+        "grading": Grading(along, stenoses, settings.wall_grading),
+    }
+    piece, failures = mmg_process.run(file.name, (mesh_closed, arguments), settings.time_limit, settings.attempts)
+    mesh = assemble([piece], [[cap.name for cap in caps]])
+    return _described(mesh, kept, caps, tree, stenoses, network, settings, "surface", failures)
+
+
+def _at_vessel_ends(surface: Surface, tree: Tree) -> list:
+    """The flat places of a surface that lie at a vessel's end; others are facets of a coarse wall."""
+    leaves = [(leaf.points[-1], leaf.radii[-1]) for leaf in tree.leaves()]
+    ostia = [v for v in tree if tree.ostial(v)]
+    at = [(v.position_at(extent.ostium(tree, v.name)), v.radii[0]) for v in ostia]
+    chosen = set()
+    for point, radius in [*leaves, (tree.root.points[0], tree.root.radii[0]), *at]:
+        distance = [float(np.linalg.norm(cap.centre - point)) / max(cap.radius, radius) for cap in surface.caps]
+        if min(distance) < 3.0:
+            chosen.add(int(np.argmin(distance)))
+    return [surface.caps[k] for k in sorted(chosen)]
+
+
+def match(file: Path, tree: Tree, ends: Sequence[tuple[str, np.ndarray, np.ndarray, float]]) -> tuple[dict, list[Cap]]:
+    """What of the tree a lumen with these ends (name, centre, outward normal, radius) holds, and its caps in their
+    order.
+
+    With a cap at the tree's root the lumen is the whole tree, without one it is the coronary trees from their
+    ostia.
+    """
+    starts = {tree.root.name: tree.root.points[0]}
+    rooted = any(np.linalg.norm(centre - starts[tree.root.name]) < 2.0 * radius for _, centre, _, radius in ends)
+    kept = extent.whole(tree) if rooted else extent.trees(tree)
+    places = [
+        place for piece in extent.pieces(tree, kept) for place in paths.caps(tree, kept, piece)
+    ]  # fmt: skip
+    found: dict[str, Cap] = {}
+    caps = []
+    for name, centre, normal, radius in ends:
+        nearest = min(places, key=lambda place: float(np.linalg.norm(place.centre - centre)))
+        away = float(np.linalg.norm(nearest.centre - centre))
+        if away > 3.0 * max(radius, nearest.radius):
+            raise InputError(
+                file, name, None, f"no vessel of the tree ends here ({away:.2f} cm away is {nearest.name})"
+            )
+        if nearest.name in found:
+            raise InputError(file, name, None, f"lies at the same vessel end as {found[nearest.name].name}")
+        cap = replace(nearest, name=name, centre=centre, normal=normal, radius=float(radius))
+        found[nearest.name] = cap
+        caps.append(cap)
+    for place in places:
+        if place.name not in found:
+            raise InputError(file, "caps", None, f"none at {place.name} of the tree; cut the vessel flat there")
+    return kept, caps
+
+
+def _described(mesh, kept, caps, tree, stenoses, network, settings, kind: str, failures: list[str]):
+    groups = extent.pieces(tree, kept)
+    surfaces = [Implicit(paths.paths(tree, kept, group)) for group in groups]
+    built = Built(mesh, kept, caps, groups, surfaces, failures)
+    present = [s for s in stenoses if s.vessel in kept]
+    mesh, said = regions.mark(
+        tree, present, built, settings.region_upstream_diameters, settings.region_downstream_diameters
+    )
+    built = replace(built, mesh=mesh)
+    plane = functools.partial(regions.plane, tree, built=built, diameters=settings.ffr_diameters)
+    planes = {s.name: plane(s) for s in present}
+    content = describe(tree, present, network, built, said, planes, settings)
+    return mesh, content | {"domain": kind}

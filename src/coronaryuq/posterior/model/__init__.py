@@ -1,0 +1,1 @@
+"""The model whose parameters are inferred: flows, likelihood, emulator, target fractions."""

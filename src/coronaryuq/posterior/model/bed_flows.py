@@ -1,0 +1,54 @@
+"""Mean flow into each LV-perfusing bed, from the 0D engine."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from coronaryuq.core.errors import InputError
+from coronaryuq.zerod.network.beds import distal_resistances, resistance_changes
+from coronaryuq.zerod.network.read import Network, read_network
+from coronaryuq.zerod.solver.engine import Engine
+
+
+class BedFlows:
+    """Flows of the tuned hyperaemic loop at multipliers of its bed resistances.
+
+    Every run starts from the periodic state at r-hat, so its numbers depend on its own multipliers alone.
+    outlets: those of `case.json` that perfuse the LV, in the order of the targets. network: that of the file, where it
+    has been read and changed already.
+    """
+
+    def __init__(
+        self, network_json: str | Path, outlets: Sequence[dict], *, tolerance: float, steps_per_cycle: int | None,
+        threads: int = 1, network: Network | None = None,
+    ):  # fmt: skip
+        self.network = read_network(network_json) if network is None else network
+        self.engine = Engine(self.network, network_json)
+        self.beds = [outlet["bc"] for outlet in outlets]
+        self.quantities = [f"mean_flow:{outlet['vessel']}:{outlet['bc']}" for outlet in outlets]
+        self.options = {
+            "periodic": True,
+            "tolerance": tolerance,
+            "steps_per_cycle": steps_per_cycle,
+            "threads": threads,
+        }
+        totals = distal_resistances(self.network)
+        for bed in self.beds:
+            if bed not in totals:
+                raise InputError(
+                    network_json, bed, None, f"is no coronary bed; there are {', '.join(totals) or 'none'}"
+                )
+        self.resistances = np.array([totals[bed] for bed in self.beds])
+        self.weights = (1.0 / self.resistances) / np.sum(1.0 / self.resistances)
+        at_r_hat = self.engine.run({}, quantities=self.quantities, **self.options)
+        if not np.all(at_r_hat.ok):
+            raise InputError(network_json, None, None, f"does not run: {at_r_hat.status[0]}; tune it first")
+        self.start = at_r_hat.state[0]
+
+    def flows(self, multipliers: np.ndarray) -> np.ndarray:
+        """Mean flows (n, N) in mL/s at multipliers (n, N); nan where a run failed."""
+        changes = resistance_changes(self.network, dict(zip(self.beds, multipliers.T, strict=True)))
+        result = self.engine.run(changes, quantities=self.quantities, start=self.start, **self.options)
+        flows = np.stack([result.values[name] for name in self.quantities], axis=1)
+        return np.where(result.ok[:, None], flows, np.nan)

@@ -1,0 +1,95 @@
+"""A table of target flows and a 0D network: the resistances that share the network's flow as the table asks."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import read_csv
+from coronaryuq.posterior.model.bed_flows import BedFlows
+from coronaryuq.posterior.model.fit_to_fractions import fit_fractions
+from coronaryuq.zerod.network.beds import beds, resistance_changes
+from coronaryuq.zerod.network.changes import with_changes
+from coronaryuq.zerod.network.read import Network
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FORMS = (("flow",), ("mbf", "volume"), ("volume",))
+"""Columns to whose product the flows are proportional; the first set that a table has counts."""
+
+
+def fit_table(
+    network: Network, network_json: str | Path, flows_csv: str | Path, hyperaemia: float = 1.0
+) -> tuple["pd.DataFrame", Network]:
+    """A row per bed of `flows_csv`, and the network, read from `network_json`, with the fitted resistances.
+
+    hyperaemia: multiplies Ra and Ram of every bed first. Resistances are Ra + Ram + Rv in the network's unit; `first_*`
+    is before the fit, `fitted_*` after; errors are relative to the target fraction. Raises InputError for a name that
+    is no bed, and for proportions that are not positive.
+    """
+    import pandas as pd
+
+    if not hyperaemia > 0:
+        raise InputError("--hyperaemia", None, hyperaemia, "want a positive factor")
+    network = with_changes(network, resistance_changes(network, hyperaemia=hyperaemia), network_json)
+    names, wanted = _proportions(flows_csv, beds(network))
+    outlets = [{"bc": name, "vessel": _vessel_of(network, name, network_json)} for name in names]
+    model = BedFlows(network_json, outlets, tolerance=1e-4, steps_per_cycle=None, network=network)
+    fit = fit_fractions(model.flows, model.weights, wanted)
+    first, fitted = (flows / flows.sum() for flows in (fit.flows_at_r_hat, fit.flows))
+    table = pd.DataFrame(
+        {
+            "bc": names,
+            "target_fraction": wanted,
+            "first_resistance": model.resistances,
+            "first_fraction": first,
+            "first_error": first / wanted - 1.0,
+            "fitted_multiplier": fit.multipliers,
+            "fitted_resistance": fit.multipliers * model.resistances,
+            "fitted_flow": fit.flows,
+            "fitted_fraction": fitted,
+            "fitted_error": fitted / wanted - 1.0,
+        }
+    )
+    changes = resistance_changes(network, dict(zip(names, fit.multipliers, strict=True)))
+    return table, with_changes(network, changes, network_json)
+
+
+def _proportions(path: str | Path, known) -> tuple[list[str], np.ndarray]:
+    frame = read_csv(path, ("name",))
+    columns = next((form for form in FORMS if set(form) <= set(frame.columns)), None)
+    if columns is None:
+        raise InputError(path, "flow", None, "column missing; wanted flow, or mbf and volume, or volume")
+    names = []
+    for given in (str(cell).strip() for cell in frame["name"]):
+        name = given if given in known else f"BC_{given}"
+        if name not in known:
+            raise InputError(path, "name", given, f"is no coronary bed; there are {', '.join(known) or 'none'}")
+        if name in names:
+            raise InputError(path, "name", given, "occurs twice")
+        names.append(name)
+    if len(names) < 2:
+        raise InputError(path, "rows", len(names), "wanted at least two beds to share the flow")
+    product = np.ones(len(names))
+    for column in columns:
+        values = _numbers(frame[column])
+        for name, value in zip(names, values, strict=True):
+            if not (np.isfinite(value) and value > 0):
+                raise InputError(path, f"{column} of {name}", float(value), "must be a positive number")
+        product = product * values
+    return names, product / product.sum()
+
+
+def _numbers(column) -> np.ndarray:
+    import pandas as pd
+
+    return pd.to_numeric(column, errors="coerce").to_numpy(dtype=float)
+
+
+def _vessel_of(network: Network, bed: str, path: str | Path) -> str:
+    for vessel in network["vessels"]:
+        if vessel.get("boundary_conditions", {}).get("outlet") == bed:
+            return vessel["vessel_name"]
+    raise InputError(path, bed, None, "no vessel ends in this bed")

@@ -1,0 +1,1 @@
+"""DREAM: chains, proposals, convergence."""

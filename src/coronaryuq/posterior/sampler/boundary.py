@@ -1,0 +1,27 @@
+"""Proposals that leave a box: brought back so that the proposal stays symmetric, or rejected."""
+
+import numpy as np
+
+from coronaryuq.posterior.sampler.proposals import Proposal
+
+
+def into_box(proposal: Proposal, box: np.ndarray, how: str) -> Proposal:
+    """Treat rows outside `box` (2, d).
+
+    "reflect" mirrors at the walls as often as needed, "fold" re-enters at the opposite wall; both commute with the
+    reversal of a step that does not depend on the state, so the Metropolis ratio needs no factor. A snooker step does
+    depend on it, and "reject" is asked for: those rows get ratio zero and stay inside by clipping.
+    """
+    low, high = box
+    position = proposal.position
+    width = high - low
+    beyond = np.any((position < low) | (position > high), axis=1)
+    rejected = beyond & ((proposal.crossover < 0) | (how == "reject"))
+    if how == "fold":
+        inside = low + np.mod(position - low, width)
+    else:
+        phase = np.mod(position - low, 2.0 * width)
+        inside = low + np.where(phase > width, 2.0 * width - phase, phase)
+    position = np.where((beyond & ~rejected)[:, None], inside, position)
+    position = np.where(rejected[:, None], np.clip(position, low, high), position)
+    return Proposal(position, np.where(rejected, -np.inf, proposal.log_ratio), proposal.crossover)

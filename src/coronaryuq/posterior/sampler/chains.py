@@ -1,0 +1,165 @@
+"""Running the chains: preparation, checkpoints, one file per chain, progress."""
+
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.files import read_npz, replacing
+from coronaryuq.core.seeds import generator
+from coronaryuq.posterior.model.emulator import Emulator, design, design_size
+from coronaryuq.posterior.model.fit_to_fractions import Fit
+from coronaryuq.posterior.model.flow_model import Posterior
+from coronaryuq.posterior.sampler.diagnostics import split_rhat
+from coronaryuq.posterior.sampler.dream import Dream, State
+from coronaryuq.posterior.settings import Settings
+
+
+@dataclass
+class Prepared:
+    """What comes before the first generation: the fit, the emulator with its design, where chains start.
+
+    start (chains, d), log_density (chains,), flows (chains, N). emulator: None when not used. runs: spent on all this.
+    """
+
+    fit: Fit
+    emulator: Emulator | None
+    start: np.ndarray
+    log_density: np.ndarray
+    flows: np.ndarray
+    runs: int
+
+
+def prepare(posterior: Posterior, fit: Fit, settings: Settings, seed: int) -> Prepared:
+    """Runs of the model for the emulator and for the chains' first states; all ranks together.
+
+    With an emulator the chains start at its design points, which are wider spread than the posterior; without, at draws
+    of the prior.
+    """
+    space, chains = posterior.space, settings.dream.chains
+    random = generator(seed, "posterior", "start")
+    if not settings.emulator.use:
+        start, evaluated = _alive(posterior, lambda count: space.draw(random, count), chains)
+        return Prepared(fit, None, start, *evaluated, runs=fit.runs + chains)
+    count = max(settings.emulator.design or design_size(space.dimension), chains)
+    y, (log_density, flows) = _alive(
+        posterior, lambda n: design(space, posterior.likelihood, fit.multipliers, fit.flows, n, random), count
+    )
+    emulator = posterior.ranks.from_first(lambda: Emulator.fit(y, space.multipliers(y), flows))
+    return Prepared(fit, emulator, y[:chains], log_density[:chains], flows[:chains], fit.runs + count)
+
+
+def _alive(posterior, draw, count):
+    """`count` points where the model runs: failed ones are drawn again, a few times."""
+    points = draw(count)
+    log_density, flows = posterior(points)
+    for _ in range(10):
+        dead = ~np.isfinite(log_density)
+        if not np.any(dead):
+            return points, (log_density, flows)
+        points[dead] = draw(int(dead.sum()))
+        log_density[dead], flows[dead] = posterior(points[dead])
+    raise RuntimeError(f"the model fails at {int(dead.sum())} of {count} points of the prior, ten times in a row")
+
+
+def sampler(posterior: Posterior, prepared: Prepared, settings: Settings, seed: int) -> Dream:
+    """DREAM on this posterior, screened by the emulator where there is one."""
+    screen = None
+    if prepared.emulator is not None:
+        screen = prepared.emulator.screen(posterior.space, posterior.likelihood)
+    return Dream(
+        posterior, settings.dream, seed, screen=screen, every=settings.emulator.generations,
+        box=posterior.space.box, adjust=posterior.space.adjust,
+    )  # fmt: skip
+
+
+class Recorder:
+    """Recorded states of all chains, kept in one file per chain and one checkpoint, in one folder.
+
+    Written by `save`: first the chain files by the ranks that carry them, then the checkpoint by the first rank. A run
+    killed between the two finds chain files that are longer than its checkpoint and cuts them.
+    """
+
+    NAMES = ("position", "log_density", "output")
+
+    def __init__(self, folder: Path, decisions: int, state: State, ranks, key: str):
+        self.folder, self.ranks, self.key = folder, ranks, key
+        self.done = 0
+        self.values = {
+            name: np.empty((decisions, *getattr(state, name).shape), dtype=float) for name in self.NAMES
+        }  # fmt: skip
+
+    def record(self, state: State) -> None:
+        for name in self.NAMES:
+            self.values[name][self.done] = getattr(state, name)
+        self.done += 1
+
+    def save(self, state: State) -> None:
+        chains = len(state.position)
+        for chain in range(chains):
+            if self.ranks.owns(chain, chains):
+                with replacing(self.folder / f"chain_{chain:03d}.npz") as beside:
+                    np.savez(beside, **{name: self.values[name][: self.done, chain] for name in self.NAMES})
+        self.ranks.barrier()
+        if self.ranks.rank == 0:
+            with replacing(self.folder / "checkpoint.npz") as beside:
+                np.savez(beside, key=self.key, done=self.done, **state.arrays())
+        self.ranks.barrier()
+
+    def resume(self) -> State | None:
+        """The state of the last checkpoint of the same inputs and settings, or None."""
+        path = self.folder / "checkpoint.npz"
+        if not path.is_file():
+            return None
+        try:
+            arrays = read_npz(path, ("key", "done"))
+            if str(arrays["key"]) != self.key:
+                return None
+            state = State(**{name: value for name, value in arrays.items() if name not in ("key", "done")})
+            done = int(arrays["done"])
+            for chain in range(len(state.position)):
+                kept = read_npz(self.folder / f"chain_{chain:03d}.npz", self.NAMES)
+                for name in self.NAMES:
+                    self.values[name][:done, chain] = kept[name][:done]
+        except (InputError, ValueError, TypeError) as error:
+            print(f"checkpoint left aside: {error}", file=sys.stderr, flush=True)
+            return None
+        self.done = done
+        return state
+
+
+def run(dream: Dream, state: State, recorder: Recorder, checkpoint: int, names: list[str], multipliers) -> State:
+    """All generations from `state`, or from the checkpoint in the recorder's folder; returns the last state."""
+    resumed = recorder.resume()
+    state = state if resumed is None else resumed
+    started, first = time.monotonic(), recorder.done
+    every = max(1, checkpoint // dream.every)
+    while recorder.done < dream.decisions:
+        dream.advance(state)
+        recorder.record(state)
+        if recorder.done % every == 0 or recorder.done == dream.decisions:
+            recorder.save(state)
+            if recorder.ranks.rank == 0:
+                left = (time.monotonic() - started) / (recorder.done - first) * (dream.decisions - recorder.done)
+                _progress(dream, state, recorder, names, multipliers, left)
+    return state
+
+
+def _progress(dream: Dream, state: State, recorder: Recorder, names: list[str], multipliers, left: float) -> None:
+    half = recorder.values["position"][recorder.done // 2 : recorder.done]
+    worst = ""
+    if len(half) >= 4:
+        draws = multipliers(half.reshape(-1, half.shape[2])).reshape(*half.shape[:2], -1)
+        rhat = split_rhat(draws.transpose(1, 0, 2))
+        place = int(np.argmax(np.nan_to_num(rhat)))
+        worst = f"  R-hat {rhat[place]:.3f} ({names[place]})"
+    total = dream.decisions * dream.every
+    acceptance = float(np.mean(state.accepted)) / max(int(state.proposed), 1)
+    print(
+        f"generation {int(state.generation)}/{total}{worst}  acceptance {acceptance:.2f}"
+        f"  outliers {int(state.outliers)}  left {left / 60:.1f} min",
+        file=sys.stderr, flush=True,
+    )  # fmt: skip

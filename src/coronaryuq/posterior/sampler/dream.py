@@ -1,0 +1,206 @@
+"""DREAM: differential evolution adaptive Metropolis, vectorised over chains."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from coronaryuq.core.seeds import generator
+from coronaryuq.posterior.sampler.boundary import into_box
+from coronaryuq.posterior.sampler.proposals import Proposal, differential_evolution, snooker
+from coronaryuq.posterior.settings import DreamSettings
+
+LOOKS_AT_OUTLIERS = 10
+
+
+@dataclass
+class State:
+    """All that the next generations depend on; arrays only, so that a checkpoint is these arrays.
+
+    generation: proposals made so far. position (chains, d), log_density (chains,), output (chains, k): what the target
+    returned there. crossover: probability of each crossover value; jumped, used: its summed normalised squared jumps
+    and number of uses. recent, looks: log densities summed since the last look at outliers, and how many.
+    accepted, proposed: moves since burn-in ended. screened: the same for proposals on the emulator.
+    evaluations: target evaluations so far. outliers: chains restarted.
+    """
+
+    generation: np.ndarray
+    position: np.ndarray
+    log_density: np.ndarray
+    output: np.ndarray
+    crossover: np.ndarray
+    jumped: np.ndarray
+    used: np.ndarray
+    recent: np.ndarray
+    looks: np.ndarray
+    accepted: np.ndarray
+    proposed: np.ndarray
+    screen_accepted: np.ndarray
+    screen_proposed: np.ndarray
+    evaluations: np.ndarray
+    outliers: np.ndarray
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+
+class Dream:
+    """DREAM (Vrugt et al. 2009), exact after burn-in, with an optional emulator that screens proposals.
+
+    One generation, for chains x_1..x_n in d dimensions with target density p:
+
+    1. The chains are split at random into two halves. Each half moves in turn, its partners taken from the other
+       half. (All chains moving at once with partners among themselves, as often programmed, does not leave the
+       product of the targets invariant; alternating halves do: Foreman-Mackey et al. 2013, section 3.)
+    2. Chain i draws a number of pairs delta from 1..`pairs`, that many pairs (a, b) of distinct partners, and a
+       crossover value CR from {1/m, ..., 1} with the probabilities of the moment. Each coordinate is updated with
+       probability CR, at least one; d' is their number. On those coordinates the proposal is
+
+           z = x_i + (1 + e) gamma sum_j (x_a(j) - x_b(j)) + eps,    gamma = 2.38 / sqrt(2 delta d'),
+
+       e uniform in (-b, b), eps normal with standard deviation b*. With probability `unit_jump`, gamma is 1.
+    3. With probability `snooker` instead: z = x_i + g P (x_b - x_c), P the projection on x_i - x_a, g uniform in
+       (1.2, 2.2); the ratio of step 5 gets the factor (|z - x_a| / |x_i - x_a|)^(d - 1) (ter Braak & Vrugt 2008).
+    4. Outside a box: reflected or folded back, which keeps the proposal symmetric (snooker: rejected).
+    5. Accepted with probability min(1, p(z) / p(x_i)).
+    6. During burn-in only: the probability of each CR becomes proportional to the mean squared jump, normalised by
+       the spread of the chains, that it has brought; at ten moments a chain whose mean log density since the last of
+       them lies below the first quartile of all chains by more than twice the interquartile range restarts from
+       the best chain. After burn-in nothing adapts, so detailed balance holds.
+
+    With an emulator q of p (`screen`), a half makes `every` generations of steps 2 to 5 on q, from x to y, and then y
+    is accepted with probability min(1, p(y) q(x) / (p(x) q(y))): a reversible kernel of q as the proposal for p (Liu
+    2001, section 9.4.3; with `every` = 1 delayed acceptance, Christen & Fox 2005). Draws follow p exactly however poor
+    q is; a poor q only lowers the acceptance. One state is recorded for each such decision.
+
+    Random numbers depend on `seed` and the generation only, so a run that continues from a saved `State` gives the same
+    bits. `target(x)` takes (n, d) and returns log density (n,) and outputs (n, k) carried along with the state; a row's
+    values must not depend on the other rows. `screen(x)` returns (n,). `box`: (2, d) or None. `adjust` maps accepted
+    states to others, whose density is then evaluated anew: it exists to reproduce the paper's rescaling and makes the
+    chain inexact. The target must return -inf outside its support.
+    """
+
+    def __init__(
+        self, target: Callable, settings: DreamSettings, seed: int, *, screen: Callable | None = None, every: int = 1,
+        box: np.ndarray | None = None, adjust: Callable | None = None,
+    ):  # fmt: skip
+        self.target, self.settings, self.seed, self.screen, self.box, self.adjust = (
+            target, settings, seed, screen, box, adjust,
+        )  # fmt: skip
+        self.every = every if screen is not None else 1
+        self.decisions = -(-settings.generations // self.every)
+        self.burn_in = int(round(settings.burn_in * self.decisions))
+
+    def start(self, position: np.ndarray, evaluated: tuple[np.ndarray, np.ndarray] | None = None) -> State:
+        """State before the first generation; `position` (chains, d) must lie in the support."""
+        position = np.array(position, dtype=float)
+        log_density, output = self.target(position) if evaluated is None else evaluated
+        if not np.all(np.isfinite(log_density)):
+            raise ValueError("a chain starts outside the support of its target")
+        n, m = len(position), self.settings.crossovers
+        return State(
+            generation=np.array(0), position=position, log_density=np.array(log_density), output=np.array(output),
+            crossover=np.full(m, 1.0 / m), jumped=np.zeros(m), used=np.zeros(m),
+            recent=np.zeros(n), looks=np.array(0),
+            accepted=np.zeros(n), proposed=np.array(0), screen_accepted=np.zeros(n), screen_proposed=np.array(0),
+            evaluations=np.array(n if evaluated is None else 0), outliers=np.array(0),
+        )  # fmt: skip
+
+    def advance(self, state: State) -> None:
+        """One decision of the target: `every` generations with an emulator, one without. Changes `state`."""
+        random = generator(self.seed, "dream", "generation", int(state.generation))
+        decision = int(state.generation) // self.every
+        adapting = decision < self.burn_in
+        if decision == self.burn_in:
+            state.accepted[:], state.proposed, state.screen_accepted[:] = 0, np.array(0), 0
+            state.screen_proposed = np.array(0)
+        order = random.permutation(len(state.position))
+        half = len(order) // 2
+        for movers, partners in ((order[:half], order[half:]), (order[half:], order[:half])):
+            self._move(state, movers, state.position[partners], random)
+        state.generation = state.generation + self.every
+        state.proposed = state.proposed + 1
+        state.screen_proposed = state.screen_proposed + self.every
+        if adapting:
+            self._adapt(state, decision)
+
+    def _move(self, state: State, movers: np.ndarray, pool: np.ndarray, random: np.random.Generator) -> None:
+        spread = state.position.std(axis=0)
+        before = state.position[movers]
+        if self.screen is None:
+            proposal = self._propose(before, pool, state.crossover, random)
+            after, log_ratio, moved = proposal.position, proposal.log_ratio, np.ones(len(movers), dtype=bool)
+        else:
+            after, log_ratio, moved = self._screened(state, movers, pool, spread, random)
+        threshold = np.log(random.uniform(size=len(movers)))
+        log_density = np.full(len(movers), -np.inf)
+        output = state.output[movers]
+        if np.any(moved):
+            log_density[moved], output[moved] = self.target(after[moved])
+            state.evaluations = state.evaluations + int(moved.sum())
+        with np.errstate(invalid="ignore"):
+            accept = moved & (threshold < log_density - state.log_density[movers] + log_ratio)
+        if self.screen is None:
+            self._credit(state, proposal, np.where(accept[:, None], after - before, 0.0), spread)
+        if self.adjust is not None and np.any(accept):
+            after[accept] = self.adjust(after[accept])
+            log_density[accept], output[accept] = self.target(after[accept])
+            state.evaluations = state.evaluations + int(accept.sum())
+        chosen = movers[accept]
+        state.position[chosen] = after[accept]
+        state.log_density[chosen] = log_density[accept]
+        state.output[chosen] = output[accept]
+        state.accepted[chosen] += 1
+
+    def _screened(self, state, movers, pool, spread, random):
+        """`every` generations on the emulator; returns where they led, log q(x) - log q(y), and who moved."""
+        position = state.position[movers].copy()
+        first = current = self.screen(position)
+        moved = np.zeros(len(movers), dtype=bool)
+        for _ in range(self.every):
+            proposal = self._propose(position, pool, state.crossover, random)
+            there = self.screen(proposal.position)
+            with np.errstate(invalid="ignore"):
+                accept = np.log(random.uniform(size=len(movers))) < there - current + proposal.log_ratio
+            step = np.where(accept[:, None], proposal.position - position, 0.0)
+            self._credit(state, proposal, step, spread)
+            position = np.where(accept[:, None], proposal.position, position)
+            current = np.where(accept, there, current)
+            state.screen_accepted[movers] += accept
+            moved |= accept
+        return position, first - current, moved
+
+    def _propose(self, position, pool, crossover, random) -> Proposal:
+        proposal = differential_evolution(position, pool, crossover, self.settings, random)
+        if self.settings.snooker > 0:
+            by_snooker = random.uniform(size=len(position)) < self.settings.snooker
+            proposal = proposal.replaced(by_snooker, snooker(position, pool, random))
+        if self.box is not None:
+            proposal = into_box(proposal, self.box, self.settings.boundary)
+        return proposal
+
+    def _credit(self, state, proposal, step, spread) -> None:
+        if not self.settings.adapt_crossovers or int(state.generation) // self.every >= self.burn_in:
+            return
+        jump = np.sum((step / np.where(spread > 0, spread, 1.0)) ** 2, axis=1)
+        crossed = proposal.crossover >= 0
+        values = len(state.crossover)
+        state.jumped += np.bincount(proposal.crossover[crossed], weights=jump[crossed], minlength=values)
+        state.used += np.bincount(proposal.crossover[crossed], minlength=values)
+
+    def _adapt(self, state: State, decision: int) -> None:
+        if self.settings.adapt_crossovers and np.all(state.used > 0) and state.jumped.sum() > 0:
+            mean_jump = state.jumped / state.used
+            share = np.maximum(mean_jump / mean_jump.sum(), 0.1 / len(mean_jump))
+            state.crossover = share / share.sum()
+        state.recent += state.log_density
+        state.looks = state.looks + 1
+        interval = max(self.burn_in // LOOKS_AT_OUTLIERS, 1)
+        if self.settings.remove_outliers and (decision + 1) % interval == 0:
+            mean = state.recent / state.looks
+            low, high = np.quantile(mean, [0.25, 0.75])
+            outlying, best = mean < low - 2.0 * (high - low), int(np.argmax(mean))
+            for array in (state.position, state.log_density, state.output):
+                array[outlying] = array[best]
+            state.outliers = state.outliers + int(outlying.sum())
+            state.recent, state.looks = np.zeros(len(mean)), np.array(0)

@@ -1,0 +1,1 @@
+"""0D networks: svZeroDSolver's JSON, its blocks, unknowns and parameters."""

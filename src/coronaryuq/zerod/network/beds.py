@@ -1,0 +1,90 @@
+"""Coronary beds of a network, and what θ = (r, s) and hyperaemia do to their resistances."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from coronaryuq.core.errors import InputError
+from coronaryuq.zerod.network.read import Network
+
+SCALING = "R_cor_scaling"
+"""Name of s in tables of θ."""
+
+HYPERAEMIA = 0.24
+"""Ra and Ram at hyperaemia over rest (paper, section 2.4; Wilson et al. 1990)."""
+
+
+@dataclass(frozen=True)
+class Bed:
+    """A coronary boundary condition: the names of its arterial, myocardial and venous resistances."""
+
+    name: str
+    arterial: str
+    myocardial: tuple[str, ...]
+    venous: str
+
+    @property
+    def resistances(self) -> tuple[str, ...]:
+        return (self.arterial, *self.myocardial, self.venous)
+
+
+_NAMES = {
+    "ClosedLoopCoronaryLeft": ("Ra", ("Ram",), "Rv"),
+    "ClosedLoopCoronaryRight": ("Ra", ("Ram",), "Rv"),
+    "CORONARY": ("Ra1", ("Ra2",), "Rv1"),
+    "CORONARY_VAR_RES": ("Ra1", ("Ra2_min", "Ra2_max"), "Rv1"),
+}
+
+
+def beds(network: Network) -> dict[str, Bed]:
+    """Coronary beds by the name of their boundary condition, in the network's order."""
+    return {
+        block["bc_name"]: Bed(block["bc_name"], *_NAMES[block["bc_type"]])
+        for block in network["boundary_conditions"]
+        if block["bc_type"] in _NAMES
+    }
+
+
+def distal_resistances(network: Network) -> dict[str, float]:
+    """Ra + Ram + Rv of each bed, in the network's unit; a varying Ram counts with its least value."""
+    values = {block["bc_name"]: block["bc_values"] for block in network["boundary_conditions"]}
+    return {
+        name: float(values[name][bed.arterial] + values[name][bed.myocardial[0]] + values[name][bed.venous])
+        for name, bed in beds(network).items()
+    }
+
+
+def resistance_changes(
+    network: Network,
+    multipliers: Mapping[str, np.ndarray | float] | None = None,
+    scaling: np.ndarray | float = 1.0,
+    hyperaemia: np.ndarray | float = 1.0,
+) -> dict[str, np.ndarray]:
+    """Changes for `Engine.run` that scale the coronary resistances, arrays (n,) or 0-d.
+
+    multipliers: bed → r, times Ra, Ram and Rv of that bed (1 for beds that it does not name). scaling: s, times Ra, Ram
+    and Rv of every bed. hyperaemia: times Ra and Ram of every bed. `InputError` for a bed that the network lacks and
+    for factors that are not positive.
+    """
+    found, multipliers = beds(network), multipliers or {}
+    for name in multipliers:
+        if name not in found:
+            raise InputError("network", name, None, f"is no coronary bed; there are {', '.join(found) or 'none'}")
+    for name, factor in {**multipliers, SCALING: scaling, "hyperaemia": hyperaemia}.items():
+        if not np.all(np.asarray(factor, float) > 0.0):
+            raise InputError("network", name, "not positive", "want positive factors")
+    values = {block["bc_name"]: block["bc_values"] for block in network["boundary_conditions"]}
+    changes = {}
+    for name, bed in found.items():
+        whole = np.asarray(multipliers.get(name, 1.0), float) * np.asarray(scaling, float)
+        for key in bed.resistances:
+            factor = whole if key == bed.venous else whole * np.asarray(hyperaemia, float)
+            changes[f"{name}.{key}"] = values[name][key] * factor
+    return changes
+
+
+def theta_changes(network: Network, theta: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """`resistance_changes` for columns of a table of θ: one per bed, and `R_cor_scaling` (1 if absent)."""
+    multipliers = {name: value for name, value in theta.items() if name != SCALING}
+    return resistance_changes(network, multipliers, theta.get(SCALING, 1.0))

@@ -1,0 +1,33 @@
+"""Names of what a run measures: `mean_flow:A:B`, `min_pressure:A:B`, `max_V_LV:CLH`: a statistic of an unknown."""
+
+from dataclasses import dataclass
+
+from coronaryuq.core.errors import InputError
+from coronaryuq.zerod.network.numbering import Model
+
+STATISTICS = ("mean", "min", "max")
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A statistic over the last cycle of one unknown: the mean is trapezoidal, min and max are over the steps."""
+
+    statistic: str
+    unknown: int
+
+
+def parse(name: str, model: Model) -> Quantity:
+    """`STATISTIC_UNKNOWN`, the unknown as svZeroDSolver names it; `InputError` when the network has none such."""
+    statistic, _, variable = name.partition("_")
+    if statistic not in STATISTICS:
+        raise InputError(model.file, name, None, f"want a name that begins with {', '.join(STATISTICS)} and _")
+    return Quantity(statistic, unknown(variable, model))
+
+
+def unknown(name: str, model: Model) -> int:
+    """Number of an unknown such as `flow:A:B`."""
+    if name not in model.index:
+        where = name.split(":", 1)[-1]
+        near = [other for other in model.variables if where.split(":")[0] in other.split(":")][:6]
+        raise InputError(model.file, name, None, f"no such unknown; near it: {', '.join(near) or 'none'}")
+    return model.index[name]

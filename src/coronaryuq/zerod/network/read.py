@@ -1,0 +1,315 @@
+"""0D networks as svZeroDSolver JSON: reading, checking and writing them.
+
+A network is the plain dict that stands in the file. Checking names the file, the block and the key at fault, so that a
+network that passes can be solved; what an element means is in `zerod.elements`.
+"""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io import files
+from coronaryuq.zerod.network.blocks import check_keys, check_shapes, check_values, finite, named, register
+from coronaryuq.zerod.network.parameters import BOUNDARIES, CLOSED_LOOP, COUPLINGS, JUNCTIONS, VESSELS
+
+Network = dict[str, Any]
+
+HEART = "CLH"
+"""Name that svZeroDSolver gives the closed-loop heart block."""
+
+_TOP = {
+    "description",
+    "simulation_parameters",
+    "vessels",
+    "boundary_conditions",
+    "junctions",
+    "closed_loop_blocks",
+    "external_solver_coupling_blocks",
+    "initial_condition",
+    "initial_condition_d",
+    "valves",
+    "chambers",
+}
+_SIMULATION = {
+    "coupled_simulation": bool,
+    "number_of_cardiac_cycles": int,
+    "number_of_time_pts_per_cardiac_cycle": int,
+    "number_of_time_pts": int,
+    "external_step_size": float,
+    "use_cycle_to_cycle_error": bool,
+    "sim_cycle_to_cycle_percent_error": float,
+    "absolute_tolerance": float,
+    "maximum_nonlinear_iterations": int,
+    "steady_initial": bool,
+    "rho_infty": float,
+    "output_variable_based": bool,
+    "output_interval": int,
+    "output_mean_only": bool,
+    "output_derivative": bool,
+    "output_all_cycles": bool,
+    "cardiac_period": float,
+    # Written by SimVascular's front end and carried along unread by svZeroDSolver.
+    "model_name": str,
+    "density": float,
+    "viscosity": float,
+}
+_VESSEL = {"vessel_name", "vessel_id", "vessel_length", "boundary_conditions", "zero_d_element_type"}
+_VESSEL |= {"zero_d_element_values"}
+_BOUNDARY = {"bc_name", "bc_type", "bc_values"}
+_JUNCTION = {"junction_name", "junction_type", "junction_values", "areas"}
+_JUNCTION |= {"inlet_vessels", "outlet_vessels", "inlet_blocks", "outlet_blocks"}
+_LOOP = {"name", "outlet_blocks", "closed_loop_type", "cardiac_cycle_period", "parameters"}
+_COUPLING = {"name", "type", "location", "connected_block", "periodic", "values"}
+
+
+def read_network(path: str | Path) -> Network:
+    """Read an svZeroDSolver JSON file and check it; `InputError` names file, block, key and value."""
+    network = files.read_json(path)
+    check_network(network, path)
+    return network
+
+
+def write_network(path: str | Path, network: Network) -> None:
+    """Check a network and write it as svZeroDSolver JSON."""
+    check_network(network, path)
+    files.write_json(path, network)
+
+
+def check_network(network: Network, file: str | Path = "network") -> None:
+    """Raise `InputError` unless every block, key and value is one that the engine knows and the blocks fit together."""
+    if not isinstance(network, dict):
+        raise InputError(file, None, None, "want a JSON object with simulation_parameters, vessels, ...")
+    check_keys(network, _TOP, file, "")
+    for unsupported in ("valves", "chambers"):
+        if network.get(unsupported):
+            entry = network[unsupported][0]
+            kind = entry.get("type") if isinstance(entry, dict) else entry
+            name = entry.get("name") if isinstance(entry, dict) else None
+            raise InputError(
+                file, f"{unsupported}.{name}.type", kind, "unknown element; use ClosedLoopHeartAndPulmonary"
+            )
+    for required in ("simulation_parameters", "boundary_conditions"):
+        if required not in network:
+            raise InputError(file, required, None, "missing")
+    if not isinstance(network["simulation_parameters"], dict):
+        raise InputError(file, "simulation_parameters", network["simulation_parameters"], "want an object")
+    check_shapes(network, file)
+    _check_simulation(network["simulation_parameters"], file)
+    names: dict[str, str] = {}
+    for vessel in named(network, "vessels", "vessel_name", file):
+        _check_vessel(vessel, names, file)
+    for block in named(network, "external_solver_coupling_blocks", "name", file):
+        _check_coupling(block, names, file)
+    for block in named(network, "boundary_conditions", "bc_name", file):
+        _check_boundary(block, names, file)
+    ids = {vessel["vessel_id"]: vessel["vessel_name"] for vessel in network.get("vessels", [])}
+    if len(ids) < len(network.get("vessels", [])):
+        raise InputError(file, "vessels", None, "two vessels share a vessel_id; number them apart")
+    for junction in named(network, "junctions", "junction_name", file):
+        _check_junction(junction, names, ids, file)
+    _check_closed_loop(network, names, file)
+    _check_references(network, names, file)
+
+
+_VALUES = (
+    ("vessels", "vessel_name", "zero_d_element_values"),
+    ("boundary_conditions", "bc_name", "bc_values"),
+    ("junctions", "junction_name", "junction_values"),
+    ("closed_loop_blocks", "", "parameters"),
+)
+"""Parts of a network, and where their blocks have name and parameters."""
+
+
+def note_negative_resistances(network: Network, file: str | Path) -> None:
+    """One line on standard error where a checked network has any: svZeroDSolver takes them, so that is no error."""
+    found = [
+        f"{block.get(name, HEART)}.{key} = {value:g}"
+        for part, name, values in _VALUES
+        for block in network.get(part, [])
+        for key, given in block.get(values, {}).items()
+        if key.startswith("R")  # every such parameter is a resistance, and no other is
+        for value in (given if isinstance(given, list) else [given])
+        if value < 0
+    ]
+    if found:
+        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+        print(f"note: {file}: {found[0]}: negative resistance{more}", file=sys.stderr)
+
+
+def vessel_names(network: Network) -> dict[int, str]:
+    """Vessel id → vessel name."""
+    return {vessel["vessel_id"]: vessel["vessel_name"] for vessel in network.get("vessels", [])}
+
+
+def copy_of(network: Network) -> Network:
+    """A deep copy, so that a changed network never changes the one it came from."""
+    return _copied(network)
+
+
+def _copied(value: Any) -> Any:
+    """Of what stands in a JSON file; many times as fast as `copy.deepcopy`, which has to expect anything."""
+    if isinstance(value, dict):
+        return {key: _copied(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_copied(entry) for entry in value]
+    return value
+
+
+def _check_simulation(block: dict, file) -> None:
+    where = "simulation_parameters"
+    check_keys(block, set(_SIMULATION), file, where)
+    for key, kind in _SIMULATION.items():
+        if key not in block:
+            continue
+        value = block[key]
+        fits = {
+            bool: isinstance(value, bool),
+            int: finite(value) and float(value).is_integer(),
+            float: finite(value),
+            str: isinstance(value, str),
+        }[kind]
+        if not fits:
+            raise InputError(file, f"{where}.{key}", value, f"want a {kind.__name__}")
+    needed = ("number_of_cardiac_cycles", "number_of_time_pts_per_cardiac_cycle")
+    if block.get("coupled_simulation", False):
+        needed = ("number_of_time_pts",)
+    for key in needed:
+        if key not in block:
+            raise InputError(file, f"{where}.{key}", None, "missing")
+        if block[key] < (2 if "time_pts" in key else 1):
+            raise InputError(file, f"{where}.{key}", block[key], "too small")
+    if not 0.0 <= block.get("rho_infty", 0.5) <= 1.0:
+        raise InputError(file, f"{where}.rho_infty", block["rho_infty"], "want a spectral radius from 0 to 1")
+    for key in ("absolute_tolerance", "maximum_nonlinear_iterations", "output_interval", "external_step_size"):
+        if key in block and block[key] <= 0:
+            raise InputError(file, f"{where}.{key}", block[key], "want a positive number")
+
+
+def _check_vessel(vessel: dict, names: dict[str, str], file) -> None:
+    name = register(vessel, "vessel_name", "zero_d_element_type", VESSELS, names, file, "vessels")
+    where = f"vessels.{name}"
+    check_keys(vessel, _VESSEL, file, where)
+    if not isinstance(vessel.get("vessel_id"), int) or isinstance(vessel.get("vessel_id"), bool):
+        raise InputError(file, f"{where}.vessel_id", vessel.get("vessel_id"), "want an integer")
+    check_values(vessel, "zero_d_element_values", VESSELS[vessel["zero_d_element_type"]], file, where)
+    for side in vessel.get("boundary_conditions", {}):
+        if side not in ("inlet", "outlet"):
+            raise InputError(file, f"{where}.boundary_conditions", side, "want inlet or outlet")
+
+
+def _check_boundary(block: dict, names: dict[str, str], file) -> None:
+    name = register(block, "bc_name", "bc_type", BOUNDARIES, names, file, "boundary_conditions")
+    check_keys(block, _BOUNDARY, file, f"boundary_conditions.{name}")
+    check_values(block, "bc_values", BOUNDARIES[block["bc_type"]], file, f"boundary_conditions.{name}")
+
+
+def _check_coupling(block: dict, names: dict[str, str], file) -> None:
+    name = register(block, "name", "type", COUPLINGS, names, file, "external_solver_coupling_blocks")
+    where = f"external_solver_coupling_blocks.{name}"
+    check_keys(block, _COUPLING, file, where)
+    check_values(block, "values", COUPLINGS[block["type"]], file, where)
+    if block.get("location") not in ("inlet", "outlet"):
+        raise InputError(file, f"{where}.location", block.get("location"), "want inlet or outlet")
+    if not isinstance(block.get("connected_block"), str):
+        raise InputError(file, f"{where}.connected_block", block.get("connected_block"), "want a block's name")
+
+
+def _check_junction(block: dict, names: dict[str, str], ids: dict[int, str], file) -> None:
+    name = register(block, "junction_name", "junction_type", JUNCTIONS, names, file, "junctions")
+    where = f"junctions.{name}"
+    check_keys(block, _JUNCTION, file, where)
+    for side in ("inlet", "outlet"):
+        if f"{side}_vessels" in block:
+            for number in block[f"{side}_vessels"]:
+                if number not in ids:
+                    raise InputError(file, f"{where}.{side}_vessels", number, "no vessel has this vessel_id")
+        elif f"{side}_blocks" not in block:
+            raise InputError(file, f"{where}.{side}_vessels", None, "missing")
+    parameters = JUNCTIONS[block["junction_type"]]
+    if not parameters:
+        if block.get("junction_values"):
+            check_keys(block["junction_values"], set(), file, f"{where}.junction_values")
+        return
+    inlets, outlets = junction_sides(block, ids)
+    if block["junction_type"] == "BloodVesselJunction" and len(inlets) != 1:
+        raise InputError(file, f"{where}.inlet_vessels", inlets, "a BloodVesselJunction has one inlet")
+    values = block.get("junction_values", {})
+    check_keys(values, set(parameters), file, f"{where}.junction_values")
+    for key, spec in parameters.items():
+        if key not in values and not spec.required:
+            continue
+        numbers = values.get(key)
+        if not isinstance(numbers, list) or len(numbers) != len(outlets) or not all(map(finite, numbers)):
+            raise InputError(
+                file,
+                f"{where}.junction_values.{key}",
+                numbers,
+                f"want a list of {len(outlets)} numbers, one per outlet",
+            )
+
+
+def _check_closed_loop(network: Network, names: dict[str, str], file) -> None:
+    blocks = network.get("closed_loop_blocks", [])
+    if len(blocks) > 1:
+        raise InputError(
+            file, "closed_loop_blocks", len(blocks), "only one ClosedLoopHeartAndPulmonary can be included"
+        )
+    for block in blocks:
+        where = f"closed_loop_blocks.{HEART}"
+        check_keys(block, _LOOP, file, where)
+        kind = block.get("closed_loop_type")
+        if kind not in CLOSED_LOOP:
+            raise InputError(file, f"{where}.closed_loop_type", kind, f"unknown element; know {', '.join(CLOSED_LOOP)}")
+        check_values(block, "parameters", CLOSED_LOOP[kind], file, where)
+        period = block.get("cardiac_cycle_period")
+        if not finite(period) or period <= 0:
+            raise InputError(file, f"{where}.cardiac_cycle_period", period, "want a positive time in s")
+        if not isinstance(block.get("outlet_blocks"), list) or not block["outlet_blocks"]:
+            raise InputError(file, f"{where}.outlet_blocks", block.get("outlet_blocks"), "want a list of block names")
+        for name in (HEART, "J_heart_inlet", "J_heart_outlet"):
+            if name in names:
+                raise InputError(
+                    file, names[name], name, "this name belongs to the closed-loop heart; rename the block"
+                )
+            names[name] = where
+    if not blocks:
+        for block in network["boundary_conditions"]:
+            if block["bc_type"].startswith("ClosedLoop"):
+                where = f"boundary_conditions.{block['bc_name']}.bc_type"
+                raise InputError(file, where, block["bc_type"], "needs a ClosedLoopHeartAndPulmonary block")
+
+
+def _check_references(network: Network, names: dict[str, str], file) -> None:
+    for vessel in network.get("vessels", []):
+        for side, target in vessel.get("boundary_conditions", {}).items():
+            if target not in names:
+                where = f"vessels.{vessel['vessel_name']}.boundary_conditions.{side}"
+                raise InputError(file, where, target, "no block has this name")
+    for junction in network.get("junctions", []):
+        for side in ("inlet_blocks", "outlet_blocks"):
+            for target in junction.get(side, []):
+                if target not in names:
+                    raise InputError(
+                        file, f"junctions.{junction['junction_name']}.{side}", target, "no block has this name"
+                    )
+    for block in network.get("closed_loop_blocks", []):
+        for target in block["outlet_blocks"]:
+            if target not in names:
+                raise InputError(file, f"closed_loop_blocks.{HEART}.outlet_blocks", target, "no block has this name")
+    for block in network.get("external_solver_coupling_blocks", []):
+        target = block["connected_block"]
+        if target not in names and target != "ClosedLoopHeartAndPulmonary":
+            where = f"external_solver_coupling_blocks.{block['name']}.connected_block"
+            raise InputError(file, where, target, "no block has this name")
+    for part in ("initial_condition", "initial_condition_d"):
+        for key, value in network.get(part, {}).items():
+            if not key.startswith("_") and not finite(value):
+                raise InputError(file, f"{part}.{key}", value, "want a number")
+
+
+def junction_sides(block: dict, ids: dict[int, str]) -> tuple[list[str], list[str]]:
+    """Names of the blocks at a junction's inlets and outlets, from vessel ids or block names."""
+    if "inlet_vessels" in block and "outlet_vessels" in block:
+        return [ids[i] for i in block["inlet_vessels"]], [ids[i] for i in block["outlet_vessels"]]
+    return list(block.get("inlet_blocks", [])), list(block.get("outlet_blocks", []))

@@ -1,0 +1,93 @@
+"""How much blood a closed loop holds: the one quantity that its equations conserve."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from coronaryuq.zerod.network.numbering import INTERNAL, Block, Model
+
+
+class BloodVolume:
+    """Stressed volume (mL) of a closed loop, as a function of its state and of changed parameters.
+
+    Every compliance holds C times its pressure, chambers and intramyocardial compartments hold their volume.
+    Pressures at compliances are those that each element's equations differentiate; what enters leaves, so the sum
+    stays. The pulmonary compliance is not part of it, because svZeroDSolver fills the left atrium with the flow out
+    of the right ventricle.
+    """
+
+    def __init__(self, model: Model):
+        self.model = model
+
+    def of(self, state: np.ndarray, changes: Mapping[str, np.ndarray | float] | None = None) -> np.ndarray:
+        """Volume (n,) of states (n, unknowns) with `"BLOCK.parameter"` changes (n,) or scalar."""
+        changes = changes or {}
+        total = np.zeros(len(state))
+        for block in self.model.blocks.values():
+            holds = _HOLDS.get(block.kind)
+            rigid = block.scalars.get("C") == 0.0 and f"{block.name}.C" not in changes
+            if holds is not None and not rigid:
+                total = total + holds(block, state, _Parameters(block, changes))
+        return total
+
+    def filled(self, state: np.ndarray, volume: np.ndarray) -> np.ndarray:
+        """States (n, unknowns) with so much more blood (n,), mL, in the right atrium; loops with a heart only."""
+        heart = next(b for b in self.model.blocks.values() if b.kind == "ClosedLoopHeartAndPulmonary")
+        names = INTERNAL[heart.kind]
+        state = state.copy()
+        state[:, heart.variables[len(heart.variables) - len(names) + names.index("V_RA")]] += volume
+        return state
+
+
+class _Parameters:
+    """A block's parameters with the changes in place."""
+
+    def __init__(self, block: Block, changes: Mapping):
+        self.block, self.changes = block, changes
+
+    def __getitem__(self, name: str):
+        value = self.changes.get(f"{self.block.name}.{name}", self.block.scalars[name])
+        return np.asarray(value, float)
+
+
+def _behind(block: Block, state: np.ndarray, resistance) -> np.ndarray:
+    """Pressure behind a resistance at the block's inlet."""
+    flow = block.inlets[0]
+    return state[:, flow + 1] - resistance * state[:, flow]
+
+
+def _vessel(block, state, parameter):
+    flow = state[:, block.inlets[0]]
+    return parameter["C"] * _behind(
+        block, state, parameter["R_poiseuille"] + parameter["stenosis_coefficient"] * np.abs(flow)
+    )
+
+
+def _vessel_crl(block, state, parameter):
+    return parameter["C"] * _behind(block, state, 0.0)
+
+
+def _coronary(block, state, parameter):
+    return parameter["Ca"] * _behind(block, state, parameter["Ra"]) + state[:, block.variables[-1]]
+
+
+def _rcr(block, state, parameter):
+    return parameter["C"] * state[:, block.variables[-1]]
+
+
+def _heart(block, state, parameter):
+    names = INTERNAL["ClosedLoopHeartAndPulmonary"]
+    inside = dict(zip(names, block.variables[-len(names) :], strict=True))
+    chambers = sum(state[:, inside[name]] for name in ("V_RA", "V_RV", "V_LA", "V_LV"))
+    aorta = state[:, block.outlets[0] + 1]
+    return chambers + parameter["Cpa"] * aorta
+
+
+_HOLDS = {
+    "BloodVessel": _vessel,
+    "BloodVesselCRL": _vessel_crl,
+    "ClosedLoopCoronaryLeft": _coronary,
+    "ClosedLoopCoronaryRight": _coronary,
+    "ClosedLoopRCR": _rcr,
+    "ClosedLoopHeartAndPulmonary": _heart,
+}

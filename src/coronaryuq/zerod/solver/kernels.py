@@ -1,0 +1,470 @@
+"""Compiled time stepping of one group of samples (`LANES` at a time): generalised-α with Newton on the border.
+
+The scheme is that of svZeroDSolver (Jansen, Whiting & Hulbert 2000): predictor with constant y, residual at
+y_αf and ẏ_αm, Newton until max|residual| < tolerance, checked before each solve. Equations of the interior are linear
+with constant coefficients, so that once their residual at the predictor is known, one forward and one backward pass per
+step solve them exactly; Newton's loop sees only the border.
+"""
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from coronaryuq.zerod.solver.lanes import (
+    any_lane,
+    both,
+    choose,
+    less,
+    less_equal,
+    load,
+    magnitude,
+    nearest,
+    power_of_two,
+    spread,
+    store,
+)
+
+
+class Structure(NamedTuple):
+    """Index tables of one network, uint32; rows and columns number equations and unknowns, pivots the elimination.
+
+    Stacked unknowns are y, then ẏ, so that n + j is ẏ_j. A list "of x" has its ends in `x_first`, one more than there
+    are x. The border's matrix of one step is one table: its entries as they stand at the start of the step, then those
+    entries that depend on the solution, then the entries of its factors.
+    """
+
+    pivots: np.ndarray  # (n, 2) row, column, interior first
+    terms_first: np.ndarray
+    terms: np.ndarray  # stacked unknown of each term, of pivots' rows
+    constant_rows: np.ndarray  # rows whose constant changes in time
+    constant_first: np.ndarray
+    constant_shape: np.ndarray
+    matrix_time: np.ndarray  # row, stacked column, shape, border entry
+    forward_first: np.ndarray
+    forward: np.ndarray  # slot, pivot: interior pivots that a pivot's row needs
+    backward_first: np.ndarray
+    backward: np.ndarray  # slot, column, of interior pivots
+    border: np.ndarray  # slot of each border entry
+    product_first: np.ndarray
+    product: np.ndarray  # border entry, column, of border rows
+    lagged: np.ndarray  # unknowns whose increments some rows see one iteration late
+    lagged_border: np.ndarray  # slot, border row, number in `lagged`
+    square: np.ndarray  # border row, column, entry, place in table
+    square_rate: np.ndarray
+    exponential: np.ndarray  # border row, column, entry, place in table, shape
+    valve: np.ndarray  # upstream pressure, downstream pressure, flow
+    valve_term: np.ndarray  # border row, column, entry, place in table, valve
+    factor_first: np.ndarray  # (pivots + 1, 2): first upper and first lower target of each border pivot
+    factor: np.ndarray  # source, destination of each target, in order: pivot, upper row, lower column
+    pairs_first: np.ndarray
+    pairs: np.ndarray  # lower, upper: what each target subtracts
+    border_forward_first: np.ndarray
+    border_forward: np.ndarray  # place, border pivot
+    border_backward_first: np.ndarray
+    border_backward: np.ndarray  # place, column
+
+
+class Values(NamedTuple):
+    """Float tables of one group of samples, (·, LANES)."""
+
+    terms: np.ndarray  # coefficients of `Structure.terms` at the predictor
+    matrix: np.ndarray  # slots: constant part of the Jacobian, interior eliminated
+    inverse: np.ndarray  # one over each interior pivot
+    constant: np.ndarray  # c of each row
+    constant_time: np.ndarray
+    matrix_time: np.ndarray
+    shapes: np.ndarray  # (shapes × times)
+    square: np.ndarray
+    square_rate: np.ndarray
+    exponential: np.ndarray  # three rows each: scale, rate, rest
+    valve_term: np.ndarray
+    lagged: np.ndarray  # largest coefficient by which a row sees each lagged unknown's increment
+    step: np.ndarray  # one row: γ Δt, factor from ẏ's increment to y's
+
+
+class Work(NamedTuple):
+    """Scratch tables of one group, (·, LANES)."""
+
+    constant: np.ndarray  # c of each row at the step
+    reduced: np.ndarray  # right-hand side of each pivot, interior eliminated
+    linear: np.ndarray  # border rows: residual without the solution-dependent terms
+    residual: np.ndarray  # border rows: residual, then right-hand side of the solve
+    increment: np.ndarray
+    total: np.ndarray  # sums of increments; after the unknowns, those of the lagged ones that have been seen
+    matrix: np.ndarray  # see `Structure`
+    inverse: np.ndarray  # one over each border pivot
+    slope: np.ndarray  # derivatives of the solution-dependent terms, in order
+    open: np.ndarray  # valve positions
+    factored: np.ndarray  # valve positions when the border was factorised
+    flow: np.ndarray  # valve flows at the end of the step
+
+
+class Record(NamedTuple):
+    """What is kept of the steps: of `unknowns` (stacked) the trapezoidal mean, least and greatest, and the waveform.
+
+    waves is (steps + 1, unknowns, LANES), or empty. floor and ceiling are the least and greatest of every y, looked at
+    every `STRIDE` steps.
+    """
+
+    unknowns: np.ndarray
+    mean: np.ndarray
+    least: np.ndarray
+    greatest: np.ndarray
+    waves: np.ndarray
+    floor: np.ndarray
+    ceiling: np.ndarray
+
+
+STRIDE = 8
+_FRESH = 2
+"""Newton solves of a step that factorise the border anew; later ones do so only in samples where a valve has moved."""
+_PATIENCE = 10
+"""Solves of a step after which every further one factorises anew: slopes of a strong quadratic loss change too much
+for factors of the first iterations to serve."""
+
+
+class Scheme(NamedTuple):
+    """Constants of generalised-α and of Newton's loop."""
+
+    alpha_m: float
+    alpha_f: float
+    gamma: float
+    tolerance: float
+    iterations: int
+
+
+@numba.njit(inline="always")
+def _exponential(x):
+    """exp(x) to about one unit in the last place: 2^k exp(r), |r| ≤ ln 2 / 2, by Taylor's series."""
+    x = choose(less(x, spread(-700.0)), spread(-700.0), choose(less(spread(700.0), x), spread(700.0), x))
+    k = nearest(x * 1.4426950408889634)
+    r = x - k * 0.6931471803691238
+    r = r - k * 1.9082149292705877e-10
+    p = r * (1.0 / 6227020800.0) + 1.0 / 479001600.0
+    p = p * r + 1.0 / 39916800.0
+    p = p * r + 1.0 / 3628800.0
+    p = p * r + 1.0 / 362880.0
+    p = p * r + 1.0 / 40320.0
+    p = p * r + 1.0 / 5040.0
+    p = p * r + 1.0 / 720.0
+    p = p * r + 1.0 / 120.0
+    p = p * r + 1.0 / 24.0
+    p = p * r + 1.0 / 6.0
+    p = p * r + 0.5
+    p = p * r + 1.0
+    return (p * r + 1.0) * power_of_two(k)
+
+
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def condense(pivots, divide, update, first, matrix, inverse):
+    """Eliminate the interior from `matrix` (slots, LANES) in place; `inverse` gets one over each interior pivot.
+
+    pivots: slots. divide: slots. update: target, factor, entry. first: (pivots + 1, 2) where each pivot's begin.
+    """
+    for p in range(inverse.shape[0]):
+        reciprocal = 1.0 / load(matrix, pivots[p])
+        store(inverse, p, reciprocal)
+        for k in range(first[p, 0], first[p + 1, 0]):
+            store(matrix, divide[k], load(matrix, divide[k]) * reciprocal)
+        for k in range(first[p, 1], first[p + 1, 1]):
+            product = load(matrix, update[k, 1]) * load(matrix, update[k, 2])
+            store(matrix, update[k, 0], load(matrix, update[k, 0]) - product)
+
+
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def _predict(s, v, w, state, scheme, time, times):
+    """Residuals at the predictor without solution-dependent terms, interior eliminated; their largest in the interior.
+
+    Also the border's matrix of the step.
+    """
+    n, interior = v.constant.shape[0], v.inverse.shape[0]
+    for k in range(s.constant_rows.shape[0]):
+        row = s.constant_rows[k]
+        sum_ = load(v.constant, row)
+        for j in range(s.constant_first[k], s.constant_first[k + 1]):
+            sum_ = sum_ + load(v.constant_time, j) * load(v.shapes, s.constant_shape[j] * times + time)
+        store(w.constant, row, sum_)
+    largest, poison = spread(0.0), spread(0.0)
+    for p in range(n):
+        sum_ = spread(0.0) - load(w.constant, s.pivots[p, 0])
+        for k in range(s.terms_first[p], s.terms_first[p + 1]):
+            sum_ = sum_ - load(v.terms, k) * load(state, s.terms[k])
+        if p < interior:
+            # Maxima forget NaN; nought times the value does not.
+            poison = poison + sum_ * 0.0
+            size = magnitude(sum_)
+            largest = choose(less(largest, size), size, largest)
+        else:
+            store(w.residual, p - interior, sum_)
+        for k in range(s.forward_first[p], s.forward_first[p + 1]):
+            sum_ = sum_ - load(v.matrix, s.forward[k, 0]) * load(w.reduced, s.forward[k, 1])
+        store(w.reduced, p, sum_)
+    for k in range(s.border.shape[0]):
+        store(w.matrix, k, load(v.matrix, s.border[k]))
+    to_y, to_rate = (load(v.step, 0) * scheme.alpha_f, 1.0 - scheme.alpha_m / scheme.gamma)
+    for k in range(s.matrix_time.shape[0]):
+        row, column, entry = (s.matrix_time[k, 0], s.matrix_time[k, 1], s.matrix_time[k, 3])
+        coefficient = load(v.matrix_time, k) * load(v.shapes, s.matrix_time[k, 2] * times + time)
+        if column >= n:
+            product = coefficient * load(state, column) * to_rate
+            store(w.matrix, entry, load(w.matrix, entry) + coefficient * scheme.alpha_m)
+        else:
+            product = coefficient * load(state, column)
+            store(w.matrix, entry, load(w.matrix, entry) + coefficient * to_y)
+        store(w.residual, row, load(w.residual, row) - product)
+        store(w.reduced, interior + row, load(w.reduced, interior + row) - product)
+    return largest + poison
+
+
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def _subtract_solution_dependent(s, v, w, state, scheme, time, times):
+    """Take the solution-dependent terms at the present iterate from w.residual; their derivatives into w.slope."""
+    n = v.constant.shape[0]
+    to_y, to_rate = (load(v.step, 0) * scheme.alpha_f, 1.0 - scheme.alpha_m / scheme.gamma)
+    slope = 0
+    for k in range(s.valve.shape[0]):
+        up = load(state, s.valve[k, 0]) + load(w.total, s.valve[k, 0]) * to_y
+        down = load(state, s.valve[k, 1]) + load(w.total, s.valve[k, 1]) * to_y
+        old = load(state, s.valve[k, 2])
+        flow = old + (load(w.flow, k) - old) * scheme.alpha_f
+        shut = both(less_equal(up, down), less_equal(flow, spread(0.0)))
+        store(w.open, k, choose(shut, spread(0.0), spread(1.0)))
+    for k in range(s.valve_term.shape[0]):
+        row, valve = s.valve_term[k, 0], s.valve_term[k, 4]
+        old = load(state, s.valve_term[k, 1])
+        flow = old + (load(w.flow, valve) - old) * scheme.alpha_f
+        coefficient = load(v.valve_term, k) * load(w.open, valve)
+        store(w.residual, row, load(w.residual, row) - coefficient * flow)
+        store(w.slope, slope, coefficient * to_y)
+        slope += 1
+    for k in range(s.square.shape[0]):
+        row, column = s.square[k, 0], s.square[k, 1]
+        y = load(state, column) + load(w.total, column) * to_y
+        product = load(v.square, k) * magnitude(y)
+        store(w.residual, row, load(w.residual, row) - product * y)
+        store(w.slope, slope, product * 2.0 * to_y)
+        slope += 1
+    for k in range(s.square_rate.shape[0]):
+        row, column = s.square_rate[k, 0], s.square_rate[k, 1]
+        y = load(state, column) + load(w.total, column) * to_y
+        rate = load(state, n + column) * to_rate + load(w.total, column) * scheme.alpha_m
+        coefficient = load(v.square_rate, k)
+        store(w.residual, row, load(w.residual, row) - coefficient * magnitude(y) * rate)
+        sign = choose(less(y, spread(0.0)), spread(-1.0), spread(1.0))
+        store(w.slope, slope, coefficient * (sign * rate * to_y + magnitude(y) * scheme.alpha_m))
+        slope += 1
+    for k in range(s.exponential.shape[0]):
+        row, column = s.exponential[k, 0], s.exponential[k, 1]
+        y = load(state, column) + load(w.total, column) * to_y
+        scale = load(v.exponential, 3 * k) * load(v.shapes, s.exponential[k, 4] * times + time)
+        rate = load(v.exponential, 3 * k + 1)
+        grown = _exponential(rate * (y - load(v.exponential, 3 * k + 2)))
+        store(w.residual, row, load(w.residual, row) - scale * (grown - 1.0))
+        store(w.slope, slope, scale * grown * rate * to_y)
+        slope += 1
+
+
+@numba.njit(inline="always")
+def _put(table, row, value, which, everywhere):
+    if everywhere:
+        store(table, row, value)
+    else:
+        store(table, row, choose(which, value, load(table, row)))
+
+
+@numba.njit(inline="always")
+def _put_slopes(terms, w, first, which, everywhere):
+    """Entries that one kind of term adds its derivative to; the program gives every such entry to one term."""
+    for k in range(terms.shape[0]):
+        value = load(w.matrix, terms[k, 2]) + load(w.slope, first + k)
+        _put(w.matrix, terms[k, 3], value, which, everywhere)
+    return first + terms.shape[0]
+
+
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def _factorise(s, w, which, everywhere):
+    """Factors of the border's matrix at the present slopes (Crout's order), in the lanes of `which` or everywhere."""
+    slope = _put_slopes(s.valve_term, w, 0, which, everywhere)
+    slope = _put_slopes(s.square, w, slope, which, everywhere)
+    slope = _put_slopes(s.square_rate, w, slope, which, everywhere)
+    slope = _put_slopes(s.exponential, w, slope, which, everywhere)
+    for p in range(w.inverse.shape[0]):
+        upper, lower, end = (s.factor_first[p, 0], s.factor_first[p, 1], s.factor_first[p + 1, 0])
+        reciprocal = spread(0.0)
+        for k in range(upper, end):
+            sum_ = load(w.matrix, s.factor[k, 0])
+            for j in range(s.pairs_first[k], s.pairs_first[k + 1]):
+                sum_ = sum_ - load(w.matrix, s.pairs[j, 0]) * load(w.matrix, s.pairs[j, 1])
+            if k == upper:
+                reciprocal = 1.0 / sum_
+                _put(w.inverse, p, reciprocal, which, everywhere)
+            elif k < lower:
+                _put(w.matrix, s.factor[k, 1], sum_, which, everywhere)
+            else:
+                _put(w.matrix, s.factor[k, 1], sum_ * reciprocal, which, everywhere)
+
+
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def _solve_border(s, w, interior, going):
+    """Solve the border for w.residual; increments of lanes that are `going`, and their totals."""
+    size = w.inverse.shape[0]
+    for p in range(size):
+        sum_ = load(w.residual, p)
+        for k in range(s.border_forward_first[p], s.border_forward_first[p + 1]):
+            sum_ = sum_ - load(w.matrix, s.border_forward[k, 0]) * load(w.residual, s.border_forward[k, 1])
+        store(w.residual, p, sum_)
+    for place in range(size):
+        p = size - 1 - place
+        sum_ = load(w.residual, p)
+        for k in range(s.border_backward_first[place], s.border_backward_first[place + 1]):
+            sum_ = sum_ - load(w.matrix, s.border_backward[k, 0]) * load(w.increment, s.border_backward[k, 1])
+        column = s.pivots[interior + p, 1]
+        increment = choose(going, sum_ * load(w.inverse, p), spread(0.0))
+        store(w.increment, column, increment)
+        store(w.total, column, load(w.total, column) + increment)
+
+
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def _finish(s, v, w, state, scheme, moving):
+    """Interior increments from those of the border, and the new state of both."""
+    n, interior = v.constant.shape[0], v.inverse.shape[0]
+    to_y, keep = load(v.step, 0), 1.0 - 1.0 / scheme.gamma
+    for place in range(interior):
+        p = interior - 1 - place
+        sum_ = load(w.reduced, p)
+        for k in range(s.backward_first[place], s.backward_first[place + 1]):
+            sum_ = sum_ - load(v.matrix, s.backward[k, 0]) * load(w.total, s.backward[k, 1])
+        column = s.pivots[p, 1]
+        store(w.total, column, choose(moving, sum_ * load(v.inverse, p), spread(0.0)))
+    for column in range(n):
+        increment = load(w.total, column)
+        store(state, column, load(state, column) + increment * to_y)
+        store(state, n + column, load(state, n + column) * keep + increment)
+    for k in range(s.valve.shape[0]):
+        store(state, s.valve[k, 2], load(w.flow, k))
+
+
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def _step(s, v, w, state, scheme, time, times, sound):
+    """One time step; returns the number of solves, and marks lanes that did not converge."""
+    n, interior = v.constant.shape[0], v.inverse.shape[0]
+    size = n - interior
+    to_y = load(v.step, 0)
+    largest = _predict(s, v, w, state, scheme, time, times)
+    for p in range(interior, n):
+        store(w.total, s.pivots[p, 1], spread(0.0))
+    for k in range(s.lagged.shape[0]):
+        store(w.total, n + k, spread(0.0))
+    for k in range(s.valve.shape[0]):
+        store(w.flow, k, load(state, s.valve[k, 2]))
+    for p in range(size):
+        store(w.linear, p, load(w.residual, p))
+    _subtract_solution_dependent(s, v, w, state, scheme, time, times)
+    poison = spread(0.0)
+    for p in range(size):
+        # The residual before the interior is eliminated decides whether to move at all.
+        value, without = load(w.residual, p), load(w.linear, p)
+        poison = poison + value * 0.0
+        size_ = magnitude(value)
+        largest = choose(less(largest, size_), size_, largest)
+        reduced = load(w.reduced, interior + p)
+        store(w.linear, p, reduced)
+        store(w.residual, p, reduced + (value - without))
+    settled = choose(less(largest + poison, spread(scheme.tolerance)), spread(0.0), spread(1.0))
+    going = less(spread(0.5), choose(sound, settled, spread(0.0)))
+    moving = going
+    solves = 0
+    while solves < scheme.iterations - 1 and any_lane(going):
+        if solves < _FRESH:
+            _factorise(s, w, going, True)
+            for k in range(s.valve.shape[0]):
+                store(w.factored, k, load(w.open, k))
+        else:
+            moved = spread(0.0)
+            for k in range(s.valve.shape[0]):
+                moved = moved + magnitude(load(w.open, k) - load(w.factored, k))
+            late = spread(1.0) if solves >= _PATIENCE else moved
+            which = both(less(spread(0.5), late), going)
+            if any_lane(which):
+                _factorise(s, w, which, False)
+                for k in range(s.valve.shape[0]):
+                    store(w.factored, k, choose(which, load(w.open, k), load(w.factored, k)))
+        _solve_border(s, w, interior, going)
+        solves += 1
+        for k in range(s.valve.shape[0]):
+            shut = both(less(load(w.open, k), spread(0.5)), going)
+            flow = choose(shut, spread(0.0), load(w.flow, k))
+            store(w.flow, k, flow + load(w.increment, s.valve[k, 2]) * to_y)
+        for p in range(size):
+            sum_ = load(w.linear, p)
+            for k in range(s.product_first[p], s.product_first[p + 1]):
+                sum_ = sum_ - load(w.matrix, s.product[k, 0]) * load(w.increment, s.product[k, 1])
+            store(w.linear, p, sum_)
+            store(w.residual, p, sum_)
+        _subtract_solution_dependent(s, v, w, state, scheme, time, times)
+        largest, poison = spread(0.0), spread(0.0)
+        for p in range(size):
+            value = load(w.residual, p)
+            poison = poison + value * 0.0
+            value = magnitude(value)
+            largest = choose(less(largest, value), value, largest)
+        for k in range(s.lagged.shape[0]):
+            increment = load(w.increment, s.lagged[k])
+            value = magnitude(load(v.lagged, k) * increment)
+            largest = choose(less(largest, value), value, largest)
+            seen = load(w.total, s.lagged[k]) - increment
+            store(w.total, n + k, choose(going, seen, load(w.total, n + k)))
+        settled = choose(less(largest + poison, spread(scheme.tolerance)), spread(0.0), spread(1.0))
+        going = less(spread(0.5), choose(going, settled, spread(0.0)))
+        for k in range(s.lagged_border.shape[0]):
+            row = s.lagged_border[k, 1]
+            seen = load(w.increment, s.lagged[s.lagged_border[k, 2]])
+            product = load(v.matrix, s.lagged_border[k, 0]) * seen
+            store(w.linear, row, load(w.linear, row) - product)
+            store(w.residual, row, load(w.residual, row) - product)
+    _finish(s, v, w, state, scheme, moving)
+    return solves, going
+
+
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def march(s, v, w, state, scheme, steps, times, failed, record, counts):
+    """Advance `state` (2n, LANES) by `steps` steps from the start of a cycle; `times` steps make a cycle.
+
+    failed: (1, LANES), nonzero in lanes that did not converge and are no longer advanced; it takes the number of the
+    step (from 1) at which a lane failed. counts: [solves] of this group, added to.
+    """
+    share = 1.0 / steps
+    for row in range(v.constant.shape[0]):
+        store(w.constant, row, load(v.constant, row))
+    for k in range(record.unknowns.shape[0]):
+        value = load(state, record.unknowns[k])
+        store(record.mean, k, value * (0.5 * share))
+        store(record.least, k, value)
+        store(record.greatest, k, value)
+        if record.waves.shape[0] > 0:
+            store(record.waves[0], k, value)
+    for k in range(record.floor.shape[0]):
+        store(record.floor, k, load(state, k))
+        store(record.ceiling, k, load(state, k))
+    for step in range(steps):
+        sound = less_equal(load(failed, 0), spread(0.0))
+        solves, astray = _step(s, v, w, state, scheme, step % times, times, sound)
+        counts[0] += solves
+        if any_lane(astray):
+            store(failed, 0, choose(astray, spread(step + 1.0), load(failed, 0)))
+        weight = share if step < steps - 1 else 0.5 * share
+        for k in range(record.unknowns.shape[0]):
+            value = load(state, record.unknowns[k])
+            store(record.mean, k, load(record.mean, k) + value * weight)
+            low, high = load(record.least, k), load(record.greatest, k)
+            store(record.least, k, choose(less(value, low), value, low))
+            store(record.greatest, k, choose(less(high, value), value, high))
+            if record.waves.shape[0] > 0:
+                store(record.waves[step + 1], k, value)
+        if (step + 1) % STRIDE == 0:
+            for k in range(record.floor.shape[0]):
+                value = load(state, k)
+                low, high = load(record.floor, k), load(record.ceiling, k)
+                store(record.floor, k, choose(less(value, low), value, low))
+                store(record.ceiling, k, choose(less(high, value), value, high))

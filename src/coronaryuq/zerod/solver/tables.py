@@ -1,0 +1,216 @@
+"""From the elements' terms to the structure of the kernels' tables, once per network."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from coronaryuq.core.errors import InputError
+from coronaryuq.zerod.network.numbering import Model
+from coronaryuq.zerod.solver.assembly import Assembly, Context, Terms
+from coronaryuq.zerod.solver.elements import ELEMENTS
+from coronaryuq.zerod.solver.elimination import Singular, Tape, eliminate
+from coronaryuq.zerod.solver.kernels import Scheme, Structure
+from coronaryuq.zerod.solver.nonlinear_block import Border, lists
+
+_SCENARIOS = 8
+
+
+def write_elements(model: Model, at: Context) -> Assembly:
+    """All elements' terms for the parameters in `at`."""
+    system = Assembly()
+    for block in model.blocks.values():
+        ELEMENTS[block.kind](block, at, system)
+    return system
+
+
+@dataclass(frozen=True)
+class Program:
+    """Structure of one network, for parameters whose zeros are known.
+
+    kept: for each kind of term, which of the elements' terms are not identically zero. order: of the linear terms
+    (f, e, f_lagged) in the structure. slots: of the same in the matrix. border_rows: length of the border's table.
+    """
+
+    size: int
+    structure: Structure
+    kept: dict[str, np.ndarray]
+    order: np.ndarray
+    slots: np.ndarray
+    tape: Tape
+    border_rows: int
+
+
+_KINDS = (
+    "e",
+    "f",
+    "f_lagged",
+    "constant",
+    "e_time",
+    "f_time",
+    "constant_time",
+    "f_valve",
+    "square",
+    "square_rate",
+    "exponentials",
+)
+
+
+def _kept(terms: Terms) -> np.ndarray:
+    return np.array([k for k, c in enumerate(terms.coefficients) if np.any(np.asarray(c[0]) != 0.0)], dtype=np.int64)
+
+
+def make_program(model: Model, at: Context, scheme: Scheme, step: float, own: Context | None = None) -> Program:
+    """Analyse the network as written for `at` (one sample, nonzero wherever a sample may be nonzero).
+
+    step: time step (s) at which pivots are judged. own: the network's own values, by which they are judged where the
+    network has a solution so: an entry that is nought in some samples must be no pivot. Raises `InputError` when the
+    equations have no solution.
+    """
+    n, system = model.size, write_elements(model, at)
+    kept = {kind: _kept(getattr(system, kind)) for kind in _KINDS}
+
+    def rows(kind: str, columns: int) -> np.ndarray:
+        terms = getattr(system, kind)
+        return np.array([terms.where[k] for k in kept[kind]], dtype=np.int64).reshape(-1, columns)
+
+    e, f, f_lagged = rows("e", 2), rows("f", 2), rows("f_lagged", 2)
+    lagged = np.unique(f_lagged[:, 1])
+    e_time, f_time = rows("e_time", 3), rows("f_time", 3)
+    square, square_rate = rows("square", 2), rows("square_rate", 2)
+    exponential, valve_term = rows("exponentials", 3), rows("f_valve", 3)
+    changing = np.zeros((n, n), bool)
+    for part in (e_time, f_time, square, square_rate, exponential, valve_term):
+        changing[part[:, 0], part[:, 1]] = True
+    pattern = np.concatenate([changing, np.zeros((n, len(lagged)), bool)], axis=1)
+    for part in (e, f, np.stack([f_lagged[:, 0], n + np.searchsorted(lagged, f_lagged[:, 1])], axis=1)):
+        pattern[part[:, 0], part[:, 1]] = True
+    inner_columns = ~changing.any(axis=0)
+    inner_columns[lagged] = False
+    # The unknowns that decide a valve's state must be known inside Newton's loop.
+    inner_columns[[column for valve in system.valves for column in valve]] = False
+
+    def tape_of(judged: Assembly) -> Tape:
+        scenarios = _scenarios(n, lagged, judged, kept, scheme, step)
+        return eliminate(scenarios, pattern, ~changing.any(axis=1), inner_columns)
+
+    try:
+        try:
+            tape = tape_of(system if own is None else write_elements(model, own))
+        except Singular:
+            tape = tape_of(system)
+    except Singular as error:
+        block = model.equations[error.row]
+        raise InputError(model.file, block, None, "system is singular; check its connections and parameters") from None
+    structure, order = _structure(n, tape, lagged, system, kept, rows)
+    place = {(int(r), int(c)): k for k, (r, c) in enumerate(zip(tape.slot_row, tape.slot_column, strict=True))}
+    late = np.stack([f_lagged[:, 0], n + np.searchsorted(lagged, f_lagged[:, 1])], axis=1)
+    slots = np.array([place[int(r), int(c)] for r, c in np.concatenate([f, e, late])], dtype=np.int64)
+    return Program(n, structure, kept, order, slots, tape, Border(tape, rows).size)
+
+
+def _scenarios(n: int, lagged: np.ndarray, system: Assembly, kept, scheme: Scheme, step: float) -> np.ndarray:
+    """Jacobians at states that a run may meet: valves open and shut, activation high and low, flows small and large."""
+    to_y = scheme.alpha_f * scheme.gamma * step
+    matrices = np.zeros((_SCENARIOS, n, n + len(lagged)))
+    random = np.random.Generator(np.random.Philox(key=22))
+    for kind, weight in (("e", scheme.alpha_m), ("f", to_y)):
+        terms = getattr(system, kind)
+        for k in kept[kind]:
+            row, column = terms.where[k]
+            matrices[:, row, column] += weight * _first(terms.coefficients[k][0])
+    for k in kept["f_lagged"]:
+        row, column = system.f_lagged.where[k]
+        matrices[:, row, n + np.searchsorted(lagged, column)] += to_y * _first(system.f_lagged.coefficients[k][0])
+    for number, matrix in enumerate(matrices):
+        for kind, weight in (("e_time", scheme.alpha_m), ("f_time", to_y)):
+            terms = getattr(system, kind)
+            for k in kept[kind]:
+                row, column, shape = terms.where[k]
+                values = system.shapes[shape][0]
+                time = number * (values.size - 1) // max(_SCENARIOS - 1, 1)
+                matrix[row, column] += weight * _first(terms.coefficients[k][0]) * values[time]
+        for kind, scale in (("square", to_y), ("square_rate", scheme.alpha_m)):
+            terms = getattr(system, kind)
+            for k in kept[kind]:
+                row, column = terms.where[k]
+                flow = 0.0 if number == 0 else 10.0 ** random.uniform(-2, 2)
+                matrix[row, column] += scale * _first(terms.coefficients[k][0]) * flow
+        for k in kept["f_valve"]:
+            row, column, valve = system.f_valve.where[k]
+            if (number >> (valve % 3)) & 1 == 0:
+                matrix[row, column] += to_y * _first(system.f_valve.coefficients[k][0])
+    return matrices
+
+
+def _first(value) -> float:
+    return float(np.ravel(value)[0])
+
+
+def _structure(n: int, tape: Tape, lagged: np.ndarray, system: Assembly, kept, rows) -> tuple[Structure, np.ndarray]:
+    """Index tables for the kernels, and in which order the linear terms (f, e, f_lagged) stand in them."""
+    border = Border(tape, rows)
+    position = np.empty(n, dtype=np.int64)
+    position[tape.pivots[:, 0]] = np.arange(n)
+    entries = np.concatenate([rows("f", 2), rows("e", 2) + np.array([0, n]), rows("f_lagged", 2)])
+    order = np.argsort(position[entries[:, 0]], kind="stable")
+    constant_time = rows("constant_time", 2)[by_row(kept, system)]
+    constant_rows, constant_first = np.unique(constant_time[:, 0], return_index=True)
+    f_time, e_time = rows("f_time", 3), rows("e_time", 3)
+    matrix_time = np.concatenate([f_time, e_time + np.array([0, n, 0])])
+    time_entries = [border.entry(r, c) for r, c in np.concatenate([f_time, e_time])[:, :2]]
+    matrix_time = np.column_stack([position[matrix_time[:, 0]] - tape.interior, matrix_time[:, 1:], time_entries])
+    forward, forward_first = lists(
+        [[(slot, position[pivot_row]) for slot, pivot_row in found] for found in tape.forward_of(0, tape.interior)], 2
+    )
+    backward, backward_first = lists([tape.backward_of(p) for p in range(tape.interior - 1, -1, -1)], 2)
+    lagged_border = [
+        (slot, position[row] - tape.interior, column - n)
+        for slot, (row, column) in enumerate(zip(tape.slot_row, tape.slot_column, strict=True))
+        if column >= n and position[row] >= tape.interior
+    ]
+
+    def dependent(kind: str, columns: int) -> np.ndarray:
+        part = rows(kind, columns)
+        found = [
+            (position[r] - tape.interior, c, border.entry(r, c), border.sloped[int(r), int(c)], *rest)
+            for r, c, *rest in part
+        ]
+        return np.array(found, dtype=np.int64).reshape(-1, columns + 2)
+
+    structure = Structure(
+        pivots=tape.pivots[:, :2],
+        terms_first=np.searchsorted(position[entries[order, 0]], np.arange(n + 1)),
+        terms=entries[order, 1],
+        constant_rows=constant_rows,
+        constant_first=np.append(constant_first, len(constant_time)),
+        constant_shape=constant_time[:, 1],
+        matrix_time=matrix_time,
+        forward_first=forward_first,
+        forward=forward,
+        backward_first=backward_first,
+        backward=backward,
+        border=border.slots,
+        product_first=border.product_first,
+        product=border.product,
+        lagged=lagged,
+        lagged_border=np.array(lagged_border, dtype=np.int64).reshape(-1, 3),
+        square=dependent("square", 2),
+        square_rate=dependent("square_rate", 2),
+        exponential=dependent("exponentials", 3),
+        valve=np.array(system.valves, dtype=np.int64).reshape(-1, 3),
+        valve_term=dependent("f_valve", 3),
+        factor_first=border.factor_first,
+        factor=border.factor,
+        pairs_first=border.pairs_first,
+        pairs=border.pairs,
+        border_forward_first=border.forward_first,
+        border_forward=border.forward,
+        border_backward_first=border.backward_first,
+        border_backward=border.backward,
+    )
+    return Structure(*(np.ascontiguousarray(part, dtype=np.uint32) for part in structure)), order
+
+
+def by_row(kept: dict[str, np.ndarray], system: Assembly) -> np.ndarray:
+    """Order in which the constants that change in time stand in the structure: those of one row side by side."""
+    return np.argsort([system.constant_time.where[k][0] for k in kept["constant_time"]], kind="stable").astype(np.int64)

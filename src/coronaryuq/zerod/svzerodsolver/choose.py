@@ -1,0 +1,35 @@
+"""Who solves a 0D network: our engine, or svZeroDSolver where it is installed, behind the same `run`."""
+
+from pathlib import Path
+from typing import Protocol
+
+from coronaryuq.core.errors import InputError
+from coronaryuq.zerod.network.read import Network
+from coronaryuq.zerod.solver.engine import Engine
+from coronaryuq.zerod.solver.result import Result
+from coronaryuq.zerod.svzerodsolver.program import SvZeroD, installed
+
+
+class Backend(Protocol):
+    """What both backends offer; see `Engine`."""
+
+    @property
+    def unknowns(self) -> list[str]: ...
+
+    @property
+    def parameters(self) -> dict[str, float]: ...
+
+    def run(self, changes=None, quantities=(), waveforms=(), **options) -> Result: ...
+
+
+def make(name: str, network: Network, file: str | Path = "network") -> Backend:
+    """Backend by name: `coronaryuq` or `svzerod`; `InputError` when the latter is not installed."""
+    if name == "coronaryuq":
+        return Engine(network, file)
+    if name == "svzerod":
+        if installed() is None:
+            raise InputError(
+                "configuration", "zerod.backend", name, "install svzerodsolver or pysvzerod, or use coronaryuq"
+            )
+        return SvZeroD(network, file)
+    raise InputError("configuration", "zerod.backend", name, "want coronaryuq or svzerod")

@@ -1,0 +1,142 @@
+"""svZeroDSolver as a backend: one run per sample, by its Python module or its command."""
+
+import importlib
+import importlib.util
+import io
+import json
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from coronaryuq.core.errors import InputError
+from coronaryuq.zerod.network import output_names as named
+from coronaryuq.zerod.network.changes import with_changes
+from coronaryuq.zerod.network.numbering import Model
+from coronaryuq.zerod.network.read import Network, copy_of
+from coronaryuq.zerod.solver.result import OK, Result
+
+COMMAND = "svzerodsolver"
+
+
+def installed() -> str | None:
+    """`pysvzerod`, `svzerodsolver`, or None."""
+    if importlib.util.find_spec("pysvzerod") is not None:
+        return "pysvzerod"
+    return COMMAND if shutil.which(COMMAND) else None
+
+
+def simulate(network: Network) -> pd.DataFrame:
+    """Run svZeroDSolver on a network and return its table as it prints it."""
+    if installed() == "pysvzerod":
+        return importlib.import_module("pysvzerod").simulate(network)
+    with tempfile.TemporaryDirectory() as folder:
+        source, target = Path(folder) / "in.json", Path(folder) / "out.csv"
+        source.write_text(json.dumps(network))
+        run = subprocess.run([COMMAND, source, target], capture_output=True, text=True, check=False)
+        if run.returncode or not target.exists():
+            raise RuntimeError(" ".join((run.stderr or run.stdout).split()) or f"{COMMAND} ended with {run.returncode}")
+        return pd.read_csv(io.StringIO(target.read_text()))
+
+
+class SvZeroD:
+    """Same interface as `Engine`; marches whole cycles, always one sample at a time on one thread."""
+
+    def __init__(self, network: Network, file: str | Path = "network"):
+        self.model = Model(network, file)
+        simulation = self.model.simulation
+        self.steps_per_cycle = int(simulation["number_of_time_pts_per_cardiac_cycle"]) - 1
+        self.cycles = int(simulation["number_of_cardiac_cycles"])
+
+    @property
+    def unknowns(self) -> list[str]:
+        return self.model.variables
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        return self.model.parameters
+
+    def run(
+        self,
+        changes=None,
+        quantities=(),
+        waveforms=(),
+        periodic: bool = False,
+        cycles: int | None = None,
+        steps_per_cycle: int | None = None,
+        tolerance: float = 1e-4,
+        start: np.ndarray | None = None,
+        threads: int = 1,
+    ) -> Result:
+        """As `Engine.run`. `periodic` marches `cycles` (default 60) and fails samples above `tolerance`."""
+        changes = {name: np.atleast_1d(np.asarray(value, float)) for name, value in (changes or {}).items()}
+        samples = max([value.size for value in changes.values()], default=1)
+        if start is not None:
+            start = np.atleast_2d(np.asarray(start, float))
+            samples = max(samples, len(start))
+        steps = steps_per_cycle or self.steps_per_cycle
+        limit = cycles or (60 if periodic else self.cycles)
+        size = self.model.size
+        wanted = [named.parse(name, self.model) for name in quantities]
+        result = Result.blank(samples, steps, self.model.period, 2 * size, quantities, waveforms)
+        result.cycles[:] = limit
+        for sample in range(samples):
+            own = {name: float(value[sample % value.size]) for name, value in changes.items()}
+            begin = None if start is None else start[sample % len(start)]
+            try:
+                y, rates = self._march(own, limit, steps, begin)
+            except RuntimeError as error:
+                result.status[sample] = str(error)
+                continue
+            last, previous = y[-steps - 1 :], y[-2 * steps - 1 : -steps]
+            span = np.ptp(last, axis=0)
+            scale = np.maximum(span, 1e-6 * np.abs(last).max(axis=0))
+            error = np.max(np.abs(last[-1] - last[0])[scale > 0] / scale[scale > 0], initial=0.0)
+            if limit > 1:
+                caps = [unknown for cap in self.model.caps for unknown in cap]
+                means = previous[:, caps].mean(axis=0), last[:, caps].mean(axis=0)
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    error = max(error, np.nan_to_num(np.abs(means[1] / means[0] - 1.0)).max(initial=0.0))
+            result.cycle_error[sample] = error
+            result.state[sample] = np.concatenate([last[-1], rates[-1]])
+            if periodic and not error < tolerance:
+                result.status[sample] = f"not periodic after {limit} cycles (cycle error {error:.2g})"
+                continue
+            result.status[sample] = OK
+            reduce = {"mean": lambda wave: np.trapezoid(wave) / steps, "min": np.min, "max": np.max}
+            for name, quantity in zip(quantities, wanted, strict=True):
+                result.values[name][sample] = reduce[quantity.statistic](last[:, quantity.unknown])
+            for name in waveforms:
+                result.waveforms[name][sample] = last[:, named.unknown(name, self.model)]
+        return result
+
+    def _march(self, changes: dict, cycles: int, steps: int, start) -> tuple[np.ndarray, np.ndarray]:
+        network = with_changes(copy_of(self.model.network), changes, self.model.file)
+        simulation = network["simulation_parameters"]
+        simulation |= {
+            "number_of_cardiac_cycles": cycles,
+            "number_of_time_pts_per_cardiac_cycle": steps + 1,
+            "output_variable_based": True,
+            "output_all_cycles": True,
+            "output_derivative": True,
+            "output_mean_only": False,
+            "use_cycle_to_cycle_error": False,
+        }
+        if start is not None:
+            if any(block.kind.startswith("CORONARY") for block in self.model.blocks.values()):
+                raise InputError(
+                    self.model.file, "start", None, "svZeroDSolver cannot continue an open-loop coronary bed"
+                )
+            size = self.model.size
+            network["initial_condition"] = dict(zip(self.unknowns, map(float, start[:size]), strict=True))
+            rates = map(float, start[size : 2 * size])
+            network["initial_condition_d"] = dict(zip(self.unknowns, rates, strict=True))
+            simulation["steady_initial"] = False
+        table = simulate(network)
+        order = {name: number for number, name in enumerate(self.unknowns)}
+        shape = len(self.unknowns), -1
+        rows = table["name"].map(order).to_numpy().argsort(kind="stable")
+        return table["y"].to_numpy()[rows].reshape(shape).T, table["ydot"].to_numpy()[rows].reshape(shape).T
