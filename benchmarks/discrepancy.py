@@ -16,9 +16,10 @@ from coronaryuq.figures.discrepancy_benchmark import discovery, words
 from coronaryuq.report.discrepancy_benchmark import wanted
 
 FOLDER = Path(__file__).parent
+DOCS = FOLDER.parent / "docs"
 CASES = FOLDER / "discrepancy-cases.jsonl"
-GUIDE, METHOD, PAGE = (FOLDER / f"discrepancy{part}.md" for part in ("", "-method", "-benchmark"))
-PICTURE = FOLDER / "pictures" / "discrepancy-benchmark.png"
+GUIDE, METHOD, PAGE = (DOCS / f"discrepancy{part}.md" for part in ("", "-method", "-benchmark"))
+PICTURE = DOCS / "pictures" / "discrepancy-benchmark.png"
 NETWORKS = ("open loop", "bundled patient", "another patient", "svZeroDSolver test", "22 outlets")
 GRID = [(strength, "nominal") for strength in ("weak", "medium", "strong")]
 GRID += [("medium", noise) for noise in ("half", "double")]

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 FOLDER = Path(__file__).parent
-CELLS, PAGE = FOLDER / "estimation-coverage.jsonl", FOLDER / "estimation.md"
+CELLS, PAGE = FOLDER / "estimation-coverage.jsonl", FOLDER.parent / "docs" / "estimation.md"
 METHODS, SIZES, TRIALS = ("MC", "MFMC", "best", "MFMC-AE"), (25, 50, 100, 250), 400
 FORMER = {"best, without logarithm", "best, without reach"}
 """Cells of `best` as it was; they stand where it has not been measured since."""

@@ -12,7 +12,9 @@ from coronaryuq.figures.style import MEASURED, SIMULATED, saved
 
 def main(folder: str) -> None:
     flow, exact, laboratories = nozzle.solve(), nozzle.reference(), nozzle.measured(folder)
-    with saved(Path(__file__).with_name("pictures") / "flow3d-nozzle.png", nrows=2, figsize=(7, 6), sharex=True) as (
+    with saved(
+        Path(__file__).parents[1] / "docs" / "pictures" / "flow3d-nozzle.png", nrows=2, figsize=(7, 6), sharex=True
+    ) as (
         _,
         (above, below),
     ):

@@ -57,7 +57,9 @@ def main() -> None:
     likelihood = Likelihood(weights, np.diag((0.2 * weights) ** 2))
     with_data = both(weights, lambda m: likelihood.log_density(weights / m), 25_000)
     shown = (0, 6, 13)
-    with saved(str(Path(__file__).with_name("total-resistance.png")), nrows=2, ncols=3, figsize=(9, 5)) as (figure, a):
+    with saved(
+        str(Path(__file__).parents[1] / "docs" / "pictures" / "total-resistance.png"), nrows=2, ncols=3, figsize=(9, 5)
+    ) as (figure, a):
         for i in range(3):
             density(a[0, i], exact[:, i], fill=True, color="0.8", label="brute force")
             density(a[0, i], conditioned[:, :, i], color=SIMULATED, label="conditioned (default)")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-DOCS = Path(__file__).parents[2] / "docs"
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 LEAK = {"effect": "side_branch_leak", "strength": "medium", "noise": "nominal", "seed": 1, "first": "side_branch_leak"}
 LEAK |= {"named": True, "placed": False, "alarmed": True, "abstained": False, "covered": None, "worse": False}
 LEAK |= {"before": 1.5, "after": 1.0, "oracle": 1.0, "cpu_s": 3.14159, "found": []}
@@ -13,7 +13,7 @@ LEAK |= {"before": 1.5, "after": 1.0, "oracle": 1.0, "cpu_s": 3.14159, "found": 
 
 @pytest.fixture(scope="module")
 def script():
-    found = importlib.util.spec_from_file_location("discrepancy_benchmark", DOCS / "discrepancy_benchmark.py")
+    found = importlib.util.spec_from_file_location("discrepancy_benchmark", BENCHMARKS / "discrepancy.py")
     module = importlib.util.module_from_spec(found)
     found.loader.exec_module(module)
     return module

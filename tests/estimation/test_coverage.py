@@ -108,7 +108,7 @@ def test_benchmark_has_the_fixed_keys():
 def test_no_method_goes_without_a_warning_where_a_measured_cell_contradicts_it():
     """Published cells from a method's first verified size on: claim within 15 % of the spread, and a coverage whose
     Wilson interval reaches 93 %. That size is among the measured ones. More than 97 % is no ground for a warning."""
-    lines = (Path(__file__).parents[2] / "docs" / "estimation-coverage.jsonl").read_text().splitlines()
+    lines = (Path(__file__).parents[2] / "benchmarks" / "estimation-coverage.jsonl").read_text().splitlines()
     cells = [one for one in map(json.loads, lines) if "quantity" not in one]
     for method in {one["method"] for one in cells} & VERIFIED_FROM.keys():
         verified = [one for one in cells if one["method"] == method and unverified(method, one["n_3d"]) is None]
@@ -122,7 +122,7 @@ def test_no_method_goes_without_a_warning_where_a_measured_cell_contradicts_it()
 def test_the_selector_goes_without_a_warning_only_where_its_worst_cell_does_no_harm():
     """With residuals the allowed share of the variance, and missing by as much more than claimed as the lower end of a
     cell's Wilson interval says, an interval of 95 % holds in 93 %."""
-    lines = (Path(__file__).parents[2] / "docs" / "estimation-coverage.jsonl").read_text().splitlines()
+    lines = (Path(__file__).parents[2] / "benchmarks" / "estimation-coverage.jsonl").read_text().splitlines()
     cells = [one for one in map(json.loads, lines) if one["method"] == "best" and "quantity" not in one]
     found = [one for one in cells if one["n_3d"] >= VERIFIED_WHERE_SMALL["best"]]
     assert {50, 100} <= {one["n_3d"] for one in found}

@@ -9,12 +9,12 @@ import pytest
 from coronaryuq.bench.estimation.coverage import judged
 from coronaryuq.core.seeds import generator
 
-DOCS = Path(__file__).parents[2] / "docs"
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
 
 @pytest.fixture(scope="module")
 def script():
-    found = importlib.util.spec_from_file_location("estimation_coverage", DOCS / "estimation_coverage.py")
+    found = importlib.util.spec_from_file_location("estimation_coverage", BENCHMARKS / "estimation_coverage.py")
     module = importlib.util.module_from_spec(found)
     found.loader.exec_module(module)
     return module
