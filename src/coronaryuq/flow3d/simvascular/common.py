@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from coronaryuq.case import case_json
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.files import write_json, write_vtk
 from coronaryuq.core.records import Record
@@ -83,10 +84,10 @@ class Case:
 
 
 def read_case(
-    case_json: str | Path, network_json: str | Path, mesh_dir: str | Path, mesh_json: str | Path, settings
+    case_path: str | Path, network_json: str | Path, mesh_dir: str | Path, mesh_json: str | Path, settings
 ) -> Case:
     """Read what all samples share; `InputError` names the file at fault."""
-    case = case_json.read_case(case_json, "name", "aorta.pressure", "density", "viscosity")
+    case = case_json.read_case(case_path, "name", "aorta.pressure", "density", "viscosity")
     return Case(
         name=case["name"],
         network=read_network(network_json),
