@@ -85,7 +85,7 @@ def test_a_drifting_vessel_is_no_narrowing(tmp_path):
     (varying,) = found.verdict.varying
     assert varying.log_odds > 50.0
     text = paragraph(found, ["half dilated"])
-    assert "would need another size under each condition (loss: rest 0." in text
+    assert "would need a different size under each condition (loss: rest 0." in text
 
 
 def test_a_narrowing_has_one_size(tmp_path):

@@ -126,7 +126,7 @@ def test_what_finer_steps_change_is_put_right(problem):
 
 def test_the_search_knows_nothing_of_the_generator():
     """What analyses a case imports neither the generator of hidden effects nor the benchmark that scores it."""
-    behind = sources("coronaryuq.discrepancy.command")
+    behind = sources("coronaryuq.discrepancy.search_case")
     names = {path.name for path in behind}
     assert "search.py" in names and not names & {"hidden.py", "known.py"}
     assert not [path for path in behind if path.parent.name == "bench"]

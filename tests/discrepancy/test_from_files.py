@@ -17,7 +17,7 @@ from coronaryuq.cli import main
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io import files
 from coronaryuq.core.units import MMHG
-from coronaryuq.discrepancy import command
+from coronaryuq.discrepancy import command, search_case
 from coronaryuq.discrepancy.data.conditions import Condition, read_conditions, under, write_drive
 from coronaryuq.discrepancy.hidden import make_case
 from coronaryuq.discrepancy.inference.read_problem import read_problem
@@ -177,16 +177,16 @@ def test_a_network_in_another_unit_than_is_guessed(hidden_stenosis, tmp_path, ca
 
 def test_results_do_not_go_over_the_case(hidden_stenosis, capsys):
     folder = hidden_stenosis[0]
-    with pytest.raises(InputError, match=r"would write over .*measurements.csv; name another folder"):
+    with pytest.raises(InputError, match=r"would overwrite .*measurements.csv; choose another folder"):
         command.main(case_arguments(folder, folder))
 
 
 def test_results_do_not_go_over_drives_or_tables_of_pairs(tmp_path):
     files.write_text(tmp_path / "c.yaml", "rest: {drive: {AORTA: drives/mine.csv}}\n")
     words = ["--model", "m.json", "--measurements", "m.csv", "--conditions", tmp_path / "c.yaml", "--out", tmp_path]
-    with pytest.raises(InputError, match=r"would write over .*mine.csv; name another folder"):
+    with pytest.raises(InputError, match=r"would overwrite .*mine.csv; choose another folder"):
         command.main(arguments(*words))
-    with pytest.raises(InputError, match=r"would write over .*pairs.csv; name another folder"):
+    with pytest.raises(InputError, match=r"would overwrite .*pairs.csv; choose another folder"):
         command.main(arguments("--pairs", tmp_path / "pairs.csv", "x.csv", "--out", tmp_path))
 
 
@@ -260,22 +260,25 @@ def test_missing_arguments_are_named(tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--pairs", "a", "b", "--recordings", "f", "DOG"), "--recordings = ['f', 'DOG']: not together with --pairs"),
-        (("--pairs", "a", "b", "--model", "m.json"), "--model = 'm.json': not together with --pairs"),
-        (("--recordings", "f", "DOG", "--model", "m.json"), "--model = 'm.json': not together with --recordings"),
-        (("--recordings", "f", "DOG", "--conditions", "c"), "--conditions = 'c': not together with --recordings"),
+        (
+            ("--pairs", "a", "b", "--recordings", "f", "DOG"),
+            "--recordings = ['f', 'DOG']: cannot be combined with --pairs",
+        ),
+        (("--pairs", "a", "b", "--model", "m.json"), "--model = 'm.json': cannot be combined with --pairs"),
+        (("--recordings", "f", "DOG", "--model", "m.json"), "--model = 'm.json': cannot be combined with --recordings"),
+        (("--recordings", "f", "DOG", "--conditions", "c"), "--conditions = 'c': cannot be combined with --recordings"),
     ],
 )
 def test_one_kind_of_input_at_a_time(tmp_path, words, said):
     with pytest.raises(InputError) as caught:
         command.main(arguments(*words, "--out", tmp_path / "out"))
-    assert str(caught.value) == f"command line: {said}; leave one out"
+    assert str(caught.value) == f"command line: {said}; remove one"
     assert not (tmp_path / "out").exists()
 
 
 def test_pairs_have_no_waveforms_whose_noise_could_be_said(tmp_path):
-    with pytest.raises(InputError, match="--noise = 'said': is of waveforms, which --pairs has none of"):
-        command.main(arguments("--pairs", "a", "b", "--noise", "said", "--out", tmp_path / "out"))
+    with pytest.raises(InputError, match="--noise = 'stated': only applies to waveforms; --pairs has none"):
+        command.main(arguments("--pairs", "a", "b", "--noise", "stated", "--out", tmp_path / "out"))
 
 
 def test_unknown_key_of_a_condition(tmp_path):
@@ -307,10 +310,12 @@ def test_a_model_that_does_not_run_is_said_in_one_line(hidden_stenosis, tmp_path
     def stopped(problem, seed, report):
         raise FloatingPointError("the model could not be run")
 
-    monkeypatch.setattr(command, "discover", stopped)
+    monkeypatch.setattr(search_case, "discover", stopped)
     paths = [hidden_stenosis[0] / name for name in ("model.json", "measurements.csv", "conditions.yaml")]
-    with pytest.raises(InputError, match="conditions.yaml: the model does not run under all conditions, recalibrated"):
-        command.from_files(*paths, tmp_path / "out", Settings(), 1)
+    with pytest.raises(
+        InputError, match="conditions.yaml: the model does not run under any condition after recalibration"
+    ):
+        search_case.search_case(*paths, tmp_path / "out", Settings(), 1)
     assert not (tmp_path / "out").exists()
 
 
@@ -411,7 +416,7 @@ def test_standard_deviations_far_too_large_are_said_so(hidden_stenosis, tmp_path
     table.assign(sd=100.0 * table.sd).to_csv(tmp_path / "measurements.csv", index=False)
     command.main(case_arguments(tmp_path, tmp_path / "out"))
     said = capsys.readouterr().out
-    assert "nothing to explain" in said and "see whether those are right, and in the unit of the values" in said
+    assert "nothing to explain" in said and "check that these are correct and in the unit of the values" in said
 
 
 def test_names_that_no_condition_tests_are_said_so(hidden_stenosis, tmp_path, capsys):
@@ -435,7 +440,7 @@ def test_a_size_beyond_its_prior_is_said_so(hidden_stenosis, tmp_path, capsys):
         command.main(case_arguments(folder, tmp_path / "out"))
         answer = json.loads(capsys.readouterr().out)
         assert [one["beyond_prior"] for one in answer["named"]] == [beyond]
-        assert ("beyond the central 99 %" in answer["paragraph"]) == bool(beyond)
+        assert ("outside the central 99 %" in answer["paragraph"]) == bool(beyond)
 
 
 def pair_tables(folder, quadratic, count=120):
@@ -624,17 +629,17 @@ def test_a_network_without_vessels(hidden_stenosis, tmp_path):
     files.write_json(tmp_path / "model.json", json.loads((folder / "model.json").read_text()) | empty)
     with pytest.raises(InputError, match="model.json: vessels: missing"):
         rest = (folder / "measurements.csv", folder / "conditions.yaml", tmp_path / "out", Settings(), 1)
-        command.from_files(tmp_path / "model.json", *rest)
+        search_case.search_case(tmp_path / "model.json", *rest)
     assert not (tmp_path / "out").exists()
 
 
 def test_an_answer_that_cannot_be_made_leaves_the_one_before(hidden_stenosis, tmp_path, monkeypatch):
     paths = [hidden_stenosis[0] / name for name in ("model.json", "measurements.csv", "conditions.yaml")]
-    command.from_files(*paths, tmp_path, Settings(max_effects=0), 1)
+    search_case.search_case(*paths, tmp_path, Settings(max_effects=0), 1)
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     monkeypatch.setattr(write, "_tree", lambda found: 1 / 0)
     with pytest.raises(ZeroDivisionError):
-        command.from_files(*paths, tmp_path, Settings(max_effects=0), 2)
+        search_case.search_case(*paths, tmp_path, Settings(max_effects=0), 2)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 

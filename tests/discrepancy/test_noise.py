@@ -136,10 +136,10 @@ def test_standard_deviations_that_are_too_small_hide_no_stenosis(tmp_path):
     assert {name: one.scatter for name, one in found.noise.items()} == pytest.approx(
         {"flow": 1.5, "pressure": 1.5}, rel=0.15
     )
-    assert "less certain" in paragraph(found, ["half dilated"])
+    assert "scaled accordingly" in paragraph(found, ["half dilated"])
     table = pd.read_csv(tmp_path / "measurements.csv")
     assert found.given[0].sd[0] == pytest.approx(table.sd[0])
-    said = searched(tmp_path, Settings(noise="said"))
+    said = searched(tmp_path, Settings(noise="stated"))
     assert not said.noise and said.outside_library
 
 
@@ -150,8 +150,8 @@ def test_noise_that_lasts_is_nothing_to_explain(tmp_path):
     assert set(found.noise) == {"flow", "pressure"}
     said, made = np.concatenate([one.sd for one in found.given]), with_lasting(found.problem)
     assert np.sqrt(np.mean((made / said) ** 2)) == pytest.approx(1.0, abs=0.05)
-    assert "taken to last" in paragraph(found, ["half dilated"])
-    said = searched(tmp_path, Settings(noise="said"))
+    assert "correlated in time" in paragraph(found, ["half dilated"])
+    said = searched(tmp_path, Settings(noise="stated"))
     assert said.alarm and said.problem.settings.steps_per_cycle < found.problem.settings.steps_per_cycle
 
 

@@ -10,12 +10,12 @@ from coronaryuq.bench.discrepancy.open_loop_tree import left_coronary
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.files import read_json, write_json
 from coronaryuq.core.seeds import generator
-from coronaryuq.discrepancy.command import from_files
 from coronaryuq.discrepancy.data.conditions import BED_SHAPE, RESISTANCE, Condition, under
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.data.recordings import prepare
 from coronaryuq.discrepancy.hidden.make_case import hide
 from coronaryuq.discrepancy.inference.read_problem import make_problem
+from coronaryuq.discrepancy.search_case import search_case
 from coronaryuq.discrepancy.selection.candidates import STORES, all_candidates
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.base import vessel_values
@@ -182,5 +182,5 @@ def test_beds_of_other_compliances_than_the_models_are_nothing_to_explain(seed, 
     hide(network, made.conditions, made.plan, [], np.zeros(0), 1.0, seed, tmp_path)
     paths = [tmp_path / name for name in ("model.json", "measurements.csv", "conditions.yaml")]
     write_json(paths[0], made.network)
-    answer = from_files(*paths, tmp_path / "found", Settings(), 1)
+    answer = search_case(*paths, tmp_path / "found", Settings(), 1)
     assert not answer["alarm"] and answer["named"] == []

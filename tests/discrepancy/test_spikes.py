@@ -7,8 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from coronaryuq.discrepancy.data.measurements import Measured
-from coronaryuq.discrepancy.inference.outliers import Spike, spikes
-from coronaryuq.discrepancy.result.summary_text import _standing_out
+from coronaryuq.discrepancy.inference.outliers import spikes
 
 SAMPLES, PERIOD = 40, 0.8
 CONDITIONS = ("rest", "pacing", "hyperaemia", "drug")
@@ -68,10 +67,3 @@ def test_a_mean_that_is_off_is_no_sample():
     residual = np.zeros(OWNER.size)
     residual[-1] = 50.0
     assert not found(residual)
-
-
-def test_they_are_said_worst_first_and_not_all():
-    one = Spike("flow", "AORTA:lad", "rest", 0.3125, -9.6)
-    assert _standing_out([]) == ""
-    assert _standing_out([one]).startswith("Off both neighbours is the flow at AORTA:lad under rest at 0.3125 s (-10 ")
-    assert "and 3 more: see whether those are artefacts" in _standing_out([one] * 7)

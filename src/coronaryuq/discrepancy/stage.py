@@ -9,13 +9,13 @@ from threadpoolctl import threadpool_limits
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io import files
 from coronaryuq.core.seeds import generator
-from coronaryuq.discrepancy.command import from_files
 from coronaryuq.discrepancy.data.conditions import Condition, read_conditions
 from coronaryuq.discrepancy.hidden import make_case
 from coronaryuq.discrepancy.hidden.reference_gap import known_gap
 from coronaryuq.discrepancy.inference.noise import Noise
 from coronaryuq.discrepancy.inference.read_problem import read_problem, with_noise
 from coronaryuq.discrepancy.result.write import gap_row
+from coronaryuq.discrepancy.search_case import search_case
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.library import effect
@@ -88,7 +88,7 @@ def search(
     model, measurements, conditions, settings: Settings, seed: int, folder: str | Path, threads: int = 1
 ) -> None:
     """Search one case and write the results into `folder`."""
-    from_files(model, measurements, conditions, Path(folder), settings.model_copy(update={"threads": threads}), seed)
+    search_case(model, measurements, conditions, Path(folder), settings.model_copy(update={"threads": threads}), seed)
 
 
 def compare(

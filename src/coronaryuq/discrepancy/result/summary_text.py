@@ -1,14 +1,18 @@
-"""One paragraph in plain words about what was found, for the report."""
+"""Summary of a search as one paragraph of plain English."""
+
+from collections.abc import Sequence
 
 import numpy as np
 from scipy import stats
 
+from coronaryuq.discrepancy.forward.nuisance import Nuisance
 from coronaryuq.discrepancy.forward.simulation import Acting
 from coronaryuq.discrepancy.inference.locate import Located, Strain
 from coronaryuq.discrepancy.inference.noise import Noise
 from coronaryuq.discrepancy.inference.outliers import Spike
 from coronaryuq.discrepancy.inference.problem import DISTORTED
 from coronaryuq.discrepancy.selection.abstention import FAR_OUT, LEAST_FORETOLD, Gaps
+from coronaryuq.discrepancy.selection.candidates import Candidate
 from coronaryuq.discrepancy.selection.flow_conservation import PROBE
 from coronaryuq.discrepancy.selection.forward_step import Round
 from coronaryuq.discrepancy.selection.search import CENTRAL_99, Discovery
@@ -17,370 +21,405 @@ from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Parameter
 
 Z_90 = 1.6448536269514722
-"""Standard deviations of a normal distribution that bound its central 90 %."""
+"""Half-width of the central 90 % of a standard normal distribution."""
 LEAST_INFORMATION = 0.1
-"""Nats of expected information below which a measurement tells nothing apart; a class of two holds 0.69."""
-FLOOR = "1 is what noise and the fit's own spread let expect"
+"""Expected information (nats) below which a measurement does not distinguish a class; two equal members hold 0.69."""
+EXPECTED_MISFIT = "1 is expected from noise and fit uncertainty"
 QUIET, UNLIKELY = 0.5, 1e-4
-"""Scatter, over the standard deviations that are said, and its chance, below which these are too large."""
+"""Scatter over the stated standard deviation, and its probability, below which the latter is called too large."""
 MOST_LISTED = 4
-"""Nuisance parameters, or samples, listed at most in one sentence."""
+"""Maximum number of nuisance parameters or samples listed in one sentence."""
+STAND_IN = "it may stand in for something that the library does not contain. "
 
 
 def paragraph(
-    found: Discovery, held_out: list[str], separating: dict[tuple[str, str], list[dict]] | None = None
+    discovery: Discovery, held_out: list[str], next_measurements: dict[tuple[str, str], list[dict]] | None = None
 ) -> str:
-    """What disagrees, what is missing, how sure, how far the gap shrinks; or that there is nothing to explain.
+    """Summarise what disagrees, what is missing, how certain that is and how far the misfit falls.
 
-    separating: of named effects, by name and place, the measurements that would split their class, the best first.
+    next_measurements: (effect, place) of a named effect → measurements that would distinguish its class, best first.
     """
-    count = len(found.base.residual)
-    of_the_data = _scattered(found.noise) + _standing_out(found.spikes)
-    if not found.alarm:
-        text = of_the_data + (
-            f"The model, recalibrated within its priors, agrees with the {count} fitted measurements "
-            f"(global test {chance(found.located.p)}): there is nothing to explain. "
-            f"On {_kept(held_out)} its misfit is {found.gaps.before.misfit:.2f} ({FLOOR})."
+    count = len(discovery.base.residual)
+    located, level = discovery.located, discovery.problem.settings.alarm_level
+    nuisances = discovery.problem.forward.nuisances
+    data_notes = noise_notes(discovery.noise) + outlier_notes(discovery.spikes)
+    if not discovery.alarm:
+        text = data_notes + (
+            f"After recalibration within its priors, the model agrees with the {count} fitted measurements "
+            f"(global test {p_text(located.p)}): there is nothing to explain. "
+            f"On {_held_out_text(held_out)} its misfit is {discovery.gaps.before.misfit:.2f} ({EXPECTED_MISFIT})."
         )
-        return text + _quiet(found) + _unforeseen(found.verdict.foretold, held_out)
-    worst = found.located.groups[0]
-    text = of_the_data + (
-        f"The model disagrees with the {count} fitted measurements beyond what recalibration can mend "
-        f"(global test {chance(found.located.p)}), most in the {worst.quantity} at {worst.location} "
+        return text + _overstated_sd(discovery) + prediction_warning(discovery.verdict.foretold, held_out)
+    worst = located.groups[0]
+    text = data_notes + (
+        f"The model disagrees with the {count} fitted measurements beyond what recalibration can explain "
+        f"(global test {p_text(located.p)}), most strongly in the {worst.quantity} at {worst.location} "
         f"under {worst.condition}. "
     )
-    text += _strained("Recalibration has to move", found.located, found)
-    larger = shapeless(found)
-    if larger is not None and not found.named:
-        return text + (
-            "What disagrees has no shape that a test sees: the noise looks "
-            f"{larger:.2f} times as large as the standard deviations say. See whether they are those of the "
-            "measurements; nothing is named."
-        )
-    reason = _why_not_named(found, held_out)
-    if reason:
-        return text + reason
-    if not found.named:
-        text += f"No effect of the library explains it well enough to be named{_nearest(found)}. "
-    for number, entry in enumerate(found.named):
-        by = (separating or {}).get((entry.accepted.effect.name, entry.accepted.place), [])
-        text += f"{'Missing' if number == 0 else 'Also missing'} is {_described(found, entry, by)}"
-    return (text + _not_borne_out(found) + _afterwards(found, held_out)).rstrip()
+    text += conflict_text("Recalibration has to move", prior_conflicts(located, nuisances, level))
+    if not discovery.named:
+        excess = noise_excess(located, discovery.base.objective / count, level)
+        if excess is not None:
+            return text + (
+                f"No test finds a pattern in the residuals: the noise appears to be {excess:.2f} times as large as the "
+                "stated standard deviations. Check whether they are those of the measurements; no effect is named."
+            )
+    if discovery.outside_library:
+        return text + _outside_library(discovery, held_out)
+    if not discovery.named:
+        text += f"No effect of the library explains this well enough to be named{_nearest(discovery.rounds)}. "
+    for number, entry in enumerate(discovery.named):
+        _, acting = _accepted(entry)
+        best_first = (next_measurements or {}).get((acting[0].name, acting[1]), [])
+        text += f"{'Missing' if number == 0 else 'Also missing'} is {_named_effect(discovery, entry, best_first)}"
+    return (text + _not_confirmed(discovery) + _remaining(discovery, held_out)).rstrip()
 
 
-def _why_not_named(found: Discovery, held_out: list[str]) -> str:
-    """Why nothing is named of what came nearest, where the answer is outside the library; else nothing."""
-    if not found.outside_library:
-        return ""
-    gaps, verdict = found.gaps, found.verdict
-    nearest = listed([_called(one) for one in found.acting])
-    went = f"With it the misfit on {_kept(held_out)} {moved(gaps.before.misfit, gaps.after.misfit)}."
+def _accepted(entry: Round) -> tuple[Candidate, Acting]:
+    assert entry.accepted is not None, "the round named no effect"
+    return entry.accepted, entry.accepted.acting
+
+
+def _outside_library(discovery: Discovery, held_out: list[str]) -> str:
+    """Explain why the best candidates are not named."""
+    gaps, verdict, anatomy = discovery.gaps, discovery.verdict, discovery.problem.forward.anatomy
+    labels = [_label(acting) for acting in discovery.acting]
+    one = len(labels) == 1
+    best, candidate = listed(labels), "the best candidate" if one else "the best candidates"
+    change = (
+        f"With {'it' if one else 'them'}, the misfit on {_held_out_text(held_out)} "
+        f"{misfit_change(gaps.before.misfit, gaps.after.misfit)}."
+    )
     if verdict.mistaken:
         pairs = ", ".join(place.replace("~", " and ") for _, place in verdict.mistaken)
-        beside = [_called(one) for one in found.acting if one not in verdict.mistaken]
+        others = [_label(acting) for acting in discovery.acting if acting not in verdict.mistaken]
         text = (
-            f"The measurements look as if outlets had been exchanged in the model: {pairs}. That is no effect of the "
-            "library, and nothing is named; see whether each bed is at its own vessel, and search again."
+            f"The measurements look as if outlets had been exchanged in the model: {pairs}. That is not an effect of "
+            "the library, and no effect is named; check whether each bed is at its own vessel, and search again."
         )
-        return text + (f" Beside it there may be {' and '.join(beside)}." if beside else "")
+        return text + (f" {_capitalised(listed(others))} may also be present." if others else "")
     if verdict.redistributed:
-        places = " and ".join(place for effect, place in found.acting if effect.name == PROBE)
+        places = " and ".join(place for effect, place in discovery.acting if effect.name == PROBE)
         return (
-            f"Flow probes off at {places} would explain it, but what one reads too much the other reads too little: "
-            "blood that goes elsewhere than the network says, as through swapped or wrongly wired outlets, explains "
-            "the same with one cause, which the library does not have. It is not named."
+            f"Errors of the flow probes at {places} would explain it, but one reads too high by what the other reads "
+            "too low. Blood that takes another path than in the network, as through exchanged or wrongly connected "
+            "outlets, explains the same with a single cause, which the library does not contain. No effect is named."
         )
     if verdict.refuted:
         reason = (
-            f"what comes nearest in the fitted measurements, {nearest}, is not borne out by those that no fit had seen "
-            f"(log predictive density per row {gaps.after.lpd:.3f}, of recalibration alone {gaps.before.lpd:.3f}). "
-            "Nothing is named."
+            f"{candidate} for the fitted measurements, {best}, {'is' if one else 'are'} not confirmed by the "
+            "held-out data "
+            f"(log predictive density per row {gaps.after.lpd:.3f}, with recalibration alone {gaps.before.lpd:.3f}). "
+            "No effect is named."
         )
-    elif found.far_out:
-        told = listed([f"{_called(one)} ({_size_of(found, one)})" for one in found.far_out])
+    elif discovery.far_out:
+        implausible = listed(
+            [
+                f"{_label(acting)} ({size_text(acting, discovery.sizes(acting), anatomy)})"
+                for acting in discovery.far_out
+            ]
+        )
         reason = (
-            f"what comes nearest is {nearest}, with a size more than {FAR_OUT:.0f} standard deviations of its prior "
-            f"away from it: {told}. Nothing is named. {went}"
+            f"{candidate} {'is' if one else 'are'} {best}, but with an implausibly large size, more than "
+            f"{FAR_OUT:.0f} standard "
+            f"deviations of its prior: {implausible}. No effect is named. {change}"
         )
     elif verdict.varying:
-        reason = f"{_varying(found)}. Nothing is named. {went}"
+        reason = f"{varying_text(discovery.acting, verdict.varying, anatomy)}. No effect is named. {change}"
     elif verdict.unforeseen:
         reason = (
-            f"what comes nearest in the fitted measurements, {nearest}, does not foretell those that no fit had seen "
-            f"({chance(verdict.foretold)}). Nothing is named. {went}"
+            f"{candidate} for the fitted measurements, {best}, {'does' if one else 'do'} not predict the held-out data "
+            f"({p_text(verdict.foretold)}). No effect is named. {change}"
         )
     else:
         reason = (
-            "a flexible discrepancy predicts measurements that no fit had seen clearly better than every named "
-            f"candidate (misfit {gaps.flexible.misfit:.2f} against {gaps.after.misfit:.2f}). The residual waveforms "
-            "show where it acts and its shape; it is not named."
+            "a flexible discrepancy predicts the held-out data clearly better than every candidate "
+            f"(misfit {gaps.flexible.misfit:.2f} against {gaps.after.misfit:.2f}). The residual waveforms "
+            "show where the missing effect acts and its shape; no effect is named."
         )
-    return f"No effect of the library explains it: {reason}"
+    return f"No effect of the library explains this: {reason}"
 
 
-def _described(found: Discovery, entry: Round, separating: list[dict]) -> str:
-    """A named effect: how sure, how large, what would split its class, and what puts it in doubt."""
-    one, anatomy = entry.accepted, found.problem.forward.anatomy
-    text = f"{_called(one.acting)} ({_probability(entry)}; {_size_of(found, one.acting)}). "
-    text += _told_apart(separating)
-    text += one.effect.assumed(anatomy, [c.covariates for c in found.problem.forward.conditions.values()])
-    for parameter in found.beyond_prior(one.acting):
+def _named_effect(discovery: Discovery, entry: Round, next_measurements: list[dict]) -> str:
+    """Describe a named effect: probability, size, measurements that would distinguish its class, and doubts."""
+    (_, acting), anatomy = _accepted(entry), discovery.problem.forward.anatomy
+    effect = acting[0]
+    text = f"{_label(acting)} ({class_probability_text(entry.members)}; "
+    text += f"{size_text(acting, discovery.sizes(acting), anatomy)}). "
+    text += next_measurement_text(next_measurements)
+    text += effect.assumed(anatomy, [c.covariates for c in discovery.problem.forward.conditions.values()])
+    for parameter in discovery.beyond_prior(acting):
         bounds = (float(parameter.from_standard(k * CENTRAL_99)) for k in (-1, 1))
-        low, high = sorted(one.effect.said(parameter, bound, anatomy)[1] for bound in bounds)
+        low, high = sorted(effect.said(parameter, bound, anatomy)[1] for bound in bounds)
         text += (
-            f"Its {_label(one.acting, parameter, anatomy)} lies beyond the central 99 % of what is thought possible "
-            f"({low:.3g} to {high:.3g}): it may stand for something that the library does not have. "
+            f"Its {_size_label(acting, parameter, anatomy)} lies outside the central 99 % of its prior "
+            f"({low:.3g} to {high:.3g}): {STAND_IN}"
         )
-    for varying in (v for v in found.verdict.varying if v.acting == one.acting):
+    for varying in (v for v in discovery.verdict.varying if v.acting == acting):
         text += (
-            f"Fitted to each condition by itself its size differs ({_sizes(varying, anatomy)}): it may change, or "
-            "stand for something that the library does not have. "
+            "Its size differs when it is fitted to each condition separately "
+            f"({sizes_by_condition(varying, anatomy)}): "
+            f"it may change between conditions, or {STAND_IN.removeprefix('it may ')}"
         )
     if entry.held_out is not None and entry.held_out < 0.0:
         text += (
-            f"Measurements that no fit had seen are predicted better without it (by {-entry.held_out:.2g} nats in "
-            "all): it may stand for something that the library does not have. "
+            f"The held-out data are predicted better without it (by {-entry.held_out:.2g} nats in total): {STAND_IN}"
         )
     return text
 
 
-def _not_borne_out(found: Discovery) -> str:
-    """Effects that the fitted measurements alone ask for, beside named ones."""
-    if not (found.named and found.not_borne_out):
+def _not_confirmed(discovery: Discovery) -> str:
+    """List effects that the fitted measurements ask for and the held-out data do not confirm."""
+    if not (discovery.named and discovery.not_borne_out):
         return ""
-    those = "it" if len(found.named) == 1 else "them"
-    wanted = listed([_called(one) for one in found.not_borne_out])
-    return (
-        f"Beside {those} the fitted measurements ask for {wanted}, too, which those that no fit had seen do not bear "
-        "out: not named. "
-    )
+    effects = [_label(acting) for acting in discovery.not_borne_out]
+    them = "it" if len(effects) == 1 else "them"
+    return f"The fitted measurements also suggest {listed(effects)}, but the held-out data do not confirm {them}. "
 
 
-def _afterwards(found: Discovery, held_out: list[str]) -> str:
-    """How far the gap has closed, and what is left."""
-    gaps = found.gaps
-    text = f"On {_kept(held_out)} the misfit {moved(gaps.before.misfit, gaps.after.misfit)}. "
-    if found.named and not held_out:
-        text += "That is no test of the names, which were chosen with all of them: hold a condition out for one. "
-    if found.named and gaps.after.total_lpd < gaps.before.total_lpd:
+def _remaining(discovery: Discovery, held_out: list[str]) -> str:
+    """Tell how far the held-out misfit has fallen, and what remains unexplained."""
+    gaps, remaining, named = discovery.gaps, discovery.remaining, bool(discovery.named)
+    level = discovery.problem.settings.alarm_level
+    text = f"On {_held_out_text(held_out)} the misfit {misfit_change(gaps.before.misfit, gaps.after.misfit)}. "
+    if named and not held_out:
         text += (
-            "Those measurements are predicted worse with the named effects than by recalibration alone (log predictive "
+            "This does not test the names, which were chosen using all conditions: hold a condition out to test them. "
+        )
+    if named and gaps.after.total_lpd < gaps.before.total_lpd:
+        text += (
+            "The held-out data are predicted worse with the named effects than with recalibration alone (log "
+            "predictive "
             f"density per row {gaps.after.lpd:.2f}, {gaps.before.lpd:.2f}). "
         )
-    if found.named and found.verdict.unforeseen:
-        text += f"Not all of those are as the named effects foretell them ({chance(found.verdict.foretold)}). "
-    if found.remaining.alarm(found.problem.settings.alarm_level):
-        text += f"Something remains unexplained ({chance(found.remaining.p)}){rival(gaps, bool(found.named))}. "
+    if named and discovery.verdict.unforeseen:
+        text += f"The named effects do not predict all of the held-out data ({p_text(discovery.verdict.foretold)}). "
+    if remaining.alarm(level):
+        text += f"Something remains unexplained ({p_text(remaining.p)}){flexible_text(gaps, named)}. "
     else:
-        text += f"What remains is within the noise ({chance(found.remaining.p)}). "
-    if found.named:
-        text += _strained("With the named effects recalibration still moves", found.remaining, found)
+        text += f"The remaining misfit is within the noise ({p_text(remaining.p)}). "
+    if named:
+        conflicts = prior_conflicts(remaining, discovery.problem.forward.nuisances, level)
+        text += conflict_text("With the named effects, recalibration still moves", conflicts)
     return text
 
 
-def _scattered(noise: dict[str, Noise]) -> str:
-    """That waveforms are noisier than is said, or their noise lasts, where it is so."""
-    larger = [f"those of {name} {one.scatter:.2f} times" for name, one in noise.items() if not one.lasting]
-    lasting = [f"{one.lasting:.2g} s of {name}" for name, one in noise.items() if one.lasting]
+def noise_notes(noise: dict[str, Noise]) -> str:
+    """Report waveform noise that is larger than stated, or correlated in time."""
+    larger = [f"{name} by a factor of {one.scatter:.2f}" for name, one in noise.items() if not one.lasting]
+    correlated = [f"{one.lasting:.2g} s for {name}" for name, one in noise.items() if one.lasting]
     text = ""
     if larger:
         text += (
-            "Waveforms scatter more from one sample to the next than their standard deviations say "
-            f"({listed(larger)}), or a drive of the model does, and are taken to be so much less certain. "
+            "Waveforms, or the drives of the model, scatter more from sample to sample than their standard deviations "
+            f"imply ({listed(larger)}); the standard deviations are scaled accordingly. "
         )
-    if lasting:
+    if correlated:
         text += (
-            "Waveforms scatter less from one sample to the next than their standard deviations say: their noise is "
-            f"taken to last (for {listed(lasting)}). "
+            "Waveforms scatter less from sample to sample than their standard deviations imply; their noise is taken "
+            f"to be correlated in time (correlation time {listed(correlated)}). "
         )
     return text
 
 
-def _standing_out(found: list[Spike]) -> str:
-    """Samples that stand out by themselves, where there are any."""
-    if not found:
+def outlier_notes(outliers: list[Spike]) -> str:
+    """Report single samples that lie far from both neighbours."""
+    if not outliers:
         return ""
-    said = []
-    for one in found[:MOST_LISTED]:
-        where = f"{one.quantity} at {one.location} under {one.condition} at {one.time:.4g} s"
-        said.append(f"the {where} ({one.off:+.0f} standard deviations)")
-    if len(found) > MOST_LISTED:
-        said.append(f"{len(found) - MOST_LISTED} more")
-    if len(found) == 1:
-        return f"Off both neighbours is {said[0]}: see whether that is an artefact, and leave it out. "
-    return f"Off both neighbours are {listed(said)}: see whether those are artefacts, and leave them out. "
-
-
-def _quiet(found: Discovery) -> str:
-    """That measurements scatter far less than their standard deviations say, so that hardly anything would be seen."""
-    count = len(found.base.residual)
-    times = np.sqrt(found.base.objective / count)
-    if times > QUIET or stats.chi2.cdf(found.base.objective, count) > UNLIKELY:
-        return ""
+    samples = [
+        f"the {one.quantity} at {one.location} under {one.condition} at {one.time:.4g} s "
+        f"({one.off:+.0f} standard deviations)"
+        for one in outliers[:MOST_LISTED]
+    ]
+    if len(outliers) > MOST_LISTED:
+        samples.append(f"{len(outliers) - MOST_LISTED} more")
+    if len(outliers) == 1:
+        return f"One sample is an outlier, {samples[0]}: check whether it is an artefact and remove it. "
     return (
-        f" The measurements scatter about it only {times:.2g} times as much as their standard deviations say, which "
-        "would hide what is missing: see whether those are right, and in the unit of the values."
+        f"{len(outliers)} samples are outliers, {listed(samples)}: check whether they are artefacts and remove them. "
     )
 
 
-def _nearest(found: Discovery) -> str:
-    """What has the highest probability where nothing is named, if it is likelier than nothing."""
-    tried = [entry for entry in found.rounds[:1] if entry.shortlist]
+def _overstated_sd(discovery: Discovery) -> str:
+    """Warn of standard deviations so large that they would hide any effect."""
+    count = len(discovery.base.residual)
+    times = np.sqrt(discovery.base.objective / count)
+    if times > QUIET or stats.chi2.cdf(discovery.base.objective, count) > UNLIKELY:
+        return ""
+    return (
+        f" The residuals are only {times:.2g} times as large as the stated standard deviations, which would hide a "
+        "missing effect: check that these are correct and in the unit of the values."
+    )
+
+
+def _nearest(rounds: list[Round]) -> str:
+    """Name the most probable candidate of the first round if it is more probable than no effect."""
+    tried = [entry for entry in rounds[:1] if entry.shortlist]
     if not tried:
         return ""
     best = max(tried[0].shortlist, key=lambda c: c.probability)
     if best.probability <= tried[0].probabilities["none"]:
         return ""
-    return f"; nearest comes {_called(best.acting)} (probability {best.probability:.2f}, too little by itself)"
+    return f"; the best candidate is {_label(best.acting)} (probability {best.probability:.2f}, too low to be named)"
 
 
-def _unforeseen(foretold: float, held_out: list[str]) -> str:
-    """That a model which agrees with what was fitted does not foretell the rest, where it does not."""
-    if foretold >= LEAST_FORETOLD:
+def prediction_warning(p: float, held_out: list[str]) -> str:
+    """Warn that a model which agrees with the fitted data does not predict the held-out data, if so."""
+    if p >= LEAST_FORETOLD:
         return ""
-    remedy = "see what the conditions file says of them"
+    remedy = "check these conditions in the conditions file"
     if held_out:
-        remedy += ", or keep others out instead, to have these searched"
-    return f" But those measurements are not as the model foretells them ({chance(foretold)}): {remedy}."
+        remedy += ", or hold other conditions out so that these are searched"
+    return f" However, the model does not predict the held-out data ({p_text(p)}): {remedy}."
 
 
-def _probability(entry: Round) -> str:
-    """How probable a named effect is and, where the data cannot tell it from others, how probable each of them."""
-    one, *others = entry.members
+def class_probability_text(members: Sequence[Candidate]) -> str:
+    """State the probability of a named effect and of the effects that are indistinguishable from it."""
+    accepted, *others = members
     if not others:
-        return f"probability {one.probability:.2f}"
-    share = sum(member.probability for member in entry.members)
-    told = ", ".join(f"{_called(member.acting)} {member.probability:.2f}" for member in others)
+        return f"probability {accepted.probability:.2f}"
+    total = sum(member.probability for member in members)
+    names = ", ".join(f"{_label(member.acting)} {member.probability:.2f}" for member in others)
     return (
-        f"probability of the class {share:.2f}, of this member {one.probability:.2f}; the others, which these data "
-        f"cannot tell from it: {told}"
+        f"probability {total:.2f} for its class, {accepted.probability:.2f} for this member; indistinguishable from it "
+        f"with these data: {names}"
     )
 
 
-def _told_apart(by: list[dict]) -> str:
-    """Which further measurement would split a class, if any."""
-    if not by:
+def next_measurement_text(best_first: list[dict]) -> str:
+    """Name the measurement that would best distinguish the members of a class."""
+    if not best_first:
         return ""
-    best = by[0]
+    best = best_first[0]
     if best["expected_information_nats"] < LEAST_INFORMATION:
-        return "No mean pressure or flow of these vessels would tell them apart. "
+        return "No mean pressure or flow of these vessels would distinguish them. "
     what = f"The mean {best['quantity']} at {best['location']} under {best['condition']}"
-    what += ", read by another instrument," if best["already_measured"] else ""
-    return f"{what} would tell them apart best ({best['expected_information_nats']:.2g} nats are expected of it). "
+    what += ", measured with another instrument," if best["already_measured"] else ""
+    information = f"{best['expected_information_nats']:.2g} nats"
+    return f"{what} would distinguish them best (expected information {information}). "
 
 
-def _varying(found: Discovery) -> str:
-    """What comes nearest, and which of it would need sizes of its own under the conditions."""
-    nearest = [_called(one) for one in found.acting]
-    anatomy = found.problem.forward.anatomy
-    told = [(_called(one.acting), _sizes(one, anatomy)) for one in found.verdict.varying]
-    if len(nearest) == 1:
-        return f"what comes nearest, {nearest[0]}, would need another size under each condition ({told[0][1]})"
-    which = listed([f"{name} ({sizes})" for name, sizes in told])
-    return f"what comes nearest is {listed(nearest)}, of which {which} would need another size under each condition"
+def varying_text(acting: list[Acting], varying: list[Constancy], anatomy: Anatomy) -> str:
+    """Tell which of the best candidates would need a different size under each condition."""
+    sizes = [(_label(one.acting), sizes_by_condition(one, anatomy)) for one in varying]
+    if len(acting) == 1:
+        return (
+            f"the best candidate, {_label(acting[0])}, would need a different size under each condition ({sizes[0][1]})"
+        )
+    which = listed([f"{name} ({text})" for name, text in sizes])
+    best = listed([_label(one) for one in acting])
+    return f"the best candidates are {best}, of which {which} would need a different size under each condition"
 
 
-def _size_of(found: Discovery, acting: Acting) -> str:
-    """What the sizes of a named effect are, with their 90 % intervals."""
-    told, anatomy = [], found.problem.forward.anatomy
-    for parameter, z, sd in found.sizes(acting):
-        sizes = [float(parameter.from_standard(z + k * sd)) for k in (0.0, -Z_90, Z_90)]
-        meaning, _ = acting[0].said(parameter, sizes[0], anatomy)
-        sizes = [acting[0].said(parameter, size, anatomy)[1] for size in sizes]
-        early = acting[0].side == "measurement" and parameter.name == "delay" and sizes[0] < 0.0
+def size_text(acting: Acting, sizes: list[tuple[Parameter, float, float]], anatomy: Anatomy) -> str:
+    """State the sizes of an effect, (parameter, z, standard deviation of z), with 90 % intervals."""
+    texts, effect = [], acting[0]
+    for parameter, z, sd in sizes:
+        values = _with_interval(parameter, z, sd)
+        meaning, _ = effect.said(parameter, values[0], anatomy)
+        values = [effect.said(parameter, value, anatomy)[1] for value in values]
+        early = effect.side == "measurement" and parameter.name == "delay" and values[0] < 0.0
         if early:
-            sizes = [-sizes[0], -sizes[2], -sizes[1]]
-        size, low, high = (f"{value:.2g}" for value in sizes)
-        told.append(f"{'read early by' if early else meaning} {size} ({low} to {high})" + " s" * early)
-    return ", ".join(told)
+            values = [-values[0], -values[2], -values[1]]
+        size, low, high = (f"{value:.2g}" for value in values)
+        texts.append(f"{'read early by' if early else meaning} {size} ({low} to {high})" + " s" * early)
+    return ", ".join(texts)
 
 
-def shapeless(found: Discovery) -> float | None:
-    """How much larger than said the noise looks, where residuals are too large and no other test sees anything."""
-    level, tests = found.problem.settings.alarm_level, found.located.tests
-    if any(p < level for name, p in tests.items() if name != "all residuals"):
+def _with_interval(parameter: Parameter, z: float, sd: float) -> list[float]:
+    """Size at z and at the ends of its 90 % interval."""
+    return [float(parameter.from_standard(z + k * sd)) for k in (0.0, -Z_90, Z_90)]
+
+
+def noise_excess(located: Located, mean_square: float, level: float) -> float | None:
+    """Return the noise over its stated size if residuals are too large but no other test rejects, else None."""
+    if any(p < level for name, p in located.tests.items() if name != "all residuals"):
         return None
-    return float(np.sqrt(found.base.objective / len(found.base.residual)))
+    return float(np.sqrt(mean_square))
 
 
-def moved(before: float, after: float) -> str:
-    """How the misfit on held-out measurements changes, as far as two decimals tell."""
+def misfit_change(before: float, after: float) -> str:
+    """Describe the change of the held-out misfit to two decimals."""
     if f"{before:.2f}" == f"{after:.2f}":
-        return f"stays at {after:.2f} ({FLOOR})"
-    return f"{'falls' if after < before else 'rises'} from {before:.2f} to {after:.2f} ({FLOOR})"
+        return f"stays at {after:.2f} ({EXPECTED_MISFIT})"
+    return f"{'falls' if after < before else 'rises'} from {before:.2f} to {after:.2f} ({EXPECTED_MISFIT})"
 
 
-def rival(gaps: Gaps, named: bool) -> str:
-    """That a flexible discrepancy predicts held-out measurements better, where it does."""
+def flexible_text(gaps: Gaps, named: bool) -> str:
+    """Tell that a flexible discrepancy predicts the held-out data better, if it does."""
     if gaps.flexible.total_lpd <= gaps.after.total_lpd:
         return ""
-    told = ": a flexible discrepancy predicts those measurements better"
+    text = ": a flexible discrepancy predicts the held-out data better"
     if not named:
-        return f"{told} (log predictive density per row {gaps.flexible.lpd:.2f}, without it {gaps.after.lpd:.2f})"
+        return f"{text} (log predictive density per row {gaps.flexible.lpd:.2f}, without it {gaps.after.lpd:.2f})"
     densities = [gaps.after.lpd, gaps.flexible.lpd]
-    told += " than the named effects alone"
+    text += " than the named effects alone"
     if gaps.both.total_lpd > gaps.flexible.total_lpd:
-        told += ", and better still together with them"
+        text += ", and better still combined with them"
         densities.append(gaps.both.lpd)
-    return f"{told} (log predictive density per row {', '.join(f'{density:.2f}' for density in densities)})"
+    return f"{text} (log predictive density per row {', '.join(f'{density:.2f}' for density in densities)})"
 
 
-def strained(located: Located, found: Discovery) -> list[tuple[Strain, float]]:
-    """Nuisance parameters that are in conflict with their prior or far outside it, each with the factor that it is."""
-    sd = {nuisance.name: nuisance.sd for nuisance in found.problem.forward.nuisances}
-    level = found.problem.settings.alarm_level
-    away = [one for one in located.strains if one.p < level or abs(one.moved) > DISTORTED]
-    return [(one, float(np.exp(sd[one.name] * one.moved))) for one in away]
+def prior_conflicts(located: Located, nuisances: list[Nuisance], level: float) -> list[tuple[Strain, float]]:
+    """Return nuisance parameters in conflict with their prior at `level` or far outside it, with their factors."""
+    sd = {nuisance.name: nuisance.sd for nuisance in nuisances}
+    conflicts = [one for one in located.strains if one.p < level or abs(one.moved) > DISTORTED]
+    return [(one, float(np.exp(sd[one.name] * one.moved))) for one in conflicts]
 
 
-def _strained(said: str, located: Located, found: Discovery) -> str:
-    """The nuisance parameter in the worst conflict with its prior, and all far outside theirs, where there are any."""
-    away = [one for n, one in enumerate(strained(located, found)) if n == 0 or abs(one[0].moved) > DISTORTED]
-    if not away:
+def conflict_text(intro: str, conflicts: list[tuple[Strain, float]]) -> str:
+    """List the nuisance parameter in the worst conflict with its prior, and all far outside theirs."""
+    shown = [one for n, one in enumerate(conflicts) if n == 0 or abs(one[0].moved) > DISTORTED]
+    if not shown:
         return ""
-    (first, factor), *others = [*away[:1], *sorted(away[1:], key=lambda one: -abs(one[0].moved))][:MOST_LISTED]
-    moved = f"{first.moved:+.1f} standard deviations of its prior (×{factor:.2g}, {chance(first.p)})"
-    told = [f"the {first.name} by {moved}"]
-    told += [f"the {one.name} by {one.moved:+.1f} (×{factor:.2g})" for one, factor in others]
-    if len(away) > MOST_LISTED:
-        told.append(f"{len(away) - MOST_LISTED} more")
-    return f"{said} {listed(told)}. "
+    (first, factor), *others = [*shown[:1], *sorted(shown[1:], key=lambda one: -abs(one[0].moved))][:MOST_LISTED]
+    moved = f"{first.moved:+.1f} standard deviations of its prior (×{factor:.2g}, {p_text(first.p)})"
+    texts = [f"the {first.name} by {moved}"]
+    texts += [f"the {one.name} by {one.moved:+.1f} (×{factor:.2g})" for one, factor in others]
+    if len(shown) > MOST_LISTED:
+        texts.append(f"{len(shown) - MOST_LISTED} more")
+    return f"{intro} {listed(texts)}. "
 
 
-def listed(words: list[str]) -> str:
-    """Words as one reads them out: a, b and c."""
-    return " and ".join([", ".join(words[:-1])] * (len(words) > 1) + words[-1:])
+def listed(words: Sequence[str]) -> str:
+    """Join words as in a sentence: a, b and c."""
+    return " and ".join([", ".join(words[:-1])] * (len(words) > 1) + list(words[-1:]))
 
 
-def _called(acting: Acting) -> str:
+def _capitalised(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _label(acting: Acting) -> str:
     effect, place = acting
     return f"{effect.name.replace('_', ' ')} at {place}"
 
 
-def _sizes(one: Constancy, anatomy: Anatomy) -> str:
-    """The first size under the conditions that tell of it, as it is said, with 90 % intervals."""
-    parameter, told = one.acting[0].parameters[0], []
-    for name, (mean, sd) in one.known.items():
-        values = [float(parameter.from_standard(mean + k * sd)) for k in (0.0, -Z_90, Z_90)]
-        size, low, high = (f"{one.acting[0].said(parameter, value, anatomy)[1]:.2g}" for value in values)
-        told.append(f"{name} {size} ({low} to {high})")
-    return f"{_label(one.acting, parameter, anatomy)}: {', '.join(told)}" + (
-        f" {parameter.unit}" * (parameter.unit != "1")
-    )
+def sizes_by_condition(varying: Constancy, anatomy: Anatomy) -> str:
+    """State the first size under each condition that determines it, with 90 % intervals."""
+    effect = varying.acting[0]
+    parameter, texts = effect.parameters[0], []
+    for condition, (mean, sd) in varying.known.items():
+        size, low, high = (
+            f"{effect.said(parameter, value, anatomy)[1]:.2g}" for value in _with_interval(parameter, mean, sd)
+        )
+        texts.append(f"{condition} {size} ({low} to {high})")
+    unit = f" {parameter.unit}" * (parameter.unit != "1")
+    return f"{_size_label(varying.acting, parameter, anatomy)}: {', '.join(texts)}{unit}"
 
 
-def _label(acting: Acting, parameter: Parameter, anatomy: Anatomy) -> str:
-    """What a size is called where there is little room: its name, or what it is said to be instead of its meaning."""
+def _size_label(acting: Acting, parameter: Parameter, anatomy: Anatomy) -> str:
+    """Short name of a size: the parameter's name, unless the effect describes it differently in this network."""
     meaning, _ = acting[0].said(parameter, float(parameter.from_standard(0.0)), anatomy)
     return parameter.name.replace("_", " ") if meaning == parameter.meaning else meaning
 
 
-def chance(p: float) -> str:
-    """A p-value in words, where it is too small for a number too."""
+def p_text(p: float) -> str:
+    """Format a p-value, including one too small for a float."""
     return f"p = {p:.2g}" if p > 0.0 else "p below 1e-300"
 
 
-def _kept(held_out: list[str]) -> str:
+def _held_out_text(held_out: list[str]) -> str:
     if held_out:
-        return f"the conditions kept out of every fit ({', '.join(held_out)})"
-    return "each condition, kept out of the fit in turn,"
+        return f"the held-out conditions ({', '.join(held_out)})"
+    return "each condition, held out in turn,"

@@ -13,7 +13,7 @@ from coronaryuq.discrepancy.forward.simulation import Acting
 from coronaryuq.discrepancy.inference.cross_validation import Gap
 from coronaryuq.discrepancy.inference.noise import with_lasting
 from coronaryuq.discrepancy.result.repair import repaired
-from coronaryuq.discrepancy.result.summary_text import Z_90, paragraph, strained
+from coronaryuq.discrepancy.result.summary_text import Z_90, paragraph, prior_conflicts
 from coronaryuq.discrepancy.selection.candidates import Candidate
 from coronaryuq.discrepancy.selection.forward_step import Round
 from coronaryuq.discrepancy.selection.next_measurement import separating
@@ -26,13 +26,18 @@ def summary(found: Discovery) -> dict:
     """The object that `coronaryuq discrepancy --json` prints."""
     held_out = kept_out(found.problem.forward.conditions)
     level, told = found.problem.settings.false_discovery_rate, named(found)
+    conflicts = [
+        [vars(strain) | {"factor": factor} for strain, factor in prior_conflicts(located, nuisances, alarm_level)]
+        for nuisances, alarm_level in [(found.problem.forward.nuisances, found.problem.settings.alarm_level)]
+        for located in (found.located, found.remaining)
+    ]
     return {
         "alarm": found.alarm,
         "spikes": [vars(one) for one in found.spikes],
         "noise": {quantity: vars(one) for quantity, one in found.noise.items()},
         "global_test": {"p": found.located.p, **found.located.tests},
-        "strained": [vars(one) | {"factor": factor} for one, factor in strained(found.located, found)],
-        "still_strained": [vars(one) | {"factor": factor} for one, factor in strained(found.remaining, found)],
+        "strained": conflicts[0],
+        "still_strained": conflicts[1],
         "located": [vars(group) | {"unit": "CGS"} for group in found.located.groups if group.q < level][:40],
         "named": told,
         "probabilities": [

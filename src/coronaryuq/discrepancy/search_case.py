@@ -1,0 +1,76 @@
+"""Search of one case given by files, for the command and the workflow."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from coronaryuq.core import units
+from coronaryuq.core.errors import InputError
+from coronaryuq.discrepancy.data.conditions import read_conditions
+from coronaryuq.discrepancy.inference.read_problem import check_searchable, read_problem
+from coronaryuq.discrepancy.result import write
+from coronaryuq.discrepancy.selection.search import discover
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.zerod.network.read import note_negative_resistances, read_network
+
+UNNAMED = ("model", "network")
+"""Names under which error messages refer to the network where its file is unknown."""
+
+
+# The matrices are small: linear-algebra threads would only contend, and rounding would depend on their number.
+@threadpool_limits.wrap(limits=1)
+def search_case(
+    model: str | Path,
+    measurements: str | Path,
+    conditions: str | Path,
+    out: Path,
+    settings: Settings,
+    seed: int,
+) -> dict:
+    """Search one case with progress on standard error, write the results and return the summary.
+
+    Parameters
+    ----------
+    model, measurements, conditions
+        Network (svZeroDSolver JSON), measurement table (CSV) and conditions file (YAML).
+    out
+        Folder for the results.
+    settings, seed
+        Settings of the search; seed of folds and intervals.
+
+    Returns
+    -------
+    dict
+        Content of `discrepancy.json`.
+
+    Raises
+    ------
+    InputError
+        If a file is invalid or the model does not run, before anything is written.
+    """
+    network = read_network(model)
+    note_negative_resistances(network, model)
+    check_searchable(network, model)
+    try:
+        problem = read_problem(network, measurements, read_conditions(conditions), conditions, settings)
+    except InputError as error:
+        if error.file in UNNAMED:
+            raise InputError(model, error.field, error.value, error.remedy) from None
+        raise
+    root_pressure = problem.forward.anatomy.pressure * problem.forward.pressure_factor / units.MMHG
+    _report(f"root pressure of the unmodified model: {root_pressure:.3g} mmHg")
+    try:
+        discovery = discover(problem, seed, report=_report)
+    except FloatingPointError as error:
+        residual = problem.whitened([(np.zeros(problem.count), [])])[0]
+        failed = ", ".join(dict.fromkeys(problem.condition[~np.isfinite(residual)]))
+        where = failed or "any condition after recalibration"
+        remedy = f"the model does not run under {where}; check what the conditions file changes there"
+        raise InputError(conditions, failed or None, None, remedy) from error
+    return write.write(discovery, out)
+
+
+def _report(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
