@@ -12,7 +12,7 @@ import pyvista as pv
 
 from coronaryuq.core import records
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import write_text
+from coronaryuq.core.io.atomic import write_text
 from coronaryuq.flow3d.simvascular import common, svsolver
 from coronaryuq.flow3d.simvascular.adapter import RunFailed, Sample, execute, run_sample
 from coronaryuq.flow3d.simvascular.batch import make_backend, run_external

@@ -4,8 +4,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from coronaryuq.core import by_hand
-from coronaryuq.core.io.files import read_csv
+from coronaryuq.core.command_line import run_with_settings
+from coronaryuq.core.io.tables import read_csv
 from coronaryuq.core.ranks import Ranks
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.flow3d.stage import run_batch
@@ -30,10 +30,10 @@ def main() -> int:
         count = given.count or len(read_csv(given.samples, ("sample",))) - given.first
         run_batch(
             given.case, given.network, mesh / "mesh-complete", mesh / "mesh.json", given.samples, given.first, count,
-            settings, out, out.parent / "checkpoints", out.parent / "fields", Ranks.of_this_job(),
+            settings, out, out.parent / "checkpoints", out.parent / "fields", Ranks.from_launcher(),
         )  # fmt: skip
 
-    return by_hand.run(work, Settings, given.settings)
+    return run_with_settings(work, Settings, given.settings)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from pathlib import Path
 from coronaryuq.case.case_json import read_case
 from coronaryuq.core import provenance, records
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io import files
+from coronaryuq.core.io.tables import read_csv
 from coronaryuq.core.ranks import Ranks
 from coronaryuq.core.records import Record
 from coronaryuq.flow3d.ensemble.block import Block, Outcome
@@ -46,7 +46,7 @@ def run_batch(
     """
     ranks = ranks or Ranks()
     case, network = read_case(case_json, "aorta.pressure", "density", "viscosity"), read_network(network_json)
-    table = files.read_csv(samples_csv, ("sample",))
+    table = read_csv(samples_csv, ("sample",))
     theta = table.iloc[first : first + count]
     if len(theta) < count:
         raise InputError(samples_csv, "sample", len(table), f"want at least {first + count} rows")

@@ -8,7 +8,8 @@ import pandas as pd
 
 from coronaryuq.case.case_json import read_case
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import replacing
+from coronaryuq.core.io.tables import read_csv
 from coronaryuq.core.records import FAILED, OK
 from coronaryuq.zerod.network.beds import beds, theta_changes
 from coronaryuq.zerod.network.read import read_network
@@ -38,7 +39,7 @@ def run_chunk(
     network = read_network(network_path)
     needs = ("name", "vessel", "root", "flow", "ffr", "outlet")
     case = read_case(case_path, "aorta.pressure", "outlets.bc", "outlets.perfuses", *(f"stenoses.{n}" for n in needs))
-    table = files.read_csv(samples_csv, ("sample",))
+    table = read_csv(samples_csv, ("sample",))
     theta = table.iloc[first : first + count]
     if len(theta) < count:
         raise InputError(samples_csv, "sample", len(table), f"want at least {first + count} rows")
@@ -84,7 +85,7 @@ def run_chunk(
             for name, at in ratios.items()
         }
         frames.append(pd.DataFrame(frame))
-    with files.replacing(out_parquet) as beside:
+    with replacing(out_parquet) as beside:
         pd.concat(frames, ignore_index=True).to_parquet(beside, index=False)
 
 

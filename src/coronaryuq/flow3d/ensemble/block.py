@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from coronaryuq.core import provenance
-from coronaryuq.core.io.files import replacing
+from coronaryuq.core.io.atomic import replacing
 from coronaryuq.flow3d.ensemble.quantities_of_interest import Observer
 from coronaryuq.flow3d.fem.lanes import LANES
 from coronaryuq.flow3d.fem.time_step import Stepper

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_json
+from coronaryuq.core.io.atomic import read_json
 from coronaryuq.flow3d.mesh.generation import folder
 
 

@@ -1,8 +1,8 @@
 """What is read from a running block: wall shear in the stenosis regions, distal pressure, cap flows, diagnostics."""
 
-import numba as nb
 import numpy as np
 
+from coronaryuq.core.jit import numba as nb
 from coronaryuq.flow3d.ensemble.geometry import Geometry
 from coronaryuq.flow3d.fem.cross_section import section_weights
 from coronaryuq.flow3d.fem.discretisation import Discretisation

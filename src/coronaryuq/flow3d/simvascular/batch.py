@@ -7,7 +7,7 @@ from pathlib import Path
 
 from coronaryuq.core import provenance, records
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io import files
+from coronaryuq.core.io.tables import read_csv
 from coronaryuq.flow3d.simvascular.adapter import Backend, Sample, run_sample
 from coronaryuq.flow3d.simvascular.common import Case, read_case
 from coronaryuq.flow3d.simvascular.svmultiphysics import SvMultiPhysics
@@ -75,7 +75,7 @@ def make_backend(name: str, case: Case) -> Backend:
 
 def read_samples(samples_csv: str | Path, first: int, count: int, case: Case) -> list[Sample]:
     """Rows of a table of θ; `InputError` for too few rows or a column that is no coronary bed."""
-    table = files.read_csv(samples_csv, ("sample",))
+    table = read_csv(samples_csv, ("sample",))
     chosen = table.iloc[first : first + count]
     if len(chosen) < count:
         raise InputError(samples_csv, "sample", len(table), f"want at least {first + count} rows")

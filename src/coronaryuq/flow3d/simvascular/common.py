@@ -12,7 +12,8 @@ import numpy as np
 
 from coronaryuq.case import case_json
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import write_json, write_vtk
+from coronaryuq.core.io.atomic import write_json
+from coronaryuq.core.io.vtk import write_vtk
 from coronaryuq.core.records import Record
 from coronaryuq.flow3d.ensemble.coupled_network import CoupledCase, couple
 from coronaryuq.flow3d.ensemble.geometry import Geometry, read_geometry

@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from coronaryuq.core.io.files import write_text
+from coronaryuq.core.io.atomic import write_text
 from coronaryuq.core.records import Record
 from coronaryuq.flow3d.simvascular import common
 from coronaryuq.flow3d.simvascular.adapter import RunFailed, Sample, launch

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import write_text
+from coronaryuq.core.io.atomic import write_text
 from coronaryuq.core.records import Record
 from coronaryuq.flow3d.mesh.generation.folder import EXTERIOR, VOLUME, WALLS
 from coronaryuq.flow3d.simvascular import common
