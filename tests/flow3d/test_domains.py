@@ -6,8 +6,10 @@ import pytest
 from coronaryuq.case.anatomy.tree import AORTA, Stenosis, Tree, Vessel
 from coronaryuq.case.network.build import Bed, network_from_tree
 from coronaryuq.core.units import BLOOD_DENSITY, BLOOD_VISCOSITY
+from coronaryuq.flow3d.adapter import FlowModel
 from coronaryuq.flow3d.ensemble.ensemble import Ensemble
-from coronaryuq.flow3d.ensemble.geometry import read_geometry
+from coronaryuq.flow3d.mesh.description import Couples
+from coronaryuq.flow3d.mesh.domain import read_domain
 from coronaryuq.flow3d.mesh.settings import Settings as MeshSettings
 from coronaryuq.flow3d.mesh.stage import mesh_tree
 from coronaryuq.flow3d.settings import Settings
@@ -55,9 +57,9 @@ def runs(tmp_path_factory):
     for domain in DOMAINS:
         out = tmp_path_factory.mktemp(domain)
         mesh = mesh_tree(tree, stenoses, network, MeshSettings(domain=domain, **COARSE), out)
-        geometry = read_geometry(out / "mesh-complete", out / "mesh.json")
-        loop = Ensemble(geometry, network, "J_heart_outlet:aorta", BLOOD_DENSITY, BLOOD_VISCOSITY, SHORT)
-        found[domain] = mesh, loop.run({}, 1)[0]
+        space = read_domain(out / "mesh-complete", out / "mesh.json")
+        model = FlowModel(space, network, "J_heart_outlet:aorta", BLOOD_DENSITY, BLOOD_VISCOSITY)
+        found[domain] = mesh, Ensemble(model, SHORT).run({}, 1)[0]
     return found
 
 
@@ -69,10 +71,9 @@ def test_each_domain_runs_in_the_loop_and_loses_no_blood(runs):
 
 def test_what_the_heart_ejects_enters_3d_where_the_aorta_is_in_it(runs):
     mesh, outcome = runs["whole"]
-    couples = {face["name"]: face["couples"] for face in mesh["faces"] if face["kind"] == "cap"}
-    assert couples["inlet_aorta"] == {"upstream": "J_heart_outlet", "downstream": "aorta", "flow": "in"}
-    assert couples["outlet_aorta_outlet"]["downstream"] == "BC_RCR1"
-    assert set(mesh["replaces"]) == {"aorta", "aorta_outlet", "left_seg0", "left_seg1", "left", "right"}
+    assert mesh.caps["inlet_aorta"] == Couples(upstream="J_heart_outlet", downstream="aorta", flow="in")
+    assert mesh.caps["outlet_aorta_outlet"].downstream == "BC_RCR1"
+    assert set(mesh.replaces) == {"aorta", "aorta_outlet", "left_seg0", "left_seg1", "left", "right"}
     flow = {name.removeprefix("mean_flow:"): v for name, v in outcome.values.items() if name.startswith("mean_flow:")}
     ejected = flow.pop("J_heart_outlet:aorta")
     assert ejected > 40.0

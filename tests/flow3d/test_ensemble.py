@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from coronaryuq.flow3d.ensemble.block import _stride
+from coronaryuq.flow3d.ensemble.block import stride_of
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.zerod.solver.engine import Engine
 from support.loops import RADIUS, ensemble, network
@@ -103,7 +103,7 @@ def test_a_sample_that_blows_up_is_run_again_and_its_neighbours_go_on(outcomes):
     assert [outcome.values for outcome in got[1:]] == [outcome.values for outcome in outcomes[1:3]]
     assert got[0].ok
     assert got[0].diagnostics["steps_per_cycle"] == 400
-    assert "blew up" in got[0].diagnostics["earlier_failures"][0]
+    assert "blew up" in got[0].earlier_failures[0]
     assert got[0].values["ffr_lad"] == pytest.approx(outcomes[0].values["ffr_lad"], abs=1e-4)
 
 
@@ -112,13 +112,13 @@ def test_a_sample_that_always_blows_up_is_an_outcome_with_a_reason():
     (outcome,) = ensemble(settings).run({"OUT.Rd": RESISTANCES[:1]}, 1)
     assert not outcome.ok and not outcome.values
     assert "400 steps per cycle" in outcome.reason
-    assert len(outcome.diagnostics["earlier_failures"]) == 1
+    assert len(outcome.earlier_failures) == 1
 
 
 def test_stride_divides_the_cycle():
-    assert _stride(800, 200) == 4
-    assert _stride(1000, 300) == 2
-    assert _stride(210, 200) == 1
+    assert stride_of(800, 200) == 4
+    assert stride_of(1000, 300) == 2
+    assert stride_of(210, 200) == 1
 
 
 def test_a_network_runs_as_it_is(outcomes):

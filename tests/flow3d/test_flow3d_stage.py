@@ -13,9 +13,9 @@ from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel
 from coronaryuq.case.network.build import Bed, network_from_tree, segments
 from coronaryuq.core import records
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.atomic import write_json
-from coronaryuq.core.io.tables import write_csv
-from coronaryuq.flow3d.mesh.coupling.caps import downstream_block, upstream_block
+from coronaryuq.core.io import files
+from coronaryuq.flow3d.adapter import Batch, Outputs
+from coronaryuq.flow3d.mesh.coupling.cap_connections import downstream_block, upstream_block
 from coronaryuq.flow3d.mesh.generation import folder
 from coronaryuq.flow3d.mesh.generation.quality import boundary
 from coronaryuq.flow3d.settings import Settings
@@ -62,7 +62,7 @@ def campaign(tmp_path_factory):
     folder.write(here / "mesh-complete", folder.Mesh(points, tets, triangles, owner, face, names, region))
     upstream, downstream = upstream_block(network, part), downstream_block(network, part)
     caps = [("inlet", upstream, part, "in"), ("outlet", part, downstream, "out")]
-    write_json(
+    files.write_json(
         here / "mesh.json",
         {
             "nodes": len(points),
@@ -77,21 +77,22 @@ def campaign(tmp_path_factory):
             "planes": {"LAD": {"point": [0.0, 0.0, 1.4], "normal": [0.0, 0.0, 1.0]}},
         },
     )
-    write_json(here / "network.json", network)
+    files.write_json(here / "network.json", network)
     aorta = next(name for name in Engine(network).unknowns if name.startswith("pressure:J_heart_outlet:"))
     case = {"density": 1.06, "viscosity": 0.04, "aorta": {"pressure": aorta.split(":", 1)[1]}}
-    write_json(here / "case.json", case)
+    files.write_json(here / "case.json", case)
     table = {"sample": ["a", "b", "c"], "BC_lca1": [0.7, 1.0, 1.5], "R_cor_scaling": [0.9, 1.0, 1.1]}
-    write_csv(here / "samples.csv", pd.DataFrame(table))
+    files.write_csv(here / "samples.csv", pd.DataFrame(table))
     return here
 
 
 def run(here, first, count, settings=SETTINGS, fields=None, table="samples.csv"):
     out = here / f"batch_{first}_{count}.jsonl"
-    run_batch(
-        *(here / "case.json", here / "network.json", here / "mesh-complete", here / "mesh.json", here / table),
-        *(first, count, settings, out, here / "checkpoints", fields),
+    batch = Batch(
+        *(here / "case.json", here / "network.json", here / "mesh-complete", here / "mesh.json"),
+        *(here / table, first, count),
     )
+    run_batch(batch, "ensemble", settings, Outputs(out, here / "checkpoints", fields))
     return records.read(out)
 
 
@@ -136,7 +137,7 @@ def test_a_failed_sample_is_a_record(campaign):
 
 
 def test_a_foreign_column_is_refused(campaign):
-    write_csv(campaign / "wrong.csv", pd.DataFrame({"sample": ["a"], "BC_other": [1.0]}))
+    files.write_csv(campaign / "wrong.csv", pd.DataFrame({"sample": ["a"], "BC_other": [1.0]}))
     with pytest.raises(InputError, match="BC_other"):
         run(campaign, 0, 1, table="wrong.csv")
 
@@ -150,7 +151,7 @@ def test_blocks_over_mpi_ranks_give_the_same_numbers(campaign, tmp_path):
     """Nine samples are two blocks: one on each of two ranks, and the second rank's is a block that is not full."""
     multipliers = np.linspace(0.7, 1.5, 9)
     table = {"sample": [f"s{k}" for k in range(9)], "BC_lca1": multipliers, "R_cor_scaling": 1.0}
-    write_csv(campaign / "nine.csv", pd.DataFrame(table))
+    files.write_csv(campaign / "nine.csv", pd.DataFrame(table))
     settings = SETTINGS.model_copy(update={"steps_per_cycle": 150, "max_cycles": 2})
     alone = run(campaign, 0, 9, settings, table="nine.csv")
     mpiexec = Path(sys.executable).with_name("mpiexec")

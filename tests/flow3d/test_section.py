@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.flow3d.ensemble.quantities_of_interest import area_quantile
 from coronaryuq.flow3d.fem.cross_section import section_weights
+from coronaryuq.flow3d.quantities import area_quantile
 from coronaryuq.flow3d.verification.tube import tube
 
 

@@ -9,15 +9,15 @@ import pytest
 import pyvista as pv
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.flow3d.simvascular import common, svsolver
-from coronaryuq.flow3d.simvascular.adapter import Sample
+from coronaryuq.flow3d.adapter import Sample
+from coronaryuq.flow3d.simvascular import coupled_case, svsolver
 from coronaryuq.flow3d.simvascular.svmultiphysics import SvMultiPhysics
 from coronaryuq.flow3d.simvascular.svsolver import SvSolver
 from coronaryuq.zerod.network.numbering import Model
 from coronaryuq.zerod.network.read import check_network, read_network
 from support.sv_case import make_case
 
-SAMPLE = Sample("s7", {"BC_LAD": 1.3, "R_cor_scaling": 0.9})
+SAMPLE = Sample("s7", 6, {"BC_LAD": 1.3, "R_cor_scaling": 0.9})
 
 
 @pytest.fixture(scope="session")
@@ -27,17 +27,20 @@ def case(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def run(case, tmp_path_factory):
-    return SvSolver(case).prepare(SAMPLE, tmp_path_factory.mktemp("runs") / "s7")
+    folder = tmp_path_factory.mktemp("runs") / "s7"
+    SvSolver(case).prepare(SAMPLE, folder)
+    return folder
 
 
 @pytest.fixture(scope="session")
 def xml(case, tmp_path_factory):
-    folder = SvMultiPhysics(case).prepare(SAMPLE, tmp_path_factory.mktemp("runs") / "s7")
+    folder = tmp_path_factory.mktemp("runs") / "s7"
+    SvMultiPhysics(case).prepare(SAMPLE, folder)
     return folder, ElementTree.parse(folder / "solver.xml").getroot()
 
 
 def test_coupled_network_has_a_flow_block_for_every_cap_and_this_samples_resistances(case, run):
-    network = read_network(run / common.NETWORK)
+    network = read_network(run / coupled_case.NETWORK)
     check_network(network)
     blocks = {block["name"]: block for block in network["external_solver_coupling_blocks"]}
     assert set(blocks) == {"inlet_LAD", "outlet_LAD"}
@@ -58,7 +61,7 @@ def test_coupled_network_has_a_flow_block_for_every_cap_and_this_samples_resista
 
 
 def test_coupled_network_starts_from_the_samples_periodic_state(case, run):
-    network = json.loads((run / common.NETWORK).read_text())
+    network = json.loads((run / coupled_case.NETWORK).read_text())
     start = network["initial_condition"]
     assert set(start) == set(Model(network).variables)
     assert start["flow:LAD_seg0:inlet_LAD"] == pytest.approx(start["flow:outlet_LAD:LAD"], rel=0.05, abs=0.05)
@@ -68,8 +71,8 @@ def test_coupled_network_starts_from_the_samples_periodic_state(case, run):
 
 
 def test_initial_field_is_the_mean_cap_pressure(case, run):
-    field = pv.read(run / common.INITIAL)
-    start = json.loads((run / common.NETWORK).read_text())["initial_condition"]
+    field = pv.read(run / coupled_case.INITIAL)
+    start = json.loads((run / coupled_case.NETWORK).read_text())["initial_condition"]
     mean = 0.5 * (start["pressure:LAD_seg0:inlet_LAD"] + start["pressure:outlet_LAD:LAD"])
     for name in ("pressure", "Pressure"):
         np.testing.assert_allclose(field.point_data[name], mean)
@@ -116,7 +119,7 @@ def test_interface_file_is_read_as_svsolver_reads_it(case, run):
         assert lines[at + 1 + count] == ""
         at += count + 2
     assert items[0] == [case.settings.zerod_library]
-    assert items[1] == [str(run / common.NETWORK)]
+    assert items[1] == [str(run / coupled_case.NETWORK)]
     assert [line.split() for line in items[2]] == [["inlet_LAD", "2"], ["outlet_LAD", "3"]]
     assert items[3] == items[5] == ["0"]
     assert (run / svsolver.INTERFACE).read_text().endswith("0.0\n\n")
@@ -149,12 +152,12 @@ def test_solver_xml(case, xml):
     assert conditions["wall"].findtext("Type").strip() == "Dir"
 
 
-def test_launch_lines(case, run):
-    pre, solve, post = SvSolver(case).command(run, 96)
+def test_launch_lines(case):
+    pre, solve, post = SvSolver(case, tasks=96).commands()
     assert pre == ["svpre", "case.svpre"]
     assert solve == ["mpiexec", "-n", "96", "svsolver", "solver.inp"]
     assert post[post.index("-indir") + 1] == "96-procs_case"
-    assert SvMultiPhysics(case).command(run, 4) == [["mpiexec", "-n", "4", "svmultiphysics", "solver.xml"]]
+    assert SvMultiPhysics(case, tasks=4).commands() == [["mpiexec", "-n", "4", "svmultiphysics", "solver.xml"]]
 
 
 def test_path_too_long_for_fortran_is_refused(case, tmp_path):

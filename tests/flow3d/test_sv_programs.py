@@ -10,12 +10,13 @@ from dataclasses import replace
 
 import pytest
 
-from coronaryuq.flow3d.simvascular.adapter import RunFailed, Sample, execute, run_sample
+from coronaryuq.flow3d.adapter import Sample
+from coronaryuq.flow3d.simvascular.program import RunFailed, execute
 from coronaryuq.flow3d.simvascular.svmultiphysics import SvMultiPhysics
 from coronaryuq.flow3d.simvascular.svsolver import SvSolver
 from support.sv_case import make_case
 
-SAMPLE = Sample("s1", {"R_cor_scaling": 1.0})
+SAMPLE = Sample("s1", 0, {"R_cor_scaling": 1.0})
 
 
 @pytest.fixture(scope="module")
@@ -42,8 +43,9 @@ def trial(case, backend, tmp_path):
     """A few steps: every program starts, steps and writes; a whole cycle is a test of its own."""
     few = replace(case, settings=case.settings.model_copy(update={"stop_after": 4}))
     solver = backend(few)
-    run = solver.prepare(SAMPLE, tmp_path / "run")
-    for line in solver.command(run, 1):
+    run = tmp_path / "run"
+    solver.prepare(SAMPLE, run)
+    for line in solver.commands():
         execute(line, run, 300.0)
     assert len((run / "svZeroD_data").read_text().splitlines()) == 1 + 4
     with pytest.raises(RunFailed, match="stopped after 4 of 100 steps"):
@@ -69,7 +71,8 @@ def test_svsolver_takes_the_deck(case, tmp_path):
 )
 def test_a_whole_cycle_conserves_mass_and_loses_pressure(case, backend, programs, tmp_path):
     need(*programs)
-    record = run_sample(backend(case), SAMPLE, tmp_path / "run", 1, 3000.0)
+    settings = case.settings.model_copy(update={"time_limit": 3000.0})
+    record = backend(replace(case, settings=settings)).run_sample(SAMPLE, tmp_path / "run")
     assert record.ok, record.reason
     values = record.outputs
     inflow, outflow = values["mean_flow:LAD_seg0:inlet_LAD"], values["mean_flow:outlet_LAD:LAD"]

@@ -12,16 +12,18 @@ import pyvista as pv
 
 from coronaryuq.core import records
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.atomic import write_text
-from coronaryuq.flow3d.simvascular import common, svsolver
-from coronaryuq.flow3d.simvascular.adapter import RunFailed, Sample, execute, run_sample
-from coronaryuq.flow3d.simvascular.batch import make_backend, run_external
+from coronaryuq.core.io.files import write_text
+from coronaryuq.flow3d.adapter import Outputs, Processes, Sample
+from coronaryuq.flow3d.settings import Settings
+from coronaryuq.flow3d.simvascular import coupled_case, svsolver
+from coronaryuq.flow3d.simvascular.program import RunFailed, execute
 from coronaryuq.flow3d.simvascular.svmultiphysics import SvMultiPhysics
 from coronaryuq.flow3d.simvascular.svsolver import SvSolver
+from coronaryuq.flow3d.stage import run_batch
 from coronaryuq.zerod.network.read import copy_of
-from support.sv_case import make_case
+from support.sv_case import batch_of, make_case
 
-SAMPLE = Sample("s1", {"R_cor_scaling": 1.0})
+SAMPLE = Sample("s1", 0, {"R_cor_scaling": 1.0})
 
 
 @pytest.fixture(scope="session")
@@ -40,7 +42,7 @@ def shell(script: str, limit: float = 20.0):
         (shell("exit 137"), r"sh was killed \(SIGKILL\)"),
         (shell("sleep 30", limit=0.5), "sh ran out of time after 0 s"),
         (shell("echo step 1; echo 'ERROR: no mesh'; echo bye; exit 3"), "sh failed with code 3: ERROR: no mesh"),
-        (shell("exit 3"), "sh failed with code 3: it said nothing"),
+        (shell("exit 3"), r"sh failed with code 3: \(no output in its log\)"),
         (lambda run: execute(["no-such-program"], run, 1.0), "no-such-program cannot be started"),
     ],
 )
@@ -67,7 +69,7 @@ def test_a_timeout_takes_the_programs_children_with_it(tmp_path):
 
 def test_missing_program_is_a_failed_record(case, tmp_path):
     settings = case.settings.model_copy(update={"svpre": "no-such-svpre"})
-    record = run_sample(SvSolver(replace(case, settings=settings)), SAMPLE, tmp_path / "run", 1, 60.0)
+    record = SvSolver(replace(case, settings=settings)).run_sample(SAMPLE, tmp_path / "run")
     assert not record.ok
     assert "no-such-svpre cannot be started" in record.reason
     assert record.inputs == {"R_cor_scaling": 1.0}
@@ -77,7 +79,7 @@ def test_missing_program_is_a_failed_record(case, tmp_path):
 def test_sample_without_a_periodic_state_is_a_failed_record(case, tmp_path):
     network = copy_of(case.network)
     network["closed_loop_blocks"][0]["parameters"]["Elv_s"] = -1e9
-    record = run_sample(SvSolver(replace(case, network=network)), SAMPLE, tmp_path / "run", 1, 60.0)
+    record = SvSolver(replace(case, network=network)).run_sample(SAMPLE, tmp_path / "run")
     assert not record.ok
     assert record.reason.startswith("0D start")
 
@@ -94,16 +96,16 @@ def finished(case, tmp_path):
     run = tmp_path / "run"
     SvMultiPhysics(case).prepare(SAMPLE, run)
     (run / "4-procs").mkdir()
-    points = case.geometry.points
+    points = case.domain.points
     order = np.arange(len(points))[::-1]
-    grid = pv.UnstructuredGrid({pv.CellType.TETRA: np.argsort(order)[case.geometry.tets]}, points[order])
+    grid = pv.UnstructuredGrid({pv.CellType.TETRA: np.argsort(order)[case.domain.tets]}, points[order])
     for step in case.frames():
         grid.point_data["Pressure"] = 1e5 - 1e3 * points[order, 1]
         sign = 1.0 if step <= 15 else -1.0
         grid.point_data["WSS"] = sign * np.tile([0.0, 8.0, 0.0], (len(points), 1))
         grid.save(run / "4-procs" / f"result_{step:03d}.vtu")
     names = [f"{kind}:{place}" for place in case.coupled.place.values() for kind in ("flow", "pressure")]
-    names.append(case.coupled.renamed(f"pressure:{case.aorta}"))
+    names.append(case.aortic_pressure)
     rows = [f"{k / 20} 1.0 9e4 1.5 8e4 1.1e5" for k in range(20)]
     write_text(run / "svZeroD_data", "\n".join([f"{len(names)} {' '.join(names)}", *rows]) + "\n")
     return run
@@ -112,7 +114,7 @@ def finished(case, tmp_path):
 def test_quantities_of_interest_are_those_of_the_fields(case, finished):
     record = SvMultiPhysics(case).collect(finished, SAMPLE)
     values = record.outputs
-    plane = case.geometry.planes["LAD"][0]
+    plane = case.domain.planes["LAD"][0]
     assert values["ffr_lad"] == pytest.approx((1e5 - 1e3 * plane[1]) / 1.1e5, rel=1e-6)
     assert values["tawss_min_lad"] == pytest.approx(8.0)
     assert values["osi_max_lad"] == pytest.approx(0.5 * (1.0 - 10.0 / 20.0))
@@ -145,9 +147,10 @@ def _spoil(path):
 
 
 def test_svsolver_reads_what_svpost_combines(case, tmp_path):
-    run = SvSolver(case).prepare(SAMPLE, tmp_path / "run")
-    points = case.geometry.points
-    volume = pv.read(run / common.INITIAL)
+    run = tmp_path / "run"
+    SvSolver(case).prepare(SAMPLE, run)
+    points = case.domain.points
+    volume = pv.read(run / coupled_case.INITIAL)
     volume.clear_data()
     volume.point_data["GlobalNodeID"] = np.arange(1, len(points) + 1)
     wall = pv.read(run / "mesh-complete" / "walls_combined.vtp")
@@ -157,38 +160,35 @@ def test_svsolver_reads_what_svpost_combines(case, tmp_path):
     volume.save(run / svsolver.ALL_VTU)
     wall.save(run / svsolver.ALL_VTP)
     names = [f"{kind}:{place}" for place in case.coupled.place.values() for kind in ("flow", "pressure")]
-    names.append(case.coupled.renamed(f"pressure:{case.aorta}"))
+    names.append(case.aortic_pressure)
     rows = [f"{k / 20} 1.0 9e4 1.5 8e4 1.1e5" for k in range(20)]
     (run / "2-procs_case").mkdir()
     write_text(run / "2-procs_case" / "svZeroD_data", "\n".join([f"{len(names)} {' '.join(names)}", *rows]) + "\n")
     values = SvSolver(case).collect(run, SAMPLE).outputs
-    plane = case.geometry.planes["LAD"][0]
+    plane = case.domain.planes["LAD"][0]
     assert values["ffr_lad"] == pytest.approx((1e5 - 1e3 * plane[1]) / 1.1e5, rel=1e-6)
     assert values["tawss_min_lad"] == pytest.approx(8.0)
     assert values["osi_max_lad"] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_failed_samples_do_not_stop_the_batch(case, tmp_path):
-    folder = case.mesh_dir.parents[1]
     write_text(tmp_path / "samples.csv", "sample,BC_LAD,R_cor_scaling\na,1.0,1.0\nb,1.1,0.9\n")
-    settings = case.settings.model_copy(update={"svmultiphysics": "false", "mpi": f"{sys.executable} -c pass"})
-    run_external(
-        "svmultiphysics", folder / "case.json", folder / "network.json", case.mesh_dir, folder / "mesh" / "mesh.json",
-        tmp_path / "samples.csv", 0, 2, settings, 1, tmp_path / "batch_0.jsonl", tmp_path / "work",
-    )  # fmt: skip
-    rows = records.read(tmp_path / "batch_0.jsonl")
+    settings = Settings(simvascular=case.settings.model_copy(update={"svmultiphysics": "false"}))
+    batch = batch_of(case.mesh_folder.parents[1], tmp_path / "samples.csv", 2)
+    outputs = Outputs(tmp_path / "batch_0.jsonl", tmp_path / "work")
+    run_batch(batch, "svmultiphysics", settings, outputs, Processes(mpi=f"{sys.executable} -c pass"))
+    rows = records.read(outputs.records)
     assert [row.sample for row in rows] == ["a", "b"]
     assert not any(row.ok for row in rows)
     assert all("never started stepping" in row.reason for row in rows)
 
 
-def test_unknown_backend_and_unknown_bed_are_refused(case, tmp_path):
+def test_unknown_solver_and_unknown_bed_are_refused(case, tmp_path):
+    outputs = Outputs(tmp_path / "out.jsonl", tmp_path / "work")
+    write_text(tmp_path / "samples.csv", "sample,BC_LAD\na,1.0\n")
+    batch = batch_of(case.mesh_folder.parents[1], tmp_path / "samples.csv", 1)
     with pytest.raises(InputError, match="backend"):
-        make_backend("fluent", case)
+        run_batch(batch, "fluent", Settings(), outputs)
     write_text(tmp_path / "samples.csv", "sample,BC_x\na,1.0\n")
-    folder = case.mesh_dir.parents[1]
     with pytest.raises(InputError, match="BC_x"):
-        run_external(
-            "svsolver", folder / "case.json", folder / "network.json", case.mesh_dir, folder / "mesh" / "mesh.json",
-            tmp_path / "samples.csv", 0, 1, case.settings, 1, tmp_path / "out.jsonl", tmp_path / "work",
-        )  # fmt: skip
+        run_batch(batch, "svsolver", Settings(), outputs)

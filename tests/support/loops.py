@@ -4,8 +4,10 @@ import numpy as np
 
 from coronaryuq.core.units import BLOOD_DENSITY as DENSITY
 from coronaryuq.core.units import BLOOD_VISCOSITY as VISCOSITY
+from coronaryuq.flow3d.adapter import FlowModel
 from coronaryuq.flow3d.ensemble.ensemble import Ensemble
-from coronaryuq.flow3d.ensemble.geometry import Geometry
+from coronaryuq.flow3d.mesh.description import Couples, Face, MeshDescription
+from coronaryuq.flow3d.mesh.domain import Domain
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.flow3d.verification.tube import tube
 
@@ -52,29 +54,23 @@ def network(mean=1.5, swing=0.6) -> dict:
     }
 
 
-def geometry(rings=3, radius=RADIUS) -> Geometry:
+def domain(rings=3, radius=RADIUS) -> Domain:
     points, tets, faces = tube(LENGTH, radius, rings, 5 * rings)
     wall = faces["wall"]
     height = points[wall][:, :, 2].mean(axis=1)
     region = wall[(height > 0.2) & (height < 0.6)]
 
     def cap(name, upstream, downstream, flow):
-        return {
-            "name": name,
-            "kind": "cap",
-            "couples": {"upstream": upstream, "downstream": downstream, "flow": flow},
-        }
+        return Face(name=name, kind="cap", couples=Couples(upstream=upstream, downstream=downstream, flow=flow))
 
-    description = {
-        "faces": [cap("inlet", "J0", "B", "in"), cap("outlet", "B", "J1", "out")],
-        "replaces": ["B"],
-        "cut": {},
-    }
+    description = MeshDescription(
+        faces=[cap("inlet", "J0", "B", "in"), cap("outlet", "B", "J1", "out")], replaces=["B"], regions={}, planes={}
+    )
     caps = {name: faces[name] for name in ("inlet", "outlet")}
     plane = (np.array([0.0, 0.0, 0.6]), np.array([0.0, 0.0, 1.0]))
-    return Geometry(points, tets, caps, ["inlet"], {"LAD": region}, {"LAD": plane}, description)
+    return Domain(points, tets, caps, ["inlet"], {"LAD": region}, {"LAD": plane}, description)
 
 
 def ensemble(settings=None, shape=None, loop=None) -> Ensemble:
     settings = settings or Settings(steps_per_cycle=200, max_cycles=4, wall_samples_per_cycle=50)
-    return Ensemble(shape or geometry(), loop or network(), "A:J0", DENSITY, VISCOSITY, settings)
+    return Ensemble(FlowModel(shape or domain(), loop or network(), "A:J0", DENSITY, VISCOSITY), settings)

@@ -6,15 +6,16 @@ import numpy as np
 
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel
 from coronaryuq.case.network.build import Bed, network_from_tree
-from coronaryuq.core.io.atomic import write_json
+from coronaryuq.core.io.files import write_json
+from coronaryuq.flow3d.adapter import Batch
 from coronaryuq.flow3d.mesh.settings import Settings
 from coronaryuq.flow3d.mesh.stage import mesh_tree
-from coronaryuq.flow3d.simvascular.common import Case, read_case
+from coronaryuq.flow3d.simvascular.coupled_case import CoupledCase
 from coronaryuq.flow3d.simvascular_settings import SimVascularSettings
 from coronaryuq.zerod.network.read import write_network
 
 
-def make_case(folder: Path, **settings) -> Case:
+def make_case(folder: Path, **settings) -> CoupledCase:
     """An artery of 3 cm with half of its radius lost in the middle, off an aorta that has a Windkessel of its own."""
     arc = np.linspace(0.0, 3.0, 121)
     points = np.column_stack([np.zeros_like(arc), arc, np.zeros_like(arc)])
@@ -44,10 +45,13 @@ def make_case(folder: Path, **settings) -> Case:
     case = {"name": "tube", "aorta": {"pressure": "J_heart_outlet:aorta"}, "density": 1.06, "viscosity": 0.04}
     write_json(folder / "case.json", case)
     given = {"steps_per_cycle": 100, "cycles": 1, "frames_per_cycle": 20} | settings
-    return read_case(
-        folder / "case.json",
-        folder / "network.json",
-        folder / "mesh" / "mesh-complete",
-        folder / "mesh" / "mesh.json",
-        SimVascularSettings(**given),
+    batch = batch_of(folder, folder / "samples.csv", 0)
+    return CoupledCase.of(batch.read_model(), batch.mesh_folder, SimVascularSettings(**given))
+
+
+def batch_of(folder: Path, samples: Path, count: int) -> Batch:
+    """The first rows of a table of θ on the case that `make_case` wrote."""
+    mesh = folder / "mesh"
+    return Batch(
+        folder / "case.json", folder / "network.json", mesh / "mesh-complete", mesh / "mesh.json", samples, 0, count
     )

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from coronaryuq.bench.discrepancy.benchmark import run
-from coronaryuq.core.io.atomic import write_json
+from coronaryuq.core.io import files
 from job import job
 
 with job(globals()) as this:
@@ -17,5 +17,5 @@ with job(globals()) as this:
         threads=this.threads,
         resume=finished,
     )
-    write_json(cases, found)
+    files.write_json(cases, found)
     finished.unlink()

@@ -4,9 +4,9 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-from coronaryuq.core.io.atomic import replacing
+from coronaryuq.core.io.files import replacing
+from coronaryuq.flow3d.adapter import Batch, Outputs, Processes
 from coronaryuq.flow3d.settings import Settings
-from coronaryuq.flow3d.simvascular.batch import run_external
 from coronaryuq.flow3d.stage import run_batch
 from coronaryuq.posterior.settings import Settings as PosteriorSettings
 from coronaryuq.posterior.stage import draw_samples
@@ -26,26 +26,17 @@ with job(globals()) as this, tempfile.TemporaryDirectory() as scratch:
     fields.mkdir()
     posterior = PosteriorSettings(**this.params["posterior"])
     draw_samples(this.input["draws"], posterior, this.params["seed"], "pilot", first + count, samples)
-    settings = Settings(**this.params["settings"])
-    common = (
-        this.input["case"],
-        this.input["network"],
-        this.input["mesh_folder"],
-        this.input["mesh"],
-        samples,
-        first,
-        count,
+    batch = Batch(
+        case=this.input["case"],
+        network=this.input["network"],
+        mesh_folder=this.input["mesh_folder"],
+        mesh=this.input["mesh"],
+        samples=samples,
+        first=first,
+        count=count,
     )
-    checkpoints = Path(this.output["records"]).parent / "checkpoints"
-    if this.params["backend"] == "ensemble":
-        run_batch(*common, settings, this.output["records"], checkpoints, fields)
-    else:
-        run_external(
-            this.params["backend"],
-            *common,
-            settings.simvascular.model_copy(update={"mpi": this.mpi}),
-            this.tasks,
-            this.output["records"],
-            checkpoints,
-        )
+    records = Path(this.output["records"])
+    outputs = Outputs(records, records.parent / "checkpoints", fields)
+    settings, processes = Settings(**this.params["settings"]), Processes(mpi=this.mpi, tasks=this.tasks)
+    run_batch(batch, this.params["backend"], settings, outputs, processes)
     pack(fields, this.output["fields"])

@@ -4,9 +4,10 @@ import argparse
 import sys
 from pathlib import Path
 
-from coronaryuq.core.command_line import run_with_settings
-from coronaryuq.core.io.tables import read_csv
+from coronaryuq.core import by_hand
+from coronaryuq.core.io.files import read_csv
 from coronaryuq.core.ranks import Ranks
+from coronaryuq.flow3d.adapter import Batch, Outputs, Processes
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.flow3d.stage import run_batch
 
@@ -22,18 +23,20 @@ def main() -> int:
     )
     parser.add_argument("--settings", default="{}", metavar="JSON", help="block `flow3d` of a configuration")
     parser.add_argument("--first", type=int, default=0, help="first row of the table to run, from 0")
-    parser.add_argument("--count", type=int, help="how many rows; default: all that follow")
-    given = parser.parse_args()
-    mesh, out = Path(given.mesh), Path(given.records)
+    parser.add_argument("--count", type=int, help="number of rows; default: all that follow")
+    arguments = parser.parse_args()
+    mesh, records = Path(arguments.mesh), Path(arguments.records)
 
     def work(settings: Settings) -> None:
-        count = given.count or len(read_csv(given.samples, ("sample",))) - given.first
-        run_batch(
-            given.case, given.network, mesh / "mesh-complete", mesh / "mesh.json", given.samples, given.first, count,
-            settings, out, out.parent / "checkpoints", out.parent / "fields", Ranks.from_launcher(),
+        count = arguments.count or len(read_csv(arguments.samples, ("sample",))) - arguments.first
+        batch = Batch(
+            arguments.case, arguments.network, mesh / "mesh-complete", mesh / "mesh.json",
+            arguments.samples, arguments.first, count,
         )  # fmt: skip
+        outputs = Outputs(records, records.parent / "checkpoints", records.parent / "fields")
+        run_batch(batch, "ensemble", settings, outputs, Processes(Ranks.of_this_job()))
 
-    return run_with_settings(work, Settings, given.settings)
+    return by_hand.run(work, Settings, arguments.settings)
 
 
 if __name__ == "__main__":

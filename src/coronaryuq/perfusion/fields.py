@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-
-from coronaryuq.core.jit import njit
+from numba import njit
 
 NODES_PER_LENGTH = 2
 KERNEL_REACH = 3.0

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import yaml
 
-from coronaryuq.core.io.atomic import write_text
-from coronaryuq.core.io.tables import read_csv
+from coronaryuq.core.io.files import read_csv, write_text
 from coronaryuq.figures.discrepancy_benchmark import words
 from coronaryuq.report.discrepancy import embedded, environment
 

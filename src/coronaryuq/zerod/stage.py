@@ -8,10 +8,9 @@ import pandas as pd
 
 from coronaryuq.case.case_json import read_case
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.atomic import replacing
-from coronaryuq.core.io.tables import read_csv
+from coronaryuq.core.io import files
 from coronaryuq.core.records import FAILED, OK
-from coronaryuq.zerod.network.beds import beds, theta_changes
+from coronaryuq.zerod.network.beds import read_theta, theta_changes
 from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.settings import Settings
 from coronaryuq.zerod.svzerodsolver import choose
@@ -39,14 +38,7 @@ def run_chunk(
     network = read_network(network_path)
     needs = ("name", "vessel", "root", "flow", "ffr", "outlet")
     case = read_case(case_path, "aorta.pressure", "outlets.bc", "outlets.perfuses", *(f"stenoses.{n}" for n in needs))
-    table = read_csv(samples_csv, ("sample",))
-    theta = table.iloc[first : first + count]
-    if len(theta) < count:
-        raise InputError(samples_csv, "sample", len(table), f"want at least {first + count} rows")
-    known = {*beds(network), "R_cor_scaling", "sample"}
-    for column in theta.columns:
-        if column not in known:
-            raise InputError(samples_csv, column, None, f"is no coronary bed of {network_path}")
+    theta = read_theta(samples_csv, first, count, network, network_path)
     solver = choose.make(settings.backend, network, network_path)
     places, ratios = locations(case, solver.unknowns, case_path), ffr_locations(case)
     quantities = [
@@ -85,7 +77,7 @@ def run_chunk(
             for name, at in ratios.items()
         }
         frames.append(pd.DataFrame(frame))
-    with replacing(out_parquet) as beside:
+    with files.replacing(out_parquet) as beside:
         pd.concat(frames, ignore_index=True).to_parquet(beside, index=False)
 
 

@@ -9,8 +9,8 @@ import pyvista as pv
 from coronaryuq.case.anatomy.surface import surface_of
 from coronaryuq.case.anatomy.tree import write_tree
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.atomic import read_json, write_json
-from coronaryuq.flow3d.ensemble.geometry import read_geometry
+from coronaryuq.core.io import files
+from coronaryuq.flow3d.mesh.domain import read_domain
 from coronaryuq.flow3d.mesh.generation import folder
 from coronaryuq.flow3d.mesh.imported_lumen import adopt_folder, mesh_closed_surface
 from coronaryuq.flow3d.mesh.settings import Settings
@@ -30,12 +30,11 @@ def forked(tmp_path_factory):
 def test_adopted_folder_is_described_as_when_it_was_made(forked):
     given, made, tree, stenoses, network, settings = forked
     mesh, content = adopt_folder(given, tree, stenoses, network, settings)
-    assert content["domain"] == "given"
+    assert content.domain == "given"
     for key in ("nodes", "tets", "replaces", "cut", "regions"):
-        assert content[key] == made[key], key
-    for one, other in zip(content["faces"], made["faces"], strict=True):
-        assert one["name"] == other["name"]
-        assert one.get("couples") == other.get("couples")
+        assert getattr(content, key) == getattr(made, key), key
+    assert [face.name for face in content.faces] == [face.name for face in made.faces]
+    assert content.caps == made.caps
     assert np.array_equal(mesh.region, folder.read(given).region)
 
 
@@ -51,12 +50,11 @@ def test_closed_surface_is_filled(forked, tmp_path):
     whole = folder.read(given)
     surface = surface_of(whole.points, whole.triangles)
     mesh, content = mesh_closed_surface(surface, tree, stenoses, network, settings, tmp_path / "lumen.stl")
-    assert content["domain"] == "surface"
-    assert content["volume"] == pytest.approx(made["volume"], rel=0.03)
-    couples = {face["name"]: face["couples"] for face in content["faces"] if face["kind"] == "cap"}
-    assert couples == {face["name"]: face["couples"] for face in made["faces"] if face["kind"] == "cap"}
-    assert content["quality"]["dihedral_min"] > 3.0
-    assert set(content["regions"]) == set(made["regions"])
+    assert content.domain == "surface"
+    assert content.volume == pytest.approx(made.volume, rel=0.03)
+    assert content.caps == made.caps
+    assert content.quality["dihedral_min"] > 3.0
+    assert set(content.regions) == set(made.regions)
     assert len(mesh.caps) == len(folder.read(given).caps)
 
 
@@ -66,9 +64,9 @@ def case_in_mm(forked, tmp_path_factory):
     given, _, tree, stenoses, network, _ = forked
     here = tmp_path_factory.mktemp("case")
     entries = [{"name": s.name, "vessel": s.vessel, "start": s.start, "end": s.end} for s in stenoses]
-    write_json(here / "case.json", {"stenoses": entries, "anatomy": {"kind": "surface", "unit": "mm"}})
+    files.write_json(here / "case.json", {"stenoses": entries, "anatomy": {"kind": "surface", "unit": "mm"}})
     write_tree(here / "tree.vtp", tree)
-    write_json(here / "network.json", network)
+    files.write_json(here / "network.json", network)
     mesh = folder.read(given)
     folder.write(here / "given", replace(mesh, points=10.0 * mesh.points))
     pv.PolyData.from_regular_faces(10.0 * mesh.points, mesh.triangles).save(here / "lumen.stl")
@@ -82,22 +80,22 @@ def rule(here, out, **changes):
 
 def test_the_rule_meshes_a_surface_in_the_unit_of_the_case(forked, case_in_mm, tmp_path):
     made = rule(case_in_mm, tmp_path, lumen=case_in_mm / "lumen.stl")
-    assert made["domain"] == "surface"
-    assert made["volume"] == pytest.approx(forked[1]["volume"], rel=0.03)
-    assert read_geometry(tmp_path / "mesh-complete", tmp_path / "mesh.json").inlets == ["inlet_v0"]
+    assert made.domain == "surface"
+    assert made.volume == pytest.approx(forked[1].volume, rel=0.03)
+    assert read_domain(tmp_path / "mesh-complete", tmp_path / "mesh.json").inlets == ["inlet_v0"]
 
 
 def test_the_rule_takes_a_mesh_folder_in_the_unit_of_the_case(forked, case_in_mm, tmp_path):
     made = rule(case_in_mm, tmp_path, lumen=case_in_mm / "given")
-    assert made["domain"] == "given"
-    assert made["nodes"] == forked[1]["nodes"]
-    assert made["volume"] == pytest.approx(forked[1]["volume"])
+    assert made.domain == "given"
+    assert made.nodes == forked[1].nodes
+    assert made.volume == pytest.approx(forked[1].volume)
 
 
 def test_the_rule_says_what_it_lacks(case_in_mm, tmp_path):
     with pytest.raises(InputError, match="anatomy: domain `lumen` needs a surface"):
         rule(case_in_mm, tmp_path / "out")
-    case = read_json(case_in_mm / "case.json") | {"schematic": True}
-    write_json(tmp_path / "case.json", case)
-    with pytest.raises(InputError, match="a drawing of a 0D network is not to be meshed"):
+    case = files.read_json(case_in_mm / "case.json") | {"schematic": True}
+    files.write_json(tmp_path / "case.json", case)
+    with pytest.raises(InputError, match="a schematic 0D network"):
         make_mesh(tmp_path / "case.json", case_in_mm / "tree.vtp", case_in_mm / "network.json", Settings(), tmp_path)

@@ -5,9 +5,10 @@ import pytest
 
 from coronaryuq.case.anatomy.tree import write_tree
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.atomic import read_json, write_json
-from coronaryuq.flow3d.mesh.coupling.caps import couple, parts_of
+from coronaryuq.core.io.files import read_json, write_json
+from coronaryuq.flow3d.mesh.coupling.cap_connections import connect_caps, vessels_along
 from coronaryuq.flow3d.mesh.coupling.network_without_mesh import remaining_network
+from coronaryuq.flow3d.mesh.description import Face, MeshDescription, Remainder, read_description
 from coronaryuq.flow3d.mesh.generation import folder, quality
 from coronaryuq.flow3d.mesh.generation.build import cuthill_mckee, kept_vessels
 from coronaryuq.flow3d.mesh.geometry import paths
@@ -24,18 +25,18 @@ def test_volume_and_caps_of_a_stenosed_tube(stenosed):
     vessel = tree["LAD"]
     exact = np.pi * np.trapezoid(vessel.radii**2, vessel.arc)
     # Flat facets between nodes on the wall would take 3 % at this size.
-    assert content["volume"] == pytest.approx(exact, rel=0.005)
-    caps = [face for face in content["faces"] if face["kind"] == "cap"]
-    assert [cap["name"] for cap in caps] == ["inlet_LAD", "outlet_LAD"]
+    assert content.volume == pytest.approx(exact, rel=0.005)
+    caps = [face for face in content.faces if face.kind == "cap"]
+    assert [cap.name for cap in caps] == ["inlet_LAD", "outlet_LAD"]
     for cap, x, sense in zip(caps, (0.0, 2.4), (-1.0, 1.0), strict=True):
-        assert cap["centroid"] == pytest.approx([x, 0.0, 0.0], abs=0.01)
-        assert cap["normal"] == pytest.approx([sense, 0.0, 0.0], abs=1e-6)
-        assert cap["radius"] == pytest.approx(0.15, rel=0.04)
+        assert cap.centroid == pytest.approx([x, 0.0, 0.0], abs=0.01)
+        assert cap.normal == pytest.approx([sense, 0.0, 0.0], abs=1e-6)
+        assert cap.radius == pytest.approx(0.15, rel=0.04)
 
 
 def test_resolution_at_the_throat_is_the_one_asked_for(stenosed):
     _, content, *_ = stenosed
-    assert content["quality"]["throat_resolution"]["LAD"] == pytest.approx(3.0, rel=0.15)
+    assert content.quality["throat_resolution"]["LAD"] == pytest.approx(3.0, rel=0.15)
 
 
 def test_elements_at_the_throat_are_twice_as_long_as_wide(stenosed):
@@ -57,11 +58,11 @@ def test_quality_is_what_the_elements_have(stenosed):
     out, content, *_ = stenosed
     mesh = folder.read(out / "mesh-complete")
     ratio = quality.radius_ratio(mesh.points, mesh.tets)
-    assert content["quality"]["radius_ratio_min"] == pytest.approx(ratio.min())
+    assert content.quality["radius_ratio_min"] == pytest.approx(ratio.min())
     assert ratio.min() >= 0.05
-    assert content["quality"]["dihedral_min"] > 5.0
-    assert content["nodes"] == len(mesh.points)
-    assert content["volume"] == pytest.approx(quality.volumes(mesh.points, mesh.tets).sum())
+    assert content.quality["dihedral_min"] > 5.0
+    assert content.nodes == len(mesh.points)
+    assert content.volume == pytest.approx(quality.volumes(mesh.points, mesh.tets).sum())
 
 
 def test_wall_nodes_stand_off_the_true_surface_by_the_sagitta_of_its_facets(stenosed):
@@ -92,23 +93,23 @@ def test_elements_at_the_wall_of_a_throat_are_thin(stenosed):
 def test_region_is_the_wall_around_the_throat(stenosed):
     out, content, tree, *_ = stenosed
     mesh = folder.read(out / "mesh-complete")
-    region = content["regions"]["LAD"]
-    centres = mesh.points[mesh.triangles[mesh.region == region["id"]]].mean(axis=1)
-    assert region["throat"] == pytest.approx(1.2, abs=0.02)
-    assert centres[:, 0].min() == pytest.approx(1.2 + region["from"], abs=0.05)
-    assert centres[:, 0].max() == pytest.approx(1.2 + region["to"], abs=0.05)
-    vector = quality.areas(mesh.points, mesh.triangles[mesh.region == region["id"]])
-    assert region["area"] == pytest.approx(np.linalg.norm(vector, axis=1).sum())
-    length = region["to"] - region["from"]
-    assert region["area"] < 2.0 * np.pi * 0.15 * length * 1.1
+    region = content.regions["LAD"]
+    centres = mesh.points[mesh.triangles[mesh.region == region.id]].mean(axis=1)
+    assert region.throat == pytest.approx(1.2, abs=0.02)
+    assert centres[:, 0].min() == pytest.approx(1.2 + region.start, abs=0.05)
+    assert centres[:, 0].max() == pytest.approx(1.2 + region.end, abs=0.05)
+    vector = quality.areas(mesh.points, mesh.triangles[mesh.region == region.id])
+    assert region.area == pytest.approx(np.linalg.norm(vector, axis=1).sum())
+    length = region.end - region.start
+    assert region.area < 2.0 * np.pi * 0.15 * length * 1.1
 
 
 def test_plane_lies_on_the_axis_distal_to_the_stenosis(stenosed):
     _, content, _, stenoses, _ = stenosed
-    plane = content["planes"]["LAD"]
-    assert plane["point"][1:] == pytest.approx([0.0, 0.0], abs=1e-6)
-    assert plane["normal"] == pytest.approx([1.0, 0.0, 0.0], abs=1e-6)
-    assert plane["point"][0] > stenoses[0].end
+    plane = content.planes["LAD"]
+    assert plane.point[1:] == pytest.approx([0.0, 0.0], abs=1e-6)
+    assert plane.normal == pytest.approx([1.0, 0.0, 0.0], abs=1e-6)
+    assert plane.point[0] > stenoses[0].end
 
 
 def test_equal_input_gives_equal_bytes(stenosed, coarse, tmp_path):
@@ -143,17 +144,17 @@ def test_several_pieces_are_one_mesh_and_couple_to_a_closed_loop(tmp_path):
     )
     content = mesh_tree(tree, stenoses, network, settings, tmp_path)
     mesh = folder.read(tmp_path / "mesh-complete")
-    caps = [face for face in content["faces"] if face["kind"] == "cap"]
-    assert len(mesh.caps) == len(caps) >= 2 * len(content["pieces"])
-    assert set(content["regions"]) == {"LAD", "LCx"} == set(content["planes"])
-    for name in content["replaces"]:
-        assert name not in content["cut"]
-    assert any(name.endswith("_seg1") for name in content["replaces"])
+    caps = [face for face in content.faces if face.kind == "cap"]
+    assert len(mesh.caps) == len(caps) >= 2 * len(content.pieces)
+    assert set(content.regions) == {"LAD", "LCx"} == set(content.planes)
+    for name in content.replaces:
+        assert name not in content.cut
+    assert any(name.endswith("_seg1") for name in content.replaces)
     left = remaining_network(network, content)
     check_network(left)
     model = Model(left)
     assert len(model.variables) == len(model.equations)
-    assert [b["name"] for b in left["external_solver_coupling_blocks"]] == [cap["name"] for cap in caps]
+    assert [b["name"] for b in left["external_solver_coupling_blocks"]] == [cap.name for cap in caps]
 
 
 @pytest.fixture(scope="module")
@@ -163,17 +164,18 @@ def segment():
     network = network_of(tree, stenoses)
     kept = kept_vessels(tree, stenoses, Settings(upstream_diameters=3.0, downstream_diameters=3.0))
     caps = paths.caps(tree, kept, ["LAD"])
-    coupled = couple(tree, kept, parts_of(tree, stenoses, network), network, caps)
-    faces = [{"name": cap.name, "kind": "cap", "couples": coupled["caps"][cap.name]} for cap in caps]
-    return network, {"faces": faces, **coupled}, kept["LAD"]
+    connections = connect_caps(tree, kept, vessels_along(tree, stenoses, network), network, caps)
+    faces = [Face(name=cap.name, kind="cap", couples=connections.caps[cap.name]) for cap in caps]
+    replaced = {"replaces": connections.replaces, "cut": connections.cut}
+    return network, MeshDescription(faces=faces, regions={}, planes={}, **replaced), kept["LAD"]
 
 
 def test_shares_of_a_cut_vessel_are_those_of_its_length(segment):
     network, content, (start, end) = segment
     values = {v["vessel_name"]: v["zero_d_element_values"] for v in network["vessels"]}
-    assert content["replaces"] == ["LAD_seg1"]
+    assert content.replaces == ["LAD_seg1"]
     for name, side, outside in (("LAD_seg0", "upstream", start), ("LAD", "downstream", 4.0 - end)):
-        share = content["cut"][name][side]
+        share = getattr(content.cut[name], side)
         expected = 8.0 * 0.04 * outside / (np.pi * 0.15**4)
         assert share["R_poiseuille"] * values[name]["R_poiseuille"] == pytest.approx(expected, rel=1e-3)
         assert share["stenosis_coefficient"] == 0.0
@@ -195,14 +197,15 @@ def test_replaced_part_put_between_the_caps_gives_the_full_network_again(segment
     assert two.values[name][0] == pytest.approx(one.values[name][0], rel=1e-6)
 
 
-def _inside(network, coupled) -> dict:
+def _inside(network, mesh) -> dict:
     """One vessel with everything that 3D takes over."""
     total = dict.fromkeys(("R_poiseuille", "L", "C", "stenosis_coefficient"), 0.0)
     for vessel in network["vessels"]:
         values, name = vessel["zero_d_element_values"], vessel["vessel_name"]
         for key in total:
-            outside = sum(part[key] for part in coupled["cut"].get(name, {}).values())
-            if name in coupled["replaces"] or name in coupled["cut"]:
+            cut = mesh.cut.get(name, Remainder())
+            outside = sum(part[key] for part in (cut.upstream, cut.downstream) if part is not None)
+            if name in mesh.replaces or name in mesh.cut:
                 total[key] += (1.0 - outside) * values[key]
     return {"vessel_name": "inside", "zero_d_element_type": "BloodVessel", "zero_d_element_values": total}
 
@@ -213,7 +216,7 @@ def test_network_of_other_names_is_refused(stenosed):
     for vessel in other["vessels"]:
         vessel["vessel_name"] += "_x"
     with pytest.raises(InputError, match="same names"):
-        parts_of(tree, stenoses, other)
+        vessels_along(tree, stenoses, other)
 
 
 @pytest.mark.parametrize("domain", ["segments", "trees"])
@@ -236,10 +239,13 @@ def test_an_anatomy_that_cannot_be_meshed_is_one_line(stenosed, coarse, tmp_path
     write_json(tmp_path / "case.json", {"stenoses": entries})
     given = (tmp_path / f"{name}" for name in ("case.json", "tree.vtp", "network.json"))
     short = coarse.model_copy(update={"time_limit": 0.01, "attempts": 1})
-    with pytest.raises(InputError, match=r"tree.vtp: piece LAD could not be meshed: attempt 1: .*; see the anatomy"):
+    with pytest.raises(
+        InputError, match=r"tree.vtp: piece LAD could not be meshed: attempt 1: .*; look at the anatomy"
+    ):
         make_mesh(*given, short, tmp_path / "out")
 
 
 def test_mesh_json_is_as_it_was_returned(stenosed):
     out, content, *_ = stenosed
-    assert read_json(out / "mesh.json") == content
+    assert read_description(out / "mesh.json") == content
+    assert read_json(out / "mesh.json") == content.content()

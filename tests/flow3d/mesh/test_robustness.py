@@ -14,12 +14,12 @@ def meshes(seed: int, settings: Settings, out) -> None:
     tree, stenoses = random_tree(seed)
     content = mesh_tree(tree, stenoses, network_of(tree, stenoses), settings, out)
     mesh = folder.read(out / "mesh-complete")
-    assert len(mesh.points) == content["nodes"]
-    assert content["quality"]["dihedral_min"] > 3.0
+    assert len(mesh.points) == content.nodes
+    assert content.quality["dihedral_min"] > 3.0
     for stenosis in stenoses:
         asked = settings.throat_resolution
-        assert content["quality"]["throat_resolution"][stenosis.name] == pytest.approx(asked, rel=0.25)
-        assert content["regions"][stenosis.name]["triangles"] > 0
+        assert content.quality["throat_resolution"][stenosis.name] == pytest.approx(asked, rel=0.25)
+        assert content.regions[stenosis.name].triangles > 0
 
 
 @pytest.mark.parametrize("seed", [3, 26])

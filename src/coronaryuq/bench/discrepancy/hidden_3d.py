@@ -14,9 +14,11 @@ from coronaryuq.discrepancy.data.conditions import Condition, under
 from coronaryuq.discrepancy.forward.network_values import differences
 from coronaryuq.discrepancy.hidden import make_case
 from coronaryuq.discrepancy.stage import HYPERAEMIA, plan_of
+from coronaryuq.flow3d.adapter import FlowModel
 from coronaryuq.flow3d.ensemble.ensemble import Ensemble
-from coronaryuq.flow3d.ensemble.geometry import Geometry
 from coronaryuq.flow3d.fem.lanes import LANES
+from coronaryuq.flow3d.mesh.description import Couples, Face, MeshDescription
+from coronaryuq.flow3d.mesh.domain import Domain
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.flow3d.verification.tube import tube
 from coronaryuq.zerod.effects.anatomy import Anatomy
@@ -129,11 +131,11 @@ def _run(
     forward = cases[0].problem.forward
     places = dict.fromkeys(name for series in forward.measured for name in forward.variables(series, {}))
     names = list(places | dict.fromkeys(_drop(shape, network)))
-    ensemble = Ensemble(
-        _geometry(shape, network), _near(shape, network), forward.root, units.BLOOD_DENSITY, units.BLOOD_VISCOSITY, RUN
+    model = FlowModel(
+        _domain(shape, network), _near(shape, network), forward.root, units.BLOOD_DENSITY, units.BLOOD_VISCOSITY
     )
     begin = np.repeat(starts, len(cases), axis=0)
-    outcomes = ensemble.run(changes, len(tables), waveforms=names, start=begin)
+    outcomes = Ensemble(model, RUN).run(changes, len(tables), waveforms=names, start=begin)
     failed = next((one.reason for one in outcomes if not one.ok), None)
     if failed is not None:
         raise FloatingPointError(f"the hidden case does not run in 3D: {failed}")
@@ -161,7 +163,7 @@ def _near(shape: Shape, network: dict) -> dict:
     return network
 
 
-def _geometry(shape: Shape, network: dict) -> Geometry:
+def _domain(shape: Shape, network: dict) -> Domain:
     anatomy, radius = Anatomy(network), _healthy(network, shape.place)
     points, tets, faces = tube(LENGTH, lambda z: radius * shape.radius(z / LENGTH), RINGS, LEVELS)
     caps = []
@@ -170,10 +172,10 @@ def _geometry(shape: Shape, network: dict) -> Geometry:
         ("outlet", anatomy.outlet(shape.place), "out"),
     ):
         upstream, downstream = location.split(":")
-        couples = {"upstream": upstream, "downstream": downstream, "flow": flow}
-        caps.append({"name": name, "kind": "cap", "couples": couples})
-    description = {"faces": caps, "replaces": [shape.place], "cut": {}}
-    return Geometry(points, tets, {n: faces[n] for n in ("inlet", "outlet")}, ["inlet"], {}, {}, description)
+        couples = Couples(upstream=upstream, downstream=downstream, flow=flow)
+        caps.append(Face(name=name, kind="cap", couples=couples))
+    description = MeshDescription(faces=caps, replaces=[shape.place], regions={}, planes={})
+    return Domain(points, tets, {n: faces[n] for n in ("inlet", "outlet")}, ["inlet"], {}, {}, description)
 
 
 def _drop(shape: Shape, network: dict) -> tuple[str, str, str]:

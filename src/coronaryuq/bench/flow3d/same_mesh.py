@@ -18,13 +18,14 @@ from pathlib import Path
 
 import numpy as np
 
-from coronaryuq.core.command_line import run_with_settings
+from coronaryuq.core import by_hand
 from coronaryuq.core.errors import InputError
+from coronaryuq.flow3d.adapter import Batch, Sample
 from coronaryuq.flow3d.ensemble.ensemble import Ensemble
 from coronaryuq.flow3d.settings import Settings
-from coronaryuq.flow3d.simvascular.adapter import RunFailed, Sample, execute
-from coronaryuq.flow3d.simvascular.batch import BACKENDS, make_backend
-from coronaryuq.flow3d.simvascular.common import Case, read_case
+from coronaryuq.flow3d.simvascular.coupled_case import CoupledCase
+from coronaryuq.flow3d.simvascular.program import RunFailed, execute
+from coronaryuq.flow3d.stage import SIMVASCULAR
 from coronaryuq.zerod.network.beds import SCALING, theta_changes
 
 SAMPLES = 16
@@ -36,10 +37,10 @@ CYCLES = 2
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m coronaryuq.bench.flow3d.same_mesh", description=__doc__)
     parser.add_argument("campaign", metavar="CAMPAIGN", type=Path, help="results folder of a campaign")
-    parser.add_argument("programs", metavar="PROGRAM:STEPS", nargs="*", help=f"PROGRAM: {' or '.join(BACKENDS)}")
+    parser.add_argument("programs", metavar="PROGRAM:STEPS", nargs="*", help=f"PROGRAM: {' or '.join(SIMVASCULAR)}")
     parser.add_argument("--settings", default="{}", metavar="JSON", help="block `flow3d` of the configuration")
     given = parser.parse_args()
-    return run_with_settings(
+    return by_hand.run(
         lambda settings: print(json.dumps(compare(given.campaign, given.programs, settings))), Settings, given.settings
     )
 
@@ -56,13 +57,14 @@ def compare(campaign: Path, programs: list[str], settings: Settings) -> dict:
             "mpi": os.environ.get("SIMVASCULAR_MPI", settings.simvascular.mpi),
         }
     )
-    case = read_case(
+    batch = Batch(
         campaign / "case" / "case.json", campaign / "calibration" / "hyperaemia.json",
-        campaign / "mesh" / "mesh-complete", campaign / "mesh" / "mesh.json", external,
+        campaign / "mesh" / "mesh-complete", campaign / "mesh" / "mesh.json", campaign / "samples" / "pilot.csv", 0, 0,
     )  # fmt: skip
+    case = CoupledCase.of(batch.read_model(), batch.mesh_folder, external)
     ours = ensemble_cost(case, settings)
     print(ours, file=sys.stderr, flush=True)
-    found = {"nodes": len(case.geometry.points), "tets": len(case.geometry.tets), "ensemble": ours}
+    found = {"nodes": len(case.domain.points), "tets": len(case.domain.tets), "ensemble": ours}
     for name, steps in wanted:
         try:
             cost = external_cost(case, name, steps)
@@ -77,17 +79,17 @@ def compare(campaign: Path, programs: list[str], settings: Settings) -> dict:
 def chosen(program: str) -> tuple[str, int]:
     """Name and steps of PROGRAM:STEPS."""
     name, _, steps = program.partition(":")
-    if name not in BACKENDS or not steps.isdigit() or int(steps) < 1:
+    if name not in SIMVASCULAR or not steps.isdigit() or int(steps) < 1:
         raise InputError("PROGRAM:STEPS", None, program, "want a program and a number of steps, such as svsolver:12")
     return name, int(steps)
 
 
-def ensemble_cost(case: Case, settings: Settings) -> dict:
+def ensemble_cost(case: CoupledCase, settings: Settings) -> dict:
     """Whole runs from the 0D state: everything counts, reading wall shear and the 0D side among it."""
-    ensemble = Ensemble(case.geometry, case.network, case.aorta, case.density, case.viscosity, settings)
+    ensemble = Ensemble(case, settings)
     changes = theta_changes(case.network, {SCALING: np.linspace(0.8, 1.2, SAMPLES)})
     few = settings.model_copy(update={"steps_per_cycle": 100, "ramp_cycles": 0.02, "max_cycles": 0, "refinements": 0})
-    Ensemble(case.geometry, case.network, case.aorta, case.density, case.viscosity, few).run(changes, SAMPLES)
+    Ensemble(case, few).run(changes, SAMPLES)
     begun = time.process_time()
     outcomes = ensemble.run(changes, SAMPLES)
     spent = time.process_time() - begun
@@ -101,14 +103,15 @@ def ensemble_cost(case: Case, settings: Settings) -> dict:
     }
 
 
-def external_cost(case: Case, name: str, steps: int) -> dict:
+def external_cost(case: CoupledCase, name: str, steps: int) -> dict:
     """Two runs, one of them `steps` longer; the difference is timed."""
     spent = []
     for stop in (UNTIMED, UNTIMED + steps):
-        solver = make_backend(name, replace(case, settings=case.settings.model_copy(update={"stop_after": stop})))
+        solver = SIMVASCULAR[name](replace(case, settings=case.settings.model_copy(update={"stop_after": stop})))
         with tempfile.TemporaryDirectory(prefix="coronaryuq-") as folder:
-            run = solver.prepare(Sample("s", {SCALING: 1.0}), Path(folder) / "run")
-            for line in solver.command(run, 1):
+            run = Path(folder).resolve() / "run"
+            solver.prepare(Sample("s", 0, {SCALING: 1.0}), run)
+            for line in solver.commands():
                 before = os.times()
                 execute(line, run, case.settings.time_limit)
                 after = os.times()

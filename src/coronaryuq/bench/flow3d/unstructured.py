@@ -32,12 +32,12 @@ import numpy as np
 from coronaryuq.bench.flow3d import axisymmetric, tubes
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel
 from coronaryuq.core.units import BLOOD_DENSITY, BLOOD_VISCOSITY
-from coronaryuq.flow3d.ensemble.quantities_of_interest import area_quantile
 from coronaryuq.flow3d.fem.discretisation import Discretisation
 from coronaryuq.flow3d.fem.lanes import LANES
 from coronaryuq.flow3d.fem.wall_shear import WallShear
 from coronaryuq.flow3d.mesh.generation.build import build
 from coronaryuq.flow3d.mesh.settings import Settings
+from coronaryuq.flow3d.quantities import area_quantile
 
 STENOSED = ((3.0, 2.0, 3.0), (4.0, 2.0, 3.0), (5.0, 3.0, 4.0), (6.0, 3.0, 6.0))
 """R/h at the throat, elsewhere and in the jet."""

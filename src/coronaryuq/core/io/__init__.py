@@ -1,1 +1,1 @@
-"""Atomic writes, tables, VTK files, modification times, and a lock per results folder."""
+"""Files: atomic writes, tables, VTK, modification times, one campaign per folder."""

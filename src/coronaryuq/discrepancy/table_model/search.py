@@ -8,8 +8,7 @@ import pandas as pd
 from scipy.stats import spearmanr
 from threadpoolctl import threadpool_limits
 
-from coronaryuq.core.io.atomic import write_json, write_text
-from coronaryuq.core.io.tables import write_csv
+from coronaryuq.core.io import files
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.result.write import clear
 from coronaryuq.discrepancy.table_model.law_selection import SHRUNK, Choice, choose, inclusion, is_one_of
@@ -103,9 +102,9 @@ def discover_pairs(simulated: str | Path, measured: str | Path, out: Path, seed:
         )
     answer = _joined(answers)
     clear(out)
-    write_csv(out / "pairs.csv", pd.concat(rows))
+    files.write_csv(out / "pairs.csv", pd.concat(rows))
     columns = ["branch", "effects", "terms", "log_evidence", "rms_ffr"]
-    write_csv(out / "laws.csv", pd.DataFrame(laws, columns=columns))
+    files.write_csv(out / "laws.csv", pd.DataFrame(laws, columns=columns))
     nothing = dict.fromkeys(("size", "size_low", "size_high"), np.nan)
     parts = [
         {"branch": a["branch"], "effect": name, "probability": probability, "named": name in a["effects"]}
@@ -113,9 +112,9 @@ def discover_pairs(simulated: str | Path, measured: str | Path, out: Path, seed:
         for a in answers
         for name, probability in a["inclusion"].items()
     ]
-    write_csv(out / "effects.csv", pd.DataFrame(parts))
-    write_text(out / "paragraph.txt", answer["paragraph"] + "\n")
-    write_json(out / "discrepancy.json", answer)
+    files.write_csv(out / "effects.csv", pd.DataFrame(parts))
+    files.write_text(out / "paragraph.txt", answer["paragraph"] + "\n")
+    files.write_json(out / "discrepancy.json", answer)
     return answer
 
 

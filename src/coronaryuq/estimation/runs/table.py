@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.atomic import read_json
-from coronaryuq.core.io.tables import read_csv
+from coronaryuq.core.io.files import read_csv, read_json
 
 KEYS = ("row", "column_3d", "column_0d")
 # Columns named where one is missing: those that resemble it most.

@@ -1,6 +1,5 @@
 """A mesh of the patient's own lumen: from a closed surface, or a mesh-complete folder taken as it is."""
 
-import functools
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,8 +9,9 @@ import numpy as np
 from coronaryuq.case.anatomy.surface import Surface
 from coronaryuq.case.anatomy.tree import Stenosis, Tree
 from coronaryuq.core.errors import InputError
-from coronaryuq.flow3d.mesh.coupling.describe import describe
-from coronaryuq.flow3d.mesh.generation import folder, mmg_process, regions
+from coronaryuq.flow3d.mesh.describe import describe
+from coronaryuq.flow3d.mesh.description import MeshDescription
+from coronaryuq.flow3d.mesh.generation import folder, mmg_process
 from coronaryuq.flow3d.mesh.generation.build import Built, assemble
 from coronaryuq.flow3d.mesh.generation.piece import mesh_closed
 from coronaryuq.flow3d.mesh.geometry import extent, paths
@@ -28,7 +28,7 @@ SHORTEST = 0.01
 
 def adopt_folder(
     given: Path, tree: Tree, stenoses: Sequence[Stenosis], network: Network, settings: Settings, scale: float = 1.0
-) -> tuple[folder.Mesh, dict]:
+) -> tuple[folder.Mesh, MeshDescription]:
     """A mesh-complete folder and the content of its `mesh.json`; faces keep their names and numbers.
 
     scale: the folder's length unit in cm. The tree must be that of the same anatomy: every cap is matched to the end of
@@ -47,7 +47,7 @@ def adopt_folder(
 
 def mesh_closed_surface(
     surface: Surface, tree: Tree, stenoses: Sequence[Stenosis], network: Network, settings: Settings, file: Path
-) -> tuple[folder.Mesh, dict]:
+) -> tuple[folder.Mesh, MeshDescription]:
     """Tetrahedra inside a closed surface, sized by the tree's radii; raises MeshError when all attempts fail.
 
     The lumen is cut a little behind each of its caps, so that the cut is flat and its rim clean.
@@ -119,16 +119,8 @@ def match(file: Path, tree: Tree, ends: Sequence[tuple[str, np.ndarray, np.ndarr
     return kept, caps
 
 
-def _described(mesh, kept, caps, tree, stenoses, network, settings, kind: str, failures: list[str]):
-    groups = extent.pieces(tree, kept)
-    surfaces = [Implicit(paths.paths(tree, kept, group)) for group in groups]
-    built = Built(mesh, kept, caps, groups, surfaces, failures)
-    present = [s for s in stenoses if s.vessel in kept]
-    mesh, said = regions.mark(
-        tree, present, built, settings.region_upstream_diameters, settings.region_downstream_diameters
-    )
-    built = replace(built, mesh=mesh)
-    plane = functools.partial(regions.plane, tree, built=built, diameters=settings.ffr_diameters)
-    planes = {s.name: plane(s) for s in present}
-    content = describe(tree, present, network, built, said, planes, settings)
-    return mesh, content | {"domain": kind}
+def _described(mesh, kept, caps, tree, stenoses, network, settings, domain: str, failures: list[str]):
+    pieces = extent.pieces(tree, kept)
+    surfaces = [Implicit(paths.paths(tree, kept, piece)) for piece in pieces]
+    built = Built(mesh, kept, caps, pieces, surfaces, failures)
+    return describe(tree, stenoses, network, built, settings, domain)

@@ -1,28 +1,29 @@
 """Collateral vessel between two territories."""
 
-from collections.abc import Sequence
 from itertools import combinations
 
-from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import ConditionState, Effect, Number, Parameter, Series, Values
-from coronaryuq.zerod.effects.grafting import add_vessel, attach, locations_renamed, open_end
+from coronaryuq.zerod.effects.base import Effect, Parameter
+from coronaryuq.zerod.effects.grafting import add_vessel, attach, open_end, opened
 
 
 class Collateral(Effect):
-    """Collateral vessel between the ends of two outlet vessels, through which one supplies the bed of the other."""
+    """A vessel that joins the ends of two outlet vessels, so that the better fed one supplies the other's bed."""
 
     name = "collateral"
     formula = "Q_col = (P_a - P_b) / R_col between the ends of two outlet vessels"
     source = "Pijls et al., J. Am. Coll. Cardiol. 25 (1995) 1522"
-    signature = "pressures of two territories drawn together; one artery carries more flow than its bed, the other less"
+    signature = "two territories' pressures drawn together; one artery carries more than its bed, the other less"
     native = "a BloodVessel between two added NORMAL_JUNCTIONs"
     grafted = True
-    parameters = (Parameter("conductance", "1", "lognormal", 0.3, 1.2, "conductance over that of the smaller bed"),)
+    parameters = (
+        Parameter("conductance", "1", "lognormal", 0.3, 1.2, "conductance over that of the smaller of the two beds"),
+    )
 
-    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
-        return [f"{a}~{b}" for a, b in combinations(anatomy.beds.values(), 2)]
+    def places(self, anatomy, observed=()):
+        ends = [anatomy.beds[bed] for bed in anatomy.beds]
+        return [f"{a}~{b}" for a, b in combinations(ends, 2)]
 
-    def insert(self, network: dict, place: str, anatomy: Anatomy) -> dict:
+    def insert(self, network, place, anatomy):
         source, sink = place.split("~")
         network, upper, _ = open_end(network, source, "col")
         network, lower, _ = open_end(network, sink, "col")
@@ -32,22 +33,22 @@ class Collateral(Effect):
         attach(network, lower, "inlet", number)
         return network
 
-    def aliases(self, place: str, anatomy: Anatomy) -> dict[str, str]:
-        source, sink = place.split("~")
-        return locations_renamed(anatomy, source, "col") | locations_renamed(anatomy, sink, "col")
+    def aliases(self, place, anatomy):
+        one, other = place.split("~")
+        return opened(anatomy, one, "col") | opened(anatomy, other, "col")
 
-    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
+    def changes(self, network, place, sizes, anatomy, condition):
         return {f"{self._vessel(place)}.R_poiseuille": self._resistance(place, sizes["conductance"], anatomy)}
 
-    def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:
+    def physical(self, place, sizes, anatomy):
         return {"resistance of the collateral": self._resistance(place, sizes["conductance"], anatomy)}
 
     @staticmethod
-    def _vessel(place: str) -> str:
+    def _vessel(place):
         return "collateral_" + place.replace("~", "_")
 
     @staticmethod
-    def _resistance(place: str, conductance: Number, anatomy: Anatomy) -> Number:
+    def _resistance(place, conductance, anatomy):
         source, sink = place.split("~")
         smaller = min(anatomy.flow_scale(source), anatomy.flow_scale(sink))
         return anatomy.pressure / (conductance * smaller)

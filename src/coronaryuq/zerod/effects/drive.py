@@ -1,31 +1,28 @@
-"""Gain error of the pressure or flow that drives a network without a heart."""
-
-from collections.abc import Sequence
+"""What drives a network without a heart, read or prescribed too high or too low."""
 
 import numpy as np
 
-from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import ConditionState, Effect, Parameter, Series, Values, sampled
+from coronaryuq.zerod.effects.base import Effect, Parameter, sampled
 
 DRIVES = {"PRESSURE": "P", "FLOW": "Q"}
-"""Name of the waveform in each kind of boundary condition that drives a network."""
+"""Waveform of each kind of boundary condition that drives a network."""
 
 
 class DriveGain(Effect):
-    """Gain error of the pressure or flow at the network's inlet, the same in every condition."""
+    """Pressure or flow at the network's inlet that is a factor off, in every condition alike."""
 
     name = "drive_gain"
     formula = "x_in(t) = (1 + g) x_in,model(t)"
     source = "calibration; of flow by MRI: Gatehouse et al., J. Cardiovasc. Magn. Reson. 12 (2010) 5"
-    signature = "all pressures and flows wrong by one factor, the same in every condition"
+    signature = "pressures and flows everywhere a factor off, in every condition alike"
     native = "P or Q of the boundary condition at the inlet"
-    parameters = (Parameter("gain", "1", "normal", 0.0, 0.1, "gain minus 1"),)
-    is_measurement_error = True
+    parameters = (Parameter("gain", "1", "normal", 0.0, 0.1, "gain less 1"),)
+    of_an_instrument = True
 
-    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
+    def places(self, anatomy, observed=()):
         inlets = dict.fromkeys(anatomy.inlet_bc[root] for root in anatomy.roots if root in anatomy.inlet_bc)
         return [inlet for inlet in inlets if anatomy.blocks[inlet]["bc_type"] in DRIVES]
 
-    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
+    def changes(self, network, place, sizes, anatomy, condition):
         name = f"{place}.{DRIVES[anatomy.blocks[place]['bc_type']]}"
         return {name: (1.0 + np.asarray(sizes["gain"], dtype=float))[:, None] * sampled(network, name)}

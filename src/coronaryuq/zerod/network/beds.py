@@ -2,10 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from coronaryuq.core.errors import InputError
+from coronaryuq.core.io import files
 from coronaryuq.zerod.network.read import Network
 
 SCALING = "R_cor_scaling"
@@ -88,3 +91,38 @@ def theta_changes(network: Network, theta: Mapping[str, np.ndarray]) -> dict[str
     """`resistance_changes` for columns of a table of θ: one per bed, and `R_cor_scaling` (1 if absent)."""
     multipliers = {name: value for name, value in theta.items() if name != SCALING}
     return resistance_changes(network, multipliers, theta.get(SCALING, 1.0))
+
+
+def read_theta(
+    samples_csv: str | Path, first: int, count: int, network: Network, file: str | Path = "network"
+) -> pd.DataFrame:
+    """Read rows `first` to `first + count` of a table of θ.
+
+    Parameters
+    ----------
+    samples_csv
+        CSV with `sample`, one column per coronary bed, and `R_cor_scaling`.
+    first, count
+        Rows to read, from 0.
+    network, file
+        The network whose beds the columns name, and its file.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The `count` rows.
+
+    Raises
+    ------
+    InputError
+        The table is too short, or a column is not a coronary bed of the network.
+    """
+    table = files.read_csv(samples_csv, ("sample",))
+    theta = table.iloc[first : first + count]
+    if len(theta) < count:
+        raise InputError(samples_csv, "sample", len(table), f"want at least {first + count} rows")
+    known = {*beds(network), SCALING, "sample"}
+    for column in theta.columns:
+        if column not in known:
+            raise InputError(samples_csv, column, None, f"not a coronary bed of {file}")
+    return theta

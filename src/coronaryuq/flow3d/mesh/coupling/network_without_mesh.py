@@ -1,64 +1,56 @@
-"""The 0D network that is left when part of it is meshed: svZeroDSolver JSON with one coupling block to each cap."""
+"""The 0D network that is left when part of it is meshed: svZeroDSolver JSON with one coupling block per cap."""
 
 from collections.abc import Mapping
 
+from coronaryuq.flow3d.mesh.description import Couples, MeshDescription
 from coronaryuq.zerod.network.read import Network, copy_of, junction_sides, vessel_names
 
 STUB = {"R_poiseuille": 0.0, "L": 0.0, "C": 0.0, "stenosis_coefficient": 0.0}
 """A vessel without resistance: svZeroDSolver couples to vessels and beds, but not to junctions."""
 
 
-def remaining_network(network: Network, mesh: Mapping) -> Network:
-    """Remove what `mesh` (the content of `mesh.json`) replaces; caps become coupling blocks of type FLOW named as
-    they are.
+def remaining_network(network: Network, mesh: MeshDescription) -> Network:
+    """Return the network without what the mesh replaces; each cap becomes a FLOW coupling block of the same name.
 
-    A cap that blood leaves 3D by is a coupling block at the "inlet" of what follows in 0D; one that it enters by is
-    at the "outlet" of what comes before. A cut vessel keeps its name for the part that stays; where both parts
-    stay, the downstream one is called NAME_downstream.
+    A cap where blood leaves 3D is a coupling block at the "inlet" of the 0D block behind it; one where blood enters is
+    at the "outlet" of the block before it. A cut vessel keeps its name for the part that stays; where both parts stay,
+    the downstream one is called NAME_downstream.
     """
     left = copy_of(network)
     names = vessel_names(network)
     number = {name: index for index, name in names.items()}
-    caps = [face for face in mesh["faces"] if face["kind"] == "cap"]
     vessels, renamed = _vessels(network, mesh)
     stubs: dict[str, dict] = {}
-    couplings = []
-    for face in caps:
-        couplings.append(_coupling(left, face, number, names, renamed, stubs))
+    couplings = [_coupling(left, cap, couples, number, renamed, stubs) for cap, couples in mesh.caps.items()]
     left["vessels"] = vessels + list(stubs.values())
     left["junctions"] = _junctions(network, mesh, names, number, renamed, stubs)
     used = {v for vessel in left["vessels"] for v in vessel.get("boundary_conditions", {}).values()}
     used |= {block["connected_block"] for block in couplings}
     left["boundary_conditions"] = [block for block in left["boundary_conditions"] if block["bc_name"] in used]
+    at_heart = {c.downstream: cap for cap, c in mesh.caps.items() if c.upstream == "J_heart_outlet"}
     for loop in left.get("closed_loop_blocks", []):
-        at_heart = {c["couples"]["downstream"]: c["name"] for c in caps if c["couples"]["upstream"] == "J_heart_outlet"}
         loop["outlet_blocks"] = [at_heart.get(name, name) for name in loop["outlet_blocks"]]
     left["external_solver_coupling_blocks"] = couplings
     return left
 
 
-def mid_vessel(face: Mapping) -> bool:
-    """Whether a cap cuts a 0D vessel in the middle rather than a connection."""
-    return face["couples"]["upstream"] == face["couples"]["downstream"]
-
-
-def _vessels(network: Network, mesh: Mapping) -> tuple[list[dict], dict[str, tuple[str, int]]]:
-    """Vessels that stay, and for a vessel of which both parts stay: name and id of the downstream one."""
+def _vessels(network: Network, mesh: MeshDescription) -> tuple[list[dict], dict[str, tuple[str, int]]]:
+    """Return the vessels that stay, and name and id of the downstream part of vessels of which both parts stay."""
     kept, renamed = [], {}
     free = max(vessel["vessel_id"] for vessel in network["vessels"]) + 1
     for vessel in copy_of(network)["vessels"]:
         name = vessel["vessel_name"]
-        if name in mesh["replaces"]:
+        if name in mesh.replaces:
             continue
-        parts = mesh["cut"].get(name)
+        parts = mesh.cut.get(name)
         if parts is None:
             kept.append(vessel)
             continue
-        if "upstream" in parts:
-            kept.append(_part(vessel, parts["upstream"], "inlet"))
-        if "downstream" in parts:
-            part = _part(vessel, parts["downstream"], "outlet")
-            if "upstream" in parts:
+        if parts.upstream is not None:
+            kept.append(_part(vessel, parts.upstream, "inlet"))
+        if parts.downstream is not None:
+            part = _part(vessel, parts.downstream, "outlet")
+            if parts.upstream is not None:
                 part["vessel_name"], part["vessel_id"] = f"{name}_downstream", free
                 renamed[name] = part["vessel_name"], free
                 free += 1
@@ -67,7 +59,7 @@ def _vessels(network: Network, mesh: Mapping) -> tuple[list[dict], dict[str, tup
 
 
 def _part(vessel: Mapping, shares: Mapping[str, float], side: str) -> dict:
-    """One side of a cut vessel: its elements scaled, and only the boundary condition on that side."""
+    """Return one side of a cut vessel: its elements scaled, and only the boundary condition on that side."""
     values = {key: value * shares.get(key, 1.0) for key, value in vessel["zero_d_element_values"].items()}
     part = {**vessel, "zero_d_element_values": values}
     part.pop("vessel_length", None)
@@ -75,58 +67,57 @@ def _part(vessel: Mapping, shares: Mapping[str, float], side: str) -> dict:
     return part | ({"boundary_conditions": ends} if ends else {})
 
 
-def _coupling(left: Network, face: Mapping, number: Mapping, names: Mapping, renamed: Mapping, stubs: dict) -> dict:
-    couples = face["couples"]
-    enters = couples["flow"] == "in"
-    block = couples["upstream"] if enters else couples["downstream"]
-    if mid_vessel(face):
-        connected = block if enters else renamed.get(block, (block,))[0]
+def _coupling(
+    left: Network, cap: str, couples: Couples, number: Mapping[str, int], renamed: Mapping, stubs: dict[str, dict]
+) -> dict:
+    block = couples.upstream if couples.enters else couples.downstream
+    if couples.cuts_vessel:
+        connected = block if couples.enters else renamed.get(block, (block,))[0]
     elif block == "J_heart_outlet":
         connected = "ClosedLoopHeartAndPulmonary"
-    elif not enters and block in {bc["bc_name"] for bc in left["boundary_conditions"]}:
+    elif not couples.enters and block in {bc["bc_name"] for bc in left["boundary_conditions"]}:
         connected = block
     else:
-        connected = _add_stub(left, face["name"], block, enters, number, stubs)
+        stubs[cap] = _stub(left, cap, block, couples.enters, max(number.values()) + 1 + len(number) + len(stubs))
+        connected = stubs[cap]["vessel_name"]
     return {
-        "name": face["name"],
+        "name": cap,
         "type": "FLOW",
-        "location": "outlet" if enters else "inlet",
+        "location": "outlet" if couples.enters else "inlet",
         "connected_block": connected,
         "periodic": False,
         "values": {"t": [0.0, 1.0], "Q": [1.0, 1.0]},
     }
 
 
-def _add_stub(left: Network, cap: str, block: str, enters: bool, number: Mapping, stubs: dict) -> str:
-    name = f"stub_{cap}"
+def _stub(left: Network, cap: str, block: str, enters: bool, number: int) -> dict:
     stub = {
-        "vessel_name": name,
-        "vessel_id": max(number.values()) + 1 + len(number) + len(stubs),
+        "vessel_name": f"stub_{cap}",
+        "vessel_id": number,
         "zero_d_element_type": "BloodVessel",
         "zero_d_element_values": dict(STUB),
     }
     if block in {bc["bc_name"] for bc in left["boundary_conditions"]}:
         stub["boundary_conditions"] = {"inlet" if enters else "outlet": block}
-    stubs[cap] = stub
-    return name
+    return stub
 
 
-def _junctions(network: Network, mesh: Mapping, names, number, renamed, stubs) -> list[dict]:
-    """Junctions that stay, with the vessels that stay; a cap at a junction takes part through its stub."""
-    replaced, cut = set(mesh["replaces"]), mesh["cut"]
+def _junctions(
+    network: Network, mesh: MeshDescription, names: Mapping, number: Mapping, renamed: Mapping, stubs: Mapping
+) -> list[dict]:
+    """Return the junctions that stay, with the vessels that stay; a cap at a junction joins it through its stub."""
+    no_inlet = {name for name, parts in mesh.cut.items() if parts.downstream is None} | set(mesh.replaces)
+    no_outlet = {name for name, parts in mesh.cut.items() if parts.upstream is None} | set(mesh.replaces)
     kept = []
     for junction in copy_of(network).get("junctions", []):
         inlets, outlets = junction_sides(junction, names)
-        inlets = [n for n in inlets if n not in replaced and (n not in cut or "downstream" in cut[n])]
-        outlets = [n for n in outlets if n not in replaced and (n not in cut or "upstream" in cut[n])]
-        inlet_ids = [renamed[n][1] if n in renamed else number[n] for n in inlets]
-        outlet_ids = [number[n] for n in outlets]
-        for face in mesh["faces"]:
-            if face["kind"] == "cap" and face["name"] in stubs and not mid_vessel(face):
-                if face["couples"]["upstream"] == junction["junction_name"]:
-                    outlet_ids.append(stubs[face["name"]]["vessel_id"])
-                if face["couples"]["downstream"] == junction["junction_name"]:
-                    inlet_ids.append(stubs[face["name"]]["vessel_id"])
+        inlet_ids = [renamed[n][1] if n in renamed else number[n] for n in inlets if n not in no_inlet]
+        outlet_ids = [number[n] for n in outlets if n not in no_outlet]
+        for cap, stub in stubs.items():
+            if mesh.caps[cap].upstream == junction["junction_name"]:
+                outlet_ids.append(stub["vessel_id"])
+            if mesh.caps[cap].downstream == junction["junction_name"]:
+                inlet_ids.append(stub["vessel_id"])
         if not inlet_ids and not outlet_ids:
             continue
         junction.pop("inlet_blocks", None)

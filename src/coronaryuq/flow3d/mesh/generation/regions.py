@@ -1,10 +1,12 @@
 """Where wall shear and FFR are read: the stretch of wall around each stenosis, and a plane distal to it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, throat
+from coronaryuq.flow3d.mesh.description import Plane, Region
 from coronaryuq.flow3d.mesh.generation.build import Built
 from coronaryuq.flow3d.mesh.generation.folder import Mesh
 from coronaryuq.flow3d.mesh.geometry.implicit import Path
@@ -64,8 +66,10 @@ def _between_caps(path: Path, built: Built) -> slice:
     return slice(1 if any(cap.inlet and cap.vessel == head for cap in built.caps) else 0, len(path.points) - 1)
 
 
-def mark(tree: Tree, stenoses: list[Stenosis], built: Built, upstream: float, downstream: float) -> tuple[Mesh, dict]:
-    """The mesh with `region` set, and what `mesh.json` says of every region.
+def mark(
+    tree: Tree, stenoses: Sequence[Stenosis], built: Built, upstream: float, downstream: float
+) -> tuple[Mesh, dict[str, Region]]:
+    """Return the mesh with `region` set, and every region by stenosis.
 
     upstream, downstream: reach beyond the stenosis in local diameters. A region keeps half a diameter away from
     caps, and leaves out the walls of side branches.
@@ -81,7 +85,7 @@ def mark(tree: Tree, stenoses: list[Stenosis], built: Built, upstream: float, do
         ),
         axis=1,
     )
-    said = {}
+    marked = {}
     owners = [surface.nearest(centres) for surface in built.implicit]
     depth = np.column_stack([np.abs(surface.distance(centres)) for surface in built.implicit])
     piece_of = np.argmin(depth, axis=1)
@@ -101,22 +105,23 @@ def mark(tree: Tree, stenoses: list[Stenosis], built: Built, upstream: float, do
         mine = (piece_of == line.piece) & (path == line.path) & (offset >= low) & (offset <= high)
         region[wall[mine]] = number
         chosen = wall[mine]
-        said[stenosis.name] = {
-            "id": number,
-            "vessel": stenosis.vessel,
-            "throat": place,
-            "throat_radius": radius,
-            "from": low,
-            "to": high,
-            "triangles": int(mine.sum()),
-            "area": float(size[chosen].sum()),
-        }
-    return replace(mesh, region=region), said
+        marked[stenosis.name] = Region(
+            id=number,
+            vessel=stenosis.vessel,
+            throat=place,
+            throat_radius=radius,
+            start=low,
+            end=high,
+            triangles=int(mine.sum()),
+            area=float(size[chosen].sum()),
+        )
+    return replace(mesh, region=region), marked
 
 
-def plane(tree: Tree, stenosis: Stenosis, built: Built, diameters: float) -> dict:
-    """Where distal pressure is read: `diameters` local diameters beyond the stenosis, or as far as the mesh goes
-    less one radius; moved along the artery where it would cut a bifurcation.
+def plane(tree: Tree, stenosis: Stenosis, built: Built, diameters: float) -> Plane:
+    """Return the plane of distal pressure, `diameters` local diameters beyond the stenosis.
+
+    At most one radius before the end of the mesh, and moved along the artery where it would cut a bifurcation.
     """
     line = course(tree, stenosis, built)
     place, _ = throat(tree, stenosis)
@@ -128,11 +133,11 @@ def plane(tree: Tree, stenosis: Stenosis, built: Built, diameters: float) -> dic
     clear = places[[not line.at_bifurcation(offset) for offset in places]]
     offset = wanted if len(clear) == 0 else float(clear[np.argmin(np.abs(clear - wanted))])
     point, normal, radius, vessel, arc = line.at(offset)
-    return {
-        "point": point.tolist(),
-        "normal": normal.tolist(),
-        "radius": radius,
-        "vessel": vessel,
-        "arc": arc,
-        "distance_from_throat": offset,
-    }
+    return Plane(
+        point=tuple(point.tolist()),
+        normal=tuple(normal.tolist()),
+        radius=radius,
+        vessel=vessel,
+        arc=arc,
+        distance_from_throat=offset,
+    )

@@ -1,20 +1,20 @@
-"""What is read from a running block: wall shear in the stenosis regions, distal pressure, cap flows, diagnostics."""
+"""Averages over a cycle of a running block: wall shear, distal pressure, cap flows, fields, diagnostics."""
 
+import numba as nb
 import numpy as np
 
-from coronaryuq.core.jit import numba as nb
-from coronaryuq.flow3d.ensemble.geometry import Geometry
 from coronaryuq.flow3d.fem.cross_section import section_weights
 from coronaryuq.flow3d.fem.discretisation import Discretisation
-from coronaryuq.flow3d.fem.elements import face_vectors
 from coronaryuq.flow3d.fem.lanes import LANES, absolute, fma, load, splat, store
 from coronaryuq.flow3d.fem.time_step import Stepper
 from coronaryuq.flow3d.fem.wall_shear import WallShear
+from coronaryuq.flow3d.mesh.domain import Domain
+from coronaryuq.flow3d.quantities import nodal_area, stenosis_quantities
 
 
 @nb.njit(cache=True, error_model="numpy")
 def _courant(tets, grad, dt, u, highest):
-    """Largest |u| Δt / h of each lane into highest (1, LANES), 2|u|/h = Σ|u·∇N|."""
+    """Write the largest |u| Δt / h of each lane into highest (1, LANES), with 2|u|/h = Σ|u·∇N|."""
     top = splat(0.0)
     for e in range(tets.shape[0]):
         x, y, z = splat(0.0), splat(0.0), splat(0.0)
@@ -32,24 +32,21 @@ def _courant(tets, grad, dt, u, highest):
 class Observer:
     """Integrals over a cycle for LANES samples; `reset` starts a cycle, `quantities` ends it."""
 
-    def __init__(self, geometry: Geometry, space: Discretisation, fields: bool):
-        self.space, self.geometry = space, geometry
+    def __init__(self, domain: Domain, space: Discretisation, fields: bool):
+        self.space, self.fields = space, fields
         self.wall = WallShear(space)
-        place = np.full(space.nodes, -1)
-        place[space.node_of] = np.arange(space.nodes)
-        on_wall = np.full(space.nodes, -1)
-        on_wall[self.wall.nodes] = np.arange(len(self.wall.nodes))
+        solver_node = np.full(space.nodes, -1)
+        solver_node[space.node_of] = np.arange(space.nodes)
+        wall_row = np.full(space.nodes, -1)
+        wall_row[self.wall.nodes] = np.arange(len(self.wall.nodes))
         self.regions = {}
-        for name, triangles in geometry.regions.items():
-            nodes = on_wall[place[triangles]]
-            size = np.linalg.norm(face_vectors(geometry.points, triangles), axis=1)
-            area = np.bincount(nodes.ravel(), np.repeat(size / 3.0, 3), len(self.wall.nodes))
-            chosen = np.flatnonzero(area)
-            self.regions[name] = (chosen, area[chosen])
+        for name, triangles in domain.regions.items():
+            area = nodal_area(domain.points, triangles, wall_row[solver_node], len(self.wall.nodes))
+            rows = np.flatnonzero(area)
+            self.regions[name] = (rows, area[rows])
         self.sections = {
-            name: section_weights(space.points, space.tets, *plane, name)[:2] for name, plane in geometry.planes.items()
+            name: section_weights(space.points, space.tets, *plane, name)[:2] for name, plane in domain.planes.items()
         }
-        self.fields = fields
         self.reset()
 
     def reset(self) -> None:
@@ -84,7 +81,7 @@ class Observer:
         self.sweeps += stepper.sweeps
 
     def at_wall_sample(self, stepper: Stepper, weight: float) -> None:
-        """Read wall and planes; counts for `weight` seconds."""
+        """Add wall shear, pressure on the planes and fields with a weight of `weight` seconds."""
         self.wall.sample(stepper, weight)
         pressure = stepper.pressure
         for name, (nodes, share) in self.sections.items():
@@ -94,7 +91,7 @@ class Observer:
             self.mean_pressure += weight * pressure
 
     def diagnose(self, stepper: Stepper) -> None:
-        """Courant number, and surface integrals of velocity against the caps' flows."""
+        """Update the Courant number and the mismatch of surface integrals of velocity with the caps' flows."""
         highest = np.empty((1, LANES))
         _courant(self.space.tets, self.space.grad, self.space.dt, stepper.u, highest)
         self.courant = np.maximum(self.courant, highest[0])
@@ -105,30 +102,37 @@ class Observer:
             self.surface_mismatch = np.maximum(self.surface_mismatch, np.abs(flow - stepper.cap_flow[c]) / largest)
 
     def quantities(self) -> dict[str, np.ndarray]:
-        """Quantities of interest over the cycle, each (LANES,)."""
+        """Return the quantities of interest over the cycle, each (LANES,)."""
         tawss, osi = self.wall.tawss(), self.wall.osi()
         aortic = self.aortic / self.steps
-        out = {}
-        for name, (nodes, area) in self.regions.items():
-            key = name.lower()
-            out[f"ffr_{key}"] = self.distal[name] / self.wall.time / aortic
-            out[f"tawss_min_{key}"] = tawss[nodes].min(axis=0)
-            out[f"osi_max_{key}"] = osi[nodes].max(axis=0)
-            out[f"tawss_q01_{key}"] = area_quantile(tawss[nodes], area, 0.01)
-            out[f"osi_q99_{key}"] = area_quantile(osi[nodes], area, 0.99)
-            out[f"tawss_mean_{key}"] = (area[:, None] * tawss[nodes]).sum(axis=0) / area.sum()
-            out[f"osi_mean_{key}"] = (area[:, None] * osi[nodes]).sum(axis=0) / area.sum()
-            out[f"distal_pressure_{key}"] = self.distal[name] / self.wall.time
-        out["aortic_pressure"] = aortic
-        return out
+        quantities = {}
+        for name, (rows, area) in self.regions.items():
+            distal = self.distal[name] / self.wall.time
+            quantities |= stenosis_quantities(name, distal, aortic, tawss[rows], osi[rows], area)
+        return quantities | {"aortic_pressure": aortic}
 
+    def diagnostics(self, k: int) -> dict[str, float]:
+        """Return the numerical diagnostics of lane k over the cycle."""
+        return {
+            "cfl": float(self.courant[k]),
+            "mass_balance": float(self.imbalance[k]),
+            "surface_flow_mismatch": float(self.surface_mismatch[k]),
+            "backflow_steps": int(self.backflow_steps[k]),
+            "momentum_sweeps_mean": float(self.sweeps[k] / self.steps),
+            "momentum_unconverged_steps": int(self.unconverged_steps[k]),
+        }
 
-def area_quantile(values: np.ndarray, area: np.ndarray, share: float) -> np.ndarray:
-    """Value below which `share` of the area lies, (k, samples) → (samples,): linear between the nodes' midpoints."""
-    out = np.empty(values.shape[1])
-    for s in range(values.shape[1]):
-        order = np.argsort(values[:, s], kind="stable")
-        weight = area[order]
-        middle = (np.cumsum(weight) - 0.5 * weight) / weight.sum()
-        out[s] = np.interp(share, middle, values[order, s])
-    return out
+    def fields_of(self, k: int) -> dict[str, np.ndarray]:
+        """Return cycle averages of lane k on the mesh's nodes; empty unless fields are kept."""
+        if not self.fields:
+            return {}
+        node_of = self.space.node_of
+        fields = {}
+        for name, value in (("mean_velocity", self.mean_velocity), ("mean_pressure", self.mean_pressure)):
+            fields[name] = np.empty(value.shape[:-1])
+            fields[name][node_of] = value[..., k] / self.wall.time
+        for name, value in (("TAWSS", self.wall.tawss()), ("OSI", self.wall.osi())):
+            fields[name] = np.full(self.space.nodes, np.nan)
+            fields[name][node_of[self.wall.nodes]] = value[:, k]
+        fields["wall_faces"] = node_of[self.space.wall_faces]
+        return fields

@@ -1,0 +1,140 @@
+"""The one interface of the 3D codes: a batch of samples in, one record per sample out.
+
+To add a code, write a class with `Adapter.run` and name it in `flow3d.stage.make_adapter`.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Protocol
+
+from coronaryuq.case.case_json import read_case
+from coronaryuq.core.ranks import Ranks
+from coronaryuq.flow3d.mesh.coupling.cut_network import CutNetwork, cut_network
+from coronaryuq.flow3d.mesh.domain import Domain, read_domain
+from coronaryuq.zerod.network.beds import read_theta
+from coronaryuq.zerod.network.read import Network, read_network
+from coronaryuq.zerod.solver.engine import Engine
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One row of the table of inputs: its name, its row number in the table, and θ by column."""
+
+    name: str
+    row: int
+    theta: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class FlowModel:
+    """What all samples share: the mesh in its 0D loop.
+
+    Parameters
+    ----------
+    domain
+        The mesh.
+    network
+        The tuned closed loop (svZeroDSolver JSON).
+    aorta
+        0D connection `A:B` whose mean pressure FFR divides by.
+    density, viscosity
+        Of blood, g/cm3 and poise.
+    """
+
+    domain: Domain
+    network: Network
+    aorta: str
+    density: float
+    viscosity: float
+
+    @cached_property
+    def engine(self) -> Engine:
+        """The 0D engine of the full loop."""
+        return Engine(self.network)
+
+    @cached_property
+    def coupled(self) -> CutNetwork:
+        """The 0D side without the 3D domain."""
+        return cut_network(self.network, self.domain.description)
+
+    @property
+    def aortic_pressure(self) -> str:
+        """Unknown of the coupled 0D side that is the aortic pressure."""
+        return self.coupled.in_cut_network(f"pressure:{self.aorta}")
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Rows `first` to `first + count` of a table of θ, and the files of the model that they are run on.
+
+    Parameters
+    ----------
+    case
+        `case.json`.
+    network
+        The tuned loop at hyperaemia, svZeroDSolver JSON.
+    mesh_folder, mesh
+        `mesh-complete/` and `mesh.json`.
+    samples
+        CSV with `sample`, one column per coronary bed (multiplier of r-hat) and `R_cor_scaling`.
+    first, count
+        Rows to run, from 0.
+    """
+
+    case: str | Path
+    network: str | Path
+    mesh_folder: str | Path
+    mesh: str | Path
+    samples: str | Path
+    first: int
+    count: int
+
+    def read_model(self) -> FlowModel:
+        """Read what all samples share; `InputError` names the file at fault."""
+        case = read_case(self.case, "aorta.pressure", "density", "viscosity")
+        network, domain = read_network(self.network), read_domain(self.mesh_folder, self.mesh)
+        return FlowModel(domain, network, case["aorta"]["pressure"], case["density"], case["viscosity"])
+
+    def read_samples(self, network: Network) -> list[Sample]:
+        """Read the batch's rows; `InputError` for too few rows or a column that is not a coronary bed."""
+        theta = read_theta(self.samples, self.first, self.count, network, self.network)
+        columns = [name for name in theta.columns if name != "sample"]
+        return [
+            Sample(str(theta["sample"].iloc[k]), self.first + k, {name: float(theta[name].iloc[k]) for name in columns})
+            for k in range(self.count)
+        ]
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Where a batch writes: records, state to resume from, fields for pictures (None: no fields)."""
+
+    records: Path
+    checkpoints: Path
+    fields: Path | None = None
+
+
+@dataclass(frozen=True)
+class Processes:
+    """How a batch is spread: MPI ranks of this job (ensemble), or MPI launcher and tasks per run (external codes).
+
+    mpi: None takes the launcher from the settings.
+    """
+
+    ranks: Ranks = field(default_factory=Ranks)
+    mpi: str | None = None
+    tasks: int = 1
+
+
+class Adapter(Protocol):
+    """A 3D code."""
+
+    def run(self, samples: Sequence[Sample], outputs: Outputs) -> None:
+        """Run samples, resume from `outputs.checkpoints`, and write one record per sample, in order.
+
+        A sample that fails ends as a failed record with its reason; it never stops the batch. A sample's numbers do
+        not depend on the others in the batch.
+        """
+        ...

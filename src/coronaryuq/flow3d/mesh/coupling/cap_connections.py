@@ -1,0 +1,121 @@
+"""Which 0D connection each cap cuts, which 0D vessels the mesh replaces, and what is left of vessels cut in the middle.
+
+Needs the centreline tree; runs when the mesh is made. `cut_network` applies the result to a network.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from coronaryuq.case.anatomy.tree import Stenosis, Tree
+from coronaryuq.case.network.build import Physics, Segment, elements
+from coronaryuq.case.network.build import segments as network_segments
+from coronaryuq.core.errors import InputError
+from coronaryuq.flow3d.mesh.description import Couples, Remainder
+from coronaryuq.flow3d.mesh.geometry.extent import Kept
+from coronaryuq.flow3d.mesh.geometry.paths import Cap
+from coronaryuq.zerod.network.read import Network, junction_sides, vessel_names
+
+TOLERANCE = 1e-6
+"""cm; a cap nearer than this to the end of a 0D vessel cuts its connection rather than the vessel."""
+
+
+class Connections(NamedTuple):
+    """Cap → what it couples; 0D vessels wholly inside 3D; vessel cut in the middle → what stays outside."""
+
+    caps: dict[str, Couples]
+    replaces: list[str]
+    cut: dict[str, Remainder]
+
+
+def vessels_along(tree: Tree, stenoses: Sequence[Stenosis], network: Network, file: str = "network") -> list[Segment]:
+    """Return the 0D vessels along the tree: those that the case stage makes, or one per tree vessel of the same name.
+
+    Raises `InputError` if the network has neither.
+    """
+    known = {vessel["vessel_name"] for vessel in network["vessels"]}
+    made = network_segments(tree, stenoses)
+    if {segment.name for segment in made} <= known:
+        return made
+    if {vessel.name for vessel in tree} <= known:
+        return [Segment(v.name, v.name, tree.emergence(v.name), v.length) for v in tree]
+    missing = sorted({segment.name for segment in made} - known)
+    raise InputError(file, "vessels", missing[0], "in the tree but not in the network; give both the same names")
+
+
+def upstream_block(network: Network, vessel: str) -> str:
+    """Return the block before a vessel, by its svZeroDSolver name: junction, boundary condition or heart outlet."""
+    ids = vessel_names(network)
+    for junction in network.get("junctions", []):
+        if vessel in junction_sides(junction, ids)[1]:
+            return junction["junction_name"]
+    for loop in network.get("closed_loop_blocks", []):
+        if vessel in loop["outlet_blocks"]:
+            return "J_heart_outlet"
+    return _boundary(network, vessel, "inlet")
+
+
+def downstream_block(network: Network, vessel: str) -> str:
+    """Return the block behind a vessel: junction or boundary condition."""
+    ids = vessel_names(network)
+    for junction in network.get("junctions", []):
+        if vessel in junction_sides(junction, ids)[0]:
+            return junction["junction_name"]
+    return _boundary(network, vessel, "outlet")
+
+
+def _boundary(network: Network, vessel: str, side: str) -> str:
+    block = next(v for v in network["vessels"] if v["vessel_name"] == vessel)
+    try:
+        return block["boundary_conditions"][side]
+    except KeyError:
+        raise InputError("network", f"vessels.{vessel}", None, f"nothing is connected to its {side}") from None
+
+
+def connect_caps(
+    tree: Tree, kept: Kept, segments: Sequence[Segment], network: Network, caps: Sequence[Cap]
+) -> Connections:
+    """Return what each cap couples, and which 0D vessels the mesh replaces wholly or in part."""
+    couples: dict[str, Couples] = {}
+    cut: dict[str, dict[str, dict[str, float]]] = {}
+    for cap in caps:
+        segment, outside = _cut_segment(tree, segments, cap)
+        name = segment.name
+        if outside is not None:
+            upstream = downstream = name
+            cut.setdefault(name, {})["upstream" if cap.inlet else "downstream"] = outside
+        elif cap.inlet:
+            upstream, downstream = upstream_block(network, name), name
+        else:
+            upstream, downstream = name, downstream_block(network, name)
+        couples[cap.name] = Couples(upstream=upstream, downstream=downstream, flow="in" if cap.inlet else "out")
+    replaces = [segment.name for segment in segments if segment.name not in cut and _inside(kept, segment)]
+    return Connections(couples, replaces, {name: Remainder(**sides) for name, sides in cut.items()})
+
+
+def _inside(kept: Kept, segment: Segment) -> bool:
+    if segment.vessel not in kept:
+        return False
+    start, end = kept[segment.vessel]
+    return start < 0.5 * (segment.start + segment.end) < end
+
+
+def _cut_segment(tree: Tree, segments: Sequence[Segment], cap: Cap) -> tuple[Segment, dict[str, float] | None]:
+    """Return the 0D vessel that a cap touches and the share of its elements outside 3D; None for a cap at its end."""
+    along = [segment for segment in segments if segment.vessel == cap.vessel]
+    if cap.inlet:
+        segment = next((s for s in along if cap.arc < s.end - TOLERANCE), along[-1])
+        at_ostium = segment is along[0] and tree.ostial(tree[cap.vessel]) and cap.arc - segment.start < 1.5 * cap.radius
+        if at_ostium or cap.arc <= segment.start + TOLERANCE:
+            return segment, None
+        return segment, _share(tree, segment, segment.start, cap.arc)
+    segment = next((s for s in reversed(along) if cap.arc > s.start + TOLERANCE), along[0])
+    if cap.arc >= segment.end - TOLERANCE:
+        return segment, None
+    return segment, _share(tree, segment, cap.arc, segment.end)
+
+
+def _share(tree: Tree, segment: Segment, start: float, end: float) -> dict[str, float]:
+    physics = Physics(elastic=True)
+    whole = elements(tree[segment.vessel].between(segment.start, segment.end), physics)
+    outside = elements(tree[segment.vessel].between(start, end), physics)
+    return {name: outside[name] / whole[name] for name in ("R_poiseuille", "L", "C")} | {"stenosis_coefficient": 0.0}

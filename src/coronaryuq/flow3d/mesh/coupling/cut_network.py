@@ -1,0 +1,92 @@
+"""The 0D side of a coupled run: the remaining network, and how its unknowns map to those of the full network.
+
+The full network's periodic state is where a coupled run starts from, and its names are those of the results.
+"""
+
+from dataclasses import dataclass
+
+from coronaryuq.core.errors import InputError
+from coronaryuq.flow3d.mesh.coupling.cap_connections import downstream_block, upstream_block
+from coronaryuq.flow3d.mesh.coupling.network_without_mesh import remaining_network
+from coronaryuq.flow3d.mesh.description import MeshDescription
+from coronaryuq.zerod.network.read import Network
+
+WeightedSum = list[tuple[float, str]]
+"""Weights and unknowns of the full network."""
+
+
+@dataclass(frozen=True)
+class CutNetwork:
+    """A 0D network with a 3D domain taken out.
+
+    Parameters
+    ----------
+    network
+        svZeroDSolver JSON with one FLOW coupling block per cap.
+    caps
+        Cap names, in the order of the mesh's faces.
+    connection
+        Cap → connection `A:B` of the full network that it cuts.
+    place
+        Cap → its connection in the remaining network.
+    pressures, flows
+        Cap → pressure (weighted) and flow of the full network at the cap, by connection.
+    """
+
+    network: Network
+    caps: list[str]
+    connection: dict[str, str]
+    place: dict[str, str]
+    pressures: dict[str, WeightedSum]
+    flows: dict[str, str]
+
+    def in_full_network(self, unknown: str) -> WeightedSum:
+        """Return the full network's unknowns that give one of the remaining network, such as `pressure:A:B`.
+
+        A leading `d_`, for the time derivative, is kept.
+        """
+        kind, _, place = unknown.partition(":")
+        if kind.removeprefix("d_") not in ("flow", "pressure"):
+            return [(1.0, unknown)]
+        sides = [side.removeprefix("stub_") for side in place.split(":")]
+        cap = next((side for side in sides if side in self.connection), None)
+        if cap is None:
+            return [(1.0, ":".join([kind, *(side.removesuffix("_downstream") for side in sides)]))]
+        if kind.endswith("flow"):
+            return [(1.0, f"{kind}:{self.flows[cap]}")]
+        return [(weight, f"{kind}:{other}") for weight, other in self.pressures[cap]]
+
+    def in_cut_network(self, unknown: str) -> str:
+        """Return the remaining network's name of an unknown of the full one; a cut connection is found at its cap."""
+        kind, _, place = unknown.partition(":")
+        cap = next((cap for cap, connection in self.connection.items() if connection == place), None)
+        return unknown if cap is None else f"{kind}:{self.place[cap]}"
+
+
+def cut_network(network: Network, mesh: MeshDescription, file: str = "mesh.json") -> CutNetwork:
+    """Take a meshed domain out of a network; raise `InputError` if the network lacks a vessel that it replaces."""
+    known = {vessel["vessel_name"] for vessel in network["vessels"]}
+    for name in [*mesh.replaces, *mesh.cut]:
+        if name not in known:
+            raise InputError(file, "replaces", name, "the network has no such vessel; mesh the case again")
+    left = remaining_network(network, mesh)
+    blocks = {block["name"]: block["connected_block"] for block in left["external_solver_coupling_blocks"]}
+    connection, place, pressures, flows = {}, {}, {}, {}
+    for cap, couples in mesh.caps.items():
+        beside = "J_heart_outlet" if blocks[cap] == "ClosedLoopHeartAndPulmonary" else blocks[cap]
+        place[cap] = f"{beside}:{cap}" if couples.enters else f"{cap}:{beside}"
+        if couples.cuts_vessel:
+            vessel = couples.upstream
+            before = f"{upstream_block(network, vessel)}:{vessel}"
+            after = f"{vessel}:{downstream_block(network, vessel)}"
+            outside = mesh.cut[vessel].upstream if couples.enters else mesh.cut[vessel].downstream
+            if outside is None:
+                raise InputError(file, f"cut.{vessel}", None, f"lacks the side of cap {cap}; mesh the case again")
+            share = outside["R_poiseuille"] if couples.enters else 1.0 - outside["R_poiseuille"]
+            connection[cap] = place[cap]
+            pressures[cap] = [(1.0 - share, before), (share, after)]
+            flows[cap] = before if couples.enters else after
+        else:
+            connection[cap] = flows[cap] = f"{couples.upstream}:{couples.downstream}"
+            pressures[cap] = [(1.0, connection[cap])]
+    return CutNetwork(left, list(place), connection, place, pressures, flows)
