@@ -11,7 +11,7 @@ from pathlib import Path
 
 from coronaryuq.bench.discrepancy.score import wilson
 from coronaryuq.bench.discrepancy.tables import WANTED, answers, chosen, in_order, is_pair, measures, right, shares
-from coronaryuq.core.io.files import write_csv
+from coronaryuq.core.io.tables import write_csv
 from coronaryuq.figures.discrepancy_benchmark import discovery, words
 from coronaryuq.report.discrepancy_benchmark import wanted
 

@@ -9,7 +9,7 @@ import yaml
 
 from coronaryuq import config
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_json
+from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.units import PRESSURES
 from coronaryuq.discrepancy.settings import Settings as Discrepancy
 from coronaryuq.estimation.settings import Settings as Estimation

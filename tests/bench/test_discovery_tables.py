@@ -3,7 +3,8 @@
 import pandas as pd
 
 from coronaryuq.bench.discrepancy.tables import cells, chosen, measures, right, shares, tabulate
-from coronaryuq.core.io.files import read_csv, write_json
+from coronaryuq.core.io.atomic import write_json
+from coronaryuq.core.io.tables import read_csv
 from coronaryuq.figures.draw import draw
 from coronaryuq.report.discrepancy_benchmark import write_page
 

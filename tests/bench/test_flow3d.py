@@ -6,7 +6,7 @@ import pytest
 from coronaryuq.bench.flow3d.benchmark import convergence, cost
 from coronaryuq.core import records
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.records import Record
 
 QUANTITIES = ("ffr", "tawss_min", "osi_max")
@@ -23,7 +23,7 @@ def meshes(tmp_path):
         ]
         rows.append(Record.failed("s9", {}, "blew up"))
         records.write(tmp_path / name / "batch_0.jsonl", rows)
-        files.write_json(tmp_path / name / "mesh.json", {"nodes": nodes})
+        write_json(tmp_path / name / "mesh.json", {"nodes": nodes})
     return tmp_path
 
 

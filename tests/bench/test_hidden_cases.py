@@ -8,7 +8,7 @@ import pytest
 from coronaryuq.bench.discrepancy.benchmark import run
 from coronaryuq.bench.discrepancy.hidden_cases import OUTSIDE_LOOP, outside
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_json
+from coronaryuq.core.io.atomic import read_json
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.grafting import add_vessel, attach, open_end
 from coronaryuq.zerod.solver.engine import Engine

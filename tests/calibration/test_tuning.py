@@ -16,7 +16,8 @@ from coronaryuq.calibration.stage import tune, tune_files
 from coronaryuq.calibration.targets import BY_NAME, TUNED, in_own_units
 from coronaryuq.case.network.units import rescaled
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_csv, write_json
+from coronaryuq.core.io.atomic import write_json
+from coronaryuq.core.io.tables import read_csv
 from coronaryuq.core.units import MMHG
 from coronaryuq.zerod.cardiac_function import measure, waveform_names
 from coronaryuq.zerod.network.beds import beds, distal_resistances

@@ -7,7 +7,7 @@ import pytest
 
 from coronaryuq.bench.discrepancy.benchmark import Case, hide
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import read_json
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.inference.problem import MISSED
 from coronaryuq.discrepancy.inference.read_problem import read_problem, with_time_steps
@@ -31,7 +31,7 @@ def folder(tmp_path_factory):
 def problem(folder, steps):
     conditions = read_conditions(folder / "conditions.yaml")
     settings = Settings(steps_per_cycle=steps)
-    return read_problem(files.read_json(folder / "model.json"), folder / "measurements.csv", conditions, "c", settings)
+    return read_problem(read_json(folder / "model.json"), folder / "measurements.csv", conditions, "c", settings)
 
 
 def with_store(folder):

@@ -15,7 +15,7 @@ from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.discrepancy.inference.read_problem import make_problem
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import Situation
+from coronaryuq.zerod.effects.base import ConditionState
 from coronaryuq.zerod.effects.intramyocardial import ventricular_pressure
 from coronaryuq.zerod.effects.library import effect
 
@@ -102,7 +102,7 @@ def test_measured_ventricular_pressure_is_of_the_conditions_own_period(recorded_
     faster = Condition("pacing", period_scale=0.7, drive={"AORTA": (own, aortic), "LV": (own, ventricular)})
     network = left_coronary()
     period = period_of(under(network, faster))
-    situation = Situation(1.0, period, {}, {}, faster.covariates)
+    situation = ConditionState(1.0, period, {}, {}, faster.covariates)
     at = np.linspace(0.0, period, 50, endpoint=False)
     assert period == pytest.approx(0.7 * PERIOD)
     expected = np.interp(at / 0.7, time, ventricular)

@@ -7,7 +7,7 @@ import pytest
 
 from coronaryuq.bench.discrepancy.benchmark import Case, hide
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.provenance import sources
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.forward import predict
@@ -21,9 +21,7 @@ def problem(tmp_path_factory):
     folder = tmp_path_factory.mktemp("case")
     hide(Case((), "none", "nominal", 5), open_loop(), folder)
     conditions = read_conditions(folder / "conditions.yaml")
-    return read_problem(
-        files.read_json(folder / "model.json"), folder / "measurements.csv", conditions, "c", Settings()
-    )
+    return read_problem(read_json(folder / "model.json"), folder / "measurements.csv", conditions, "c", Settings())
 
 
 LEAKS = [(effect("side_branch_leak"), place) for place in ("lad", "lcx", "lad_proximal")]

@@ -15,7 +15,7 @@ from coronaryuq.bench.discrepancy.open_loop_tree import left_coronary, pressures
 from coronaryuq.bench.discrepancy.score import wilson
 from coronaryuq.cli import main
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import read_json, write_json, write_text
 from coronaryuq.core.units import MMHG
 from coronaryuq.discrepancy import command, search_case
 from coronaryuq.discrepancy.data.conditions import Condition, read_conditions, under, write_drive
@@ -158,12 +158,12 @@ def test_a_ratio_has_no_waveform(spoiled):
 
 def test_a_network_in_another_unit_than_is_guessed(hidden_stenosis, tmp_path, capsys):
     folder = hidden_stenosis[0]
-    network = files.read_json(folder / "model.json")
+    network = read_json(folder / "model.json")
     for block in network["boundary_conditions"]:
         for name in ("P", "Pim", "P_v", "Pd"):
             if name in block["bc_values"]:
                 block["bc_values"][name] = (np.asarray(block["bc_values"][name]) / 10.0).tolist()
-    files.write_json(tmp_path / "model.json", network)
+    write_json(tmp_path / "model.json", network)
     words = ["--model", tmp_path / "model.json", "--measurements", folder / "measurements.csv"]
     words += ["--conditions", folder / "conditions.yaml", "--out", tmp_path / "out"]
     assert main.main(["discrepancy", *map(str, words)]) == InputError.EXIT_CODE
@@ -182,7 +182,7 @@ def test_results_do_not_go_over_the_case(hidden_stenosis, capsys):
 
 
 def test_results_do_not_go_over_drives_or_tables_of_pairs(tmp_path):
-    files.write_text(tmp_path / "c.yaml", "rest: {drive: {AORTA: drives/mine.csv}}\n")
+    write_text(tmp_path / "c.yaml", "rest: {drive: {AORTA: drives/mine.csv}}\n")
     words = ["--model", "m.json", "--measurements", "m.csv", "--conditions", tmp_path / "c.yaml", "--out", tmp_path]
     with pytest.raises(InputError, match=r"would overwrite .*mine.csv; choose another folder"):
         command.main(arguments(*words))
@@ -207,7 +207,7 @@ def test_what_may_be_measured_is_taken(hidden_stenosis, tmp_path, change):
     folder = hidden_stenosis[0]
     change(pd.read_csv(folder / "measurements.csv")).to_csv(tmp_path / "m.csv", index=False)
     conditions = read_conditions(folder / "conditions.yaml")
-    problem = read_problem(files.read_json(folder / "model.json"), tmp_path / "m.csv", conditions, "c", Settings())
+    problem = read_problem(read_json(folder / "model.json"), tmp_path / "m.csv", conditions, "c", Settings())
     assert np.isfinite(problem.y).all()
 
 
@@ -221,7 +221,7 @@ def test_means_that_set_a_free_parameter_leave_nothing_to_verify_on(hidden_steno
     (tmp_path / "c.yaml").write_text(yaml.safe_dump(content))
     with pytest.raises(InputError, match="nothing is left to verify on"):
         read_problem(
-            files.read_json(folder / "model.json"),
+            read_json(folder / "model.json"),
             tmp_path / "m.csv",
             read_conditions(tmp_path / "c.yaml"),
             tmp_path / "c.yaml",
@@ -377,7 +377,7 @@ def test_repaired_files_give_the_fitted_predictions(hidden_stenosis, tmp_path):
     folder, truth = hidden_stenosis
     conditions = read_conditions(folder / "conditions.yaml")
     table = folder / "measurements.csv"
-    problem = read_problem(files.read_json(folder / "model.json"), table, conditions, "c", Settings())
+    problem = read_problem(read_json(folder / "model.json"), table, conditions, "c", Settings())
     forward = problem.forward
     for acting in (
         truth.acting,
@@ -391,7 +391,7 @@ def test_repaired_files_give_the_fitted_predictions(hidden_stenosis, tmp_path):
         content, drives = repaired_conditions(forward, acting, z)
         for name, waveform in drives.items():
             write_drive(tmp_path / name, *waveform)
-        files.write_text(tmp_path / "conditions.yaml", yaml.safe_dump(content, sort_keys=False))
+        write_text(tmp_path / "conditions.yaml", yaml.safe_dump(content, sort_keys=False))
         again = read_conditions(tmp_path / "conditions.yaml")
         repaired = read_problem(network, table, again, "c", Settings())
         repaired.forward.masses = forward.masses
@@ -558,7 +558,7 @@ def read_again(folder, tmp_path, change):
         table = table.to_csv(index=False)
     (tmp_path / "measurements.csv").write_text(table)
     conditions = read_conditions(folder / "conditions.yaml")
-    network = files.read_json(folder / "model.json")
+    network = read_json(folder / "model.json")
     return read_problem(network, tmp_path / "measurements.csv", conditions, "c", Settings())
 
 
@@ -626,7 +626,7 @@ def test_a_network_without_vessels(hidden_stenosis, tmp_path):
     """A block that is coupled to another solver runs, but has nowhere to look."""
     folder = hidden_stenosis[0]
     empty = {"vessels": [], "junctions": [], "boundary_conditions": []}
-    files.write_json(tmp_path / "model.json", json.loads((folder / "model.json").read_text()) | empty)
+    write_json(tmp_path / "model.json", json.loads((folder / "model.json").read_text()) | empty)
     with pytest.raises(InputError, match="model.json: vessels: missing"):
         rest = (folder / "measurements.csv", folder / "conditions.yaml", tmp_path / "out", Settings(), 1)
         search_case.search_case(tmp_path / "model.json", *rest)
@@ -718,14 +718,14 @@ def test_another_answer_leaves_nothing_of_the_one_before(tmp_path):
     out = tmp_path / "out"
     left = ("repaired.json", "measurements.csv", "difference.txt", "drives/rest_AORTA.csv", "drives/own.csv")
     for name in (*left, "notes.txt"):
-        files.write_text(out / name, "")
-    files.write_text(out / "conditions.yaml", "rest: {drive: {AORTA: drives/rest_AORTA.csv}}\n")
+        write_text(out / name, "")
+    write_text(out / "conditions.yaml", "rest: {drive: {AORTA: drives/rest_AORTA.csv}}\n")
     pair_tables(tmp_path, 4.0)
     discover_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv", out, 1)
     left = {str(path.relative_to(out)) for path in out.rglob("*") if path.is_file()}
     ours = {"discrepancy.json", "paragraph.txt", "pairs.csv", "laws.csv", "effects.csv"}
     assert left == ours | {"notes.txt", "drives/own.csv"}
-    files.write_text(out / "measurements.csv", "")
+    write_text(out / "measurements.csv", "")
     discover_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv", out, 1)
     assert (out / "measurements.csv").exists(), "no repaired model beside it: somebody's own"
 

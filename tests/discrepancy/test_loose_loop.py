@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from coronaryuq.core.io.files import read_json
+from coronaryuq.core.io.atomic import read_json
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.inference.read_problem import make_problem
 from coronaryuq.discrepancy.settings import Settings

@@ -6,7 +6,7 @@ import pytest
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.bench.discrepancy.open_loop_tree import left_coronary
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_json
+from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.units import MBF_PER_MIN_PER_G
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.forward.network_values import carried_over, sampled

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from coronaryuq.bench.discrepancy.benchmark import Case, hide
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
-from coronaryuq.core.io.files import read_json
+from coronaryuq.core.io.atomic import read_json
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.inference.gauss_newton import Fit

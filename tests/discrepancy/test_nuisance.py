@@ -8,7 +8,7 @@ import pytest
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.bench.discrepancy.open_loop_tree import left_coronary
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_json, write_json
+from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.data.conditions import BED_SHAPE, RESISTANCE, Condition, under
 from coronaryuq.discrepancy.data.measurements import Measured

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
-from coronaryuq.core.io.files import read_json
+from coronaryuq.core.io.atomic import read_json
 from coronaryuq.discrepancy.data.conditions import period_of, read_conditions, under
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.inference.gauss_newton import Fit

@@ -155,7 +155,7 @@ def of_a_turning_effect(data, turning: bool) -> Candidate:
     def residuals(rows, grafts=()):
         return np.array([data - g @ z[:1] - turned(z[1] if len(z) > 1 else 0.0) for z, _ in rows])
 
-    candidate = Candidate(made_up("late", turning=turning), "here", -1.0)
+    candidate = Candidate(made_up("late", changes_shape=turning), "here", -1.0)
     z = np.linalg.solve(np.eye(1) + g.T @ g, g.T @ data)
     screen(problem(residuals), Fit(z, data - g @ z, g), [], [candidate])
     return candidate

@@ -3,7 +3,8 @@
 import pytest
 
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import read_json, write_json
+from coronaryuq.core.io.tables import read_csv
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.inference.read_problem import read_problem
 from coronaryuq.discrepancy.settings import Settings
@@ -19,7 +20,7 @@ SEED = 4
 def found(tmp_path_factory):
     """Folder `hidden` of a campaign: `case`, `found` and `known`."""
     folder = tmp_path_factory.mktemp("campaign") / "hidden"
-    files.write_json(folder.parent / "rest.json", open_loop().network)
+    write_json(folder.parent / "rest.json", open_loop().network)
     hide_in_loop(folder.parent / "rest.json", Settings(), SEED, folder / "case")
     names = {"model": "model.json", "measurements": "measurements.csv", "conditions": "conditions.yaml"}
     case = {key: str(folder / "case" / name) for key, name in names.items()}
@@ -33,12 +34,12 @@ def found(tmp_path_factory):
 
 def test_the_search_comes_as_near_as_the_truth(found):
     """On held-out data the named effect closes the gap that the true one closes, where it is the true one."""
-    gaps = files.read_csv(found / "known" / "gap.csv").set_index("model").misfit
-    answer, truth = (files.read_json(found / name) for name in ("found/discrepancy.json", "case/truth.json"))
+    gaps = read_csv(found / "known" / "gap.csv").set_index("model").misfit
+    answer, truth = (read_json(found / name) for name in ("found/discrepancy.json", "case/truth.json"))
     assert (answer["named"][0]["effect"], answer["named"][0]["place"]) == (truth["effect"], truth["place"])
     assert gaps["recalibration alone"] > 1.5 * gaps["with the true effect"]
     assert gaps["with the named effects"] == pytest.approx(gaps["with the true effect"], rel=0.01)
-    assert files.read_json(found / "known" / "gap.json")["misfit"] == gaps["with the true effect"]
+    assert read_json(found / "known" / "gap.json")["misfit"] == gaps["with the true effect"]
 
 
 def test_the_page_says_both(found, tmp_path):
@@ -53,10 +54,10 @@ def test_the_page_says_both(found, tmp_path):
 @pytest.mark.parametrize("name", ["pressure_offset", "mbf_underestimation", "ostial_loss", "incomplete_hyperaemia"])
 def test_what_is_hidden_is_where_a_search_looks(name, tmp_path):
     """Places before measured beds are chosen of those that the effect has; sensors have theirs by what is measured."""
-    files.write_json(tmp_path / "rest.json", open_loop().network)
+    write_json(tmp_path / "rest.json", open_loop().network)
     hide_in_loop(tmp_path / "rest.json", Settings(hidden_effect=name), SEED, tmp_path)
     conditions = read_conditions(tmp_path / "conditions.yaml")
     paths = tmp_path / "measurements.csv", conditions, tmp_path / "conditions.yaml"
     forward = read_problem(read_network(tmp_path / "model.json"), *paths, Settings()).forward
-    truth = files.read_json(tmp_path / "truth.json")
+    truth = read_json(tmp_path / "truth.json")
     assert truth["effect"] == name and truth["place"] in effect(name).places(forward.anatomy, forward.measured)

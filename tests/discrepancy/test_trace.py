@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
-from coronaryuq.core.io.files import read_json
+from coronaryuq.core.io.atomic import read_json
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.hidden.detectability import least_trace
 from coronaryuq.discrepancy.hidden.make_case import hide

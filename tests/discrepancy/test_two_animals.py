@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from coronaryuq.core.io.files import read_json
+from coronaryuq.core.io.atomic import read_json
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.data.recordings import prepare
 from coronaryuq.discrepancy.inference.read_problem import read_problem

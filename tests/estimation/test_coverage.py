@@ -12,7 +12,8 @@ from coronaryuq.bench.estimation.coverage import cell, run, tabulate
 from coronaryuq.bench.estimation.coverage_tails import truths
 from coronaryuq.bench.estimation.pairs import PAIRS, _moment
 from coronaryuq.bench.estimation.problems import from_pair
-from coronaryuq.core.io.files import read_csv, write_json
+from coronaryuq.core.io.atomic import write_json
+from coronaryuq.core.io.tables import read_csv
 from coronaryuq.core.seeds import generator
 from coronaryuq.estimation.campaign.diagnostics import SMALL_SHARE, VERIFIED_FROM, VERIFIED_WHERE_SMALL, unverified
 from coronaryuq.estimation.settings import Settings

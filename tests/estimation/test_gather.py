@@ -5,7 +5,8 @@ import pandas as pd
 import pytest
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_csv, read_json, write_csv, write_json
+from coronaryuq.core.io.atomic import read_json, write_json
+from coronaryuq.core.io.tables import read_csv, write_csv
 from coronaryuq.core.records import Record, write
 from coronaryuq.estimation.campaign.allocation import allocate
 from coronaryuq.estimation.runs.gather import coarse_cost, gather

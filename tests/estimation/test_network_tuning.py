@@ -3,7 +3,7 @@
 import pytest
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_json
+from coronaryuq.core.io.atomic import read_json
 from coronaryuq.estimation.campaign.tuning import tune
 from coronaryuq.estimation.settings import Settings
 

@@ -5,7 +5,8 @@ import pandas as pd
 import pytest
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import write_csv, write_json
+from coronaryuq.core.io.atomic import write_json
+from coronaryuq.core.io.tables import write_csv
 from coronaryuq.figures.draw import FIGURES, _function, draw
 
 

@@ -13,7 +13,8 @@ from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel
 from coronaryuq.case.network.build import Bed, network_from_tree, segments
 from coronaryuq.core import records
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import write_json
+from coronaryuq.core.io.tables import write_csv
 from coronaryuq.flow3d.adapter import Batch, Outputs
 from coronaryuq.flow3d.mesh.coupling.cap_connections import downstream_block, upstream_block
 from coronaryuq.flow3d.mesh.generation import folder
@@ -62,7 +63,7 @@ def campaign(tmp_path_factory):
     folder.write(here / "mesh-complete", folder.Mesh(points, tets, triangles, owner, face, names, region))
     upstream, downstream = upstream_block(network, part), downstream_block(network, part)
     caps = [("inlet", upstream, part, "in"), ("outlet", part, downstream, "out")]
-    files.write_json(
+    write_json(
         here / "mesh.json",
         {
             "nodes": len(points),
@@ -77,12 +78,12 @@ def campaign(tmp_path_factory):
             "planes": {"LAD": {"point": [0.0, 0.0, 1.4], "normal": [0.0, 0.0, 1.0]}},
         },
     )
-    files.write_json(here / "network.json", network)
+    write_json(here / "network.json", network)
     aorta = next(name for name in Engine(network).unknowns if name.startswith("pressure:J_heart_outlet:"))
     case = {"density": 1.06, "viscosity": 0.04, "aorta": {"pressure": aorta.split(":", 1)[1]}}
-    files.write_json(here / "case.json", case)
+    write_json(here / "case.json", case)
     table = {"sample": ["a", "b", "c"], "BC_lca1": [0.7, 1.0, 1.5], "R_cor_scaling": [0.9, 1.0, 1.1]}
-    files.write_csv(here / "samples.csv", pd.DataFrame(table))
+    write_csv(here / "samples.csv", pd.DataFrame(table))
     return here
 
 
@@ -137,7 +138,7 @@ def test_a_failed_sample_is_a_record(campaign):
 
 
 def test_a_foreign_column_is_refused(campaign):
-    files.write_csv(campaign / "wrong.csv", pd.DataFrame({"sample": ["a"], "BC_other": [1.0]}))
+    write_csv(campaign / "wrong.csv", pd.DataFrame({"sample": ["a"], "BC_other": [1.0]}))
     with pytest.raises(InputError, match="BC_other"):
         run(campaign, 0, 1, table="wrong.csv")
 
@@ -151,7 +152,7 @@ def test_blocks_over_mpi_ranks_give_the_same_numbers(campaign, tmp_path):
     """Nine samples are two blocks: one on each of two ranks, and the second rank's is a block that is not full."""
     multipliers = np.linspace(0.7, 1.5, 9)
     table = {"sample": [f"s{k}" for k in range(9)], "BC_lca1": multipliers, "R_cor_scaling": 1.0}
-    files.write_csv(campaign / "nine.csv", pd.DataFrame(table))
+    write_csv(campaign / "nine.csv", pd.DataFrame(table))
     settings = SETTINGS.model_copy(update={"steps_per_cycle": 150, "max_cycles": 2})
     alone = run(campaign, 0, 9, settings, table="nine.csv")
     mpiexec = Path(sys.executable).with_name("mpiexec")

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from coronaryuq.core import provenance, records
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.core.records import Record
 from coronaryuq.flow3d.mesh_study import mesh_study, richardson
 
@@ -20,7 +20,7 @@ def write(folder, value, failed=()):
     """Three meshes on which quantity `name` of sample k is value(name, h, k)."""
     meshes = {}
     for name, nodes in NODES.items():
-        files.write_json(folder / name / "mesh.json", {"nodes": nodes})
+        write_json(folder / name / "mesh.json", {"nodes": nodes})
         rows = [
             Record.failed(f"s{k}", {}, "blew up", solver={})
             if (name, k) in failed
@@ -42,7 +42,7 @@ def study(folder, meshes, halved=None):
 def test_second_order_convergence_gives_the_limit_and_its_distance(tmp_path):
     meshes = write(tmp_path, lambda q, h, k: 0.8 + 0.01 * k + 30.0 * h**2, failed={("fine", 3)})
     found = study(tmp_path, meshes)
-    assert found == files.read_json(tmp_path / "study.json")
+    assert found == read_json(tmp_path / "study.json")
     assert found["meshes"] == ["coarse", "own", "fine"] and found["samples"] == ["s0", "s1", "s2"]
     assert found["checksum"] == provenance.checksum(meshes["own"][0])
     ffr = found["quantities"]["ffr_lad"]

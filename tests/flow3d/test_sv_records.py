@@ -12,7 +12,7 @@ import pyvista as pv
 
 from coronaryuq.core import records
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import write_text
+from coronaryuq.core.io.atomic import write_text
 from coronaryuq.flow3d.adapter import Outputs, Processes, Sample
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.flow3d.simvascular import coupled_case, svsolver

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import pyvista
 
-from coronaryuq.core.io.files import write_json
+from coronaryuq.core.io.atomic import write_json
 
 
 def shell(layers: int = 3, around: int = 40, along: int = 20) -> pyvista.UnstructuredGrid:

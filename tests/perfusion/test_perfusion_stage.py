@@ -8,7 +8,7 @@ import pyvista
 from scipy.spatial import cKDTree
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_json, write_json
+from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.perfusion import stage
 from coronaryuq.perfusion.realisations import Study
 from coronaryuq.perfusion.settings import DistanceNoise, FlowNoise, NoiseModel, Settings

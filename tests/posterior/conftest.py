@@ -2,7 +2,7 @@
 
 import pytest
 
-from coronaryuq.core.io.files import write_json
+from coronaryuq.core.io.atomic import write_json
 from support.resistor_tree import ResistorTree, network_of, targets_of
 
 

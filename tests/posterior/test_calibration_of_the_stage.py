@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from coronaryuq.core.io.files import read_json
+from coronaryuq.core.io.atomic import read_json
 from coronaryuq.posterior import stage
 from coronaryuq.posterior.model.bed_flows import BedFlows
 from coronaryuq.posterior.model.flow_model import Posterior

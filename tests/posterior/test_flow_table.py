@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from coronaryuq.cli.main import main
-from coronaryuq.core.io.files import read_csv, read_json, write_json
+from coronaryuq.core.io.atomic import read_json, write_json
+from coronaryuq.core.io.tables import read_csv
 from coronaryuq.posterior.model.bed_flows import BedFlows
 from coronaryuq.zerod.network.beds import distal_resistances
 from coronaryuq.zerod.network.read import read_network

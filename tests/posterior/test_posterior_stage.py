@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_csv, read_json, write_json
+from coronaryuq.core.io.atomic import read_json, write_json
+from coronaryuq.core.io.tables import read_csv
 from coronaryuq.posterior import stage
 from coronaryuq.posterior.model.bed_flows import BedFlows
 from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, Settings

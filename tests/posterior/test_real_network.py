@@ -10,7 +10,8 @@ from coronaryuq.calibration import stage as calibration
 from coronaryuq.calibration.settings import Settings as CalibrationSettings
 from coronaryuq.case.settings import Settings as CaseSettings
 from coronaryuq.case.stage import prepare_case
-from coronaryuq.core.io.files import read_csv, read_json
+from coronaryuq.core.io.atomic import read_json
+from coronaryuq.core.io.tables import read_csv
 from coronaryuq.perfusion import stage as perfusion
 from coronaryuq.perfusion.settings import Settings as PerfusionSettings
 from coronaryuq.posterior import stage as posterior

@@ -3,14 +3,14 @@
 import pytest
 
 from coronaryuq.core import provenance
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import write_json
 from coronaryuq.report.mesh_error import MeshError
 
 
 @pytest.fixture
 def mesh(tmp_path):
     path = tmp_path / "mesh.json"
-    files.write_json(path, {"nodes": 8000, "settings": {"throat_resolution": 3.0}})
+    write_json(path, {"nodes": 8000, "settings": {"throat_resolution": 3.0}})
     return path
 
 
@@ -22,7 +22,7 @@ def study(tmp_path, mesh):
         "osi_max_lad": {"error": 0.0849, "converging": False, "step_error": 0.0121},
     }
     content = {"nodes": [4000, 8000, 17000], "samples": ["a", "b"], "quantities": quantities}
-    files.write_json(path, content | {"checksum": provenance.checksum(mesh)})
+    write_json(path, content | {"checksum": provenance.checksum(mesh)})
     return path
 
 
@@ -44,7 +44,7 @@ def test_without_a_study_the_page_says_so(mesh):
 
 
 def test_a_study_of_another_mesh_is_not_quoted(mesh, study):
-    files.write_json(mesh, {"nodes": 8001, "settings": {"throat_resolution": 3.0}})
+    write_json(mesh, {"nodes": 8001, "settings": {"throat_resolution": 3.0}})
     error = MeshError(mesh, study)
     assert error.of("ffr_lad") == ""
     assert "measured on another mesh" in error.sentence

@@ -10,7 +10,8 @@ from coronaryuq.case.anatomy.stenosis_detection import tightest
 from coronaryuq.case.anatomy.surface import read_surface
 from coronaryuq.case.anatomy.tree import Tree
 from coronaryuq.core import seeds
-from coronaryuq.core.io.files import write_text, write_vtk
+from coronaryuq.core.io.atomic import write_text
+from coronaryuq.core.io.vtk import write_vtk
 from coronaryuq.core.units import MM
 from support.ventricle_atlas import atlas_wall, read_atlas, register_to_arteries
 

@@ -23,7 +23,7 @@ import pandas as pd
 import yaml
 
 from coronaryuq.core import records
-from coronaryuq.core.io.files import read_csv, write_csv
+from coronaryuq.core.io.tables import read_csv, write_csv
 from coronaryuq.posterior.samples import theta
 from support import cluster
 from support.checkout import ROOT, Checkout

@@ -9,7 +9,8 @@ import pandas as pd
 from coronaryuq.case.settings import Settings as CaseSettings
 from coronaryuq.case.stage import prepare_case
 from coronaryuq.core import records
-from coronaryuq.core.io.files import write_csv, write_json
+from coronaryuq.core.io.atomic import write_json
+from coronaryuq.core.io.tables import write_csv
 from coronaryuq.perfusion.settings import Settings as PerfusionSettings
 from coronaryuq.perfusion.stage import run_chunk
 from support.case_files import small_tree, write_case

@@ -6,7 +6,7 @@ import numpy as np
 
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel
 from coronaryuq.case.network.build import Bed, network_from_tree
-from coronaryuq.core.io.files import write_json
+from coronaryuq.core.io.atomic import write_json
 from coronaryuq.flow3d.adapter import Batch
 from coronaryuq.flow3d.mesh.settings import Settings
 from coronaryuq.flow3d.mesh.stage import mesh_tree

@@ -9,7 +9,7 @@ import pytest
 
 from coronaryuq.cli import explain
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_json
+from coronaryuq.core.io.atomic import read_json
 from support.checkout import Checkout
 
 pytestmark = pytest.mark.workflow

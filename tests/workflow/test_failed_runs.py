@@ -7,7 +7,8 @@ so is, exactly, what the estimators estimate.
 import numpy as np
 import pytest
 
-from coronaryuq.core.io.files import read_csv, read_json
+from coronaryuq.core.io.atomic import read_json
+from coronaryuq.core.io.tables import read_csv
 from support import standin
 from support.checkout import Checkout
 

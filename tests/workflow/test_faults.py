@@ -155,7 +155,7 @@ def test_two_campaigns_on_one_folder_and_a_kill(short, tmp_path):
         second = campaign.go()
         assert second.returncode == 2 and second.stderr.count("error:") == 1
         line = second.stderr.strip().splitlines()[-1]
-        assert "results/small: another campaign is at work here (process" in line and str(first.pid) in line
+        assert "results/small: another campaign is running here (process" in line and str(first.pid) in line
     finally:
         kill_all(first)
     ended(campaign.go())

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from coronaryuq.core.io.files import read_csv, read_json
+from coronaryuq.core.io.atomic import read_json
+from coronaryuq.core.io.tables import read_csv
 from coronaryuq.core.records import read as read_records
 from support import smoke
 from support.checkout import ROOT, Checkout

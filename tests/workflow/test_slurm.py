@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from coronaryuq.cli import doctor
-from coronaryuq.core.io.files import read_json
+from coronaryuq.core.io.atomic import read_json
 from support import cluster, smoke
 from support.checkout import ROOT, Checkout, scripts_at_work
 

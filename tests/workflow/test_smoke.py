@@ -11,7 +11,8 @@ import pytest
 
 from coronaryuq.cli import explain
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_csv, read_json
+from coronaryuq.core.io.atomic import read_json
+from coronaryuq.core.io.tables import read_csv
 from coronaryuq.core.records import read as read_records
 from support import smoke
 

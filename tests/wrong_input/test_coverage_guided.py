@@ -34,7 +34,7 @@ name, reader, seconds, corpus = sys.argv[1:5]
 module, _, function = reader.rpartition(".")
 with atheris.instrument_imports(include=["coronaryuq"]):
     read = getattr(importlib.import_module(module), function)
-from coronaryuq.errors import InputError
+from coronaryuq.core.errors import InputError
 
 folder = Path(tempfile.mkdtemp())
 path = folder / Path(name).name

@@ -122,9 +122,9 @@ def test_altered_values(spoiled, name, read, data):
 NATIVE = """
 import random, sys
 from pathlib import Path
-from coronaryuq.case.images import read_image
-from coronaryuq.case.tree import read_tree
-from coronaryuq.errors import InputError
+from coronaryuq.case.perfusion.images import read_image
+from coronaryuq.case.anatomy.tree import read_tree
+from coronaryuq.core.errors import InputError
 from coronaryuq.perfusion.territories import Ventricle
 
 folder, seed = Path(sys.argv[1]), int(sys.argv[2])

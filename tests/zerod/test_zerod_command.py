@@ -31,7 +31,7 @@ def test_what_is_wrong_is_one_line_and_nothing_is_written(tmp_path, capsys):
     [
         (".", ".: is a folder; name a file in it"),
         ("held", "held: is a folder; name a file in it"),
-        ("tree.json/out.csv", "tree.json: wanted a folder for results, and tree.json is a file"),
+        ("tree.json/out.csv", "tree.json: expected a folder for results, but tree.json is a file"),
         ("./tree.json", "command line: TABLE.csv = './tree.json': is the network itself; name another file"),
     ],
 )

@@ -11,12 +11,12 @@ import yaml
 from coronaryuq import config as configuration
 from coronaryuq.cli import explain
 from coronaryuq.core import provenance
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import write_text
 from coronaryuq.case.description.fields import read_description
 from coronaryuq.case.description.dependencies import files_named, lumen
-from coronaryuq.core.io.mtime import bring_to_the_present
+from coronaryuq.core.io.mtime import reset_future_times
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.lock import occupy
+from coronaryuq.core.io.lock import lock_results
 
 # Jobs started from the shell find this environment's python and mpiexec, whether or not it has been activated.
 os.environ["PATH"] = os.pathsep.join([Path(sys.executable).parent.as_posix(), os.environ.get("PATH", "")])
@@ -80,17 +80,17 @@ onstart:
     # Jobs of their own process read this file too; only the campaign itself takes its folder and says what it is.
     if workflow.is_main_process:
         try:
-            workflow.occupied = occupy(results())
+            workflow.occupied = lock_results(results())
         except InputError as error:
             refuse(error)
-        if ahead := bring_to_the_present(results()):
+        if ahead := reset_future_times(results()):
             print(f"note: {len(ahead)} results were dated later than now: the clock has been set", file=sys.stderr)
         cache = os.environ.get(explain.CACHE)
         if workflow.output_file_cache is not None and not os.access(cache, os.W_OK):
             print(f"note: {cache} cannot be written: results are taken from it, none are added", file=sys.stderr)
             workflow.output_file_cache.store = leave_uncached
         whole = yaml.safe_dump(campaign.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
-        files.write_text(results(explain.CAMPAIGN), whole)
+        write_text(results(explain.CAMPAIGN), whole)
 
 
 def block(name, without=()):

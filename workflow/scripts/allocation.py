@@ -1,6 +1,6 @@
 """One round of a growing campaign: are the wanted intervals reached, and what does the next round run?"""
 
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import read_json
 from coronaryuq.estimation.campaign.allocation import allocate
 from coronaryuq.estimation.settings import Settings
 from job import job
@@ -22,7 +22,7 @@ with job(globals()) as this:
         Settings(**this.params["settings"]),
         this.params["seed"],
         number,
-        files.read_json(this.input["before"])["next"] if number else this.params["first"],
+        read_json(this.input["before"])["next"] if number else this.params["first"],
         this.params["portion"],
         this.output["round"],
     )

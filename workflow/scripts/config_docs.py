@@ -4,7 +4,7 @@ from pathlib import Path
 
 from coronaryuq import config
 from coronaryuq.case.description.reference import reference
-from coronaryuq.core.io.files import write_json, write_text
+from coronaryuq.core.io.atomic import write_json, write_text
 
 if __name__ == "__main__":
     root = Path(__file__).parents[2]

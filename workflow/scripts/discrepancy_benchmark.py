@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from coronaryuq.bench.discrepancy.benchmark import run
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import write_json
 from job import job
 
 with job(globals()) as this:
@@ -17,5 +17,5 @@ with job(globals()) as this:
         threads=this.threads,
         resume=finished,
     )
-    files.write_json(cases, found)
+    write_json(cases, found)
     finished.unlink()

@@ -4,7 +4,7 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-from coronaryuq.core.io.files import replacing
+from coronaryuq.core.io.atomic import replacing
 from coronaryuq.flow3d.adapter import Batch, Outputs, Processes
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.flow3d.stage import run_batch

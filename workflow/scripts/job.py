@@ -27,7 +27,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from coronaryuq.cli.explain import write_note
-from coronaryuq.core.errors import InputError, refusal
+from coronaryuq.core.errors import InputError, os_error_line
 
 
 @dataclass
@@ -93,7 +93,7 @@ def job(script_globals: dict[str, Any]) -> Iterator[Job]:
         print(f"{this.name}: error: {error}", file=sys.stderr)
         sys.exit(InputError.EXIT_CODE)
     except Exception as error:
-        told = refusal(error) if isinstance(error, OSError) else None
+        told = os_error_line(error) if isinstance(error, OSError) else None
         if told:
             print(f"{this.name}: error: {told}", file=sys.stderr)
         else:

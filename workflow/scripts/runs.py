@@ -2,14 +2,14 @@
 
 from pathlib import Path
 
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import read_json
 from coronaryuq.estimation.runs.gather import gather
 from job import job
 
 with job(globals()) as this:
     posterior, counts = this.params["posterior"], this.params["counts"]
     if "allocation" in this.input:
-        counts = files.read_json(this.input["allocation"])["counts"]
+        counts = read_json(this.input["allocation"])["counts"]
     gather(
         this.input["case"],
         this.input["pilot"],

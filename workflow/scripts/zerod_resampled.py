@@ -1,6 +1,6 @@
 """Run one share of the resampled inputs through the 0D model."""
 
-from coronaryuq.core.io.files import read_csv
+from coronaryuq.core.io.tables import read_csv
 from coronaryuq.zerod.settings import Settings
 from coronaryuq.zerod.stage import run_chunk
 from job import job

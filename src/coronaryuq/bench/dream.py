@@ -11,7 +11,7 @@ import numpy as np
 from coronaryuq.calibration.conductance_shares import share_out, shares
 from coronaryuq.case.settings import Settings as CaseSettings
 from coronaryuq.case.stage import prepare_case
-from coronaryuq.core.io.files import read_json
+from coronaryuq.core.io.atomic import read_json
 from coronaryuq.perfusion import stage as perfusion
 from coronaryuq.perfusion.settings import Settings as PerfusionSettings
 from coronaryuq.posterior import stage as posterior

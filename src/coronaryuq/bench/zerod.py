@@ -12,7 +12,7 @@ import numpy as np
 
 from coronaryuq.bench.coronary_tree import made_loop
 from coronaryuq.core import seeds
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.units import MMHG
 from coronaryuq.zerod.network.beds import beds, resistance_changes
 from coronaryuq.zerod.network.read import Network, check_network, copy_of, read_network, write_network
@@ -94,7 +94,7 @@ def _network(path: str | None) -> tuple[str, Network]:
     tree, heart = _SHARED / "closed-loop-22", _SHARED / "svzerod-cases" / "closedLoopHeart_withCoronaries.json"
     if not (tree.is_dir() and heart.exists()):
         return "made-up loop with 22 coronary outlets", made_loop()
-    network = files.read_json(tree / "svzerod_tuning_cgs.json")
+    network = read_json(tree / "svzerod_tuning_cgs.json")
     published = read_network(heart)["closed_loop_blocks"][0]["parameters"]
     network["closed_loop_blocks"][0]["parameters"] = {
         name: _in_cgs(name, value) for name, value in published.items() if not name.startswith("_")
@@ -141,8 +141,8 @@ def _cpu() -> float:
 
 _COMPILE = """
 import sys, time
-from coronaryuq.zerod.network import read_network
-from coronaryuq.zerod.engine import Engine
+from coronaryuq.zerod.network.read import read_network
+from coronaryuq.zerod.solver.engine import Engine
 engine = Engine(read_network(sys.argv[1]))
 spent = time.process_time()
 engine.run(cycles=1, steps_per_cycle=16)

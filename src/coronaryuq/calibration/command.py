@@ -5,8 +5,8 @@ import sys
 
 from coronaryuq.calibration.settings import Settings
 from coronaryuq.calibration.stage import tune_files
-from coronaryuq.core import arguments
-from coronaryuq.core.io.files import check_folder
+from coronaryuq.core.command_line import non_negative_int, positive_int
+from coronaryuq.core.io.atomic import check_folder
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -15,8 +15,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("targets", metavar="TARGETS.csv", help="name, description, value (or none)")
     parser.add_argument("--out", metavar="DIR", required=True, help="folder for results")
     parser.add_argument("--units", choices=("auto", "cgs", "mmHg"), default="auto", help="pressure unit of the network")
-    parser.add_argument("--seed", type=arguments.seed, default=1, help="seed of the starts (default 1)")
-    parser.add_argument("--threads", type=arguments.count, default=1, help="threads of the 0D engine (default 1)")
+    parser.add_argument("--seed", type=non_negative_int, default=1, help="seed of the starts (default 1)")
+    parser.add_argument("--threads", type=positive_int, default=1, help="threads of the 0D engine (default 1)")
 
 
 def main(chosen: argparse.Namespace) -> int:

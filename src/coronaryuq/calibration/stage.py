@@ -11,7 +11,8 @@ from coronaryuq.calibration.tuning import Tuned, tune_loop
 from coronaryuq.case.case_json import read_case
 from coronaryuq.case.network.units import to_cgs
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_json, write_csv
+from coronaryuq.core.io.atomic import read_json
+from coronaryuq.core.io.tables import write_csv
 from coronaryuq.zerod.network.beds import HYPERAEMIA, beds
 from coronaryuq.zerod.network.read import read_network, write_network
 

@@ -18,7 +18,7 @@ from coronaryuq.case.perfusion.territories import wall_of_territories
 from coronaryuq.case.settings import Settings
 from coronaryuq.case.tables.read import OutletRow, read_case_targets, read_outlets, read_territory_flows
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_json
+from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.units import MMHG, PRESSURES
 
 AORTIC_PRESSURE_WITHOUT_TARGET = 93.0 * MMHG

@@ -6,7 +6,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_json
+from coronaryuq.core.io.atomic import read_json
 
 REMEDY = "make it again with the case stage"
 

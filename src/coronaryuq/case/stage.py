@@ -5,7 +5,8 @@ from pathlib import Path
 from coronaryuq.case.anatomy.tree import write_tree
 from coronaryuq.case.assembly import assemble
 from coronaryuq.case.settings import Settings
-from coronaryuq.core.io.files import write_json, write_vtk
+from coronaryuq.core.io.atomic import write_json
+from coronaryuq.core.io.vtk import write_vtk
 from coronaryuq.core.provenance import stamp
 
 

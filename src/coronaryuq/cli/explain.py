@@ -21,7 +21,7 @@ import yaml
 from coronaryuq.cli.doctor import versions
 from coronaryuq.core import provenance
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_json, write_json
+from coronaryuq.core.io.atomic import read_json, write_json
 
 FOLDER = "provenance"
 CAMPAIGN = "campaign.yaml"

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 
 from coronaryuq import __version__
-from coronaryuq.core.arguments import count, seed
-from coronaryuq.core.errors import InputError, refusal
+from coronaryuq.core.command_line import non_negative_int, positive_int
+from coronaryuq.core.errors import InputError, os_error_line
 
 BENCHMARKS = {
     "zerod": "zerod",
@@ -55,10 +55,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # whoever read standard output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except OSError as error:  # a result cannot be written where it was asked for
-        if error.filename is None and refusal(error) is None:
+    except OSError as error:  # a result cannot be written
+        line = os_error_line(error)
+        if error.filename is None and line is None:
             raise
-        print(f"error: {refusal(error) or f'{error.filename2 or error.filename}: {error.strerror}'}", file=sys.stderr)
+        print(f"error: {line or f'{error.filename2 or error.filename}: {error.strerror}'}", file=sys.stderr)
         return InputError.EXIT_CODE
 
 
@@ -91,13 +92,13 @@ def _parser() -> argparse.ArgumentParser:
         ("data", "published runs; flow3d: a folder per mesh of one patient", {"metavar": "FOLDER"}),
         ("rows", "rows of the table: row, column_3d, column_0d", {"metavar": "FILE"}),
         ("network", "svZeroDSolver JSON", {"metavar": "FILE"}),
-        ("seeds", "repetitions of every cell", {"metavar": "N", "type": count}),
-        ("offset", "first of the seeds", {"metavar": "SEED", "type": seed}),
+        ("seeds", "repetitions of every cell", {"metavar": "N", "type": positive_int}),
+        ("offset", "first of the seeds", {"metavar": "SEED", "type": non_negative_int}),
         ("strengths", "of hidden effects; default: medium", {"nargs": "+", "choices": sizes}),
         ("noises", "of measurements; default: nominal", {"nargs": "+", "choices": noises}),
         ("effects", "cells wanted, as they are labelled; default: all", {"nargs": "+", "metavar": "CELL"}),
         ("solver", "that the hidden cases' data come from; default: 0d", {"choices": ("0d", "3d")}),
-        ("threads", "of each search; default: 1", {"metavar": "N", "type": count}),
+        ("threads", "of each search; default: 1", {"metavar": "N", "type": positive_int}),
         ("resume", "keeps finished cases, of which a run that was killed goes on", {"metavar": "FILE"}),
         ("config", "configuration", {"metavar": "FILE"}),
     ):
@@ -142,10 +143,10 @@ def _explain(chosen: argparse.Namespace) -> int:
 
 def _verify(chosen: argparse.Namespace) -> int:
     from coronaryuq.cli.explain import altered
-    from coronaryuq.core.io.lock import occupy
+    from coronaryuq.core.io.lock import lock_results
 
     found = altered(chosen.results)
-    with occupy(chosen.results) if chosen.remove else nullcontext():
+    with lock_results(chosen.results) if chosen.remove else nullcontext():
         for path in found:
             if chosen.remove:
                 shutil.rmtree(path) if path.is_dir() else path.unlink()

@@ -1,1 +1,1 @@
-"""Units, seeds, errors, records and files: what every other package builds on."""
+"""Units, seeds, errors, records and files: the base of every other package."""

@@ -1,4 +1,4 @@
-"""What the user gave is wrong, or what was made cannot be written: one line that says where and what to do about it."""
+"""Wrong input, and results that cannot be written: one line that says where the fault is and what to do about it."""
 
 import errno
 import os
@@ -6,20 +6,30 @@ from pathlib import Path
 from typing import Any
 
 REMEDIES = {
-    errno.ENOSPC: "make room there and run again",
-    errno.EDQUOT: "your quota there is used up: make room and run again",
-    errno.EACCES: "change its rights, or name a folder in which you may write",
-    errno.EPERM: "change its rights, or name a folder in which you may write",
+    errno.ENOSPC: "free some space there and run again",
+    errno.EDQUOT: "your disk quota there is exhausted; free some space and run again",
+    errno.EACCES: "change its permissions, or name a folder that you can write to",
+    errno.EPERM: "change its permissions, or name a folder that you can write to",
     errno.EROFS: "name a folder elsewhere",
 }
-"""What to do about an operating system's refusal to write."""
+"""Remedy for each reason why the operating system does not write a file."""
 
 
 class InputError(ValueError):
-    """Wrong input, reported as `file: field = value: remedy` on one line.
+    """Wrong input, reported on one line as `file: field = value: remedy`.
 
-    `field` and `value` may be None when the whole file is at fault (missing, truncated, of another format).
     The command line prints the line and exits with `EXIT_CODE`; nothing has been written by then.
+
+    Parameters
+    ----------
+    file
+        The file at fault, or the option of the command line.
+    field
+        What is wrong inside the file; None if it is the whole file (missing, truncated, of another format).
+    value
+        The value at fault; None if there is none to show.
+    remedy
+        What is wrong and what to do about it.
     """
 
     EXIT_CODE = 2
@@ -37,11 +47,11 @@ class InputError(ValueError):
         return type(self), (self.file, self.field, self.value, self.remedy)
 
 
-def refusal(error: OSError) -> str | None:
-    """`file: reason: remedy` on one line, where the operating system will not write a file; else None."""
+def os_error_line(error: OSError) -> str | None:
+    """Return `file: reason: remedy` if the operating system cannot write a file, else None."""
     if error.errno not in REMEDIES:
         return None
-    # A finished file is renamed: what the user named is the second of the two.
+    # A finished file is renamed: the name that the user knows is the second one.
     file = error.filename2 or error.filename
     where = "" if file is None else f"{os.fspath(file)}: "
     return " ".join(f"{where}{os.strerror(error.errno)}: {REMEDIES[error.errno]}".split())

@@ -1,7 +1,7 @@
-"""Where compiled kernels are kept: a folder named by the sources that they come from.
+"""A folder of compiled kernels for every version of their sources.
 
-numba renews a cached kernel when its own file changes, but not when a file that it inlines does. Naming the folder by
-the content of every file with kernels makes a stale one impossible.
+numba recompiles a cached kernel when its own file changes, but not when a file that it inlines does. The folder is
+therefore named by the content of every source file that uses numba.
 """
 
 import hashlib
@@ -12,10 +12,10 @@ from pathlib import Path
 VARIABLE = "NUMBA_CACHE_DIR"
 
 
-def keep_apart(package: Path) -> None:
-    """Set numba's cache folder for this version of the kernels, unless the user has chosen one.
+def choose_folder(package: Path = Path(__file__).parents[1]) -> None:
+    """Set numba's cache folder for this version of the kernels in `package`, unless the user has set one.
 
-    It lies in the user's cache folder; where that cannot be written, in the temporary folder.
+    It lies in the user's cache folder or, if that is not writable, in the temporary folder.
     """
     if os.environ.get(VARIABLE):
         return

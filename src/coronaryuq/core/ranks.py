@@ -1,50 +1,62 @@
-"""Model runs over MPI ranks: every rank computes its share, and all know the results."""
+"""Model runs over MPI ranks: every rank computes a share, and all ranks receive all results."""
 
 import os
 from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
+
+Result = TypeVar("Result")
 
 _LAUNCHERS = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK", "MPI_LOCALRANKID")
 
 
 class Ranks:
-    """One process (the default), or the ranks of an MPI communicator.
+    """The ranks of an MPI communicator; a single process by default.
 
-    Random numbers and decisions are made by every rank from the same seed; only the model's runs are shared out. As a
-    run does not depend on who shares its batch, results are the same bits for any number of ranks.
+    Every rank draws the same random numbers and takes the same decisions; only model runs are distributed. As a run
+    does not depend on the batch that it is part of, results are the same to the bit for any number of ranks.
+
+    Parameters
+    ----------
+    communicator
+        `mpi4py.MPI.Comm`, or None for a single process.
     """
 
-    def __init__(self, communicator=None):
+    def __init__(self, communicator: Any = None):
         self.communicator = communicator
-        self.rank = 0 if communicator is None else communicator.Get_rank()
-        self.size = 1 if communicator is None else communicator.Get_size()
+        self.rank: int = 0 if communicator is None else communicator.Get_rank()
+        self.size: int = 1 if communicator is None else communicator.Get_size()
 
     @classmethod
-    def of_this_job(cls) -> "Ranks":
-        """The ranks of `mpiexec` or `srun` when one of them started this process; MPI is not touched otherwise."""
+    def from_launcher(cls) -> "Ranks":
+        """Return the ranks of the `mpiexec` or `srun` that started this process; without one, MPI is not loaded."""
         if not any(name in os.environ for name in _LAUNCHERS):
             return cls()
         from mpi4py import MPI
 
         return cls(MPI.COMM_WORLD if MPI.COMM_WORLD.Get_size() > 1 else None)
 
-    def share(self, function: Callable[[np.ndarray], np.ndarray], rows: np.ndarray) -> np.ndarray:
-        """`function(rows)`, rows split into contiguous blocks, one per rank; an error on one rank is raised on all."""
+    def map_rows(self, function: Callable[[np.ndarray], np.ndarray], rows: np.ndarray) -> np.ndarray:
+        """Return `function(rows)`, computed in contiguous blocks of rows, one per rank.
+
+        An error on one rank is raised on all.
+        """
         if self.communicator is None:
             return function(rows)
         bounds = np.arange(self.size + 1) * len(rows) // self.size
-        mine = rows[bounds[self.rank] : bounds[self.rank + 1]]
-        parts = self.gather(lambda: function(mine) if len(mine) else None)
+        block = rows[bounds[self.rank] : bounds[self.rank + 1]]
+        parts = self.gather(lambda: function(block) if len(block) else None)
         return np.concatenate([part for part in parts if part is not None])
 
-    def gather(self, make: Callable) -> list:
-        """`make()` of every rank, on all of them; an error on one rank is raised on all."""
+    def gather(self, make: Callable[[], Result]) -> list[Result]:
+        """Return `make()` of every rank, on all of them; an error on one rank is raised on all."""
         if self.communicator is None:
             return [make()]
+        part: Result | Exception
         try:
             part = make()
-        except Exception as error:  # every rank must hear of it, or the others wait for ever
+        except Exception as error:  # pass it on, or the other ranks wait forever
             part = error
         parts = self.communicator.allgather(part)
         for part in parts:
@@ -53,14 +65,14 @@ class Ranks:
         return parts
 
     def owns(self, chain: int, chains: int) -> bool:
-        """Whether this rank carries `chain` of `chains`, and so writes its file."""
+        """Return whether this rank writes the file of a chain, out of `chains`."""
         return chain * self.size // chains == self.rank
 
-    def from_first(self, make: Callable):
-        """`make()` on the first rank, its result on all; an error is raised on all."""
+    def run_on_first(self, make: Callable[[], Result]) -> Result:
+        """Return `make()` of the first rank, on all of them; its error is raised on all."""
         if self.communicator is None:
             return make()
-        result = None
+        result: Any = None
         if self.rank == 0:
             try:
                 result = make()
@@ -72,5 +84,6 @@ class Ranks:
         return result
 
     def barrier(self) -> None:
+        """Wait until every rank has arrived."""
         if self.communicator is not None:
             self.communicator.Barrier()

@@ -1,4 +1,4 @@
-"""What became of one sample: inputs, outputs, status, solver, cost; kept as JSON lines, one file per batch."""
+"""Outcome of one sample: inputs, outputs, status, solver, cost; stored as JSON lines, one file per batch."""
 
 import json
 from collections.abc import Iterable
@@ -6,18 +6,33 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import _plain, write_text
+from coronaryuq.core.io.atomic import json_default, write_text
 
 OK, FAILED = "ok", "failed"
 
 
 @dataclass
 class Record:
-    """One sample's end.
+    """Outcome of one sample.
 
-    sample: its name in the table of inputs. inputs: θ. outputs: quantity → value (empty when failed).
-    status: "ok" or "failed"; reason: one line when failed. solver: name and version. cost: cpu_s, wall_s, cycles...
-    diagnostics: anything a reviewer would ask for (CFL, mass balance, backflow events).
+    Attributes
+    ----------
+    sample
+        Name in the table of inputs.
+    inputs
+        θ: input → value.
+    outputs
+        Quantity → value; empty if the run failed.
+    status
+        "ok" or "failed".
+    reason
+        Why it failed, on one line.
+    solver
+        Name and version.
+    cost
+        `cpu_s`, `wall_s`, `cycles`, ...
+    diagnostics
+        What a reviewer would ask for: CFL number, mass balance, backflow events.
     """
 
     sample: str
@@ -31,6 +46,7 @@ class Record:
 
     @classmethod
     def failed(cls, sample: str, inputs: dict[str, float], reason: str, **rest) -> "Record":
+        """Return the record of a failed run, with the reason on one line."""
         return cls(sample=sample, inputs=inputs, status=FAILED, reason=" ".join(str(reason).split()), **rest)
 
     @property
@@ -39,13 +55,19 @@ class Record:
 
 
 def write(path: str | Path, records: Iterable[Record]) -> None:
-    """Write records as JSON lines, one per sample, in the order given."""
-    lines = (json.dumps(asdict(r), ensure_ascii=False, default=_plain) for r in records)
+    """Write records as JSON lines, one per sample, in the given order."""
+    lines = (json.dumps(asdict(record), ensure_ascii=False, default=json_default) for record in records)
     write_text(path, "".join(line + "\n" for line in lines))
 
 
 def read(path: str | Path) -> list[Record]:
-    """Read records; an empty, truncated or foreign file is an `InputError` that names the line."""
+    """Read records.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, empty, truncated or malformed; names the line.
+    """
     try:
         text = Path(path).read_text(encoding="utf-8")
     except FileNotFoundError:
@@ -64,18 +86,17 @@ def read(path: str | Path) -> list[Record]:
 
 
 def _checked(record: Record) -> Record:
-    """The record, if its fields are of their kind; else ValueError."""
     if record.status not in (OK, FAILED):
         raise ValueError(f"status {record.status!r} is neither {OK} nor {FAILED}")
     if not isinstance(record.sample, str) or not isinstance(record.reason, str):
-        raise ValueError("sample and reason are text")
+        raise ValueError("sample and reason must be text")
     for name in ("inputs", "outputs", "cost"):
-        held = getattr(record, name)
-        if not isinstance(held, dict):
-            raise ValueError(f"{name} is no mapping")
-        for key, value in held.items():
+        values = getattr(record, name)
+        if not isinstance(values, dict):
+            raise ValueError(f"{name} is not a mapping")
+        for key, value in values.items():
             if isinstance(value, bool) or not isinstance(value, int | float):
-                raise ValueError(f"{name}.{key} = {value!r} is no number")
+                raise ValueError(f"{name}.{key} = {value!r} is not a number")
     if not isinstance(record.solver, dict) or not isinstance(record.diagnostics, dict):
-        raise ValueError("solver and diagnostics are mappings")
+        raise ValueError("solver and diagnostics must be mappings")
     return record

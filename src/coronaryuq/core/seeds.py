@@ -1,4 +1,4 @@
-"""Random numbers named by what they are for, so that a result does not depend on who computes it, or in what order."""
+"""Random numbers named by their purpose, so that results do not depend on process count or order of computation."""
 
 import hashlib
 
@@ -6,15 +6,19 @@ import numpy as np
 
 
 def generator(seed: int, *name: str | int) -> np.random.Generator:
-    """Generator for one purpose: the campaign's seed and a name such as ("perfusion", "realisation", 17).
+    """Return a random generator for one purpose.
 
     The same seed and name give the same stream on any machine, process count or batch size; different names give
     independent streams (Philox keyed by SHA-256 of seed and name).
+
+    Parameters
+    ----------
+    seed
+        Seed of the campaign.
+    *name
+        Purpose, such as ("perfusion", "realisation", 17). The number 2 and the text "2" are different names.
     """
-    text = "\x1f".join([str(int(seed)), *(f"{type(part).__name__[0]}{part}" for part in map(_plain, name))])
+    parts = [part if isinstance(part, str) else int(part) for part in name]
+    text = "\x1f".join([str(int(seed)), *(f"{type(part).__name__[0]}{part}" for part in parts)])
     key = np.frombuffer(hashlib.sha256(text.encode()).digest()[:16], dtype=np.uint64)
     return np.random.Generator(np.random.Philox(key=key))
-
-
-def _plain(part: str | int) -> str | int:
-    return part if isinstance(part, str) else int(part)

@@ -1,11 +1,11 @@
-"""The only place where clinical units meet CGS.
+"""Conversions between clinical units and CGS; nothing else in the package converts.
 
-Inside the package everything is CGS: cm, g, s, dyn/cm2, poise. Each constant is what one clinical unit is in CGS:
-multiply to come in, divide to go out.
+Inside the package everything is CGS: cm, g, s, dyn/cm2, poise. Each constant is one clinical unit in CGS: multiply to
+read, divide to report.
 """
 
 MMHG = 1333.22
-"""dyn/cm2 per mmHg, the value that svZeroDSolver's own cases use."""
+"""dyn/cm2 per mmHg, the value in svZeroDSolver's own cases."""
 
 ML_PER_MIN = 1.0 / 60.0
 """mL/s per mL/min."""
@@ -36,7 +36,13 @@ RATIOS = {"1": 1.0, "%": 0.01}
 
 
 def perfusions(tissue_density: float = TISSUE_DENSITY) -> dict[str, float]:
-    """Factor from each unit of myocardial blood flow to mL/s per g, for tissue of `tissue_density` (g/mL)."""
+    """Return the factor from each unit of myocardial blood flow to mL/s/g.
+
+    Parameters
+    ----------
+    tissue_density
+        Density of myocardium, g/mL, for units per volume of tissue.
+    """
     return {
         "mL/s/g": 1.0,
         "mL/min/g": MBF_PER_MIN_PER_G,

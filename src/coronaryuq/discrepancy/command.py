@@ -5,9 +5,9 @@ import json
 from pathlib import Path
 from typing import get_args
 
-from coronaryuq.core import arguments
+from coronaryuq.core.command_line import non_negative_int, positive_int
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import check_folder
+from coronaryuq.core.io.atomic import check_folder
 from coronaryuq.discrepancy.data.conditions import drives_of
 from coronaryuq.discrepancy.data.recordings import prepare
 from coronaryuq.discrepancy.result import write
@@ -59,8 +59,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "model misfits (estimated, default)",
     )
     parser.add_argument("--out", metavar="DIR", required=True, help="output folder")
-    parser.add_argument("--seed", type=arguments.seed, default=1, help="seed of folds and intervals (default 1)")
-    parser.add_argument("--threads", type=arguments.count, default=1, help="threads of the 0D solver (default 1)")
+    parser.add_argument("--seed", type=non_negative_int, default=1, help="seed of folds and intervals (default 1)")
+    parser.add_argument("--threads", type=positive_int, default=1, help="threads of the 0D solver (default 1)")
     parser.add_argument(
         "--json", action="store_true", help="print the result as one JSON object instead of a paragraph"
     )

@@ -7,7 +7,8 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import read_json, write_json
+from coronaryuq.core.io.tables import read_csv, write_csv
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.data.conditions import Condition, read_conditions
 from coronaryuq.discrepancy.hidden import make_case
@@ -46,7 +47,7 @@ def hide_in_loop(rest: str | Path, settings: Settings, seed: int, folder: str | 
     place = places[int(random.integers(len(places)))]
     sizes = np.full(len(one.parameters), settings.hidden_size)
     truth = make_case.hide(network, {c.name: c for c in conditions}, plan, [(one, place)], sizes, 1.0, seed, folder)
-    files.write_json(
+    write_json(
         folder / "truth.json",
         {
             "effect": one.name,
@@ -109,14 +110,14 @@ def compare(
     settings = settings.model_copy(update={"threads": threads})
     conditions = read_conditions(case["conditions"])
     problem = read_problem(read_network(case["model"]), case["measurements"], conditions, case["conditions"], settings)
-    told = files.read_json(found["answer"], ("noise",))["noise"]
+    told = read_json(found["answer"], ("noise",))["noise"]
     noise = {quantity: Noise(**one) for quantity, one in told.items()}
-    hidden_there = files.read_json(truth, ("effect", "place", "size_z"))
+    hidden_there = read_json(truth, ("effect", "place", "size_z"))
     one = effect(hidden_there["effect"])
     sizes = np.full(len(one.parameters), hidden_there["size_z"])
     with threadpool_limits(1):
         known = known_gap(with_noise(problem, noise) if noise else problem, [(one, hidden_there["place"])], sizes, seed)
-    table = files.read_csv(found["gaps"])
+    table = read_csv(found["gaps"])
     row = pd.DataFrame([gap_row("with the true effect", known)], columns=table.columns)
-    files.write_csv(Path(out["table"]), pd.concat([table, row], ignore_index=True))
-    files.write_json(Path(out["reference"]), known.summary())
+    write_csv(Path(out["table"]), pd.concat([table, row], ignore_index=True))
+    write_json(Path(out["reference"]), known.summary())

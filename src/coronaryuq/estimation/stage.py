@@ -7,7 +7,8 @@ import numpy as np
 import pandas as pd
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import read_json, replacing, write_json
+from coronaryuq.core.io.tables import write_csv
 from coronaryuq.core.provenance import stamp
 from coronaryuq.estimation.campaign import analysis, convergence_and_budget, tables
 from coronaryuq.estimation.estimators.level_allocation import Costs, worth
@@ -30,11 +31,11 @@ def train(
     analysis.enough(runs, settings)
     if not settings.autoencoder:
         _write_npz(networks_npz, {"rows": np.array([], dtype=str)})
-        files.write_csv(resampled_csv, pd.DataFrame(columns=["sample", *runs.inputs]))
+        write_csv(resampled_csv, pd.DataFrame(columns=["sample", *runs.inputs]))
         return
     networks = analysis.train(runs, rows, settings, seed)
     _write_npz(networks_npz, networks.arrays())
-    files.write_csv(resampled_csv, analysis.wanted_0d(networks, runs, settings.curve_nodes))
+    write_csv(resampled_csv, analysis.wanted_0d(networks, runs, settings.curve_nodes))
 
 
 def estimate(
@@ -46,7 +47,7 @@ def estimate(
     networks = read_networks(networks_npz) if networks_npz else None
     outputs = read_resampled(zerod_tables) if networks else None
     results = analysis.analyse(runs, rows, settings, seed, networks, outputs)
-    files.write_json(
+    write_json(
         estimates_json,
         {
             "rows": results,
@@ -55,7 +56,7 @@ def estimate(
             "provenance": stamp(seed=seed),
         },
     )
-    files.write_csv(table_csv, tables.table(results))
+    write_csv(table_csv, tables.table(results))
 
 
 def convergence(
@@ -65,7 +66,7 @@ def convergence(
     runs, rows = _read(runs_folder, rows_csv, settings)
     named = settings.convergence_rows
     chosen = [row for row in rows if (row.name in named if named else "osi" in row.column_3d.lower())]
-    files.write_json(out_json, {"convergence": convergence_and_budget.convergence(runs, chosen, settings, seed)})
+    write_json(out_json, {"convergence": convergence_and_budget.convergence(runs, chosen, settings, seed)})
 
 
 def budget(
@@ -76,7 +77,7 @@ def budget(
     The cost of a 0D run in 3D runs comes from `failures_json` (its `cost`, CPU seconds) where given and known, else
     from settings.
     """
-    results = files.read_json(estimates_json)["rows"]
+    results = read_json(estimates_json)["rows"]
     ratio = settings.cost_ratio
     if failures_json:
         ratio = measured_cost_ratio(failures_json) or ratio
@@ -84,7 +85,7 @@ def budget(
         if name not in {result["row"] for result in results}:
             raise InputError("estimation.wanted", name, settings.wanted[name], "no such row among the estimates")
     plan = [asdict(want) for want in convergence_and_budget.plan(results, settings.wanted, ratio)]
-    files.write_json(out_json, {"budget": convergence_and_budget.budget(results, ratio), "plan": plan})
+    write_json(out_json, {"budget": convergence_and_budget.budget(results, ratio), "plan": plan})
 
 
 def _coarse_level(failures_json: Path, results: list[dict], settings: Settings) -> dict | None:
@@ -105,5 +106,5 @@ def _read(runs_folder, rows_csv, settings):
 
 
 def _write_npz(path: str | Path, arrays: dict) -> None:
-    with files.replacing(path) as beside, open(beside, "wb") as out:
+    with replacing(path) as beside, open(beside, "wb") as out:
         np.savez(out, **arrays)

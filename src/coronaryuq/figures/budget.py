@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from coronaryuq.core.io.files import read_json
+from coronaryuq.core.io.atomic import read_json
 from coronaryuq.figures.style import ESTIMATORS, MUTED, saved
 
 SHOWN = "max OSI"

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from coronaryuq.core.io.files import read_csv
+from coronaryuq.core.io.tables import read_csv
 from coronaryuq.figures.style import MEASURED, MUTED, SIMULATED, saved
 
 NARROW, WIDEST = 5.0, 60.0

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.ticker import FixedLocator, NullLocator
 
-from coronaryuq.core.io.files import read_csv
+from coronaryuq.core.io.tables import read_csv
 from coronaryuq.figures.style import ESTIMATORS, MUTED, saved
 
 RATIO, COVERAGE = (0.85, 1.15), (93, 97)

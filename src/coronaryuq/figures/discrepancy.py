@@ -10,7 +10,7 @@ from matplotlib.colors import Normalize
 from matplotlib.patheffects import withStroke
 
 from coronaryuq.core import units
-from coronaryuq.core.io.files import read_csv
+from coronaryuq.core.io.tables import read_csv
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.table_model.tables import artery
 from coronaryuq.figures.style import MUTED, saved

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from coronaryuq.core.io.files import read_csv
+from coronaryuq.core.io.tables import read_csv
 from coronaryuq.figures.style import ESTIMATORS, saved
 
 COLOURS = [ESTIMATORS[name] for name in ("MFMC", "MFMC-AE", "multilevel", "BLUE", "best", "MC")]

@@ -3,7 +3,8 @@
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from coronaryuq.core.io.files import read_csv, read_json
+from coronaryuq.core.io.atomic import read_json
+from coronaryuq.core.io.tables import read_csv
 from coronaryuq.figures.style import ESTIMATORS, MUTED, SIMULATED, colour, saved
 
 UNITS = {"min TAWSS": " (dyn/cm²)"}

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from coronaryuq.core.io.files import read_json
+from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.units import ML_PER_MIN
 from coronaryuq.figures.style import MEASURED, SIMULATED, saved
 

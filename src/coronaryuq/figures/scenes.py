@@ -13,7 +13,8 @@ from matplotlib.patheffects import withStroke
 
 from coronaryuq.case.anatomy.tree import Tree, read_tree
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_csv, read_json
+from coronaryuq.core.io.atomic import read_json
+from coronaryuq.core.io.tables import read_csv
 from coronaryuq.core.units import MBF_PER_MIN_PER_G, MMHG
 from coronaryuq.figures.render import Camera, Rendering, rendered
 from coronaryuq.figures.style import BRANCHES, saved

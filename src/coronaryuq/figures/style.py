@@ -10,7 +10,7 @@ matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
 
-from coronaryuq.core.io.files import replacing
+from coronaryuq.core.io.atomic import replacing
 
 # Okabe & Ito (2008): told apart with any colour vision, and in print.
 ESTIMATORS = {

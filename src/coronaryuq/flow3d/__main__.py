@@ -4,8 +4,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from coronaryuq.core import by_hand
-from coronaryuq.core.io.files import read_csv
+from coronaryuq.core.command_line import run_with_settings
+from coronaryuq.core.io.tables import read_csv
 from coronaryuq.core.ranks import Ranks
 from coronaryuq.flow3d.adapter import Batch, Outputs, Processes
 from coronaryuq.flow3d.settings import Settings
@@ -34,9 +34,9 @@ def main() -> int:
             arguments.samples, arguments.first, count,
         )  # fmt: skip
         outputs = Outputs(records, records.parent / "checkpoints", records.parent / "fields")
-        run_batch(batch, "ensemble", settings, outputs, Processes(Ranks.of_this_job()))
+        run_batch(batch, "ensemble", settings, outputs, Processes(Ranks.from_launcher()))
 
-    return by_hand.run(work, Settings, arguments.settings)
+    return run_with_settings(work, Settings, arguments.settings)
 
 
 if __name__ == "__main__":

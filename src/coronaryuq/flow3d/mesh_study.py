@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from coronaryuq.core import provenance, records
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import read_json, write_json
 
 ORDER = 2.0
 """Of the discretisation in the element size: linear elements, second-order steps. No higher one is believed."""
@@ -47,7 +47,7 @@ def mesh_study(
             for quantity, every in found.items()
         },
     }
-    files.write_json(out_json, content)
+    write_json(out_json, content)
     return content
 
 
@@ -61,7 +61,7 @@ def compare(
     """
     read = {}
     for name, (mesh_json, batches) in meshes.items():
-        read[name] = (files.read_json(mesh_json)["nodes"], _finished(*batches))
+        read[name] = (read_json(mesh_json)["nodes"], _finished(*batches))
     order = sorted(read, key=lambda name: read[name][0])
     nodes = [read[name][0] for name in order]
     common = sorted(set.intersection(*(set(done) for _, done in read.values())))

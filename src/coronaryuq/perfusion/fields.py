@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
+
+from coronaryuq.core.jit import njit
 
 NODES_PER_LENGTH = 2
 KERNEL_REACH = 3.0

@@ -1,7 +1,8 @@
 """Standard normal numbers by index, so that leaving some out changes none of the others."""
 
 import numpy as np
-from numba import njit
+
+from coronaryuq.core.jit import njit
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX1 = np.uint64(0xBF58476D1CE4E5B9)

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from coronaryuq.core.jit import njit
 from coronaryuq.core.seeds import generator
 from coronaryuq.perfusion.fields import FieldGrid, interpolate
 from coronaryuq.perfusion.normals import quantile, surely_above, uniform_at

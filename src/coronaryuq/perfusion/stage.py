@@ -7,7 +7,8 @@ import numpy as np
 
 from coronaryuq.case.case_json import read_case
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_npz, replacing, write_json
+from coronaryuq.core.io.atomic import replacing, write_json
+from coronaryuq.core.io.tables import read_npz
 from coronaryuq.core.provenance import stamp
 from coronaryuq.perfusion.covariance import describe, scaled_to
 from coronaryuq.perfusion.realisations import Study

@@ -3,7 +3,7 @@
 import argparse
 import sys
 
-from coronaryuq.core import by_hand
+from coronaryuq.core.command_line import run_with_settings
 from coronaryuq.posterior.settings import Settings
 from coronaryuq.posterior.stage import sample
 
@@ -22,7 +22,7 @@ def main() -> int:
     def work(settings: Settings) -> None:
         sample(given.case, given.network, given.targets, settings, given.seed, given.chains, given.threads)
 
-    return by_hand.run(work, Settings, given.settings)
+    return run_with_settings(work, Settings, given.settings)
 
 
 if __name__ == "__main__":

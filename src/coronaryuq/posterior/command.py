@@ -25,7 +25,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(chosen: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from coronaryuq.core.io.files import check_folder, write_csv
+    from coronaryuq.core.io.atomic import check_folder
+    from coronaryuq.core.io.tables import write_csv
     from coronaryuq.posterior.model.flow_table import fit_table
     from coronaryuq.zerod.network.read import note_negative_resistances, read_network, write_network
 

@@ -10,7 +10,8 @@ import numpy as np
 import coronaryuq
 from coronaryuq.case.case_json import read_case
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_csv, read_json, read_npz, replacing, write_csv, write_json
+from coronaryuq.core.io.atomic import read_json, replacing, write_json
+from coronaryuq.core.io.tables import read_csv, read_npz, write_csv
 from coronaryuq.core.provenance import checksum, digest, stamp
 from coronaryuq.core.ranks import Ranks
 from coronaryuq.core.seeds import generator
@@ -42,7 +43,7 @@ def sample(
     inputs, settings and seed after an interruption, it continues and ends with the same bits; the number of ranks and
     threads does not matter either.
     """
-    ranks = Ranks.of_this_job()
+    ranks = Ranks.from_launcher()
     targets = _targets(targets_json, case_json)
     model = BedFlows(
         hyperaemia_json, targets["outlets"],
@@ -65,7 +66,7 @@ def run_chains(
     ranks = Ranks() if ranks is None else ranks
     folder = Path(out_npz).with_suffix("")
     folder.mkdir(parents=True, exist_ok=True)
-    fit = ranks.from_first(lambda: fit_fractions(model.flows, weights, mean))
+    fit = ranks.run_on_first(lambda: fit_fractions(model.flows, weights, mean))
     factor = float(fit.flows_at_r_hat.sum() / mean.sum()) if settings.scale_targets else 1.0
     likelihood = Likelihood(mean * factor, covariance * factor**2, source)
     space = _SPACES[settings.constraint](weights, settings.prior)

@@ -8,7 +8,7 @@ import yaml
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from coronaryuq.core import provenance, units
-from coronaryuq.core.io.files import read_json, write_text
+from coronaryuq.core.io.atomic import read_json, write_text
 from coronaryuq.discrepancy.table_model.tables import artery
 
 CAPTIONS = {

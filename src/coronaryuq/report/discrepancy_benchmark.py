@@ -4,7 +4,8 @@ from pathlib import Path
 
 import yaml
 
-from coronaryuq.core.io.files import read_csv, write_text
+from coronaryuq.core.io.atomic import write_text
+from coronaryuq.core.io.tables import read_csv
 from coronaryuq.figures.discrepancy_benchmark import words
 from coronaryuq.report.discrepancy import embedded, environment
 

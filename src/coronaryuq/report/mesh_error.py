@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from coronaryuq.core import provenance
-from coronaryuq.core.io.files import read_json
+from coronaryuq.core.io.atomic import read_json
 
 EXTREMES = ("tawss_min_", "osi_max_")
 COMPARE = "compare them between draws, not with other meshes."

@@ -8,7 +8,8 @@ import numpy as np
 import yaml
 
 from coronaryuq.core import provenance
-from coronaryuq.core.io.files import read_csv, read_json, write_text
+from coronaryuq.core.io.atomic import read_json, write_text
+from coronaryuq.core.io.tables import read_csv
 from coronaryuq.report import coarse_level, discrepancy, wanted
 from coronaryuq.report.costs import costs
 from coronaryuq.report.discrepancy import embedded

@@ -1,6 +1,6 @@
 """Whether wanted intervals were reached, why a growing campaign stopped, and what narrower ones would cost."""
 
-from coronaryuq.core.io.files import read_json
+from coronaryuq.core.io.atomic import read_json
 from coronaryuq.report.numbers import number
 
 ENDED = {

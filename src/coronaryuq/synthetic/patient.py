@@ -6,7 +6,9 @@ from pathlib import Path
 import pandas as pd
 
 from coronaryuq.case.anatomy.tree import write_tree
-from coronaryuq.core.io.files import write_csv, write_json, write_text, write_vtk
+from coronaryuq.core.io.atomic import write_json, write_text
+from coronaryuq.core.io.tables import write_csv
+from coronaryuq.core.io.vtk import write_vtk
 from coronaryuq.core.units import MMHG
 from coronaryuq.synthetic.truth import Patient, State, bed_name
 from coronaryuq.zerod.network.beds import distal_resistances

@@ -5,7 +5,8 @@ import sys
 from pathlib import Path
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import check_file, write_csv
+from coronaryuq.core.io.atomic import check_file
+from coronaryuq.core.io.tables import write_csv
 from coronaryuq.zerod.network.read import note_negative_resistances, read_network
 from coronaryuq.zerod.svzerodsolver.tables import simulate
 

@@ -8,7 +8,7 @@ import pandas as pd
 from coronaryuq.case.anatomy.tree import Stenosis, read_tree
 from coronaryuq.case.case_json import read_case
 from coronaryuq.case.network.build import segments
-from coronaryuq.core.io.files import read_csv, write_csv
+from coronaryuq.core.io.tables import read_csv, write_csv
 from coronaryuq.zerod.network.beds import beds, theta_changes
 from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.solver.engine import Engine

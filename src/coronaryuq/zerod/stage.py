@@ -8,7 +8,7 @@ import pandas as pd
 
 from coronaryuq.case.case_json import read_case
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import replacing
 from coronaryuq.core.records import FAILED, OK
 from coronaryuq.zerod.network.beds import read_theta, theta_changes
 from coronaryuq.zerod.network.read import read_network
@@ -77,7 +77,7 @@ def run_chunk(
             for name, at in ratios.items()
         }
         frames.append(pd.DataFrame(frame))
-    with files.replacing(out_parquet) as beside:
+    with replacing(out_parquet) as beside:
         pd.concat(frames, ignore_index=True).to_parquet(beside, index=False)
 
 

@@ -144,7 +144,7 @@ def test_sizes_by_condition_are_described_as_the_effect_describes_them():
     [
         ("flow_delay", -1.0, "read early by 0.03 (0.025 to 0.035) s"),
         ("flow_delay", 1.0, "delay in seconds 0.03 (0.025 to 0.035)"),
-        ("flow_gain", -1.0, "gain less 1 -0.15 (-0.17 to -0.13)"),
+        ("flow_gain", -1.0, "gain minus 1 -0.15 (-0.17 to -0.13)"),
     ],
 )
 def test_a_negative_delay_is_described_as_read_early(name, z, text):

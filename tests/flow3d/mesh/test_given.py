@@ -9,7 +9,7 @@ import pyvista as pv
 from coronaryuq.case.anatomy.surface import surface_of
 from coronaryuq.case.anatomy.tree import write_tree
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.flow3d.mesh.domain import read_domain
 from coronaryuq.flow3d.mesh.generation import folder
 from coronaryuq.flow3d.mesh.imported_lumen import adopt_folder, mesh_closed_surface
@@ -64,9 +64,9 @@ def case_in_mm(forked, tmp_path_factory):
     given, _, tree, stenoses, network, _ = forked
     here = tmp_path_factory.mktemp("case")
     entries = [{"name": s.name, "vessel": s.vessel, "start": s.start, "end": s.end} for s in stenoses]
-    files.write_json(here / "case.json", {"stenoses": entries, "anatomy": {"kind": "surface", "unit": "mm"}})
+    write_json(here / "case.json", {"stenoses": entries, "anatomy": {"kind": "surface", "unit": "mm"}})
     write_tree(here / "tree.vtp", tree)
-    files.write_json(here / "network.json", network)
+    write_json(here / "network.json", network)
     mesh = folder.read(given)
     folder.write(here / "given", replace(mesh, points=10.0 * mesh.points))
     pv.PolyData.from_regular_faces(10.0 * mesh.points, mesh.triangles).save(here / "lumen.stl")
@@ -95,7 +95,7 @@ def test_the_rule_takes_a_mesh_folder_in_the_unit_of_the_case(forked, case_in_mm
 def test_the_rule_says_what_it_lacks(case_in_mm, tmp_path):
     with pytest.raises(InputError, match="anatomy: domain `lumen` needs a surface"):
         rule(case_in_mm, tmp_path / "out")
-    case = files.read_json(case_in_mm / "case.json") | {"schematic": True}
-    files.write_json(tmp_path / "case.json", case)
+    case = read_json(case_in_mm / "case.json") | {"schematic": True}
+    write_json(tmp_path / "case.json", case)
     with pytest.raises(InputError, match="a schematic 0D network"):
         make_mesh(tmp_path / "case.json", case_in_mm / "tree.vtp", case_in_mm / "network.json", Settings(), tmp_path)

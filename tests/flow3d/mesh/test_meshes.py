@@ -5,7 +5,7 @@ import pytest
 
 from coronaryuq.case.anatomy.tree import write_tree
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_json, write_json
+from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.flow3d.mesh.coupling.cap_connections import connect_caps, vessels_along
 from coronaryuq.flow3d.mesh.coupling.network_without_mesh import remaining_network
 from coronaryuq.flow3d.mesh.description import Face, MeshDescription, Remainder, read_description

@@ -1,4 +1,4 @@
-"""Elements added where a vessel ends in a junction that has values of its own."""
+"""Elements added where a vessel ends in a junction with values of its own."""
 
 import pytest
 
@@ -50,14 +50,14 @@ def means(network, *names):
     return [float(found.values[f"mean_{name}"][0]) for name in names]
 
 
-def test_opening_such_an_end_changes_nothing(network):
+def test_opening_a_junction_with_values_changes_no_flow(network):
     opened, junction, renamed = open_end(network, "parent", "leak")
     assert junction == "J_parent_leak" and renamed == {"parent:J0": "parent:J_parent_leak"}
     before = means(network, "flow:one:OUT1", "pressure:parent:J0")
     assert means(opened, "flow:one:OUT1", f"pressure:{renamed['parent:J0']}") == pytest.approx(before)
 
 
-def test_a_leak_at_such_an_end_takes_its_share_ahead_of_the_junction(network):
+def test_a_leak_at_a_junction_with_values_acts_ahead_of_it(network):
     anatomy = Anatomy(network, pressure=3000.0, flow={"parent": INFLOW}, period=1.0)
     grafted = LEAK.insert(network, "parent", anatomy)
     (resistance,) = LEAK.changes(network, "parent", {"share": 0.2}, anatomy, None).values()

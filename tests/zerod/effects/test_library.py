@@ -1,14 +1,13 @@
-"""Every effect: none leaves the flow alone, sizes do what the formula says, a changed network runs as it should."""
+"""Tests of effects: sizes do what the formulas say, and a vanishing effect changes nothing."""
 
 import copy
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from coronaryuq.bench.discrepancy.open_loop_tree import left_coronary
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import Series, Situation
+from coronaryuq.zerod.effects.base import ConditionState, Series
 from coronaryuq.zerod.effects.library import SEARCHED, effect
 from coronaryuq.zerod.solver.engine import Engine
 
@@ -30,10 +29,10 @@ def tree():
     return network, anatomy_of(network)
 
 
-def situation(anatomy, vasodilated=0.5):
+def situation(anatomy, resistance_scale=0.5):
     beds = dict.fromkeys(anatomy.beds, 1.1e5)
     felt = {bed: np.array([0.9e5]) for bed in beds}
-    return Situation(vasodilated, anatomy.period, felt, beds, {})
+    return ConditionState(resistance_scale, anatomy.period, felt, beds, {})
 
 
 def flows(network, anatomy, one=None, place=None, sizes=None):
@@ -57,7 +56,7 @@ def flows(network, anatomy, one=None, place=None, sizes=None):
 
 
 @pytest.mark.parametrize("one", NETWORK_SIDE, ids=lambda one: one.name)
-def test_vanishing_effect_leaves_every_flow_alone(one, tree):
+def test_a_vanishing_effect_leaves_all_flows_unchanged(one, tree):
     network, anatomy = tree
     sizes = {p.name: np.array([1e-7]) for p in one.parameters}
     plain = flows(network, anatomy)
@@ -66,28 +65,29 @@ def test_vanishing_effect_leaves_every_flow_alone(one, tree):
 
 
 @pytest.mark.parametrize("one", NETWORK_SIDE, ids=lambda one: one.name)
-def test_insertion_keeps_the_network_it_was_given(one, tree):
+def test_insertion_does_not_change_the_given_network(one, tree):
     network, anatomy = tree
     before = copy.deepcopy(network)
     one.insert(network, one.places(anatomy)[0], anatomy)
     assert network == before
 
 
-def test_every_effect_says_what_it_is():
+def test_every_effect_is_documented():
     names = [one.name for one in SEARCHED]
     assert len(set(names)) == len(names)
     for one in SEARCHED:
         assert one.formula and one.source and one.signature and one.native and one.parameters
+        assert one.formula in type(one).__doc__ and one.source in type(one).__doc__
 
 
 @pytest.mark.parametrize("one", SEARCHED, ids=lambda one: one.name)
-def test_standard_numbers_and_sizes_are_inverse(one):
+def test_conversions_between_sizes_and_standard_numbers_are_inverse(one):
     z = np.linspace(-2, 2, 5)
     for parameter in one.parameters:
         assert parameter.to_standard(parameter.from_standard(z)) == pytest.approx(z)
 
 
-def test_stenosis_takes_its_share_of_pressure_at_the_models_flow(tree):
+def test_a_stenosis_takes_its_share_of_the_pressure_at_the_reference_flow(tree):
     """At the reference flow Q the added drop S Q^2 is the stated share of the mean pressure."""
     network, anatomy = tree
     found = effect("quadratic_stenosis").changes(network, "lcx", {"loss": np.array([0.2])}, anatomy, situation(anatomy))
@@ -95,8 +95,8 @@ def test_stenosis_takes_its_share_of_pressure_at_the_models_flow(tree):
     assert drop == pytest.approx(0.2 * anatomy.pressure)
 
 
-def test_a_stenosis_with_friction_loses_both_of_its_shares(tree):
-    """At the reference flow S Q^2 is the first share of the mean pressure, R Q the second size times that."""
+def test_a_stenosis_with_friction_loses_pressure_to_both(tree):
+    """At the reference flow, S Q^2 is the first size times the mean pressure and R Q the second size times that."""
     network, anatomy = tree
     one, flow = effect("stenosis_with_friction"), anatomy.flow["lcx"]
     network = one.insert(network, "lcx", anatomy)
@@ -109,8 +109,8 @@ def test_a_stenosis_with_friction_loses_both_of_its_shares(tree):
 
 
 @pytest.mark.parametrize(("name", "place"), [("quadratic_stenosis", "lcx"), ("bifurcation_loss", "lad_proximal")])
-def test_a_loss_put_ahead_of_a_vessel_is_the_vessels_own(name, place, tree):
-    """Vessels that store blood get the loss in a vessel ahead: the same network, so the same flow into every bed."""
+def test_a_loss_ahead_of_a_vessel_equals_a_loss_of_the_vessel(name, place, tree):
+    """Vessels that store blood get the loss in a vessel ahead, an equivalent network with the same flows."""
     network, anatomy = tree
     one, sizes = effect(name), {"loss": np.array([0.1])}
     assert all(anatomy.vessels[vessel]["zero_d_element_values"]["C"] > 0.0 for vessel in one.vessels(place, anatomy))
@@ -125,8 +125,8 @@ def test_a_loss_put_ahead_of_a_vessel_is_the_vessels_own(name, place, tree):
     assert flows(own, anatomy) != pytest.approx(flows(network, anatomy), rel=1e-2)
 
 
-def test_narrowing_follows_poiseuille(tree):
-    """R ~ r^-4, L ~ r^-2, C ~ r^3 of one and the same radius."""
+def test_a_narrowing_follows_poiseuille(tree):
+    """R ~ r^-4, L ~ r^-2 and C ~ r^3 for one radius."""
     network, anatomy = tree
     old = anatomy.vessels["lad"]["zero_d_element_values"]
     new = effect("diffuse_narrowing").changes(network, "lad", {"loss": np.array([0.1])}, anatomy, situation(anatomy))
@@ -148,7 +148,7 @@ def test_collateral_feeds_the_bed_with_the_lower_pressure():
     assert fed[lcx_bed] < plain[lcx_bed]
 
 
-def test_leak_takes_its_share():
+def test_a_leak_takes_its_share_of_the_flow():
     network = left_coronary()
     anatomy = anatomy_of(network)
     one, sizes = effect("side_branch_leak"), {"share": np.array([0.5])}
@@ -162,12 +162,12 @@ def test_leak_takes_its_share():
     assert leak == pytest.approx(0.5 * anatomy.flow["lcx"], rel=0.2)
 
 
-def test_incomplete_hyperaemia_is_silent_at_rest(tree):
+def test_incomplete_hyperaemia_does_not_act_at_rest(tree):
     network, anatomy = tree
     one = effect("incomplete_hyperaemia")
     assert one.changes(network, "all beds", {"share": np.array([0.3])}, anatomy, situation(anatomy, 1.0)) == {}
     found = one.changes(network, "all beds", {"share": np.array([1.0])}, anatomy, situation(anatomy, 0.25))
-    # All dilatation kept out: the network under the condition (0.25) is back at rest (1).
+    # With the whole dilatation missing, the network under the condition (0.25) is back at rest (1).
     own = anatomy.blocks["BC_lad"]["bc_values"]["Ra1"]
     assert found["BC_lad.Ra1"] == pytest.approx(4.0 * own)
 
@@ -178,7 +178,7 @@ def perfusion_series():
 
 
 def test_underestimated_perfusion_follows_renkin_and_crone():
-    """MBF over F is (1 - exp(-PS/F)) over its value at the least flow, so rest is right and stress too low."""
+    """MBF over F is (1 - exp(-PS/F)) over its value at the lowest flow, so rest is correct and stress too low."""
     series = perfusion_series()
     true = [np.array([[value]]) for value in (1.0, 1.1, 1.2, 3.0, 3.3, 4.0)]
     seen = effect("mbf_underestimation").observe("perfusion map", {"saturation": np.array([0.5])}, series, true)
@@ -193,19 +193,19 @@ def test_rotation_by_a_whole_territory_is_a_permutation():
     assert np.ravel(seen) == pytest.approx([2.0, 3.0, 1.0, 5.0, 6.0, 4.0])
 
 
-def test_only_the_waveform_of_its_own_sensor_is_late():
+def test_a_sensor_delay_shifts_only_its_own_waveform():
     time = np.linspace(0.0, 1.0, 8, endpoint=False)
     sizes = {"delay": np.array([0.1])}
     series = [Series("rest", q, p, "waveform", time, 1.0) for q in ("pressure", "flow") for p in ("a:b", "b:c")]
     series.append(Series("rest", "flow", "a:b", "mean", None, 1.0))
-    late = [float(effect("pressure_delay").late("a:b", sizes, one)[0]) for one in series]
+    late = [float(effect("pressure_delay").delay("a:b", sizes, one)[0]) for one in series]
     assert late == [0.1, 0.0, 0.0, 0.0, 0.0]
-    late = [float(effect("flow_delay").late("a:b", sizes, one)[0]) for one in series]
+    late = [float(effect("flow_delay").delay("a:b", sizes, one)[0]) for one in series]
     assert late == [0.0, 0.0, 0.1, 0.0, 0.0]
     assert effect("flow_delay").places(None, series) == ["a:b", "b:c"]
 
 
-def test_a_trigger_is_of_all_waveforms_that_share_it():
+def test_a_trigger_delay_shifts_all_waveforms_of_its_place():
     time, trigger = np.linspace(0.0, 1.0, 8, endpoint=False), effect("trigger_delay")
     flows = [Series("rest", "flow", place, "waveform", time, 1.0) for place in ("a:b", "b:c")]
     pressure = Series("rest", "pressure", "a:b", "waveform", time, 1.0)
@@ -214,16 +214,16 @@ def test_a_trigger_is_of_all_waveforms_that_share_it():
     sizes = {"delay": np.array([0.1])}
     assert trigger.places(None, series) == ["every waveform", "every flow"]
     late = {
-        place: [float(trigger.late(place, sizes, one)[0]) for one in series] for place in trigger.places(None, series)
+        place: [float(trigger.delay(place, sizes, one)[0]) for one in series] for place in trigger.places(None, series)
     }
     assert late == {"every waveform": [0.1, 0.1, 0.1, 0.0], "every flow": [0.1, 0.1, 0.0, 0.0]}
-    # What is one sensor's own delay, or what another place's name says too, is no place of it.
+    # Neither the delay of a single sensor nor a second name for the same sensors is a place.
     assert trigger.places(None, [flows[0], mean]) == []
     assert trigger.places(None, flows) == ["every flow"]
 
 
-def test_an_offset_is_of_all_pressures_that_share_it(tree):
-    """The same number of mmHg wherever it is read; the root's own pressure stays, where only the wire is off."""
+def test_a_shared_offset_acts_on_all_pressures_of_its_place(tree):
+    """It adds the same pressure everywhere; the root pressure stays if only the wire has the error."""
     network, anatomy = tree
     one, root, size = effect("shared_offset"), "AORTA:left_main", {"offset": np.array([0.1])}
     but_root = f"every pressure but {root}"
@@ -236,18 +236,18 @@ def test_an_offset_is_of_all_pressures_that_share_it(tree):
     read = {p: np.ravel(one.observe(p, size, series, predicted)) for p in one.places(anatomy, series)}
     assert read[but_root] == pytest.approx([100.0, 98.0, 78.0, 3.0])
     assert read["every pressure"] == pytest.approx([100.0 + 26.0 / 3.0, 90.0 + 26.0 / 3.0, 70.0 + 26.0 / 3.0, 3.0])
-    # What is one sensor's own offset, or what another place's name says too, is no place of it.
+    # Neither the offset of a single sensor nor a second name for the same sensors is a place.
     assert one.places(anatomy, [at_root, far]) == ["every pressure"]
     assert one.places(anatomy, [far, farther]) == ["every pressure"]
     assert one.places(anatomy, [far, flow]) == []
-    # A ratio of two pressures that are both off hardly changes, and tells the two places apart.
+    # A ratio of two pressures with the same offset hardly changes, which distinguishes the two places.
     assert one.places(anatomy, [far, farther, ratio]) == ["every pressure", but_root]
     both = [np.ravel(one.observe(p, size, [far, ratio], [np.array([[80.0]]), np.array([[0.8]])])) for p in read]
     assert both[0] == pytest.approx([88.0, 88.0 / 108.0], abs=0.01) and both[1] == pytest.approx([88.0, 0.88])
 
 
-def test_a_whole_exchange_puts_each_bed_at_the_others_vessel(tree):
-    """Flow into every bed is that of the network whose two beds have each other's values."""
+def test_a_complete_exchange_swaps_the_values_of_two_beds(tree):
+    """Flow into every bed is that of the network with the values of the two beds swapped."""
     network, anatomy = tree
     found = flows(network, anatomy, effect("exchanged_outlets"), "BC_lad~BC_lcx", {"share": np.array([1.0])})
     swapped = copy.deepcopy(network)
@@ -257,8 +257,8 @@ def test_a_whole_exchange_puts_each_bed_at_the_others_vessel(tree):
     assert abs(found / flows(network, anatomy) - 1.0).max() > 0.1
 
 
-def test_a_gain_of_the_drive_is_that_of_what_the_network_is_driven_by(tree):
-    """Flow into every bed is that of the network with the scaled waveform, and it acts where a drive is, only."""
+def test_a_gain_of_the_drive_scales_the_driving_waveform(tree):
+    """Flow into every bed is that of the network with the scaled waveform; the inlet is the only place."""
     network, anatomy = tree
     one = effect("drive_gain")
     assert one.places(anatomy) == ["AORTA"]
@@ -270,11 +270,15 @@ def test_a_gain_of_the_drive_is_that_of_what_the_network_is_driven_by(tree):
     assert (found < 0.95 * flows(network, anatomy)).all()
 
 
-def test_compression_is_said_as_the_loop_has_it_and_its_shape_where_it_is_assumed(tree):
+def test_intramyocardial_pressure_is_described_as_a_factor_in_a_closed_loop(tree):
     network, anatomy = tree
     one = effect("intramyocardial_pressure")
-    assert one.said(one.parameters[0], 0.4, anatomy) == (one.parameters[0].meaning, 0.4)
-    assert one.assumed(anatomy, [{"LV": None}, {"LV": None}]) == ""
-    assert "the model's own compression stands" in one.assumed(anatomy, [{"LV": None}, {}])
-    loop = SimpleNamespace(closed_loop=True)
-    assert one.said(one.parameters[0], 0.4, loop)[1] == pytest.approx(np.exp(0.4)) and one.assumed(loop, [{}]) == ""
+    assert one.describe(one.parameters[0], 0.4, anatomy) == (one.parameters[0].meaning, 0.4)
+    assert one.assumption(anatomy, [{"LV": None}, {"LV": None}]) == ""
+    assert "its shape is assumed to be the model's intramyocardial pressure" in one.assumption(
+        anatomy, [{"LV": None}, {}]
+    )
+    loop = Anatomy({"vessels": [], "closed_loop_blocks": [{}]})
+    assert (
+        one.describe(one.parameters[0], 0.4, loop)[1] == pytest.approx(np.exp(0.4)) and one.assumption(loop, [{}]) == ""
+    )

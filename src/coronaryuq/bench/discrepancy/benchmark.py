@@ -25,7 +25,7 @@ from coronaryuq.bench.discrepancy.score import score, scored
 from coronaryuq.bench.discrepancy.tables import OPEN_LOOP
 from coronaryuq.core import provenance
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import read_json, write_text
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.hidden import make_case
@@ -199,7 +199,7 @@ class Kept:
         first, *rest = self._read() or [head]
         found = rest if first == head else []
         self.entries = {tuple(one["key"]): one["entry"] for one in found}
-        files.write_text(self.path, "".join(json.dumps(one) + "\n" for one in [head, *found]))
+        write_text(self.path, "".join(json.dumps(one) + "\n" for one in [head, *found]))
 
     def _read(self) -> list[dict]:
         """Its lines; nothing where there is no file, `InputError` where it is another, which is left as it is."""
@@ -292,7 +292,7 @@ def _searched(truth: make_case.Truth, folder: Path, threads: int) -> dict:
 def analyse(folder: Path, threads: int = 1) -> Discovery:
     """The analyst's side: reads the three files and nothing else."""
     read = read_conditions(folder / "conditions.yaml")
-    model, settings = files.read_json(folder / "model.json"), Settings(threads=threads)
+    model, settings = read_json(folder / "model.json"), Settings(threads=threads)
     problem = read_problem(model, folder / "measurements.csv", read, folder / "conditions.yaml", settings)
     return discover(problem, seed=1)
 

@@ -10,7 +10,8 @@ import pandas as pd
 
 from coronaryuq.bench.discrepancy.hidden_cases import BESIDE_A_STENOSIS
 from coronaryuq.bench.discrepancy.score import names_something, wilson
-from coronaryuq.core.io.files import read_json, write_csv
+from coronaryuq.core.io.atomic import read_json
+from coronaryuq.core.io.tables import write_csv
 
 OPEN_LOOP = "open loop"
 """The network none of whose cases is hidden beside a known stenosis."""

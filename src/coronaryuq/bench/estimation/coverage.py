@@ -13,7 +13,8 @@ from coronaryuq.bench.estimation import coverage_autoencoder, coverage_tails
 from coronaryuq.bench.estimation.pairs import PAIRS
 from coronaryuq.bench.estimation.problems import SEED, Problem, Trial, from_pair, from_runs
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_json, write_csv
+from coronaryuq.core.io.atomic import read_json
+from coronaryuq.core.io.tables import write_csv
 from coronaryuq.estimation.campaign.diagnostics import unverified
 from coronaryuq.estimation.estimators.crossfit import Estimate, Propagated, combine
 from coronaryuq.estimation.estimators.fold_covariance import CENTRE, Influence, changes

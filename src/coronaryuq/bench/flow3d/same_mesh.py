@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from coronaryuq.core import by_hand
+from coronaryuq.core.command_line import run_with_settings
 from coronaryuq.core.errors import InputError
 from coronaryuq.flow3d.adapter import Batch, Sample
 from coronaryuq.flow3d.ensemble.ensemble import Ensemble
@@ -40,7 +40,7 @@ def main() -> int:
     parser.add_argument("programs", metavar="PROGRAM:STEPS", nargs="*", help=f"PROGRAM: {' or '.join(SIMVASCULAR)}")
     parser.add_argument("--settings", default="{}", metavar="JSON", help="block `flow3d` of the configuration")
     given = parser.parse_args()
-    return by_hand.run(
+    return run_with_settings(
         lambda settings: print(json.dumps(compare(given.campaign, given.programs, settings))), Settings, given.settings
     )
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_vtk, write_vtk
+from coronaryuq.core.io.vtk import read_vtk, write_vtk
 
 AORTA = "aorta"
 TRUNK = "coronary"

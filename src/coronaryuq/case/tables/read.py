@@ -14,7 +14,7 @@ from coronaryuq.case.description.yaml_file import read_yaml
 from coronaryuq.case.perfusion.perfusion_map import PLAUSIBLE_FLOW, PLAUSIBLE_VOLUME
 from coronaryuq.case.tables.targets import BY_NAME, checked
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import line_of, read_csv, table_text
+from coronaryuq.core.io.tables import line_number, read_csv, read_table_text
 from coronaryuq.core.units import FLOWS, MBF_PER_MIN_PER_G, TISSUE_DENSITY, perfusions
 
 BRANCHES = get_args(Branch)
@@ -197,7 +197,7 @@ def csv_targets(path: Path) -> dict[str, tuple[str | None, float | None, str | N
     With a header: columns name and value, if wanted description and unit. Without: name, description, value.
     """
     given: dict[str, tuple] = {}
-    text, separator = table_text(path)
+    text, separator = read_table_text(path)
     rows = list(enumerate(csv.reader(text.splitlines(), delimiter=separator), start=1))
     rows = [(number, [cell.strip() for cell in row]) for number, row in rows if any(cell.strip() for cell in row)]
     header = [cell.lower() for cell in rows[0][1]] if rows else []
@@ -209,7 +209,7 @@ def csv_targets(path: Path) -> dict[str, tuple[str | None, float | None, str | N
             cells = {"name": row[0], "description": ", ".join(row[1:-1]), "value": row[-1]}
         else:
             wanted = ", ".join(header) if headed else "name, description, value; or a header with name and value"
-            raise InputError(path, f"line {line_of(path, number - 2)}", separator.join(row), f"wanted {wanted}")
+            raise InputError(path, f"line {line_number(path, number - 2)}", separator.join(row), f"wanted {wanted}")
         name, value = cells["name"], cells["value"]
         value = value.replace(",", ".") if separator == ";" else value
         if name in given:

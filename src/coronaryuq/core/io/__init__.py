@@ -1,1 +1,1 @@
-"""Files: atomic writes, tables, VTK, modification times, one campaign per folder."""
+"""Atomic writes, tables, VTK files, modification times, and a lock per results folder."""

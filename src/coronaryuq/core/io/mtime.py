@@ -1,6 +1,6 @@
-"""Results that claim to be from the future, because a clock was ahead when they were made and has been set since.
+"""Repair of modification times later than now, left by a clock that was ahead and has since been set.
 
-Snakemake takes a result that is older than its inputs for a mistake and stops: with such inputs nothing could be made.
+Snakemake stops at a result that is older than its inputs; with inputs from the future nothing could be made.
 """
 
 import os
@@ -8,17 +8,17 @@ import time
 from pathlib import Path
 
 TOLERANCE_S = 2.0
-"""What clocks of a cluster's machines may differ by."""
+"""Allowed difference between the clocks of a cluster's machines."""
 
 
-def bring_to_the_present(folder: str | Path) -> list[Path]:
-    """Give files of a folder that are dated later than now the present time, in the order that they had; returns them.
+def reset_future_times(folder: str | Path) -> list[Path]:
+    """Set modification times later than now to the present, keeping their order; return the changed files.
 
-    All others were made before the clock was ahead: they stay older, as they are.
+    All other files are older than the clock's error and stay as they are.
     """
     now = time.time_ns()
     dated = [(path.stat().st_mtime_ns, path) for path in Path(folder).rglob("*") if path.is_file()]
-    ahead = sorted((when, path) for when, path in dated if when > now + TOLERANCE_S * 1e9)
+    ahead = sorted((modified, path) for modified, path in dated if modified > now + TOLERANCE_S * 1e9)
     for number, (_, path) in enumerate(ahead):
         present = now - (len(ahead) - number) * 1_000_000
         os.utime(path, ns=(present, present))

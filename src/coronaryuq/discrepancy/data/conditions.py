@@ -11,8 +11,7 @@ import numpy as np
 
 from coronaryuq.case.description.yaml_file import read_yaml
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io import files
-from coronaryuq.core.io.files import read_csv
+from coronaryuq.core.io.tables import read_csv, write_csv
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.beds import arteriolar
 from coronaryuq.zerod.effects.drive import DRIVES
@@ -210,7 +209,7 @@ def write_drive(path: Path, time: np.ndarray, value: np.ndarray) -> None:
     """Write a waveform over one cycle as the conditions file's `drive` reads it."""
     import pandas as pd
 
-    files.write_csv(path, pd.DataFrame({"t": time, "value": value}))
+    write_csv(path, pd.DataFrame({"t": time, "value": value}))
 
 
 def period_of(network: dict, default: float = 1.0) -> float:

@@ -9,7 +9,7 @@ import pandas as pd
 
 from coronaryuq.core import units
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import line_of, read_csv
+from coronaryuq.core.io.tables import line_number, read_csv
 from coronaryuq.zerod.effects.base import Series
 
 COLUMNS = ("condition", "quantity", "location", "statistic", "time", "value", "sd", "unit")
@@ -112,7 +112,7 @@ def _spelled(unit: str, known: dict[str, float]) -> str:
 
 def _check_row(path, number: int, row, conditions, locations) -> None:
     def fail(field, value, remedy):
-        raise InputError(path, f"line {line_of(path, number)}: {field}", value, remedy)
+        raise InputError(path, f"line {line_number(path, number)}: {field}", value, remedy)
 
     if str(row.condition) not in conditions:
         fail("condition", row.condition, f"not in the conditions file; know {', '.join(conditions)}")

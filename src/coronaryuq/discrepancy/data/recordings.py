@@ -12,8 +12,8 @@ import yaml
 
 from coronaryuq.core import units
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io import files
-from coronaryuq.core.io.files import line_of, read_csv
+from coronaryuq.core.io.atomic import write_json, write_text
+from coronaryuq.core.io.tables import line_number, read_csv, write_csv
 from coronaryuq.discrepancy.data.conditions import BED_SHAPE, LOSS, RESISTANCE, check_name
 from coronaryuq.discrepancy.data.measurements import AORTIC, LEAST_POINTS, WIDEST_GAP
 from coronaryuq.zerod.effects.base import vessel_values
@@ -95,7 +95,7 @@ def prepare(
         time = frame[TIME].to_numpy(float) - frame[TIME].iloc[0]
         for block, column in (("AORTA", AORTA), ("LV", VENTRICLE)):
             value = _closed(frame[column].to_numpy()) * units.MMHG
-            files.write_csv(out / "drives" / f"{name}_{block}.csv", pd.DataFrame({"t": time, "value": value}))
+            write_csv(out / "drives" / f"{name}_{block}.csv", pd.DataFrame({"t": time, "value": value}))
         content[name] = {
             "drive": {block: f"drives/{name}_{block}.csv" for block in ("AORTA", "LV")},
             "free": [RESISTANCE, BED_SHAPE] if free_bed else [RESISTANCE],
@@ -113,14 +113,14 @@ def prepare(
         rows += [(name, "flow", place, "waveform", t, q, sd) for t, q in readings]
         rows.append((name, "flow", place, "mean", "", mean, max(SD_MEAN * abs(mean), 0.3 * per_minute)))
     table = pd.DataFrame(rows, columns=["condition", "quantity", "location", "statistic", "time", "value", "sd"])
-    files.write_csv(out / "measurements.csv", table.assign(unit=unit))
-    files.write_text(out / "conditions.yaml", yaml.safe_dump(content, sort_keys=False))
+    write_csv(out / "measurements.csv", table.assign(unit=unit))
+    write_text(out / "conditions.yaml", yaml.safe_dump(content, sort_keys=False))
     network = _network(*reference, artery)
     if stenosed:
         # An element of its own, as losses of vessels that store blood are everywhere.
         network = put_ahead(network, artery, TAG)
         vessel_values(network, narrow)[LOSS] = 0.0
-    files.write_json(out / "model.json", network)
+    write_json(out / "model.json", network)
 
 
 def _reference(beats: dict[str, pd.DataFrame], unit: str) -> tuple[np.ndarray, np.ndarray, float]:
@@ -184,7 +184,10 @@ def _check_beat(path: Path, frame: pd.DataFrame) -> None:
     if (np.diff(time) <= 0).any():
         row = int(np.argmax(np.diff(time) <= 0)) + 1
         raise InputError(
-            path, TIME, float(time[row]), f"line {line_of(path, row)}: not later than the line before; sort the times"
+            path,
+            TIME,
+            float(time[row]),
+            f"line {line_number(path, row)}: times must increase; sort the table",
         )
     if not SHORTEST <= time[-1] - time[0] <= LONGEST:
         remedy = f"want one beat, {SHORTEST} to {LONGEST} s; see the unit of time"
@@ -253,7 +256,7 @@ def _recording(path: Path) -> tuple[pd.DataFrame, str, str] | None:
         if not np.isfinite(beat[wanted]).all():
             row = int(np.argmax(~np.isfinite(beat[wanted])))
             given = frame[column].iloc[row]
-            remedy = f"line {line_of(path, row)}: want a number in every row; fill the gap or leave the beat out"
+            remedy = f"line {line_number(path, row)}: want a number in every row; fill the gap or leave the beat out"
             raise InputError(path, column, None if pd.isna(given) else str(given), remedy)
     name, unit = parts[flows[0]]
     return pd.DataFrame(beat), name.removesuffix("flow").strip() or "artery", unit

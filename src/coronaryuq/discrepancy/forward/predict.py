@@ -17,7 +17,7 @@ from coronaryuq.discrepancy.forward.nuisance import Nuisance
 from coronaryuq.discrepancy.forward.simulation import Acting, Simulation, elements
 from coronaryuq.discrepancy.forward.warm_starts import Point
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import Situation
+from coronaryuq.zerod.effects.base import ConditionState
 from coronaryuq.zerod.solver.engine import Engine
 
 MANY = 20
@@ -134,7 +134,7 @@ class Forward:
         for (effect, place), values in zip(acting, sizes, strict=True):
             if effect.side == "measurement":
                 arrays = {name: np.array([value]) for name, value in values.items()}
-                late += [effect.late(place, arrays, series)[0] for series in self.measured]
+                late += [effect.delay(place, arrays, series)[0] for series in self.measured]
         return late.tolist()
 
     def readings(
@@ -249,7 +249,7 @@ class Forward:
         they were named is of no matter.
         """
         condition, network = self.conditions[name], prepared.networks[name]
-        situation = Situation(
+        situation = ConditionState(
             condition.coronary_resistance_scale,
             self.periods.get(condition.name, self.anatomy.period),
             {bed: np.array([value]) for bed, value in pressure.items()},

@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import write_json, write_text
+from coronaryuq.core.io.tables import write_csv
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.data.conditions import Condition, as_entry, drive_files, period_of, under, write_drive
 from coronaryuq.discrepancy.data.measurements import Measured
@@ -258,12 +259,12 @@ def _write(network, conditions, plan, series, predicted, errors: _Errors, folder
             key = (one.quantity, one.location, one.statistic)
             rows.append((one.condition, *key, time, float(value), errors.said * sd, UNIT[one.quantity]))
     columns = ["condition", "quantity", "location", "statistic", "time", "value", "sd", "unit"]
-    files.write_json(folder / "model.json", network)
-    files.write_csv(folder / "measurements.csv", pd.DataFrame(rows, columns=columns))
+    write_json(folder / "model.json", network)
+    write_csv(folder / "measurements.csv", pd.DataFrame(rows, columns=columns))
     content = {name: as_entry(condition) for name, condition in conditions.items()}
     at = drive_files((name, block) for name, condition in conditions.items() for block in condition.drive)
     for (name, block), path in at.items():
         write_drive(folder / path, *conditions[name].drive[block])
         content[name].setdefault("drive", {})[block] = path
-    files.write_text(folder / "conditions.yaml", yaml.safe_dump(content, sort_keys=False))
+    write_text(folder / "conditions.yaml", yaml.safe_dump(content, sort_keys=False))
     return np.array([row[6] for row in rows])

@@ -10,7 +10,8 @@ import pandas as pd
 import yaml
 
 from coronaryuq.core import units
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import write_json, write_text
+from coronaryuq.core.io.tables import write_csv
 from coronaryuq.discrepancy.data.conditions import Condition, as_entry, drive_files, under, write_drive
 from coronaryuq.discrepancy.data.measurements import COLUMNS, UNITS
 from coronaryuq.discrepancy.forward.network_values import scalars, with_values
@@ -153,12 +154,12 @@ class Repaired:
 
     def write(self, folder: Path) -> None:
         """`repaired.json`, `measurements.csv`, `conditions.yaml`, `drives/` and `difference.txt` into `folder`."""
-        files.write_json(folder / "repaired.json", self.network)
-        files.write_csv(folder / "measurements.csv", self.measurements)
+        write_json(folder / "repaired.json", self.network)
+        write_csv(folder / "measurements.csv", self.measurements)
         for name, waveform in self.drives.items():
             write_drive(folder / name, *waveform)
-        files.write_text(folder / "conditions.yaml", yaml.safe_dump(self.conditions, sort_keys=False))
-        files.write_text(folder / "difference.txt", self.difference)
+        write_text(folder / "conditions.yaml", yaml.safe_dump(self.conditions, sort_keys=False))
+        write_text(folder / "difference.txt", self.difference)
 
 
 def repaired(forward: Forward, acting: list[Acting], fit: Fit) -> Repaired:

@@ -147,10 +147,10 @@ def _named_effect(discovery: Discovery, entry: Round, next_measurements: list[di
     text = f"{_label(acting)} ({class_probability_text(entry.members)}; "
     text += f"{size_text(acting, discovery.sizes(acting), anatomy)}). "
     text += next_measurement_text(next_measurements)
-    text += effect.assumed(anatomy, [c.covariates for c in discovery.problem.forward.conditions.values()])
+    text += effect.assumption(anatomy, [c.covariates for c in discovery.problem.forward.conditions.values()])
     for parameter in discovery.beyond_prior(acting):
         bounds = (float(parameter.from_standard(k * CENTRAL_99)) for k in (-1, 1))
-        low, high = sorted(effect.said(parameter, bound, anatomy)[1] for bound in bounds)
+        low, high = sorted(effect.describe(parameter, bound, anatomy)[1] for bound in bounds)
         text += (
             f"Its {_size_label(acting, parameter, anatomy)} lies outside the central 99 % of its prior "
             f"({low:.3g} to {high:.3g}): {STAND_IN}"
@@ -316,8 +316,8 @@ def size_text(acting: Acting, sizes: list[tuple[Parameter, float, float]], anato
     texts, effect = [], acting[0]
     for parameter, z, sd in sizes:
         values = _with_interval(parameter, z, sd)
-        meaning, _ = effect.said(parameter, values[0], anatomy)
-        values = [effect.said(parameter, value, anatomy)[1] for value in values]
+        meaning, _ = effect.describe(parameter, values[0], anatomy)
+        values = [effect.describe(parameter, value, anatomy)[1] for value in values]
         early = effect.side == "measurement" and parameter.name == "delay" and values[0] < 0.0
         if early:
             values = [-values[0], -values[2], -values[1]]
@@ -401,7 +401,7 @@ def sizes_by_condition(varying: Constancy, anatomy: Anatomy) -> str:
     parameter, texts = effect.parameters[0], []
     for condition, (mean, sd) in varying.known.items():
         size, low, high = (
-            f"{effect.said(parameter, value, anatomy)[1]:.2g}" for value in _with_interval(parameter, mean, sd)
+            f"{effect.describe(parameter, value, anatomy)[1]:.2g}" for value in _with_interval(parameter, mean, sd)
         )
         texts.append(f"{condition} {size} ({low} to {high})")
     unit = f" {parameter.unit}" * (parameter.unit != "1")
@@ -410,7 +410,7 @@ def sizes_by_condition(varying: Constancy, anatomy: Anatomy) -> str:
 
 def _size_label(acting: Acting, parameter: Parameter, anatomy: Anatomy) -> str:
     """Short name of a size: the parameter's name, unless the effect describes it differently in this network."""
-    meaning, _ = acting[0].said(parameter, float(parameter.from_standard(0.0)), anatomy)
+    meaning, _ = acting[0].describe(parameter, float(parameter.from_standard(0.0)), anatomy)
     return parameter.name.replace("_", " ") if meaning == parameter.meaning else meaning
 
 

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import write_json, write_text
+from coronaryuq.core.io.tables import write_csv
 from coronaryuq.discrepancy.data.conditions import drives_of, kept_out
 from coronaryuq.discrepancy.forward.nuisance import without_noise
 from coronaryuq.discrepancy.forward.simulation import Acting
@@ -185,12 +186,12 @@ def write(found: Discovery, folder: Path) -> dict:
     }
     clear(folder)
     for name, table in tables.items():
-        files.write_csv(folder / name, table)
+        write_csv(folder / name, table)
     if mended is not None:
         mended.write(folder)
-    files.write_text(folder / "paragraph.txt", answer["paragraph"] + "\n")
+    write_text(folder / "paragraph.txt", answer["paragraph"] + "\n")
     # Last, so that where it stands all the others do.
-    files.write_json(folder / "discrepancy.json", answer)
+    write_json(folder / "discrepancy.json", answer)
     return answer
 
 

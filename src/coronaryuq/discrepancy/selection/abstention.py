@@ -128,7 +128,7 @@ def far_out(problem: Problem, fit: Fit, acting: list[Acting], most: float, instr
     column, far = problem.count, False
     for effect, _ in acting:
         size = fit.z[column : column + len(effect.parameters)]
-        far |= (effect.of_an_instrument or not instruments) and bool(np.any(np.abs(size) > most))
+        far |= (effect.is_measurement_error or not instruments) and bool(np.any(np.abs(size) > most))
         column += len(effect.parameters)
     return far
 

@@ -62,8 +62,8 @@ def screen(problem: Problem, at: Fit, acting: list[Acting], candidates: list[Can
     for candidate, response in zip(first, responses, strict=True):
         candidate.response = response
         linear.test(candidate)
-    turning = [c for c in first if c.effect.turning]
-    ranked = sorted((c for c in first if not c.effect.turning and c.z_score > 2.0), key=lambda c: -c.z_score)
+    turning = [c for c in first if c.effect.changes_shape]
+    ranked = sorted((c for c in first if not c.effect.changes_shape and c.z_score > 2.0), key=lambda c: -c.z_score)
     clear, faint = ([c for c in ranked if linear.sees(c.response) is so][:PROMISING] for so in (True, False))
     larger = [(c, size) for c in (*turning, *clear, *faint) for size in _sizes(c)[1:]]
     responses = _responses(problem, at, acting, larger)
@@ -82,7 +82,7 @@ def _worth_running(known: list[Candidate]) -> list[Candidate]:
     chosen = []
     for number, candidate in enumerate(ranked):
         seen[candidate.effect.name] += 1
-        if number < ANEW or seen[candidate.effect.name] <= ANEW_OF_EACH or candidate.effect.turning:
+        if number < ANEW or seen[candidate.effect.name] <= ANEW_OF_EACH or candidate.effect.changes_shape:
             chosen.append(candidate)
     return chosen
 
@@ -98,14 +98,14 @@ def _runs_at(problem: Problem, at: Fit, acting: list[Acting]) -> Fit | None:
 
 
 def _sizes(candidate: Candidate) -> tuple[float, ...]:
-    if candidate.effect.turning:
+    if candidate.effect.changes_shape:
         return TURNING
     return POSITIVE if candidate.one_sided else SIGNED
 
 
 def _growth(candidate: Candidate, size: float) -> float:
     """How many times an effect of size z would be at the largest size, were it in proportion; 1 for one that turns."""
-    if candidate.effect.turning:
+    if candidate.effect.changes_shape:
         return 1.0
     if candidate.one_sided:
         return float(np.exp(candidate.effect.parameters[0].spread * (LARGEST - size)))

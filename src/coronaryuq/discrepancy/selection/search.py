@@ -144,7 +144,7 @@ def _with_and_without(problem: Problem, seed: int, library: tuple[Effect, ...], 
     make likelier stands. Such are a named `CULPRIT`, and an instrument's error of a size that nobody has."""
     found = _search(problem, seed, library, report)
     named = [entry.accepted.effect for entry in found.named if entry.accepted.effect.name == CULPRIT]
-    far = [one[0] for one in found.far_out if one[0].of_an_instrument]
+    far = [one[0] for one in found.far_out if one[0].is_measurement_error]
     if not (named or far):
         return found
     doubtful = (named + far)[0].name

@@ -8,7 +8,8 @@ import pandas as pd
 from scipy.stats import spearmanr
 from threadpoolctl import threadpool_limits
 
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import write_json, write_text
+from coronaryuq.core.io.tables import write_csv
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.result.write import clear
 from coronaryuq.discrepancy.table_model.law_selection import SHRUNK, Choice, choose, inclusion, is_one_of
@@ -102,9 +103,9 @@ def discover_pairs(simulated: str | Path, measured: str | Path, out: Path, seed:
         )
     answer = _joined(answers)
     clear(out)
-    files.write_csv(out / "pairs.csv", pd.concat(rows))
+    write_csv(out / "pairs.csv", pd.concat(rows))
     columns = ["branch", "effects", "terms", "log_evidence", "rms_ffr"]
-    files.write_csv(out / "laws.csv", pd.DataFrame(laws, columns=columns))
+    write_csv(out / "laws.csv", pd.DataFrame(laws, columns=columns))
     nothing = dict.fromkeys(("size", "size_low", "size_high"), np.nan)
     parts = [
         {"branch": a["branch"], "effect": name, "probability": probability, "named": name in a["effects"]}
@@ -112,9 +113,9 @@ def discover_pairs(simulated: str | Path, measured: str | Path, out: Path, seed:
         for a in answers
         for name, probability in a["inclusion"].items()
     ]
-    files.write_csv(out / "effects.csv", pd.DataFrame(parts))
-    files.write_text(out / "paragraph.txt", answer["paragraph"] + "\n")
-    files.write_json(out / "discrepancy.json", answer)
+    write_csv(out / "effects.csv", pd.DataFrame(parts))
+    write_text(out / "paragraph.txt", answer["paragraph"] + "\n")
+    write_json(out / "discrepancy.json", answer)
     return answer
 
 

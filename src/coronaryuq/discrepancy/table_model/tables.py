@@ -10,7 +10,7 @@ import pandas as pd
 from scipy.optimize import minimize_scalar
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_csv
+from coronaryuq.core.io.tables import read_csv
 
 SD_ZERO_FLOW, SD_BED, FLOOR_BED = 0.1, 0.25, 0.003
 """Prior standard deviations of the zero-flow pressure over the root's and of the logarithm of a bed's resistance;

@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import write_json
 from coronaryuq.estimation.campaign import analysis, convergence_and_budget
 from coronaryuq.estimation.runs.gather import gather, measured_cost_ratio
 from coronaryuq.estimation.runs.table import read_rows, read_runs
@@ -74,7 +74,7 @@ def allocate(
     plan = convergence_and_budget.plan(results, settings.wanted, settings.cost_ratio)
     most = {"n_3d": settings.most_3d or counts["n_3d"], "n_0d": settings.most_0d or counts["n_0d"]}
     decided = decide(plan, counts, most, portion, number + 1 >= settings.rounds)
-    files.write_json(out_json, {"round": number, "counts": counts, "plan": [asdict(want) for want in plan], **decided})
+    write_json(out_json, {"round": number, "counts": counts, "plan": [asdict(want) for want in plan], **decided})
 
 
 def _costs(declared: float, measured: float | None) -> str:

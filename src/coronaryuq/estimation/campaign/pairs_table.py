@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from coronaryuq.core.io.files import write_csv
+from coronaryuq.core.io.tables import write_csv
 from coronaryuq.estimation.campaign.analysis import chosen_rows, curves_of
 from coronaryuq.estimation.estimators.folds import assign, count
 from coronaryuq.estimation.estimators.per_row import aligned

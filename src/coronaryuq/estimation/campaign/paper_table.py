@@ -7,7 +7,8 @@ import numpy as np
 import pandas as pd
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import write_json, write_text
+from coronaryuq.core.io.tables import read_csv, write_csv
 from coronaryuq.estimation.campaign import analysis, convergence_and_budget, pairs_table
 from coronaryuq.estimation.estimators.folds import count
 from coronaryuq.estimation.estimators.folds_and_blocks import make_design
@@ -48,9 +49,9 @@ def paper_table(
     printed = _printed(rows_csv)
     lines = [_line(result, printed[result["row"]]) for result in results]
     if out_csv:
-        files.write_csv(out_csv, pd.DataFrame(lines))
+        write_csv(out_csv, pd.DataFrame(lines))
     if out_md:
-        files.write_text(out_md, markdown(lines))
+        write_text(out_md, markdown(lines))
     if folder:
         _for_figures(Path(folder), runs, rows, settings, seed, networks, resampled, results)
     parts = dict(zip(("emulators", "autoencoders", "control_variates"), np.diff(clock), strict=True))
@@ -58,9 +59,9 @@ def paper_table(
 
 
 def _for_figures(folder: Path, runs, rows, settings: Settings, seed: int, networks, resampled, results) -> None:
-    files.write_json(folder / "estimates.json", {"rows": results, "settings": settings.model_dump(mode="json")})
-    files.write_csv(folder / "pairs.csv", pairs_table.pairs(runs, rows, settings, seed, networks, resampled))
-    files.write_json(folder / "budget.json", {"budget": convergence_and_budget.budget(results, settings.cost_ratio)})
+    write_json(folder / "estimates.json", {"rows": results, "settings": settings.model_dump(mode="json")})
+    write_csv(folder / "pairs.csv", pairs_table.pairs(runs, rows, settings, seed, networks, resampled))
+    write_json(folder / "budget.json", {"budget": convergence_and_budget.budget(results, settings.cost_ratio)})
 
 
 def published(data: str | Path | None) -> tuple[Path, Path]:
@@ -137,7 +138,7 @@ def _line(result: dict, given: dict[str, float]) -> dict:
 
 def _printed(rows_csv: str | Path) -> dict[str, dict[str, float]]:
     """Row → what the paper prints for it, where the file of rows carries that."""
-    frame = files.read_csv(rows_csv, columns=("row",))
+    frame = read_csv(rows_csv, columns=("row",))
     found = {name: pd.to_numeric(frame[name], errors="coerce") for name in PRINTED if name in frame}
     return {
         str(row).strip(): {name: float(values[i]) for name, values in found.items() if np.isfinite(values[i])}

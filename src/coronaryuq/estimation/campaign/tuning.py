@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import optuna
 
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import write_json
 from coronaryuq.estimation.campaign import analysis
 from coronaryuq.estimation.estimators.folds import assign, count
 from coronaryuq.estimation.estimators.montecarlo import correlation
@@ -75,5 +75,5 @@ def tune(runs_folder: str | Path, rows_csv: str | Path, settings: Settings, seed
         "default_loss_new_seed": held_out_loss(runs, rows, settings, seed + 1),
         "trials": [{"loss": trial.value, **trial.params} for trial in study.trials],
     }  # fmt: skip
-    files.write_json(out_json, found)
+    write_json(out_json, found)
     return found

@@ -10,7 +10,8 @@ import pandas as pd
 from coronaryuq.case.case_json import read_case
 from coronaryuq.core import records
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_csv, read_json, read_parquet, write_csv, write_json
+from coronaryuq.core.io.atomic import read_json, write_json
+from coronaryuq.core.io.tables import read_csv, read_parquet, write_csv
 
 BOOKKEEPING = ("status", "reason", "cpu_s", "cycles", "cycle_error", "refinement")
 """Columns of 0D runs that are no outputs."""

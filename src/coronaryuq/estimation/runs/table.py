@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_csv, read_json
+from coronaryuq.core.io.atomic import read_json
+from coronaryuq.core.io.tables import read_csv
 
 KEYS = ("row", "column_3d", "column_0d")
 # Columns named where one is missing: those that resemble it most.

@@ -6,8 +6,9 @@ arithmetic, at a few dozen the calls between array operations do.
 `parameters`: as in `gaussian_process.negative_log_posterior`.
 """
 
-import numba
 import numpy as np
+
+from coronaryuq.core.jit import numba
 
 
 @numba.njit(cache=True)

@@ -5,13 +5,13 @@ from pathlib import Path
 import pandas as pd
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io import files
+from coronaryuq.core.io.tables import read_csv, read_npz, read_parquet
 from coronaryuq.estimation.surrogates.mfmc_ae import Networks
 
 
 def read_networks(path: str | Path) -> Networks | None:
     """Networks from the `.npz`, without pickle; None where none were trained."""
-    held = files.read_npz(path, ("rows",))
+    held = read_npz(path, ("rows",))
     try:
         return Networks.from_arrays(held) if len(held["rows"]) else None
     except (ValueError, KeyError) as error:
@@ -23,9 +23,9 @@ def read_resampled(paths: list[str | Path]) -> pd.DataFrame:
     frames = []
     for path in paths:
         if Path(path).suffix == ".parquet":
-            frames.append(files.read_parquet(path, ("sample",)))
+            frames.append(read_parquet(path, ("sample",)))
         else:
-            frames.append(files.read_csv(path, ("sample",)))
+            frames.append(read_csv(path, ("sample",)))
     frame = pd.concat(frames, ignore_index=True)
     if frame["sample"].duplicated().any():
         raise InputError(

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from coronaryuq.core import provenance
-from coronaryuq.core.io.files import replacing
+from coronaryuq.core.io.atomic import replacing
 from coronaryuq.flow3d.adapter import FlowModel
 from coronaryuq.flow3d.ensemble.observer import Observer
 from coronaryuq.flow3d.fem.discretisation import Discretisation

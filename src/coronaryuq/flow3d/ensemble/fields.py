@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from coronaryuq.core.io.files import write_vtk
+from coronaryuq.core.io.vtk import write_vtk
 from coronaryuq.flow3d.mesh.domain import Domain
 
 

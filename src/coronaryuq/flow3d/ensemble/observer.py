@@ -1,8 +1,8 @@
 """Averages over a cycle of a running block: wall shear, distal pressure, cap flows, fields, diagnostics."""
 
-import numba as nb
 import numpy as np
 
+from coronaryuq.core.jit import numba as nb
 from coronaryuq.flow3d.fem.cross_section import section_weights
 from coronaryuq.flow3d.fem.discretisation import Discretisation
 from coronaryuq.flow3d.fem.lanes import LANES, absolute, fma, load, splat, store

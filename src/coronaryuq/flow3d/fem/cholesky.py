@@ -1,10 +1,10 @@
 """One sparse factor for every sample: Cholesky by SuperLU, triangular solves with the sample index innermost."""
 
-import numba as nb
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+from coronaryuq.core.jit import numba as nb
 from coronaryuq.flow3d.fem.lanes import LANES, fma, load, splat, store
 
 

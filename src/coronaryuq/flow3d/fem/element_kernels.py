@@ -4,9 +4,9 @@ A vector is a tuple of three lanes (of velocity, say) or three numbers (a hat fu
 operations is part of the result: all samples and both loops see the same.
 """
 
-import numba as nb
 import numpy as np
 
+from coronaryuq.core.jit import numba as nb
 from coronaryuq.flow3d.fem.lanes import fma, load
 
 

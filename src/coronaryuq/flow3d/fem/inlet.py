@@ -4,9 +4,9 @@ Axial velocity v on the cap's triangles solves ∂v/∂t − ν∇²v = λ(t), v
 flow: Womersley's profile in a circle (Womersley 1955), and its like in any other shape.
 """
 
-import numba as nb
 import numpy as np
 
+from coronaryuq.core.jit import numba as nb
 from coronaryuq.flow3d.fem.discretisation import BDF2, Cap, Discretisation
 from coronaryuq.flow3d.fem.lanes import LANES
 

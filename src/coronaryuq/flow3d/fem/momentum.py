@@ -4,9 +4,9 @@ The increment δ = u* − u from the velocity u at the step's beginning solves A
 precision; A is kept in single precision, since δ is of the order of the time step and its error enters as a product.
 """
 
-import numba as nb
 import numpy as np
 
+from coronaryuq.core.jit import numba as nb
 from coronaryuq.flow3d.fem.element_kernels import average, centre, corners, dot, gradient, hats, part, vector
 from coronaryuq.flow3d.fem.lanes import LANES, absolute, fma, load, splat, square_root, store
 

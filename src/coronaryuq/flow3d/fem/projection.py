@@ -1,8 +1,8 @@
 """Projection: divergence, gradient and stabilisation kernels around the one pressure factor."""
 
-import numba as nb
 import numpy as np
 
+from coronaryuq.core.jit import numba as nb
 from coronaryuq.flow3d.fem.lanes import fma, load, splat, store
 
 

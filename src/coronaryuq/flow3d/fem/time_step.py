@@ -10,9 +10,9 @@ Q_i = ∫∇g_i·u − stabilisation, so that the flows of a connected domain su
 
 from typing import Protocol
 
-import numba as nb
 import numpy as np
 
+from coronaryuq.core.jit import numba as nb
 from coronaryuq.flow3d.fem import momentum, projection
 from coronaryuq.flow3d.fem.discretisation import Discretisation
 from coronaryuq.flow3d.fem.inlet import InletProfile

@@ -11,10 +11,10 @@ where they are not, the pressure gradient across the first element is counted as
 high.
 """
 
-import numba as nb
 import numpy as np
 import scipy.sparse as sp
 
+from coronaryuq.core.jit import numba as nb
 from coronaryuq.flow3d.fem.discretisation import Discretisation
 from coronaryuq.flow3d.fem.element_kernels import centre, corners, dot, gradient, hats, part, vector
 from coronaryuq.flow3d.fem.elements import face_vectors

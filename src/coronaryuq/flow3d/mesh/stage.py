@@ -9,7 +9,7 @@ from coronaryuq.case.anatomy.surface import read_surface
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, read_tree
 from coronaryuq.case.case_json import read_case
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_json, write_json
+from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.core.units import LENGTHS
 from coronaryuq.flow3d.mesh import imported_lumen
 from coronaryuq.flow3d.mesh.describe import describe

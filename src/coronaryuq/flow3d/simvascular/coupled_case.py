@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import write_json, write_vtk
+from coronaryuq.core.io.atomic import write_json
+from coronaryuq.core.io.vtk import write_vtk
 from coronaryuq.flow3d.adapter import FlowModel, Sample
 from coronaryuq.flow3d.mesh.generation import folder
 from coronaryuq.flow3d.simvascular.program import RunFailed

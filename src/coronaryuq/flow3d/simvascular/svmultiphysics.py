@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from coronaryuq.core.io.files import write_text
+from coronaryuq.core.io.atomic import write_text
 from coronaryuq.core.records import Record
 from coronaryuq.flow3d.adapter import Sample
 from coronaryuq.flow3d.simvascular import coupled_case, results

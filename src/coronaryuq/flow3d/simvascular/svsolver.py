@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import write_text
+from coronaryuq.core.io.atomic import write_text
 from coronaryuq.core.records import Record
 from coronaryuq.flow3d.adapter import Sample
 from coronaryuq.flow3d.mesh.generation.folder import EXTERIOR, VOLUME, WALLS

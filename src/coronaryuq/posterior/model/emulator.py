@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from threadpoolctl import threadpool_limits
 
+from coronaryuq.core.jit import njit
 from coronaryuq.posterior.model.likelihood import Likelihood
 from coronaryuq.posterior.model.total_resistance import Conditioned
 

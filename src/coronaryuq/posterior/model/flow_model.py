@@ -29,7 +29,7 @@ class Posterior:
 
     def flows(self, multipliers: np.ndarray) -> np.ndarray:
         """Flows (n, N) of the model, computed by all ranks together."""
-        return self.ranks.share(self.model.flows, multipliers)
+        return self.ranks.map_rows(self.model.flows, multipliers)
 
     def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Log density (n,) and flows (n, N); -inf and nan outside the prior and where the model failed."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_csv
+from coronaryuq.core.io.tables import read_csv
 from coronaryuq.posterior.model.bed_flows import BedFlows
 from coronaryuq.posterior.model.fit_to_fractions import fit_fractions
 from coronaryuq.zerod.network.beds import beds, resistance_changes

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_npz, replacing
+from coronaryuq.core.io.atomic import replacing
+from coronaryuq.core.io.tables import read_npz
 from coronaryuq.core.seeds import generator
 from coronaryuq.posterior.model.emulator import Emulator, design, design_size
 from coronaryuq.posterior.model.fit_to_fractions import Fit
@@ -48,7 +49,7 @@ def prepare(posterior: Posterior, fit: Fit, settings: Settings, seed: int) -> Pr
     y, (log_density, flows) = _alive(
         posterior, lambda n: design(space, posterior.likelihood, fit.multipliers, fit.flows, n, random), count
     )
-    emulator = posterior.ranks.from_first(lambda: Emulator.fit(y, space.multipliers(y), flows))
+    emulator = posterior.ranks.run_on_first(lambda: Emulator.fit(y, space.multipliers(y), flows))
     return Prepared(fit, emulator, y[:chains], log_density[:chains], flows[:chains], fit.runs + count)
 
 

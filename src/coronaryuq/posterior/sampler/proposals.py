@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from coronaryuq.core.jit import njit
 from coronaryuq.posterior.settings import DreamSettings
 
 

@@ -1,21 +1,21 @@
-"""Who feeds whom in a 0D network, and the flow and pressure scales that make an effect's size dimensionless."""
+"""Topology of a 0D network, and the flow and pressure scales that make the sizes of effects dimensionless."""
 
 from dataclasses import dataclass, field
 
 CORONARY_TYPES = ("CORONARY", "CORONARY_VAR_RES", "ClosedLoopCoronaryLeft", "ClosedLoopCoronaryRight")
 SYSTEMIC_TYPES = ("RCR", "ClosedLoopRCR", "RESISTANCE")
 RESISTANCES = ("Ra", "Ram", "Rv", "Ra1", "Ra2", "Ra2_min", "Ra2_max", "Rv1", "Rp", "Rd", "R")
-"""Every name that svZeroDSolver gives to a resistance of a bed."""
+"""All names of bed resistances in svZeroDSolver."""
 ARTERIOLAR = ("Ra", "Ram", "Ra1", "Ra2", "Ra2_min", "Ra2_max")
-"""Those that hyperaemia lowers."""
+"""Resistances that hyperaemia lowers."""
 
 
 @dataclass
 class Anatomy:
-    """Graph of a svZeroDSolver network.
+    """Topology of a svZeroDSolver network with its reference pressure and flows.
 
-    `pressure` (mean at the root), `flow` (mean per vessel, absolute) and `period` come from a run of the model
-    as it is, in the network's units; effects scale their priors by them.
+    `pressure` (mean at the root), `flow` (mean per vessel, absolute) and `period` come from a reference run of the
+    model, in the network's units; effects scale their priors by them.
     """
 
     network: dict
@@ -23,7 +23,7 @@ class Anatomy:
     flow: dict[str, float] = field(default_factory=dict)
     period: float = 1.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         names = {v["vessel_id"]: v["vessel_name"] for v in self.network["vessels"]}
         self.vessels = {v["vessel_name"]: v for v in self.network["vessels"]}
         self.blocks = {b["bc_name"]: b for b in self.network.get("boundary_conditions", [])}
@@ -57,19 +57,19 @@ class Anatomy:
 
     @property
     def roots(self) -> list[str]:
-        """Vessels that nothing but an inlet or the heart feeds."""
+        """Vessels without a parent vessel."""
         return [name for name in self.vessels if not self.parents[name]]
 
     @property
     def beds(self) -> dict[str, str]:
-        """Boundary condition → vessel, of the beds under study: coronary ones, or every outlet where there are none."""
+        """Boundary condition → vessel of the beds under study: the coronary beds or, if there are none, all outlets."""
         outlets = {bc: vessel for vessel, bc in self.outlet_bc.items()}
         coronary = {bc: v for bc, v in outlets.items() if self.blocks[bc]["bc_type"] in CORONARY_TYPES}
         return coronary or {bc: v for bc, v in outlets.items() if self.blocks[bc]["bc_type"] in SYSTEMIC_TYPES}
 
     @property
     def coronary_vessels(self) -> list[str]:
-        """Vessels that lead to beds under study and to nothing else, in the network's order."""
+        """Vessels that lead only to beds under study, in the network's order."""
         return [name for name in self.vessels if self.beds_below(name) and not self._others_below(name)]
 
     @property
@@ -79,8 +79,9 @@ class Anatomy:
         return [name for name in self.coronary_vessels if not inside.intersection(self.parents[name])]
 
     def below(self, vessel: str) -> list[str]:
-        """The vessel and all that it feeds."""
-        found, queue = [], [vessel]
+        """Return the vessel and all vessels downstream of it."""
+        found: list[str] = []
+        queue = [vessel]
         while queue:
             name = queue.pop(0)
             if name not in found:
@@ -89,6 +90,7 @@ class Anatomy:
         return found
 
     def beds_below(self, vessel: str) -> list[str]:
+        """Return the beds under study downstream of a vessel."""
         beds = self.beds
         return [self.outlet_bc[name] for name in self.below(vessel) if self.outlet_bc.get(name) in beds]
 
@@ -97,23 +99,23 @@ class Anatomy:
         return [self.outlet_bc[n] for n in self.below(vessel) if n in self.outlet_bc and self.outlet_bc[n] not in beds]
 
     def inlet(self, vessel: str) -> str:
-        """Location at the vessel's start, as svZeroDSolver writes it."""
+        """Return the location of the vessel's start, "FEEDER:VESSEL"."""
         return f"{self.upstream[vessel]}:{vessel}"
 
     def outlet(self, vessel: str) -> str:
-        """Location at the vessel's end."""
+        """Return the location of the vessel's end, "VESSEL:FED"."""
         return f"{vessel}:{self.downstream[vessel]}"
 
     def vessel_at(self, location: str) -> str | None:
-        """The vessel that a location `A:B` belongs to."""
+        """Return the vessel that a location "A:B" belongs to."""
         return next((part for part in location.split(":") if part in self.vessels), None)
 
     def flow_scale(self, vessel: str) -> float:
-        """Mean flow of a vessel, a millionth of the largest at least; the largest where it is unknown."""
+        """Return the mean flow of a vessel, at least a millionth of the largest; the largest if it is unknown."""
         largest = max((abs(q) for q in self.flow.values()), default=1.0) or 1.0
         return max(abs(self.flow.get(vessel, largest)), 1e-6 * largest)
 
 
 def _members(junction: dict, side: str, names: dict[int, str]) -> list[str]:
-    """Vessels of one side of a junction, given by id (`inlet_vessels`) or by name (`inlet_blocks`)."""
+    """Return the vessels on one side of a junction, given by id (`inlet_vessels`) or by name (`inlet_blocks`)."""
     return [names[i] for i in junction.get(f"{side}_vessels", [])] + list(junction.get(f"{side}_blocks", []))

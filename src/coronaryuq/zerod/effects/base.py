@@ -1,8 +1,10 @@
-"""What every effect is: formula and source, sizes with priors, places, a way into the network or the data."""
+"""Base class of the effects that a model may lack, and what they act on."""
 
+import inspect
 from abc import ABC
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal, TypeVar
 
 import numpy as np
 
@@ -10,6 +12,7 @@ from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.network.read import copy_of
 
 Values = dict[str, np.ndarray]
+Number = TypeVar("Number", float, np.ndarray)
 
 WAVE_POINTS = 1201
 """Points of a waveform that differs between samples or conditions; four times as fine as the steps of a cycle."""
@@ -17,7 +20,7 @@ WAVE_POINTS = 1201
 
 @dataclass(frozen=True)
 class Parameter:
-    """One size of an effect. Zero always means that the effect is absent.
+    """One size of an effect with its prior; size zero means that the effect is absent.
 
     kind "lognormal": positive, median `centre`, standard deviation of its logarithm `spread`.
     kind "normal": signed, mean `centre`, standard deviation `spread`.
@@ -25,28 +28,36 @@ class Parameter:
 
     name: str
     unit: str
-    kind: str
+    kind: Literal["lognormal", "normal"]
     centre: float
     spread: float
     meaning: str
 
-    def from_standard(self, z: np.ndarray) -> np.ndarray:
-        """The size from a standard normal number."""
+    def from_standard(self, z: np.ndarray | float) -> np.ndarray:
+        """Convert a standard normal number to a size."""
         z = np.asarray(z, dtype=float)
         if self.kind == "lognormal":
             return self.centre * np.exp(self.spread * z)
         return self.centre + self.spread * z
 
-    def to_standard(self, size: np.ndarray) -> np.ndarray:
+    def to_standard(self, size: np.ndarray | float) -> np.ndarray:
+        """Convert a size to a standard normal number."""
         size = np.asarray(size, dtype=float)
         if self.kind == "lognormal":
             return np.log(size / self.centre) / self.spread
         return (size - self.centre) / self.spread
 
+    @property
+    def prior(self) -> str:
+        """The prior in words."""
+        if self.kind == "lognormal":
+            return f"log-normal, median {self.centre:g}, sd of the logarithm {self.spread:g}"
+        return f"normal, mean {self.centre:g}, sd {self.spread:g}"
+
 
 @dataclass(frozen=True)
 class Series:
-    """What one block of predictions stands for: one quantity at one location under one condition.
+    """One block of predictions: one quantity at one location under one condition.
 
     time: (k,) s within the cycle for waveforms, None for mean, min and max. period: s.
     """
@@ -59,12 +70,52 @@ class Series:
     period: float
 
 
-class Effect(ABC):
-    """One physical effect that a model may lack; sizes in the units of `parameters`, places by the network's names.
+@dataclass(frozen=True)
+class ConditionState:
+    """State of the condition under which an effect acts.
 
-    Network effects override `changes` (and `insert`, `aliases` where the structure changes); effects on the
-    measuring side override `observe`, or `late` where they shift a waveform in time. `native` says how the repaired
-    network expresses it in svZeroDSolver's format.
+    resistance_scale: `coronary_resistance_scale` of the condition. period: s.
+    bed_pressure: mean pressure (n,) at each bed, for effects with feedback.
+    reference_pressure: mean pressure at each bed in the reference run of the model.
+    covariates: measured waveforms that are no boundary condition, such as `LV` → (t, value).
+    """
+
+    resistance_scale: float
+    period: float
+    bed_pressure: Mapping[str, np.ndarray]
+    reference_pressure: Mapping[str, float]
+    covariates: Mapping[str, tuple[np.ndarray, np.ndarray]]
+
+
+class Effect(ABC):
+    """One physical effect that a model may lack.
+
+    Effects on the network override `changes` (and `insert`, `aliases` if they add elements). Effects on the
+    measurements override `observe`, or `delay` if they shift a waveform in time. A subclass with a `formula` gets
+    sections on its formula, parameters and source in its docstring.
+
+    Attributes
+    ----------
+    name, formula, source
+        Name in tables and settings, governing equation and reference.
+    signature
+        How the effect shows in the data.
+    native
+        How a repaired network expresses it in svZeroDSolver's format.
+    parameters
+        Sizes with units and priors.
+    side
+        Whether it acts on the network or on the measurements.
+    grafted
+        True if `insert` adds vessels that carry almost no flow until `changes` opens them, so that one network can
+        hold the vessels of many effects.
+    feedback
+        True if `changes` needs the mean pressures at the beds, which takes repeated runs.
+    changes_shape
+        True if the response changes its shape with the size, so that a small size does not predict a large one: a
+        wave delayed by a quarter of its period differs in another shape than one that is hardly late.
+    nameable
+        False for a mistake in the model: if it explains best, the missing cause is not an effect.
     """
 
     name: ClassVar[str]
@@ -73,28 +124,44 @@ class Effect(ABC):
     signature: ClassVar[str]
     native: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
-    side: ClassVar[str] = "network"
+    side: ClassVar[Literal["network", "measurement"]] = "network"
     grafted: ClassVar[bool] = False
-    """True when `insert` adds vessels that carry next to nothing until `changes` opens them: many fit one network."""
     feedback: ClassVar[bool] = False
-    """True when `changes` needs the mean pressures at the beds, found by running twice."""
-    turning: ClassVar[bool] = False
-    """True where a small size does not tell what a larger one does: a wave that comes late by a quarter of its period
-    differs in another shape than one that is hardly late."""
+    changes_shape: ClassVar[bool] = False
     nameable: ClassVar[bool] = True
-    """False for a mistake in the model: where it explains best, what is missing is no effect."""
+
+    def __init_subclass__(cls) -> None:
+        if "formula" in vars(cls):
+            rows = "".join(f"{p.name} [{p.unit}]\n    {p.meaning}; prior {p.prior}\n" for p in cls.parameters)
+            cls.__doc__ = (
+                f"{inspect.getdoc(cls)}\n\nFormula: {cls.formula}\n\nParameters\n----------\n{rows}\n"
+                f"References\n----------\n{cls.source}\n"
+            )
 
     @property
-    def of_an_instrument(self) -> bool:
-        """Whether it is of what was read and not of the patient: beyond its prior it is not to be believed."""
+    def is_measurement_error(self) -> bool:
+        """Whether this is an error of an instrument, so that a size far outside its prior is implausible."""
         return self.side == "measurement"
 
-    def places(self, anatomy: Anatomy, observed: list[Series] = ()) -> list[str]:
-        """Where it may act; `observed` are the measured series, which effects on the measuring side act on."""
+    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
+        """List the places where the effect may act.
+
+        Parameters
+        ----------
+        anatomy
+            Anatomy of the network.
+        observed
+            Measured series, on which effects on the measurements act.
+
+        Returns
+        -------
+        list of str
+            Names of vessels, beds or locations of the network, or of groups of them.
+        """
         raise NotImplementedError
 
     def insert(self, network: dict, place: str, anatomy: Anatomy) -> dict:
-        """The network with the elements that the effect needs, in a state that leaves the flow as it was."""
+        """Return the network with the elements that the effect needs, in a state that does not disturb the flow."""
         return copy_of(network)
 
     def inserts(self, place: str, anatomy: Anatomy) -> bool:
@@ -102,63 +169,67 @@ class Effect(ABC):
         return type(self).insert is not Effect.insert
 
     def aliases(self, place: str, anatomy: Anatomy) -> dict[str, str]:
-        """Old name → new name of every location that `insert` renames."""
+        """Return old name → new name of every location that `insert` renames."""
         return {}
 
-    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: "Situation") -> Values:
-        """Engine changes `"BLOCK.parameter"` → (n,) for sizes (n,), from the values that `network` holds."""
+    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
+        """Return the solver parameters of the network with the effect.
+
+        Parameters
+        ----------
+        network
+            Network under the condition, with the elements of `insert`; its values are the starting point.
+        place
+            One of `places`.
+        sizes
+            Parameter name → sizes (n,).
+        anatomy
+            Anatomy of the network without the effect, with its reference pressure and flows.
+        condition
+            State of the condition.
+
+        Returns
+        -------
+        dict
+            "BLOCK.parameter" → values (n,), or waveforms (n, WAVE_POINTS), in the network's units.
+        """
         return {}
 
-    def late(self, place: str, sizes: Values, series: Series) -> np.ndarray:
-        """By how much a series is read late, (n,), s."""
+    def delay(self, place: str, sizes: Values, series: Series) -> np.ndarray:
+        """Return by how much a series is read late, (n,), s."""
         return np.zeros(1)
 
-    def observe(self, place: str, sizes: Values, series: list[Series], predicted: list[np.ndarray]) -> list[np.ndarray]:
-        """What would be measured: predictions (n, k) of each series after the effect on the measuring side."""
+    def observe(
+        self, place: str, sizes: Values, series: Sequence[Series], predicted: list[np.ndarray]
+    ) -> list[np.ndarray]:
+        """Return the predictions (n, k) of each series as the affected instrument would read them."""
         return predicted
 
-    def said(self, parameter: Parameter, size: float, anatomy: Anatomy) -> tuple[str, float]:
-        """What a size is called in words, and its value there."""
+    def describe(self, parameter: Parameter, size: float, anatomy: Anatomy) -> tuple[str, float]:
+        """Return the description of a size in this network, and its value in these terms."""
         return parameter.meaning, size
 
-    def assumed(self, anatomy: Anatomy, covariates: list[dict]) -> str:
-        """What had to be assumed of the effect's shape, for want of a measured waveform under some condition."""
+    def assumption(self, anatomy: Anatomy, covariates: list[dict]) -> str:
+        """Return a sentence on the waveform assumed where no measured one is given, or an empty string."""
         return ""
 
     def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:
-        """The sizes in physical terms, in the network's units, for the report."""
+        """Return the sizes in physical terms, in the network's units, for the report."""
         return dict(sizes)
 
 
-@dataclass(frozen=True)
-class Situation:
-    """What an effect may know of the condition under which it acts.
-
-    vasodilated: `coronary_resistance_scale` of the condition. period: s.
-    pressure: mean pressure (n,) at each bed, for effects with feedback.
-    resting: mean pressure (float) at each bed in the reference run of the model.
-    covariates: measured waveforms that are no boundary condition, such as `LV` → (t, value).
-    """
-
-    vasodilated: float
-    period: float
-    pressure: dict[str, np.ndarray]
-    resting: dict[str, float]
-    covariates: dict[str, tuple[np.ndarray, np.ndarray]]
-
-
 def bed_values(network: dict, bed: str) -> dict:
-    """The `bc_values` of one boundary condition."""
+    """Return the `bc_values` of one boundary condition."""
     return next(b["bc_values"] for b in network["boundary_conditions"] if b["bc_name"] == bed)
 
 
 def vessel_values(network: dict, vessel: str) -> dict:
-    """The `zero_d_element_values` of one vessel."""
+    """Return the `zero_d_element_values` of one vessel."""
     return next(v for v in network["vessels"] if v["vessel_name"] == vessel)["zero_d_element_values"]
 
 
 def sampled(network: dict, name: str) -> np.ndarray:
-    """A boundary condition's waveform on an even grid over its cycle, both ends included, (WAVE_POINTS,)."""
+    """Resample the waveform "BLOCK.parameter" on an even grid over its cycle, both ends included, (WAVE_POINTS,)."""
     block, _, parameter = name.rpartition(".")
     values = bed_values(network, block)
     time = np.asarray(values["t"], dtype=float)

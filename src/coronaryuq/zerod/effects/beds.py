@@ -1,22 +1,24 @@
-"""What a bed does that fixed resistances do not: back pressure, autoregulation, incomplete hyperaemia, compression."""
+"""Effects of the beds: back pressure, autoregulation, incomplete hyperaemia, compressed resistance."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
-from coronaryuq.zerod.effects.anatomy import ARTERIOLAR
-from coronaryuq.zerod.effects.base import Effect, Parameter, bed_values
+from coronaryuq.zerod.effects.anatomy import ARTERIOLAR, Anatomy
+from coronaryuq.zerod.effects.base import ConditionState, Effect, Parameter, Series, Values, bed_values
 
 ALL = "all beds"
 
 
-def _chosen(place: str, anatomy) -> list[str]:
-    """Beds that a place stands for: all, those below a vessel, or one."""
+def _beds_of(place: str, anatomy: Anatomy) -> list[str]:
+    """Return the beds that a place stands for: all, those below a vessel, or one."""
     if place == ALL:
         return list(anatomy.beds)
     return anatomy.beds_below(place) if place in anatomy.vessels else [place]
 
 
-def _groups(anatomy) -> list[str]:
-    """All beds together, the beds of each coronary artery, and each bed."""
+def _groups(anatomy: Anatomy) -> list[str]:
+    """Return the places: all beds together, the beds of each coronary artery, and each bed."""
     trees = [vessel for vessel in anatomy.ostia if len(anatomy.beds_below(vessel)) > 1]
     single = list(anatomy.beds)
     if len(single) == 1:
@@ -25,107 +27,103 @@ def _groups(anatomy) -> list[str]:
 
 
 class BackPressure(Effect):
-    """Flow stops at a pressure above the venous one."""
+    """Coronary flow that stops at a pressure above the venous one."""
 
     name = "back_pressure"
     formula = "Q = (P - P_zf) / R with P_zf above venous pressure"
     source = "Bellamy, Circ. Res. 43 (1978) 92; Spaan, Circ. Res. 56 (1985) 293"
-    signature = (
-        "flow lower than pressure over resistance, by the same amount at every pressure: most of it at low pressure"
-    )
+    signature = "flow lower by the same amount at every pressure, which matters most at low pressure"
     native = "P_v of CORONARY, Pd of RCR and RESISTANCE (not expressible in the closed loop)"
-    parameters = (
-        Parameter("pressure", "1", "lognormal", 0.1, 0.8, "zero-flow pressure that is added, over the mean pressure"),
-    )
+    parameters = (Parameter("pressure", "1", "lognormal", 0.1, 0.8, "added zero-flow pressure over the mean pressure"),)
     names = ("P_v", "Pd")
 
-    def places(self, anatomy, observed=()):
+    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return [] if anatomy.closed_loop else _groups(anatomy)
 
-    def changes(self, network, place, sizes, anatomy, condition):
-        found = {}
-        for bed in _chosen(place, anatomy):
-            values = bed_values(network, bed)
-            for name in self.names:
-                if name in values:
-                    found[f"{bed}.{name}"] = values[name] + sizes["pressure"] * anatomy.pressure
-        return found
+    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
+        beds = {bed: bed_values(network, bed) for bed in _beds_of(place, anatomy)}
+        return {
+            f"{bed}.{name}": values[name] + sizes["pressure"] * anatomy.pressure
+            for bed, values in beds.items()
+            for name in self.names
+            if name in values
+        }
 
-    def physical(self, place, sizes, anatomy):
+    def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:
         return {"zero-flow pressure added": sizes["pressure"] * anatomy.pressure}
 
 
 class Autoregulation(Effect):
-    """Arteriolar resistance that follows pressure, so that flow depends less on it."""
+    """Arteriolar resistance that rises with pressure, so that flow depends less on pressure."""
 
     name = "autoregulation"
-    formula = "R = R_0 (P / P_0)^g, P the mean pressure at the bed, P_0 that of the model as it is"
+    formula = "R = R_0 (P / P_0)^g, P the mean pressure at the bed, P_0 that of the reference run"
     source = "Mosher et al., Circ. Res. 14 (1964) 250; Johnson, Circ. Res. 59 (1986) 483"
     signature = "flow falls less than pressure between conditions; waveforms within one condition keep their shape"
     native = "Ra, Ram (Ra1, Ra2; Rp, Rd) of the beds, one value per condition, written into the conditions file"
     parameters = (
-        Parameter("gain", "1", "normal", 0.0, 0.5, "exponent of pressure in resistance; 1 keeps flow constant"),
+        Parameter("gain", "1", "normal", 0.0, 0.5, "exponent of pressure in the resistance; 1 keeps flow constant"),
     )
     feedback = True
 
-    def places(self, anatomy, observed=()):
+    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return _groups(anatomy)
 
-    def changes(self, network, place, sizes, anatomy, condition):
-        found = {}
-        for bed in _chosen(place, anatomy):
-            ratio = np.maximum(condition.pressure[bed] / condition.resting[bed], 0.05)
+    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
+        changes: Values = {}
+        for bed in _beds_of(place, anatomy):
+            ratio = np.maximum(condition.bed_pressure[bed] / condition.reference_pressure[bed], 0.05)
             factor = ratio ** np.asarray(sizes["gain"])
-            found |= {f"{bed}.{k}": v * factor for k, v in arteriolar(network, bed).items()}
-        return found
+            changes |= {f"{bed}.{k}": v * factor for k, v in arteriolar(network, bed).items()}
+        return changes
 
 
 class IncompleteHyperaemia(Effect):
-    """Beds that dilate less than the drug's nominal effect."""
+    """Dilatation of the beds that falls short of the nominal effect of the drug."""
 
     name = "incomplete_hyperaemia"
     formula = (
-        "R = R_rest (f + s (1 - f)), f the nominal factor of the condition, s the share of dilatation that stays out, "
-        "all of it at most"
+        "R = R_rest (f + s (1 - f)), f the nominal factor of the condition, s the missing share of the dilatation, "
+        "at most 1"
     )
     source = "De Bruyne et al., Circulation 107 (2003) 1877"
-    signature = "flow too low where the condition dilates, right where it does not"
+    signature = "flow too low in conditions that dilate the beds, correct in the others"
     native = "Ra, Ram (Ra1, Ra2; Rp, Rd) of the beds, one value per condition, written into the conditions file"
-    parameters = (Parameter("share", "1", "lognormal", 0.15, 1.0, "share of the dilatation that stays out"),)
+    parameters = (Parameter("share", "1", "lognormal", 0.15, 1.0, "missing share of the dilatation"),)
 
-    def places(self, anatomy, observed=()):
+    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return _groups(anatomy)
 
-    def changes(self, network, place, sizes, anatomy, condition):
-        nominal = condition.vasodilated
+    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
+        nominal = condition.resistance_scale
         if nominal >= 1.0:
             return {}
-        # Beyond all of it a bed would be tighter than at rest.
+        # A share above 1 would leave the bed more constricted than at rest.
         share = np.minimum(np.asarray(sizes["share"]), 1.0)
         factor = (nominal + share * (1.0 - nominal)) / nominal
-        found = {}
-        for bed in _chosen(place, anatomy):
-            found |= {f"{bed}.{k}": v * factor for k, v in arteriolar(network, bed).items()}
-        return found
+        changes: Values = {}
+        for bed in _beds_of(place, anatomy):
+            changes |= {f"{bed}.{k}": v * factor for k, v in arteriolar(network, bed).items()}
+        return changes
 
 
 class CompressedResistance(Effect):
-    """Microvascular resistance that rises while the muscle contracts."""
+    """Microvascular resistance that rises while the myocardium contracts."""
 
     name = "compressed_resistance"
     formula = "Ra2(t) = (sqrt(Ra2) (1 + (sqrt(1 + s) - 1) e(t)))^2, e a raised cosine up for T_vc and down for T_vr"
     source = "Spaan, Coronary Blood Flow (1991); the CORONARY_VAR_RES block of svZeroDSolver"
-    signature = "systolic flow impeded without the diastolic overshoot that a compressed volume gives back"
+    signature = "systolic flow impeded without the diastolic overshoot that follows the compression of a volume"
     native = "CORONARY_VAR_RES in place of CORONARY (not expressible in the closed loop)"
-    parameters = (Parameter("rise", "1", "lognormal", 1.0, 1.0, "systolic resistance over the diastolic one, less 1"),)
+    parameters = (Parameter("rise", "1", "lognormal", 1.0, 1.0, "systolic over diastolic resistance, minus 1"),)
     contraction, relaxation = 0.3, 0.15
 
-    def places(self, anatomy, observed=()):
-        return [ALL] if self._suited(anatomy) else []
+    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
+        return [ALL] if self._open_loop_beds(anatomy) else []
 
-    def insert(self, network, place, anatomy):
+    def insert(self, network: dict, place: str, anatomy: Anatomy) -> dict:
         network = super().insert(network, place, anatomy)
-        for bed in self._suited(anatomy):
+        for bed in self._open_loop_beds(anatomy):
             block = next(b for b in network["boundary_conditions"] if b["bc_name"] == bed)
             block["bc_type"] = "CORONARY_VAR_RES"
             values = block["bc_values"]
@@ -133,22 +131,22 @@ class CompressedResistance(Effect):
             values["T_vc"], values["T_vr"] = self.contraction * anatomy.period, self.relaxation * anatomy.period
         return network
 
-    def changes(self, network, place, sizes, anatomy, condition):
-        found = {}
+    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
+        changes: Values = {}
         rise = np.asarray(sizes["rise"], dtype=float)
-        for bed in self._suited(anatomy):
-            found[f"{bed}.Ra2_max"] = bed_values(network, bed)["Ra2_min"] * (1.0 + rise)
-            found[f"{bed}.T_vc"] = np.full(rise.shape, self.contraction * condition.period)
-            found[f"{bed}.T_vr"] = np.full(rise.shape, self.relaxation * condition.period)
-        return found
+        for bed in self._open_loop_beds(anatomy):
+            changes[f"{bed}.Ra2_max"] = bed_values(network, bed)["Ra2_min"] * (1.0 + rise)
+            changes[f"{bed}.T_vc"] = np.full(rise.shape, self.contraction * condition.period)
+            changes[f"{bed}.T_vr"] = np.full(rise.shape, self.relaxation * condition.period)
+        return changes
 
     @staticmethod
-    def _suited(anatomy):
+    def _open_loop_beds(anatomy: Anatomy) -> list[str]:
         return [bed for bed in anatomy.beds if anatomy.blocks[bed]["bc_type"] == "CORONARY"]
 
 
 def arteriolar(network: dict, bed: str) -> dict[str, float]:
-    """Resistances of a bed that its smooth muscle sets, by name; both of an RCR or RESISTANCE."""
+    """Return the resistances of a bed that its smooth muscle controls, by name; both of an RCR or RESISTANCE."""
     values = bed_values(network, bed)
     names = [name for name in ARTERIOLAR if name in values] or [name for name in ("Rp", "Rd", "R") if name in values]
     return {name: values[name] for name in names}

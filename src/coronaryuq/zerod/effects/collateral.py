@@ -1,29 +1,28 @@
 """Collateral vessel between two territories."""
 
+from collections.abc import Sequence
 from itertools import combinations
 
-from coronaryuq.zerod.effects.base import Effect, Parameter
-from coronaryuq.zerod.effects.grafting import add_vessel, attach, open_end, opened
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.base import ConditionState, Effect, Number, Parameter, Series, Values
+from coronaryuq.zerod.effects.grafting import add_vessel, attach, locations_renamed, open_end
 
 
 class Collateral(Effect):
-    """A vessel that joins the ends of two outlet vessels, so that the better fed one supplies the other's bed."""
+    """Collateral vessel between the ends of two outlet vessels, through which one supplies the bed of the other."""
 
     name = "collateral"
     formula = "Q_col = (P_a - P_b) / R_col between the ends of two outlet vessels"
     source = "Pijls et al., J. Am. Coll. Cardiol. 25 (1995) 1522"
-    signature = "two territories' pressures drawn together; one artery carries more than its bed, the other less"
+    signature = "pressures of two territories drawn together; one artery carries more flow than its bed, the other less"
     native = "a BloodVessel between two added NORMAL_JUNCTIONs"
     grafted = True
-    parameters = (
-        Parameter("conductance", "1", "lognormal", 0.3, 1.2, "conductance over that of the smaller of the two beds"),
-    )
+    parameters = (Parameter("conductance", "1", "lognormal", 0.3, 1.2, "conductance over that of the smaller bed"),)
 
-    def places(self, anatomy, observed=()):
-        ends = [anatomy.beds[bed] for bed in anatomy.beds]
-        return [f"{a}~{b}" for a, b in combinations(ends, 2)]
+    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
+        return [f"{a}~{b}" for a, b in combinations(anatomy.beds.values(), 2)]
 
-    def insert(self, network, place, anatomy):
+    def insert(self, network: dict, place: str, anatomy: Anatomy) -> dict:
         source, sink = place.split("~")
         network, upper, _ = open_end(network, source, "col")
         network, lower, _ = open_end(network, sink, "col")
@@ -33,22 +32,22 @@ class Collateral(Effect):
         attach(network, lower, "inlet", number)
         return network
 
-    def aliases(self, place, anatomy):
-        one, other = place.split("~")
-        return opened(anatomy, one, "col") | opened(anatomy, other, "col")
+    def aliases(self, place: str, anatomy: Anatomy) -> dict[str, str]:
+        source, sink = place.split("~")
+        return locations_renamed(anatomy, source, "col") | locations_renamed(anatomy, sink, "col")
 
-    def changes(self, network, place, sizes, anatomy, condition):
+    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
         return {f"{self._vessel(place)}.R_poiseuille": self._resistance(place, sizes["conductance"], anatomy)}
 
-    def physical(self, place, sizes, anatomy):
+    def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:
         return {"resistance of the collateral": self._resistance(place, sizes["conductance"], anatomy)}
 
     @staticmethod
-    def _vessel(place):
+    def _vessel(place: str) -> str:
         return "collateral_" + place.replace("~", "_")
 
     @staticmethod
-    def _resistance(place, conductance, anatomy):
+    def _resistance(place: str, conductance: Number, anatomy: Anatomy) -> Number:
         source, sink = place.split("~")
         smaller = min(anatomy.flow_scale(source), anatomy.flow_scale(sink))
         return anatomy.pressure / (conductance * smaller)

@@ -1,28 +1,31 @@
-"""What drives a network without a heart, read or prescribed too high or too low."""
+"""Gain error of the pressure or flow that drives a network without a heart."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
-from coronaryuq.zerod.effects.base import Effect, Parameter, sampled
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.base import ConditionState, Effect, Parameter, Series, Values, sampled
 
 DRIVES = {"PRESSURE": "P", "FLOW": "Q"}
-"""Waveform of each kind of boundary condition that drives a network."""
+"""Name of the waveform in each kind of boundary condition that drives a network."""
 
 
 class DriveGain(Effect):
-    """Pressure or flow at the network's inlet that is a factor off, in every condition alike."""
+    """Gain error of the pressure or flow at the network's inlet, the same in every condition."""
 
     name = "drive_gain"
     formula = "x_in(t) = (1 + g) x_in,model(t)"
     source = "calibration; of flow by MRI: Gatehouse et al., J. Cardiovasc. Magn. Reson. 12 (2010) 5"
-    signature = "pressures and flows everywhere a factor off, in every condition alike"
+    signature = "all pressures and flows wrong by one factor, the same in every condition"
     native = "P or Q of the boundary condition at the inlet"
-    parameters = (Parameter("gain", "1", "normal", 0.0, 0.1, "gain less 1"),)
-    of_an_instrument = True
+    parameters = (Parameter("gain", "1", "normal", 0.0, 0.1, "gain minus 1"),)
+    is_measurement_error = True
 
-    def places(self, anatomy, observed=()):
+    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         inlets = dict.fromkeys(anatomy.inlet_bc[root] for root in anatomy.roots if root in anatomy.inlet_bc)
         return [inlet for inlet in inlets if anatomy.blocks[inlet]["bc_type"] in DRIVES]
 
-    def changes(self, network, place, sizes, anatomy, condition):
+    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
         name = f"{place}.{DRIVES[anatomy.blocks[place]['bc_type']]}"
         return {name: (1.0 + np.asarray(sizes["gain"], dtype=float))[:, None] * sampled(network, name)}

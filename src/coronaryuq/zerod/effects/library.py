@@ -1,4 +1,4 @@
-"""The library of effects, in the order in which they are reported."""
+"""Library of effects, in the order in which they are reported."""
 
 from coronaryuq.zerod.effects.base import Effect
 from coronaryuq.zerod.effects.beds import Autoregulation, BackPressure, CompressedResistance, IncompleteHyperaemia
@@ -57,11 +57,11 @@ LIBRARY: tuple[Effect, ...] = (
 )
 
 MISTAKES: tuple[Effect, ...] = (ExchangedOutlets(),)
-"""Mistakes in the model that data may show: searched for like effects, but never named as what the patient has."""
+"""Mistakes in the model that the data may reveal: searched like effects, but never named as such."""
 
 SEARCHED = (*LIBRARY, *MISTAKES)
 
 
 def effect(name: str) -> Effect:
-    """The effect or mistake of that name; KeyError where there is none."""
-    return {one.name: one for one in SEARCHED}[name]
+    """Return the effect or mistake called `name`; raise KeyError if there is none."""
+    return {entry.name: entry for entry in SEARCHED}[name]

@@ -1,19 +1,22 @@
 """Diffuse narrowing of a vessel."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from coronaryuq.zerod.effects.base import Effect, Parameter, vessel_values
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.base import ConditionState, Effect, Number, Parameter, Series, Values, vessel_values
 
 
 class DiffuseNarrowing(Effect):
-    """A radius smaller than thought along the whole vessel: more viscous loss and inertance, less storage."""
+    """Radius smaller than assumed along the whole vessel: more viscous loss and inertance, less storage."""
 
     name = "diffuse_narrowing"
     formula = (
         "R = 8 mu l / (pi r^4), L = rho l / (pi r^2), C ~ r^3: with added R, L grows as R^(1/2), C falls as R^(-3/4)"
     )
     source = "De Bruyne et al., Circulation 104 (2001) 2401; Poiseuille's law"
-    signature = "distal pressure falls in proportion to flow, alike at rest and in hyperaemia"
+    signature = "distal pressure falls in proportion to flow, at rest as in hyperaemia"
     native = "R_poiseuille, L and C of the vessel"
     parameters = (
         Parameter(
@@ -22,31 +25,31 @@ class DiffuseNarrowing(Effect):
             "lognormal",
             0.1,
             1.2,
-            "share of the mean pressure lost to the added resistance at the model's mean flow",
+            "share of the mean pressure lost to the added resistance at mean flow",
         ),
     )
 
-    def places(self, anatomy, observed=()):
+    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return anatomy.coronary_vessels
 
-    def changes(self, network, place, sizes, anatomy, condition):
+    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
         element = vessel_values(network, place)
         present = element.get("R_poiseuille", 0.0)
         added = self._resistance(place, sizes["loss"], anatomy)
-        found = {f"{place}.R_poiseuille": present + added}
+        changes: Values = {f"{place}.R_poiseuille": present + added}
         if present > 0.0:
-            thinner = 1.0 + added / present
+            ratio = 1.0 + added / present
             for name, power in (("L", 0.5), ("C", -0.75)):
                 if element.get(name, 0.0) > 0.0:
-                    found[f"{place}.{name}"] = element[name] * thinner**power
-        return found
+                    changes[f"{place}.{name}"] = element[name] * ratio**power
+        return changes
 
-    def physical(self, place, sizes, anatomy):
+    def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:
         added = self._resistance(place, sizes["loss"], anatomy)
         present = anatomy.vessels[place]["zero_d_element_values"].get("R_poiseuille", 0.0)
         radius = {"radius over the model's": float(np.power(present / (present + added), 0.25))} if present > 0 else {}
         return {"R_poiseuille added": added, **radius}
 
     @staticmethod
-    def _resistance(place, loss, anatomy):
+    def _resistance(place: str, loss: Number, anatomy: Anatomy) -> Number:
         return loss * anatomy.pressure / anatomy.flow_scale(place)

@@ -1,93 +1,106 @@
-"""Errors of the perfusion map: extraction of tracer, territories out of place."""
+"""Errors of the perfusion map: tracer extraction, misplaced territories."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
-from coronaryuq.zerod.effects.base import Effect, Parameter
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.base import Effect, Parameter, Series, Values
+
+NATIVE = "acts on predicted perfusion; the network stays the same"
+MAP = "perfusion map"
 
 
 class RenkinCrone(Effect):
-    """Myocardial blood flow underestimated at high flow, because less tracer is extracted."""
+    """Myocardial blood flow underestimated at high flow, where less tracer is extracted."""
 
     name = "mbf_underestimation"
-    formula = "MBF = F (1 - exp(-PS / F)) / (1 - exp(-PS / F_0)), PS = F_0 / s, F_0 the least flow measured"
+    formula = "MBF = F (1 - exp(-PS / F)) / (1 - exp(-PS / F_0)), PS = F_0 / s, F_0 the lowest measured flow"
     source = "Renkin, Am. J. Physiol. 197 (1959) 1205; Crone, Acta Physiol. Scand. 58 (1963) 292"
-    signature = "perfusion right at rest and too low in hyperaemia, the more the higher the flow"
-    native = "measuring side: acts on predicted perfusion, the network stays as it is"
+    signature = "perfusion correct at rest and too low in hyperaemia, increasingly so at high flow"
+    native = NATIVE
     parameters = (
         Parameter(
-            "saturation", "1", "lognormal", 0.3, 0.8, "least measured flow over the permeability-surface product"
+            "saturation", "1", "lognormal", 0.3, 0.8, "lowest measured flow over the permeability-surface product"
         ),
     )
     side = "measurement"
 
-    def places(self, anatomy, observed=()):
+    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         territories = {s.location for s in observed if s.quantity == "perfusion"}
-        return ["perfusion map"] if territories and len({s.condition for s in observed}) > 1 else []
+        return [MAP] if territories and len({s.condition for s in observed}) > 1 else []
 
-    def observe(self, place, sizes, series, predicted):
-        chosen = [i for i, s in enumerate(series) if s.quantity == "perfusion"]
-        if not chosen:
+    def observe(
+        self, place: str, sizes: Values, series: Sequence[Series], predicted: list[np.ndarray]
+    ) -> list[np.ndarray]:
+        perfused = [i for i, s in enumerate(series) if s.quantity == "perfusion"]
+        if not perfused:
             return predicted
-        least = np.min([np.abs(predicted[i]).min(axis=1) for i in chosen], axis=0)
-        extraction = np.asarray(sizes["saturation"])
-        found = list(predicted)
-        for i in chosen:
-            relative = np.maximum(np.abs(predicted[i]) / least[:, None], 1e-12)
-            seen = -np.expm1(-1.0 / (extraction[:, None] * relative)) / -np.expm1(-1.0 / extraction[:, None])
-            found[i] = predicted[i] * seen
-        return found
+        lowest = np.min([np.abs(predicted[i]).min(axis=1) for i in perfused], axis=0)
+        saturation = np.asarray(sizes["saturation"])
+        observed = list(predicted)
+        for i in perfused:
+            relative = np.maximum(np.abs(predicted[i]) / lowest[:, None], 1e-12)
+            extraction = -np.expm1(-1.0 / (saturation[:, None] * relative)) / -np.expm1(-1.0 / saturation[:, None])
+            observed[i] = predicted[i] * extraction
+        return observed
 
 
 class ShiftedTerritories(Effect):
-    """Perfusion of one territory counted in part with a neighbour's."""
+    """Part of one territory attributed to another."""
 
     name = "shifted_territory"
     formula = "MBF_a = (1 - s) F_a + s F_b, s at most 1"
     source = "territories by nearest outlet and their noise: Menon et al. (2024)"
     signature = (
-        "one territory's perfusion drawn towards another's in every condition, pressures and epicardial flows right"
+        "perfusion of one territory drawn towards that of another in every condition; pressures and epicardial flows "
+        "correct"
     )
-    native = "measuring side: acts on predicted perfusion, the network stays as it is"
+    native = NATIVE
     parameters = (Parameter("share", "1", "lognormal", 0.2, 0.7, "share of a territory that belongs to the other"),)
     side = "measurement"
 
-    def places(self, anatomy, observed=()):
+    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         territories = sorted({s.location for s in observed if s.quantity == "perfusion"})
         return [f"{a}<{b}" for a in territories for b in territories if a != b]
 
-    def observe(self, place, sizes, series, predicted):
+    def observe(
+        self, place: str, sizes: Values, series: Sequence[Series], predicted: list[np.ndarray]
+    ) -> list[np.ndarray]:
         taker, giver = place.split("<")
         share = np.minimum(np.asarray(sizes["share"]), 1.0)[:, None]
         index = {(s.condition, s.location, s.statistic): i for i, s in enumerate(series) if s.quantity == "perfusion"}
-        found = list(predicted)
+        observed = list(predicted)
         for (condition, location, statistic), i in index.items():
             other = index.get((condition, giver, statistic))
             if location == taker and other is not None:
-                found[i] = (1.0 - share) * predicted[i] + share * predicted[other]
-        return found
+                observed[i] = (1.0 - share) * predicted[i] + share * predicted[other]
+        return observed
 
 
 class RotatedTerritories(Effect):
-    """The whole map of territories rotated: every territory counted in part with the next."""
+    """Rotated map of territories: part of every territory attributed to the next."""
 
     name = "rotated_territories"
     formula = (
         "MBF_i = (1 - |s|) F_i + |s| F_(i+1) (s > 0) or F_(i-1) (s < 0), territories in the order of the measurements"
     )
     source = "AHA 17-segment convention: Cerqueira et al., Circulation 105 (2002) 539"
-    signature = "every territory's perfusion drawn towards its neighbour's, in every condition alike"
-    native = "measuring side: acts on predicted perfusion, the network stays as it is"
+    signature = "perfusion of every territory drawn towards that of its neighbour, the same in every condition"
+    native = NATIVE
     parameters = (Parameter("share", "1", "normal", 0.0, 0.3, "rotation over a territory's width"),)
     side = "measurement"
 
-    def places(self, anatomy, observed=()):
-        return ["perfusion map"] if len({s.location for s in observed if s.quantity == "perfusion"}) > 2 else []
+    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
+        return [MAP] if len({s.location for s in observed if s.quantity == "perfusion"}) > 2 else []
 
-    def observe(self, place, sizes, series, predicted):
+    def observe(
+        self, place: str, sizes: Values, series: Sequence[Series], predicted: list[np.ndarray]
+    ) -> list[np.ndarray]:
         territories = list(dict.fromkeys(s.location for s in series if s.quantity == "perfusion"))
         index = {(s.condition, s.location, s.statistic): i for i, s in enumerate(series) if s.quantity == "perfusion"}
         share = np.clip(np.asarray(sizes["share"]), -1.0, 1.0)[:, None]
-        found = list(predicted)
+        observed = list(predicted)
         for (condition, location, statistic), i in index.items():
             position = territories.index(location)
             after, before = (
@@ -95,5 +108,5 @@ class RotatedTerritories(Effect):
                 for step in (1, -1)
             )
             neighbour = np.where(share > 0, predicted[after], predicted[before])
-            found[i] = (1.0 - np.abs(share)) * predicted[i] + np.abs(share) * neighbour
-        return found
+            observed[i] = (1.0 - np.abs(share)) * predicted[i] + np.abs(share) * neighbour
+        return observed

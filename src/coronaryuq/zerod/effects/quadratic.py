@@ -1,62 +1,64 @@
-"""What all kinetic losses share: a drop of pressure with the square of flow in one or several vessels."""
+"""Base class of kinetic losses: a pressure drop with the square of flow in one or several vessels."""
+
+from typing import ClassVar
 
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import Effect, Parameter, vessel_values
+from coronaryuq.zerod.effects.base import ConditionState, Effect, Number, Parameter, Values, vessel_values
 from coronaryuq.zerod.effects.grafting import put_ahead
 
 TAG = "loss"
 
 
 class QuadraticLoss(Effect):
-    """A loss S |Q| Q at the start of every vessel that a place stands for.
+    """Pressure loss S |Q| Q at the start of every vessel that a place stands for.
 
-    It enters as the vessel's own `stenosis_coefficient`, but not where the vessel stores blood: the element's equations
-    hold C 2 S |Q| dQ/dt then, which is not monotone in one time step, so that a strong loss may leave a step without a
-    solution. There it goes into a vessel put ahead, which is the same network.
+    It enters as the vessel's `stenosis_coefficient`, unless the vessel stores blood: the element's equations then hold
+    C 2 S |Q| dQ/dt, which is not monotone within a time step, so that a strong loss may leave a step without a
+    solution. In that case it goes into a vessel ahead, which is an equivalent network.
     """
 
-    native = "stenosis_coefficient of the vessel; of one put ahead of it, where the vessel has a C"
+    native = "stenosis_coefficient of the vessel, or of a vessel added ahead if the vessel has a C"
     grafted = True
-    parameters = (
-        Parameter("loss", "1", "lognormal", 0.1, 1.2, "share of the mean pressure lost at the model's own mean flow"),
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("loss", "1", "lognormal", 0.1, 1.2, "share of the mean pressure lost at the model's mean flow"),
     )
 
     def vessels(self, place: str, anatomy: Anatomy) -> list[str]:
-        """The vessels that lose pressure."""
+        """Return the vessels that lose pressure."""
         return [place]
 
-    def inserts(self, place, anatomy):
+    def inserts(self, place: str, anatomy: Anatomy) -> bool:
         return any(_stores(anatomy.network, vessel) for vessel in self.vessels(place, anatomy))
 
-    def insert(self, network, place, anatomy):
+    def insert(self, network: dict, place: str, anatomy: Anatomy) -> dict:
         network = super().insert(network, place, anatomy)
-        for vessel in self._unprepared(network, place, anatomy):
+        for vessel in self._without_stub(network, place, anatomy):
             network = put_ahead(network, vessel, TAG)
         return network
 
-    def aliases(self, place, anatomy):
-        waiting = self._unprepared(anatomy.network, place, anatomy)
-        return {anatomy.inlet(v): f"{anatomy.upstream[v]}:{v}_{TAG}" for v in waiting}
+    def aliases(self, place: str, anatomy: Anatomy) -> dict[str, str]:
+        vessels = self._without_stub(anatomy.network, place, anatomy)
+        return {anatomy.inlet(v): f"{anatomy.upstream[v]}:{v}_{TAG}" for v in vessels}
 
-    def changes(self, network, place, sizes, anatomy, condition):
-        found = {}
+    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
+        changes: Values = {}
         for vessel in self.vessels(place, anatomy):
             ahead = f"{vessel}_{TAG}"
             name = ahead if _has(network, ahead) else vessel
             present = vessel_values(network, name).get("stenosis_coefficient", 0.0)
-            found[f"{name}.stenosis_coefficient"] = present + self._coefficient(vessel, sizes["loss"], anatomy)
-        return found
+            changes[f"{name}.stenosis_coefficient"] = present + self._coefficient(vessel, sizes["loss"], anatomy)
+        return changes
 
-    def physical(self, place, sizes, anatomy):
+    def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:
         vessels = self.vessels(place, anatomy)
-        words = "stenosis_coefficient added"
+        label = "stenosis_coefficient added"
         return {
-            words if len(vessels) == 1 else f"{words} to {v}": self._coefficient(v, sizes["loss"], anatomy)
+            label if len(vessels) == 1 else f"{label} to {v}": self._coefficient(v, sizes["loss"], anatomy)
             for v in vessels
         }
 
-    def _unprepared(self, network, place, anatomy) -> list[str]:
-        """Vessels that still need one ahead; another effect may have put it there."""
+    def _without_stub(self, network: dict, place: str, anatomy: Anatomy) -> list[str]:
+        """Return the vessels that still need a vessel ahead; another effect may have added it."""
         return [
             vessel
             for vessel in self.vessels(place, anatomy)
@@ -64,7 +66,7 @@ class QuadraticLoss(Effect):
         ]
 
     @staticmethod
-    def _coefficient(vessel, loss, anatomy):
+    def _coefficient(vessel: str, loss: Number, anatomy: Anatomy) -> Number:
         return loss * anatomy.pressure / anatomy.flow_scale(vessel) ** 2
 
 

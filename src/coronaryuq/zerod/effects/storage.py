@@ -1,15 +1,18 @@
 """Storage and inertia of epicardial vessels."""
 
-from coronaryuq.zerod.effects.base import Effect, Parameter, vessel_values
+from collections.abc import Mapping, Sequence
+
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.base import ConditionState, Effect, Number, Parameter, Series, Values, vessel_values
 
 
 class EpicardialCompliance(Effect):
-    """Blood stored in the wall's expansion of an epicardial vessel."""
+    """Blood stored by the expansion of an epicardial vessel."""
 
     name = "epicardial_compliance"
     formula = "Q_in - Q_out = C dP/dt"
     source = "Westerhof, Stergiopulos & Noble, Snapshots of Hemodynamics (2nd ed., 2010)"
-    signature = "inflow leads outflow during the rise of pressure: high-frequency, without a change of means"
+    signature = "inflow leads outflow while pressure rises; affects high frequencies, not the means"
     native = "C of the vessel"
     parameters = (
         Parameter(
@@ -18,22 +21,22 @@ class EpicardialCompliance(Effect):
             "lognormal",
             0.02,
             1.2,
-            "volume stored by the mean pressure over the volume that passes in a cycle",
+            "volume stored at the mean pressure over the volume that passes in a cycle",
         ),
     )
     element = "C"
 
-    def places(self, anatomy, observed=()):
+    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return anatomy.coronary_vessels
 
-    def changes(self, network, place, sizes, anatomy, condition):
+    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
         present = vessel_values(network, place).get(self.element, 0.0)
         return {f"{place}.{self.element}": present + self._added(place, sizes, anatomy)}
 
-    def physical(self, place, sizes, anatomy):
+    def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:
         return {f"{self.element} added": self._added(place, sizes, anatomy)}
 
-    def _added(self, place, sizes, anatomy):
+    def _added(self, place: str, sizes: Mapping[str, Number], anatomy: Anatomy) -> Number:
         return sizes["storage"] * anatomy.flow_scale(place) * anatomy.period / anatomy.pressure
 
 
@@ -43,10 +46,10 @@ class Inertance(EpicardialCompliance):
     name = "inertance"
     formula = "P_in - P_out = L dQ/dt"
     source = "Milnor, Hemodynamics (2nd ed., 1989), chapter 2: L = rho l / A"
-    signature = "flow lags pressure; sharp changes of flow are rounded, means are unchanged"
+    signature = "flow lags pressure; sharp changes of flow are smoothed, means are unchanged"
     native = "L of the vessel"
-    # A coronary artery of 3 mm and 5 cm at 1 mL/s has 7e-4, which usual noise hides: the prior is about what is seen,
-    # as of a cannula or of a vessel that the model lacks, and reaches down to that.
+    # A coronary artery of 3 mm and 5 cm at 1 mL/s has 7e-4, which typical noise hides. The prior covers detectable
+    # values, as of a cannula or of a vessel missing from the model, and extends down to that.
     parameters = (
         Parameter(
             "inertia",
@@ -54,10 +57,10 @@ class Inertance(EpicardialCompliance):
             "lognormal",
             0.01,
             1.2,
-            "pressure that turns the mean flow on within one cycle over the mean pressure",
+            "pressure that accelerates the blood to its mean flow within one cycle, over the mean pressure",
         ),
     )
     element = "L"
 
-    def _added(self, place, sizes, anatomy):
+    def _added(self, place: str, sizes: Mapping[str, Number], anatomy: Anatomy) -> Number:
         return sizes["inertia"] * anatomy.pressure * anatomy.period / anatomy.flow_scale(place)

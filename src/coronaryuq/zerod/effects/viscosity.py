@@ -1,13 +1,15 @@
-"""Viscosity of blood other than assumed."""
+"""Blood viscosity that differs from the assumed one."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
-from coronaryuq.zerod.effects.anatomy import RESISTANCES
-from coronaryuq.zerod.effects.base import Effect, Parameter, bed_values, vessel_values
+from coronaryuq.zerod.effects.anatomy import RESISTANCES, Anatomy
+from coronaryuq.zerod.effects.base import ConditionState, Effect, Parameter, Series, Values, bed_values, vessel_values
 
 
 class Haematocrit(Effect):
-    """A haematocrit, hence viscosity, other than assumed: every viscous resistance scales."""
+    """Haematocrit, and hence viscosity, that differs from the assumed one and scales every viscous resistance."""
 
     name = "haematocrit"
     formula = (
@@ -18,22 +20,22 @@ class Haematocrit(Effect):
     native = "R_poiseuille of every vessel and all resistances of every bed"
     parameters = (Parameter("log_viscosity", "1", "normal", 0.0, 0.25, "logarithm of viscosity over the assumed one"),)
 
-    def places(self, anatomy, observed=()):
+    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return ["everywhere"]
 
-    def changes(self, network, place, sizes, anatomy, condition):
+    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
         factor = np.exp(np.asarray(sizes["log_viscosity"]))
-        found = {}
+        changes: Values = {}
         for vessel in anatomy.vessels:
             present = vessel_values(network, vessel).get("R_poiseuille", 0.0)
             if present > 0.0:
-                found[f"{vessel}.R_poiseuille"] = present * factor
+                changes[f"{vessel}.R_poiseuille"] = present * factor
         for bed in anatomy.blocks:
             values = bed_values(network, bed)
-            found |= {f"{bed}.{name}": values[name] * factor for name in RESISTANCES if name in values}
-        return found
+            changes |= {f"{bed}.{name}": values[name] * factor for name in RESISTANCES if name in values}
+        return changes
 
-    def physical(self, place, sizes, anatomy):
+    def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:
         return {
             "viscosity over the model's": float(np.exp(sizes["log_viscosity"])),
             "haematocrit change": sizes["log_viscosity"] / 2.3,

@@ -1,43 +1,46 @@
-"""What is wrong with the model and not with the patient: outlets that were exchanged when the network was made."""
+"""Outlets exchanged when the network was made: a mistake in the model, not an effect in the patient."""
 
+from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
 
-from coronaryuq.zerod.effects.base import Effect, Parameter, bed_values
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.base import ConditionState, Effect, Parameter, Series, Values, bed_values
 
 
 class ExchangedOutlets(Effect):
-    """Two beds that each feed from the other's vessel."""
+    """Two beds connected to each other's vessels."""
 
     name = "exchanged_outlets"
-    formula = "x_a -> x_a (x_b / x_a)^s and x_b -> x_b (x_a / x_b)^s for every positive number x that both beds have"
-    source = "a mistake in the table of outlets, of names or of their order"
+    formula = "x_a -> x_a (x_b / x_a)^s and x_b -> x_b (x_a / x_b)^s for every positive value x that both beds have"
+    source = "mistake in the names or the order of the outlet table"
     signature = (
-        "one outlet too tight and too stiff by what the other is too wide and too soft, in every condition alike"
+        "resistance and stiffness of one outlet too high by the factor by which the other's are too low, in every "
+        "condition"
     )
     native = "the values of the two boundary conditions"
-    parameters = (Parameter("share", "1", "lognormal", 1.0, 0.15, "share of the exchange; 1 is all of it"),)
+    parameters = (Parameter("share", "1", "lognormal", 1.0, 0.15, "share of the exchange; 1 is a complete exchange"),)
     nameable = False
 
-    def places(self, anatomy, observed=()):
+    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return [f"{a}~{b}" for a, b in combinations(anatomy.beds, 2) if _ratios(anatomy.network, a, b)]
 
-    def changes(self, network, place, sizes, anatomy, condition):
-        one, other = place.split("~")
-        share, found = np.asarray(sizes["share"], dtype=float), {}
-        for name, ratio in _ratios(network, one, other).items():
-            found[f"{one}.{name}"] = bed_values(network, one)[name] * ratio**share
-            found[f"{other}.{name}"] = bed_values(network, other)[name] * ratio**-share
-        return found
+    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
+        first, second = place.split("~")
+        share, changes = np.asarray(sizes["share"], dtype=float), {}
+        for name, ratio in _ratios(network, first, second).items():
+            changes[f"{first}.{name}"] = bed_values(network, first)[name] * ratio**share
+            changes[f"{second}.{name}"] = bed_values(network, second)[name] * ratio**-share
+        return changes
 
 
-def _ratios(network: dict, one: str, other: str) -> dict[str, float]:
-    """Of every positive number that both beds have and that differs: the other's over the one's."""
-    ours, theirs = bed_values(network, one), bed_values(network, other)
-    both = [name for name in ours if name in theirs and _positive(ours[name]) and _positive(theirs[name])]
-    return {name: theirs[name] / ours[name] for name in both if theirs[name] != ours[name]}
+def _ratios(network: dict, first: str, second: str) -> dict[str, float]:
+    """Return the ratio, second over first, of every positive value that both beds have and that differs."""
+    one, other = bed_values(network, first), bed_values(network, second)
+    both = [name for name in one if name in other and _positive(one[name]) and _positive(other[name])]
+    return {name: other[name] / one[name] for name in both if other[name] != one[name]}
 
 
-def _positive(value) -> bool:
+def _positive(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and value > 0.0

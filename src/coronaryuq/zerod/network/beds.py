@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io import files
+from coronaryuq.core.io.tables import read_csv
 from coronaryuq.zerod.network.read import Network
 
 SCALING = "R_cor_scaling"
@@ -117,7 +117,7 @@ def read_theta(
     InputError
         The table is too short, or a column is not a coronary bed of the network.
     """
-    table = files.read_csv(samples_csv, ("sample",))
+    table = read_csv(samples_csv, ("sample",))
     theta = table.iloc[first : first + count]
     if len(theta) < count:
         raise InputError(samples_csv, "sample", len(table), f"want at least {first + count} rows")

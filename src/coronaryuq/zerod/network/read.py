@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io import files
+from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.zerod.network.blocks import check_keys, check_shapes, check_values, finite, named, register
 from coronaryuq.zerod.network.parameters import BOUNDARIES, CLOSED_LOOP, COUPLINGS, JUNCTIONS, VESSELS
 
@@ -65,7 +65,7 @@ _COUPLING = {"name", "type", "location", "connected_block", "periodic", "values"
 
 def read_network(path: str | Path) -> Network:
     """Read an svZeroDSolver JSON file and check it; `InputError` names file, block, key and value."""
-    network = files.read_json(path)
+    network = read_json(path)
     check_network(network, path)
     return network
 
@@ -73,7 +73,7 @@ def read_network(path: str | Path) -> Network:
 def write_network(path: str | Path, network: Network) -> None:
     """Check a network and write it as svZeroDSolver JSON."""
     check_network(network, path)
-    files.write_json(path, network)
+    write_json(path, network)
 
 
 def check_network(network: Network, file: str | Path = "network") -> None:

@@ -7,8 +7,9 @@ whatever else changes live. Only the border is factorised and solved again in ea
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
+
+from coronaryuq.core.jit import numba
 
 THRESHOLD = 1e-3
 """Least size of a pivot against the largest entry of its scaled row, in every scenario (threshold pivoting)."""

@@ -8,9 +8,9 @@ step solve them exactly; Newton's loop sees only the border.
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from coronaryuq.core.jit import numba
 from coronaryuq.zerod.solver.lanes import (
     any_lane,
     both,

@@ -6,8 +6,9 @@ states that the network reached, so that linear constraints and the loop's total
 
 from collections.abc import Callable
 
-import numba
 import numpy as np
+
+from coronaryuq.core.jit import numba
 
 DEPTH = 5
 """Differences of earlier cycles that a step combines."""

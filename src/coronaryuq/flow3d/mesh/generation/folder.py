@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.files import read_vtk, replacing, write_vtk
+from coronaryuq.core.io.atomic import replacing
+from coronaryuq.core.io.vtk import read_vtk, write_vtk
 from coronaryuq.flow3d.mesh.generation.quality import areas, boundary, volumes
 from coronaryuq.flow3d.mesh.generation.volume import oriented
 

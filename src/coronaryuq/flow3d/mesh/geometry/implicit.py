@@ -3,8 +3,9 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
+
+from coronaryuq.core.jit import numba
 
 CHUNK = 8
 FAR = 1e9

@@ -11,7 +11,7 @@ from coronaryuq.core.errors import InputError
 
 @pytest.mark.parametrize("name", BENCHMARKS)
 def test_a_benchmark_takes_the_options_listed_for_it(name):
-    taken = inspect.signature(importlib.import_module(f"coronaryuq.bench.{name}").run).parameters
+    taken = inspect.signature(importlib.import_module(f"coronaryuq.bench.{BENCHMARKS[name]}").run).parameters
     assert not any(one.kind is one.VAR_KEYWORD for one in taken.values())
     assert {option for option, owners in OPTIONS.items() if name in owners} <= taken.keys()
     assert not {option for option, owners in OPTIONS.items() if name not in owners} & taken.keys()
@@ -96,4 +96,4 @@ def test_seeds_are_a_number_of_one_or_more(seeds, capsys):
     with pytest.raises(SystemExit) as ended:
         main(["bench", "discrepancy", "--seeds", seeds])
     assert ended.value.code == 2
-    assert f"argument --seeds: '{seeds}' is no number of 1 or more" in capsys.readouterr().err
+    assert f"argument --seeds: '{seeds}' is not an integer of 1 or more" in capsys.readouterr().err

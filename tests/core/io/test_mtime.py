@@ -3,7 +3,7 @@
 import os
 import time
 
-from coronaryuq.core.io.mtime import bring_to_the_present
+from coronaryuq.core.io.mtime import reset_future_times
 
 
 def test_files_from_the_future_come_to_the_present_in_their_order(tmp_path):
@@ -13,9 +13,9 @@ def test_files_from_the_future_come_to_the_present_in_their_order(tmp_path):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text("")
         os.utime(tmp_path / name, (now + offset, now + offset))
-    moved = bring_to_the_present(tmp_path)
+    moved = reset_future_times(tmp_path)
     assert [path.relative_to(tmp_path).as_posix() for path in moved] == ["part/first", "second", "part/third"]
     times = [(tmp_path / name).stat().st_mtime for name in ("old", "now", "part/first", "second", "part/third")]
     assert times == sorted(times) and len(set(times)) == 5 and times[-1] <= time.time()
     assert (tmp_path / "skewed").stat().st_mtime == now + 1.0
-    assert bring_to_the_present(tmp_path) == []
+    assert reset_future_times(tmp_path) == []

@@ -11,12 +11,13 @@ import pandas as pd
 import pytest
 
 from coronaryuq.cli import main
-from coronaryuq.core import by_hand
-from coronaryuq.core.io import files
+from coronaryuq.core.command_line import run_with_settings
+from coronaryuq.core.io.atomic import replacing, write_json, write_text
+from coronaryuq.core.io.tables import write_csv
 from coronaryuq.flow3d.settings import Settings
 
-REPOSITORY = Path(__file__).parents[1]
-NO_ROOM = "No space left on device: make room there and run again\n"
+REPOSITORY = Path(__file__).parents[3]
+NO_ROOM = "No space left on device: free some space there and run again\n"
 
 
 @pytest.fixture
@@ -33,23 +34,23 @@ def disk(tmp_path):
 
 
 def arrays(path):
-    with files.replacing(path) as beside:
+    with replacing(path) as beside:
         np.savez(beside, values=np.zeros(100_000))
 
 
 def packed(path):
-    with files.replacing(path) as beside, zipfile.ZipFile(beside, "w") as archive:
+    with replacing(path) as beside, zipfile.ZipFile(beside, "w") as archive:
         archive.writestr("values", bytes(1_000_000))
 
 
 def parquet(path):
-    with files.replacing(path) as beside:
+    with replacing(path) as beside:
         pd.DataFrame({"x": np.random.default_rng(1).random(100_000)}).to_parquet(beside)
 
 
 WRITERS = {
-    "t.json": lambda path: files.write_json(path, list(range(100_000))),
-    "t.csv": lambda path: files.write_csv(path, pd.DataFrame({"x": np.arange(100_000)})),
+    "t.json": lambda path: write_json(path, list(range(100_000))),
+    "t.csv": lambda path: write_csv(path, pd.DataFrame({"x": np.arange(100_000)})),
     "t.npz": arrays,
     "t.zip": packed,
     "t.parquet": parquet,
@@ -59,8 +60,8 @@ WRITERS = {
 @pytest.mark.parametrize("name", WRITERS)
 def test_a_full_disk_is_one_line(disk, capsys, name):
     folder, _ = disk
-    files.write_text(folder / name, "before")
-    assert by_hand.run(lambda settings: WRITERS[name](folder / name), Settings, "{}") == 2
+    write_text(folder / name, "before")
+    assert run_with_settings(lambda settings: WRITERS[name](folder / name), Settings, "{}") == 2
     assert capsys.readouterr().err == f"error: {folder / name}: {NO_ROOM}"
     assert [path.name for path in folder.iterdir()] == [name] and (folder / name).read_text() == "before"
 
@@ -68,7 +69,7 @@ def test_a_full_disk_is_one_line(disk, capsys, name):
 def test_a_folder_that_takes_no_files_is_one_line(disk, capsys):
     folder, remount = disk
     remount("ro")
-    assert by_hand.run(lambda settings: files.write_json(folder / "a" / "t.json", 1), Settings, "{}") == 2
+    assert run_with_settings(lambda settings: write_json(folder / "a" / "t.json", 1), Settings, "{}") == 2
     said = capsys.readouterr().err
     assert said.startswith(f"error: {folder / 'a'}") and "Read-only file system: name a folder elsewhere" in said
 
@@ -90,12 +91,12 @@ def test_a_job_whose_mesh_and_log_find_no_room_says_so_in_one_line(disk, name):
 import sys
 sys.path.insert(0, {str(REPOSITORY / "workflow" / "scripts")!r})
 import numpy as np, pyvista as pv
-from coronaryuq import files
+from coronaryuq.core.io.vtk import write_vtk
 from job import job
 with job(globals()):
     points = np.random.default_rng(1).random((100_000, 3))
     mesh = pv.PolyData(points) if {name!r} == "t.vtp" else pv.PolyData(points).cast_to_unstructured_grid()
-    files.write_vtk({str(folder / name)!r}, mesh)
+    write_vtk({str(folder / name)!r}, mesh)
 """
     done = subprocess.run(
         [sys.executable, "-c", script, "--log", str(folder / "job.log")], capture_output=True, text=True, check=False

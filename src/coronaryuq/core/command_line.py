@@ -1,0 +1,68 @@
+"""Shared parts of the command lines: argument types, and the exit code of work that reads its settings as JSON."""
+
+import argparse
+import sys
+from collections.abc import Callable
+from typing import TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from coronaryuq.core.errors import InputError, os_error_line
+
+Settings = TypeVar("Settings", bound=BaseModel)
+
+
+def positive_int(text: str) -> int:
+    """Return the integer that an argument holds; an argparse type for counts (1 or more)."""
+    return _integer(text, 1)
+
+
+def non_negative_int(text: str) -> int:
+    """Return the integer that an argument holds; an argparse type for seeds (0 or more)."""
+    return _integer(text, 0)
+
+
+def _integer(text: str, least: int) -> int:
+    if not text.isascii() or not text.isdigit() or int(text) < least:
+        raise argparse.ArgumentTypeError(f"{text!r} is not an integer of {least} or more")
+    return int(text)
+
+
+def run_with_settings(work: Callable[[Settings], object], model: type[Settings], settings: str) -> int:
+    """Run `work` with settings given as JSON; report wrong input on one line of standard error.
+
+    Parameters
+    ----------
+    work
+        Called with the validated settings.
+    model
+        Pydantic model of the settings.
+    settings
+        JSON object, as typed after `--settings`.
+
+    Returns
+    -------
+    int
+        Exit code: 0, or `InputError.EXIT_CODE` for wrong input and for a disk that cannot be written.
+    """
+    try:
+        work(_read(model, settings))
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return InputError.EXIT_CODE
+    except OSError as error:
+        line = os_error_line(error)
+        if line is None:
+            raise
+        print(f"error: {line}", file=sys.stderr)
+        return InputError.EXIT_CODE
+    return 0
+
+
+def _read(model: type[Settings], settings: str) -> Settings:
+    try:
+        return model.model_validate_json(settings)
+    except ValidationError as errors:
+        first = errors.errors(include_url=False)[0]
+        field = ".".join(map(str, first["loc"])) or None
+        raise InputError("--settings", field, first["input"], first["msg"][0].lower() + first["msg"][1:]) from None

@@ -1,0 +1,56 @@
+"""A table reads the same however it was written, and what cannot be read is named."""
+
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.tables import read_csv, write_csv
+
+floats = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@pytest.mark.parametrize(
+    "raw",
+    [
+        b"name,value\nvan Gogh,1.5\nb,-2\n",
+        b"\xef\xbb\xbfname,value\r\nvan Gogh,1.5\r\nb,-2\r\n",
+        b"# by hand\nname,value\nvan Gogh,1.5\n# and more\nb,-2\n",
+        b"name;value\nvan Gogh;1,5\nb;-2\n",
+        b"name;value\nvan Gogh;1.5\nb;-2\n",
+        b"name\tvalue\nvan Gogh\t1.5\nb\t-2\n",
+        b"name;value\r\nvan Gogh;1.5\r\n;\r\nb;-2\r\n ; \r\n;\r\n",
+        "name,value\nvan Gogh,1.5\nb,-2\n".encode("utf-16"),
+        b"sep=;\r\nname;value\r\nvan Gogh;1,5\r\nb;-2\r\n",
+    ],
+)
+def test_a_table_reads_the_same_however_a_spreadsheet_wrote_it(tmp_path, raw):
+    (tmp_path / "t.csv").write_bytes(raw)
+    frame = read_csv(tmp_path / "t.csv", ("name", "value"))
+    assert frame["name"].tolist() == ["van Gogh", "b"] and frame["value"].tolist() == [1.5, -2.0]
+
+
+def test_a_table_in_windows_western_code_page(tmp_path):
+    (tmp_path / "t.csv").write_bytes("name,note\na,3 µm\n".encode("cp1252"))
+    assert read_csv(tmp_path / "t.csv")["note"].tolist() == ["3 µm"]
+
+
+def test_missing_column_is_named_with_those_present(tmp_path):
+    (tmp_path / "t.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(InputError, match="t.csv: c: column missing; the file has a, b"):
+        read_csv(tmp_path / "t.csv", columns=("c",))
+
+
+@given(st.lists(floats, min_size=1, max_size=20))
+def test_csv_floats_survive_the_round_trip_to_the_bit(tmp_path_factory, values):
+    path = tmp_path_factory.mktemp("table") / "t.csv"
+    write_csv(path, pd.DataFrame({"a": values}))
+    assert read_csv(path)["a"].tolist() == values
+
+
+@pytest.mark.parametrize("row", ["1,2,3\n", "1,2,\n", "1,2,3,4\n"])
+def test_rows_longer_than_the_heading_are_not_shifted(tmp_path, row):
+    (tmp_path / "table.csv").write_text("a,b\n" + row)
+    with pytest.raises(InputError, match="heading: some rows have more cells than the heading"):
+        read_csv(tmp_path / "table.csv")
