@@ -10,6 +10,8 @@ from coronaryuq.discrepancy.inference.cross_validation import Gap
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.selection.abstention import LEAST_FORETOLD, LEAST_SHARE, WORTH, Gaps, judge
 from coronaryuq.discrepancy.settings import Settings
+from support.hypotheses import placed
+from support.linear_problem import made_up
 
 ROWS, KEPT_OUT, PRIOR = 60, 80, -5.0
 CONDITIONS = np.repeat(["rest", "hyperaemia", "pacing"], ROWS // 3)
@@ -25,7 +27,7 @@ def verdict(
     size=1.5, sizes=None, held_out=True, still=False, after=0.1, flexible=0.0, both=0.1, foretold=0.5, instrument=False
 ):
     """Of one effect of that size, or of these under the three conditions; nats per held-out row over recalibration."""
-    acting = SimpleNamespace(name="made up", parameters=(None,), nameable=True, of_an_instrument=instrument), "here"
+    acting = placed(made_up("made up", is_measurement_error=instrument), "here")
     random = generator(7, "test", "abstention")
     nuisance, along = random.standard_normal((ROWS, 2)), random.standard_normal(ROWS)
     felt = size if sizes is None else np.repeat(sizes, ROWS // 3)
@@ -89,7 +91,7 @@ def test_data_left_out_in_turn_are_counted_once(still):
 @pytest.mark.parametrize(("both", "abstains"), [(WORTH / 2, True), (2 * WORTH, False)])
 def test_sizes_that_differ_want_a_clear_help(both, abstains):
     found = verdict(sizes=(0.0, 1.5, 3.0), both=both)
-    assert [one.acting[1] for one in found.varying] == ["here"]
+    assert [one.placed.place for one in found.varying] == ["here"]
     assert found.abstains == abstains and found.helped == pytest.approx(both)
 
 

@@ -10,6 +10,7 @@ from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.selection.candidates import ASTRAY, ASTRAY_TRIED, Candidate, fit_shortlist, lost
 from coronaryuq.discrepancy.selection.forward_step import name_one
 from coronaryuq.discrepancy.settings import Settings
+from support.hypotheses import assume
 from support.linear_problem import LinearProblem, here
 
 ROWS, NUISANCES, PRIOR = 120, 2, -3.0
@@ -36,7 +37,7 @@ class Astray(LinearProblem):
         return Fit(z, self.y - g @ z, g)
 
     def fit_candidates(self, base, acting, candidates, guesses):
-        return [self.far([*acting, one]) for one in candidates]
+        return [self.far(acting.with_(one)) for one in candidates]
 
     def calibrate_each(self, wanted):
         return [self.far(acting) for acting, _ in wanted]
@@ -47,8 +48,8 @@ class Astray(LinearProblem):
 
 def test_a_fit_behind_no_effect_at_all_has_gone_astray():
     problem = Astray()
-    base = problem.calibrate([])
-    fits = [problem.far([problem.acting[0]]), base, None]
+    base = problem.calibrate(assume())
+    fits = [problem.far(assume(problem.acting[0])), base, None]
     right, kept, unfit = (Candidate(*here(str(i)), PRIOR, estimate=1e3, fit=fit) for i, fit in enumerate(fits))
     assert right.fit.evidence < base.evidence - ASTRAY
     assert lost([right, kept, unfit], 0.0, base.evidence) == [right]
@@ -57,7 +58,7 @@ def test_a_fit_behind_no_effect_at_all_has_gone_astray():
 
 def test_of_those_astray_the_best_place_of_the_most_promising_effects_is_tried_again():
     problem = Astray()
-    base, far = problem.calibrate([]), problem.far([problem.acting[0]])
+    base, far = problem.calibrate(assume()), problem.far(assume(problem.acting[0]))
     effects = [here(str(number))[0] for number in range(ASTRAY_TRIED + 3)]
     astray = [
         Candidate(effect, place, PRIOR, estimate=1e3 + 10.0 * number + better, fit=far)
@@ -71,10 +72,10 @@ def test_of_those_astray_the_best_place_of_the_most_promising_effects_is_tried_a
 
 def test_the_right_effect_is_named_although_its_first_fit_went_astray():
     problem = Astray()
-    base = problem.calibrate([])
+    base = problem.calibrate(assume())
     chosen = [Candidate(*one, PRIOR, estimate=base.evidence + 100.0, guess=np.ones(1)) for one in problem.acting]
-    fit_shortlist(problem, base, [], chosen, base)
-    exact = problem.calibrate([problem.acting[0]])
+    fit_shortlist(problem, base, assume(), chosen, base)
+    exact = problem.calibrate(assume(problem.acting[0]))
     assert chosen[0].fit.evidence == pytest.approx(exact.evidence)
     assert chosen[0].log_weight > chosen[1].log_weight
 
@@ -94,8 +95,8 @@ class Distorted(LinearProblem):
 
 def test_what_nothing_shows_of_from_the_priors_mean_is_seen_from_the_fit():
     problem = Distorted()
-    fit = problem.calibrate([problem.named])
+    fit = problem.calibrate(assume(problem.named))
     for vantage, seen in ((fit, False), (Fit(np.zeros(3), problem.y, fit.jacobian), True)):
         unseen = Candidate(*problem.right, PRIOR, guess=np.ones(1))
-        found = name_one(problem, fit, [problem.named], np.zeros((ROWS, 1)), [unseen], vantage)
+        found = name_one(problem, fit, assume(problem.named), np.zeros((ROWS, 1)), [unseen], vantage)
         assert (found.accepted is unseen) is seen

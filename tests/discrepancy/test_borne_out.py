@@ -12,7 +12,8 @@ from coronaryuq.discrepancy.selection.forward_step import Round
 from coronaryuq.discrepancy.selection.held_out_check import borne_out
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.base import Parameter
-from support.linear_problem import LinearProblem
+from support.hypotheses import assume
+from support.linear_problem import LinearProblem, here
 
 ROWS, NUISANCES, PRIOR = 120, 2, -5.0
 SIZE = Parameter("size", "1", "normal", 0.0, 1.0, "")
@@ -31,9 +32,7 @@ class Linear(LinearProblem):
         first = first[0] * 2.0
         for rows, trace in ((FITTED, fitted), (~FITTED, kept_out)):
             later[rows] *= trace / np.linalg.norm(later[rows])
-        self.acting = [
-            (SimpleNamespace(name=name, parameters=(SIZE,), nameable=True), "here") for name in ("first", "later")
-        ]
+        self.acting = assume(*(here(name) for name in ("first", "later")))
         self.along = {"first": first, "later": later}
         size = np.where(FITTED, 1.0, size_there)
         self.y = first + later * size + random.standard_normal(ROWS)

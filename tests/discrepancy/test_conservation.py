@@ -10,6 +10,7 @@ from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.selection.flow_conservation import redistribution
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.library import effect
+from support.hypotheses import assume
 
 PLACES = {"AORTA:left_main": 2.1, "J0:lad_proximal": 1.4, "lcx:BC_lcx": 0.7, "lad_proximal:J1": 1.4}
 GAIN = effect("flow_gain")
@@ -20,7 +21,7 @@ ACCURACY = 0.02
 
 def odds(gains: dict[str, float]) -> float:
     """Of probes read to an accuracy of 2 % each, with these gains."""
-    acting = [(GAIN, place) for place in gains]
+    acting = assume(*((GAIN, place) for place in gains))
     read = np.repeat([flow * (1.0 + gains.get(place, 0.0)) for place, flow in PLACES.items()], 10)
     series = [SimpleNamespace(quantity="flow", location=place) for place in PLACES]
     problem = SimpleNamespace(

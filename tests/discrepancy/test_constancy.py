@@ -12,10 +12,12 @@ from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.result.summary_text import paragraph
 from coronaryuq.discrepancy.selection.size_constancy import FLAT, Constancy, constancy
+from support.hypotheses import assume
+from support.linear_problem import made_up
 
 CONDITIONS = np.repeat(["rest", "hyperaemia", "pacing"], 20)
 NUISANCES = 2
-ACTING = [(SimpleNamespace(name="made up", parameters=(None,)), "here")]
+ACTING = assume((made_up("made up"), "here"))
 
 
 def case(random, sizes=None):
@@ -81,7 +83,7 @@ def test_a_drifting_vessel_is_no_narrowing(tmp_path):
     """Its resistance differs between conditions, which a flexible discrepancy alone does not predict better here."""
     hide(Case((), "medium", "nominal", 701, "drifting_vessel"), open_loop(), tmp_path)
     found = analyse(tmp_path)
-    assert found.acting and found.outside_library and not found.named
+    assert found.hypothesis and found.outside_library and not found.named
     (varying,) = found.verdict.varying
     assert varying.log_odds > 50.0
     text = paragraph(found, ["half dilated"])

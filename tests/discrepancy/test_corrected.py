@@ -13,12 +13,12 @@ from coronaryuq.discrepancy.inference.problem import MISSED
 from coronaryuq.discrepancy.inference.read_problem import read_problem, with_time_steps
 from coronaryuq.discrepancy.inference.time_step_error import FINER
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.zerod.effects.library import effect
+from support.hypotheses import assume
 from support.small_loop import fresh
 
 COARSE = 50
 """Time steps a cycle with which waveforms of this tree are well off."""
-STORE = [(effect("epicardial_compliance"), "lad")]
+STORE = assume(("epicardial_compliance", "lad"))
 
 
 @pytest.fixture(scope="module")
@@ -59,14 +59,14 @@ def test_a_size_that_coarse_steps_shifted_is_right_with_its_own_correction(folde
 
 def test_what_the_allowances_hold_is_left_as_it_is(folder):
     fine = problem(folder, Settings().steps_per_cycle)
-    fit = fine.calibrate([])
-    same, kept = fine.corrected([], fit)
+    fit = fine.calibrate(assume())
+    same, kept = fine.corrected(assume(), fit)
     assert same is fine and kept is fit
 
 
 def test_several_fits_are_put_right_as_each_is_alone(folder):
     coarse, _ = with_store(folder)
-    fits = [(acting, coarse.calibrate(acting)) for acting in (STORE, [], [(effect("inertance"), "lad")])]
+    fits = [(acting, coarse.calibrate(acting)) for acting in (STORE, assume(), assume(("inertance", "lad")))]
     for one, (own, fit) in zip(fits, coarse.corrected_each(fits), strict=True):
         alone, same = coarse.corrected(*one)
         assert (own.change == alone.change).all() and (fit.z == same.z).all() and fit.evidence == same.evidence
@@ -77,5 +77,5 @@ def test_looking_at_shorter_steps_changes_no_digit_of_later_runs():
     """A closed loop starts where it settled before: what is met while looking must not serve."""
     looked, other = with_time_steps(fresh()), with_time_steps(fresh())
     z = 0.4 * np.ones(looked.count)
-    assert np.isfinite(looked._changed([(z, [])])).all()
-    assert (looked.whitened([(z, [])]) == other.whitened([(z, [])])).all()
+    assert np.isfinite(looked._changed([(z, assume())])).all()
+    assert (looked.whitened([(z, assume())]) == other.whitened([(z, assume())])).all()

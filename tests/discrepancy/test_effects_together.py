@@ -18,6 +18,7 @@ from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState
 from coronaryuq.zerod.effects.intramyocardial import ventricular_pressure
 from coronaryuq.zerod.effects.library import effect
+from support.hypotheses import assume
 
 REST = Condition("rest")
 HYPERAEMIA = Condition("hyperaemia", coronary_resistance_scale=0.3)
@@ -39,8 +40,8 @@ def model(network=None, measured=None, second=HYPERAEMIA) -> Forward:
     return make_problem(network or left_coronary(), conditions, measured, Settings()).forward
 
 
-def predicted(forward, acting=(), *sizes):
-    return forward.predict(np.array([0.0] * len(forward.nuisances) + list(sizes)), list(acting))[0]
+def predicted(forward, effects=(), *sizes):
+    return forward.predict(np.array([0.0] * len(forward.nuisances) + list(sizes)), assume(*effects))[0]
 
 
 def test_two_effects_on_one_waveform_both_act():
@@ -53,7 +54,7 @@ def test_two_effects_on_one_waveform_both_act():
 
 def test_the_second_effect_acts_on_the_network_with_the_first_written_in():
     forward = model()
-    table, network = forward.condition_changes("rest", np.array([0.0] * len(forward.nuisances) + [1.0]), [DELAY])
+    table, network = forward.condition_changes("rest", np.array([0.0] * len(forward.nuisances) + [1.0]), assume(DELAY))
     written = model(with_values(network, table))
     both = predicted(forward, [PIM, DELAY], -1.0, 1.0)[:40]
     assert both == pytest.approx(predicted(written, [PIM], -1.0)[:40], abs=2e-3)
@@ -63,9 +64,9 @@ def test_what_is_added_to_one_parameter_twice_is_a_sum():
     """Back pressure at all beds and at one bed; friction of a stenosis and of a narrowing."""
     forward = model()
 
-    def change(acting, name, present):
-        z = np.zeros(len(forward.nuisances) + sum(len(one.parameters) for one, _ in acting))
-        return forward.condition_changes("rest", z, acting)[0].get(name, present) - present
+    def change(effects, name, present):
+        z = np.zeros(len(forward.nuisances) + sum(len(one.parameters) for one, _ in effects))
+        return forward.condition_changes("rest", z, assume(*effects))[0].get(name, present) - present
 
     back = [(effect("back_pressure"), place) for place in ("all beds", "BC_lad")]
     friction = [(effect(name), "lad_proximal") for name in ("stenosis_with_friction", "diffuse_narrowing")]

@@ -15,6 +15,7 @@ from coronaryuq.discrepancy.selection.forward_step import Round, name_one
 from coronaryuq.discrepancy.selection.refit import LIKELIEST
 from coronaryuq.discrepancy.selection.search import _chance_of_evidence, recalibrate
 from coronaryuq.discrepancy.settings import Settings
+from support.hypotheses import assume
 from support.linear_problem import LinearProblem, here
 
 ROWS, NUISANCES, EFFECTS, TRIALS = 60, 3, 12, 4000
@@ -39,8 +40,8 @@ class Many(LinearProblem):
         everything = [Candidate(*acting, np.log(PRIOR_NAMED / EFFECTS)) for acting in self.effects]
         for candidate in everything:
             candidate.guess = np.zeros(1)
-            candidate.estimate = self.calibrate([candidate.acting]).evidence
-        return _chance_of_evidence(self, self.calibrate([]), [], everything)
+            candidate.estimate = self.calibrate(assume(candidate.placed)).evidence
+        return _chance_of_evidence(self, self.calibrate(assume()), assume(), everything)
 
 
 def test_evidence_where_nothing_is_missing_is_a_p_value():
@@ -89,16 +90,16 @@ class Ringing(LinearProblem):
 def test_a_candidate_is_weighed_with_the_time_steps_put_right_about_itself():
     problem = Ringing()
     both = [
-        Candidate(*one, -1.0, z_score=9.0, guess=np.ones(1), fit=problem.calibrate([one]))
+        Candidate(*one, -1.0, z_score=9.0, guess=np.ones(1), fit=problem.calibrate(assume(one)))
         for one in (problem.neighbour, problem.right)
     ]
     ahead = both[0].log_weight - both[1].log_weight
     first = Round(sorted(both, key=lambda c: -c.log_weight), {}, both[0], [both[0]], both)
     assert 0.0 < ahead < CONTENDER
-    _, acting, fit = _compete_again(problem, problem, first, [], both[0].fit)
-    assert acting == [problem.right] and fit is first.accepted.fit
-    assert first.accepted.acting == problem.right and first.accepted.probability > 0.99
-    assert [c.acting for c in first.members] == [problem.right]
+    _, hypothesis, fit = _compete_again(problem, problem, first, assume(), both[0].fit)
+    assert hypothesis == assume(problem.right) and fit is first.accepted.fit
+    assert first.accepted.placed == problem.right and first.accepted.probability > 0.99
+    assert [c.placed for c in first.members] == [problem.right]
     assert first.probabilities["none"] < 1e-6
 
 
@@ -124,13 +125,13 @@ def test_what_is_not_worth_naming_with_its_own_time_steps_is_given_up_again():
             return other, other.calibrate(acting)
 
     problem = Rung()
-    acting = [problem.other, problem.right]
+    acting = assume(problem.other, problem.right)
     named = Candidate(*problem.right, -1.0, z_score=9.0, guess=np.ones(1), fit=problem.calibrate(acting))
-    found = Round([named], {}, named, [named], [named], beside=[problem.neighbour, problem.other])
-    assert named.log_weight - problem.calibrate([problem.other]).evidence > Settings().least_log_odds
+    found = Round([named], {}, named, [named], [named], beside=assume(problem.neighbour, problem.other))
+    assert named.log_weight - problem.calibrate(assume(problem.other)).evidence > Settings().least_log_odds
     after, fit = problem.corrected(acting, named.fit)
-    plain, kept, without = _compete_again(problem, after, found, [problem.other], fit)
-    assert kept == [problem.other] and found.accepted is None and found.probabilities["none"] > 0.5
+    plain, kept, without = _compete_again(problem, after, found, assume(problem.other), fit)
+    assert kept == assume(problem.other) and found.accepted is None and found.probabilities["none"] > 0.5
     assert plain.change == pytest.approx(0.0) and len(without.z) == NUISANCES + 1
 
 
@@ -152,15 +153,15 @@ class Drowned(Ringing):
 def test_an_effect_that_coarse_steps_turn_aside_is_seen_by_its_own():
     """The evidence by its own steps raises the alarm, and is what it is named by."""
     problem = Drowned()
-    base, coarse = problem.calibrate([]), problem.calibrate([problem.right])
+    base, coarse = problem.calibrate(assume()), problem.calibrate(assume(problem.right))
     own, better = problem.corrected([problem.right], coarse)
     assert problem.missed(own.change) > MISSED and better.evidence > coarse.evidence + 3.0
     candidate = problem.candidate
     candidate.guess, candidate.estimate = np.ones(1), coarse.evidence
     seen = min(1.0, np.exp(base.evidence - better.evidence - candidate.log_prior) * PRIOR_NAMED)
-    assert _chance_of_evidence(problem, base, [], [candidate]) == pytest.approx(seen) and seen < 0.01
+    assert _chance_of_evidence(problem, base, assume(), [candidate]) == pytest.approx(seen) and seen < 0.01
     assert coarse.evidence - base.evidence + candidate.log_prior < Settings().least_log_odds
-    found = name_one(problem, base, [], np.zeros((ROWS, 1)), [candidate], base)
+    found = name_one(problem, base, assume(), np.zeros((ROWS, 1)), [candidate], base)
     assert found.accepted is candidate and candidate.fit.evidence == pytest.approx(better.evidence)
 
 
@@ -180,4 +181,4 @@ def test_recalibration_puts_time_steps_right_where_it_stays_within_the_prior():
         problem = Rung(moved)
         right, fit = recalibrate(problem)
         assert (right is not problem) == puts_right
-        assert fit.z == pytest.approx(right.calibrate([]).z)
+        assert fit.z == pytest.approx(right.calibrate(assume()).z)

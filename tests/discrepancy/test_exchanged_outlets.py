@@ -7,6 +7,7 @@ from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.discrepancy.hidden import make_case
 from coronaryuq.discrepancy.result.summary_text import paragraph
 from coronaryuq.discrepancy.result.write import summary
+from support.hypotheses import assume
 
 
 def exchanged(network, condition):
@@ -19,7 +20,7 @@ def exchanged(network, condition):
 
 def test_two_exchanged_outlets_are_said_and_not_named(tmp_path):
     network, conditions, plan = open_loop()
-    make_case.hide(network, conditions, plan, [], np.zeros(0), 1.0, 11, tmp_path, exchanged)
+    make_case.hide(network, conditions, plan, assume(), np.zeros(0), 1.0, 11, tmp_path, exchanged)
     found = analyse(tmp_path)
     assert [place for _, place in found.verdict.mistaken] == ["BC_lad~BC_lcx"]
     assert found.outside_library and not found.named

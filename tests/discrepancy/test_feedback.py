@@ -11,6 +11,7 @@ from coronaryuq.discrepancy.inference.read_problem import make_problem
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.base import bed_values
 from coronaryuq.zerod.effects.library import effect
+from support.hypotheses import assume
 
 GAIN = effect("autoregulation"), "all beds"
 CONDITIONS = {c.name: c for c in (Condition("rest"), Condition("hyperaemia", coronary_resistance_scale=0.5))}
@@ -31,10 +32,10 @@ def test_resistances_are_those_of_the_pressures_that_they_lead_to(stenosis):
     model, nothing = forward()
     gain = 1.0
     z = np.concatenate([nothing, [stenosis, GAIN[0].parameters[0].to_standard(gain)]])
-    (found,) = model.predict_rows([(z, [LOSS, GAIN])])
+    (found,) = model.predict_rows([(z, assume(LOSS, GAIN))])
     for number, condition in enumerate(CONDITIONS):
         pressures = dict(zip(("BC_lad", "BC_diagonal", "BC_lcx"), found[4 * number : 4 * number + 3], strict=True))
-        changes, network = model.condition_changes(condition, z, [LOSS, GAIN])
+        changes, network = model.condition_changes(condition, z, assume(LOSS, GAIN))
         for bed, pressure in pressures.items():
             wanted = bed_values(network, bed)["Ra1"] * (pressure / model.pressure_factor / model.resting[bed]) ** gain
             assert changes[f"{bed}.Ra1"] == pytest.approx(wanted, rel=3.0 * SETTLED), (condition, bed)

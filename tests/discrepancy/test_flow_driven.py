@@ -7,7 +7,7 @@ from coronaryuq.bench.discrepancy.benchmark import analyse
 from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.hidden import make_case
 from coronaryuq.discrepancy.result.repair import repaired_conditions, repaired_network
-from coronaryuq.zerod.effects.library import effect
+from support.hypotheses import assume
 
 PERIOD = 0.9
 BRANCHES = {"carotid": 9000.0, "renal": 6000.0, "iliac_l": 8000.0, "iliac_r": 8000.0}
@@ -67,7 +67,7 @@ def examined(folder, wrong=lambda network: None, off=(), noise=1.0):
         return network
 
     named = {condition.name: condition for condition in conditions}
-    probes = [(effect("flow_gain"), place) for place in off]
+    probes = assume(*(("flow_gain", place) for place in off))
     make_case.hide(aorta(), named, make_case.Plan(tuple(plan)), probes, np.ones(len(off)), noise, 3, folder, altered)
     return analyse(folder)
 
@@ -92,22 +92,22 @@ def less(network):
 
 def test_a_compliance_of_which_data_see_only_larger_sizes_is_named(tmp_path):
     found = examined(tmp_path, softer)
-    assert [(one.name, place) for one, place in found.acting] == [("epicardial_compliance", "descending")]
+    assert [(one.name, place) for one, place in found.hypothesis] == [("epicardial_compliance", "descending")]
     assert found.named and not found.remaining.alarm(0.01)
-    repaired = repaired_network(found.problem.forward, found.acting, found.fit.z)
+    repaired = repaired_network(found.problem.forward, found.hypothesis, found.fit.z)
     assert elements(repaired, "descending")["C"] == pytest.approx(4.5e-4, rel=0.1)
 
 
 def test_an_inflow_that_is_off_is_named_and_mended(tmp_path):
     found = examined(tmp_path, less)
-    assert [(one.name, place) for one, place in found.acting] == [("drive_gain", "INFLOW")]
+    assert [(one.name, place) for one, place in found.hypothesis] == [("drive_gain", "INFLOW")]
     assert found.named and not found.remaining.alarm(0.01)
-    ((_, z, sd),) = found.sizes(found.acting[0])
+    ((_, z, sd),) = found.sizes(found.hypothesis.effects[0])
     assert 0.1 * z == pytest.approx(-0.2, abs=4.0 * 0.1 * sd)
     forward = found.problem.forward
-    repaired = repaired_network(forward, found.acting, found.fit.z)
+    repaired = repaired_network(forward, found.hypothesis, found.fit.z)
     assert np.mean(block(repaired, "INFLOW")["Q"][:-1]) == pytest.approx(64.0, rel=0.02)
-    entries, drives = repaired_conditions(forward, found.acting, found.fit.z)
+    entries, drives = repaired_conditions(forward, found.hypothesis, found.fit.z)
     for entry in entries.values():
         _, flow = drives[entry["drive"]["INFLOW"]]
         assert np.mean(flow[:-1]) == pytest.approx(64.0, rel=0.02)
@@ -117,5 +117,5 @@ def test_probes_that_read_too_much_are_no_drive_that_is_off(tmp_path):
     """Alone none explains as much as the drive does, which a search with it takes."""
     probes = {"J0:carotid", "J1:renal", "iliac_r:RCR_iliac_r"}
     found = examined(tmp_path, off=sorted(probes), noise=0.6)
-    assert {one.name for one, _ in found.acting} == {"flow_gain"} and {place for _, place in found.acting} == probes
+    assert set(found.hypothesis) == set(assume(*(("flow_gain", place) for place in probes)))
     assert found.named and not found.remaining.alarm(0.01)

@@ -14,6 +14,7 @@ from coronaryuq.discrepancy.forward import predict
 from coronaryuq.discrepancy.inference.read_problem import read_problem
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.library import effect
+from support.hypotheses import assume, placed
 
 
 @pytest.fixture(scope="module")
@@ -24,15 +25,15 @@ def problem(tmp_path_factory):
     return read_problem(read_json(folder / "model.json"), folder / "measurements.csv", conditions, "c", Settings())
 
 
-LEAKS = [(effect("side_branch_leak"), place) for place in ("lad", "lcx", "lad_proximal")]
-COLLATERAL = (effect("collateral"), "lad~lcx")
-LOSSES = [(effect("quadratic_stenosis"), "lad"), (effect("bifurcation_loss"), "lad_proximal")]
+LEAKS = [placed("side_branch_leak", place) for place in ("lad", "lcx", "lad_proximal")]
+COLLATERAL = placed("collateral", "lad~lcx")
+LOSSES = [placed("quadratic_stenosis", "lad"), placed("bifurcation_loss", "lad_proximal")]
 
 
 @pytest.mark.parametrize("one", [LEAKS[0], LEAKS[2], COLLATERAL, *LOSSES], ids=lambda one: f"{one[0].name}@{one[1]}")
 def test_a_network_with_all_grafts_predicts_what_one_with_its_own_does(problem, one):
     z = np.append(0.3 * np.ones(problem.count), 0.0)
-    rows = [(z, [one]), (z[:-1], [])]
+    rows = [(z, assume(one)), (z[:-1], assume())]
     alone = problem.forward.predict_rows(rows)
     together = problem.forward.predict_rows(rows, None, [*LEAKS, COLLATERAL, *LOSSES])
     difference = np.abs((together - alone) / problem.sd).max()
@@ -44,14 +45,14 @@ def test_no_more_than_a_few_collaterals_share_a_network(problem, monkeypatch):
     """Each is predicted as by itself, whichever network it is in; leaks stay together."""
     monkeypatch.setattr(predict, "MANY", 2)
     collateral = effect("collateral")
-    ends = [(collateral, place) for place in collateral.places(problem.forward.anatomy)]
+    ends = [placed(collateral, place) for place in collateral.places(problem.forward.anatomy)]
     shares = predict._shares([*LEAKS, *ends])
     assert set(shares) == {*LEAKS, *ends} and all(one in share for one, share in shares.items())
     assert all(set(LEAKS) <= set(shares[one]) for one in LEAKS)
     sizes = {len([one for one in share if one[0] is collateral]) for share in shares.values()}
     assert max(sizes) == 2 and len(ends) > 2
     z = np.append(np.zeros(problem.count), 0.0)
-    rows = [(z, [one]) for one in ends]
+    rows = [(z, assume(one)) for one in ends]
     together = problem.forward.predict_rows(rows, None, [*LEAKS, *ends])
     for row, found in zip(rows, together, strict=True):
         assert np.abs((problem.forward.predict_rows([row])[0] - found) / problem.sd).max() < 0.05
@@ -60,10 +61,10 @@ def test_no_more_than_a_few_collaterals_share_a_network(problem, monkeypatch):
 def test_rows_do_not_depend_on_what_else_is_asked(problem):
     z = 0.2 * np.ones(problem.count)
     many = [
-        (np.append(z, 0.5), [(effect("quadratic_stenosis"), "lcx")]),
-        (np.append(z, 0.5), [(effect("intramyocardial_pressure"), "all beds")]),
-        (np.append(z, 0.5), [(effect("flow_gain"), "lcx:BC_lcx")]),
-        (z, []),
+        (np.append(z, 0.5), assume(("quadratic_stenosis", "lcx"))),
+        (np.append(z, 0.5), assume(("intramyocardial_pressure", "all beds"))),
+        (np.append(z, 0.5), assume(("flow_gain", "lcx:BC_lcx"))),
+        (z, assume()),
     ]
     together = problem.forward.predict_rows(many)
     for row, found in zip(many, together, strict=True):
@@ -72,7 +73,7 @@ def test_rows_do_not_depend_on_what_else_is_asked(problem):
 
 def test_conditions_that_are_not_asked_for_are_not_run(problem):
     before = problem.forward.simulation.runs
-    found = problem.forward.predict_rows([(np.zeros(problem.count), [])], {"rest", "pacing"})[0]
+    found = problem.forward.predict_rows([(np.zeros(problem.count), assume())], {"rest", "pacing"})[0]
     assert problem.forward.simulation.runs - before == 2
     asked = np.isin(problem.condition, ["rest", "pacing"])
     assert np.isfinite(found[asked]).all() and np.isnan(found[~asked]).all()
@@ -80,14 +81,14 @@ def test_conditions_that_are_not_asked_for_are_not_run(problem):
 
 def test_an_error_of_the_map_sees_all_conditions(problem):
     """Renkin and Crone's loss is relative to the least flow of all conditions, also where one of them is not fitted."""
-    row = (np.append(np.zeros(problem.count), 0.0), [(effect("mbf_underestimation"), "perfusion map")])
+    row = (np.append(np.zeros(problem.count), 0.0), assume(("mbf_underestimation", "perfusion map")))
     some = problem.forward.predict_rows([row], {"hyperaemia"})[0]
     assert some == pytest.approx(problem.forward.predict_rows([row])[0])
 
 
 def test_an_effect_that_feels_pressures_fails_where_a_run_before_did(problem, monkeypatch):
     """And leaves the other rows of its batch as they are alone."""
-    rows = [(np.append(k * np.ones(problem.count), 1.0), [(effect("autoregulation"), "all beds")]) for k in (0.1, 0.2)]
+    rows = [(np.append(k * np.ones(problem.count), 1.0), assume(("autoregulation", "all beds"))) for k in (0.1, 0.2)]
     alone = problem.forward.predict_rows(rows[1:])[0]
     simulation, calls = problem.forward.simulation, []
 

@@ -29,6 +29,7 @@ from coronaryuq.discrepancy.table_model.search import discover_pairs
 from coronaryuq.discrepancy.table_model.tables import Branch, branches, read_pairs
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.library import effect
+from support.hypotheses import assume
 
 
 def arguments(*words):
@@ -241,7 +242,7 @@ def test_a_hidden_case_keeps_all_keys_of_its_conditions(tmp_path):
     driven = Condition("low", drive={"AORTA": (time, 0.8 * aortic)}, free=("coronary_resistance_scale",), held_out=True)
     conditions = {"rest": Condition("rest"), "low": driven}
     made = open_loop()
-    make_case.hide(made.network, conditions, made.plan, [], np.zeros(0), 1.0, 3, tmp_path)
+    make_case.hide(made.network, conditions, made.plan, assume(), np.zeros(0), 1.0, 3, tmp_path)
     read = read_conditions(tmp_path / "conditions.yaml")
     assert read["low"].free == driven.free and read["low"].held_out
     assert read["low"].drive["AORTA"][1] == pytest.approx(0.8 * aortic)
@@ -333,7 +334,7 @@ def test_hidden_stenosis_is_named_placed_and_mended(hidden_stenosis, tmp_path, c
     said = capsys.readouterr()
     assert "\nnearest: quadratic_stenosis at " in said.err and "verifying on" in said.err.splitlines()[-1]
     answer = json.loads(said.out)
-    one, place = truth.acting[0]
+    one, place = truth.hypothesis.effects[0]
     assert answer["alarm"] and not answer["outside_library"]
     assert (one.name, place) in [(m["effect"], m["place"]) for m in answer["named"][0]["class"]]
     assert answer["gap_after"] < answer["gap_before"]
@@ -380,9 +381,9 @@ def test_repaired_files_give_the_fitted_predictions(hidden_stenosis, tmp_path):
     problem = read_problem(read_json(folder / "model.json"), table, conditions, "c", Settings())
     forward = problem.forward
     for acting in (
-        truth.acting,
-        [(effect("intramyocardial_pressure"), "all beds")],
-        [(effect("autoregulation"), "all beds")],
+        truth.hypothesis,
+        assume(("intramyocardial_pressure", "all beds")),
+        assume(("autoregulation", "all beds")),
     ):
         z = np.full(problem.count + 1, 0.4)
         z[[i for i, n in enumerate(forward.nuisances) if n.mass]] = 0.0
@@ -434,7 +435,7 @@ def test_names_that_no_condition_tests_are_said_so(hidden_stenosis, tmp_path, ca
 def test_a_size_beyond_its_prior_is_said_so(hidden_stenosis, tmp_path, capsys):
     """A sensor off by four prior standard deviations is named with a word of doubt, one within its prior without."""
     network, conditions, plan = open_loop()
-    acting = [(effect("pressure_offset"), "lad:BC_lad")]
+    acting = assume(("pressure_offset", "lad:BC_lad"))
     make_case.hide(network, conditions, plan, acting, np.array([4.0]), 1.0, 3, tmp_path)
     for folder, beyond in ((tmp_path, ["offset"]), (hidden_stenosis[0], [])):
         command.main(case_arguments(folder, tmp_path / "out"))

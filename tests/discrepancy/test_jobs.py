@@ -8,6 +8,7 @@ from coronaryuq.discrepancy.forward.fast_settling import Settling
 from coronaryuq.discrepancy.forward.jobs import Job, batches, stacked
 from coronaryuq.zerod.effects.library import effect
 from coronaryuq.zerod.solver.blood_volume import BloodVolume
+from support.hypotheses import assume
 from support.small_loop import STENOSIS, fresh, loop
 
 LEAK = (effect("side_branch_leak"), "lca2")
@@ -24,13 +25,13 @@ def jobs(forward, prepared, acting, count=5) -> list[Job]:
     for name in forward.conditions:
         each, scaled = forward._factors(prepared, name, z[:, : len(forward.nuisances)])
         for i, row in enumerate(z):
-            sizes = forward._sizes(row, acting)
+            sizes = acting.physical_sizes(row)
             effects = forward._effects(prepared, name, acting, sizes, forward.resting)
             found.append(Job(forward._point(row, acting), name, effects, each[i], scaled))
     return found
 
 
-@pytest.mark.parametrize("acting", [[], [STENOSIS], [LEAK, STENOSIS]])
+@pytest.mark.parametrize("acting", [assume(), assume(STENOSIS), assume(LEAK, STENOSIS)])
 def test_columns_are_the_tables_of_single_runs(forward, acting):
     prepared = forward.simulation.prepared(forward.simulation.inserting(acting))
     mixed = jobs(forward, prepared, acting)
@@ -51,9 +52,9 @@ def test_a_nuisance_factor_multiplies_what_an_effect_has_set(forward):
     plain, thickened, both = z.copy(), z.copy(), z.copy()
     plain[column] = both[column] = 0.7
     tables = []
-    for row, acting in ((plain, []), (thickened, [thick]), (both, [thick])):
+    for row, acting in ((plain, assume()), (thickened, assume(thick)), (both, assume(thick))):
         each, scaled = forward._factors(prepared, "rest", row[None, :-1])
-        effects = forward._effects(prepared, "rest", acting, forward._sizes(row, acting), forward.resting)
+        effects = forward._effects(prepared, "rest", acting, acting.physical_sizes(row), forward.resting)
         tables.append(Job(forward._point(row, acting), "rest", effects, each[0], scaled).table(prepared))
     own = prepared.own("rest", "BC_lca1.Ra")
     scale, thicker, found = (table["BC_lca1.Ra"] / own for table in tables)
@@ -63,15 +64,15 @@ def test_a_nuisance_factor_multiplies_what_an_effect_has_set(forward):
 
 def test_runs_that_differ_in_a_factor_are_two_and_in_a_mass_one(forward):
     prepared = forward.simulation.prepared([])
-    one, other, *_ = jobs(forward, prepared, [])
+    one, other, *_ = jobs(forward, prepared, assume())
     same = Job(other.point, one.condition, one.effects, one.factors, one.scaled)
     assert one.key != other.key and one.key == same.key
 
 
 def test_runs_with_elements_that_are_nought_in_the_network_go_apart(forward):
-    acting = [STENOSIS]
+    acting = assume(STENOSIS)
     prepared = forward.simulation.prepared(forward.simulation.inserting(acting))
-    mixed = jobs(forward, prepared, [], 2) + jobs(forward, prepared, acting, 2)
+    mixed = jobs(forward, prepared, assume(), 2) + jobs(forward, prepared, acting, 2)
     assert batches(prepared, mixed) == [[0, 1, 2, 3], [4, 5, 6, 7]]
 
 
@@ -81,9 +82,9 @@ def test_runs_keep_the_blood_they_hold_where_slow_modes_lead():
     network["boundary_conditions"][1]["bc_values"]["Cim"] *= 60.0
     problem = fresh(network)
     simulation = problem.forward.simulation
-    plain, grafted = simulation.prepared([]), simulation.prepared([STENOSIS])
+    plain, grafted = simulation.prepared([]), simulation.prepared(assume(STENOSIS))
     for prepared in (plain, grafted):
-        mixed = jobs(problem.forward, prepared, [])
+        mixed = jobs(problem.forward, prepared, assume())
         changes = stacked(prepared, mixed)
         ahead = Settling().ahead(plain, prepared, mixed, changes, 200)
         start = np.array([prepared.start[job.condition] for job in mixed])[:, : 2 * prepared.engine.model.size]

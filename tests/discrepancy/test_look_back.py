@@ -11,6 +11,7 @@ from coronaryuq.discrepancy.selection.candidates import Candidate
 from coronaryuq.discrepancy.selection.forward_step import Round
 from coronaryuq.discrepancy.selection.refit import RIVALS
 from coronaryuq.discrepancy.settings import Settings
+from support.hypotheses import assume
 from support.linear_problem import LinearProblem, here
 
 ROWS, NUISANCES, PRIOR = 120, 2, -3.0
@@ -41,7 +42,7 @@ def test_after_a_replacement_the_effect_that_is_no_longer_needed_goes():
     for candidate in everything.values():
         candidate.z_score, candidate.guess = 10.0, np.ones(1)
     rounds = [Round([], {}, everything[name], [everything[name]], list(everything.values())) for name in "ab"]
-    acting = [problem.acting[name] for name in "ab"]
+    acting = assume(*(problem.acting[name] for name in "ab"))
     fit = problem.calibrate(acting)
 
     acting, fit = look_back(problem, acting, fit, rounds)
@@ -54,7 +55,7 @@ def test_after_a_replacement_the_effect_that_is_no_longer_needed_goes():
 
     acting, fit = look_back(problem, acting, fit, rounds)
     assert [effect.name for effect, _ in acting] == ["c"]
-    assert rounds[0].accepted.acting == acting[0] and rounds[1].accepted is None
+    assert rounds[0].accepted.placed == acting.effects[0] and rounds[1].accepted is None
     assert len(fit.z) == NUISANCES + 1
 
 
@@ -64,13 +65,13 @@ def test_what_cannot_be_told_from_a_kept_effect_is_judged_beside_the_later_ones(
     for candidate in everything.values():
         candidate.z_score, candidate.guess = 10.0, np.ones(1)
     rounds = [Round([], {}, everything[name], [everything[name]], list(everything.values())) for name in "ab"]
-    acting = [problem.acting[name] for name in "ab"]
+    acting = assume(*(problem.acting[name] for name in "ab"))
     assert look_back(problem, acting, problem.calibrate(acting), rounds)[0] == acting
     first = rounds[0]
     assert [one.effect.name for one in first.members] == ["a", "c"]
-    assert first.beside == [problem.acting["b"]]
+    assert first.beside == assume(problem.acting["b"])
     for one in first.members:
-        assert one.fit.z == pytest.approx(problem.calibrate([*first.beside, one.acting]).z)
+        assert one.fit.z == pytest.approx(problem.calibrate(assume(*first.beside, one.placed)).z)
 
 
 class Copies(Linear):
@@ -91,7 +92,7 @@ def test_a_class_holds_all_that_cannot_be_told_from_its_first_beside_the_later_e
     for candidate in everything.values():
         candidate.z_score, candidate.guess = 10.0, np.ones(1)
     rounds = [Round([], {}, everything[name], [everything[name]], list(everything.values())) for name in "ab"]
-    acting = [problem.acting[name] for name in "ab"]
+    acting = assume(*(problem.acting[name] for name in "ab"))
     look_back(problem, acting, problem.calibrate(acting), rounds)
     assert {one.effect.name for one in rounds[0].members} == set(problem.acting) - {"b"}
 
@@ -104,10 +105,10 @@ def test_a_round_whose_company_was_replaced_looks_at_all_its_candidates_again():
     problem.along[right] = problem.along[problem.acting["b"]] + generator(6, "test", "look back").standard_normal(ROWS)
     problem.y = 1.5 * (problem.along[problem.acting["c"]] + problem.along[right]) + problem.y * 0.1
     everything = {name: Candidate(*acting, PRIOR, guess=np.ones(1)) for name, acting in problem.acting.items()}
-    acting = [problem.acting[name] for name in "bc"]
+    acting = assume(*(problem.acting[name] for name in "bc"))
     for company, expected in (("c", ["b", "c"]), ("a", ["c", "d"])):
         rounds = [Round([], {}, everything[name], [everything[name]], list(everything.values())) for name in "bc"]
-        rounds[0].beside = [problem.acting[company]]
+        rounds[0].beside = assume(problem.acting[company])
         for candidate in everything.values():
             candidate.z_score = 0.0
         kept, _ = look_back(problem, acting, problem.calibrate(acting), rounds)

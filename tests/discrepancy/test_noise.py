@@ -126,13 +126,13 @@ def searched(folder, settings=None):
 
 
 def named(found):
-    return [entry.accepted.acting for entry in found.named]
+    return [entry.accepted.placed for entry in found.named]
 
 
 def test_standard_deviations_that_are_too_small_hide_no_stenosis(tmp_path):
     truth, _ = hide(Case(("quadratic_stenosis",), "medium", "understated", 100), open_loop(), tmp_path)
     found = searched(tmp_path)
-    assert named(found) == truth.acting
+    assert named(found) == list(truth.hypothesis)
     assert {name: one.scatter for name, one in found.noise.items()} == pytest.approx(
         {"flow": 1.5, "pressure": 1.5}, rel=0.15
     )
@@ -158,4 +158,4 @@ def test_noise_that_lasts_is_nothing_to_explain(tmp_path):
 def test_a_stenosis_under_noise_that_lasts_is_named(tmp_path):
     truth, _ = hide(Case(("quadratic_stenosis",), "medium", "lasting", 100), open_loop(), tmp_path)
     found = searched(tmp_path)
-    assert named(found) == truth.acting and not found.remaining.alarm(0.01)
+    assert named(found) == list(truth.hypothesis) and not found.remaining.alarm(0.01)

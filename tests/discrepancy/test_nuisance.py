@@ -20,7 +20,7 @@ from coronaryuq.discrepancy.selection.candidates import STORES, all_candidates
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.base import vessel_values
 from coronaryuq.zerod.effects.grafting import put_ahead
-from coronaryuq.zerod.effects.library import effect
+from support.hypotheses import assume
 
 LOSS = 4e4
 
@@ -77,12 +77,12 @@ def test_an_effect_beside_a_stenosis_has_one_size_under_all_conditions():
     conditions = Condition("rest"), Condition("mild", **clamped)
     forward = problem(with_a_place_for_a_loss(), *conditions).forward
     (column,) = [i for i, n in enumerate(forward.nuisances) if n.name == "stenosis mild of lad_loss"]
-    acting, key = [(effect("quadratic_stenosis"), "lad_loss")], "lad_loss.stenosis_coefficient"
+    acting, key = assume(("quadratic_stenosis", "lad_loss")), "lad_loss.stenosis_coefficient"
 
     def loss(condition, severity, acting=()):
         z = np.zeros(len(forward.nuisances) + len(acting))
         z[column] = severity
-        table, network = forward.condition_changes(condition, z, list(acting))
+        table, network = forward.condition_changes(condition, z, assume(*acting))
         return table.get(key, vessel_values(network, "lad_loss")["stenosis_coefficient"])
 
     added = [loss(name, severity, acting) - loss(name, severity) for name in ("rest", "mild") for severity in (0, 1)]
@@ -99,7 +99,7 @@ def test_an_effect_beside_a_stenosis_has_one_size_under_all_conditions():
 
 
 def test_what_is_put_ahead_of_a_vessel_is_no_place_of_its_own():
-    places = {c.place for c in all_candidates(problem(with_a_place_for_a_loss(), Condition("rest")), [])}
+    places = {c.place for c in all_candidates(problem(with_a_place_for_a_loss(), Condition("rest")), assume())}
     assert "lad" in places and "lad_loss" not in places
 
 
@@ -165,7 +165,8 @@ def test_a_vessel_of_a_declared_stenosis_is_given_no_compliance():
         ((Condition("rest"),), True),
         ((Condition("rest"), Condition("mild", **clamped)), False),
     ):
-        places = {c.place for c in all_candidates(problem(left_coronary(), *conditions), []) if c.effect.name == STORES}
+        candidates = all_candidates(problem(left_coronary(), *conditions), assume())
+        places = {c.place for c in candidates if c.effect.name == STORES}
         assert "left_main" in places and ("lad" in places) == expected
 
 
@@ -179,7 +180,7 @@ def test_beds_of_other_compliances_than_the_models_are_nothing_to_explain(seed, 
         if bed["bc_type"] == "CORONARY":
             factor = np.exp(0.1 * random.standard_normal())
             bed["bc_values"] |= {name: bed["bc_values"][name] * factor for name in ("Ca", "Cc")}
-    hide(network, made.conditions, made.plan, [], np.zeros(0), 1.0, seed, tmp_path)
+    hide(network, made.conditions, made.plan, assume(), np.zeros(0), 1.0, seed, tmp_path)
     paths = [tmp_path / name for name in ("model.json", "measurements.csv", "conditions.yaml")]
     write_json(paths[0], made.network)
     answer = search_case(*paths, tmp_path / "found", Settings(), 1)

@@ -14,6 +14,7 @@ from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.stage import loop_conditions
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.library import effect
+from support.hypotheses import assume
 
 
 def test_a_leaking_aortic_valve_is_written_and_read_back(shared, tmp_path):
@@ -56,7 +57,7 @@ def test_measurements_go_with_the_repaired_network(tmp_path):
         Measured(name, "perfusion", bed, "mean", None, t, np.ones(1), np.full(1, 0.1)) for name, t in periods.items()
     ]
     forward = make_problem(network, conditions, measured, Settings()).forward
-    acting = [(effect("quadratic_stenosis"), vessel), (effect("side_branch_leak"), vessel)]
+    acting = assume(("quadratic_stenosis", vessel), ("side_branch_leak", vessel))
     z = np.append(np.zeros(len(forward.nuisances)), [0.5, 0.5])
     expected = forward.predict(z, acting)[0]
     for one, predicted in zip(forward.measured, forward.split(expected[None, :]), strict=True):

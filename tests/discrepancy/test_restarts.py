@@ -1,13 +1,12 @@
 """A fit that left the prior is made again from other points, and the best of all is kept."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from coronaryuq.discrepancy.inference.problem import RESTARTS, Problem
 from coronaryuq.discrepancy.selection.candidates import Candidate, refit
 from coronaryuq.discrepancy.settings import Settings
+from support.hypotheses import assume
 from support.linear_problem import here
 
 
@@ -19,7 +18,6 @@ class TwoValleys:
 
     def __init__(self):
         self.starts = []
-        self.forward = SimpleNamespace(parameters=lambda acting: [None])
 
     def fitted(self, rows):
         def residual(z, s):
@@ -35,14 +33,14 @@ class TwoValleys:
         return Problem.calibrate_each(self, wanted)
 
     def calibrate(self, start):
-        return self.calibrate_each([([], np.array(start))])[0]
+        return self.calibrate_each([(assume(), np.array(start))])[0]
 
 
 def test_the_better_valley_is_found_from_the_worse():
     problem = TwoValleys()
     worse = problem.calibrate([1.0, -2.0])
     assert worse.z[1] == pytest.approx(-2.0, abs=0.3)
-    better = Problem.from_the_mean(problem, [])
+    better = Problem.from_the_mean(problem, assume(here("made up")))
     assert better.z[1] == pytest.approx(2.0, abs=0.3) and better.evidence > worse.evidence
     assert {start[0] for start in problem.starts[1:]} == {0.0}
 
@@ -53,6 +51,6 @@ def test_the_better_valley_is_kept_and_none_is_looked_for_twice():
     one = Candidate(*here("made up"), -1.0, fit=better)
     problem.from_the_mean = lambda acting: Problem.from_the_mean(problem, acting)
     for runs in (1 + len(RESTARTS), 1 + len(RESTARTS)):
-        refit(problem, [], [one])
+        refit(problem, assume(), [one])
         assert one.fit.evidence >= better.evidence and one.fit.z == pytest.approx(better.z, abs=0.05)
         assert len(problem.starts) == runs

@@ -10,6 +10,7 @@ from coronaryuq.discrepancy.inference.gauss_newton import Fit, Search, maximise
 from coronaryuq.discrepancy.selection.candidates import Candidate
 from coronaryuq.discrepancy.selection.score_test import ANEW, SIGNED, TURNING, screen
 from coronaryuq.zerod.effects.base import Parameter
+from support.hypotheses import assume
 from support.linear_problem import made_up
 
 ROWS, NUISANCES = 200, 6
@@ -39,7 +40,7 @@ def case(kind, true):
 def test_the_estimate_is_the_evidence_of_a_full_fit(kind, true):
     g, y, residuals, candidate = case(kind, true)
     z = np.linalg.solve(np.eye(NUISANCES) + g.T @ g, g.T @ y)
-    screen(problem(residuals), Fit(z, y - g @ z, g), [], [candidate])
+    screen(problem(residuals), Fit(z, y - g @ z, g), assume(), [candidate])
     search = Search(None, np.append(z, candidate.guess), list(range(NUISANCES + 1)))
     maximise(residuals, [search], 30, tolerance=1e-6)
     # Sizes between the runs are tried on a grid of 0.03 prior standard deviations.
@@ -54,7 +55,7 @@ def test_the_estimate_does_not_depend_on_how_far_recalibration_has_gone():
     g, y, residuals, candidate = case("lognormal", 0.5)
     found = []
     for z in (np.zeros(NUISANCES), np.full(NUISANCES, 0.7)):
-        screen(problem(residuals), Fit(z, y - g @ z, g), [], [candidate])
+        screen(problem(residuals), Fit(z, y - g @ z, g), assume(), [candidate])
         found.append(candidate.estimate)
     assert found[0] == pytest.approx(found[1], rel=1e-9)
 
@@ -68,7 +69,7 @@ def test_a_positive_size_is_no_candidate_for_the_other_direction():
         own = opposite([(row[:NUISANCES], acting) for row, acting in rows])
         return own + (own - opposite(rows))
 
-    screen(problem(mirrored), Fit(z, y - g @ z, g), [], [candidate])
+    screen(problem(mirrored), Fit(z, y - g @ z, g), assume(), [candidate])
     assert candidate.z_score == 0.0
 
 
@@ -76,7 +77,7 @@ def test_where_the_model_does_not_run_a_nearer_point_stands_for_it_or_nothing_ge
     g, y, residuals, candidate = case("lognormal", 0.5)
     z = np.linalg.solve(np.eye(NUISANCES) + g.T @ g, g.T @ y)
     at = Fit(z, y - g @ z, g)
-    screen(problem(residuals), at, [], [candidate])
+    screen(problem(residuals), at, assume(), [candidate])
     estimate, guess = candidate.estimate, candidate.guess
     for reach, scored in ((0.9, True), (0.0, False)):
 
@@ -85,7 +86,7 @@ def test_where_the_model_does_not_run_a_nearer_point_stands_for_it_or_nothing_ge
             found[[np.linalg.norm(row[:NUISANCES]) > reach * np.linalg.norm(z) for row, _ in rows]] = np.nan
             return found
 
-        screen(problem(broken), at, [], [candidate])
+        screen(problem(broken), at, assume(), [candidate])
         assert (candidate.z_score > 3.0) is scored
         if scored:  # linear but in size: any point gives the same
             assert candidate.estimate == pytest.approx(estimate, rel=1e-9)
@@ -107,7 +108,7 @@ def test_what_data_see_only_if_it_is_large_is_run_larger(norm, seen):
 
     candidate = Candidate(made_up("made up", parameter), "here", -1.0)
     z = np.linalg.solve(np.eye(NUISANCES) + g.T @ g, g.T @ y)
-    screen(problem(residuals), Fit(z, y - g @ z, g), [], [candidate])
+    screen(problem(residuals), Fit(z, y - g @ z, g), assume(), [candidate])
     assert (candidate.z_score > 5.0) is seen
     assert not seen or candidate.guess[0] == pytest.approx(2.5, abs=0.3)
 
@@ -126,7 +127,7 @@ def varying(random, sizes):
     effect = made_up("made up")
     z = np.linalg.solve(np.eye(NUISANCES) + g.T @ g, g.T @ y)
     candidate = Candidate(effect, "here", -1.0)
-    screen(problem(residuals), Fit(z, y - g @ z, g), [], [candidate])
+    screen(problem(residuals), Fit(z, y - g @ z, g), assume(), [candidate])
     return candidate.p_varying, candidate.z_score
 
 
@@ -157,7 +158,7 @@ def of_a_turning_effect(data, turning: bool) -> Candidate:
 
     candidate = Candidate(made_up("late", changes_shape=turning), "here", -1.0)
     z = np.linalg.solve(np.eye(1) + g.T @ g, g.T @ data)
-    screen(problem(residuals), Fit(z, data - g @ z, g), [], [candidate])
+    screen(problem(residuals), Fit(z, data - g @ z, g), assume(), [candidate])
     return candidate
 
 
@@ -193,11 +194,13 @@ def test_of_many_collaterals_each_is_run():
     y = y + 0.8 * along[hidden]
 
     def residuals(rows, grafts=()):
-        return np.array([y - g @ z[:6] - (along[of[0][1]] * size.from_standard(z[6]) if of else 0.0) for z, of in rows])
+        return np.array(
+            [y - g @ z[:6] - (along[of.effects[0].place] * size.from_standard(z[6]) if of else 0.0) for z, of in rows]
+        )
 
     candidates = [Candidate(effect, place, -4.0) for place in places]
     z = np.linalg.solve(np.eye(NUISANCES) + g.T @ g, g.T @ y)
-    screen(problem(residuals), Fit(z, y - g @ z, g), [], candidates)
+    screen(problem(residuals), Fit(z, y - g @ z, g), assume(), candidates)
     assert all(candidate.guess is not None for candidate in candidates)
     assert max(candidates, key=lambda c: c.promise).place == hidden
 
@@ -209,25 +212,25 @@ def test_a_response_known_about_another_point_serves_where_little_is_promised():
     many, few = made_up("many"), made_up("few")
     hidden = (many, "37")
     candidates = [Candidate(many, place, -4.0) for place in places] + [Candidate(few, place, -30.0) for place in "abc"]
-    along = {c.acting: random.standard_normal(ROWS) for c in candidates}
+    along = {c.placed: random.standard_normal(ROWS) for c in candidates}
     y = g @ random.standard_normal(NUISANCES) + random.standard_normal(ROWS) + 2.0 * along[hidden]
     ran = []
 
     def residuals(rows, grafts=()):
-        ran.extend(of[0] for _, of in rows if of)
-        return np.array([y - g @ z[:6] - (along[of[0]] * z[6] if of else 0.0) for z, of in rows])
+        ran.extend(of.effects[0] for _, of in rows if of)
+        return np.array([y - g @ z[:6] - (along[of.effects[0]] * z[6] if of else 0.0) for z, of in rows])
 
     z = np.linalg.solve(np.eye(NUISANCES) + g.T @ g, g.T @ y)
     for candidate in candidates:
-        candidate.response = SIGNED[0] * (along[candidate.acting] + 0.1 * random.standard_normal(ROWS))
+        candidate.response = SIGNED[0] * (along[candidate.placed] + 0.1 * random.standard_normal(ROWS))
     failed = candidates[399]
     failed.response = np.full(ROWS, np.nan)
-    before = {c.acting: c.response for c in candidates}
-    screen(problem(residuals), Fit(z, y - g @ z, g), [], candidates)
-    assert max(candidates, key=lambda c: c.promise).acting == hidden
+    before = {c.placed: c.response for c in candidates}
+    screen(problem(residuals), Fit(z, y - g @ z, g), assume(), candidates)
+    assert max(candidates, key=lambda c: c.promise).placed == hidden
     anew = set(ran)
-    kept = [c for c in candidates if c.acting not in anew]
-    assert ANEW <= len(anew) < ANEW + 50 and {failed.acting, *((few, place) for place in "abc")} <= anew
-    assert all(c.response is before[c.acting] and c.guess is not None for c in kept)
-    exact = [c for c in candidates if c.acting in anew]
-    assert all(c.response == pytest.approx(SIGNED[0] * along[c.acting]) for c in exact)
+    kept = [c for c in candidates if c.placed not in anew]
+    assert ANEW <= len(anew) < ANEW + 50 and {failed.placed, *((few, place) for place in "abc")} <= anew
+    assert all(c.response is before[c.placed] and c.guess is not None for c in kept)
+    exact = [c for c in candidates if c.placed in anew]
+    assert all(c.response == pytest.approx(SIGNED[0] * along[c.placed]) for c in exact)

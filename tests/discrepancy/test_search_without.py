@@ -5,15 +5,16 @@ from types import SimpleNamespace
 import pytest
 
 from coronaryuq.discrepancy.selection import search
+from support.hypotheses import assume, placed
 from support.linear_problem import made_up
 
-DRIVE, PROBE, LOSS = made_up("drive_gain"), made_up("flow_gain", of_an_instrument=True), made_up("loss")
+DRIVE, PROBE, LOSS = made_up("drive_gain"), made_up("flow_gain", is_measurement_error=True), made_up("loss")
 LIBRARY = (DRIVE, PROBE, LOSS)
 
 
 def found(named=(), far_out=(), log_weight=0.0):
     rounds = [SimpleNamespace(accepted=SimpleNamespace(effect=one)) for one in named]
-    return SimpleNamespace(named=rounds, far_out=[(one, "here") for one in far_out], log_weight=log_weight)
+    return SimpleNamespace(named=rounds, far_out=[placed(one, "here") for one in far_out], log_weight=log_weight)
 
 
 def searched(monkeypatch, first, second):
@@ -49,11 +50,11 @@ def test_others_need_no_second_search(monkeypatch, given):
 @pytest.mark.parametrize(("held_out", "weight"), [(True, -10.0 - 2.0 + 4.0), (False, -10.0 - 2.0)])
 def test_a_weight_counts_no_measurement_twice(held_out, weight):
     """Evidence, the class's share of the prior, and the density of measurements that were kept out, if any were."""
-    acting = (LOSS, "here")
+    loss = placed(LOSS, "here")
     conditions = {"rest": SimpleNamespace(held_out=False), "pacing": SimpleNamespace(held_out=held_out)}
     answer = SimpleNamespace(
-        acting=[acting],
-        rounds=[SimpleNamespace(accepted=SimpleNamespace(acting=acting), class_log_prior=-2.0)],
+        hypothesis=assume(loss),
+        rounds=[SimpleNamespace(accepted=SimpleNamespace(placed=loss), class_log_prior=-2.0)],
         problem=SimpleNamespace(forward=SimpleNamespace(conditions=conditions)),
         fit=SimpleNamespace(evidence=-10.0),
         gaps=SimpleNamespace(after=SimpleNamespace(total_lpd=4.0)),

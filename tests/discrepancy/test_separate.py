@@ -5,7 +5,7 @@ import pytest
 
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.selection.next_measurement import _of_the_patient, information
-from coronaryuq.zerod.effects.library import effect
+from support.hypotheses import assume
 
 
 def test_far_apart_it_is_all_there_is_to_know_and_close_by_an_eighth_of_the_square():
@@ -29,8 +29,8 @@ def test_in_between_it_is_what_sampling_says():
 
 def test_another_instrument_does_not_share_an_error():
     """Of what a member says only the patient's part is what a new reading would show."""
-    offset, loss = (effect("pressure_offset"), "a:b"), (effect("stenosis_with_friction"), "a")
-    z, acting = _of_the_patient(np.arange(5.0), [offset, loss], 2)
-    assert z.tolist() == [0.0, 1.0, 3.0, 4.0] and acting == [loss]
-    z, acting = _of_the_patient(np.arange(3.0), [offset], 2)
-    assert z.tolist() == [0.0, 1.0] and acting == []
+    offset, loss = ("pressure_offset", "a:b"), ("stenosis_with_friction", "a")
+    z, hypothesis = _of_the_patient(np.arange(5.0), assume(offset, loss))
+    assert z.tolist() == [0.0, 1.0, 3.0, 4.0] and hypothesis == assume(loss)
+    z, hypothesis = _of_the_patient(np.arange(3.0), assume(offset))
+    assert z.tolist() == [0.0, 1.0] and hypothesis == assume()

@@ -7,6 +7,7 @@ from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.forward.warm_starts import MOST, OTHER_EFFECT, Known, Point, Starts, Structure
 from coronaryuq.zerod.effects.library import effect
 from coronaryuq.zerod.solver.blood_volume import BloodVolume
+from support.hypotheses import assume
 from support.small_loop import STENOSIS, fresh
 
 
@@ -17,7 +18,7 @@ def problem():
 
 def row(problem, shift):
     z = np.where([n.mass is None for n in problem.forward.nuisances], 1.0 + shift, 0.0)
-    return np.append(z, 0.3), [STENOSIS]
+    return np.append(z, 0.3), assume(STENOSIS)
 
 
 def test_a_known_neighbour_changes_nothing_but_the_cycles(problem):
@@ -34,7 +35,7 @@ def test_a_known_neighbour_changes_nothing_but_the_cycles(problem):
 def test_fits_side_by_side_do_not_depend_on_threads():
     """Several networks with what each has met: the same bits; and near what each fit finds by itself."""
     leak, blood = (effect("side_branch_leak"), "lca2"), (effect("haematocrit"), "everywhere")
-    acting = [[], [STENOSIS], [STENOSIS, leak], [blood]]
+    acting = [assume(), assume(STENOSIS), assume(STENOSIS, leak), assume(blood)]
 
     def problem(threads):
         made = fresh(threads=threads)
@@ -54,7 +55,7 @@ def test_fits_side_by_side_do_not_depend_on_threads():
 def test_a_start_from_elsewhere_holds_the_blood_of_the_own_one(problem):
     """A state of the plain loop for one with a stenosis put in, with other compliances."""
     forward = problem.forward
-    plain, grafted = forward.simulation.prepared([]), forward.simulation.prepared([STENOSIS])
+    plain, grafted = forward.simulation.prepared([]), forward.simulation.prepared(assume(STENOSIS))
     starts, known = Starts(), Point(np.full(problem.count, 0.5), {})
     state = plain.start["rest"].copy()
     state[plain.engine.state_names.index("V_LV:CLH")] += 7.0

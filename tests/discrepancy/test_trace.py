@@ -12,14 +12,14 @@ from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.read_problem import make_problem, read_problem
 from coronaryuq.discrepancy.inference.time_step_error import time_steps
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.zerod.effects.library import effect
+from support.hypotheses import assume
 
 
 @pytest.fixture(scope="module")
 def problem(tmp_path_factory):
     """The open loop's problem with nothing hidden, nuisance parameters as in the model."""
     folder = tmp_path_factory.mktemp("nothing")
-    hide(*open_loop(), [], np.zeros(0), 1.0, 1, folder, nuisance_spread=0.0)
+    hide(*open_loop(), assume(), np.zeros(0), 1.0, 1, folder, nuisance_spread=0.0)
     conditions, network = read_conditions(folder / "conditions.yaml"), read_json(folder / "model.json")
     read = read_problem(network, folder / "measurements.csv", conditions, folder / "conditions.yaml", Settings())
     return make_problem(network, conditions, read.forward.measured, Settings())
@@ -28,7 +28,8 @@ def problem(tmp_path_factory):
 def to_first_order(problem, signal):
     sd = np.hypot(problem.sd, time_steps(problem.forward, problem.sd).sd)
     nothing = np.zeros(problem.count)
-    jacobian = problem.sensitivity(nothing, problem.whitened([(nothing, [])])[0], []) * (problem.sd / sd)[:, None]
+    (residual,) = problem.whitened([(nothing, assume())])
+    jacobian = problem.sensitivity(nothing, residual, assume()) * (problem.sd / sd)[:, None]
     allowed = time_steps(problem.forward, problem.sd).shapes / sd
     columns = np.hstack([jacobian, allowed.T])[problem.train]
     one = (signal / sd)[problem.train]
@@ -37,7 +38,7 @@ def to_first_order(problem, signal):
 
 
 def trace(problem, signal):
-    return least_trace(problem, [(np.zeros(problem.count), [])], [signal], problem.sd)
+    return least_trace(problem, [(np.zeros(problem.count), assume())], [signal], problem.sd)
 
 
 def test_nothing_leaves_nothing(problem):
@@ -47,7 +48,7 @@ def test_nothing_leaves_nothing(problem):
 
 def test_what_recalibration_can_do_itself_costs_no_more_than_its_prior(problem):
     """Two standard deviations of any nuisance parameter can be taken up for two."""
-    rows = [(2.0 * unit, []) for unit in np.eye(problem.count)]
+    rows = [(2.0 * unit, assume()) for unit in np.eye(problem.count)]
     plain = problem.forward.predict(np.zeros(problem.count))[0]
     for moved in problem.forward.predict_rows(rows):
         assert trace(problem, moved - plain) < 2.0 + 0.02
@@ -61,14 +62,14 @@ def test_a_small_change_leaves_what_it_does_to_first_order(problem):
 
 def test_of_several_effects_the_least_counts(problem):
     offset = np.where(problem.owner == 0, 5.0 * problem.sd, 0.0)
-    nothing = (np.zeros(problem.count), [])
+    nothing = (np.zeros(problem.count), assume())
     both = least_trace(problem, [nothing, nothing], [offset, 0.1 * offset], problem.sd)
     assert both == pytest.approx(trace(problem, 0.1 * offset), rel=1e-3) and both < trace(problem, offset)
 
 
 def test_a_viscosity_leaves_less_than_it_does_to_first_order(problem):
     """All resistances by a quarter lower: recalibration follows them along their curve."""
-    viscosity = [(effect("haematocrit"), "everywhere")]
+    viscosity = assume(("haematocrit", "everywhere"))
     z = np.concatenate([np.zeros(problem.count), [-1.2]])
     signal = problem.forward.predict_rows([(z, viscosity)])[0] - problem.forward.predict(z[:-1])[0]
     found = trace(problem, signal)

@@ -23,8 +23,8 @@ def searched(folder):
 
 
 def named(found):
-    sizes = {one: [parameter.from_standard(z) for parameter, z, _ in found.sizes(one)] for one in found.acting}
-    return {effect.name: sizes[effect, place] for effect, place in (entry.accepted.acting for entry in found.named)}
+    sizes = {one: [parameter.from_standard(z) for parameter, z, _ in found.sizes(one)] for one in found.hypothesis}
+    return {effect.name: sizes[effect, place] for effect, place in (entry.accepted.placed for entry in found.named)}
 
 
 def test_the_order_of_conditions_decides_nothing(tmp_path):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from coronaryuq.discrepancy.forward.simulation import Acting
+from coronaryuq.discrepancy.forward.hypothesis import PlacedEffect
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import DISTORTED, Problem
 from coronaryuq.zerod.effects.base import Effect, Parameter
@@ -15,12 +15,12 @@ def made_up(name: str, size: Parameter = SIZE, **other) -> Effect:
     return type("MadeUp", (Effect,), {"name": name, "parameters": (size,), **other})()
 
 
-def here(name: str) -> Acting:
-    return made_up(name), "here"
+def here(name: str) -> PlacedEffect:
+    return PlacedEffect(made_up(name), "here")
 
 
 class LinearProblem:
-    """Subclasses set nuisance (N, p), along: acting effect → (N,), y (N,) and settings."""
+    """Subclasses set nuisance (N, p), along: effect → (N,), y (N,) and settings."""
 
     fit_candidates, fit_roughly = Problem.fit_candidates, Problem.fit_roughly
     change = 0.0

@@ -8,7 +8,7 @@ from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.inference.read_problem import make_problem
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.zerod.effects.library import effect
+from support.hypotheses import placed
 
 
 def vessel(number, name, outlet=None, **values):
@@ -69,7 +69,7 @@ def loop():
     }
 
 
-STENOSIS = (effect("quadratic_stenosis"), "lca1")
+STENOSIS = placed("quadratic_stenosis", "lca1")
 
 
 def fresh(network=None, threads=1):

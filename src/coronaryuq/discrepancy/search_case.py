@@ -9,6 +9,7 @@ from threadpoolctl import threadpool_limits
 from coronaryuq.core import units
 from coronaryuq.core.errors import InputError
 from coronaryuq.discrepancy.data.conditions import read_conditions
+from coronaryuq.discrepancy.forward.hypothesis import PLAIN
 from coronaryuq.discrepancy.inference.read_problem import check_searchable, read_problem
 from coronaryuq.discrepancy.result import write
 from coronaryuq.discrepancy.selection.search import discover
@@ -64,7 +65,7 @@ def search_case(
     try:
         discovery = discover(problem, seed, report=_report)
     except FloatingPointError as error:
-        residual = problem.whitened([(np.zeros(problem.count), [])])[0]
+        residual = problem.whitened([(np.zeros(problem.count), PLAIN)])[0]
         failed = ", ".join(dict.fromkeys(problem.condition[~np.isfinite(residual)]))
         where = failed or "any condition after recalibration"
         remedy = f"the model does not run under {where}; check what the conditions file changes there"

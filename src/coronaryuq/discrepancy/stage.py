@@ -11,6 +11,7 @@ from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.core.io.tables import read_csv, write_csv
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.data.conditions import Condition, read_conditions
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.hidden import make_case
 from coronaryuq.discrepancy.hidden.reference_gap import known_gap
 from coronaryuq.discrepancy.inference.noise import Noise
@@ -45,8 +46,9 @@ def hide_in_loop(rest: str | Path, settings: Settings, seed: int, folder: str | 
     # Before a bed whose pressure is measured an effect leaves its trace.
     places = [vessel for vessel in fed if vessel in places] or places
     place = places[int(random.integers(len(places)))]
+    hypothesis = Hypothesis((PlacedEffect(one, place),))
     sizes = np.full(len(one.parameters), settings.hidden_size)
-    truth = make_case.hide(network, {c.name: c for c in conditions}, plan, [(one, place)], sizes, 1.0, seed, folder)
+    truth = make_case.hide(network, {c.name: c for c in conditions}, plan, hypothesis, sizes, 1.0, seed, folder)
     write_json(
         folder / "truth.json",
         {
@@ -114,9 +116,10 @@ def compare(
     noise = {quantity: Noise(**one) for quantity, one in told.items()}
     hidden_there = read_json(truth, ("effect", "place", "size_z"))
     one = effect(hidden_there["effect"])
+    hypothesis = Hypothesis((PlacedEffect(one, hidden_there["place"]),))
     sizes = np.full(len(one.parameters), hidden_there["size_z"])
     with threadpool_limits(1):
-        known = known_gap(with_noise(problem, noise) if noise else problem, [(one, hidden_there["place"])], sizes, seed)
+        known = known_gap(with_noise(problem, noise) if noise else problem, hypothesis, sizes, seed)
     table = read_csv(found["gaps"])
     row = pd.DataFrame([gap_row("with the true effect", known)], columns=table.columns)
     write_csv(Path(out["table"]), pd.concat([table, row], ignore_index=True))

@@ -13,6 +13,7 @@ from coronaryuq.discrepancy.selection.candidates import Candidate
 from coronaryuq.discrepancy.selection.size_constancy import Constancy
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.library import effect
+from support.hypotheses import assume, placed
 
 LEVEL = 0.01
 OPEN_LOOP = Anatomy({"vessels": []})
@@ -110,14 +111,14 @@ def test_every_nuisance_parameter_far_outside_its_prior_is_listed(strains, text)
 
 
 def test_the_effects_whose_size_varies_are_listed_among_the_best_candidates():
-    leak, loss = (effect("side_branch_leak"), "lad"), (effect("diffuse_narrowing"), "lad")
+    leak, loss = placed("side_branch_leak", "lad"), placed("diffuse_narrowing", "lad")
     varying = [Constancy(loss, 9.0, {"rest": (0.0, 0.1), "pacing": (2.0, 0.1)})]
-    several = summary_text.varying_text([leak, loss], varying, OPEN_LOOP)
+    several = summary_text.varying_text(assume(leak, loss), varying, OPEN_LOOP)
     assert several.startswith(
         "the best candidates are side branch leak at lad and diffuse narrowing at lad, of which diffuse"
     )
     assert several.endswith(") would need a different size under each condition")
-    alone = summary_text.varying_text([loss], varying, OPEN_LOOP)
+    alone = summary_text.varying_text(assume(loss), varying, OPEN_LOOP)
     assert alone.startswith(
         "the best candidate, diffuse narrowing at lad, would need a different size under each condition (l"
     )
@@ -125,15 +126,15 @@ def test_the_effects_whose_size_varies_are_listed_among_the_best_candidates():
 
 def test_sizes_by_condition_have_intervals_and_omit_uninformative_conditions():
     sizes = {"rest": (0.0, 0.1), "pacing": (2.0, 0.2), "held": (0.0, 1.2)}
-    text = summary_text.sizes_by_condition(Constancy((effect("flow_delay"), "a:b"), 9.0, sizes), OPEN_LOOP)
+    text = summary_text.sizes_by_condition(Constancy(placed("flow_delay", "a:b"), 9.0, sizes), OPEN_LOOP)
     assert text == "delay: rest 0 (-0.0049 to 0.0049), pacing 0.06 (0.05 to 0.07) s"
 
 
 def test_sizes_by_condition_are_described_as_the_effect_describes_them():
     """An added share of the ventricular pressure; in a closed loop a factor on the present pressure."""
-    varying = Constancy((effect("intramyocardial_pressure"), "all beds"), 9.0, {"rest": (1.0, 0.1)})
+    varying = Constancy(placed("intramyocardial_pressure", "all beds"), 9.0, {"rest": (1.0, 0.1)})
     (share, factor) = (summary_text.sizes_by_condition(varying, anatomy) for anatomy in (OPEN_LOOP, CLOSED_LOOP))
-    (parameter,) = varying.acting[0].parameters
+    (parameter,) = varying.placed.effect.parameters
     added = float(parameter.from_standard(1.0))
     assert share.startswith(f"share: rest {added:.2g} (")
     assert factor.startswith(f"factor on the model's intramyocardial pressure: rest {np.exp(added):.2g} (")
@@ -149,7 +150,7 @@ def test_sizes_by_condition_are_described_as_the_effect_describes_them():
 )
 def test_a_negative_delay_is_described_as_read_early(name, z, text):
     sensor = effect(name)
-    assert summary_text.size_text((sensor, "a:b"), [(sensor.parameters[0], z, 0.1)], OPEN_LOOP) == text
+    assert summary_text.size_text(placed(sensor, "a:b"), [(sensor.parameters[0], z, 0.1)], OPEN_LOOP) == text
 
 
 def test_outliers_are_listed_with_a_remedy():

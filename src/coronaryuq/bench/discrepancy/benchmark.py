@@ -28,6 +28,7 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json, write_text
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.data.conditions import read_conditions
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.hidden import make_case
 from coronaryuq.discrepancy.inference.read_problem import read_problem
 from coronaryuq.discrepancy.selection.search import Discovery, discover
@@ -309,10 +310,10 @@ def hide(case: Case, made: Made, folder: Path) -> tuple[make_case.Truth | None, 
         if not all(places.values()):
             return None, DRAWS
     for draw in range(DRAWS):
-        acting, sizes = [], []
+        effects, sizes = [], []
         for name in case.effects:
             one = effect(name)
-            acting.append((one, places[name][int(random.integers(len(places[name])))]))
+            effects.append(PlacedEffect(one, places[name][int(random.integers(len(places[name])))]))
             positive, signed = STRENGTHS[case.strength]
             for parameter in one.parameters:
                 sign = random.choice((-1.0, 1.0))
@@ -326,14 +327,14 @@ def hide(case: Case, made: Made, folder: Path) -> tuple[make_case.Truth | None, 
             network,
             conditions,
             plan,
-            acting,
+            Hypothesis(tuple(effects)),
             np.array(sizes),
             seed=seed,
             folder=folder,
             outside=strange,
             **NOISES[case.noise],
         )
-        if (not acting and not case.outside) or truth.visible >= LEAST_VISIBLE:
+        if (not effects and not case.outside) or truth.visible >= LEAST_VISIBLE:
             return truth, draw
     return None, DRAWS
 
@@ -349,5 +350,5 @@ def _with_a_trace(one: Effect, places: list[str], case: Case, made: Made) -> lis
     """Those of the places where it would leave a trace: in a loop few do, and a draw takes seconds."""
     positive, signed = STRENGTHS[case.strength]
     size = np.array([positive if parameter.kind == "lognormal" else signed for parameter in one.parameters])
-    left = made.traces(NOISES[case.noise]["noise"]).of([((one, place), size) for place in places])
+    left = made.traces(NOISES[case.noise]["noise"]).of([(PlacedEffect(one, place), size) for place in places])
     return [place for place, trace in zip(places, left, strict=True) if trace >= LEAST_VISIBLE]

@@ -11,6 +11,7 @@ from coronaryuq.bench.coronary_tree import LENGTH, made_loop
 from coronaryuq.case.network.build import Physics, stenosis_coefficient
 from coronaryuq.core import units
 from coronaryuq.discrepancy.data.conditions import Condition, under
+from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.forward.network_values import differences
 from coronaryuq.discrepancy.hidden import make_case
 from coronaryuq.discrepancy.stage import HYPERAEMIA, plan_of
@@ -121,7 +122,7 @@ def _run(
         # All runs of one condition hold the blood that the analyst's model holds under it.
         starts.append(Engine(changed).run(periodic=True, steps_per_cycle=300).state[0])
         for case in cases:
-            table, _ = case.problem.forward.condition_changes(condition.name, case.nuisance, [])
+            table, _ = case.problem.forward.condition_changes(condition.name, case.nuisance, PLAIN)
             tables.append(differences(network, changed) | table)
     engine = Engine(network)
     changes = {
@@ -185,7 +186,7 @@ def _drop(shape: Shape, network: dict) -> tuple[str, str, str]:
     return f"pressure:{before}", f"pressure:{behind}", f"flow:{behind}"
 
 
-def _nearest(shape: Shape, case: make_case.Unmeasured, waveforms: dict[str, dict]) -> tuple[list, np.ndarray]:
+def _nearest(shape: Shape, case: make_case.Unmeasured, waveforms: dict[str, dict]) -> tuple[Hypothesis, np.ndarray]:
     """The effect of the library that stands for the shape, with the size z that the 3D drop of pressure has.
 
     Least squares of drop = R Q + S |Q| Q + L dQ/dt over all conditions: S, and R beyond the model's, of a
@@ -200,12 +201,12 @@ def _nearest(shape: Shape, case: make_case.Unmeasured, waveforms: dict[str, dict
         drops.append(before - behind)
     resistance, square, _ = np.linalg.lstsq(np.concatenate(rows), np.concatenate(drops), rcond=None)[0]
     scale = anatomy.flow_scale(shape.place)
-    acting = [(effect(name), shape.place) for name in shape.effects]
-    if not acting:
-        return acting, np.zeros(0)
+    hypothesis = Hypothesis(tuple(PlacedEffect(effect(name), shape.place) for name in shape.effects))
+    if not hypothesis:
+        return hypothesis, np.zeros(0)
     friction = (resistance - vessel_values(network, shape.place)["R_poiseuille"]) * scale
     sizes = (square * scale**2 / anatomy.pressure, friction / (square * scale**2))
     if shape.kind not in STENOSES:
         sizes = (friction / anatomy.pressure,)
-    parameters = acting[0][0].parameters
-    return acting, np.array([float(one.to_standard(size)) for one, size in zip(parameters, sizes, strict=True)])
+    parameters = hypothesis.effects[0].effect.parameters
+    return hypothesis, np.array([float(one.to_standard(size)) for one, size in zip(parameters, sizes, strict=True)])

@@ -22,7 +22,7 @@ def scored(truth: make_case.Truth, answer: Discovery) -> dict:
     """
     problem = answer.plain
     classes = [[(c.effect.name, c.place) for c in entry.members] for entry in answer.named]
-    wanted = [(one.name, place) for one, place in truth.acting]
+    wanted = [(one.name, place) for one, place in truth.hypothesis]
     got = [any(name == e for members in classes for e, _ in members) for name, _ in wanted]
     placed = [any(pair in members for members in classes) for pair in wanted]
     first = classes[0] if classes else []
@@ -36,7 +36,9 @@ def scored(truth: make_case.Truth, answer: Discovery) -> dict:
         "abstained": abstained,
         "first": first[0][0] if first else ("outside" if abstained else "none"),
         "classes": [["@".join(member) for member in members] for members in classes],
-        "sizes": [one.parameters[0].from_standard(z) for (one, _), z in zip(truth.acting, truth.firsts, strict=True)],
+        "sizes": [
+            one.parameters[0].from_standard(z) for (one, _), z in zip(truth.hypothesis, truth.firsts, strict=True)
+        ],
         "found": [_told(one) for one in named(answer)],
         "before": answer.gaps.before.misfit,
         "after": answer.gaps.before.misfit if answer.outside_library else answer.gaps.after.misfit,
@@ -54,8 +56,8 @@ def scored(truth: make_case.Truth, answer: Discovery) -> dict:
     # The mean square of m whitened residuals varies by sqrt(2 / m) by chance alone.
     entry["worse"] = bool(entry["after"] ** 2 > answer.gaps.before.misfit**2 + 2.0 * np.sqrt(2.0 / rows))
     if wanted:
-        problem, oracle = fit_known(problem, truth.acting, truth.sizes, answer.base)
-        best = gap(problem, linearise(problem, oracle.z, truth.acting), answer.folds, 1).misfit
+        problem, oracle = fit_known(problem, truth.hypothesis, truth.sizes, answer.base)
+        best = gap(problem, linearise(problem, oracle.z, truth.hypothesis), answer.folds, 1).misfit
         room = answer.gaps.before.misfit**2 - best**2
         entry["oracle"] = best
         entry["gap_closed_over_oracle"] = (
@@ -76,9 +78,9 @@ def _told(one: dict) -> dict:
 
 def _covered(answer: Discovery, truth: make_case.Truth) -> bool | None:
     """Whether the 90 % interval of the size holds the true one; None where the true effect was not the one added."""
-    if len(truth.acting) != 1 or not answer.named:
+    if len(truth.hypothesis) != 1 or not answer.named:
         return None
-    (one, place), size = truth.acting[0], truth.sizes[0]
+    (one, place), size = truth.hypothesis.effects[0], truth.sizes[0]
     for entry in named(answer):
         if (entry["effect"], entry["place"]) == (one.name, place):
             parameter = one.parameters[0]

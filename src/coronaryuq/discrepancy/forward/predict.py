@@ -1,6 +1,6 @@
 """Predictions of every measured series by a network with effects, under all conditions, in one batch of samples."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -10,11 +10,12 @@ from coronaryuq.core import units
 from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.forward.feedback import Feedback
+from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.forward.jobs import Job, Prepared, Scaled
 from coronaryuq.discrepancy.forward.lockstep import Asking, side_by_side
 from coronaryuq.discrepancy.forward.network_values import inner, with_values
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
-from coronaryuq.discrepancy.forward.simulation import Acting, Simulation, elements
+from coronaryuq.discrepancy.forward.simulation import Simulation, elements
 from coronaryuq.discrepancy.forward.warm_starts import Point
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState
@@ -28,8 +29,8 @@ MANY = 20
 class Forward:
     """The analyst's model of one case: network, conditions, measured series, nuisance parameters.
 
-    `predict(z, acting)` takes z (n, p): standard numbers of the nuisance parameters, then of the parameters of each
-    acting effect in turn; it returns (n, N) in CGS, series after series, NaN where a run failed.
+    `predict(z, hypothesis)` takes z (n, p), standard normal numbers as `Hypothesis` lays them out, and returns (n, N)
+    in CGS, series after series, NaN where a run failed.
     """
 
     simulation: Simulation
@@ -58,19 +59,15 @@ class Forward:
     def size(self) -> int:
         return sum(series.value.size for series in self.measured)
 
-    def parameters(self, acting: list[Acting]) -> list:
-        """Parameters of the acting effects, in the order of z after the nuisance parameters."""
-        return [parameter for effect, _ in acting for parameter in effect.parameters]
-
-    def predict(self, z: np.ndarray, acting: list[Acting] = ()) -> np.ndarray:
+    def predict(self, z: np.ndarray, hypothesis: Hypothesis = PLAIN) -> np.ndarray:
         """Predictions (n, N) at z (n, p), all with the same effects."""
-        return self.predict_rows([(row, list(acting)) for row in np.atleast_2d(z)])
+        return self.predict_rows([(row, hypothesis) for row in np.atleast_2d(z)])
 
     def predict_rows(
         self,
-        rows: list[tuple[np.ndarray, list[Acting]]],
+        rows: list[tuple[np.ndarray, Hypothesis]],
         conditions: Collection[str] | None = None,
-        grafts: list[Acting] = (),
+        grafts: Sequence[PlacedEffect] = (),
     ) -> np.ndarray:
         """Predictions (n, N) at one point z (p,) each, every row with its own effects; NaN for other `conditions`, but
         in rows with an effect on the measuring side, which may depend on all of them.
@@ -80,19 +77,19 @@ class Forward:
         rows that act on one of them.
         """
         found = np.full((len(rows), self.size), np.nan)
-        groups: dict[tuple, tuple[list[Acting], dict[tuple, list[int]]]] = {}
-        common = [one for one in rows[0][1] if all(one in acting for _, acting in rows)]
-        shares = _shares([one for one in self.simulation.inserting(grafts) if one not in common])
-        for number, (z, acting) in enumerate(rows):
+        groups: dict[tuple, tuple[list[PlacedEffect], dict[tuple, list[int]]]] = {}
+        common = [placed for placed in rows[0][1] if all(placed in hypothesis for _, hypothesis in rows)]
+        shares = _shares([placed for placed in self.simulation.inserting(grafts) if placed not in common])
+        for number, (z, hypothesis) in enumerate(rows):
             # What a sensor or a map does to predictions may depend on all of them.
-            all_of_them = any(effect.side == "measurement" for effect, _ in acting)
-            inserted = self.simulation.inserting(acting)
-            share = next((shares[one] for one in inserted if one in shares), [])
-            inserted = [*share, *(one for one in inserted if one not in share)]
+            all_of_them = any(effect.side == "measurement" for effect, _ in hypothesis)
+            inserted = self.simulation.inserting(hypothesis)
+            share = next((shares[placed] for placed in inserted if placed in shares), [])
+            inserted = [*share, *(placed for placed in inserted if placed not in share)]
             # Effects that feel pressures are run more than once.
-            feels = any(effect.feedback for effect, _ in acting)
+            feels = any(effect.feedback for effect, _ in hypothesis)
             _, alike = groups.setdefault((*elements(inserted), feels, all_of_them), (inserted, {}))
-            alike.setdefault(self._simulated(z, acting), []).append(number)
+            alike.setdefault(self._simulated(z, hypothesis), []).append(number)
         asking = []
         for (*_, all_of_them), (inserted, alike) in groups.items():
             wanted = [n for n in self.conditions if all_of_them or conditions is None or n in conditions]
@@ -101,9 +98,9 @@ class Forward:
         for predicted, (_, alike) in zip(together, groups.values(), strict=True):
             for values, numbers in zip(predicted, alike.values(), strict=True):
                 found[numbers] = values
-        for number, (z, acting) in enumerate(rows):
-            if any(effect.side == "measurement" for effect, _ in acting):
-                found[number] = self._observe(found[number], z, acting)
+        for number, (z, hypothesis) in enumerate(rows):
+            if any(effect.side == "measurement" for effect, _ in hypothesis):
+                found[number] = self._observe(found[number], z, hypothesis)
             if self.shapes is not None:
                 found[number] += z[self.shaping] @ self.shapes
         return found
@@ -113,25 +110,25 @@ class Forward:
         """Nuisance parameters that are weights of `shapes`."""
         return [column for column, nuisance in enumerate(self.nuisances) if nuisance.shape is not None]
 
-    def _simulated(self, z: np.ndarray, acting: list[Acting]) -> tuple:
+    def _simulated(self, z: np.ndarray, hypothesis: Hypothesis) -> tuple:
         """What tells two readings of the network apart: most effects on the measuring side act on them afterwards."""
-        sizes = self._sizes(z, acting)
+        sizes = hypothesis.physical_sizes(z)
         network = [
-            (e.name, place, *v.values()) for (e, place), v in zip(acting, sizes, strict=True) if e.side == "network"
+            (e.name, place, *v.values()) for (e, place), v in zip(hypothesis, sizes, strict=True) if e.side == "network"
         ]
-        return z[: len(self.nuisances)].tobytes(), *self._late(acting, sizes), *network
+        return hypothesis.nuisances(z).tobytes(), *self._late(hypothesis, sizes), *network
 
-    def _predict_group(self, rows, names: list[str], inserted: list[Acting]) -> Asking[np.ndarray]:
-        sizes = [self._sizes(z, acting) for z, acting in rows]
-        z = np.array([row[: len(self.nuisances)] for row, _ in rows])
+    def _predict_group(self, rows, names: list[str], inserted: list[PlacedEffect]) -> Asking[np.ndarray]:
+        sizes = [hypothesis.physical_sizes(z) for z, hypothesis in rows]
+        z = np.array([hypothesis.nuisances(row) for row, hypothesis in rows])
         waveforms, renamed = yield from self._simulate(rows, sizes, names, inserted)
-        late = np.array([self._late(acting, values) for (_, acting), values in zip(rows, sizes, strict=True)])
+        late = np.array([self._late(hypothesis, values) for (_, hypothesis), values in zip(rows, sizes, strict=True)])
         return np.concatenate(self.readings(waveforms, z, renamed, late), axis=1)
 
-    def _late(self, acting: list[Acting], sizes: list[dict[str, float]]) -> list[float]:
+    def _late(self, hypothesis: Hypothesis, sizes: list[dict[str, float]]) -> list[float]:
         """By how much each series is read late, s."""
         late = np.zeros(len(self.measured))
-        for (effect, place), values in zip(acting, sizes, strict=True):
+        for (effect, place), values in zip(hypothesis, sizes, strict=True):
             if effect.side == "measurement":
                 arrays = {name: np.array([value]) for name, value in values.items()}
                 late += [effect.delay(place, arrays, series)[0] for series in self.measured]
@@ -155,9 +152,9 @@ class Forward:
                 blocks[i][~np.isfinite(used[0]).all(axis=1)] = np.nan
         return blocks
 
-    def _observe(self, row: np.ndarray, z, acting: list[Acting]) -> np.ndarray:
+    def _observe(self, row: np.ndarray, z, hypothesis: Hypothesis) -> np.ndarray:
         blocks = self.split(row[None, :])
-        for (effect, place), values in zip(acting, self._sizes(z, acting), strict=True):
+        for (effect, place), values in zip(hypothesis, hypothesis.physical_sizes(z), strict=True):
             if effect.side == "measurement":
                 blocks = effect.observe(place, {k: np.array([v]) for k, v in values.items()}, self.measured, blocks)
         return np.concatenate(blocks, axis=1)[0]
@@ -167,18 +164,8 @@ class Forward:
         ends = np.cumsum([series.value.size for series in self.measured])
         return np.split(values, ends[:-1], axis=1)
 
-    def _sizes(self, z: np.ndarray, acting: list[Acting]) -> list[dict[str, float]]:
-        column, found = len(self.nuisances), []
-        for effect, _ in acting:
-            values = {}
-            for parameter in effect.parameters:
-                values[parameter.name] = float(parameter.from_standard(z[column]))
-                column += 1
-            found.append(values)
-        return found
-
     def _simulate(
-        self, rows, sizes, conditions: list[str], inserted: list[Acting]
+        self, rows, sizes, conditions: list[str], inserted: list[PlacedEffect]
     ) -> Asking[tuple[dict, dict[str, str]]]:
         """Waveforms, condition → engine name → (rows, steps + 1), of all rows; and renamed locations."""
         prepared = self.simulation.prepared(inserted)
@@ -187,10 +174,10 @@ class Forward:
             n for series in self.measured if series.condition in conditions for n in self.variables(series, renamed)
         ]
         beds = {bed: f"pressure:{renamed.get(f'{v}:{bed}', f'{v}:{bed}')}" for bed, v in self.anatomy.beds.items()}
-        responds = [any(effect.feedback for effect, _ in acting) for _, acting in rows]
+        responds = [any(effect.feedback for effect, _ in hypothesis) for _, hypothesis in rows]
         names = list(dict.fromkeys(names + (list(beds.values()) if any(responds) else [])))
-        points = [self._point(z, acting) for z, acting in rows]
-        z = np.array([row[: len(self.nuisances)] for row, _ in rows])
+        points = [self._point(z, hypothesis) for z, hypothesis in rows]
+        z = np.array([hypothesis.nuisances(row) for row, hypothesis in rows])
         factors = {name: self._factors(prepared, name, z) for name in conditions}
         runs = [(name, i) for name in conditions for i in range(len(rows))]
         feedback = Feedback(self.resting, [responds[i] for _, i in runs])
@@ -219,18 +206,18 @@ class Forward:
         }
         return waveforms, renamed
 
-    def condition_changes(self, name: str, z: np.ndarray, acting: list[Acting]) -> tuple[dict, dict]:
+    def condition_changes(self, name: str, z: np.ndarray, hypothesis: Hypothesis) -> tuple[dict, dict]:
         """What a point z (p,) means under one condition: changes "BLOCK.parameter" → value, and the network changed.
 
         Feedback effects see the pressures that the fitted model settles at.
         """
-        prepared = self.simulation.prepared(acting)
-        sizes, point = self._sizes(z, acting), self._point(z, acting)
-        each, scaled = self._factors(prepared, name, z[None, : len(self.nuisances)])
-        feedback = Feedback(self.resting, [any(effect.feedback for effect, _ in acting)])
+        prepared = self.simulation.prepared(hypothesis)
+        sizes, point = hypothesis.physical_sizes(z), self._point(z, hypothesis)
+        each, scaled = self._factors(prepared, name, hypothesis.nuisances(z)[None, :])
+        feedback = Feedback(self.resting, [any(effect.feedback for effect, _ in hypothesis)])
 
         def job() -> Job:
-            effects = self._effects(prepared, name, acting, sizes, feedback.felt(0))
+            effects = self._effects(prepared, name, hypothesis, sizes, feedback.felt(0))
             return Job(point, name, effects, each[0], scaled)
 
         places = [f"{self.anatomy.beds[bed]}:{bed}" for bed in feedback.beds]
@@ -242,7 +229,7 @@ class Forward:
             left = feedback.unsettled(left, np.array([[waves[place][0, :-1].mean() for place in at]]))
         return job().table(prepared), prepared.networks[name]
 
-    def _effects(self, prepared: Prepared, name: str, acting, sizes, pressure) -> dict[str, np.ndarray | float]:
+    def _effects(self, prepared: Prepared, name: str, hypothesis, sizes, pressure) -> dict[str, np.ndarray | float]:
         """Values under a condition that all effects of one sample give.
 
         Each acts on the network as those before it have left it, in an order of their own, so that the order in which
@@ -257,8 +244,12 @@ class Forward:
             condition.covariates,
         )
         changes: dict[str, np.ndarray | float] = {}
-        ones = [(one, values) for one, values in zip(acting, sizes, strict=True) if one[0].side == "network"]
-        for (effect, place), values in sorted(ones, key=lambda one: (one[0][0].name, one[0][1])):
+        present_effects = [
+            (placed, values)
+            for placed, values in zip(hypothesis, sizes, strict=True)
+            if placed.effect.side == "network"
+        ]
+        for (effect, place), values in sorted(present_effects, key=lambda pair: pair[0].key):
             values = {name: np.array([value]) for name, value in values.items()}
             present = with_values(network, changes) if changes else network
             found = effect.changes(present, place, values, self.anatomy, situation)
@@ -279,14 +270,10 @@ class Forward:
                 used.append(nuisance.factor(z[:, column]))
         return np.array(used).reshape(-1, len(z)).T.copy(), scaled
 
-    def _point(self, z: np.ndarray, acting: Collection[Acting] = ()) -> Point:
+    def _point(self, z: np.ndarray, hypothesis: Hypothesis) -> Point:
         """Where a run stands."""
-        count, run = len(self.nuisances), [n.simulated for n in self.nuisances if n.shape is None]
-        sizes, column = {}, count
-        for effect, place in acting:
-            if effect.side == "network":
-                sizes[effect.name, place] = z[column : column + len(effect.parameters)]
-            column += len(effect.parameters)
+        run = [n.simulated for n in self.nuisances if n.shape is None]
+        sizes = {placed.key: hypothesis.sizes(z, placed) for placed in hypothesis if placed.effect.side == "network"}
         return Point(np.where(run, z[: len(run)], 0.0), sizes)
 
     def variables(self, series: Measured, renamed: dict[str, str]) -> tuple[str, ...]:
@@ -335,11 +322,11 @@ class Forward:
         return self.masses[territory] * self.nuisances[column].factor(z[:, column])
 
 
-def _shares(grafts: list[Acting]) -> dict[Acting, list[Acting]]:
+def _shares(grafts: list[PlacedEffect]) -> dict[PlacedEffect, list[PlacedEffect]]:
     """Each graft with all that share its network."""
-    collaterals = [one for one in grafts if one[0].name == "collateral"]
+    collaterals = [placed for placed in grafts if placed.effect.name == "collateral"]
     turn = {one: number // MANY for number, one in enumerate(collaterals)}
-    shares: dict[int, list[Acting]] = {}
+    shares: dict[int, list[PlacedEffect]] = {}
     for one in grafts:
         shares.setdefault(turn.get(one, 0), []).append(one)
     return {one: share for share in shares.values() for one in share}

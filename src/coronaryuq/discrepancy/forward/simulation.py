@@ -1,23 +1,20 @@
 """Runs of a network with effects put in, under all conditions: engines kept, starts near, failed runs tried again."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from coronaryuq.discrepancy.data.conditions import Condition, under
 from coronaryuq.discrepancy.forward.fast_settling import Settling
+from coronaryuq.discrepancy.forward.hypothesis import PlacedEffect
 from coronaryuq.discrepancy.forward.jobs import Job, Prepared, batches, stacked
 from coronaryuq.discrepancy.forward.lockstep import Asking, Run
 from coronaryuq.discrepancy.forward.network_values import carried_over
 from coronaryuq.discrepancy.forward.warm_starts import Point, Starts
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import Effect
 from coronaryuq.zerod.solver.periodic import Ahead
 from coronaryuq.zerod.solver.result import Result
-
-Acting = tuple[Effect, str]
-"""An effect at a place."""
 
 MOST_ENGINES = 150
 TOLERANCE = 1e-4
@@ -58,14 +55,14 @@ class Simulation:
         """The same, as much as it has met so far; what the two meet from now on is each one's own."""
         return replace(self, runs=0, _engines=dict(self._engines), _met=self._met.branched())
 
-    def inserting(self, acting: Collection[Acting]) -> list[Acting]:
+    def inserting(self, effects: Iterable[PlacedEffect]) -> list[PlacedEffect]:
         """Those that add elements to the network."""
-        return [(effect, place) for effect, place in acting if effect.inserts(place, self.anatomy)]
+        return [placed for placed in effects if placed.effect.inserts(placed.place, self.anatomy)]
 
-    def structure(self, acting: list[Acting]) -> tuple[dict, dict[str, str]]:
-        """The rest network with the elements of the acting effects, and old → new names of locations."""
+    def structure(self, effects: Iterable[PlacedEffect]) -> tuple[dict, dict[str, str]]:
+        """The rest network with the elements of the effects, and old → new names of locations."""
         network, renamed = self.network, {}
-        for effect, place in acting:
+        for effect, place in effects:
             anatomy = Anatomy(network, self.anatomy.pressure, self.anatomy.flow, self.anatomy.period)
             fresh = effect.aliases(place, anatomy)
             network = effect.insert(network, place, anatomy)
@@ -74,8 +71,8 @@ class Simulation:
             }
         return network, renamed
 
-    def prepared(self, acting: list[Acting]) -> Prepared:
-        inserted = self.inserting(acting)
+    def prepared(self, effects: Iterable[PlacedEffect]) -> Prepared:
+        inserted = self.inserting(effects)
         key = elements(inserted)
         if key not in self._engines:
             if len(self._engines) > MOST_ENGINES:
@@ -89,7 +86,7 @@ class Simulation:
             self._engines[key] = prepared
         return self._engines[key]
 
-    def _starts(self, prepared: Prepared, inserted: list[Acting]) -> dict[str, np.ndarray | None]:
+    def _starts(self, prepared: Prepared, inserted: list[PlacedEffect]) -> dict[str, np.ndarray | None]:
         """Periodic states of the conditions' own values; a changed structure takes them over by name."""
         if inserted and self.alter is None:
             plain = self.prepared([])
@@ -176,7 +173,7 @@ class Simulation:
                     self._met.keep(job.condition, job.point, prepared.structure, state)
 
 
-def elements(inserted: list[Acting]) -> tuple:
+def elements(inserted: list[PlacedEffect]) -> tuple:
     """What tells the structure of a network with these effects from that of another."""
     return tuple((effect.name, place) for effect, place in inserted)
 

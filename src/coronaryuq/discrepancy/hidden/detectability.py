@@ -2,20 +2,20 @@
 
 import numpy as np
 
-from coronaryuq.discrepancy.forward.simulation import Acting
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.inference.gauss_newton import Search, maximise
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.time_step_error import time_steps
 
-Row = tuple[np.ndarray, list[Acting]]
+Row = tuple[np.ndarray, Hypothesis]
 
 
 def least_trace(problem: Problem, without: list[Row], signals: list[np.ndarray], sd: np.ndarray) -> float:
     """Least norm, in noise sd, of what the fitted data keep of an effect that neither recalibration within the prior,
     about the true nuisance parameters, nor what the analyst's time steps may put wrong can take up; nought of nothing.
 
-    problem: without shapes among its nuisance parameters; without: the truth without each effect, as rows (z, acting)
-    with the nuisance parameters first; signals: what each effect adds to its row, all the data without noise (N,), CGS;
+    problem: without shapes among its nuisance parameters; without: the truth without each effect, as rows
+    (z, hypothesis); signals: what each effect adds to its row, all the data without noise (N,), CGS;
     sd: of the noise (N,).
 
     The model without the effect is fitted in full: to first order, viscosity a quarter lower seems to leave half as
@@ -37,8 +37,10 @@ def least_trace(problem: Problem, without: list[Row], signals: list[np.ndarray],
     def left(rows: list[tuple[np.ndarray, int]]) -> np.ndarray:
         moved = []
         for change, number in rows:
-            z, acting = without[number]
-            moved.append((np.concatenate([z[:count] + change[:count], z[count:]]), acting))
+            z, hypothesis = without[number]
+            moved.append(
+                (np.concatenate([hypothesis.nuisances(z) + change[:count], hypothesis.all_sizes(z)]), hypothesis)
+            )
         wanted = np.array([truth[number] + signals[number][problem.train] for _, number in rows])
         return (wanted - predicted(moved)) / sd - np.array([change[count:] @ allowed for change, _ in rows])
 

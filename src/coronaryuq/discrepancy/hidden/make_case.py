@@ -14,8 +14,8 @@ from coronaryuq.core.io.tables import write_csv
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.data.conditions import Condition, as_entry, drive_files, period_of, under, write_drive
 from coronaryuq.discrepancy.data.measurements import Measured
+from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.forward.predict import Forward
-from coronaryuq.discrepancy.forward.simulation import Acting
 from coronaryuq.discrepancy.hidden.detectability import least_trace
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
@@ -45,7 +45,7 @@ class Plan:
 class Truth:
     """What was hidden: effects with sizes in prior standard deviations, nuisance draws; for the scorer alone."""
 
-    acting: list[Acting]
+    hypothesis: Hypothesis
     sizes: np.ndarray
     nuisance: np.ndarray
     visible: float
@@ -55,15 +55,14 @@ class Truth:
     @property
     def firsts(self) -> list[float]:
         """The size z of each effect's first parameter."""
-        ends = np.cumsum([0, *(len(effect.parameters) for effect, _ in self.acting)])
-        return [float(self.sizes[start]) for start in ends[:-1]]
+        return [float(self.hypothesis.sizes(self.sizes, placed)[0]) for placed in self.hypothesis]
 
 
 def hide(
     network: dict,
     conditions: dict[str, Condition],
     plan: Plan,
-    acting: list[Acting],
+    hypothesis: Hypothesis,
     sizes: np.ndarray,
     noise: float,
     seed: int,
@@ -75,8 +74,8 @@ def hide(
 ) -> Truth:
     """Write `model.json`, `measurements.csv` and `conditions.yaml` of one case into `folder`; return what was hidden.
 
-    acting, sizes: effects and their sizes z in prior standard deviations. noise: multiple of the plan's noise; said:
-    share of its standard deviation that the table says; keeps: share of it that lasts from sample to sample.
+    hypothesis, sizes: effects and their sizes z in prior standard deviations. noise: multiple of the plan's noise;
+    said: share of its standard deviation that the table says; keeps: share of it that lasts from sample to sample.
     outside: a change of a condition's network that no effect of the library expresses. nuisance_spread: standard
     deviation of the true nuisance parameters over the analyst's prior, but for tissue masses (`MASS_SPREAD`).
     """
@@ -90,19 +89,19 @@ def hide(
     forward = problem.forward
     forward.simulation = forward.simulation.changed(alter=outside)
     nuisance = _nuisance(forward, nuisance_spread, random)
-    rows = [(np.concatenate([nuisance, sizes]), acting), *_each_left_out(nuisance, sizes, acting)]
+    rows = [(np.concatenate([nuisance, sizes]), hypothesis), *_each_left_out(nuisance, sizes, hypothesis)]
     predicted, *unaffected = forward.predict_rows(rows)
     if not np.isfinite(predicted).all():
         raise FloatingPointError("the hidden case does not run")
     without = rows[1:]
     if outside is not None:
         forward.simulation = forward.simulation.changed(alter=None)
-        without, unaffected = [(nuisance, [])], [forward.predict(nuisance)[0]]
+        without, unaffected = [(nuisance, PLAIN)], [forward.predict(nuisance)[0]]
     errors = _Errors(noise, said, keeps, random)
     sd = _write(network, conditions, plan, forward.measured, forward.split(predicted[None, :]), errors, folder)
     forward.simulation = forward.simulation.changed(steps_per_cycle=Settings().steps_per_cycle)
     visible = least_trace(problem, without, [predicted - other for other in unaffected], sd)
-    return Truth(acting, np.asarray(sizes, dtype=float), nuisance, visible)
+    return Truth(hypothesis, np.asarray(sizes, dtype=float), nuisance, visible)
 
 
 @dataclass(frozen=True)
@@ -114,10 +113,10 @@ class Unmeasured:
     nuisance: np.ndarray
     random: np.random.Generator
 
-    def write(self, waveforms: dict[str, dict], acting: list[Acting], sizes: np.ndarray, folder: Path) -> Truth:
+    def write(self, waveforms: dict[str, dict], hypothesis: Hypothesis, sizes: np.ndarray, folder: Path) -> Truth:
         """Measure waveforms, condition → unknown of the network → (k + 1,) over the cycle, and write the case's files.
 
-        acting, sizes: the library's effects that come nearest to what was hidden, with sizes z.
+        hypothesis, sizes: the library's effects that come nearest to what was hidden, with sizes z.
         """
         forward = self.problem.forward
         rows = {condition: {name: wave[None, :] for name, wave in of.items()} for condition, of in waveforms.items()}
@@ -125,8 +124,8 @@ class Unmeasured:
         errors = _Errors(1.0, 1.0, 0.0, self.random)
         sd = _write(forward.network, forward.conditions, self.plan, forward.measured, readings, errors, folder)
         change = np.concatenate(readings, axis=1)[0] - forward.predict(self.nuisance)[0]
-        visible = least_trace(self.problem, [(self.nuisance, [])], [change], sd)
-        return Truth(acting, sizes, self.nuisance, visible)
+        visible = least_trace(self.problem, [(self.nuisance, PLAIN)], [change], sd)
+        return Truth(hypothesis, sizes, self.nuisance, visible)
 
 
 def prepare(network: dict, conditions: dict[str, Condition], plan: Plan, seed: int) -> Unmeasured:
@@ -169,25 +168,24 @@ class Traces:
         problem.y, sizes = plain, [one.value.size for one in problem.forward.measured]
         self._project = _absorbing(problem, nothing, np.repeat(shares, sizes)).projection
 
-    def of(self, choices: list[tuple[Acting, np.ndarray]]) -> np.ndarray:
+    def of(self, choices: list[tuple[PlacedEffect, np.ndarray]]) -> np.ndarray:
         """Of each choice, an effect at a place with its sizes z, by itself: (n,) in noise sd; nought where the model
         does not run with it. Does not depend on what was asked before.
         """
         problem, nothing = copy.copy(self._problem), np.zeros(self._problem.count)
         problem.forward = replace(problem.forward, simulation=problem.forward.simulation.branched())
-        rows = [(np.concatenate([nothing, z]), [acting]) for acting, z in choices]
-        grafts = list(dict.fromkeys(acting for acting, _ in choices if acting[0].grafted))
+        rows = [(np.concatenate([nothing, z]), Hypothesis((placed,))) for placed, z in choices]
+        grafts = list(dict.fromkeys(placed for placed, _ in choices if placed.effect.grafted))
         changes = problem.fitted(rows, grafts)
         squares = [change @ self._project(change) if np.isfinite(change).all() else 0.0 for change in changes]
         return np.sqrt(np.maximum(squares, 0.0))
 
 
-def _each_left_out(nuisance: np.ndarray, sizes: np.ndarray, acting: list[Acting]) -> list[tuple]:
-    """The rows (z, acting) of the truth with all effects but one."""
-    ends = np.cumsum([0, *(len(effect.parameters) for effect, _ in acting)])
+def _each_left_out(nuisance: np.ndarray, sizes: np.ndarray, hypothesis: Hypothesis) -> list[tuple]:
+    """The rows of the truth with all effects but one."""
     return [
-        (np.concatenate([nuisance, np.delete(sizes, np.arange(*ends[i : i + 2]))]), acting[:i] + acting[i + 1 :])
-        for i in range(len(acting))
+        (np.concatenate([nuisance, hypothesis.drop(sizes, placed)]), hypothesis.without(placed))
+        for placed in hypothesis
     ]
 
 
@@ -198,7 +196,7 @@ def _absorbing(problem: Problem, nuisance: np.ndarray, sd: np.ndarray) -> Fit:
     """
     steps = time_steps(problem.forward, sd)
     problem.sd = np.hypot(sd, steps.sd)
-    sensitivity = problem.sensitivity(nuisance, problem.whitened([(nuisance, [])])[0], [])
+    sensitivity = problem.sensitivity(nuisance, problem.whitened([(nuisance, PLAIN)])[0], PLAIN)
     columns = np.hstack([sensitivity, (steps.shapes / problem.sd).T])[problem.train]
     return Fit(np.zeros(columns.shape[1]), np.zeros(len(columns)), columns)
 

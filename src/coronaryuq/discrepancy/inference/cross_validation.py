@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from coronaryuq.core.seeds import generator
-from coronaryuq.discrepancy.forward.simulation import Acting
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.residual_tests import residual_tests
 
@@ -29,15 +29,15 @@ class Linear:
         )
 
 
-def linearise(problem: Problem, z: np.ndarray, acting: list[Acting]) -> Linear:
+def linearise(problem: Problem, z: np.ndarray, hypothesis: Hypothesis) -> Linear:
     """At the fit z (p,), or, where the model does not run there under every condition, at the prior's mean with its
     sizes. Raises FloatingPointError where it does not run there either.
     """
-    centred = np.concatenate([np.zeros(problem.count), z[problem.count :]])
+    centred = hypothesis.at_prior_mean(z)
     for point in (z, centred):
-        residual = problem.whitened([(point, list(acting))])[0]
+        residual = problem.whitened([(point, hypothesis)])[0]
         if np.isfinite(residual).all():
-            return Linear(point, residual, problem.sensitivity(point, residual, acting))
+            return Linear(point, residual, problem.sensitivity(point, residual, hypothesis))
     raise FloatingPointError("the model could not be run under every condition")
 
 

@@ -1,11 +1,12 @@
 """One discrepancy problem: the data, which of them may be fitted, and fits of models with and without effects."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.forward.predict import Forward
-from coronaryuq.discrepancy.forward.simulation import Acting
 from coronaryuq.discrepancy.inference.gauss_newton import STEP, Fit, Search, maximise
 from coronaryuq.discrepancy.inference.time_step_error import FINER, TimeSteps, finer
 from coronaryuq.discrepancy.settings import Settings
@@ -54,11 +55,11 @@ class Problem:
         self.condition = np.array([s.condition for s in series])[self.owner]
         self.count = len(self.forward.nuisances)
 
-    def whitened(self, rows: list[tuple[np.ndarray, list[Acting]]]) -> np.ndarray:
-        """(y - f) / sd for rows (z, acting): (n, N)."""
+    def whitened(self, rows: list[tuple[np.ndarray, Hypothesis]]) -> np.ndarray:
+        """(y - f) / sd for rows (z, hypothesis): (n, N)."""
         return (self.y - self.change - self.forward.predict_rows(rows)) / self.sd
 
-    def fitted(self, rows: list[tuple[np.ndarray, list[Acting]]], grafts: list[Acting] = ()) -> np.ndarray:
+    def fitted(self, rows: list[tuple[np.ndarray, Hypothesis]], grafts: Sequence[PlacedEffect] = ()) -> np.ndarray:
         """Whitened residuals of the fitted rows of the data alone, (n, M); other conditions are run only where an
         effect on the measuring side may depend on them.
 
@@ -79,34 +80,34 @@ class Problem:
         columns, values = self.shaped()
         return columns, values[self.train]
 
-    def calibrate(self, acting: list[Acting], start: np.ndarray | None = None) -> Fit:
+    def calibrate(self, hypothesis: Hypothesis, start: np.ndarray | None = None) -> Fit:
         """Fit nuisance parameters and sizes together, all sensitivities recomputed at every step (fitted rows only)."""
-        (fit,) = self.calibrate_each([(acting, start)])
+        (fit,) = self.calibrate_each([(hypothesis, start)])
         if fit is None:
             raise FloatingPointError("the model could not be run")
         return fit
 
-    def calibrate_each(self, wanted: list[tuple[list[Acting], np.ndarray | None]]) -> list[Fit | None]:
+    def calibrate_each(self, wanted: list[tuple[Hypothesis, np.ndarray | None]]) -> list[Fit | None]:
         """Fits in full of several sets of effects from their starts (None: the prior's mean), side by side.
 
         None where the model does not run at the start.
         """
         searches = []
-        for acting, start in wanted:
+        for hypothesis, start in wanted:
             if start is None:
-                start = np.zeros(self.count + len(self.forward.parameters(acting)))
-            searches.append(self._in_full(list(acting), start))
+                start = np.zeros(self.count + len(hypothesis.parameters))
+            searches.append(self._in_full(hypothesis, start))
         maximise(self.fitted, searches, self.settings.iterations)
         return [None if search.failed else search.fit for search in searches]
 
-    def to_the_end(self, acting: list[Acting], fit: Fit) -> Fit:
+    def to_the_end(self, hypothesis: Hypothesis, fit: Fit) -> Fit:
         """An earlier fit gone on with until it gains next to nothing, sensitivities by differences to both sides.
 
         Other fits end within a thousandth of their objective, and where differences to one side promise nothing more:
         little for the evidence of one effect against another's, but where residuals are larger than noise it moves a
         size by a good part of its posterior's standard deviation, and that too.
         """
-        search = self._in_full(list(acting), fit.z, jacobian=fit.jacobian.copy(), central=True)
+        search = self._in_full(hypothesis, fit.z, jacobian=fit.jacobian.copy(), central=True)
         maximise(self.fitted, [search], self.settings.iterations, share=0.0)
         return fit if search.failed else search.fit
 
@@ -116,11 +117,11 @@ class Problem:
         fresh = [column for column in range(len(start)) if column not in exact[0]]
         return Search(label, np.array(start, dtype=float), fresh, exact=exact, **known)
 
-    def corrected(self, acting: list[Acting], fit: Fit) -> tuple["Problem", Fit]:
+    def corrected(self, hypothesis: Hypothesis, fit: Fit) -> tuple["Problem", Fit]:
         """The problem with what the time steps put wrong at a fit put right there, and the fit made again with that."""
-        return self.corrected_each([(acting, fit)])[0]
+        return self.corrected_each([(hypothesis, fit)])[0]
 
-    def corrected_each(self, fits: list[tuple[list[Acting], Fit]]) -> list[tuple["Problem", Fit]]:
+    def corrected_each(self, fits: list[tuple[Hypothesis, Fit]]) -> list[tuple["Problem", Fit]]:
         """For each fit the problem with what the time steps put wrong there put right, and that fit made again with
         it; both as they are where it is little. The fits are made side by side.
 
@@ -146,23 +147,23 @@ class Problem:
                 found[i] = better[i]
         return found
 
-    def _fitted_again(self, wanted: list[tuple["Problem", list[Acting], Fit]]) -> list[Fit | None]:
+    def _fitted_again(self, wanted: list[tuple["Problem", Hypothesis, Fit]]) -> list[Fit | None]:
         """Fits of problems that differ from this one in what is put right, from earlier ones: sensitivities hold."""
         searches = []
-        for other, acting, fit in wanted:
-            label = list(acting), other.change - self.change
+        for other, hypothesis, fit in wanted:
+            label = hypothesis, other.change - self.change
             searches.append(self._in_full(label, fit.z, jacobian=fit.jacobian.copy(), renewed=fit.renewed))
 
         def fitted(rows):
-            without = self.fitted([(z, acting) for z, (acting, _) in rows])
+            without = self.fitted([(z, hypothesis) for z, (hypothesis, _) in rows])
             further = np.array([change for _, (_, change) in rows]) / self.sd
             return without - further[:, self.train]
 
         maximise(fitted, searches, self.settings.iterations)
         return [None if search.failed else search.fit for search in searches]
 
-    def _changed(self, rows: list[tuple[np.ndarray, list[Acting]]]) -> np.ndarray:
-        """What shorter time steps change of the predictions (n, N) of rows (z, acting), CGS."""
+    def _changed(self, rows: list[tuple[np.ndarray, Hypothesis]]) -> np.ndarray:
+        """What shorter time steps change of the predictions (n, N) of rows (z, hypothesis), CGS."""
         # What is met here shall not serve other runs, whose last digits would then hang on it.
         own = replace(self.forward, simulation=self.forward.simulation.branched())
         if self.shorter is None:
@@ -175,12 +176,12 @@ class Problem:
         weights = np.linalg.solve(np.eye(len(shapes)) + shapes @ shapes.T, shapes @ missed)
         return float(np.sqrt(max(missed @ (missed - shapes.T @ weights), 0.0)))
 
-    def from_the_mean(self, acting: list[Acting]) -> Fit | None:
+    def from_the_mean(self, hypothesis: Hypothesis) -> Fit | None:
         """The best of the fits that start from the prior's mean with one size or another of all effects, each to its
         end: halfway the best may be another one. None where the model runs at none."""
-        sizes = len(self.forward.parameters(acting))
+        sizes = len(hypothesis.parameters)
         starts = [np.concatenate([np.zeros(self.count), np.full(sizes, size)]) for size in RESTARTS]
-        found = [fit for fit in self.calibrate_each([(acting, start) for start in starts]) if fit is not None]
+        found = [fit for fit in self.calibrate_each([(hypothesis, start) for start in starts]) if fit is not None]
         return max(found, key=lambda one: one.evidence, default=None)
 
     def distorted(self, fit: Fit) -> bool:
@@ -188,7 +189,7 @@ class Problem:
         moved = [z for z, nuisance in zip(fit.z, self.forward.nuisances, strict=False) if nuisance.shape is None]
         return bool(np.abs(moved).max(initial=0.0) > DISTORTED)
 
-    def vantage(self, fit: Fit, acting: list[Acting]) -> Fit:
+    def vantage(self, fit: Fit, hypothesis: Hypothesis) -> Fit:
         """Where candidates are looked at from: the fit, or, if it is distorted, the prior's mean with the fit's sizes.
 
         With the right effect the nuisance parameters are within their prior, and about its mean that effect looks as
@@ -196,11 +197,11 @@ class Problem:
         """
         if not self.distorted(fit):
             return fit
-        z = np.concatenate([np.zeros(self.count), fit.z[self.count :]])
+        z = hypothesis.at_prior_mean(fit.z)
         columns, values = self.shaped()
         others = np.setdiff1d(np.arange(len(z)), columns)
         rows = np.vstack([z, z + STEP * np.eye(len(z))[others]])
-        found = self.fitted([(row, list(acting)) for row in rows])
+        found = self.fitted([(row, hypothesis) for row in rows])
         if not np.isfinite(found).all():
             return fit
         jacobian = np.zeros((len(found[0]), len(z)))
@@ -208,7 +209,7 @@ class Problem:
         return Fit(z, found[0], jacobian)
 
     def fit_candidates(
-        self, base: Fit, acting: list[Acting], candidates: list[Acting], guesses: list[np.ndarray]
+        self, base: Fit, hypothesis: Hypothesis, candidates: list[PlacedEffect], guesses: list[np.ndarray]
     ) -> list[Fit | None]:
         """Fit one more effect each, as `fit_roughly`, those not far behind the best from other points too.
 
@@ -219,7 +220,7 @@ class Problem:
         found: list[Fit | None] = [None] * len(candidates)
 
         def search(numbers, starts, iterations):
-            fits = self.fit_roughly(base, acting, [candidates[i] for i in numbers], starts, iterations, candidates)
+            fits = self.fit_roughly(base, hypothesis, [candidates[i] for i in numbers], starts, iterations, candidates)
             for number, fit in zip(numbers, fits, strict=True):
                 if fit is not None and (found[number] is None or fit.evidence > found[number].evidence):
                     found[number] = fit
@@ -239,11 +240,11 @@ class Problem:
     def fit_roughly(
         self,
         base: Fit,
-        acting: list[Acting],
-        candidates: list[Acting],
+        hypothesis: Hypothesis,
+        candidates: list[PlacedEffect],
         starts: list[np.ndarray | Fit],
         iterations: int | None = None,
-        beside: list[Acting] = (),
+        beside: Sequence[PlacedEffect] = (),
     ) -> list[Fit | None]:
         """Fit one more effect each; sensitivities to what is already there stay those of `base`.
 
@@ -258,12 +259,12 @@ class Problem:
                 z, sizes = np.concatenate([base.z, start]), len(start)
                 jacobian = np.hstack([base.jacobian, np.zeros((len(base.residual), sizes))])
             fresh = list(range(len(base.z), len(base.z) + sizes))
-            searches.append(Search([*acting, candidate], z, fresh, jacobian, exact=self.linear_part()))
-        grafts = [one for one in dict.fromkeys([*acting, *(beside or candidates)]) if one[0].grafted]
+            searches.append(Search(hypothesis.with_(candidate), z, fresh, jacobian, exact=self.linear_part()))
+        grafts = [placed for placed in dict.fromkeys([*hypothesis, *(beside or candidates)]) if placed.effect.grafted]
         maximise(lambda rows: self.fitted(rows, grafts), searches, iterations or self.settings.iterations)
         return [None if search.failed else search.fit for search in searches]
 
-    def sensitivity(self, z: np.ndarray, residual: np.ndarray, acting: list[Acting]) -> np.ndarray:
+    def sensitivity(self, z: np.ndarray, residual: np.ndarray, hypothesis: Hypothesis) -> np.ndarray:
         """Whitened sensitivities (N, p) of all rows, held-out ones included, about z (p,) with its whitened residual.
 
         Nought where the model runs to neither side.
@@ -271,10 +272,10 @@ class Problem:
         columns, values = self.shaped()
         others = np.setdiff1d(np.arange(len(z)), columns)
         steps = STEP * np.eye(len(z))[others]
-        moved = -(self.whitened([(row, list(acting)) for row in z + steps]) - residual).T / STEP
+        moved = -(self.whitened([(row, hypothesis) for row in z + steps]) - residual).T / STEP
         failed = np.flatnonzero(~np.isfinite(moved).all(axis=0))
         if failed.size:
-            back = self.whitened([(row, list(acting)) for row in z - steps[failed]])
+            back = self.whitened([(row, hypothesis) for row in z - steps[failed]])
             moved[:, failed] = np.nan_to_num((back - residual).T / STEP)
         found = np.zeros((len(residual), len(z)))
         found[:, others], found[:, columns] = moved, values

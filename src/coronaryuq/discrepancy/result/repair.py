@@ -14,9 +14,9 @@ from coronaryuq.core.io.atomic import write_json, write_text
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.discrepancy.data.conditions import Condition, as_entry, drive_files, under, write_drive
 from coronaryuq.discrepancy.data.measurements import COLUMNS, UNITS
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.forward.network_values import scalars, with_values
 from coronaryuq.discrepancy.forward.predict import Forward
-from coronaryuq.discrepancy.forward.simulation import Acting
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.zerod.network.read import HEART
 
@@ -25,29 +25,29 @@ WRITTEN_IN = {"flow": "mL/s", "pressure": "mmHg", "volume": "mL", "perfusion": "
 """Unit of each measured quantity in the table beside a repaired network."""
 
 
-def repaired_network(forward: Forward, acting: list[Acting], z: np.ndarray) -> dict:
-    """The network at rest with the elements and values of the acting effects, recalibrated to z (p,)."""
+def repaired_network(forward: Forward, hypothesis: Hypothesis, z: np.ndarray) -> dict:
+    """The network at rest with the elements and values of the effects, recalibrated to z (p,)."""
     plain = Condition("the network as it is")
     alone = replace(
         forward, simulation=forward.simulation.changed(conditions={plain.name: plain}), measured=[], shapes=None
     )
-    table, structure = alone.condition_changes(plain.name, z, acting)
+    table, structure = alone.condition_changes(plain.name, z, hypothesis)
     return with_values(structure, table)
 
 
 def repaired_conditions(
-    forward: Forward, acting: list[Acting], z: np.ndarray
+    forward: Forward, hypothesis: Hypothesis, z: np.ndarray
 ) -> tuple[dict[str, dict], dict[str, tuple[np.ndarray, np.ndarray]]]:
     """Content of the conditions file that goes with the repaired network, and its drives: file → times and values.
 
     What an effect or the recalibration changes under one condition only is written as `set`, a waveform as a drive,
     so that the repaired network under the new conditions is what was fitted.
     """
-    network = repaired_network(forward, acting, z)
+    network = repaired_network(forward, hypothesis, z)
     content, waves = {}, {}
     for name, condition in forward.conditions.items():
         entry = as_entry(condition)
-        wanted, _ = forward.condition_changes(name, z, acting)
+        wanted, _ = forward.condition_changes(name, z, hypothesis)
         given = scalars(under(network, condition))
         drives = dict(condition.drive)
         for parameter, value in wanted.items():
@@ -64,14 +64,14 @@ def repaired_conditions(
     return content, {at[which]: waveform for which, waveform in waves.items()}
 
 
-def renamed_locations(forward: Forward, acting: list[Acting]) -> dict[str, str]:
+def renamed_locations(forward: Forward, hypothesis: Hypothesis) -> dict[str, str]:
     """Old name → new name of the locations that the repaired network calls otherwise."""
-    return forward.simulation.prepared(forward.simulation.inserting(acting)).renamed
+    return forward.simulation.prepared(forward.simulation.inserting(hypothesis)).renamed
 
 
-def repaired_measurements(forward: Forward, acting: list[Acting]) -> pd.DataFrame:
+def repaired_measurements(forward: Forward, hypothesis: Hypothesis) -> pd.DataFrame:
     """The table of measurements with the repaired network's names, to examine that network with; numbers stay."""
-    renamed, rows = renamed_locations(forward, acting), []
+    renamed, rows = renamed_locations(forward, hypothesis), []
     for one in forward.measured:
         unit = WRITTEN_IN[one.quantity]
         key = (one.condition, one.quantity, renamed.get(one.location, one.location), one.statistic)
@@ -81,19 +81,16 @@ def repaired_measurements(forward: Forward, acting: list[Acting]) -> pd.DataFram
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
-def difference(forward: Forward, acting: list[Acting], fit: Fit) -> str:
+def difference(forward: Forward, hypothesis: Hypothesis, fit: Fit) -> str:
     """What changed, in words and numbers: the effects, the elements added, recalibration factors, every value."""
     pressure = next(name for name, factor in units.PRESSURES.items() if factor == forward.pressure_factor)
     lines = [f"Effects (sizes that have a unit are in the network's: {pressure}, mL, s)"]
-    column = len(forward.nuisances)
-    for effect, place in acting:
-        sizes = {p.name: float(p.from_standard(fit.z[column + i])) for i, p in enumerate(effect.parameters)}
-        column += len(effect.parameters)
+    for (effect, place), sizes in zip(hypothesis, hypothesis.physical_sizes(fit.z), strict=True):
         shown = ", ".join(f"{k} {v:.4g}" for k, v in effect.physical(place, sizes, forward.anatomy).items())
         lines += [f"  {effect.name} at {place}: {shown}", f"    {effect.formula}", f"    written as: {effect.native}"]
-    if not acting:
+    if not hypothesis:
         lines.append("  none")
-    before, after = forward.network, repaired_network(forward, acting, fit.z)
+    before, after = forward.network, repaired_network(forward, hypothesis, fit.z)
     lines += ["", "Recalibration (factors)"]
     for nuisance, z in ((n, z) for n, z in zip(forward.nuisances, fit.z, strict=False) if n.shape is None):
         lines.append(f"  {nuisance.name}: {float(nuisance.factor(z)):.4f}")
@@ -102,7 +99,7 @@ def difference(forward: Forward, acting: list[Acting], fit: Fit) -> str:
         added = [entry[key] for entry in after.get(part, []) if entry[key] not in old]
         if added:
             lines += ["", f"Added {part}: {', '.join(added)}"]
-    renamed = renamed_locations(forward, acting)
+    renamed = renamed_locations(forward, hypothesis)
     if renamed:
         lines += ["", "Renamed locations (old -> new); measurements.csv has the new names"]
         lines += [f"  {old} -> {new}" for old, new in renamed.items()]
@@ -162,11 +159,11 @@ class Repaired:
         write_text(folder / "difference.txt", self.difference)
 
 
-def repaired(forward: Forward, acting: list[Acting], fit: Fit) -> Repaired:
+def repaired(forward: Forward, hypothesis: Hypothesis, fit: Fit) -> Repaired:
     """The repaired model of a fit with its effects."""
     return Repaired(
-        repaired_network(forward, acting, fit.z),
-        repaired_measurements(forward, acting),
-        *repaired_conditions(forward, acting, fit.z),
-        difference(forward, acting, fit),
+        repaired_network(forward, hypothesis, fit.z),
+        repaired_measurements(forward, hypothesis),
+        *repaired_conditions(forward, hypothesis, fit.z),
+        difference(forward, hypothesis, fit),
     )

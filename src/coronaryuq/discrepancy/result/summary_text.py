@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
-from coronaryuq.discrepancy.forward.simulation import Acting
 from coronaryuq.discrepancy.inference.locate import Located, Strain
 from coronaryuq.discrepancy.inference.noise import Noise
 from coronaryuq.discrepancy.inference.outliers import Spike
@@ -69,21 +69,21 @@ def paragraph(
     if not discovery.named:
         text += f"No effect of the library explains this well enough to be named{_nearest(discovery.rounds)}. "
     for number, entry in enumerate(discovery.named):
-        _, acting = _accepted(entry)
-        best_first = (next_measurements or {}).get((acting[0].name, acting[1]), [])
+        _, placed = _accepted(entry)
+        best_first = (next_measurements or {}).get((placed.effect.name, placed.place), [])
         text += f"{'Missing' if number == 0 else 'Also missing'} is {_named_effect(discovery, entry, best_first)}"
     return (text + _not_confirmed(discovery) + _remaining(discovery, held_out)).rstrip()
 
 
-def _accepted(entry: Round) -> tuple[Candidate, Acting]:
+def _accepted(entry: Round) -> tuple[Candidate, PlacedEffect]:
     assert entry.accepted is not None, "the round named no effect"
-    return entry.accepted, entry.accepted.acting
+    return entry.accepted, entry.accepted.placed
 
 
 def _outside_library(discovery: Discovery, held_out: list[str]) -> str:
     """Explain why the best candidates are not named."""
     gaps, verdict, anatomy = discovery.gaps, discovery.verdict, discovery.problem.forward.anatomy
-    labels = [_label(acting) for acting in discovery.acting]
+    labels = [_label(placed) for placed in discovery.hypothesis]
     one = len(labels) == 1
     best, candidate = listed(labels), "the best candidate" if one else "the best candidates"
     change = (
@@ -92,14 +92,14 @@ def _outside_library(discovery: Discovery, held_out: list[str]) -> str:
     )
     if verdict.mistaken:
         pairs = ", ".join(place.replace("~", " and ") for _, place in verdict.mistaken)
-        others = [_label(acting) for acting in discovery.acting if acting not in verdict.mistaken]
+        others = [_label(placed) for placed in discovery.hypothesis if placed not in verdict.mistaken]
         text = (
             f"The measurements look as if outlets had been exchanged in the model: {pairs}. That is not an effect of "
             "the library, and no effect is named; check whether each bed is at its own vessel, and search again."
         )
         return text + (f" {_capitalised(listed(others))} may also be present." if others else "")
     if verdict.redistributed:
-        places = " and ".join(place for effect, place in discovery.acting if effect.name == PROBE)
+        places = " and ".join(place for effect, place in discovery.hypothesis if effect.name == PROBE)
         return (
             f"Errors of the flow probes at {places} would explain it, but one reads too high by what the other reads "
             "too low. Blood that takes another path than in the network, as through exchanged or wrongly connected "
@@ -115,8 +115,8 @@ def _outside_library(discovery: Discovery, held_out: list[str]) -> str:
     elif discovery.far_out:
         implausible = listed(
             [
-                f"{_label(acting)} ({size_text(acting, discovery.sizes(acting), anatomy)})"
-                for acting in discovery.far_out
+                f"{_label(placed)} ({size_text(placed, discovery.sizes(placed), anatomy)})"
+                for placed in discovery.far_out
             ]
         )
         reason = (
@@ -125,7 +125,7 @@ def _outside_library(discovery: Discovery, held_out: list[str]) -> str:
             f"deviations of its prior: {implausible}. No effect is named. {change}"
         )
     elif verdict.varying:
-        reason = f"{varying_text(discovery.acting, verdict.varying, anatomy)}. No effect is named. {change}"
+        reason = f"{varying_text(discovery.hypothesis, verdict.varying, anatomy)}. No effect is named. {change}"
     elif verdict.unforeseen:
         reason = (
             f"{candidate} for the fitted measurements, {best}, {'does' if one else 'do'} not predict the held-out data "
@@ -142,20 +142,20 @@ def _outside_library(discovery: Discovery, held_out: list[str]) -> str:
 
 def _named_effect(discovery: Discovery, entry: Round, next_measurements: list[dict]) -> str:
     """Describe a named effect: probability, size, measurements that would distinguish its class, and doubts."""
-    (_, acting), anatomy = _accepted(entry), discovery.problem.forward.anatomy
-    effect = acting[0]
-    text = f"{_label(acting)} ({class_probability_text(entry.members)}; "
-    text += f"{size_text(acting, discovery.sizes(acting), anatomy)}). "
+    (_, placed), anatomy = _accepted(entry), discovery.problem.forward.anatomy
+    effect = placed.effect
+    text = f"{_label(placed)} ({class_probability_text(entry.members)}; "
+    text += f"{size_text(placed, discovery.sizes(placed), anatomy)}). "
     text += next_measurement_text(next_measurements)
     text += effect.assumption(anatomy, [c.covariates for c in discovery.problem.forward.conditions.values()])
-    for parameter in discovery.beyond_prior(acting):
+    for parameter in discovery.beyond_prior(placed):
         bounds = (float(parameter.from_standard(k * CENTRAL_99)) for k in (-1, 1))
         low, high = sorted(effect.describe(parameter, bound, anatomy)[1] for bound in bounds)
         text += (
-            f"Its {_size_label(acting, parameter, anatomy)} lies outside the central 99 % of its prior "
+            f"Its {_size_label(placed, parameter, anatomy)} lies outside the central 99 % of its prior "
             f"({low:.3g} to {high:.3g}): {STAND_IN}"
         )
-    for varying in (v for v in discovery.verdict.varying if v.acting == acting):
+    for varying in (v for v in discovery.verdict.varying if v.placed == placed):
         text += (
             "Its size differs when it is fitted to each condition separately "
             f"({sizes_by_condition(varying, anatomy)}): "
@@ -172,7 +172,7 @@ def _not_confirmed(discovery: Discovery) -> str:
     """List effects that the fitted measurements ask for and the held-out data do not confirm."""
     if not (discovery.named and discovery.not_borne_out):
         return ""
-    effects = [_label(acting) for acting in discovery.not_borne_out]
+    effects = [_label(placed) for placed in discovery.not_borne_out]
     them = "it" if len(effects) == 1 else "them"
     return f"The fitted measurements also suggest {listed(effects)}, but the held-out data do not confirm {them}. "
 
@@ -260,7 +260,7 @@ def _nearest(rounds: list[Round]) -> str:
     best = max(tried[0].shortlist, key=lambda c: c.probability)
     if best.probability <= tried[0].probabilities["none"]:
         return ""
-    return f"; the best candidate is {_label(best.acting)} (probability {best.probability:.2f}, too low to be named)"
+    return f"; the best candidate is {_label(best.placed)} (probability {best.probability:.2f}, too low to be named)"
 
 
 def prediction_warning(p: float, held_out: list[str]) -> str:
@@ -279,7 +279,7 @@ def class_probability_text(members: Sequence[Candidate]) -> str:
     if not others:
         return f"probability {accepted.probability:.2f}"
     total = sum(member.probability for member in members)
-    names = ", ".join(f"{_label(member.acting)} {member.probability:.2f}" for member in others)
+    names = ", ".join(f"{_label(member.placed)} {member.probability:.2f}" for member in others)
     return (
         f"probability {total:.2f} for its class, {accepted.probability:.2f} for this member; indistinguishable from it "
         f"with these data: {names}"
@@ -299,21 +299,20 @@ def next_measurement_text(best_first: list[dict]) -> str:
     return f"{what} would distinguish them best (expected information {information}). "
 
 
-def varying_text(acting: list[Acting], varying: list[Constancy], anatomy: Anatomy) -> str:
+def varying_text(hypothesis: Hypothesis, varying: list[Constancy], anatomy: Anatomy) -> str:
     """Tell which of the best candidates would need a different size under each condition."""
-    sizes = [(_label(one.acting), sizes_by_condition(one, anatomy)) for one in varying]
-    if len(acting) == 1:
-        return (
-            f"the best candidate, {_label(acting[0])}, would need a different size under each condition ({sizes[0][1]})"
-        )
+    sizes = [(_label(one.placed), sizes_by_condition(one, anatomy)) for one in varying]
+    if len(hypothesis) == 1:
+        best, text = _label(*hypothesis), sizes[0][1]
+        return f"the best candidate, {best}, would need a different size under each condition ({text})"
     which = listed([f"{name} ({text})" for name, text in sizes])
-    best = listed([_label(one) for one in acting])
+    best = listed([_label(placed) for placed in hypothesis])
     return f"the best candidates are {best}, of which {which} would need a different size under each condition"
 
 
-def size_text(acting: Acting, sizes: list[tuple[Parameter, float, float]], anatomy: Anatomy) -> str:
+def size_text(placed: PlacedEffect, sizes: list[tuple[Parameter, float, float]], anatomy: Anatomy) -> str:
     """State the sizes of an effect, (parameter, z, standard deviation of z), with 90 % intervals."""
-    texts, effect = [], acting[0]
+    texts, effect = [], placed.effect
     for parameter, z, sd in sizes:
         values = _with_interval(parameter, z, sd)
         meaning, _ = effect.describe(parameter, values[0], anatomy)
@@ -390,14 +389,14 @@ def _capitalised(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _label(acting: Acting) -> str:
-    effect, place = acting
+def _label(placed: PlacedEffect) -> str:
+    effect, place = placed
     return f"{effect.name.replace('_', ' ')} at {place}"
 
 
 def sizes_by_condition(varying: Constancy, anatomy: Anatomy) -> str:
     """State the first size under each condition that determines it, with 90 % intervals."""
-    effect = varying.acting[0]
+    effect = varying.placed.effect
     parameter, texts = effect.parameters[0], []
     for condition, (mean, sd) in varying.known.items():
         size, low, high = (
@@ -405,12 +404,12 @@ def sizes_by_condition(varying: Constancy, anatomy: Anatomy) -> str:
         )
         texts.append(f"{condition} {size} ({low} to {high})")
     unit = f" {parameter.unit}" * (parameter.unit != "1")
-    return f"{_size_label(varying.acting, parameter, anatomy)}: {', '.join(texts)}{unit}"
+    return f"{_size_label(varying.placed, parameter, anatomy)}: {', '.join(texts)}{unit}"
 
 
-def _size_label(acting: Acting, parameter: Parameter, anatomy: Anatomy) -> str:
+def _size_label(placed: PlacedEffect, parameter: Parameter, anatomy: Anatomy) -> str:
     """Short name of a size: the parameter's name, unless the effect describes it differently in this network."""
-    meaning, _ = acting[0].describe(parameter, float(parameter.from_standard(0.0)), anatomy)
+    meaning, _ = placed.effect.describe(parameter, float(parameter.from_standard(0.0)), anatomy)
     return parameter.name.replace("_", " ") if meaning == parameter.meaning else meaning
 
 

@@ -9,8 +9,8 @@ import pandas as pd
 from coronaryuq.core.io.atomic import write_json, write_text
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.discrepancy.data.conditions import drives_of, kept_out
+from coronaryuq.discrepancy.forward.hypothesis import PLAIN, PlacedEffect
 from coronaryuq.discrepancy.forward.nuisance import without_noise
-from coronaryuq.discrepancy.forward.simulation import Acting
 from coronaryuq.discrepancy.inference.cross_validation import Gap
 from coronaryuq.discrepancy.inference.noise import with_lasting
 from coronaryuq.discrepancy.result.repair import repaired
@@ -80,14 +80,15 @@ def summary(found: Discovery) -> dict:
 def named(found: Discovery) -> list[dict]:
     """The named effects with probability, class, sizes and, for a class, the measurements that would split it."""
     forward = found.problem.forward
-    rounds = {entry.accepted.acting: entry for entry in found.named}
+    rounds = {entry.accepted.placed: entry for entry in found.named}
     result = []
-    for effect, place in found.acting:
+    for placed in found.hypothesis:
+        effect, place = placed
         sizes = {}
-        for parameter, z, sd in found.sizes((effect, place)):
+        for parameter, z, sd in found.sizes(placed):
             low, mid, high = (float(parameter.from_standard(z + k * sd)) for k in (-Z_90, 0.0, Z_90))
             sizes[parameter.name] = {"value": mid, "interval_90": [low, high], "unit": parameter.unit}
-        entry = rounds.get((effect, place))
+        entry = rounds.get(placed)
         if entry is None:
             continue
         mid = {name: size["value"] for name, size in sizes.items()}
@@ -100,8 +101,8 @@ def named(found: Discovery) -> list[dict]:
                 "class_probability": float(sum(c.probability for c in entry.members)),
                 "log_evidence": _adds(entry),
                 "sizes": sizes,
-                "by_condition": _by_condition(found, (effect, place)),
-                "beyond_prior": [parameter.name for parameter in found.beyond_prior((effect, place))],
+                "by_condition": _by_condition(found, placed),
+                "beyond_prior": [parameter.name for parameter in found.beyond_prior(placed)],
                 "physical": effect.physical(place, mid, forward.anatomy),
                 "formula": effect.formula,
                 "looks_like": effect.signature,
@@ -110,7 +111,7 @@ def named(found: Discovery) -> list[dict]:
                 "separate_by": separating(found, entry),
             }
         )
-    order = [entry.accepted.acting for entry in found.named]
+    order = [entry.accepted.placed for entry in found.named]
     return sorted(result, key=lambda one: [(e.name, p) for e, p in order].index((one["effect"], one["place"])))
 
 
@@ -125,10 +126,10 @@ def _adds(entry: Round) -> dict | None:
     return {name: value if np.isfinite(value) else None for name, value in nats.items()}
 
 
-def _by_condition(found: Discovery, acting: Acting) -> dict:
+def _by_condition(found: Discovery, placed: PlacedEffect) -> dict:
     """Log odds that the first size differs between conditions, and its 90 % interval under each that tells of it."""
-    one = next(c for c in found.verdict.constancies if c.acting == acting)
-    parameter = acting[0].parameters[0]
+    one = next(c for c in found.verdict.constancies if c.placed == placed)
+    parameter = placed.effect.parameters[0]
     sizes = {
         name: [float(parameter.from_standard(mean + k * sd)) for k in (-Z_90, 0.0, Z_90)]
         for name, (mean, sd) in one.known.items()
@@ -174,7 +175,7 @@ def write(found: Discovery, folder: Path) -> dict:
     mended = (
         None
         if found.outside_library
-        else repaired(replace(found.problem.forward, measured=found.given), found.acting, found.fit)
+        else repaired(replace(found.problem.forward, measured=found.given), found.hypothesis, found.fit)
     )
     tables = {
         "located.csv": pd.DataFrame([vars(group) for group in found.located.groups]),
@@ -199,8 +200,8 @@ def _residuals(found: Discovery) -> pd.DataFrame:
     problem = found.problem
     series = [problem.forward.measured[i] for i in problem.owner]
     parameters = problem.forward.nuisances
-    (plain,) = found.plain.whitened([(without_noise(parameters, found.base.z), [])])
-    (repaired,) = problem.whitened([(without_noise(parameters, found.fit.z), found.acting)])
+    (plain,) = found.plain.whitened([(without_noise(parameters, found.base.z), PLAIN)])
+    (repaired,) = problem.whitened([(without_noise(parameters, found.fit.z), found.hypothesis)])
     times = np.concatenate([np.full(1, np.nan) if s.time is None else s.time for s in problem.forward.measured])
     return pd.DataFrame(
         {
@@ -233,8 +234,9 @@ def _ranking(found: Discovery) -> pd.DataFrame:
 def _sizes(found: Discovery) -> pd.DataFrame:
     """Posterior density of every size of the named effects, on a grid."""
     rows = []
-    for effect, place in found.acting:
-        for parameter, mode, sd in found.sizes((effect, place)):
+    for placed in found.hypothesis:
+        effect, place = placed
+        for parameter, mode, sd in found.sizes(placed):
             z = mode + sd * np.linspace(-4, 4, 161)
             size = parameter.from_standard(z)
             per_size = 1.0 / np.abs(np.gradient(size, z))
@@ -266,7 +268,7 @@ def _tree(found: Discovery) -> pd.DataFrame:
             worst.get(name, np.nan),
             "; ".join(
                 f"{effect.name} at {place}"
-                for effect, place in (entry.accepted.acting for entry in found.named)
+                for effect, place in (entry.accepted.placed for entry in found.named)
                 if name in vessels_of(place, anatomy)
             ),
         )

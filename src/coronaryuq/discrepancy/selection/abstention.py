@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from coronaryuq.discrepancy.data.conditions import kept_out
-from coronaryuq.discrepancy.forward.simulation import Acting
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.inference.cross_validation import Gap, better
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
@@ -59,7 +59,7 @@ class Verdict:
     `LEAST_FORETOLD`. helped: as the function of that name gives it, compared with `WORTH`.
     """
 
-    mistaken: list[Acting]
+    mistaken: list[PlacedEffect]
     redistributed: bool
     refuted: bool
     incredible: bool
@@ -84,7 +84,7 @@ def judge(
     problem: Problem,
     base: Fit,
     fit: Fit,
-    named: list[tuple[Acting, float]],
+    named: list[tuple[PlacedEffect, float]],
     effects: int,
     still: bool,
     gaps: Gaps,
@@ -93,24 +93,24 @@ def judge(
     """named: effects in the order of the fit, each with the log prior of its class; effects: how many the library has
     here; still: whether they leave something to explain; foretold: p-value of the held-out measurements with them.
     """
-    least, acting = problem.settings.least_log_odds, [one for one, _ in named]
+    least, hypothesis = problem.settings.least_log_odds, Hypothesis(tuple(placed for placed, _ in named))
     priors = [prior for _, prior in named]
-    redistributed = bool(redistribution(problem, fit, acting, priors, effects) > 0.0)
+    redistributed = bool(redistribution(problem, fit, hypothesis, priors, effects) > 0.0)
     # What effects add to the log evidence of the fitted measurements, and to the log predictive density of the others,
     # is their log evidence from all of them.
     odds = fit.evidence + sum(priors) - base.evidence + gaps.after.total_lpd - gaps.before.total_lpd
     tested = kept_out(problem.forward.conditions)
-    constancies = constancy(problem, fit, acting)
+    constancies = constancy(problem, fit, hypothesis)
     varying = [one for one in constancies if one.log_odds > least]
     lost = still and better(gaps.before, gaps.after)
     # Without a condition kept out, evidence would count them twice.
-    refuted = bool(acting and (lost or (tested and odds < least)))
-    mistaken = [one for one in acting if not one[0].nameable]
-    unforeseen = bool(acting and foretold < LEAST_FORETOLD)
+    refuted = bool(hypothesis and (lost or (tested and odds < least)))
+    mistaken = [placed for placed in hypothesis if not placed.effect.nameable]
+    unforeseen = bool(hypothesis and foretold < LEAST_FORETOLD)
     nats = helped(still, bool(varying) or unforeseen, gaps)
-    incredible = far_out(problem, fit, acting, FAR_OUT)
+    incredible = far_out(fit, hypothesis, FAR_OUT)
     if still and unforeseen:
-        incredible |= far_out(problem, fit, acting, CENTRAL_99, instruments=True)
+        incredible |= far_out(fit, hypothesis, CENTRAL_99, instruments=True)
     overtaken = bool(nats is not None and _added(gaps, gaps.after) < LEAST_SHARE * _added(gaps, gaps.flexible))
     return Verdict(
         mistaken, redistributed, refuted, incredible, overtaken, constancies, varying, foretold, unforeseen, nats
@@ -122,15 +122,14 @@ def _added(gaps: Gaps, one: Gap) -> float:
     return one.total_lpd - gaps.before.total_lpd
 
 
-def far_out(problem: Problem, fit: Fit, acting: list[Acting], most: float, instruments: bool = False) -> bool:
+def far_out(fit: Fit, hypothesis: Hypothesis, most: float, instruments: bool = False) -> bool:
     """Whether a size, of an instrument's error alone if so said, lies more than `most` standard deviations of its prior
     from its mean."""
-    column, far = problem.count, False
-    for effect, _ in acting:
-        size = fit.z[column : column + len(effect.parameters)]
-        far |= (effect.is_measurement_error or not instruments) and bool(np.any(np.abs(size) > most))
-        column += len(effect.parameters)
-    return far
+    return any(
+        bool(np.any(np.abs(hypothesis.sizes(fit.z, placed)) > most))
+        for placed in hypothesis
+        if placed.effect.is_measurement_error or not instruments
+    )
 
 
 def helped(still: bool, doubtful: bool, gaps: Gaps) -> float | None:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from coronaryuq.discrepancy.forward.simulation import Acting
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.locate import locate
 from coronaryuq.discrepancy.inference.problem import Problem
@@ -26,18 +26,16 @@ RINGS = 3.0
 """Noise standard deviations by which time steps were put right from which another candidate may do better with it."""
 
 
-def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Round]) -> tuple[list[Acting], Fit]:
+def look_back(problem: Problem, hypothesis: Hypothesis, fit: Fit, rounds: list[Round]) -> tuple[Hypothesis, Fit]:
     """Ask again whether each earlier effect is needed, whether another candidate would now do better, and which ones
     the data cannot tell from it now: its round's fits knew nothing of the later effects."""
-    accepted = {r.accepted.acting: r for r in rounds if r.accepted is not None}
-    column = len(problem.forward.nuisances)
-    for number in range(len(acting) - 1):
-        current = accepted[acting[number]]
-        count = len(acting[number][0].parameters)
-        others = acting[:number] + acting[number + 1 :]
-        about = less(fit, column, count)
-        present = replace(current.accepted, fit=_last(fit, column, count))
-        column += count
+    accepted = {r.accepted.placed: r for r in rounds if r.accepted is not None}
+    for placed in hypothesis.effects[:-1]:
+        current = accepted[placed]
+        others = hypothesis.without(placed)
+        columns = hypothesis.columns(fit.z, placed)
+        about = less(fit, columns)
+        present = replace(current.accepted, fit=_last(fit, columns))
         without = exact(problem, others)
         if without is None:
             continue
@@ -49,31 +47,32 @@ def look_back(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Rou
             return others, without
         _decide(current, best, tried, without.evidence, others)
         if best is not present:
-            return [*others, best.acting], best.fit
-    return acting, fit
+            return others.with_(best.placed), best.fit
+    return hypothesis, fit
 
 
-def correct(problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Round]) -> tuple[Problem, list[Acting], Fit]:
+def correct(problem: Problem, hypothesis: Hypothesis, fit: Fit, rounds: list[Round]) -> tuple[Problem, Hypothesis, Fit]:
     """Put the time steps right about the named effects; where that was much, about what competed with the last, too,
     unless something is left that another effect may explain: a look back comes after that."""
     before = problem
-    problem, fit = before.corrected(acting, fit)
+    problem, fit = before.corrected(hypothesis, fit)
     if problem.missed(before.change) < RINGS or locate(problem, fit).alarm(problem.settings.alarm_level):
-        return problem, acting, fit
-    current = next(r for r in rounds if r.accepted is not None and r.accepted.acting == acting[-1])
-    return _compete_again(before, problem, current, acting[:-1], fit)
+        return problem, hypothesis, fit
+    last = hypothesis.effects[-1]
+    current = next(r for r in rounds if r.accepted is not None and r.accepted.placed == last)
+    return _compete_again(before, problem, current, hypothesis.without(last), fit)
 
 
 def _compete_again(
-    before: Problem, problem: Problem, current: Round, others: list[Acting], fit: Fit
-) -> tuple[Problem, list[Acting], Fit]:
+    before: Problem, problem: Problem, current: Round, others: Hypothesis, fit: Fit
+) -> tuple[Problem, Hypothesis, Fit]:
     """Weigh a round's candidates anew beside other effects, each with the time steps put right about itself.
 
     before: the problem without that; problem, fit: with that about the accepted one, whose sizes stand last. Returns
     the problem, effects and fit of what is accepted now: nothing beside the others where the odds do not suffice.
     """
     present = replace(current.accepted, fit=fit)
-    problems = {present.acting: problem}
+    problems = {present.placed: problem}
     least = present.log_weight - CONTENDER
     best, tried = _weighed(problem, current, present, others, around(present), least, problems)
     plain, without = before, exact(before, others)
@@ -83,17 +82,17 @@ def _compete_again(
     if without is not None and of_class(best, tried) - without.evidence < problem.settings.least_log_odds:
         current.accepted = None
         return plain, others, without
-    return problems.get(best.acting, problem), [*others, best.acting], best.fit
+    return problems.get(best.placed, problem), others.with_(best.placed), best.fit
 
 
 def _weighed(
     problem: Problem,
     current: Round,
     present: Candidate,
-    others: list[Acting],
+    others: Hypothesis,
     about: Fit,
     least: float,
-    problems: dict[Acting, Problem] | None = None,
+    problems: dict[PlacedEffect, Problem] | None = None,
     without: float = -np.inf,
 ) -> tuple[Candidate, list[Candidate]]:
     """The best, and all fitted by weight, of a round's present candidate and what promises more than `least`.
@@ -107,7 +106,7 @@ def _weighed(
     """
     replaced = any(one not in others for one in current.beside)
     pool = current.screened if replaced else likely(current.screened)
-    rivals = [replace(c, fit=None, from_the_mean=None) for c in pool if c.acting not in (*others, present.acting)]
+    rivals = [replace(c, fit=None, from_the_mean=None) for c in pool if c.placed not in (*others, present.placed)]
     screen(problem, about, others, rivals)
     rivals = sorted((c for c in rivals if c.promise > least), key=lambda c: -c.promise)
     first = rivals[:RIVALS]
@@ -115,31 +114,31 @@ def _weighed(
         rival.fit = its
     if problems is not None:
         close = [rival for rival in first if rival.log_weight > least]
-        found = problem.corrected_each([([*others, rival.acting], rival.fit) for rival in close])
+        found = problem.corrected_each([(others.with_(rival.placed), rival.fit) for rival in close])
         for rival, (its, fit) in zip(close, found, strict=True):
-            problems[rival.acting], rival.fit = its, fit
+            problems[rival.placed], rival.fit = its, fit
     # Of a large class, every pair of outlets perhaps, the sensitivities hardly differ from the present one's.
-    members = {member.acting for member in current.members}
+    members = {member.placed for member in current.members}
     ahead = max([present, *(c for c in rivals if c.fit is not None)], key=lambda c: c.log_weight)
-    alike = [c for c in rivals[RIVALS:] if c.acting in members or may_be_alike(c, ahead)]
-    found = problem.fit_roughly(about, others, [c.acting for c in alike], [c.guess for c in alike])
+    alike = [c for c in rivals[RIVALS:] if c.placed in members or may_be_alike(c, ahead)]
+    found = problem.fit_roughly(about, others, [c.placed for c in alike], [c.guess for c in alike])
     for rival, its in zip(alike, found, strict=True):
         rival.fit = its
     tried = sorted([present, *(c for c in rivals if c.fit is not None)], key=lambda c: -c.log_weight)
     best = preferred(tried)
     if best in alike:
-        best.fit = exact(problem, [*others, best.acting], best.fit.z) or best.fit
+        best.fit = exact(problem, others.with_(best.placed), best.fit.z) or best.fit
     return best, tried
 
 
-def _decide(current: Round, best: Candidate, tried: list[Candidate], without: float, others: list[Acting]) -> None:
+def _decide(current: Round, best: Candidate, tried: list[Candidate], without: float, others: Hypothesis) -> None:
     """Let a round have another outcome, beside other effects; without: log evidence of those alone."""
     current.probabilities = posterior(without, tried, current.outside_evidence)
     current.shortlist, current.beside = tried, others
     current.accepted, current.members = best, indistinguishable(best, tried)
 
 
-def _last(fit: Fit, column: int, count: int) -> Fit:
-    """The same fit with `count` of its parameters moved to the end."""
-    order = np.r_[0:column, column + count : len(fit.z), column : column + count]
+def _last(fit: Fit, columns: slice) -> Fit:
+    """The same fit with these of its parameters moved to the end."""
+    order = np.r_[0 : columns.start, columns.stop : len(fit.z), columns]
     return Fit(fit.z[order], fit.residual, fit.jacobian[:, order])

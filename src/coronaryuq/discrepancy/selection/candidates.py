@@ -6,7 +6,7 @@ import numpy as np
 from scipy import stats
 from scipy.special import logsumexp
 
-from coronaryuq.discrepancy.forward.simulation import Acting
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.zerod.effects.base import Effect
@@ -51,8 +51,8 @@ class Candidate:
     probability: float = 0.0
 
     @property
-    def acting(self) -> Acting:
-        return self.effect, self.place
+    def placed(self) -> PlacedEffect:
+        return PlacedEffect(self.effect, self.place)
 
     @property
     def one_sided(self) -> bool:
@@ -79,10 +79,10 @@ class Candidate:
         self.guess = np.zeros(len(self.effect.parameters))
 
 
-def all_candidates(problem: Problem, acting: list[Acting], library: tuple[Effect, ...] = SEARCHED) -> list[Candidate]:
+def all_candidates(problem: Problem, hypothesis: Hypothesis, library: tuple[Effect, ...] = SEARCHED) -> list[Candidate]:
     """Every effect, and every mistake in the model, at every place it may act, less what is already there."""
     forward = problem.forward
-    used = {(effect.name, place) for effect, place in acting}
+    used = {placed.key for placed in hypothesis}
     fitted = {forward.measured[i].condition for i in np.unique(problem.owner[problem.train])}
     observed = [series for series in forward.measured if series.condition in fitted]
     # What is put ahead of a vessel to hold its loss is part of it, and no place of its own.
@@ -121,23 +121,23 @@ def likely(candidates: list[Candidate]) -> list[Candidate]:
     return sorted((c for c in candidates if c.z_score > 2.0), key=lambda c: -c.promise)[:LIKELY]
 
 
-def fit_shortlist(problem: Problem, base: Fit, acting: list[Acting], chosen: list[Candidate], vantage: Fit) -> None:
+def fit_shortlist(problem: Problem, base: Fit, hypothesis: Hypothesis, chosen: list[Candidate], vantage: Fit) -> None:
     """Fit the shortlist from `vantage` with its sensitivities frozen, then the best `EXACT` in full.
 
     Where even the best of those leaves the prior, so much is still missing that a fit may have ended anywhere: those
     that compete are fitted from other points too, as are those that promise to and have gone astray.
     """
-    found = problem.fit_candidates(vantage, acting, [c.acting for c in chosen], [c.guess for c in chosen])
+    found = problem.fit_candidates(vantage, hypothesis, [c.placed for c in chosen], [c.guess for c in chosen])
     for candidate, fit in zip(chosen, found, strict=True):
         candidate.fit = fit
     contenders = _contenders(chosen, base)
-    found = problem.calibrate_each([([*acting, candidate.acting], candidate.fit.z) for candidate in contenders])
+    found = problem.calibrate_each([(hypothesis.with_(candidate.placed), candidate.fit.z) for candidate in contenders])
     for candidate, fit in zip(contenders, found, strict=True):
         candidate.fit = fit
     contenders = _contenders(chosen, base)
     again = contenders if contenders and problem.distorted(contenders[0].fit) else []
     least = contenders[0].log_weight - CONTENDER if contenders else -np.inf
-    refit(problem, acting, [*again, *(c for c in lost(chosen, least, base.evidence) if c not in again)])
+    refit(problem, hypothesis, [*again, *(c for c in lost(chosen, least, base.evidence) if c not in again)])
 
 
 def lost(candidates: list[Candidate], least: float, without: float) -> list[Candidate]:
@@ -156,11 +156,11 @@ def best_of_effects(ranked: list[Candidate], count: int) -> list[Candidate]:
     return list(best.values())[:count]
 
 
-def refit(problem: Problem, acting: list[Acting], candidates: list[Candidate]) -> None:
+def refit(problem: Problem, hypothesis: Hypothesis, candidates: list[Candidate]) -> None:
     """Let candidates beside other effects have the best of their fits and of those that start from the prior's mean."""
     for candidate in candidates:
         if candidate.from_the_mean is None:
-            candidate.from_the_mean = problem.from_the_mean([*acting, candidate.acting])
+            candidate.from_the_mean = problem.from_the_mean(hypothesis.with_(candidate.placed))
         other = candidate.from_the_mean
         if other is not None and other.evidence > candidate.fit.evidence:
             candidate.fit = other

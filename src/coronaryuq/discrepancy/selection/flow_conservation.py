@@ -6,7 +6,7 @@ probes off in opposite directions by the same flow. No effect of the library say
 
 import numpy as np
 
-from coronaryuq.discrepancy.forward.simulation import Acting
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.candidates import PRIOR_NAMED
@@ -14,19 +14,19 @@ from coronaryuq.discrepancy.selection.candidates import PRIOR_NAMED
 PROBE = "flow_gain"
 
 
-def redistribution(problem: Problem, fit: Fit, acting: list[Acting], priors: list[float], effects: int) -> float:
+def redistribution(problem: Problem, fit: Fit, hypothesis: Hypothesis, priors: list[float], effects: int) -> float:
     """Log odds that blood goes elsewhere than modelled against gains of several probes; -inf without such gains.
 
     The gains g of probes of which none lies upstream of another are conserved flow where the change D = sum g Q of what
     they read is nought. The Bayes factor of that against free gains is the density of D at nought after the data over
     that before (Savage and Dickey; Dickey 1971). As one cause that the library lacks, it has the prior of one of
-    `effects` effects, and the gains the product of theirs (priors: their logarithms, one for each of `acting`).
+    `effects` effects, and the gains the product of theirs (priors: their logarithms, one for each of `hypothesis`).
     """
-    column, probes = problem.count, []
-    for (effect, place), prior in zip(acting, priors, strict=True):
-        if effect.name == PROBE:
-            probes.append((column, effect.parameters[0].spread, place, prior))
-        column += len(effect.parameters)
+    probes = [
+        (hypothesis.columns(fit.z, placed).start, placed.effect.parameters[0].spread, placed.place, prior)
+        for placed, prior in zip(hypothesis, priors, strict=True)
+        if placed.effect.name == PROBE
+    ]
     probes = [one for one in probes if not any(_feeds(problem, one[2], other[2]) for other in probes)]
     if len(probes) < 2:
         return -np.inf

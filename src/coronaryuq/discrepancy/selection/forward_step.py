@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from coronaryuq.discrepancy.forward.simulation import Acting
+from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis
 from coronaryuq.discrepancy.inference import gp_discrepancy
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
@@ -48,7 +48,7 @@ class Round:
     """Accepted one and those that the data cannot tell from it."""
     screened: list[Candidate] = field(default_factory=list)
     """Every candidate of the round."""
-    beside: list[Acting] = field(default_factory=list)
+    beside: Hypothesis = PLAIN
     """Other effects in the fits of the shortlist; a candidate's own sizes stand last in them."""
     worth: float = np.inf
     """Log evidence that the accepted effect adds to all the others."""
@@ -72,36 +72,36 @@ class Round:
 def name_one(
     problem: Problem,
     fit: Fit,
-    acting: list[Acting],
+    hypothesis: Hypothesis,
     features: np.ndarray,
     everything: list[Candidate],
     vantage: Fit,
 ) -> Round:
     """One round: fit the shortlist of scored candidates, weigh, accept the best where the odds of its class suffice."""
     chosen = shortlist(everything, problem.settings.shortlist)
-    fit_shortlist(problem, fit, acting, chosen, vantage)
-    if acting and vantage is not fit:
-        chosen += [c for c in _seen_from(problem, fit, acting, everything) if c not in chosen]
+    fit_shortlist(problem, fit, hypothesis, chosen, vantage)
+    if hypothesis and vantage is not fit:
+        chosen += [c for c in _seen_from(problem, fit, hypothesis, everything) if c not in chosen]
     chosen = [c for c in chosen if c.fit is not None]
     for _ in range(SECOND_LOOKS if chosen else 0):
         before = max(chosen, key=lambda c: c.log_weight)
-        near = look_again(problem, fit, before, acting, chosen, everything)
+        near = look_again(problem, fit, before, hypothesis, chosen, everything)
         if before is max(chosen, key=lambda c: c.log_weight):
-            fit_alike(problem, before, acting, chosen, near, everything)
+            fit_alike(problem, before, hypothesis, chosen, near, everything)
             break
     chosen.sort(key=lambda c: -c.log_weight)
     worth_naming = _worth_naming(problem, fit, chosen)
     if not worth_naming:
-        by_own_steps(problem, acting, best_of_effects(chosen, LIKELIEST))
+        by_own_steps(problem, hypothesis, best_of_effects(chosen, LIKELIEST))
         chosen.sort(key=lambda c: -c.log_weight)
         worth_naming = _worth_naming(problem, fit, chosen)
     outside_evidence = fit.evidence + gp_discrepancy.gain(fit, features[problem.train])[0]
     probabilities = posterior(fit.evidence, chosen, outside_evidence)
     if not worth_naming:
-        return Round(chosen, probabilities, None, beside=acting, outside_evidence=outside_evidence)
+        return Round(chosen, probabilities, None, beside=hypothesis, outside_evidence=outside_evidence)
     accepted = preferred(worth_naming)
     members = indistinguishable(accepted, chosen)
-    return Round(chosen, probabilities, accepted, members, everything, acting, outside_evidence=outside_evidence)
+    return Round(chosen, probabilities, accepted, members, everything, hypothesis, outside_evidence=outside_evidence)
 
 
 def _worth_naming(problem: Problem, fit: Fit, chosen: list[Candidate]) -> list[Candidate]:
@@ -109,32 +109,32 @@ def _worth_naming(problem: Problem, fit: Fit, chosen: list[Candidate]) -> list[C
     return [c for c in chosen if of_class(c, chosen) - fit.evidence >= problem.settings.least_log_odds]
 
 
-def _seen_from(problem: Problem, fit: Fit, acting: list[Acting], everything: list[Candidate]) -> list[Candidate]:
+def _seen_from(problem: Problem, fit: Fit, hypothesis: Hypothesis, everything: list[Candidate]) -> list[Candidate]:
     """Candidates of the shortlist as they look from a distorted fit, with their fits from there where those are better.
 
     From the prior's mean, where they were looked at, what is named already hides those that explain less than
     recalibration beside it does.
     """
     here = [replace(c, fit=None) for c in everything]
-    screen(problem, fit, acting, here)
-    known = {c.acting: c for c in everything}
+    screen(problem, fit, hypothesis, here)
+    known = {c.placed: c for c in everything}
     chosen = shortlist(here, problem.settings.shortlist)
-    fit_shortlist(problem, fit, acting, chosen, fit)
+    fit_shortlist(problem, fit, hypothesis, chosen, fit)
     for candidate in chosen:
-        one = known[candidate.acting]
+        one = known[candidate.placed]
         one.z_score, one.from_the_mean = max(one.z_score, candidate.z_score), candidate.from_the_mean
         if candidate.estimate > one.estimate:
             one.estimate, one.guess = candidate.estimate, candidate.guess
         if candidate.log_weight > one.log_weight:
             one.fit = candidate.fit
-    return [known[candidate.acting] for candidate in chosen]
+    return [known[candidate.placed] for candidate in chosen]
 
 
 def look_again(
     problem: Problem,
     fit: Fit,
     best: Candidate,
-    acting: list[Acting],
+    hypothesis: Hypothesis,
     chosen: list[Candidate],
     everything: list[Candidate],
 ) -> list[Candidate]:
@@ -147,14 +147,14 @@ def look_again(
     if problem.distorted(best.fit):
         return []
     about = around(best)
-    known = {c.acting: c for c in everything}
+    known = {c.placed: c for c in everything}
     fresh = [replace(c, fit=None) for c in likely(everything)]
-    screen(problem, about, acting, fresh)
+    screen(problem, about, hypothesis, fresh)
     near = sorted((c for c in fresh if c.promise > best.log_weight - CONTENDER), key=lambda c: -c.promise)
-    waiting = [c for c in near if c.promise > known[c.acting].log_weight + WORTH_FITTING][:RIVALS]
-    found = fit_each(problem, acting, waiting, about, least_weight(best, fit), fit.evidence)
+    waiting = [c for c in near if c.promise > known[c.placed].log_weight + WORTH_FITTING][:RIVALS]
+    found = fit_each(problem, hypothesis, waiting, about, least_weight(best, fit), fit.evidence)
     for candidate, its in zip(waiting, found, strict=True):
-        one = known[candidate.acting]
+        one = known[candidate.placed]
         one.from_the_mean = candidate.from_the_mean
         if its is not None and its.evidence + one.log_prior > one.log_weight:
             one.fit = its
@@ -166,7 +166,7 @@ def look_again(
 def fit_alike(
     problem: Problem,
     best: Candidate,
-    acting: list[Acting],
+    hypothesis: Hypothesis,
     chosen: list[Candidate],
     near: list[Candidate],
     everything: list[Candidate],
@@ -176,15 +176,15 @@ def fit_alike(
     Many more may be than a look again fits in full: each segment of one vessel, say. Sensitivities to all but their own
     sizes stay those of the best fit, of which theirs hardly differ; one that goes ahead is fitted in full.
     """
-    known = {c.acting: c for c in everything}
-    waiting = [c for c in near if known[c.acting].fit is None and may_be_alike(c, best)]
+    known = {c.placed: c for c in everything}
+    waiting = [c for c in near if known[c.placed].fit is None and may_be_alike(c, best)]
     if not waiting:
         return
-    found = problem.fit_roughly(around(best), acting, [c.acting for c in waiting], [c.guess for c in waiting])
+    found = problem.fit_roughly(around(best), hypothesis, [c.placed for c in waiting], [c.guess for c in waiting])
     for candidate, fit in zip(waiting, found, strict=True):
         if fit is not None:
-            known[candidate.acting].fit = fit
-            chosen.append(known[candidate.acting])
+            known[candidate.placed].fit = fit
+            chosen.append(known[candidate.placed])
     ahead = max(chosen, key=lambda c: c.log_weight)
     if ahead is not best:
-        ahead.fit = exact(problem, [*acting, ahead.acting], ahead.fit.z) or ahead.fit
+        ahead.fit = exact(problem, hypothesis.with_(ahead.placed), ahead.fit.z) or ahead.fit

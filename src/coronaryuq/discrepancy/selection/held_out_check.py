@@ -3,7 +3,7 @@
 import numpy as np
 
 from coronaryuq.discrepancy.data.conditions import kept_out
-from coronaryuq.discrepancy.forward.simulation import Acting
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.inference.cross_validation import Gap, better, gap, linearise
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
@@ -14,8 +14,8 @@ Folds = list[tuple[np.ndarray, np.ndarray]]
 
 
 def borne_out(
-    problem: Problem, acting: list[Acting], fit: Fit, rounds: list[Round], still: bool, parts: Folds, seed: int
-) -> tuple[list[Acting], Fit]:
+    problem: Problem, hypothesis: Hypothesis, fit: Fit, rounds: list[Round], still: bool, parts: Folds, seed: int
+) -> tuple[Hypothesis, Fit]:
     """Take back those of several effects that held-out measurements do not bear out, the one worth least first.
 
     What an effect adds to the log evidence of the fitted measurements, and to the log predictive density of the others,
@@ -25,12 +25,12 @@ def borne_out(
     together by `abstention.judge`. Rounds of several effects get both numbers (`worth`, `held_out`).
     """
     tested = kept_out(problem.forward.conditions)
-    while len(acting) > 1:
-        entries = [next(r for r in rounds if r.accepted is not None and r.accepted.acting == one) for one in acting]
-        present = gap(problem, linearise(problem, fit.z, acting), parts, seed)
-        others = [[other for other in acting if other != one] for one in acting]
+    while len(hypothesis) > 1:
+        entries = [next(r for r in rounds if r.accepted is not None and r.accepted.placed == p) for p in hypothesis]
+        present = gap(problem, linearise(problem, fit.z, hypothesis), parts, seed)
+        others = [hypothesis.without(placed) for placed in hypothesis]
         fits = [exact(problem, those) for those in others]
-        odds = np.full(len(acting), np.inf)
+        odds = np.full(len(hypothesis), np.inf)
         for number, (entry, those, without) in enumerate(zip(entries, others, fits, strict=True)):
             its = None if without is None else _gap(problem, without, those, parts, seed)
             entry.worth = np.inf if without is None else fit.evidence - without.evidence
@@ -41,17 +41,17 @@ def borne_out(
                 odds[number] = all_of_them
         least = int(np.argmin(odds))
         if np.isinf(odds[least]):
-            return acting, fit
-        acting, fit = others[least], fits[least]
+            return hypothesis, fit
+        hypothesis, fit = others[least], fits[least]
         entries.pop(least).take_back()
-        if len(acting) == 1:
+        if len(hypothesis) == 1:
             entries[0].worth, entries[0].held_out = np.inf, None
-    return acting, fit
+    return hypothesis, fit
 
 
-def _gap(problem: Problem, fit: Fit, acting: list[Acting], parts: Folds, seed: int) -> Gap | None:
+def _gap(problem: Problem, fit: Fit, hypothesis: Hypothesis, parts: Folds, seed: int) -> Gap | None:
     """None where the model does not run under the held-out conditions."""
     try:
-        return gap(problem, linearise(problem, fit.z, acting), parts, seed)
+        return gap(problem, linearise(problem, fit.z, hypothesis), parts, seed)
     except FloatingPointError:
         return None

@@ -7,7 +7,7 @@ from scipy.special import logsumexp
 
 from coronaryuq.core import units
 from coronaryuq.discrepancy.data.measurements import Measured
-from coronaryuq.discrepancy.forward.simulation import Acting
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.selection.forward_step import Round
 from coronaryuq.discrepancy.selection.search import Discovery
 
@@ -35,10 +35,8 @@ def separating(found: Discovery, entry: Round) -> list[dict]:
     feasible = _feasible(forward)
     asked = replace(forward, measured=feasible, shapes=None)
     count = len(forward.nuisances)
-    rows = [(c.fit.z, [*entry.beside, c.acting]) for c in members]
-    usable = [
-        _of_the_patient(z, acting, count) for z, acting in rows if len(z) == count + len(forward.parameters(acting))
-    ]
+    rows = [(c.fit.z, entry.beside.with_(c.placed)) for c in members]
+    usable = [_of_the_patient(z, hypothesis) for z, hypothesis in rows if len(z) == count + len(hypothesis.parameters)]
     if len(usable) < 2:
         return []
     predicted = asked.predict_rows(usable)
@@ -74,12 +72,12 @@ def information(predicted: np.ndarray) -> np.ndarray:
     return found / len(predicted) / weights.sum()
 
 
-def _of_the_patient(z: np.ndarray, acting: list[Acting], count: int) -> tuple[np.ndarray, list[Acting]]:
-    """A row (z, acting) without the effects on the measuring side; count: of nuisance parameters."""
-    ends = count + np.cumsum([0, *(len(effect.parameters) for effect, _ in acting)])
-    kept = [number for number, (effect, _) in enumerate(acting) if effect.side == "network"]
-    sizes = [z[ends[number] : ends[number + 1]] for number in kept]
-    return np.concatenate([z[:count], *sizes]), [acting[number] for number in kept]
+def _of_the_patient(z: np.ndarray, hypothesis: Hypothesis) -> tuple[np.ndarray, Hypothesis]:
+    """A row without the effects on the measuring side."""
+    for placed in hypothesis:
+        if placed.effect.side == "measurement":
+            z, hypothesis = hypothesis.drop(z, placed), hypothesis.without(placed)
+    return z, hypothesis
 
 
 def _feasible(forward) -> list[Measured]:

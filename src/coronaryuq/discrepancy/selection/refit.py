@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from coronaryuq.discrepancy.forward.simulation import Acting
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.candidates import LARGEST_CLASS_ODDS, Candidate, lost, refit
@@ -17,9 +17,9 @@ ALIKE = LARGEST_CLASS_ODDS + 2.0
 """Log odds, or log Bayes factor, by which an estimate about the best fit may fall behind it and be of its class."""
 
 
-def by_own_steps(problem: Problem, acting: list[Acting], candidates: list[Candidate]) -> None:
+def by_own_steps(problem: Problem, hypothesis: Hypothesis, candidates: list[Candidate]) -> None:
     """Fit candidates beside other effects again, each with the time steps put right about itself."""
-    found = problem.corrected_each([([*acting, c.acting], c.fit) for c in candidates])
+    found = problem.corrected_each([(hypothesis.with_(c.placed), c.fit) for c in candidates])
     for candidate, (_, fit) in zip(candidates, found, strict=True):
         candidate.fit = fit
 
@@ -31,23 +31,22 @@ def may_be_alike(candidate: Candidate, best: Candidate) -> bool:
 
 def around(best: Candidate) -> Fit:
     """The point of a candidate's fit without its own sizes."""
-    return less(best.fit, len(best.fit.z) - len(best.effect.parameters), len(best.effect.parameters))
+    return less(best.fit, Hypothesis((best.placed,)).columns(best.fit.z, best.placed))
 
 
-def less(fit: Fit, column: int, count: int) -> Fit:
-    """The point of a fit without `count` of its parameters."""
-    gone = np.arange(column, column + count)
-    return Fit(np.delete(fit.z, gone), fit.residual, np.delete(fit.jacobian, gone, axis=1))
+def less(fit: Fit, columns: slice) -> Fit:
+    """The point of a fit without these of its parameters."""
+    return Fit(np.delete(fit.z, columns), fit.residual, np.delete(fit.jacobian, columns, axis=1))
 
 
-def exact(problem: Problem, acting: list[Acting], start: np.ndarray | None = None) -> Fit | None:
+def exact(problem: Problem, hypothesis: Hypothesis, start: np.ndarray | None = None) -> Fit | None:
     """A fit in full, None where the model does not run at its start."""
-    return problem.calibrate_each([(acting, start)])[0]
+    return problem.calibrate_each([(hypothesis, start)])[0]
 
 
 def fit_each(
     problem: Problem,
-    acting: list[Acting],
+    hypothesis: Hypothesis,
     candidates: list[Candidate],
     about: Fit,
     least: float = -np.inf,
@@ -56,14 +55,14 @@ def fit_each(
     """Fits of candidates beside other effects, from a point and their own guesses: with the sensitivities there, and
     then, where they weigh more than `least`, in full; without: log evidence of the other effects alone, by which those
     that went astray are known and fitted from other points."""
-    found = problem.fit_roughly(about, acting, [c.acting for c in candidates], [c.guess for c in candidates])
+    found = problem.fit_roughly(about, hypothesis, [c.placed for c in candidates], [c.guess for c in candidates])
     weights = [-np.inf if fit is None else fit.evidence + c.log_prior for c, fit in zip(candidates, found, strict=True)]
     close = [i for i, weight in enumerate(weights) if weight > least]
-    fully = problem.calibrate_each([([*acting, candidates[i].acting], found[i].z) for i in close])
+    fully = problem.calibrate_each([(hypothesis.with_(candidates[i].placed), found[i].z) for i in close])
     for i, fit in zip(close, fully, strict=True):
         found[i] = fit or found[i]
     tried = [replace(candidate, fit=fit) for candidate, fit in zip(candidates, found, strict=True)]
-    refit(problem, acting, lost(tried, least, without))
+    refit(problem, hypothesis, lost(tried, least, without))
     for candidate, one in zip(candidates, tried, strict=True):
         candidate.from_the_mean = one.from_the_mean
     return [candidate.fit for candidate in tried]

@@ -4,7 +4,7 @@ from collections import Counter
 
 import numpy as np
 
-from coronaryuq.discrepancy.forward.simulation import Acting
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.residual_tests import chi2_tail
@@ -29,7 +29,7 @@ NEARER = (0.95, 0.8, 0.5)
 """Shares of the way from the prior's mean to a point where the model does not run, at which it is tried instead."""
 
 
-def screen(problem: Problem, at: Fit, acting: list[Acting], candidates: list[Candidate]) -> None:
+def screen(problem: Problem, at: Fit, hypothesis: Hypothesis, candidates: list[Candidate]) -> None:
     """Set `z_score`, `p_varying`, `estimate` and `guess` of all candidates from runs of a few sizes about `at`.
 
     Score test: g'u / sqrt(g'Pg) with g the response to a small size, u the score and P the marginal precision of the
@@ -45,7 +45,7 @@ def screen(problem: Problem, at: Fit, acting: list[Acting], candidates: list[Can
     Where the model does not run at `at`, a point nearer the prior's mean stands for it; where it runs at none, every
     candidate is left without a score.
     """
-    at = _runs_at(problem, at, acting)
+    at = _runs_at(problem, at, hypothesis)
     if at is None:
         for candidate in candidates:
             candidate.clear_score()
@@ -58,7 +58,7 @@ def screen(problem: Problem, at: Fit, acting: list[Acting], candidates: list[Can
     for candidate in known:
         linear.test(candidate)
     first += _worth_running(known)
-    responses = _responses(problem, at, acting, [(c, _sizes(c)[0]) for c in first])
+    responses = _responses(problem, at, hypothesis, [(c, _sizes(c)[0]) for c in first])
     for candidate, response in zip(first, responses, strict=True):
         candidate.response = response
         linear.test(candidate)
@@ -66,14 +66,14 @@ def screen(problem: Problem, at: Fit, acting: list[Acting], candidates: list[Can
     ranked = sorted((c for c in first if not c.effect.changes_shape and c.z_score > 2.0), key=lambda c: -c.z_score)
     clear, faint = ([c for c in ranked if linear.sees(c.response) is so][:PROMISING] for so in (True, False))
     larger = [(c, size) for c in (*turning, *clear, *faint) for size in _sizes(c)[1:]]
-    responses = _responses(problem, at, acting, larger)
-    scores: dict[Acting, list[float]] = {c.acting: [c.z_score] for c in turning}
+    responses = _responses(problem, at, hypothesis, larger)
+    scores: dict[PlacedEffect, list[float]] = {c.placed: [c.z_score] for c in turning}
     for (candidate, size), response in zip(larger, responses, strict=True):
         linear.weigh(candidate, size, response)
-        if candidate.acting in scores:
-            scores[candidate.acting].append(abs(linear.score_of(response, _growth(candidate, size))))
+        if candidate.placed in scores:
+            scores[candidate.placed].append(abs(linear.score_of(response, _growth(candidate, size))))
     for candidate in turning:
-        candidate.z_score = _best_of(scores[candidate.acting])
+        candidate.z_score = _best_of(scores[candidate.placed])
 
 
 def _worth_running(known: list[Candidate]) -> list[Candidate]:
@@ -87,11 +87,11 @@ def _worth_running(known: list[Candidate]) -> list[Candidate]:
     return chosen
 
 
-def _runs_at(problem: Problem, at: Fit, acting: list[Acting]) -> Fit | None:
+def _runs_at(problem: Problem, at: Fit, hypothesis: Hypothesis) -> Fit | None:
     """The point nearest to `at`, on the way to the prior's mean of the nuisance parameters, where the model runs."""
     for share in (1.0, *NEARER):
-        point = np.concatenate([share * at.z[: problem.count], at.z[problem.count :]])
-        residual = problem.fitted([(point, list(acting))])[0]
+        point = np.concatenate([share * hypothesis.nuisances(at.z), hypothesis.all_sizes(at.z)])
+        residual = problem.fitted([(point, hypothesis)])[0]
         if np.isfinite(residual).all():
             return Fit(point, residual, at.jacobian)
     return None
@@ -112,15 +112,17 @@ def _growth(candidate: Candidate, size: float) -> float:
     return LARGEST / abs(size)
 
 
-def _responses(problem: Problem, at: Fit, acting: list[Acting], wanted: list[tuple[Candidate, float]]) -> np.ndarray:
+def _responses(problem: Problem, at: Fit, hypothesis: Hypothesis, wanted: list[tuple[Candidate, float]]) -> np.ndarray:
     """Change (n, N) of whitened predictions by each (candidate, size z) wanted."""
     if not wanted:
         return np.zeros((0, len(at.residual)))
     rows = []
     for candidate, size in wanted:
         sizes = np.full(len(candidate.effect.parameters), size)
-        rows.append((np.concatenate([at.z, sizes]), [*acting, candidate.acting]))
-    grafts = [one for one in dict.fromkeys([*acting, *(c.acting for c, _ in wanted)]) if one[0].grafted]
+        rows.append((np.concatenate([at.z, sizes]), hypothesis.with_(candidate.placed)))
+    grafts = [
+        placed for placed in dict.fromkeys([*hypothesis, *(c.placed for c, _ in wanted)]) if placed.effect.grafted
+    ]
     return at.residual - problem.fitted(rows, grafts)
 
 

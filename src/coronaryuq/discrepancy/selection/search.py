@@ -1,13 +1,13 @@
 """The whole search on one case: locate, name, add, verify, until nothing is left to explain or nothing helps."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from coronaryuq.discrepancy.data.conditions import kept_out
 from coronaryuq.discrepancy.data.measurements import Measured
-from coronaryuq.discrepancy.forward.simulation import Acting
+from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.inference import gp_discrepancy
 from coronaryuq.discrepancy.inference.cross_validation import folds, foretold, gap, linearise
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
@@ -38,8 +38,8 @@ LARGEST_LOG = 500.0
 
 @dataclass
 class Discovery:
-    """What a search found. acting: the effects that come nearest, in order, whether or not they are named; fit: their
-    joint fit; base: the model without any.
+    """What a search found. hypothesis: the effects that come nearest, in order, whether or not they are named; fit:
+    their joint fit; base: the model without any.
 
     plain, problem: with the time steps put right about the model as it is, and about the named effects. given: the
     measurements as they are; scattered: what their waveforms say of their noise, about all that came nearest; noise: of
@@ -53,7 +53,7 @@ class Discovery:
     located: Located
     alarm: bool
     rounds: list[Round]
-    acting: list[Acting]
+    hypothesis: Hypothesis
     fit: Fit
     remaining: Located
     gaps: Gaps
@@ -77,34 +77,32 @@ class Discovery:
         return sorted(kept, key=lambda r: -r.worth)
 
     @property
-    def not_borne_out(self) -> list[Acting]:
+    def not_borne_out(self) -> list[PlacedEffect]:
         """Effects that the fitted measurements ask for beside the named ones, and those kept out of the fits do not."""
-        return [entry.taken_back.acting for entry in self.rounds if entry.taken_back is not None]
+        return [entry.taken_back.placed for entry in self.rounds if entry.taken_back is not None]
 
     @property
     def log_weight(self) -> float:
         """Of what comes nearest: log evidence, with its share of the prior, and log predictive density of what was kept
         out of the fits; where no condition is, that would count the fitted measurements twice."""
-        priors = {r.accepted.acting: r.class_log_prior for r in self.rounds if r.accepted is not None}
+        priors = {r.accepted.placed: r.class_log_prior for r in self.rounds if r.accepted is not None}
         held_out = self.gaps.after.total_lpd if kept_out(self.problem.forward.conditions) else 0.0
-        return self.fit.evidence + sum(priors[one] for one in self.acting) + held_out
+        return self.fit.evidence + sum(priors[one] for one in self.hypothesis) + held_out
 
-    def beyond_prior(self, one: Acting) -> list[Parameter]:
+    def beyond_prior(self, one: PlacedEffect) -> list[Parameter]:
         """Sizes of a named effect that lie outside the central 99 % of their prior: it may stand for something else."""
         return [parameter for parameter, z, _ in self.sizes(one) if abs(z) > CENTRAL_99]
 
     @property
-    def far_out(self) -> list[Acting]:
+    def far_out(self) -> list[PlacedEffect]:
         """Those that come nearest with a size that is not to be believed."""
-        return [one for one in self.acting if any(abs(z) > FAR_OUT for _, z, _ in self.sizes(one))]
+        return [one for one in self.hypothesis if any(abs(z) > FAR_OUT for _, z, _ in self.sizes(one))]
 
-    def sizes(self, one: Acting) -> list[tuple[Parameter, float, float]]:
-        """Sizes of an acting effect: each with its standard number z and the standard deviation of that."""
-        number = self.acting.index(one)
-        column = self.problem.count + sum(len(effect.parameters) for effect, _ in self.acting[:number])
-        mine = slice(column, column + len(one[0].parameters))
+    def sizes(self, one: PlacedEffect) -> list[tuple[Parameter, float, float]]:
+        """Sizes of an effect: each with its standard number z and the standard deviation of that."""
+        columns = self.hypothesis.columns(self.fit.z, one)
         spread = np.sqrt(np.diag(self.fit.covariance))
-        return list(zip(one[0].parameters, self.fit.z[mine], spread[mine], strict=True))
+        return list(zip(one.effect.parameters, self.fit.z[columns], spread[columns], strict=True))
 
 
 def discover(
@@ -117,7 +115,7 @@ def discover(
     does: the search is made again with noise as they have it, which stands if it foretells what was held out better.
     """
     found = _searched(problem, seed, library, report)
-    (residual,) = found.problem.whitened([(found.fit.z, found.acting)])
+    (residual,) = found.problem.whitened([(found.fit.z, found.hypothesis)])
     # By what the table says of them: beyond lasting noise the model's own corners are sharp, too.
     off = residual * found.problem.sd / with_lasting(found.problem)
     return replace(found, spikes=spikes(found.problem, off))
@@ -144,7 +142,7 @@ def _with_and_without(problem: Problem, seed: int, library: tuple[Effect, ...], 
     make likelier stands. Such are a named `CULPRIT`, and an instrument's error of a size that nobody has."""
     found = _search(problem, seed, library, report)
     named = [entry.accepted.effect for entry in found.named if entry.accepted.effect.name == CULPRIT]
-    far = [one[0] for one in found.far_out if one[0].is_measurement_error]
+    far = [placed.effect for placed in found.far_out if placed.effect.is_measurement_error]
     if not (named or far):
         return found
     doubtful = (named + far)[0].name
@@ -158,7 +156,7 @@ def _search(problem: Problem, seed: int, library: tuple[Effect, ...], report: Re
     settings, given = problem.settings, problem.forward.measured
     report(f"{np.count_nonzero(problem.train)} fitted measurements, {problem.count} nuisance parameters: recalibrating")
     plain, base = recalibrate(problem)
-    located, everything, vantage = assess(plain, base, [], library)
+    located, everything, vantage = assess(plain, base, PLAIN, library)
     alarm = located.alarm(settings.alarm_level)
     report(_told(everything, located, alarm))
     features = gp_discrepancy.features(plain)
@@ -177,17 +175,17 @@ def _search(problem: Problem, seed: int, library: tuple[Effect, ...], report: Re
             break
     else:
         _take_back(at, parts, library, seed, report)
-    problem, acting, fit = at.problem, at.acting, at.fit
-    recalibrated = linearise(plain, base.z, [])
-    repaired = linearise(problem, fit.z, acting) if acting else recalibrated
+    problem, hypothesis, fit = at.problem, at.hypothesis, at.fit
+    recalibrated = linearise(plain, base.z, PLAIN)
+    repaired = linearise(problem, fit.z, hypothesis) if hypothesis else recalibrated
     _, amplitude = gp_discrepancy.gain(base, features[problem.train])
     process = recalibrated.extended(amplitude * features)
     _, amplitude = gp_discrepancy.gain(fit, features[problem.train])
-    both = repaired.extended(amplitude * features) if acting else process
+    both = repaired.extended(amplitude * features) if hypothesis else process
     gaps = Gaps(*(gap(problem, model, parts, seed) for model in (recalibrated, repaired, process, both)))
-    priors = {entry.accepted.acting: entry.class_log_prior for entry in at.rounds if entry.accepted is not None}
+    priors = {entry.accepted.placed: entry.class_log_prior for entry in at.rounds if entry.accepted is not None}
     effects = len({candidate.effect.name for candidate in at.everything})
-    named = [(one, priors[one]) for one in acting]
+    named = [(one, priors[one]) for one in hypothesis]
     verdict = judge(problem, base, fit, named, effects, at.alarm, gaps, foretold(problem, repaired, parts))
     return Discovery(
         plain,
@@ -196,7 +194,7 @@ def _search(problem: Problem, seed: int, library: tuple[Effect, ...], report: Re
         located,
         alarm,
         at.rounds,
-        acting,
+        hypothesis,
         fit,
         at.remaining,
         gaps,
@@ -219,9 +217,9 @@ class _Standing:
     everything: list[Candidate]
     vantage: Fit
     tested: int
-    acting: list[Acting] = field(default_factory=list)
+    hypothesis: Hypothesis = PLAIN
     rounds: list[Round] = field(default_factory=list)
-    refused: list[Acting] = field(default_factory=list)
+    refused: list[PlacedEffect] = field(default_factory=list)
 
     @property
     def alarm(self) -> bool:
@@ -230,23 +228,23 @@ class _Standing:
     @property
     def far_out(self) -> bool:
         """Whether a size is not to be believed."""
-        return far_out(self.problem, self.fit, self.acting, FAR_OUT)
+        return far_out(self.fit, self.hypothesis, FAR_OUT)
 
     def copy(self) -> "_Standing":
         return replace(self, rounds=[replace(entry) for entry in self.rounds], refused=list(self.refused))
 
     def assess(self, library: tuple[Effect, ...]) -> None:
         self.remaining, self.everything, self.vantage = assess(
-            self.problem, self.fit, self.acting, library, self.everything
+            self.problem, self.fit, self.hypothesis, library, self.everything
         )
 
     def to_the_end(self) -> None:
-        self.fit = self.problem.to_the_end(self.acting, self.fit)
+        self.fit = self.problem.to_the_end(self.hypothesis, self.fit)
 
     def refuse(self, candidates: list[Candidate]) -> None:
-        self.refused += [candidate.acting for candidate in candidates]
+        self.refused += [candidate.placed for candidate in candidates]
         for entry in self.rounds:
-            entry.screened = [candidate for candidate in entry.screened if candidate.acting not in self.refused]
+            entry.screened = [candidate for candidate in entry.screened if candidate.placed not in self.refused]
 
 
 def _name(at: _Standing, features: np.ndarray, library: tuple[Effect, ...], report: Report) -> None:
@@ -254,29 +252,29 @@ def _name(at: _Standing, features: np.ndarray, library: tuple[Effect, ...], repo
     settings = at.problem.settings
     # Twice as many rounds as effects, should a look back undo what is named again and again.
     most = len(at.rounds) + 2 * settings.max_effects
-    while at.alarm and len(at.acting) < settings.max_effects and len(at.rounds) < most:
-        left = [candidate for candidate in at.everything if candidate.acting not in at.refused]
-        found = name_one(at.problem, at.fit, at.acting, features, left, at.vantage)
+    while at.alarm and len(at.hypothesis) < settings.max_effects and len(at.rounds) < most:
+        left = [candidate for candidate in at.everything if candidate.placed not in at.refused]
+        found = name_one(at.problem, at.fit, at.hypothesis, features, left, at.vantage)
         at.rounds.append(found)
         if found.accepted is None:
             report("none of them is worth naming")
             break
-        at.acting, at.fit = [*at.acting, found.accepted.acting], found.accepted.fit
-        report(f"nearest: {_listed(at.acting)}")
-        for _ in range(len(at.acting) - 1):
-            before = at.acting
-            at.acting, at.fit = look_back(at.problem, at.acting, at.fit, at.rounds)
-            if at.acting == before:
+        at.hypothesis, at.fit = at.hypothesis.with_(found.accepted.placed), found.accepted.fit
+        report(f"nearest: {_listed(at.hypothesis)}")
+        for _ in range(len(at.hypothesis) - 1):
+            before = at.hypothesis
+            at.hypothesis, at.fit = look_back(at.problem, at.hypothesis, at.fit, at.rounds)
+            if at.hypothesis == before:
                 break
-        wanted = len(at.acting)
-        at.problem, at.acting, at.fit = correct(at.problem, at.acting, at.fit, at.rounds)
+        wanted = len(at.hypothesis)
+        at.problem, at.hypothesis, at.fit = correct(at.problem, at.hypothesis, at.fit, at.rounds)
         at.assess(library)
         at.tested += len(at.everything)
-        report(f"beside {_listed(at.acting)}: {_told(at.everything, at.remaining, at.alarm)}")
-        if len(at.acting) < wanted:
+        report(f"beside {_listed(at.hypothesis)}: {_told(at.everything, at.remaining, at.alarm)}")
+        if len(at.hypothesis) < wanted:
             report("the last of them was of the time steps")
             break
-    if at.acting:
+    if at.hypothesis:
         at.to_the_end()
         at.remaining = _located_again(at.problem, at.fit, at.remaining)
 
@@ -287,12 +285,12 @@ def _take_back(at: _Standing, parts: list, library: tuple[Effect, ...], seed: in
     One that they do not, with its class, is not asked again: it may have stood in the way of one that they do.
     """
     report("verifying on what was kept out of the fits")
-    wanted = at.acting
-    at.acting, at.fit = borne_out(at.problem, at.acting, at.fit, at.rounds, at.alarm, parts, seed)
-    if len(at.acting) == len(wanted):
+    wanted = at.hypothesis
+    at.hypothesis, at.fit = borne_out(at.problem, at.hypothesis, at.fit, at.rounds, at.alarm, parts, seed)
+    if len(at.hypothesis) == len(wanted):
         return True
-    report(f"those bear out {_listed(at.acting)} alone")
-    at.problem, at.fit = at.problem.corrected(at.acting, at.fit)
+    report(f"those bear out {_listed(at.hypothesis)} alone")
+    at.problem, at.fit = at.problem.corrected(at.hypothesis, at.fit)
     at.to_the_end()
     at.assess(library)
     for entry in at.rounds:
@@ -315,8 +313,8 @@ def _told(everything: list[Candidate], located: Located, alarm: bool) -> str:
     return f"{len(everything)} candidates looked at; {left} (global test p = {located.p:.1g})"
 
 
-def _listed(acting: list[Acting]) -> str:
-    return " and ".join(f"{effect.name} at {place}" for effect, place in acting) or "nothing"
+def _listed(hypothesis: Iterable[PlacedEffect]) -> str:
+    return " and ".join(f"{effect.name} at {place}" for effect, place in hypothesis) or "nothing"
 
 
 def recalibrate(problem: Problem) -> tuple[Problem, Fit]:
@@ -325,15 +323,15 @@ def recalibrate(problem: Problem) -> tuple[Problem, Fit]:
     Where recalibration leaves the prior even so, they stay: candidates are looked at from elsewhere then, and so are
     steps.
     """
-    fit = problem.calibrate([])
-    right, again = problem.corrected([], fit)
+    fit = problem.calibrate(PLAIN)
+    right, again = problem.corrected(PLAIN, fit)
     return (problem, fit) if problem.distorted(again) else (right, again)
 
 
 def assess(
     problem: Problem,
     fit: Fit,
-    acting: list[Acting],
+    hypothesis: Hypothesis,
     library: tuple[Effect, ...] = SEARCHED,
     earlier: list[Candidate] = (),
 ) -> tuple[Located, list[Candidate], Fit]:
@@ -342,11 +340,11 @@ def assess(
     earlier: candidates of an earlier round, whose responses may serve again. Returns also where the candidates were
     looked at from.
     """
-    everything, known = all_candidates(problem, acting, library), {c.acting: c.response for c in earlier}
+    everything, known = all_candidates(problem, hypothesis, library), {c.placed: c.response for c in earlier}
     for candidate in everything:
-        candidate.response = known.get(candidate.acting)
-    vantage = problem.vantage(fit, acting)
-    screen(problem, vantage, acting, everything)
+        candidate.response = known.get(candidate.placed)
+    vantage = problem.vantage(fit, hypothesis)
+    screen(problem, vantage, hypothesis, everything)
     located = locate(problem, fit)
     for name, p in (
         ("best candidate", [c.p_value for c in everything]),
@@ -355,12 +353,12 @@ def assess(
         located = located.with_test(name, min(p, default=1.0) * max(len(everything), 1))
     if not located.alarm(problem.settings.alarm_level):
         located = located.with_test(
-            "likeliest candidates, fitted", _chance_of_evidence(problem, fit, acting, everything)
+            "likeliest candidates, fitted", _chance_of_evidence(problem, fit, hypothesis, everything)
         )
     return located, everything, vantage
 
 
-def _chance_of_evidence(problem: Problem, fit: Fit, acting: list[Acting], everything: list[Candidate]) -> float:
+def _chance_of_evidence(problem: Problem, fit: Fit, hypothesis: Hypothesis, everything: list[Candidate]) -> float:
     """p-value of the evidence for the effects that promise most, each where it does: a score test does not see what
     recalibration and size do together, as a narrowed valve does with a stronger ventricle.
 
@@ -368,9 +366,9 @@ def _chance_of_evidence(problem: Problem, fit: Fit, acting: list[Acting], everyt
     where nothing is missing (Markov's inequality; Vovk & Wang 2021); those that are not fitted count nought.
     """
     likeliest = best_of_effects(sorted(everything, key=lambda c: -c.promise), LIKELIEST)
-    found = zip(likeliest, fit_each(problem, acting, likeliest, fit), strict=True)
+    found = zip(likeliest, fit_each(problem, hypothesis, likeliest, fit), strict=True)
     tried = [replace(candidate, fit=its) for candidate, its in found if its is not None]
-    by_own_steps(problem, acting, tried)
+    by_own_steps(problem, hypothesis, tried)
     shares = [np.exp(c.log_prior) / PRIOR_NAMED for c in tried]
     factors = [np.exp(min(c.fit.evidence - fit.evidence, LARGEST_LOG)) for c in tried]
     return float(1.0 / max(np.dot(shares, factors), 1.0))

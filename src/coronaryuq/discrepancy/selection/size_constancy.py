@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import null_space
 
-from coronaryuq.discrepancy.forward.simulation import Acting
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 
@@ -28,7 +28,7 @@ class Constancy:
     deviation in units of the prior's.
     """
 
-    acting: Acting
+    placed: PlacedEffect
     log_odds: float
     sizes: dict[str, tuple[float, float]]
 
@@ -39,8 +39,8 @@ class Constancy:
         return {name: size for name, size in self.sizes.items() if size[1] <= max(KNOWN, second)}
 
 
-def constancy(problem: Problem, fit: Fit, acting: list[Acting]) -> list[Constancy]:
-    """Each acting effect's in turn, in the linear model about the fit.
+def constancy(problem: Problem, fit: Fit, hypothesis: Hypothesis) -> list[Constancy]:
+    """That of each effect in turn, in the linear model about the fit.
 
     Conditions are runs of their own, so the rows of a condition depend on that condition's size alone: sensitivities to
     it are those to the common size, nought in all other rows. The odds are a Bayes factor with equal priors, of what
@@ -50,25 +50,25 @@ def constancy(problem: Problem, fit: Fit, acting: list[Acting]) -> list[Constanc
     names = [str(name) for name in dict.fromkeys(conditions)]
     whole = [name for name in names if problem.train[problem.condition == name].all()]
     contrasts = null_space(np.ones((1, len(names))))
-    found, column, free = [], problem.count, _free(fit, problem.count)
-    for one in acting:
-        count = len(one[0].parameters)
-        own = fit.jacobian[:, column : column + count]
+    found, free = [], _free(fit, hypothesis)
+    for placed in hypothesis:
+        columns, count = hypothesis.columns(fit.z, placed), len(placed.effect.parameters)
+        own = fit.jacobian[:, columns]
         apart = np.hstack([own * (conditions == name)[:, None] for name in names])
         differing = apart @ np.kron(contrasts, np.eye(count))
         precision = np.eye(differing.shape[1]) + differing.T @ free.project(differing)
         along = differing.T @ free.score
         log_odds = 0.5 * along @ np.linalg.solve(precision, along) - 0.5 * np.linalg.slogdet(precision)[1]
-        sizes = _sizes(fit, apart, column, count, names)
+        sizes = _sizes(fit, apart, columns.start, count, names)
         told = whole if len(whole) > 1 else names
-        found.append(Constancy(one, float(log_odds), {name: sizes[name] for name in told}))
-        column += count
+        found.append(Constancy(placed, float(log_odds), {name: sizes[name] for name in told}))
     return found
 
 
-def _free(fit: Fit, count: int) -> Fit:
-    """The same with a prior of the sizes, after `count` nuisance parameters, so wide that it says nothing."""
-    wide = np.where(np.arange(len(fit.z)) < count, 1.0, FLAT)
+def _free(fit: Fit, hypothesis: Hypothesis) -> Fit:
+    """The same with a prior of the sizes so wide that it says nothing."""
+    wide = np.ones(len(fit.z))
+    hypothesis.all_sizes(wide)[:] = FLAT
     return Fit(fit.z / wide, fit.residual, fit.jacobian * wide)
 
 

@@ -1,0 +1,91 @@
+"""What a model assumes to be missing: effects, each at its place, and where their sizes stand in the parameters z."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from coronaryuq.zerod.effects.base import Effect, Parameter
+
+
+class PlacedEffect(NamedTuple):
+    """An effect at a place of the network."""
+
+    effect: Effect
+    place: str
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Names of the effect and of its place."""
+        return self.effect.name, self.place
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """The effects that a model has beside its nuisance parameters; without any, the model as it is.
+
+    Also the layout of the parameter vector z (p,), standard normal a priori: the nuisance parameters first, then the
+    sizes of each effect in turn. It needs no count of the nuisance parameters, as the sizes stand last.
+    """
+
+    effects: tuple[PlacedEffect, ...] = ()
+
+    def __iter__(self) -> Iterator[PlacedEffect]:
+        return iter(self.effects)
+
+    def __len__(self) -> int:
+        return len(self.effects)
+
+    @property
+    def parameters(self) -> list[Parameter]:
+        """Parameters of all effects, in the order of their sizes in z."""
+        return [parameter for effect, _ in self.effects for parameter in effect.parameters]
+
+    def with_(self, placed: PlacedEffect) -> "Hypothesis":
+        """Add an effect, whose sizes then stand last in z."""
+        return Hypothesis((*self.effects, placed))
+
+    def without(self, placed: PlacedEffect) -> "Hypothesis":
+        """Leave out an effect."""
+        return Hypothesis(tuple(other for other in self.effects if other != placed))
+
+    def nuisances(self, z: np.ndarray) -> np.ndarray:
+        """Return the nuisance parameters of z (p,)."""
+        return z[: len(z) - len(self.parameters)]
+
+    def columns(self, z: np.ndarray, placed: PlacedEffect) -> slice:
+        """Return where the sizes of an effect stand in z (p,)."""
+        later = self.effects[self.effects.index(placed) :]
+        first = len(z) - sum(len(effect.parameters) for effect, _ in later)
+        return slice(first, first + len(placed.effect.parameters))
+
+    def sizes(self, z: np.ndarray, placed: PlacedEffect) -> np.ndarray:
+        """Return the sizes of an effect in z (p,), in standard deviations of their priors."""
+        return z[self.columns(z, placed)]
+
+    def physical_sizes(self, z: np.ndarray) -> list[dict[str, float]]:
+        """Return for each effect its sizes in z (p,) by name, in the units of its parameters."""
+        return [
+            {
+                parameter.name: float(parameter.from_standard(size))
+                for parameter, size in zip(placed.effect.parameters, self.sizes(z, placed), strict=True)
+            }
+            for placed in self.effects
+        ]
+
+    def all_sizes(self, z: np.ndarray) -> np.ndarray:
+        """Return the sizes of all effects in z (p,)."""
+        return z[len(z) - len(self.parameters) :]
+
+    def at_prior_mean(self, z: np.ndarray) -> np.ndarray:
+        """Return z (p,) with its sizes and the nuisance parameters at their prior mean."""
+        return np.concatenate([np.zeros(len(self.nuisances(z))), self.all_sizes(z)])
+
+    def drop(self, z: np.ndarray, placed: PlacedEffect) -> np.ndarray:
+        """Return z (p,) without the sizes of an effect."""
+        return np.delete(z, self.columns(z, placed))
+
+
+PLAIN = Hypothesis()
+"""The model as it is, without any effect."""
