@@ -1,4 +1,4 @@
-"""The configuration model, and what is made from it."""
+"""The configuration model, its documentation, and the errors of wrong configurations."""
 
 import re
 from pathlib import Path
@@ -20,23 +20,23 @@ FOLDER = Path(__file__).parents[1] / "config"
 
 
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.yaml")), ids=lambda path: path.stem)
-def test_shipped_configurations_are_valid_and_named_as_their_files(path):
+def test_shipped_configurations_are_valid_and_named_like_their_files(path):
     assert config.load(path).name == path.stem
 
 
-def test_the_paper_configuration_has_the_papers_size():
+def test_the_paper_configuration_has_the_sample_counts_of_the_paper():
     paper = config.load(FOLDER / "paper.yaml")
     assert (paper.samples.n_3d, paper.samples.n_0d, paper.perfusion.realisations) == (500, 10000, 2500)
     assert (paper.posterior.dream.chains, paper.posterior.dream.generations) == (24, 10000)
 
 
-def test_readme_and_schema_are_those_of_the_model():
+def test_readme_and_schema_are_up_to_date():
     assert (FOLDER / "README.md").read_text() == config.readme(), "run workflow/scripts/config_docs.py"
     assert read_json(FOLDER / "schema.json") == config.schema(), "run workflow/scripts/config_docs.py"
 
 
-def test_a_default_of_the_readme_may_be_pasted_into_a_configuration(tmp_path):
-    """All of them together are the campaign that a name alone gives."""
+def test_defaults_from_the_readme_can_be_pasted_into_a_configuration(tmp_path):
+    """All of them together give the same campaign as a name alone."""
     pasted: dict = {"name": "pasted"}
     for setting, default in re.findall(r"^\| `([\w.]+)` \| `(.*?)` \| ", config.readme(), re.MULTILINE):
         *blocks, name = setting.split(".")
@@ -50,8 +50,8 @@ def test_a_default_of_the_readme_may_be_pasted_into_a_configuration(tmp_path):
     assert config.load(tmp_path / "pasted.yaml") == config.load(tmp_path / "plain.yaml")
 
 
-def test_names_that_settings_allow_are_those_that_the_code_knows():
-    """Settings list them, as they import nothing."""
+def test_settings_allow_exactly_the_names_that_the_code_knows():
+    """Settings repeat them, because they import nothing."""
 
     def allowed(model, name):
         kinds = get_args(model.model_fields[name].annotation)
@@ -62,11 +62,11 @@ def test_names_that_settings_allow_are_those_that_the_code_knows():
     assert allowed(Estimation, "known_scaling") == [SCALING]
 
 
-def test_the_readme_names_the_values_of_a_setting_that_has_few():
+def test_the_readme_lists_the_values_of_a_setting_with_few():
     lines = {line.split("`")[1]: line for line in config.readme().splitlines() if line.startswith("| `")}
-    assert "(one of `ensemble`, `svsolver`, `svmultiphysics`)" in lines["backend"]
-    assert "(one of `R_cor_scaling`, `null`)" in lines["estimation.known_scaling"]
-    assert "one of" not in lines["mesh.domain"], "its description explains them all"
+    assert "; one of `ensemble`, `svsolver`, `svmultiphysics`." in lines["backend"]
+    assert "; one of `R_cor_scaling`, `null`." in lines["estimation.known_scaling"]
+    assert "one of" not in lines["mesh.domain"], "its description explains all of them"
 
 
 def test_every_setting_is_described():
@@ -81,7 +81,7 @@ def test_every_setting_is_described():
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("", "not a configuration"),
         ("- a\n", "not a configuration"),
@@ -109,9 +109,9 @@ def test_every_setting_is_described():
         ("name: !!python/object/apply:os.system [ls]\n", "not valid YAML"),
     ],
 )
-def test_mistakes_are_one_line_with_file_field_and_remedy(tmp_path, text, said):
+def test_mistakes_are_reported_on_one_line_with_file_field_and_remedy(tmp_path, text, message):
     path = tmp_path / "mine.yaml"
     path.write_text(text)
     with pytest.raises(InputError) as caught:
         config.load(path)
-    assert str(caught.value).startswith(str(path)) and said in str(caught.value) and "\n" not in str(caught.value)
+    assert str(caught.value).startswith(str(path)) and message in str(caught.value) and "\n" not in str(caught.value)

@@ -1,4 +1,4 @@
-"""A campaign's configuration: one model, from which the defaults, the JSON schema and the README of `config/` come."""
+"""Configuration of a campaign: the model that gives the defaults, the JSON schema and the README of `config/`."""
 
 import math
 import re
@@ -22,101 +22,114 @@ from coronaryuq.posterior.settings import Settings as PosteriorSettings
 from coronaryuq.synthetic.settings import Settings as SyntheticSettings
 from coronaryuq.zerod.settings import Settings as ZeroDSettings
 
-WANTED = "not a configuration: wanted a mapping of settings; see config/README.md"
+EXPECTED = "not a configuration: expected a mapping of settings; see config/README.md"
 
 
 class Samples(BaseModel):
-    """How many, and in what portions. Counts may grow later: what has been computed stays valid."""
+    """Sample counts and portions. Counts may grow later; existing samples stay valid."""
 
     model_config = ConfigDict(extra="forbid")
 
-    n_3d: int = Field(64, ge=8, description="3D runs, the pilot sample (paper: 500)")
+    n_3d: int = Field(64, ge=8, description="Number of 3D runs, the pilot sample (paper: 500).")
     n_0d: int = Field(
-        2000, ge=16, description="0D runs of the propagation sample and of each resampled set (paper: 10000)"
+        2000, ge=16, description="Number of 0D runs of the propagation sample and of each resampled set (paper: 10000)."
     )
-    batch_3d: int = Field(16, ge=1, description="3D samples per job; 1 for an external solver")
-    chunk_0d: int = Field(500, ge=1, description="0D samples per job")
-    chunks_resampled: int = Field(8, ge=1, description="jobs that share the 0D runs at resampled inputs")
-    chunk_realisations: int = Field(500, ge=1, description="noisy perfusion realisations per job")
+    batch_3d: int = Field(16, ge=1, description="3D samples per job; use 1 for an external solver.")
+    chunk_0d: int = Field(500, ge=1, description="0D samples per job.")
+    chunks_resampled: int = Field(8, ge=1, description="Number of jobs that share the 0D runs at resampled inputs.")
+    chunk_realisations: int = Field(500, ge=1, description="Noisy perfusion realisations per job.")
 
 
 class Campaign(BaseModel):
-    """One campaign: a patient, a seed, and a block of settings per stage."""
+    """One campaign: a patient, a seed, and a block of settings for each stage."""
 
     model_config = ConfigDict(extra="forbid")
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")] = Field(
-        description="names the results folder, `results/NAME`"
+        description="Name of the campaign and of its results folder, `results/NAME`."
     )
-    seed: int = Field(20241117, ge=0, description="every random number of the campaign derives from it")
-    case: str = Field("bundled", description="`bundled` for the synthetic patient, or the path of a `case.yaml`")
+    seed: int = Field(20241117, ge=0, description="Seed of all random numbers of the campaign.")
+    case: str = Field("bundled", description="`bundled` for the synthetic patient, or the path of a `case.yaml`.")
     backend: Literal["ensemble", "svsolver", "svmultiphysics"] = Field(
-        "ensemble", description="which code runs the 3D samples"
+        "ensemble", description="Solver of the 3D samples."
     )
     paper_data: str | None = Field(
         None,
-        description="folder with the paper's published runs, for the target `paper_table`; none: target unavailable",
+        description="Folder of the paper's published runs, needed by the targets `paper_*` only.",
     )
-    samples: Samples = Field(default_factory=Samples, description="sample counts and portions")
-    synthetic: SyntheticSettings = Field(default_factory=SyntheticSettings, description="the bundled patient")
-    patient: CaseSettings = Field(default_factory=CaseSettings, description="reading and completing the case")
-    perfusion: PerfusionSettings = Field(default_factory=PerfusionSettings, description="territories and noise")
+    samples: Samples = Field(default_factory=Samples, description="Sample counts and portions.")
+    synthetic: SyntheticSettings = Field(default_factory=SyntheticSettings, description="The bundled patient.")
+    patient: CaseSettings = Field(default_factory=CaseSettings, description="How a case is read and completed.")
+    perfusion: PerfusionSettings = Field(default_factory=PerfusionSettings, description="Territories and noise.")
     calibration: CalibrationSettings = Field(
-        default_factory=CalibrationSettings, description="tuning of the closed loop"
+        default_factory=CalibrationSettings, description="Tuning of the closed loop."
     )
     posterior: PosteriorSettings = Field(
-        default_factory=PosteriorSettings, description="posterior of outlet resistances"
+        default_factory=PosteriorSettings, description="Posterior of the outlet resistances."
     )
-    mesh: MeshSettings = Field(default_factory=MeshSettings, description="3D domain and mesh")
-    flow3d: Flow3DSettings = Field(default_factory=Flow3DSettings, description="3D runs")
-    zerod: ZeroDSettings = Field(default_factory=ZeroDSettings, description="0D runs")
-    estimation: EstimationSettings = Field(default_factory=EstimationSettings, description="estimators and intervals")
+    mesh: MeshSettings = Field(default_factory=MeshSettings, description="3D domain and mesh.")
+    flow3d: Flow3DSettings = Field(default_factory=Flow3DSettings, description="3D runs.")
+    zerod: ZeroDSettings = Field(default_factory=ZeroDSettings, description="0D runs.")
+    estimation: EstimationSettings = Field(default_factory=EstimationSettings, description="Estimators and intervals.")
     discrepancy: DiscrepancySettings = Field(
-        default_factory=DiscrepancySettings, description="search for what the model is missing"
+        default_factory=DiscrepancySettings, description="Search for effects that the model is missing."
     )
 
 
 def load(path: str | Path) -> Campaign:
-    """Read and validate a configuration file; anything wrong is an `InputError` on one line."""
-    return validate(read_yaml(path, WANTED), path)
+    """Read and validate a configuration file; see `validate`."""
+    return validate(read_yaml(path, EXPECTED), path)
 
 
-def validate(given: Any, path: str | Path) -> Campaign:
-    """Validate a configuration that has been read already; `path` is named in the error."""
-    if not isinstance(given, dict):
-        raise InputError(path, None, None, WANTED)
+def validate(values: Any, path: str | Path) -> Campaign:
+    """Validate a configuration that has been read.
+
+    Parameters
+    ----------
+    values
+        Content of the file.
+    path
+        The file, named in errors.
+
+    Raises
+    ------
+    InputError
+        Names the first wrong setting and how many more there are.
+    """
+    if not isinstance(values, dict):
+        raise InputError(path, None, None, EXPECTED)
     try:
-        return Campaign.model_validate(given)
+        return Campaign.model_validate(values)
     except ValidationError as errors:
         first = errors.errors(include_url=False)[0]
         field = ".".join(str(part) for part in first["loc"])
         value = None if first["type"] == "missing" else first["input"]
         more = f" (and {errors.error_count() - 1} more)" if errors.error_count() > 1 else ""
-        raise InputError(path, field, value, _remedy(first, field) + more) from None
+        raise InputError(path, field, value, _remedy(first["type"], first["msg"], field) + more) from None
 
 
-def _remedy(error: dict[str, Any], field: str) -> str:
-    if error["type"] == "extra_forbidden":
+def _remedy(kind: str, message: str, field: str) -> str:
+    if kind == "extra_forbidden":
         model: Any = Campaign
         for part in field.split(".")[:-1]:
             model = model.model_fields[part].annotation
         return f"unknown setting; known here: {', '.join(model.model_fields)}"
-    return error["msg"][0].lower() + error["msg"][1:]
+    return message[0].lower() + message[1:]
 
 
 def schema() -> dict[str, Any]:
-    """JSON schema of the configuration, for editors."""
+    """Return the JSON schema of the configuration, for editors."""
     return Campaign.model_json_schema()
 
 
 def readme() -> str:
-    """The README of `config/`, one table per block."""
+    """Return the README of `config/`: one table per block of settings."""
     lines = [
         "# Configuration",
         "",
-        "Made from the configuration model by `python workflow/scripts/config_docs.py`; do not edit.",
-        "A file holds only what differs from the defaults, which stand here as they would there (`null`: none).",
-        "`schema.json` beside this file helps an editor.",
+        "Generated from the configuration model by `python workflow/scripts/config_docs.py`; do not edit.",
+        "A configuration file needs only the settings that differ from the defaults below, which are written as they",
+        "would be in the file (`null`: none). `schema.json`, in the same folder, gives editors checks and completion.",
         "",
         *_table(Campaign, ""),
     ]
@@ -124,24 +137,24 @@ def readme() -> str:
 
 
 def _yaml(value: Any) -> str:
-    """A default as it would stand in a configuration file, on one line."""
+    """Return a default as it would be written in a configuration file, on one line."""
     plain = TypeAdapter(Any).dump_python(value, mode="json", exclude_defaults=True)
     text = yaml.safe_dump(plain, default_flow_style=True, width=math.inf, sort_keys=False, allow_unicode=True)
     return text.removesuffix("\n").removesuffix("\n...")
 
 
-def _with_choices(what: str, kind: Any) -> str:
-    """A description with the values that a setting may have, unless it speaks of them all."""
-    kinds = get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,)
-    choices = [value for one in kinds if get_origin(one) is Literal for value in get_args(one)]
-    if all(re.search(rf"\b{re.escape(value)}\b", what) for value in choices):
-        return what
-    named = [f"`{value}`" for value in choices] + ["`null`"] * (type(None) in kinds)
-    return f"{what} (one of {', '.join(named)})"
+def _with_choices(description: str, annotation: Any) -> str:
+    """Append the values that a setting may have, unless its description names all of them."""
+    kinds = get_args(annotation) if get_origin(annotation) in (Union, UnionType) else (annotation,)
+    choices = [value for kind in kinds if get_origin(kind) is Literal for value in get_args(kind)]
+    if all(re.search(rf"\b{re.escape(value)}\b", description) for value in choices):
+        return description
+    names = [f"`{value}`" for value in choices] + ["`null`"] * (type(None) in kinds)
+    return f"{description.rstrip('.')}; one of {', '.join(names)}."
 
 
 def _table(model: type[BaseModel], prefix: str) -> list[str]:
-    rows = ["| setting | default | what |", "|---|---|---|"]
+    rows = ["| setting | default | description |", "|---|---|---|"]
     blocks = []
     for name, field in model.model_fields.items():
         kind = field.annotation
@@ -149,9 +162,9 @@ def _table(model: type[BaseModel], prefix: str) -> list[str]:
             blocks.append((name, kind, field.description))
             continue
         default = "required" if field.is_required() else f"`{_yaml(field.get_default(call_default_factory=True))}`"
-        what = _with_choices(field.description or "", kind).replace("|", "\\|")
-        rows.append(f"| `{prefix}{name}` | {default.replace('|', '¦')} | {what} |")
+        text = _with_choices(field.description or "", kind).replace("|", "\\|")
+        rows.append(f"| `{prefix}{name}` | {default.replace('|', '¦')} | {text} |")
     lines = [*rows, ""] if len(rows) > 2 else []
     for name, kind, description in blocks:
-        lines += [f"## `{prefix}{name}`: {description}", "", *_table(kind, f"{prefix}{name}.")]
+        lines += [f"## `{prefix}{name}`", "", description, "", *_table(kind, f"{prefix}{name}.")]
     return lines

@@ -1,32 +1,50 @@
-"""What `coronaryuq doctor` says of the folders that variables name: one that serves, one that does not, none."""
+"""`coronaryuq doctor` checks the folders that environment variables name."""
 
 import pytest
 
-from coronaryuq.cli import doctor
+from coronaryuq.cli.doctor import examine
 from coronaryuq.core import numba_cache
 
-VARIABLES = {"SNAKEMAKE_OUTPUT_CACHE": doctor._cache, numba_cache.VARIABLE: doctor._kernels, "TMPDIR": doctor._scratch}
+CHECKS = {"SNAKEMAKE_OUTPUT_CACHE": "cache", numba_cache.VARIABLE: "kernels", "TMPDIR": "scratch"}
 
 
-@pytest.mark.parametrize("variable", VARIABLES)
+@pytest.fixture(autouse=True)
+def no_other_checks(monkeypatch):
+    """Leave out the checks that start processes."""
+    monkeypatch.setattr("coronaryuq.cli.doctor._libraries", lambda: ())
+    for name in ("_rendering", "_mpi"):
+        monkeypatch.setattr(f"coronaryuq.cli.doctor.{name}", lambda: None)
+    monkeypatch.setattr("coronaryuq.cli.doctor._scheduler", lambda: ())
+
+
+def finding(what):
+    (found,) = (each for each in examine() if each is not None and each.what == what)
+    return found
+
+
+@pytest.mark.parametrize("variable", CHECKS)
 def test_a_folder_that_cannot_be_written_is_named(variable, tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     nowhere = tmp_path / "file" / "folder"
     monkeypatch.setenv(variable, str(nowhere))
     monkeypatch.setattr("tempfile.tempdir", str(nowhere) if variable == "TMPDIR" else None)
-    found = VARIABLES[variable]()
+    found = finding(CHECKS[variable])
     assert not found.sound and str(nowhere) in found.detail
 
 
-@pytest.mark.parametrize("variable", VARIABLES)
-def test_a_folder_that_serves_is_named(variable, tmp_path, monkeypatch):
+@pytest.mark.parametrize("variable", CHECKS)
+def test_a_writable_folder_is_named(variable, tmp_path, monkeypatch):
     monkeypatch.setenv(variable, str(tmp_path))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path) if variable == "TMPDIR" else None)
-    found = VARIABLES[variable]()
-    assert str(tmp_path) in found.detail and (found.sound or "wanted 2 GB" in found.detail)
+    found = finding(CHECKS[variable])
+    assert str(tmp_path) in found.detail and (found.sound or "need 2 GB" in found.detail)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_without_a_folder_for_kernels_it_says_what_to_set(monkeypatch):
+def test_without_any_folder_for_kernels_the_variable_to_set_is_named(monkeypatch):
     monkeypatch.delenv(numba_cache.VARIABLE, raising=False)
-    assert f"set {numba_cache.VARIABLE}" in doctor._kernels().detail
+    monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
+    monkeypatch.setattr("tempfile.tempdir", "/proc/nowhere")
+    monkeypatch.setattr("coronaryuq.cli.doctor._scratch", lambda: None)
+    found = finding("kernels")
+    assert not found.sound and f"set {numba_cache.VARIABLE}" in found.detail

@@ -251,7 +251,7 @@ def test_every_file_truncated_emptied_or_corrupted(short, tmp_path):
             continue
         (home / name).write_bytes(spoil[number % 3](whole))
         told = campaign.verify().stderr
-        assert told.count("not what its job wrote") == 1 and name in told
+        assert told.count("changed since its job wrote it") == 1 and name in told
         (home / name).write_bytes(whole)
     for number, name in enumerate(("case/lv.vtu", "perfusion/chunk_0.npz", "perfusion/targets.json")):
         (home / name).write_bytes(spoil[number](short[name]))

@@ -1,5 +1,6 @@
 """Benchmark `campaign`: how long Snakemake plans, how much of a run is its own time, how many files there are."""
 
+import argparse
 import json
 import os
 import re
@@ -17,6 +18,11 @@ from coronaryuq.core.errors import InputError
 
 QUICK_TARGET = "perfusion/targets.json"
 """How far a quick run goes: the patient, the case, the noise statistics."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this benchmark."""
+    parser.add_argument("--config", metavar="FILE", help="configuration of the campaign; default: config/smoke.yaml")
 
 
 def run(quick: bool, config: str | None = None) -> dict:

@@ -1,5 +1,6 @@
 """Speed of the 0D engine on a closed loop with 22 coronary outlets, against svZeroDSolver where it is installed."""
 
+import argparse
 import os
 import resource
 import subprocess
@@ -22,6 +23,11 @@ from coronaryuq.zerod.svzerodsolver import program
 
 _SHARED = Path(__file__).parents[4] / "shared" / "data"
 _PRESSURE_LIKE = ("R", "L", "E", "Kxp")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this benchmark."""
+    parser.add_argument("--network", metavar="FILE", help="svZeroDSolver JSON; default: a loop with 22 outlets")
 
 
 def run(

@@ -1,1 +1,1 @@
-"""The command line `coronaryuq`."""
+"""The console command: checks, explanations and benchmarks."""

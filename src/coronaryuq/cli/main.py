@@ -1,4 +1,4 @@
-"""The console command `coronaryuq`: check a case, explain a result, run a benchmark, look at a machine."""
+"""The console command `coronaryuq`."""
 
 import argparse
 import importlib
@@ -10,49 +10,50 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 
 from coronaryuq import __version__
-from coronaryuq.core.command_line import non_negative_int, positive_int
 from coronaryuq.core.errors import InputError, os_error_line
 
 BENCHMARKS = {
-    "zerod": "zerod",
-    "perfusion": "perfusion",
-    "dream": "dream",
-    "flow3d": "flow3d.benchmark",
-    "table": "estimation.table",
-    "coverage": "estimation.coverage",
-    "discrepancy": "discrepancy.benchmark",
-    "campaign": "campaign",
+    "zerod": ("zerod", "speed of the 0D solver, compared with svZeroDSolver if it is installed"),
+    "perfusion": ("perfusion", "cost of noisy perfusion realisations on a large left ventricle"),
+    "dream": ("dream", "posterior sampling of the bundled patient, compared with emcee"),
+    "flow3d": ("flow3d.benchmark", "cost and verification of the 3D solver, mesh convergence"),
+    "table": ("estimation.table", "the paper's table of estimates from published runs"),
+    "coverage": ("estimation.coverage", "coverage of the confidence intervals over repeated trials"),
+    "discrepancy": ("discrepancy.benchmark", "how often hidden effects are found"),
+    "campaign": ("campaign", "a campaign's planning time, overhead and number of files"),
 }
-"""Module of each benchmark, within `coronaryuq.bench`."""
-OPTIONS = {
-    "data": ("flow3d", "table", "coverage"),
-    "rows": ("table", "coverage"),
-    "network": ("zerod", "discrepancy"),
-    "seeds": ("discrepancy",),
-    "offset": ("discrepancy",),
-    "strengths": ("discrepancy",),
-    "noises": ("discrepancy",),
-    "effects": ("discrepancy",),
-    "solver": ("discrepancy",),
-    "threads": ("discrepancy",),
-    "resume": ("discrepancy",),
-    "config": ("campaign",),
+"""Benchmark → module within `coronaryuq.bench`, with a function `run` and, if it has options, `add_arguments`."""
+COMMANDS = {
+    "solve": ("zerod", "solve one 0D network; reads and writes svZeroDSolver's formats"),
+    "tune": ("calibration", "tune a closed loop to a table of clinical targets"),
+    "fit": ("posterior", "fit the resistances of coronary beds to a table of flows"),
+    "discrepancy": ("discrepancy", "find what a model of a case is missing"),
 }
-"""Which benchmarks take an option of `coronaryuq bench`: here, because to ask their modules is to import them."""
+"""Command → package that owns its arguments."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; return its exit code. Wrong input is one line on standard error and exit code 2."""
-    parser = _parser()
-    chosen = parser.parse_args(arguments)
+    """Run one command.
+
+    Parameters
+    ----------
+    arguments
+        Command line without the program's name; that of the process by default.
+
+    Returns
+    -------
+    int
+        Exit code: 2 for wrong input, which is reported on one line of standard error.
+    """
+    options = _parser(sys.argv[1:] if arguments is None else arguments).parse_args(arguments)
     try:
-        return chosen.run(chosen)
+        return options.run(options)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return InputError.EXIT_CODE
     except KeyboardInterrupt:
         return 130
-    except BrokenPipeError:  # whoever read standard output has seen enough
+    except BrokenPipeError:  # the reader of standard output has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:  # a result cannot be written
@@ -63,69 +64,53 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return InputError.EXIT_CODE
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="coronaryuq", description=__doc__)
-    parser.add_argument("--version", action="version", version=f"coronaryuq {__version__}")
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-
-    check = commands.add_parser(
-        "check", help="read a case file and all that it names; say what it holds, or its first mistake"
+def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
+    """Build the parser, with the options of the chosen command only: importing all their packages takes seconds."""
+    parser = argparse.ArgumentParser(
+        prog="coronaryuq",
+        description="Coronary haemodynamics of one patient, with calibrated error bars. Campaigns are run by Snakemake "
+        "(see README.md); these commands check input and results, and run single steps without a campaign.",
     )
+    parser.add_argument("--version", action="version", version=f"coronaryuq {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    def add_command(name, help, run):
+        command = commands.add_parser(name, help=help, description=f"{help[0].upper()}{help[1:]}.")
+        command.set_defaults(run=run)
+        return command
+
+    check = add_command("check", "check a case file and all files that it names", _check)
     check.add_argument("case", metavar="CASE", help="path of a case.yaml")
-    check.set_defaults(run=_check)
-
-    explain = commands.add_parser("explain", help="where a result comes from, and the command that makes it again")
-    explain.add_argument("result", metavar="RESULT", help="a file of a campaign, under results/NAME")
-    explain.set_defaults(run=_explain)
-
-    verify = commands.add_parser("verify", help="which results are no longer what their jobs wrote")
+    explain = add_command("explain", "show how a result was made, and the command that makes it again", _explain)
+    explain.add_argument("result", metavar="RESULT", help="a result file of a campaign, under results/NAME")
+    verify = add_command("verify", "list results that have changed since their job wrote them", _verify)
     verify.add_argument("results", metavar="FOLDER", help="results folder of a campaign, results/NAME")
-    verify.add_argument("--remove", action="store_true", help="remove them, so that the campaign makes them again")
-    verify.set_defaults(run=_verify)
-
-    bench = commands.add_parser("bench", help="run a benchmark; its result is one JSON object on standard output")
-    bench.add_argument("name", choices=BENCHMARKS, metavar="NAME", help=", ".join(BENCHMARKS))
-    bench.add_argument("--quick", action="store_true", help="a smaller size, within 50 s on two cores")
-    bench.add_argument("--json", action="store_true", help="one line of JSON (default: indented)")
-    sizes, noises = ("weak", "medium", "strong"), ("half", "nominal", "double", "understated", "lasting")
-    for name, told, how in (
-        ("data", "published runs; flow3d: a folder per mesh of one patient", {"metavar": "FOLDER"}),
-        ("rows", "rows of the table: row, column_3d, column_0d", {"metavar": "FILE"}),
-        ("network", "svZeroDSolver JSON", {"metavar": "FILE"}),
-        ("seeds", "repetitions of every cell", {"metavar": "N", "type": positive_int}),
-        ("offset", "first of the seeds", {"metavar": "SEED", "type": non_negative_int}),
-        ("strengths", "of hidden effects; default: medium", {"nargs": "+", "choices": sizes}),
-        ("noises", "of measurements; default: nominal", {"nargs": "+", "choices": noises}),
-        ("effects", "cells wanted, as they are labelled; default: all", {"nargs": "+", "metavar": "CELL"}),
-        ("solver", "that the hidden cases' data come from; default: 0d", {"choices": ("0d", "3d")}),
-        ("threads", "of each search; default: 1", {"metavar": "N", "type": positive_int}),
-        ("resume", "keeps finished cases, of which a run that was killed goes on", {"metavar": "FILE"}),
-        ("config", "configuration", {"metavar": "FILE"}),
-    ):
-        bench.add_argument(f"--{name}", help=f"{told} ({', '.join(OPTIONS[name])})", **how)
-    bench.set_defaults(run=_bench)
-
-    doctor = commands.add_parser("doctor", help="check this machine: libraries, MPI, pictures, space, solvers")
-    doctor.add_argument("--environment", action="store_true", help="the Python environment only")
-    doctor.set_defaults(run=_doctor)
-
-    for name, package, told in (
-        ("solve", "zerod", "march one 0D network: svZeroDSolver's input and output"),
-        ("tune", "calibration", "tune a closed loop to a table of clinical targets"),
-        ("fit", "posterior", "find the resistances at which a network shares its flow as a table asks"),
-        ("discrepancy", "discrepancy", "find what a model of a case is missing"),
-    ):
-        command = importlib.import_module(f"coronaryuq.{package}.command")
-        chosen = commands.add_parser(name, help=told)
-        command.add_arguments(chosen)
-        chosen.set_defaults(run=command.main)
+    verify.add_argument("--remove", action="store_true", help="also delete them; the campaign then makes them again")
+    doctor = add_command("doctor", "check this machine: libraries, MPI, 3D rendering, disk, solvers, SLURM", _doctor)
+    doctor.add_argument("--environment", action="store_true", help="check the Python environment only")
+    bench = add_command("bench", "run a benchmark; prints one JSON object", _bench)
+    names = bench.add_subparsers(required=True, metavar="BENCHMARK")
+    for name, (module_name, help) in BENCHMARKS.items():
+        benchmark = names.add_parser(name, help=help, description=f"{help[0].upper()}{help[1:]}.")
+        if arguments[:1] == ["bench"] and name in arguments:
+            module = importlib.import_module(f"coronaryuq.bench.{module_name}")
+            benchmark.set_defaults(benchmark=name, function=module.run)
+            getattr(module, "add_arguments", lambda parser: None)(benchmark)
+        benchmark.add_argument("--quick", action="store_true", help="a smaller size, within 50 s on two cores")
+        benchmark.add_argument("--json", action="store_true", help="print the JSON on one line")
+    for name, (package, help) in COMMANDS.items():
+        command = commands.add_parser(name, help=help)
+        if arguments[:1] == [name]:
+            module = importlib.import_module(f"coronaryuq.{package}.command")
+            module.add_arguments(command)
+            command.set_defaults(run=module.main)
     return parser
 
 
-def _check(chosen: argparse.Namespace) -> int:
+def _check(options: argparse.Namespace) -> int:
     from coronaryuq.case.check import check_case
 
-    findings, summary = check_case(chosen.case)
+    findings, summary = check_case(options.case)
     for line in summary:
         print(line)
     for line in findings:
@@ -133,45 +118,40 @@ def _check(chosen: argparse.Namespace) -> int:
     return InputError.EXIT_CODE if findings else 0
 
 
-def _explain(chosen: argparse.Namespace) -> int:
+def _explain(options: argparse.Namespace) -> int:
     from coronaryuq.cli.explain import explain
 
-    text, sound = explain(chosen.result)
+    text, unchanged = explain(options.result)
     print(text, flush=True)
-    return 0 if sound else 1
+    return 0 if unchanged else 1
 
 
-def _verify(chosen: argparse.Namespace) -> int:
+def _verify(options: argparse.Namespace) -> int:
     from coronaryuq.cli.explain import altered
     from coronaryuq.core.io.lock import lock_results
 
-    found = altered(chosen.results)
-    with lock_results(chosen.results) if chosen.remove else nullcontext():
-        for path in found:
-            if chosen.remove:
+    paths = altered(options.results)
+    with lock_results(options.results) if options.remove else nullcontext():
+        for path in paths:
+            if options.remove:
                 shutil.rmtree(path) if path.is_dir() else path.unlink()
-            print(f"{path}: not what its job wrote{'; removed' if chosen.remove else ''}", file=sys.stderr)
-    return 1 if found and not chosen.remove else 0
+            print(f"{path}: changed since its job wrote it{'; removed' if options.remove else ''}", file=sys.stderr)
+    return 1 if paths and not options.remove else 0
 
 
-def _bench(chosen: argparse.Namespace) -> int:
-    given = {name: getattr(chosen, name) for name in OPTIONS if getattr(chosen, name) is not None}
-    for name, value in given.items():
-        if chosen.name not in OPTIONS[name]:
-            *others, last = OPTIONS[name]
-            owners = f"{', '.join(others)} and {last}" if others else last
-            raise InputError(f"bench {chosen.name}", f"--{name}", value, f"not an option of it, but of {owners}")
-    module = importlib.import_module(f"coronaryuq.bench.{BENCHMARKS[chosen.name]}")
-    result = {"benchmark": chosen.name, "quick": chosen.quick, **module.run(quick=chosen.quick, **given)}
-    print(json.dumps(result, indent=None if chosen.json else 1, default=lambda value: value.tolist()))
+def _bench(options: argparse.Namespace) -> int:
+    others = ("run", "benchmark", "function", "json")
+    values = {name: value for name, value in vars(options).items() if name not in others and value is not None}
+    result = {"benchmark": options.benchmark, "quick": options.quick, **options.function(**values)}
+    print(json.dumps(result, indent=None if options.json else 1, default=lambda value: value.tolist()))
     return 0
 
 
-def _doctor(chosen: argparse.Namespace) -> int:
+def _doctor(options: argparse.Namespace) -> int:
     from coronaryuq.cli.doctor import examine
 
     sound = True
-    for finding in examine(environment_only=chosen.environment):
+    for finding in examine(environment_only=options.environment):
         print(finding)
         sound &= finding.sound
     return 0 if sound else 1

@@ -1,5 +1,6 @@
 """Benchmark `discrepancy`: hidden effects, named from a model that lacks them and a table of noisy measurements."""
 
+import argparse
 import json
 import sys
 import tempfile
@@ -24,6 +25,7 @@ from coronaryuq.bench.discrepancy.hidden_cases import (
 from coronaryuq.bench.discrepancy.score import score, scored
 from coronaryuq.bench.discrepancy.tables import OPEN_LOOP
 from coronaryuq.core import provenance
+from coronaryuq.core.command_line import non_negative_int, positive_int
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json, write_text
 from coronaryuq.core.seeds import generator
@@ -129,6 +131,19 @@ def loop_cases(seeds: int, strengths: tuple[str, ...], noises: tuple[str, ...], 
             yield Case((), "medium", "half" if known else "nominal", seed, name, known)
         for pair in LOOP_PAIRS:
             yield Case(pair, "medium", "nominal", seed)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this benchmark."""
+    parser.add_argument("--network", metavar="FILE", help="tuned closed loop, svZeroDSolver JSON (default open loop)")
+    parser.add_argument("--solver", choices=("0d", "3d"), help="solver that makes the measurements (default 0d)")
+    parser.add_argument("--seeds", metavar="N", type=positive_int, help="repetitions of every cell")
+    parser.add_argument("--offset", metavar="SEED", type=non_negative_int, help="first seed")
+    parser.add_argument("--strengths", nargs="+", choices=tuple(STRENGTHS), help="of hidden effects (default medium)")
+    parser.add_argument("--noises", nargs="+", choices=tuple(NOISES), help="of measurements (default nominal)")
+    parser.add_argument("--effects", nargs="+", metavar="CELL", help="cells to run, by their label (default all)")
+    parser.add_argument("--threads", metavar="N", type=positive_int, help="threads of each search (default 1)")
+    parser.add_argument("--resume", metavar="FILE", help="file of finished cases, to resume a run that was killed")
 
 
 def run(

@@ -1,5 +1,6 @@
 """Benchmark `coverage`: claimed against empirical spread, and coverage of 95 % intervals, over repeated trials."""
 
+import argparse
 import sys
 import time
 from collections.abc import Iterator
@@ -30,6 +31,12 @@ CONTROL_VARIATES = {
     "MFMC": METHODS["linear 0D"],
     "best": selector.choose,
 }
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this benchmark."""
+    parser.add_argument("--data", metavar="FOLDER", help="also resample the published runs in this folder")
+    parser.add_argument("--rows", metavar="FILE", help="columns row, column_3d, column_0d; default: FOLDER/table1.csv")
 
 
 def run(

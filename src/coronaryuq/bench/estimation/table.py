@@ -1,5 +1,6 @@
 """Benchmark `table`: the paper's table from anyone's published runs, with its CPU time."""
 
+import argparse
 import os
 import time
 from pathlib import Path
@@ -9,6 +10,12 @@ from coronaryuq.estimation.campaign.paper_table import paper_table
 from coronaryuq.estimation.settings import Settings
 
 SEED = 20241117
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this benchmark."""
+    parser.add_argument("--data", metavar="FOLDER", help="folder of published runs (required)")
+    parser.add_argument("--rows", metavar="FILE", help="columns row, column_3d, column_0d; default: FOLDER/table1.csv")
 
 
 def run(quick: bool = False, data: str | None = None, rows: str | None = None) -> dict:

@@ -1,5 +1,6 @@
 """Benchmark `flow3d`: cost per sample and cycle, verification against exact solutions, mesh convergence."""
 
+import argparse
 import resource
 import sys
 import time
@@ -20,6 +21,13 @@ MESHES = ((5, 75), (8, 90), (13, 127))
 NOZZLE_DATA = Path(__file__).parents[5] / "shared" / "data" / "fda-nozzle"
 PEAK, STEPS_PER_CYCLE, PERIOD = 100.0, 800, 0.9
 MEASURED_STEPS = 12
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this benchmark."""
+    parser.add_argument(
+        "--data", metavar="FOLDER", help="mesh convergence from a folder per mesh of one patient, each with 3D records"
+    )
 
 
 def run(quick: bool, data: str | None = None) -> dict:

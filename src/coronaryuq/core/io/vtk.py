@@ -1,14 +1,16 @@
 """VTK files, with the failures of their readers and writers turned into errors."""
 
 from pathlib import Path
-
-import pyvista as pv
+from typing import TYPE_CHECKING
 
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import replacing
 
+if TYPE_CHECKING:  # pyvista takes a second to import, and few of the jobs that import this module read VTK files
+    import pyvista as pv
 
-def read_vtk(path: str | Path) -> pv.DataSet:
+
+def read_vtk(path: str | Path) -> "pv.DataSet":
     """Read a VTK file.
 
     Raises
@@ -16,6 +18,8 @@ def read_vtk(path: str | Path) -> pv.DataSet:
     InputError
         If the file is missing, empty, truncated or broken.
     """
+    import pyvista as pv
+
     path = Path(path)
     if not path.is_file():
         raise InputError(path, None, None, "no such file")
@@ -35,7 +39,7 @@ def read_vtk(path: str | Path) -> pv.DataSet:
     return data
 
 
-def write_vtk(path: str | Path, data: pv.DataSet) -> None:
+def write_vtk(path: str | Path, data: "pv.DataSet") -> None:
     """Write a data set in the format that the suffix names."""
     # VTK aborts the process on a full disk. Compressed and in base64, a file takes at most 4/3 of the data.
     with replacing(path, room=1536 * data.GetActualMemorySize() + 65536) as temporary:
