@@ -1,6 +1,7 @@
-"""Puts cells of the coverage benchmark into estimation-coverage.jsonl and its tables into estimation.md.
+"""Put cells of the coverage benchmark into estimation-coverage.jsonl and its tables into estimation.md.
 
-Arguments: files with further cells, one JSON object a line (`bench.coverage.cell`, with `first_trial`), or none.
+Arguments: files with further cells, one JSON object per line (`run_cell` of `bench.estimation.coverage`, with
+`first_trial`), or none.
 """
 
 import json

@@ -64,7 +64,7 @@ def test_help_is_complete_for_every_command(command, capsys):
         ),
         (
             ["coverage", "--rows", "table1.csv"],
-            "error: bench coverage: --rows = 'table1.csv': is of published runs: --data wanted\n",
+            "error: bench coverage: --rows = 'table1.csv': needs --data, the folder of published runs\n",
         ),
     ],
 )

@@ -40,3 +40,19 @@ def folder(tmp_path) -> Path:
     rows = {"row": ["1"], "column_3d": ["osi"], "column_0d": ["mean_flow:lca1:BC_lca1"]}
     pd.DataFrame(rows).to_csv(tmp_path / "rows.csv", index=False)
     return tmp_path
+
+
+@pytest.fixture
+def with_coarse(folder):
+    """The small campaign with a coarse level: its pilot and 120 inputs more."""
+    rng = generator(7, "coarse")
+    names = ["BC_lca1", "R_cor_scaling"]
+    beyond = pd.DataFrame(rng.uniform(0.5, 2, (120, 2)), columns=names)
+    beyond.insert(0, "sample", [f"sample_{i:04d}" for i in range(40, 160)])
+    beyond.to_csv(folder / "params_coarse.csv", index=False)
+    low = {"mean_flow:lca1:BC_lca1": 1 / beyond["BC_lca1"], "ffr_lad": 1 - 0.2 / beyond["R_cor_scaling"]}
+    pd.DataFrame({"sample": beyond["sample"], **low}).to_csv(folder / "outputs_0d_coarse.csv", index=False)
+    lines = pd.concat([pd.read_csv(folder / "params.csv"), beyond])
+    lines = lines.assign(osi=np.sin(lines["BC_lca1"]) + 0.02 * lines["R_cor_scaling"])
+    lines[["sample", "osi"]].to_csv(folder / "outputs_3d_coarse.csv", index=False)
+    return folder

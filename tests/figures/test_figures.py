@@ -7,7 +7,10 @@ import pytest
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.io.tables import write_csv
+from coronaryuq.core.io.typed import plain
+from coronaryuq.estimation.results import Budget, Curve, RowBudget
 from coronaryuq.figures.draw import FIGURES, _function, draw
+from support.estimates import estimator, row
 
 
 @pytest.fixture
@@ -28,26 +31,24 @@ def files(tmp_path):
         for b in ("LAD", "RCA")
     ]  # fmt: skip
     write_csv(tmp_path / "pairs.csv", pd.concat(pairs))
-    interval = {"low": 0.1, "high": 0.3, "level": 0.95}
-    estimator = {"mean": 0.2, "warnings": [], **dict.fromkeys(("chebyshev_95", "chebyshev_99", "calibrated"), interval)}
+    estimators = {"MC": estimator(), "best": estimator()}
     rows = [
-        {"row": f"{kind}_{b.lower()}", "label": f"{label}, {b}", "warnings": [],
-         "estimators": {"MC": estimator, "best": estimator}}
+        row(row=f"{kind}_{b.lower()}", label=f"{label}, {b}", estimators=estimators)
         for kind, label in (("osi_flow", "max OSI, mean flow"), ("tawss_flow", "min TAWSS, mean flow"),
                             ("ffr_ffr", "FFR, FFR"), ("ffr_flow", "FFR, mean flow"))
         for b in ("LAD", "RCA")
     ]  # fmt: skip
-    write_json(tmp_path / "estimates.json", {"rows": rows})
+    write_json(tmp_path / "estimates.json", {"rows": plain(rows), "settings": {}})
     study = [
         {"row": "osi_flow_lad", "label": "max OSI, mean flow, LAD", "n_3d": n, "mean_mc": [0.1, 0.2],
          "rho_original": [0.3, 0.4], "rho_best_held_out": [0.8]}
         for n in (20, 40)
     ]  # fmt: skip
     write_json(tmp_path / "convergence.json", {"convergence": study})
-    curve = {"rho": 0.5, "variance_now": 1e-4, "optimal_variance": [1e-3, 1e-4], "additional_cost": [0.0, 5.0]}
-    curves = {"row": "osi_flow_lad", "label": "max OSI, mean flow, LAD", "budget_3d_runs": [1, 10],
-              "variance_factor": [1, 0.1], "estimators": {"MC": curve, "MFMC-AE in-sample": curve}}  # fmt: skip
-    write_json(tmp_path / "budget.json", {"budget": [curves]})
+    curve = Curve(0.5, 1e-4, [1e-3, 1e-4], [0.0, 5.0])
+    curves = {"MC": curve, "MFMC-AE in-sample": curve}
+    budget = RowBudget("osi_flow_lad", "max OSI, mean flow, LAD", 1e-5, 64, 2064, [1, 10], [1, 0.1], curves)
+    write_json(tmp_path / "budget.json", plain(Budget([budget], [])))
     cells = [
         {"problem": "smooth", "method": method, "quantity": quantity, "n_3d": n, "trials": 400,
          "claimed_over_empirical": 1.02, "coverage_95": 0.94, "coverage_95_low": 0.91, "coverage_95_high": 0.96}

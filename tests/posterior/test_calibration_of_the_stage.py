@@ -28,8 +28,8 @@ def ranks_of_truth(replications, settings, folder, relative_sd=0.2, beds=4):
         truth = space.multipliers(space.draw(random, 1))
         data = np.abs(tree.flows(truth)[0] + noise @ random.standard_normal(beds))
         stage.run_chains(
-            tree, tree.weights, data, covariance, settings, replication, folder / "chains.npz",
-            names=names, key=str(replication),
+            tree, tree.weights, stage.TargetFlows(names, data, covariance), settings, replication,
+            folder / "chains.npz", key=str(replication),
         )  # fmt: skip
         with np.load(folder / "chains.npz") as chains:
             last, flows = chains["multipliers"][:, -1], chains["flows"][:, -1]

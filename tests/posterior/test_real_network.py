@@ -15,6 +15,7 @@ from coronaryuq.core.io.tables import read_csv
 from coronaryuq.perfusion import stage as perfusion
 from coronaryuq.perfusion.settings import Settings as PerfusionSettings
 from coronaryuq.posterior import stage as posterior
+from coronaryuq.posterior.results import read_summary
 from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, Settings
 from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.solver.engine import Engine
@@ -63,19 +64,20 @@ def test_17_target_fractions_of_a_22_outlet_network_are_met(shared, tmp_path):
         dream=DreamSettings(generations=4000), emulator=EmulatorSettings(generations=50), rhat_limit=1.1
     )
     posterior.sample(case, loop, targets, settings, 1, tmp_path / "chains.npz")
-    out = [tmp_path / name for name in ("posterior.nc", "draws.csv", "summary.json", "fractions.csv", "fitted.json")]
-    posterior.gather(case, loop, targets, tmp_path / "chains.npz", settings, 1, *out)
+    names = ("posterior.nc", "draws.csv", "summary.json", "fractions.csv", "fitted.json")
+    out = posterior.GatheredFiles(*(tmp_path / name for name in names))
+    posterior.gather(case, loop, targets, tmp_path / "chains.npz", settings, 1, out)
 
-    summary, table = read_json(out[2]), read_csv(out[3])
-    assert summary["converged"], summary["verdict"]
+    summary, table = read_summary(out.summary), read_csv(out.fractions)
+    assert summary.converged, summary.verdict
     assert dict(zip(table["outlet"], table["target_fraction"], strict=True)) == pytest.approx(wanted, rel=1e-4)
     assert len(table) == 17 and np.abs(table["fitted_error"]).max() < 1e-4
     vessels = {outlet["bc"]: outlet["vessel"] for outlet in read_json(case)["outlets"]}
     quantities = [f"mean_flow:{vessels[bc]}:{bc}" for bc in table["bc"]]
-    anew = Engine(read_network(out[4]), out[4]).run({}, quantities=quantities, periodic=True, tolerance=1e-5)
+    anew = Engine(read_network(out.fitted), out.fitted).run({}, quantities=quantities, periodic=True, tolerance=1e-5)
     flows = np.array([anew.values[name][0] for name in quantities])
     error = flows / flows.sum() / table["target_fraction"] - 1
     print(f"fitted network run anew: largest error of a fraction {np.abs(error).max():.1e}; posterior mean "
           f"{table['posterior_error'].min():.3f} to {table['posterior_error'].max():.3f}")  # fmt: skip
     assert np.abs(error).max() < 1e-3
-    assert summary["predictive"]["coverage_95"] == 1.0
+    assert summary.predictive.coverage_95 == 1.0

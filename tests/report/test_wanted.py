@@ -5,9 +5,10 @@ import json
 import pytest
 
 from coronaryuq.report.wanted import sentences
+from support.estimates import estimator, row
 
 ROWS = [
-    {"row": name, "label": f"FFR, FFR, {name}", "recommended": "MFMC", "estimators": {"MFMC": {"method": "MFMC"}}}
+    row(row=name, label=f"FFR, FFR, {name}", recommended="MFMC", estimators={"MFMC": estimator(method="MFMC")})
     for name in ("LAD", "LCx")
 ]
 MET = {"row": "LAD", "wanted": 0.01, "now": 0.0081, "more_3d": 0, "more_0d": 0, "cost": 0.0, "cost_of_half": 61.24}
@@ -17,7 +18,7 @@ SHORT = {"row": "LCx", "wanted": 0.002, "now": 0.004, "more_3d": 1077, "more_0d"
 @pytest.fixture
 def written(tmp_path):
     def write(plan, ended=None):
-        (tmp_path / "budget.json").write_text(json.dumps({"plan": plan}))
+        (tmp_path / "budget.json").write_text(json.dumps({"budget": [], "plan": plan}))
         (tmp_path / "round.json").write_text(json.dumps(ended))
         return str(tmp_path / "budget.json"), str(tmp_path / "round.json") if ended else None
 
@@ -37,7 +38,8 @@ def test_a_row_that_is_met_and_one_that_is_not(written):
     ("why", "says"), [("met", "reached"), ("bounds reached", "most_3d"), ("rounds spent", "rounds")]
 )
 def test_a_campaign_that_grew_says_why_it_stopped(written, why, says):
-    ended = {"round": 1, "counts": {"n_3d": 48, "n_0d": 400}, "why": why}
+    counts = {"n_3d": 48, "n_0d": 400}
+    ended = {"round": 1, "counts": counts, "plan": [], "next": counts, "done": True, "why": why}
     (last,) = sentences(ROWS, *written([], ended))
     assert "in round 2 with 48 3D and 400 propagation runs" in last["text"] and says in last["text"]
     assert last["met"] == (why == "met")

@@ -1,13 +1,13 @@
 """A 3D model, its coarse level and a 0D model with a known mean, as runs of a campaign."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from coronaryuq.core.seeds import generator
-from coronaryuq.estimation.runs.table import Row, Runs
+from coronaryuq.estimation.runs.table import CoarseRuns, Row, Runs
+from support.runs import runs_of
 
 ROW = Row("osi", "osi", "flow", "maximum OSI")
 LIMITS = np.tile([0.5, 2.0], (3, 1))
@@ -48,12 +48,12 @@ def campaign(n: int, beyond: int, more: int, *name, failed: float = 0.0) -> Runs
     pilot, further, propagation = (random.uniform(0.5, 2, (count, 3)) for count in (n, beyond, more))
     both = np.vstack([pilot, further])
     ran = np.where(both[:, 0] > 2 - 1.5 * failed, np.nan, coarse(both))
-    return Runs(
-        Path("."), ("a", "b", "c"), tuple(map(str, range(n))), pilot, pd.DataFrame({"osi": fine(pilot)}),
-        pd.DataFrame({"flow": flow(pilot)}), propagation, pd.DataFrame({"flow": flow(propagation)}), np.empty((0, 3)),
-        LIMITS, (), pd.DataFrame({"osi": ran}), further, pd.DataFrame({"flow": flow(further)}),
+    level = CoarseRuns(pd.DataFrame({"osi": ran}), further, pd.DataFrame({"flow": flow(further)}))
+    return runs_of(
+        pilot, {"osi": fine(pilot)}, {"flow": flow(pilot)}, propagation, q_more={"flow": flow(propagation)},
+        limits=LIMITS, coarse=level,
     )  # fmt: skip
 
 
 def without_coarse(runs: Runs) -> Runs:
-    return replace(runs, coarse=None, theta_coarse=None, q_coarse=None)
+    return replace(runs, coarse=None)

@@ -1,7 +1,7 @@
 """Gather the chains: posterior, draws, verdict, predictive checks."""
 
 from coronaryuq.posterior.settings import Settings
-from coronaryuq.posterior.stage import gather
+from coronaryuq.posterior.stage import GatheredFiles, gather
 from job import job
 
 with job(globals()) as this:
@@ -12,9 +12,5 @@ with job(globals()) as this:
         this.input["chains"],
         Settings(**this.params["settings"]),
         this.params["seed"],
-        this.output["posterior"],
-        this.output["draws"],
-        this.output["summary"],
-        this.output["fractions"],
-        this.output["fitted"],
+        GatheredFiles(**this.output),
     )

@@ -20,6 +20,7 @@ from coronaryuq.posterior.model.emulator import Emulator, design, design_size
 from coronaryuq.posterior.model.flow_model import Posterior
 from coronaryuq.posterior.model.likelihood import Likelihood
 from coronaryuq.posterior.model.total_resistance import Conditioned
+from coronaryuq.posterior.results import Chains
 from coronaryuq.posterior.sampler.diagnostics import effective_size, split_rhat
 from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, Settings
 from coronaryuq.synthetic.patient import write_files
@@ -49,24 +50,23 @@ def run(quick: bool) -> dict:
         wall, cpu = time.perf_counter(), time.process_time()
         posterior.sample(*files, settings, SEED, Path(folder) / "chains.npz")
         wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-        with np.load(Path(folder) / "chains.npz") as arrays:
-            chains = {name: arrays[name] for name in arrays.files}
-    draws = chains["multipliers"][:, int(chains["burn_in"]) :]
+        chains = Chains.read(Path(folder) / "chains.npz")
+    draws = chains.kept_multipliers
     ess = effective_size(draws, "bulk").min()
     library = _library(model, likelihood, chains, settings, quick)
     return {
         "chains": settings.dream.chains,
-        "generations": int(chains["generations"]),
-        "evaluations": settings.dream.chains * int(chains["generations"]),
-        "model_evaluations": int(chains["runs"]),
+        "generations": chains.generations,
+        "evaluations": settings.dream.chains * chains.generations,
+        "model_evaluations": chains.runs,
         "cpu_s": round(cpu, 2),
         "wall_s": round(wall, 2),
         "rhat_max": round(float(split_rhat(draws).max()), 4),
         "ess_bulk_min": round(float(ess), 1),
         "ess_per_cpu_s": round(float(ess) / cpu, 3),
         **library,
-        "acceptance": round(float(np.mean(chains["accepted"]) / chains["proposed"]), 4),
-        "emulator_error": float(np.max(chains["emulator_error"])),
+        "acceptance": round(float(np.mean(chains.accepted) / chains.proposed), 4),
+        "emulator_error": float(np.max(chains.emulator_error)),
         "peak_rss_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1),
     }
 
@@ -102,12 +102,12 @@ def target_of(files: tuple[Path, Path, Path], settings: Settings) -> tuple[BedFl
     return model, Likelihood(mean * factor, np.array(targets["covariance"]) * factor**2)
 
 
-def _library(model: BedFlows, likelihood: Likelihood, chains: dict, settings: Settings, quick: bool) -> dict:
+def _library(model: BedFlows, likelihood: Likelihood, chains: Chains, settings: Settings, quick: bool) -> dict:
     import emcee
 
     space = Conditioned(model.weights, settings.prior)
     exact = Posterior(model, space, likelihood)
-    start = space.coordinates(chains["multipliers"][:, -2:].reshape(-1, len(model.beds))[:WALKERS])
+    start = space.coordinates(chains.multipliers[:, -2:].reshape(-1, len(model.beds))[:WALKERS])
 
     def ensemble(log_density, steps):
         sampler = emcee.EnsembleSampler(WALKERS, space.dimension, log_density, vectorize=True)
@@ -122,7 +122,7 @@ def _library(model: BedFlows, likelihood: Likelihood, chains: dict, settings: Se
     if quick:
         random = np.random.default_rng(SEED)
         count = design_size(space.dimension)
-        y = design(space, likelihood, chains["fit_multipliers"], chains["fit_flows"], count, random)
+        y = design(space, likelihood, chains.fit_multipliers, chains.fit_flows, count, random)
         emulator = Emulator.fit(y, space.multipliers(y), model.flows(space.multipliers(y)))
         per_step, _ = ensemble(emulator.screen(space, likelihood), 10_000)
     return {

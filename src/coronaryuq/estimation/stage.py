@@ -6,14 +6,16 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.atomic import read_json, replacing, write_json
-from coronaryuq.core.io.tables import write_csv
+from coronaryuq.core.io.atomic import write_json
+from coronaryuq.core.io.tables import write_csv, write_npz
+from coronaryuq.core.io.typed import plain
 from coronaryuq.core.provenance import stamp
 from coronaryuq.estimation.campaign import analysis, convergence_and_budget, tables
+from coronaryuq.estimation.campaign.allocation import check_wanted
 from coronaryuq.estimation.estimators.level_allocation import Costs, worth
+from coronaryuq.estimation.results import Budget, CoarseLevel, Estimates, RowReport, read_estimates
 from coronaryuq.estimation.runs.gather import coarse_cost, measured_cost_ratio
-from coronaryuq.estimation.runs.table import read_rows, read_runs
+from coronaryuq.estimation.runs.table import Row, Runs, read_rows, read_runs
 from coronaryuq.estimation.settings import Settings
 from coronaryuq.estimation.surrogates.networks_file import read_networks, read_resampled
 
@@ -22,19 +24,35 @@ def train(
     runs_folder: str | Path, settings: Settings, seed: int, networks_npz: str | Path, resampled_csv: str | Path,
     rows_csv: str | Path | None = None,
 ) -> None:  # fmt: skip
-    """Train MFMC-AE for all rows, folds and restarts; write the networks and the 0D inputs that they want.
+    """Train MFMC-AE for all rows, folds and restarts; write the networks and the 0D inputs that they need.
 
-    `resampled_csv`: `sample` and one column per input of `params.csv`, (folds + 1) · curve_nodes lines per row; the 0D
-    stage runs them like any other table of θ. Without `settings.autoencoder` both files are written empty of rows.
+    Parameters
+    ----------
+    runs_folder
+        Runs in the published-runs format (docs/formats.md).
+    settings, seed
+        Settings of the stage; without `settings.autoencoder` both files are written without rows.
+    networks_npz
+        Networks to write.
+    resampled_csv
+        0D inputs to write: `sample` and one column per input of `params.csv`, (folds + 1) · curve_nodes lines per row.
+        The 0D stage runs them like any other table of θ.
+    rows_csv
+        Rows to estimate; `rows.csv` of the folder if None.
+
+    Raises
+    ------
+    InputError
+        If the folder is not as described, or has too few runs.
     """
     runs, rows = _read(runs_folder, rows_csv, settings)
-    analysis.enough(runs, settings)
+    analysis.check_number_of_runs(runs, settings)
     if not settings.autoencoder:
-        _write_npz(networks_npz, {"rows": np.array([], dtype=str)})
+        write_npz(networks_npz, {"rows": np.array([], dtype=str)})
         write_csv(resampled_csv, pd.DataFrame(columns=["sample", *runs.inputs]))
         return
     networks = analysis.train(runs, rows, settings, seed)
-    _write_npz(networks_npz, networks.arrays())
+    write_npz(networks_npz, networks.arrays())
     write_csv(resampled_csv, analysis.wanted_0d(networks, runs, settings.curve_nodes))
 
 
@@ -42,69 +60,83 @@ def estimate(
     runs_folder: str | Path, networks_npz: str | Path | None, zerod_tables: list[str | Path], settings: Settings,
     seed: int, estimates_json: str | Path, table_csv: str | Path, rows_csv: str | Path | None = None,
 ) -> None:  # fmt: skip
-    """Estimate every row; write all and the table. `zerod_tables`: 0D outputs at resampled inputs, any order."""
+    """Estimate every row; write `estimates.json` and the table.
+
+    Parameters
+    ----------
+    runs_folder, settings, seed, rows_csv
+        As in `train`.
+    networks_npz
+        Networks of `train`; None for none.
+    zerod_tables
+        0D outputs at the resampled inputs (Parquet or CSV), in any order.
+    estimates_json, table_csv
+        Files to write.
+
+    Raises
+    ------
+    InputError
+        If an input file is not as described.
+    """
     runs, rows = _read(runs_folder, rows_csv, settings)
     networks = read_networks(networks_npz) if networks_npz else None
     outputs = read_resampled(zerod_tables) if networks else None
     results = analysis.analyse(runs, rows, settings, seed, networks, outputs)
-    write_json(
-        estimates_json,
-        {
-            "rows": results,
-            "coarse": _coarse_level(Path(runs_folder) / "failures.json", results, settings),
-            "settings": settings.model_dump(mode="json"),
-            "provenance": stamp(seed=seed),
-        },
-    )
+    coarse = _coarse_level(Path(runs_folder) / "failures.json", results, settings)
+    estimates = Estimates(results, coarse, settings.model_dump(mode="json"), stamp(seed=seed))
+    write_json(estimates_json, plain(estimates))
     write_csv(table_csv, tables.table(results))
 
 
 def convergence(
     runs_folder: str | Path, settings: Settings, seed: int, out_json: str | Path, rows_csv: str | Path | None = None
 ) -> None:
-    """Write the convergence study, {"convergence": [...]}; entries as in `studies.convergence`."""
+    """Write the convergence study, {"convergence": [...]}; arguments as in `train`."""
     runs, rows = _read(runs_folder, rows_csv, settings)
     named = settings.convergence_rows
     chosen = [row for row in rows if (row.name in named if named else "osi" in row.column_3d.lower())]
-    write_json(out_json, {"convergence": convergence_and_budget.convergence(runs, chosen, settings, seed)})
+    entries = convergence_and_budget.convergence(runs, chosen, settings, seed)
+    write_json(out_json, {"convergence": plain(entries)})
 
 
 def budget(
     estimates_json: str | Path, settings: Settings, out_json: str | Path, failures_json: str | Path | None = None
-):
-    """Write the curves of both budget figures, {"budget": [...], "plan": [...]}.
+) -> None:
+    """Write the curves of both budget figures and the plan for wanted intervals (`budget.json`).
 
-    The cost of a 0D run in 3D runs comes from `failures_json` (its `cost`, CPU seconds) where given and known, else
-    from settings.
+    Parameters
+    ----------
+    estimates_json
+        Estimates of this stage.
+    settings
+        With the declared cost ratio and the wanted half-widths.
+    out_json
+        File to write.
+    failures_json
+        Its `cost` (CPU seconds) gives the cost of a 0D run in 3D runs, if known; otherwise the settings do.
+
+    Raises
+    ------
+    InputError
+        If `settings.wanted` names a row that does not exist.
     """
-    results = read_json(estimates_json)["rows"]
-    ratio = settings.cost_ratio
-    if failures_json:
-        ratio = measured_cost_ratio(failures_json) or ratio
-    for name in settings.wanted:
-        if name not in {result["row"] for result in results}:
-            raise InputError("estimation.wanted", name, settings.wanted[name], "no such row among the estimates")
-    plan = [asdict(want) for want in convergence_and_budget.plan(results, settings.wanted, ratio)]
-    write_json(out_json, {"budget": convergence_and_budget.budget(results, ratio), "plan": plan})
+    rows = read_estimates(estimates_json).rows
+    ratio = (measured_cost_ratio(failures_json) if failures_json else None) or settings.cost_ratio
+    check_wanted(settings, [row.row for row in rows])
+    plan = convergence_and_budget.plan(rows, settings.wanted, ratio)
+    write_json(out_json, plain(Budget(convergence_and_budget.budget(rows, ratio), plan)))
 
 
-def _coarse_level(failures_json: Path, results: list[dict], settings: Settings) -> dict | None:
-    """What the coarse level cost and what it gained, row by row; None where there is none or its cost is not known."""
-    level = coarse_cost(failures_json) if failures_json.exists() else None
-    if level is None:
+def _coarse_level(failures_json: Path, rows: list[RowReport], settings: Settings) -> CoarseLevel | None:
+    """What the coarse level cost and what it gained, row by row; None without one, or if its cost is not known."""
+    cost = coarse_cost(failures_json) if failures_json.exists() else None
+    if cost is None:
         return None
-    costs = Costs(
-        level["coarse_cpu_s"] / level["fine_cpu_s"], measured_cost_ratio(failures_json) or settings.cost_ratio
-    )
-    gained = {result["row"]: worth(result, level["runs"], costs) for result in results}
-    return level | {"rows": {name: value for name, value in gained.items() if value is not None}}
+    costs = Costs(cost.coarse_cpu_s / cost.fine_cpu_s, measured_cost_ratio(failures_json) or settings.cost_ratio)
+    gained = {row.row: value for row in rows if (value := worth(row, cost.runs, costs)) is not None}
+    return CoarseLevel(**asdict(cost), rows=gained)
 
 
-def _read(runs_folder, rows_csv, settings):
+def _read(runs_folder: str | Path, rows_csv: str | Path | None, settings: Settings) -> tuple[Runs, list[Row]]:
     rows_csv = rows_csv or Path(runs_folder) / "rows.csv"
     return read_runs(runs_folder), analysis.chosen_rows(read_rows(rows_csv), settings, rows_csv)
-
-
-def _write_npz(path: str | Path, arrays: dict) -> None:
-    with replacing(path) as beside, open(beside, "wb") as out:
-        np.savez(out, **arrays)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from coronaryuq.core.io.atomic import read_json
+from coronaryuq.estimation.results import read_budget, read_convergence
 from coronaryuq.figures.style import ESTIMATORS, MUTED, saved
 
 SHOWN = "max OSI"
@@ -19,31 +19,31 @@ SERIES = (
 
 def convergence(convergence: str, output: str) -> None:
     """Correlations and the Monte Carlo mean of maximum OSI over random subsamples; one dot a subsample (Fig. 6)."""
-    entries = [entry for entry in read_json(convergence)["convergence"] if entry["label"].startswith(SHOWN)]
-    rows = list(dict.fromkeys(entry["row"] for entry in entries))
+    entries = [entry for entry in read_convergence(convergence) if entry.label.startswith(SHOWN)]
+    rows = list(dict.fromkeys(entry.row for entry in entries))
     columns = max(len(rows), 1)
     with saved(output, nrows=2, ncols=columns, figsize=(3.4 * columns, 5), squeeze=False, sharex="col") as (
         figure,
         axes,
     ):
         for column, row in enumerate(rows):
-            of_row = [entry for entry in entries if entry["row"] == row]
-            sizes = [entry["n_3d"] for entry in of_row]
+            of_row = [entry for entry in entries if entry.row == row]
+            sizes = [entry.n_3d for entry in of_row]
             step = min(np.diff(sizes), default=max(sizes))
             for k, (key, label, ink) in enumerate(SERIES):
                 for entry in of_row:
-                    values = np.abs(entry.get(key, []))
-                    place = entry["n_3d"] + (k - 1.5) * 0.16 * step
+                    values = np.abs(getattr(entry, key) or [])
+                    place = entry.n_3d + (k - 1.5) * 0.16 * step
                     axes[0][column].plot(np.full(len(values), place), values, ".", ms=3, alpha=0.5, color=ink)
                     if len(values):
                         axes[0][column].plot(place, np.mean(values), "_", ms=9, mew=2, color=ink)
-                if any(entry.get(key) for entry in of_row):
+                if any(getattr(entry, key) for entry in of_row):
                     axes[0][column].plot([], [], "o", ms=4, color=ink, label=label)
             for entry in of_row:
-                means = entry["mean_mc"]
-                axes[1][column].plot(np.full(len(means), entry["n_3d"]), means, ".", ms=3, alpha=0.5, color="black")
+                means = entry.mean_mc
+                axes[1][column].plot(np.full(len(means), entry.n_3d), means, ".", ms=3, alpha=0.5, color="black")
             axes[0][column].set_ylim(0, 1.03)
-            axes[0][column].set_title(of_row[0]["label"].split(", ")[-1], fontsize=9)
+            axes[0][column].set_title(of_row[0].label.split(", ")[-1], fontsize=9)
             axes[1][column].set_xlabel("3D runs")
         axes[0][0].set_ylabel("|ρ|")
         axes[1][0].set_ylabel("Monte Carlo mean of max OSI")
@@ -53,22 +53,22 @@ def convergence(convergence: str, output: str) -> None:
 
 def budget(budget: str, output: str) -> None:
     """Optimal variance against the budget, and what a smaller variance than today's still costs (Fig. 7)."""
-    found = [entry for entry in read_json(budget)["budget"] if entry["label"].startswith(SHOWN)]
-    columns = max(len(found), 1)
+    rows = [row for row in read_budget(budget).budget if row.label.startswith(SHOWN)]
+    columns = max(len(rows), 1)
     with saved(output, nrows=2, ncols=columns, figsize=(3.4 * columns, 5.4), squeeze=False) as (figure, axes):
-        for column, entry in enumerate(found):
-            for name, curve in entry["estimators"].items():
+        for column, row in enumerate(rows):
+            for name, curve in row.estimators.items():
                 base = name.removesuffix(" in-sample")
                 look = {"color": ESTIMATORS[base], "ls": "-" if base == name else ":", "lw": 1.4, "label": name}
-                axes[0][column].loglog(entry["budget_3d_runs"], curve["optimal_variance"], **look)
-                cost = np.array(curve["additional_cost"], dtype=float)
+                axes[0][column].loglog(row.budget_3d_runs, curve.optimal_variance, **look)
+                cost = np.array(curve.additional_cost, dtype=float)
                 reached = np.isfinite(cost) & (cost > LEAST_COST)
-                axes[1][column].loglog(np.array(entry["variance_factor"])[reached], cost[reached], **look)
-            axes[0][column].set_title(entry["label"].split(", ")[-1], fontsize=9)
+                axes[1][column].loglog(np.array(row.variance_factor)[reached], cost[reached], **look)
+            axes[0][column].set_title(row.label.split(", ")[-1], fontsize=9)
             axes[0][column].set_xlabel("budget (3D runs)")
             axes[1][column].set_xlabel("wanted variance / today's")
             axes[1][column].invert_xaxis()
         axes[0][0].set_ylabel("optimal variance, mean of max OSI")
         axes[1][0].set_ylabel("additional cost (3D runs)")
-        if found:
+        if rows:
             figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside upper center", ncols=5, fontsize=8)

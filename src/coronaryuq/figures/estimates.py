@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import read_csv
+from coronaryuq.estimation.results import RowReport, read_estimates
 from coronaryuq.figures.style import ESTIMATORS, MUTED, SIMULATED, colour, saved
 
 UNITS = {"min TAWSS": " (dyn/cm²)"}
@@ -46,7 +46,7 @@ def intervals_ffr(estimates: str, output: str) -> None:
 
 
 def _intervals(estimates: str, output: str, kinds: tuple[str, ...]) -> None:
-    rows = [[row for row in read_json(estimates)["rows"] if row["label"].startswith(f"{kind}, ")] for kind in kinds]
+    rows = [[row for row in read_estimates(estimates).rows if row.label.startswith(f"{kind}, ")] for kind in kinds]
     columns = max(1, *(len(line) for line in rows))
     with saved(output, nrows=len(rows), ncols=columns, figsize=(3.3 * columns, 2.5 * len(rows)), squeeze=False) as (
         figure,
@@ -60,20 +60,18 @@ def _intervals(estimates: str, output: str, kinds: tuple[str, ...]) -> None:
         figure.supxlabel("solid: Chebyshev 95 %, dashed: Chebyshev 99 %, thick: calibrated 95 %", fontsize=8)
 
 
-def _one_row(axis, row: dict) -> None:
-    names = list(row["estimators"])
+def _one_row(axis, row: RowReport) -> None:
+    names = list(row.estimators)
     for place, name in enumerate(names):
-        value, ink = row["estimators"][name], ESTIMATORS[name]
+        value, ink = row.estimators[name], ESTIMATORS[name]
         y = len(names) - 1 - place
         for key, style, width in STYLES:
-            interval = value[key]
-            axis.plot([interval["low"], interval["high"]], [y, y], ls=style, lw=width, color=ink, alpha=0.85)
-        axis.plot(value["mean"], y, "o", color="white", mec=ink, ms=5, zorder=5)
-        if value["warnings"]:
-            axis.annotate(
-                "!", (value["mean"], y), xytext=(0, 5), textcoords="offset points", ha="center", color=WARNING
-            )
-    quantity, paired, branch = row["label"].split(", ", 2)
+            interval = getattr(value, key)
+            axis.plot([interval.low, interval.high], [y, y], ls=style, lw=width, color=ink, alpha=0.85)
+        axis.plot(value.mean, y, "o", color="white", mec=ink, ms=5, zorder=5)
+        if value.warnings:
+            axis.annotate("!", (value.mean, y), xytext=(0, 5), textcoords="offset points", ha="center", color=WARNING)
+    quantity, paired, branch = row.label.split(", ", 2)
     axis.set_yticks(range(len(names))[::-1], names)
     axis.set_ylim(-0.6, len(names) - 0.4)
     axis.set_title(f"{branch}: {quantity}{UNITS.get(quantity, '')} with 0D {paired}", fontsize=8, color=colour(branch))

@@ -7,6 +7,7 @@ import numpy as np
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.units import ML_PER_MIN
 from coronaryuq.figures.style import MEASURED, SIMULATED, saved
+from coronaryuq.posterior.results import read_summary
 
 
 def marginals(posterior: str, case: str, output: str) -> None:
@@ -82,7 +83,7 @@ def _names(case: str) -> dict[str, str]:
 
 def _targets(targets: str, summary: str) -> tuple[np.ndarray, np.ndarray]:
     """Mean and covariance of the targets as the likelihood uses them, scaled to the model's total."""
-    given, factor = read_json(targets), read_json(summary)["target_scale"]
+    given, factor = read_json(targets), read_summary(summary).target_scale
     return np.array(given["mean"]) * factor, np.array(given["covariance"]) * factor**2
 
 

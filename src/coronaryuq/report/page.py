@@ -10,6 +10,8 @@ import yaml
 from coronaryuq.core import provenance
 from coronaryuq.core.io.atomic import read_json, write_text
 from coronaryuq.core.io.tables import read_csv
+from coronaryuq.estimation.results import RowReport, read_estimates
+from coronaryuq.posterior.results import Summary, read_summary
 from coronaryuq.report import coarse_level, discrepancy, wanted
 from coronaryuq.report.costs import costs
 from coronaryuq.report.discrepancy import embedded
@@ -56,9 +58,9 @@ def write_report(
     logs: folder whose job logs end in a line of costs. searches: answers, figures and truths of searches for missing
     effects.
     """
-    case, summary, targets = (read_json(files[name]) for name in ("case", "summary", "targets"))
-    failures, estimates = read_json(files["failures"]), read_json(files["estimates"])
-    rows = estimates["rows"]
+    case, targets, summary = read_json(files["case"]), read_json(files["targets"]), read_summary(files["summary"])
+    failures, estimates = read_json(files["failures"]), read_estimates(files["estimates"])
+    rows = estimates.rows
     notes, mesh = Notes(), MeshError(files["mesh"], files.get("mesh_study"))
     context = {
         "case": case,
@@ -68,9 +70,9 @@ def write_report(
         "level": f"{100 * configuration['estimation']['level']:.0f} %",
         "counts": _counts(failures, rows),
         "vessels": [vessel(stenosis, rows, _outlet_names(case), mesh) for stenosis in case["stenoses"]],
-        "table": [lines_of(row, notes) | {"mesh": mesh.of(row["column_3d"])} for row in rows],
+        "table": [lines_of(row, notes) | {"mesh": mesh.of(row.column_3d)} for row in rows],
         "notes": notes.texts,
-        "coarse_level": coarse_level.sentence(estimates),
+        "coarse_level": coarse_level.sentence(estimates.rows, estimates.coarse),
         "wanted": wanted.sentences(rows, files["budget"], files.get("allocation")),
         "mesh": mesh.sentence,
         "matched": _matched(read_csv(files["fit"]), summary),
@@ -79,7 +81,7 @@ def write_report(
         "searches": discrepancy.searches(*searches),
         "failed": _failed(failures),
         "costs": costs(Path(logs)),
-        "provenance": _provenance(estimates, files),
+        "provenance": _provenance(estimates.provenance, files),
         "configuration": yaml.safe_dump(configuration, sort_keys=False),
     }
     write_text(out, discrepancy.environment().get_template("template.html").render(context))
@@ -91,11 +93,10 @@ def _outlet_names(case: dict) -> dict[str, str]:
     return names | {"R_cor_scaling": "total coronary resistance"}
 
 
-def _counts(failures: dict, rows: list[dict]) -> dict:
+def _counts(failures: dict, rows: list[RowReport]) -> dict:
     flow3d, zerod = failures["flow3d"], failures["zerod"]
-    resampled = sum(
-        value["n_0d"] - value["n_3d"] for row in rows for name, value in row["estimators"].items() if name == "MFMC-AE"
-    )
+    trained = [row.estimators["MFMC-AE"] for row in rows if "MFMC-AE" in row.estimators]
+    resampled = sum(estimate.n_0d - estimate.n_3d for estimate in trained)
     per_3d = failures["cost"]["flow3d_cpu_s"] / max(flow3d["runs"], 1)
     per_0d = failures["cost"]["zerod_cpu_s"] / max(zerod["runs"], 1)
     return {
@@ -107,21 +108,21 @@ def _counts(failures: dict, rows: list[dict]) -> dict:
     }
 
 
-def _matched(fit, summary: dict) -> dict:
+def _matched(fit, summary: Summary) -> dict:
     clinical = fit[fit["clinical"] & fit["tuned"]]
     off = (clinical["simulated"] / clinical["measured"] - 1).abs()
     worst = clinical.loc[off.idxmax(), "description"].lower()
-    check, met = summary["predictive"], summary["fit"]["largest_fraction_error"]
+    check, met = summary.predictive, summary.fit.largest_fraction_error
     return {
         "calibration": f"The tuned loop meets the {len(clinical)} measured targets within {100 * off.max():.1f} % "
         f"(furthest: {worst}).",
-        "posterior": f"Chains: {summary['verdict']}; largest R-hat {summary['rhat_max']:.3f}, smallest bulk effective "
-        f"sample size {summary['ess_bulk_min']:.0f}.",
-        "predictive": f"{100 * check['coverage_95']:.0f} % of the target flows lie in the central 95 % of what the "
-        f"posterior predicts; Mahalanobis distance of the mean flows {check['mahalanobis']:.2f}; "
-        f"probability of data further off {check['p_value']:.2f}. The fitted resistances meet the "
-        f"{len(check['flow_mean'])} target fractions within {100 * met:.2g} %, the posterior's mean within "
-        f"{100 * check['largest_fraction_error']:.2g} %, which its prior moves (posterior/fractions.csv).",
+        "posterior": f"Chains: {summary.verdict}; largest R-hat {summary.rhat_max:.3f}, smallest bulk effective "
+        f"sample size {summary.ess_bulk_min:.0f}.",
+        "predictive": f"{100 * check.coverage_95:.0f} % of the target flows lie in the central 95 % of what the "
+        f"posterior predicts; Mahalanobis distance of the mean flows {check.mahalanobis:.2f}; "
+        f"probability of data further off {check.p_value:.2f}. The fitted resistances meet the "
+        f"{len(check.flow_mean)} target fractions within {100 * met:.2g} %, the posterior's mean within "
+        f"{100 * check.largest_fraction_error:.2g} %, which its prior moves (posterior/fractions.csv).",
     }
 
 
@@ -158,7 +159,6 @@ def _failed(failures: dict) -> list[dict]:
     return [{"sample": f["sample"], "stage": stage, "reason": f["reason"]} for stage, failed in stages for f in failed]
 
 
-def _provenance(estimates: dict, files: Mapping[str, str]) -> list[tuple[str, str]]:
-    given = estimates["provenance"]
-    lines = [(key, json.dumps(value) if isinstance(value, dict) else str(value)) for key, value in given.items()]
+def _provenance(stamp: Mapping[str, object], files: Mapping[str, str]) -> list[tuple[str, str]]:
+    lines = [(key, json.dumps(value) if isinstance(value, dict) else str(value)) for key, value in stamp.items()]
     return lines + [(f"SHA-256 of {Path(path).name}", provenance.checksum(path)) for path in files.values()]

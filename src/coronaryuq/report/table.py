@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from coronaryuq.estimation.results import RowReport
 from coronaryuq.report.numbers import correlation, interval, number
 
 ESTIMATORS = ("MC", "MFMC", "MFMC-AE", "BLUE", "best", "multilevel")
@@ -20,26 +21,26 @@ class Notes:
         return " ".join(f"[{self.texts.index(text) + 1}]" for text in warnings)
 
 
-def lines_of(row: dict, notes: Notes) -> dict:
-    quantity, paired, branch = (row["label"].split(", ") + ["", ""])[:3]
+def lines_of(row: RowReport, notes: Notes) -> dict:
+    quantity, paired, branch = (row.label.split(", ") + ["", ""])[:3]
     lines = []
     for name in ESTIMATORS:
-        if name not in row["estimators"]:
+        if name not in row.estimators:
             continue
-        value = row["estimators"][name]
+        value = row.estimators[name]
         plain = name == "MC"
         lines.append(
             {
-                "estimator": value["method"] + (" ✓" if name == row["recommended"] else ""),
-                "mean": number(value["mean"], 4),
-                "std": number(value["std"]),
-                "chebyshev": " to ".join(interval(value["chebyshev_95"]["low"], value["chebyshev_95"]["high"])),
-                "calibrated": " to ".join(interval(value["calibrated"]["low"], value["calibrated"]["high"])),
-                "rho_in": "–" if plain else correlation(value.get("rho_in_sample")),
-                "rho_out": "–" if plain else correlation(value["rho_held_out"]),
-                "n_3d": value["n_3d"],
-                "n_0d": "–" if plain else value["n_0d"],
-                "notes": notes.numbers(value["warnings"] if plain else [*row["warnings"], *value["warnings"]]),
+                "estimator": value.method + (" ✓" if name == row.recommended else ""),
+                "mean": number(value.mean, 4),
+                "std": number(value.std),
+                "chebyshev": " to ".join(interval(value.chebyshev_95.low, value.chebyshev_95.high)),
+                "calibrated": " to ".join(interval(value.calibrated.low, value.calibrated.high)),
+                "rho_in": "–" if plain else correlation(value.rho_in_sample),
+                "rho_out": "–" if plain else correlation(value.rho_held_out),
+                "n_3d": value.n_3d,
+                "n_0d": "–" if plain else value.n_0d,
+                "notes": notes.numbers(value.warnings if plain else [*row.warnings, *value.warnings]),
             }
         )
     return {"quantity": quantity, "paired": paired, "branch": branch, "lines": lines}

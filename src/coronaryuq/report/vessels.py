@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from coronaryuq.estimation.results import EstimatorReport, Probability, RowReport, Value
 from coronaryuq.report.mesh_error import MeshError
 from coronaryuq.report.numbers import interval
 
@@ -14,78 +15,79 @@ LIKELY = 0.9
 """How probable one side of the threshold has to be, over the whole interval, before the page takes it."""
 
 
-def vessel(stenosis: dict, rows: list[dict], outlets: Mapping[str, str], mesh: MeshError) -> dict:
+def vessel(stenosis: dict, rows: list[RowReport], outlets: Mapping[str, str], mesh: MeshError) -> dict:
     branch = stenosis["name"].lower()
     of_quantity = {q: _recommended(rows, f"{q}_{branch}") for q in QUANTITIES}
     ffr_row, ffr = of_quantity["ffr"]
-    beyond = ffr_row["beyond_the_mean"]
-    probability = beyond.get("probability_at_or_below")
+    beyond = ffr_row.beyond_the_mean
+    probability = beyond.probability_at_or_below
     return {
         "name": stenosis["name"],
         "ffr": _quantity(ffr, FFR_DECIMALS) | {"mesh": mesh.of(f"ffr_{branch}")},
-        "draws": _draws(beyond.get("quantiles", {})),
-        "rare": _rare(beyond.get("quantiles", {})),
-        "drivers": _drivers(beyond.get("sobol_first_order", {}), outlets),
+        "draws": _draws(beyond.quantiles or {}),
+        "rare": _rare(beyond.quantiles or {}),
+        "drivers": _drivers(beyond.sobol_first_order or {}, outlets),
         "quantities": [_quantity(value) | {"mesh": mesh.of(f"{q}_{branch}")} for q, (_, value) in of_quantity.items()],
         "significant": _probability(probability),
-        "spread": f"{np.sqrt(ffr_row['variance_3d']):.{FFR_DECIMALS}f}",
+        "spread": f"{np.sqrt(ffr_row.variance_3d):.{FFR_DECIMALS}f}",
         **_verdict(probability),
     }
 
 
-def _recommended(rows: list[dict], column: str) -> tuple[dict, dict]:
+def _recommended(rows: list[RowReport], column: str) -> tuple[RowReport, EstimatorReport]:
     """Among the rows of one 3D column, the one whose recommended estimator claims the least error."""
-    candidates = [(row, row["estimators"][row["recommended"]]) for row in rows if row["column_3d"] == column]
-    return min(candidates, key=lambda pair: pair[1]["std"])
+    row = min((row for row in rows if row.column_3d == column), key=lambda row: row.best.std)
+    return row, row.best
 
 
-def _draws(quantiles: Mapping[str, dict]) -> str:
+def _draws(quantiles: Mapping[str, Value]) -> str:
     """The outermost quantiles of FFR over the posterior, in words."""
     if len(quantiles) < 2:
         return ""
     ends = sorted(quantiles, key=float)
-    low, high = (quantiles[end]["value"] for end in (ends[0], ends[-1]))
+    low, high = (quantiles[end].value for end in (ends[0], ends[-1]))
     share = 100 * (float(ends[-1]) - float(ends[0]))
     return f"{share:.0f} % of draws: {low:.2f} to {high:.2f}"
 
 
-def _rare(quantiles: Mapping[str, dict]) -> str:
+def _rare(quantiles: Mapping[str, Value]) -> str:
     """What the outermost quantiles of FFR over the posterior warn of."""
-    warned = [end for end in sorted(quantiles, key=float) if "warning" in quantiles[end]]
+    warned = [end for end in sorted(quantiles, key=float) if quantiles[end].warning]
     if not warned:
         return ""
     shares = " and ".join(f"{100 * float(end):.0f} %" for end in warned)
-    return f"{shares} quantile: {quantiles[warned[0]]['warning']}."
+    return f"{shares} quantile: {quantiles[warned[0]].warning}."
 
 
-def _drivers(sobol: Mapping[str, dict], outlets: Mapping[str, str], shown: int = 3) -> str:
+def _drivers(sobol: Mapping[str, Value], outlets: Mapping[str, str], shown: int = 3) -> str:
     """The inputs with the largest first-order Sobol indices of FFR that are clear of zero."""
-    clear = [(name, index) for name, index in sobol.items() if index["low"] > 0]
-    largest = sorted(clear, key=lambda pair: -pair[1]["value"])[:shown]
-    return ", ".join(f"{outlets.get(name, name)} {100 * index['value']:.0f} %" for name, index in largest)
+    clear = [(name, index) for name, index in sobol.items() if index.low > 0]
+    largest = sorted(clear, key=lambda pair: -pair[1].value)[:shown]
+    return ", ".join(f"{outlets.get(name, name)} {100 * index.value:.0f} %" for name, index in largest)
 
 
-def _quantity(value: dict, most_decimals: int = 6) -> dict:
-    low, high = interval(value["calibrated"]["low"], value["calibrated"]["high"])
+def _quantity(estimate: EstimatorReport, most_decimals: int = 6) -> dict:
+    calibrated = estimate.calibrated
+    low, high = interval(calibrated.low, calibrated.high)
     decimals = min(len(low.partition(".")[2]), most_decimals)
-    low, high = (f"{value['calibrated'][end]:.{decimals}f}" for end in ("low", "high"))
-    level = f"{100 * value['calibrated']['level']:.0f} % interval"
-    return {"value": f"{value['mean']:.{decimals}f}", "low": low, "high": high, "level": level}
+    low, high = (f"{end:.{decimals}f}" for end in (calibrated.low, calibrated.high))
+    level = f"{100 * calibrated.level:.0f} % interval"
+    return {"value": f"{estimate.mean:.{decimals}f}", "low": low, "high": high, "level": level}
 
 
-def _probability(found: dict | None) -> dict:
+def _probability(found: Probability | None) -> dict:
     if found is None:
         return {"value": "–", "low": "–", "high": "–"}
-    share = {name: 100 * min(max(found[name], 0.0), 1.0) for name in ("value", "low", "high")}
+    share = {name: 100 * min(max(getattr(found, name), 0.0), 1.0) for name in ("value", "low", "high")}
     decimals = 1 if share["high"] - share["low"] < 2 else 0
     return {name: f"{value:.{decimals}f} %" for name, value in share.items()}
 
 
-def _verdict(found: dict | None) -> dict:
+def _verdict(found: Probability | None) -> dict:
     if found is None:
         return {"class": "muted", "verdict": ""}
-    if found["low"] > LIKELY:
+    if found.low > LIKELY:
         return {"class": "bad", "verdict": "It very likely limits flow."}
-    if found["high"] < 1 - LIKELY:
+    if found.high < 1 - LIKELY:
         return {"class": "good", "verdict": "It very likely limits no flow."}
     return {"class": "warn", "verdict": "The data leave open whether it limits flow."}

@@ -17,16 +17,16 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.estimation.campaign.diagnostics import unverified
-from coronaryuq.estimation.estimators.crossfit import Estimate, Propagated, combine
+from coronaryuq.estimation.estimators.crossfit import CrossFit, Estimate, Options, Propagated, combine
 from coronaryuq.estimation.estimators.fold_covariance import CENTRE, Influence, changes
 from coronaryuq.estimation.estimators.folds import assign, count
 from coronaryuq.estimation.runs.table import read_rows, read_runs
 from coronaryuq.estimation.surrogates import selector
-from coronaryuq.estimation.surrogates.control_variates import METHODS
+from coronaryuq.estimation.surrogates.control_variates import METHODS, Method
 
 FOLDS = 5
 SIZES = (25, 50, 100, 250)
-CONTROL_VARIATES = {
+CONTROL_VARIATES: dict[str, Method] = {
     "MC": METHODS["constant"],
     "MFMC": METHODS["linear 0D"],
     "best": selector.choose,
@@ -43,14 +43,14 @@ def run(
     quick: bool = False, data: str | None = None, rows: str | None = None, trials: int = 400,
     sizes: tuple[int, ...] = (), methods: tuple[str, ...] = (), problems: tuple[str, ...] = (),
 ) -> dict:  # fmt: skip
-    """Cells as in the list of benchmarks; problems as in `bench.problems`, the published runs where `data` is given.
+    """Run the benchmark on the analytic pairs, and on published runs if `data` names their folder.
 
     `coverage_95_error` is the binomial standard error of the coverage, `coverage_95_low` and `_high` its Wilson 95 %
     interval. `methods` may name MFMC-AE, which takes some 5 CPU-s per trial and is left out by default. `quick`: linear
     methods, 25 and 50 runs, 400 trials.
     """
     if rows and not data:
-        raise InputError("bench coverage", "--rows", rows, "is of published runs: --data wanted")
+        raise InputError("bench coverage", "--rows", rows, "needs --data, the folder of published runs")
     sizes = sizes or ((25, 50) if quick else SIZES)
     methods = methods or (("MC", "MFMC") if quick else tuple(CONTROL_VARIATES))
     start, cells = time.process_time(), []
@@ -62,31 +62,33 @@ def run(
     for problem in sources:
         for n in sizes if not problems or problem.name in problems else ():
             for method in methods:
-                cells.append(cell(problem, n, method, trials))
+                cells.append(run_cell(problem, n, method, trials))
                 print(f"{problem.name}, N_3D = {n}, {method}: {cells[-1]}", file=sys.stderr, flush=True)
     beyond = [
-        one for name in PAIRS if not quick and (not problems or name in problems)
-        for n in sizes for one in cells_beyond(name, n, trials)
+        beside for name in PAIRS if not quick and (not problems or name in problems)
+        for n in sizes for beside in run_tail_cells(name, n, trials)
     ]  # fmt: skip
     return {"cells": cells, "beyond_the_mean": beyond, "trials": trials, "cpu_s": time.process_time() - start}
 
 
-def cell(problem: Problem, n: int, method: str, trials: int, first: int = 0) -> dict:
-    """One problem, pilot size and method. first: number of the first trial; a rule that was chosen by looking at some
-    trials is judged by others."""
+def run_cell(problem: Problem, n: int, method: str, trials: int, first: int = 0) -> dict:
+    """Run one cell: a problem, pilot size and method.
+
+    first: number of the first trial; a rule that was chosen by looking at some trials is judged by others.
+    """
     numbers = range(first, first + trials)
     if method == "MFMC-AE":
-        found = coverage_autoencoder.estimates(problem, n, numbers, FOLDS)
+        estimates = coverage_autoencoder.estimates(problem, n, numbers, FOLDS)
     else:
-        found = _estimates(problem, n, numbers, CONTROL_VARIATES[method])
-    values = [(e.mean - truth, e.std, e.interval.holds(truth)) for truth, e in found]
+        estimates = _estimates(problem, n, numbers, CONTROL_VARIATES[method])
+    values = [(e.mean - truth, e.std, e.interval.holds(truth)) for truth, e in estimates]
     errors, stds, holds = (np.array(v) for v in zip(*values, strict=True))
     return {"problem": problem.name, "method": method, "n_3d": n} | judged(errors, stds, holds) | {
         "warned": unverified(method, n) is not None
     }  # fmt: skip
 
 
-def cells_beyond(name: str, n: int, trials: int, first: int = 0) -> list[dict]:
+def run_tail_cells(name: str, n: int, trials: int, first: int = 0) -> list[dict]:
     """One cell per quantity beyond the mean of an analytic pair; `quantity` names it. first: as of `cell`."""
     found = coverage_tails.errors(name, n, trials, FOLDS, first)
     return [
@@ -111,13 +113,13 @@ def judged(errors: np.ndarray, stds: np.ndarray, holds: np.ndarray) -> dict:
     }
 
 
-def _estimates(problem: Problem, n: int, numbers: range, fit) -> Iterator[tuple[float, Estimate]]:
+def _estimates(problem: Problem, n: int, numbers: range, fit: Method) -> Iterator[tuple[float, Estimate]]:
     for number in numbers:
         trial, fold = problem.draw(n, number), assign(n, count(n, FOLDS), SEED, "coverage", number)
         yield trial.truth(fold), cross_fitted(trial, fold, fit)
 
 
-def cross_fitted(trial: Trial, fold: np.ndarray, fit) -> Estimate:
+def cross_fitted(trial: Trial, fold: np.ndarray, fit: Method) -> Estimate:
     """Cross-fitted estimate of one trial."""
     seen, y, n = trial.seen, trial.y, len(trial.y)
     held, moved, variance, blocks, centres, variances = np.empty(n), np.zeros((n, n)), np.empty(n), [], [], []
@@ -126,19 +128,18 @@ def cross_fitted(trial: Trial, fold: np.ndarray, fit) -> Estimate:
         fitted = fit(seen[train], y[train])
         held[test], variance[test] = fitted.predict(seen[test]), fitted.variance(seen[test])
         moved[test] = changes(fitted, seen[test], train, n)
-        mine = trial.more[block]
-        blocks.append(Propagated(fitted.predict(mine)))
-        some = mine[:CENTRE]
+        more = trial.more[block]
+        blocks.append(Propagated(fitted.predict(more)))
+        some = more[:CENTRE]
         centres.append(changes(fitted, some, train, n))
         variances.append(fitted.variance(some))
     weights = [np.ones(len(c)) for c in centres]
     between = Influence(fold, moved, centres, weights, variance, variances).between()
-    return combine("", y, held, blocks, fold, n, between=between, target=trial.target)
+    return combine("", CrossFit(y, held, blocks, fold), n, Options(between=between, target=trial.target))
 
 
 def tabulate(found: list[str | Path], table_csv: str | Path) -> None:
-    """Cells of several runs of this benchmark (JSON files) as one table; `quantity` is `mean` where nothing else is
-    said."""
-    every = [read_json(path) for path in found]
-    cells = [cell for one in every for cell in one["cells"] + one["beyond_the_mean"]]
+    """Write the cells of several runs of this benchmark (JSON files) as one table; `quantity` is `mean` by default."""
+    runs = [read_json(path) for path in found]
+    cells = [cell for run in runs for cell in run["cells"] + run["beyond_the_mean"]]
     write_csv(table_csv, pd.DataFrame([{"quantity": "mean"} | cell for cell in cells]))

@@ -1,4 +1,4 @@
-"""Coverage of what stands beside a mean: probability, quantiles, variance and Sobol indices of the analytic pairs."""
+"""Coverage of probability, quantiles, variance and Sobol indices of the analytic pairs."""
 
 import numpy as np
 
@@ -7,12 +7,12 @@ from coronaryuq.bench.estimation.problems import ROW, SEED, as_design, from_pair
 from coronaryuq.core.seeds import generator
 from coronaryuq.estimation.estimators import tails_and_sobol
 from coronaryuq.estimation.estimators.folds import assign, count
-from coronaryuq.estimation.estimators.montecarlo import Interval
 from coronaryuq.estimation.estimators.per_row import predict
+from coronaryuq.estimation.results import Value
 
 SHARES, THRESHOLD_SHARE = (0.05, 0.5, 0.95), 0.2
 REFERENCE, BINS = 2_000_000, 500
-# What the reference leaves of an index that is zero.
+# An index below this is zero: the error of the reference.
 NOISE = 1e-4
 
 
@@ -43,22 +43,20 @@ def errors(
     truth = truths(pair)
     threshold = float(np.quantile(pair.high(pair.draw(generator(SEED, "threshold", name), REFERENCE)), THRESHOLD_SHARE))
     every = [_trial(pair, n, number, folds, threshold) for number in range(first, first + trials)]
-    made = {}
+    found = {}
     for quantity, t in truth.items():
-        values = [one[quantity] for one in every]
-        made[quantity] = tuple(
-            np.array(v) for v in zip(*((value - t, std, held.holds(t)) for value, std, held in values), strict=True)
-        )
-    return made
+        values = [trial[quantity] for trial in every]
+        wrong, claims = np.array([value.value - t for value in values]), np.array([value.std for value in values])
+        found[quantity] = wrong, claims, np.array([value.holds(t) for value in values])
+    return found
 
 
-def _trial(pair: Pair, n: int, number: int, folds: int, threshold: float) -> dict[str, tuple[float, float, Interval]]:
+def _trial(pair: Pair, n: int, number: int, folds: int, threshold: float) -> dict[str, Value]:
     drawn = from_pair(pair).draw(n, number)
     design = as_design(drawn, assign(n, count(n, folds), SEED, "coverage", number))
-    y, made = drawn.y, predict(design, ROW)
-    values = {"variance": tails_and_sobol.variance(design, y, made)}
-    values |= {f"quantile {share}": tails_and_sobol.quantile(design, y, made, share) for share in SHARES}
-    values["probability"] = tails_and_sobol.probability(design, y, made, threshold)
-    for name, index in tails_and_sobol.sobol(design, y, made).items():
-        values[f"sobol {name}"] = index["value"], index["std"], Interval(index["low"], index["high"], index["level"])
-    return values
+    y, predictions = drawn.y, predict(design, ROW)
+    values = {"variance": tails_and_sobol.variance(design, y, predictions)}
+    values |= {f"quantile {share}": tails_and_sobol.quantile(design, y, predictions, share) for share in SHARES}
+    values["probability"] = tails_and_sobol.probability(design, y, predictions, threshold)
+    indices = tails_and_sobol.sobol(design, y, predictions)
+    return values | {f"sobol {name}": index for name, index in indices.items()}

@@ -21,7 +21,7 @@ def _box(d: int):
     return lambda rng, n: rng.uniform(0.5, 2.0, (n, d))
 
 
-def _moment(p: float, low: float = 0.5, high: float = 2.0) -> float:
+def moment(p: float, low: float = 0.5, high: float = 2.0) -> float:
     """E[x^p] of a uniform x, p not −1."""
     return (high ** (p + 1) - low ** (p + 1)) / ((p + 1) * (high - low))
 
@@ -30,7 +30,7 @@ def _smooth() -> Pair:
     """Correlated smooth models: a power law and its linear shadow."""
     return Pair(
         "smooth", _box(3), lambda t: t[:, 0] ** 2 * np.sqrt(t[:, 1]) + 0.3 * t[:, 2],
-        lambda t: np.column_stack([t[:, 0] + 0.2 * t[:, 1], t[:, 2]]), _moment(2) * _moment(0.5) + 0.3 * _moment(1),
+        lambda t: np.column_stack([t[:, 0] + 0.2 * t[:, 1], t[:, 2]]), moment(2) * moment(0.5) + 0.3 * moment(1),
     )  # fmt: skip
 
 
@@ -38,21 +38,21 @@ def _dissimilar() -> Pair:
     """The 0D model has other inputs than the 3D model: they share one of five."""
     return Pair(
         "dissimilar inputs", _box(5), lambda t: t[:, 0] * t[:, 1] + t[:, 2] ** 3,
-        lambda t: np.column_stack([t[:, 2] * t[:, 3], t[:, 3] + t[:, 4]]), _moment(1) ** 2 + _moment(3),
+        lambda t: np.column_stack([t[:, 2] * t[:, 3], t[:, 3] + t[:, 4]]), moment(1) ** 2 + moment(3),
     )  # fmt: skip
 
 
 def _useless() -> Pair:
     """The 0D output says nothing, and much of the 3D variance is a roughness that no regression finds."""
     high = lambda t: t[:, 0] + 0.6 * np.sign(np.sin(2 * np.pi * 400 * t[:, 1]))  # noqa: E731
-    return Pair("useless 0D", _box(3), high, lambda t: np.column_stack([np.cos(300 * t[:, 2])]), _moment(1))
+    return Pair("useless 0D", _box(3), high, lambda t: np.column_stack([np.cos(300 * t[:, 2])]), moment(1))
 
 
 def _non_monotone() -> Pair:
     """The 3D quantity is a parabola of the 0D output, which has next to no linear correlation with it."""
     return Pair(
         "non-monotone", _box(2), lambda t: (t[:, 0] + t[:, 1] - 2.5) ** 2,
-        lambda t: np.column_stack([t[:, 0] + t[:, 1]]), 2 * (_moment(2) - _moment(1) ** 2),
+        lambda t: np.column_stack([t[:, 0] + t[:, 1]]), 2 * (moment(2) - moment(1) ** 2),
     )  # fmt: skip
 
 
@@ -69,7 +69,7 @@ def _manifold() -> Pair:
         return (concentration / total) / t[:, :-1]
 
     first = concentration[0] * (concentration[0] + 1) / (total * (total + 1))
-    mean = first / (0.7 * 1.25) + concentration[3:6].sum() / total * _moment(-0.5, 0.7, 1.25)
+    mean = first / (0.7 * 1.25) + concentration[3:6].sum() / total * moment(-0.5, 0.7, 1.25)
     return Pair(
         "constrained manifold", draw,
         lambda t: share(t)[:, 0] ** 2 / t[:, -1] ** 2 + share(t)[:, 3:6].sum(axis=1) / np.sqrt(t[:, -1]),
@@ -81,7 +81,7 @@ def _skewed() -> Pair:
     """A quantity with a long tail, as a ratio near collapse has."""
     return Pair(
         "long tail", _box(2), lambda t: np.exp(1.5 * t[:, 0]) + t[:, 1],
-        lambda t: np.column_stack([t[:, 0], t[:, 1]]), (np.exp(3.0) - np.exp(0.75)) / 1.5**2 + _moment(1),
+        lambda t: np.column_stack([t[:, 0], t[:, 1]]), (np.exp(3.0) - np.exp(0.75)) / 1.5**2 + moment(1),
     )  # fmt: skip
 
 

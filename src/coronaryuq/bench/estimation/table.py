@@ -24,12 +24,11 @@ def run(quick: bool = False, data: str | None = None, rows: str | None = None) -
     `quick` trains the autoencoders for a tenth of the steps. `rows` defaults to `table1.csv` in `data`.
     """
     if data is None:
-        raise InputError("bench table", "--data", None, "folder of published runs wanted")
-    data = Path(data).absolute()  # so that a message about one of its files says where that is, for "." too
-    rows = rows or str(data / "table1.csv")
+        raise InputError("bench table", "--data", None, "name the folder of published runs")
+    folder = Path(data).absolute()  # so that a message about one of its files says where it is, for "." too
     settings = Settings(steps=(300, 200)) if quick else Settings()
     start, wall = _cpu(), time.perf_counter()
-    lines, parts = paper_table(data, rows, settings, SEED)
+    lines, parts = paper_table(folder, rows or folder / "table1.csv", settings, SEED)
     return {"rows": lines, "cpu_s": _cpu() - start, "cpu_s_parts": parts, "wall_s": time.perf_counter() - wall}
 
 

@@ -6,7 +6,7 @@ import re
 import zipfile
 import zlib
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import replacing
@@ -126,6 +126,14 @@ def read_npz(path: str | Path, names: tuple[str, ...] = ()) -> "dict[str, np.nda
         if name not in arrays:
             raise InputError(path, name, None, f"array missing; the file has {', '.join(arrays)}; run again")
     return arrays
+
+
+def write_npz(path: str | Path, arrays: dict[str, Any]) -> None:
+    """Write named arrays as `.npz`."""
+    import numpy as np
+
+    with replacing(path) as beside, open(beside, "wb") as out:
+        np.savez(out, **arrays)
 
 
 def _with_columns(path: str | Path, frame: "pd.DataFrame", columns: tuple[str, ...]) -> "pd.DataFrame":

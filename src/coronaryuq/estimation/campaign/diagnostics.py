@@ -1,4 +1,4 @@
-"""Quietly wrong answers: each is looked for, said in words, and corrected or dropped by a stated rule."""
+"""Silently wrong answers: each is looked for, reported in words, and corrected or dropped by a stated rule."""
 
 from dataclasses import dataclass
 
@@ -27,7 +27,7 @@ class Finding:
 
 
 def different_inputs(runs: Runs) -> Finding | None:
-    """Pilot against propagation inputs: Kolmogorov-Smirnov and Welch's t-test of log θ, input by input."""
+    """Compare pilot and propagation inputs: Kolmogorov-Smirnov and Welch's t-test of log θ, input by input."""
     if len(runs.theta_more) < 8:
         return None
     a, b = np.log(runs.theta), np.log(runs.theta_more)
@@ -41,19 +41,19 @@ def different_inputs(runs: Runs) -> Finding | None:
     low = {name: value for name, value in p.items() if value * 2 * len(p) < SIGNIFICANCE}
     if not low:
         return None
-    worst = min(low, key=low.get)
+    worst = min(low, key=lambda name: low[name])
     return Finding(
         "inputs differ",
-        f"pilot and propagation inputs differ in law: {len(low)} of {len(p)}, most {worst} (p = {low[worst]:.1e})",
+        f"pilot and propagation inputs differ in law: {len(low)} of {len(p)}, above all {worst} (p = {low[worst]:.1e})",
         "the propagation sample is the target; pilot runs are reweighted to its means in every estimate",
     )
 
 
 def balancing_weights(runs: Runs) -> np.ndarray:
-    """Weights (n,) of pilot runs, mean one, that give log θ the means of the propagation sample (entropy balancing).
+    """Return weights (n,) of pilot runs, mean one, that give log θ the means of the propagation sample.
 
-    Exponential tilting, Hainmueller 2012. All one where the dual does not converge or leaves fewer than half of the
-    runs in effect: then the two samples are too unlike to mend.
+    Entropy balancing by exponential tilting, Hainmueller 2012. All weights are one if the dual does not converge or
+    leaves an effective number of runs below half: then the two samples are too different to be balanced.
     """
     a, b = np.log(runs.theta), np.log(runs.theta_more)
     n = len(a)
@@ -78,7 +78,7 @@ def balancing_weights(runs: Runs) -> np.ndarray:
 
 
 def outside_support(theta: np.ndarray, support: np.ndarray, inputs: tuple[str, ...]) -> Finding | None:
-    """Resampled 0D inputs (m, d) that leave the box of the training inputs (n, d)."""
+    """Warn of resampled 0D inputs (m, d) that leave the box of the training inputs (n, d)."""
     low, high = support.min(axis=0), support.max(axis=0)
     margin = 1e-9 * (high - low)
     beyond = (theta < low - margin) | (theta > high + margin)
@@ -88,26 +88,26 @@ def outside_support(theta: np.ndarray, support: np.ndarray, inputs: tuple[str, .
     worst = inputs[int(beyond.mean(axis=0).argmax())]
     return Finding(
         "resampled outside training",
-        f"{share:.0%} of the resampled 0D inputs lie outside the training inputs, most in {worst}",
-        "kept: the estimate stays unbiased, but where an emulator stood in its ρ means little",
+        f"{share:.0%} of the resampled 0D inputs lie outside the training inputs, most of them in {worst}",
+        "kept: the estimate stays unbiased, but its ρ means little where an emulator replaces the 0D model",
     )
 
 
 def useless(rho_held_out: float, n: int, method: str) -> Finding | None:
-    """A control variate whose held-out correlation is not told from zero at 1 %, or has the wrong sign."""
+    """Warn of a control variate whose held-out correlation is not above zero at 1 %."""
     if n < 4:
         return None
     if rho_held_out > np.tanh(stats.norm.ppf(0.99) / np.sqrt(n - 3)):
         return None
     return Finding(
         "no help",
-        f"{method} does not help: held-out correlation {rho_held_out:.2f} of {n} runs",
-        "its estimate is shown, and plain Monte Carlo is to be used in its place",
+        f"{method} does not help: held-out correlation {rho_held_out:.2f} over {n} runs",
+        "its estimate is shown; use plain Monte Carlo instead",
     )
 
 
 def dominated(residuals: np.ndarray, samples: tuple[str, ...]) -> Finding | None:
-    """One run that carries more than DOMINANT_SHARE of the squares of what a control variate leaves (n,)."""
+    """Warn of one run that has more than DOMINANT_SHARE of the squared residuals (n,) of a control variate."""
     squares = (residuals - np.median(residuals)) ** 2
     total = squares.sum()
     if total == 0 or squares.max() <= DOMINANT_SHARE * total:
@@ -115,26 +115,26 @@ def dominated(residuals: np.ndarray, samples: tuple[str, ...]) -> Finding | None
     worst = int(squares.argmax())
     return Finding(
         "one run dominates",
-        f"{samples[worst]} alone carries {squares[worst] / total:.0%} of what the best control variate leaves",
-        "kept; see whether that 3D run converged, the interval rests on it",
+        f"{samples[worst]} alone has {squares[worst] / total:.0%} of the squared residuals of the best control variate",
+        "kept; check whether that 3D run converged, because the interval depends on it",
     )
 
 
 def coarse_failures(runs: Runs) -> Finding | None:
-    """More failed runs on the coarse 3D level than its estimate has been tried with."""
-    share = 0.0 if runs.coarse is None else float(runs.coarse.isna().any(axis=1).mean())
+    """Warn of more failed runs on the coarse 3D level than its estimate has been tested with."""
+    share = 0.0 if runs.coarse is None else float(runs.coarse.outputs.isna().any(axis=1).mean())
     if share <= COARSE_FAILED:
         return None
     return Finding(
         "coarse runs failed",
         f"{share:.0%} of the coarse 3D runs failed",
-        "their emulation stands in, which biases nothing, but the claim may be short: shown, not recommended",
+        "an emulator replaces them, without bias, but the interval may be too narrow: shown, not recommended",
     )
 
 
 # Fewest 3D runs from which the coverage benchmark holds for a method: spread within 15 %, coverage 93 to 97 % (cells in
-# docs/estimation.md); None: from none measured. MFMC-AE and multilevel: too few trials. "best" holds at 50 runs and
-# misses at 100: published row 9 holds in 91 %, row 5 claims 1.19 of its spread.
+# docs/estimation.md); None: at no measured number. MFMC-AE and multilevel: too few trials. "best" holds at 50 runs and
+# misses at 100: published row 9 has a coverage of 91 %, row 5 claims 1.19 of its spread.
 VERIFIED_FROM = {"MC": 25, "MFMC": 25, "MFMC-AE": None, "BLUE": 25, "best": None, "multilevel": None}
 # Where its residuals are no more than this share of the variance, an interval of 95 % holds in 93 % even if they miss
 # as much more than claimed as the lower end of the worst cell's Wilson interval says. There the second number counts.
@@ -142,15 +142,15 @@ SMALL_SHARE, VERIFIED_WHERE_SMALL = 0.25, {"best": 50}
 
 
 def unverified(method: str, n_3d: int, residual_share: float = 1.0) -> Finding | None:
-    """A method on fewer 3D runs than the coverage benchmark has verified it for, or that it never saw.
+    """Warn of a method on fewer 3D runs than the coverage benchmark has verified it for, or that it never tested.
 
-    residual_share: of the claimed variance, what comes from the 3D runs' residuals and not from propagation samples.
+    residual_share: share of the claimed variance that comes from the 3D runs' residuals, not from propagation samples.
     """
     small = residual_share <= SMALL_SHARE and method in VERIFIED_WHERE_SMALL
     least = VERIFIED_WHERE_SMALL[method] if small else VERIFIED_FROM[method]
     if least is not None and n_3d >= least:
         return None
-    where = "by repeated trials" if least is None else f"below {least} 3D runs, and there are {n_3d}"
+    where = "by repeated trials" if least is None else f"below {least} 3D runs; there are {n_3d}"
     if least is None and method in VERIFIED_WHERE_SMALL:
-        where = f"where 3D residuals are more than {SMALL_SHARE:.0%} of its variance: here {residual_share:.0%}"
+        where = f"where 3D residuals are more than {SMALL_SHARE:.0%} of its variance; here {residual_share:.0%}"
     return Finding("unverified", f"the interval of {method} is not verified {where}", "shown, not recommended")

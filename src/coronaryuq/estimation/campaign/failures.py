@@ -1,4 +1,4 @@
-"""Failed 3D runs: whether which of them failed has to do with θ, in one input or in several together."""
+"""Failed 3D runs: does failing depend on θ, on one input or on several together?"""
 
 import numpy as np
 from scipy import stats
@@ -14,7 +14,7 @@ BLOCK = 1000
 
 
 def failed_not_at_random(runs: Runs, seed: int, scaling: str | None = None) -> Finding | None:
-    """Failed 3D runs against those that ended, and the share that failed; see `dependence`."""
+    """Warn of failures that depend on θ (see `dependence`), or of many failures."""
     failed = len(runs.theta_failed)
     if failed == 0:
         return None
@@ -24,13 +24,13 @@ def failed_not_at_random(runs: Runs, seed: int, scaling: str | None = None) -> F
         return Finding(
             "failures depend on inputs",
             f"{failed} of {count} 3D runs failed, not at random: {what} (p = {p:.1e})",
-            "runs that ended are reweighted to the means of the propagation sample",
+            "successful runs are reweighted to the means of the propagation sample",
         )
     if share > MANY:
         return Finding(
             "many failures",
             f"{failed} of {count} 3D runs failed ({share:.0%})",
-            "left out; no dependence on inputs was found, with so many a weak one may hide",
+            "left out; no dependence on inputs was found, but a weak one may be hidden",
         )
     return None
 
@@ -39,11 +39,11 @@ def dependence(
     failed: np.ndarray, ended: np.ndarray, inputs: tuple[str, ...], seed: int, scaling: str | None = None,
     permutations: int = PERMUTATIONS,
 ) -> tuple[float, str]:  # fmt: skip
-    """p-value of "failing has nothing to do with θ" (f, d), (n, d), and in words what differs most.
+    """Return the p-value of "failing does not depend on θ" (f, d), (n, d), and in words what differs most.
 
     Two statistics of the failed runs' normal scores (van der Waerden), as every direction then has one law: the
     largest mean over single inputs, the mean of log θ, and the same with the input `scaling` apart and multiplied on;
-    and the squared length of the mean after whitening, Hotelling's, for any other direction. Each is held against
+    and the squared length of the mean after whitening, Hotelling's, for any other direction. Each is compared with
     random choices of as many runs, and so is the smaller of the two p-values (min-p, Westfall & Young 1993): the level
     holds whatever the number of inputs and their correlation.
     """
@@ -54,7 +54,7 @@ def dependence(
     names = [name for name, moves in zip(inputs, moving, strict=True) if moves]
     logs = logs[:, moving]
     single = _scores(logs)
-    levels, said = _levels(logs, names, scaling)
+    levels, level_names = _levels(logs, names, scaling)
     directions = np.column_stack([single, *(_scores(level) for level in levels)])
     directions = directions / directions.std(axis=0)
     u, size, _ = np.linalg.svd(single - single.mean(axis=0), full_matrices=False)
@@ -66,8 +66,8 @@ def dependence(
     together = _p_values((_sums(whitened, chosen) ** 2).sum(axis=1))
     p = float(_p_values(-np.minimum(largest, together))[0])
     if largest[0] <= together[0]:
-        return p, f"{[*names, *said][int(means[0].argmax())]} differs"
-    return p, f"inputs together differ, most {names[int(means[0, : len(names)].argmax())]}"
+        return p, f"{[*names, *level_names][int(means[0].argmax())]} differs"
+    return p, f"inputs together differ, above all {names[int(means[0, : len(names)].argmax())]}"
 
 
 def _levels(logs: np.ndarray, names: list[str], scaling: str | None) -> tuple[list[np.ndarray], list[str]]:
@@ -78,7 +78,7 @@ def _levels(logs: np.ndarray, names: list[str], scaling: str | None) -> tuple[li
     mean = logs[:, others].mean(axis=1)
     if len(others) == len(names):
         return [mean], ["the mean of all inputs"]
-    scaled = mean + logs[:, names.index(scaling)]
+    scaled = mean + logs[:, [name == scaling for name in names]][:, 0]
     return [mean, scaled], [f"the mean of all inputs but {scaling}", f"{scaling} times the mean of the others"]
 
 

@@ -19,12 +19,27 @@ def write_pairs(
     runs_folder: str | Path, networks_npz: str | Path, zerod_tables: list[str | Path], settings: Settings, seed: int,
     out_csv: str | Path,
 ) -> None:  # fmt: skip
-    """Columns: row, label, sample, y (3D), q (0D at the same θ), q_resampled (0D at the input that the shared space
-    pairs with it).
+    """Write pairs of outputs: row, label, sample, y (3D), q (0D at the same θ), q_resampled (0D at the paired input).
 
     Every resampled value comes from the network that did not see its sample, so the figure shows what a new sample
     would show. Each fold's network has a sign and scale of its own: they are aligned as the estimator aligns them, to
     rise with y, at the mean and spread of q. Without networks the column is empty.
+
+    Parameters
+    ----------
+    runs_folder
+        Runs in the published-runs format (docs/formats.md).
+    networks_npz, zerod_tables
+        Networks of MFMC-AE, and 0D outputs at their inputs.
+    settings, seed
+        Settings of the stage and seed.
+    out_csv
+        Table to write.
+
+    Raises
+    ------
+    InputError
+        If an input file is not as described.
     """
     runs, rows_csv = read_runs(runs_folder), Path(runs_folder) / "rows.csv"
     networks = read_networks(networks_npz)
@@ -43,12 +58,13 @@ def pairs(
     frames = []
     for row in rows:
         y, q = pair(runs, row)
-        again = np.full(len(y), np.nan)
-        curves = curves_of(networks, row, resampled[row.column_0d], settings.curve_nodes) if networks else {}
-        for k in (k for k in curves if k != mfmc_ae.IN_SAMPLE):
-            held, train = np.flatnonzero(fold == k), np.flatnonzero(fold != k)
-            follows = aligned(runs.theta, y, train, networks, row, k, curves)
-            again[held] = q.mean() + q.std() * follows(runs.theta[held])
-        frame = {"row": row.name, "label": row.label, "sample": runs.samples, "y": y, "q": q, "q_resampled": again}
+        paired = np.full(len(y), np.nan)
+        if networks is not None and resampled is not None:
+            curves = curves_of(networks, row, resampled[row.column_0d], settings.curve_nodes)
+            for k in (k for k in curves if k != mfmc_ae.IN_SAMPLE):
+                held, train = np.flatnonzero(fold == k), np.flatnonzero(fold != k)
+                follows = aligned(runs.theta, y, train, networks, row, k, curves)
+                paired[held] = q.mean() + q.std() * follows(runs.theta[held])
+        frame = {"row": row.name, "label": row.label, "sample": runs.samples, "y": y, "q": q, "q_resampled": paired}
         frames.append(pd.DataFrame(frame))
     return pd.concat(frames, ignore_index=True)

@@ -1,19 +1,11 @@
 """The paper's own numbers for a row: correlation, standard deviations of MC and MFMC, with the paper's conventions."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from coronaryuq.estimation.estimators.montecarlo import correlation, mfmc_variance, monte_carlo_variance
+from coronaryuq.estimation.results import PaperRow
 
 N_0D = 10_000
-
-
-@dataclass(frozen=True)
-class PaperRow:
-    rho_original: float
-    std_mc: float
-    std_mfmc: float
 
 
 def paper_row(y: np.ndarray, q: np.ndarray, n_0d: int = N_0D) -> PaperRow:

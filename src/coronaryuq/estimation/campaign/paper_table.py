@@ -2,6 +2,7 @@
 
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -9,9 +10,11 @@ import pandas as pd
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_json, write_text
 from coronaryuq.core.io.tables import read_csv, write_csv
+from coronaryuq.core.io.typed import plain
 from coronaryuq.estimation.campaign import analysis, convergence_and_budget, pairs_table
 from coronaryuq.estimation.estimators.folds import count
 from coronaryuq.estimation.estimators.folds_and_blocks import make_design
+from coronaryuq.estimation.results import RowReport
 from coronaryuq.estimation.runs.table import Runs, read_rows, read_runs
 from coronaryuq.estimation.settings import Settings
 from coronaryuq.estimation.surrogates.emulator import Emulator
@@ -22,19 +25,35 @@ PRINTED = ("rho_original", "rho_modified", "std_mc", "std_mfmc", "std_mfmc_ae")
 def paper_table(
     data: str | Path, rows_csv: str | Path, settings: Settings, seed: int,
     out_csv: str | Path | None = None, out_md: str | Path | None = None, folder: str | Path | None = None,
-) -> tuple[list[dict], dict[str, float]]:  # fmt: skip
-    """Rows (keys as benchmark `table` fixes them, and more) and CPU seconds by part; files if asked.
-
-    `folder` gets what the figures are drawn from, as a campaign has it: `estimates.json`, `pairs.csv`, `budget.json`.
+) -> tuple[list[dict[str, Any]], dict[str, float]]:  # fmt: skip
+    """Return the lines of the paper's table, and CPU seconds by part; write files if asked.
 
     Columns `rho_original, std_mc, std_mfmc` follow the paper's conventions and equal its printed digits on its data.
     `rho_ae_in_sample` is what the paper prints as modified correlation, `rho_ae_held_out` the same method on runs
-    that it was not fitted on. Where the rows file carries the paper's columns they come back as `paper_...`. The 0D
+    that it was not fitted on. Where the rows file has the paper's columns they come back as `paper_...`. The 0D
     model at resampled inputs is a Gaussian-process emulator; `emulator_error` is its held-out mean square error over
     variance.
+
+    Parameters
+    ----------
+    data
+        Folder of runs in the published-runs format (docs/formats.md).
+    rows_csv
+        Rows to estimate.
+    settings, seed
+        Settings of the stage and seed.
+    out_csv, out_md
+        The table to write, as CSV and for a reader.
+    folder
+        Folder for the figures' files: `estimates.json`, `pairs.csv`, `budget.json`.
+
+    Raises
+    ------
+    InputError
+        If the folder is not as described, or has too few runs.
     """
     runs, rows = read_runs(data), analysis.chosen_rows(read_rows(rows_csv), settings, rows_csv)
-    analysis.enough(runs, settings)
+    analysis.check_number_of_runs(runs, settings)
     clock = [time.process_time()]
     design = make_design(runs, rows, count(len(runs), settings.folds), seed, settings.known_scaling)
     clock.append(time.process_time())
@@ -47,25 +66,30 @@ def paper_table(
     results = analysis.analyse(runs, rows, settings, seed, networks, resampled, design, beyond_mean=False)
     clock.append(time.process_time())
     printed = _printed(rows_csv)
-    lines = [_line(result, printed[result["row"]]) for result in results]
+    lines = [_line(result, printed[result.row]) for result in results]
     if out_csv:
         write_csv(out_csv, pd.DataFrame(lines))
     if out_md:
         write_text(out_md, markdown(lines))
     if folder:
-        _for_figures(Path(folder), runs, rows, settings, seed, networks, resampled, results)
+        folder = Path(folder)
+        estimates = {"rows": plain(results), "settings": settings.model_dump(mode="json")}
+        write_json(folder / "estimates.json", estimates)
+        write_csv(folder / "pairs.csv", pairs_table.pairs(runs, rows, settings, seed, networks, resampled))
+        curves = convergence_and_budget.budget(results, settings.cost_ratio)
+        write_json(folder / "budget.json", {"budget": plain(curves)})
     parts = dict(zip(("emulators", "autoencoders", "control_variates"), np.diff(clock), strict=True))
     return lines, {name: float(value) for name, value in parts.items()}
 
 
-def _for_figures(folder: Path, runs, rows, settings: Settings, seed: int, networks, resampled, results) -> None:
-    write_json(folder / "estimates.json", {"rows": results, "settings": settings.model_dump(mode="json")})
-    write_csv(folder / "pairs.csv", pairs_table.pairs(runs, rows, settings, seed, networks, resampled))
-    write_json(folder / "budget.json", {"budget": convergence_and_budget.budget(results, settings.cost_ratio)})
-
-
 def published(data: str | Path | None) -> tuple[Path, Path]:
-    """Folder of published runs and its file of rows, as a campaign names it in `paper_data`."""
+    """Return the folder of published runs that a campaign's `paper_data` names, and its file of rows.
+
+    Raises
+    ------
+    InputError
+        If no folder is named, or if it has no file of rows.
+    """
     if data is None:
         raise InputError("configuration", "paper_data", None, "name the folder with the published runs")
     rows = next((path for path in (Path(data, "rows.csv"), Path(data, "table1.csv")) if path.exists()), None)
@@ -84,27 +108,16 @@ def emulated(runs: Runs, names: list[str], wanted: pd.DataFrame) -> pd.DataFrame
     return pd.DataFrame(values, index=wanted["sample"].astype(str))
 
 
-def markdown(lines: list[dict]) -> str:
+def markdown(lines: list[dict[str, Any]]) -> str:
     """The table for a reader; the paper's printed value in brackets where the rows file has it."""
     heads = ["row", "quantity", "ρ original", "ρ AE in-sample", "ρ AE held out", "ρ best held out"]
     heads += ["std MC", "std MFMC", "std MFMC-AE", "std best", "best"]
     text = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
     for line in lines:
-
-        def with_printed(key, printed, form, line=line):
-            beside = line.get(f"paper_{printed}")
-            return (
-                format(line[key], form) + (f" ({beside})" if beside is not None else "")
-                if line[key] is not None
-                else "–"
-            )
-
         cells = [
-            line["row"], line["label"], with_printed("rho_original", "rho_original", ".4f"),
-            with_printed("rho_ae_in_sample", "rho_modified", ".4f"), with_printed("rho_ae_held_out", "none", ".4f"),
-            format(line["rho_best_held_out"], ".5f"), with_printed("std_mc", "std_mc", ".4f"),
-            with_printed("std_mfmc", "std_mfmc", ".4f"), with_printed("std_mfmc_ae", "std_mfmc_ae", ".4f"),
-            format(line["std_best"], ".6f"), line["best_method"],
+            line["row"], line["label"], _cell(line, "rho_original"), _cell(line, "rho_ae_in_sample", "rho_modified"),
+            _cell(line, "rho_ae_held_out"), format(line["rho_best_held_out"], ".5f"), _cell(line, "std_mc"),
+            _cell(line, "std_mfmc"), _cell(line, "std_mfmc_ae"), format(line["std_best"], ".6f"), line["best_method"],
         ]  # fmt: skip
         text.append("| " + " | ".join(cells) + " |")
     notes = sorted({note for line in lines for note in line["warnings"]})
@@ -117,30 +130,37 @@ def markdown(lines: list[dict]) -> str:
     return "\n".join(text) + "\n"
 
 
-def _line(result: dict, given: dict[str, float]) -> dict:
-    made, printed = result["estimators"], result["paper"]
-    ae, best = made.get("MFMC-AE"), made["best"]
+def _cell(line: dict[str, Any], key: str, printed: str | None = None) -> str:
+    """A number and, in brackets, what the paper prints for it."""
+    if line[key] is None:
+        return "–"
+    beside = line.get(f"paper_{printed or key}")
+    return f"{line[key]:.4f}" + (f" ({beside})" if beside is not None else "")
+
+
+def _line(row: RowReport, printed: dict[str, float]) -> dict[str, Any]:
+    ae, best = row.estimators.get("MFMC-AE"), row.estimators["best"]
     line = {
-        "row": result["row"], "label": result["label"],
-        "rho_original": printed["rho_original"],
-        "rho_ae_in_sample": ae and ae["rho_in_sample"], "rho_ae_held_out": ae and ae["rho_held_out"],
-        "rho_best_held_out": best["rho_held_out"], "best_method": best["method"].removeprefix("best: "),
-        "std_mc": printed["std_mc"], "std_mfmc": printed["std_mfmc"],
-        "std_mfmc_ae": ae and ae["std"], "std_mfmc_ae_in_sample": ae and ae["std_in_sample"], "std_best": best["std"],
-        "mean_mc": made["MC"]["mean"], "mean_best": best["mean"],
-        "calibrated_best": [best["calibrated"]["low"], best["calibrated"]["high"]],
-        "n_3d": best["n_3d"], "predictions_best": best["predictions"],
-        "emulator_error": result["emulator_error"], "recommended": result["recommended"],
-        "warnings": [*result["warnings"], *(w for v in made.values() for w in v["warnings"])],
+        "row": row.row, "label": row.label,
+        "rho_original": row.paper.rho_original,
+        "rho_ae_in_sample": ae and ae.rho_in_sample, "rho_ae_held_out": ae and ae.rho_held_out,
+        "rho_best_held_out": best.rho_held_out, "best_method": best.method.removeprefix("best: "),
+        "std_mc": row.paper.std_mc, "std_mfmc": row.paper.std_mfmc,
+        "std_mfmc_ae": ae and ae.std, "std_mfmc_ae_in_sample": ae and ae.std_in_sample, "std_best": best.std,
+        "mean_mc": row.estimators["MC"].mean, "mean_best": best.mean,
+        "calibrated_best": [best.calibrated.low, best.calibrated.high],
+        "n_3d": best.n_3d, "predictions_best": best.predictions,
+        "emulator_error": row.emulator_error, "recommended": row.recommended,
+        "warnings": [*row.warnings, *(w for estimate in row.estimators.values() for w in estimate.warnings)],
     }  # fmt: skip
-    return line | {f"paper_{name}": value for name, value in given.items()}
+    return line | {f"paper_{name}": value for name, value in printed.items()}
 
 
 def _printed(rows_csv: str | Path) -> dict[str, dict[str, float]]:
-    """Row → what the paper prints for it, where the file of rows carries that."""
+    """Row → what the paper prints for it, where the file of rows has that."""
     frame = read_csv(rows_csv, columns=("row",))
-    found = {name: pd.to_numeric(frame[name], errors="coerce") for name in PRINTED if name in frame}
+    columns = {name: pd.to_numeric(frame[name], errors="coerce") for name in PRINTED if name in frame}
     return {
-        str(row).strip(): {name: float(values[i]) for name, values in found.items() if np.isfinite(values[i])}
+        str(row).strip(): {name: float(values[i]) for name, values in columns.items() if np.isfinite(values[i])}
         for i, row in enumerate(frame["row"])
     }

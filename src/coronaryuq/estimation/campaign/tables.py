@@ -1,55 +1,53 @@
-"""Estimates as plain values: what goes into `estimates.json` and `table.csv`."""
+"""Estimates as they are reported: one estimator in `estimates.json`, and all of them in `table.csv`."""
 
 import numpy as np
 import pandas as pd
 
 from coronaryuq.estimation.estimators.crossfit import Estimate
-from coronaryuq.estimation.estimators.montecarlo import Interval, chebyshev
+from coronaryuq.estimation.estimators.montecarlo import chebyshev
+from coronaryuq.estimation.results import EstimatorReport, RowReport
 
 
-def interval(value: Interval) -> dict:
-    return {"low": value.low, "high": value.high, "level": value.level}
+def estimator_report(estimate: Estimate) -> EstimatorReport:
+    """Return an estimate as `estimates.json` holds it."""
+    return EstimatorReport(
+        method=estimate.method,
+        mean=estimate.mean,
+        std=estimate.std,
+        chebyshev_95=chebyshev(estimate.mean, estimate.std**2, 0.95),
+        chebyshev_99=chebyshev(estimate.mean, estimate.std**2, 0.99),
+        calibrated=estimate.interval,
+        rho_held_out=estimate.rho_held_out,
+        n_3d=estimate.n_3d,
+        n_0d=estimate.n_0d,
+        predictions=estimate.predictions,
+        beta=estimate.beta,
+        residual_variance=estimate.residual_variance,
+        propagation_variance=estimate.propagation_variance,
+        warnings=list(estimate.warnings),
+        rho_in_sample=estimate.rho_in_sample,
+        std_in_sample=estimate.std_in_sample,
+    )
 
 
-def estimate(value: Estimate) -> dict:
-    """One estimator of one row; keys in `estimation.__init__`."""
-    return {
-        "method": value.method,
-        "mean": value.mean,
-        "std": value.std,
-        "chebyshev_95": interval(chebyshev(value.mean, value.std**2, 0.95)),
-        "chebyshev_99": interval(chebyshev(value.mean, value.std**2, 0.99)),
-        "calibrated": interval(value.interval),
-        "rho_held_out": value.rho_held_out,
-        "n_3d": value.n_3d,
-        "n_0d": value.n_0d,
-        "predictions": value.predictions,
-        "beta": value.beta,
-        "residual_variance": value.residual_variance,
-        "propagation_variance": value.propagation_variance,
-        "warnings": list(value.warnings),
-    }
-
-
-def table(rows: list[dict]) -> pd.DataFrame:
-    """All rows × estimators, one line each, from the rows of `estimates.json`."""
+def table(rows: list[RowReport]) -> pd.DataFrame:
+    """Return all rows × estimators, one line each."""
     lines = []
     for row in rows:
-        for name, value in row["estimators"].items():
-            line = {
-                "row": row["row"],
-                "label": row["label"],
-                "column_3d": row["column_3d"],
-                "column_0d": row["column_0d"],
-            }
-            line |= {"estimator": name, "method": value["method"], "mean": value["mean"], "std": value["std"]}
+        named = {"row": row.row, "label": row.label, "column_3d": row.column_3d, "column_0d": row.column_0d}
+        for name, estimate in row.estimators.items():
+            line = named | {
+                "estimator": name, "method": estimate.method, "mean": estimate.mean, "std": estimate.std
+            }  # fmt: skip
             for kind in ("chebyshev_95", "chebyshev_99", "calibrated"):
-                line |= {f"{kind}_low": value[kind]["low"], f"{kind}_high": value[kind]["high"]}
+                interval = getattr(estimate, kind)
+                line |= {f"{kind}_low": interval.low, f"{kind}_high": interval.high}
             line |= {
-                "rho_original": row["paper"]["rho_original"],
-                "rho_in_sample": value.get("rho_in_sample", np.nan),
-                "rho_held_out": value["rho_held_out"],
-            }
-            line |= {key: value[key] for key in ("n_3d", "n_0d", "predictions")}
-            lines.append(line | {"warnings": "; ".join([*row["warnings"], *value["warnings"]])})
+                "rho_original": row.paper.rho_original,
+                "rho_in_sample": np.nan if estimate.rho_in_sample is None else estimate.rho_in_sample,
+                "rho_held_out": estimate.rho_held_out,
+                "n_3d": estimate.n_3d, "n_0d": estimate.n_0d, "predictions": estimate.predictions,
+                "warnings": "; ".join([*row.warnings, *estimate.warnings]),
+            }  # fmt: skip
+            lines.append(line)
     return pd.DataFrame(lines)

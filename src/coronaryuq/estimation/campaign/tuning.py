@@ -1,6 +1,7 @@
 """Hyper-parameters of MFMC-AE by Optuna, judged on runs that the networks have not seen."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import optuna
@@ -16,10 +17,10 @@ from coronaryuq.estimation.surrogates.emulator import Emulator
 
 
 def held_out_loss(runs: Runs, rows: list[Row], settings: Settings, seed: int) -> float:
-    """Mean over rows of 1 − ρ², ρ pooled over folds between 3D output and the control variate of the fold's network.
+    """Return the mean over rows of 1 − ρ², ρ pooled over folds between 3D output and the fold's control variate.
 
-    That is the share of plain Monte Carlo's variance which no number of 0D runs takes away. The 0D model at resampled
-    inputs is an emulator of all pilot 0D runs, which know nothing of a 3D output.
+    That is the share of plain Monte Carlo's variance that no number of 0D runs removes. The 0D model at resampled
+    inputs is an emulator of all pilot 0D runs, which hold no information on a 3D output.
     """
     networks = analysis.train(runs, rows, settings, seed)
     fold = assign(len(runs), count(len(runs), settings.folds), seed)
@@ -33,25 +34,40 @@ def held_out_loss(runs: Runs, rows: list[Row], settings: Settings, seed: int) ->
             outputs = emulator.predict(np.log(mfmc_ae.resampled(networks, row.name, k, places)))[row.column_0d]
             along = mfmc_ae.along_curve(places, outputs, mfmc_ae.latent(networks, row.name, k, runs.theta))
             train, test = fold != k, fold == k
-            slope = (
-                np.polyfit(along[train], y[train], 1) if np.ptp(along[train]) > 0 else np.array([0.0, y[train].mean()])
-            )
-            held[test] = np.polyval(slope, along[test])
+            moves = np.ptp(along[train]) > 0
+            line = np.polyfit(along[train], y[train], 1) if moves else np.array([0.0, y[train].mean()])
+            held[test] = np.polyval(line, along[test])
         lost.append(1 - max(0.0, correlation(y, held)) ** 2)
     return float(np.mean(lost))
 
 
-def tune(runs_folder: str | Path, rows_csv: str | Path, settings: Settings, seed: int, out_json: str | Path) -> dict:
+def tune(
+    runs_folder: str | Path, rows_csv: str | Path, settings: Settings, seed: int, out_json: str | Path
+) -> dict[str, Any]:
     """Search learning rate, decay, batch and the split of steps; write {best, loss, default_loss, trials}.
 
-    `best` holds the settings to put into the configuration. The defaults are the first trial, so the search is never
-    worse than they are on what it is judged by; a fresh seed tells how much of the gain is chance (`loss_new_seed`).
+    `best` holds the settings to put into the configuration. The defaults are the first trial, so the search never ends
+    worse than they are on its own criterion; a fresh seed shows how much of the gain is chance (`loss_new_seed`).
+
+    Parameters
+    ----------
+    runs_folder, rows_csv
+        Runs in the published-runs format (docs/formats.md), and rows to judge by.
+    settings, seed
+        The defaults, with the number of trials, and the seed of networks and search.
+    out_json
+        File to write.
+
+    Raises
+    ------
+    InputError
+        If the folder is not as described, or if a row does not exist.
     """
     runs = read_runs(runs_folder)
     rows = analysis.chosen_rows(read_rows(rows_csv), settings, rows_csv)
     total = sum(settings.steps)
 
-    def asked(trial: optuna.Trial) -> Settings:
+    def suggested(trial: optuna.trial.BaseTrial) -> Settings:
         first = trial.suggest_float("first_share", 0.2, 0.8)
         return settings.model_copy(update={
             "learning_rate": trial.suggest_float("learning_rate", 5e-4, 2e-2, log=True),
@@ -66,14 +82,14 @@ def tune(runs_folder: str | Path, rows_csv: str | Path, settings: Settings, seed
         "first_share": settings.steps[0] / total, "learning_rate": settings.learning_rate,
         "fall": 1 - settings.decay, "batch": settings.batch,
     })  # fmt: skip
-    study.optimize(lambda trial: held_out_loss(runs, rows, asked(trial), seed), n_trials=settings.tuning_trials)
-    best = asked(optuna.trial.FixedTrial(study.best_params))
-    found = {
+    study.optimize(lambda trial: held_out_loss(runs, rows, suggested(trial), seed), n_trials=settings.tuning_trials)
+    best = suggested(optuna.trial.FixedTrial(study.best_params))
+    result = {
         "best": best.model_dump(mode="json", include={"learning_rate", "decay", "batch", "steps"}),
         "loss": study.best_value, "default_loss": study.trials[0].value,
         "loss_new_seed": held_out_loss(runs, rows, best, seed + 1),
         "default_loss_new_seed": held_out_loss(runs, rows, settings, seed + 1),
         "trials": [{"loss": trial.value, **trial.params} for trial in study.trials],
     }  # fmt: skip
-    write_json(out_json, found)
-    return found
+    write_json(out_json, result)
+    return result

@@ -1,14 +1,19 @@
-"""Multilevel best linear unbiased estimator of several models' means, from groups of models run on the same samples.
+"""Cross-fitted multilevel BLUE (best linear unbiased estimator) over 0D outputs and meshes.
 
-Schaden and Ullmann 2020. With two models and the groups {3D, 0D} and {0D} it is MFMC with the optimal alpha; any
-coarse 3D mesh or further 0D output is one more model. Approximate control variates with the same groups cannot do
-better.
+Runs fall into groups: models that were run on the same samples. The estimate is a sum over groups of weights times the
+models' means; the weights need the models' covariance. Within fold k they come from the pilot without fold k, so the
+estimate is unbiased whatever they are, and its variance is that of a weighted sum of independent group means. With two
+models and the groups {3D, 0D} and {0D} it is MFMC with the optimal alpha; approximate control variates with the same
+groups cannot do better (Schaden and Ullmann 2020).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
+from coronaryuq.estimation.estimators.crossfit import CrossFit, Estimate, Options, Propagated, combine
+from coronaryuq.estimation.estimators.folds import assign
 
 
 @dataclass(frozen=True)
@@ -19,33 +24,44 @@ class Group:
     outputs: np.ndarray
 
 
-def blue(groups: Sequence[Group], covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Means (L,) of all models that some group runs, and their covariance (L, L); NaN for a model that no group runs.
+def weights(counts: Sequence[tuple[tuple[int, ...], float]], covariance: np.ndarray) -> list[np.ndarray]:
+    """Weight of every model's mean in every group, for the best linear unbiased estimate of the mean of model 0.
 
-    `covariance` (L, L) of the models' outputs, from runs that are not in `groups` or known: the estimator is unbiased
-    then, and its claimed variance true as far as the covariance is. Groups are independent of each other.
+    counts: (models, samples) per group. The weights of model 0 add up to one over groups, those of any other to zero.
+    Schaden and Ullmann 2020, equation of the estimator.
     """
     size = len(covariance)
-    precision, weighted = np.zeros((size, size)), np.zeros(size)
-    for group in groups:
-        at = np.ix_(group.models, group.models)
-        inverse = np.linalg.pinv(covariance[at], rcond=1e-12, hermitian=True)
-        precision[at] += len(group.outputs) * inverse
-        weighted[list(group.models)] += inverse @ group.outputs.sum(axis=0)
-    run = sorted({model for group in groups for model in group.models})
-    spread = np.full((size, size), np.nan)
-    spread[np.ix_(run, run)] = np.linalg.pinv(precision[np.ix_(run, run)], rcond=1e-14, hermitian=True)
-    means = np.full(size, np.nan)
-    means[run] = spread[np.ix_(run, run)] @ weighted[run]
-    return means, spread
+    inverses = [np.linalg.pinv(covariance[np.ix_(m, m)], rcond=1e-12, hermitian=True) for m, _ in counts]
+    precision = np.zeros((size, size))
+    for (models, count), inverse in zip(counts, inverses, strict=True):
+        precision[np.ix_(models, models)] += count * inverse
+    run = sorted({model for models, _ in counts for model in models})
+    row = np.zeros(size)
+    row[run] = np.linalg.pinv(precision[np.ix_(run, run)], rcond=1e-14, hermitian=True)[run.index(0)]
+    return [count * row[list(m)] @ inverse for (m, count), inverse in zip(counts, inverses, strict=True)]
 
 
-def blue_variance(counts: dict[tuple[int, ...], float], covariance: np.ndarray, model: int = 0) -> float:
-    """Variance of one model's mean for `counts` of samples per group, before any run; for allocating a budget."""
-    precision = np.zeros_like(covariance, dtype=float)
-    for models, count in counts.items():
-        at = np.ix_(models, models)
-        precision[at] += count * np.linalg.pinv(covariance[at], rcond=1e-12, hermitian=True)
-    run = sorted({m for models in counts for m in models})
-    inverse = np.linalg.pinv(precision[np.ix_(run, run)], rcond=1e-14, hermitian=True)
-    return float(inverse[run.index(model), run.index(model)])
+def estimate(groups: Sequence[Group], folds: int, seed: int, level: float = 0.95) -> Estimate:
+    """Cross-fitted multilevel BLUE of the mean of model 0. The first group runs every model: it is the pilot.
+
+    Every run of the pilot must have succeeded in every model; other groups must not run model 0. Each group is shared
+    out among folds; a fold's weights apply to the fold's samples.
+    """
+    # Constants off the cheap models' outputs change no estimate, and keep folds of unlike weights on one level.
+    centre = dict(zip(groups[0].models, groups[0].outputs.mean(axis=0), strict=True)) | {0: 0.0}
+    pilot, *others = (Group(g.models, g.outputs - [centre[m] for m in g.models]) for g in groups)
+    n = len(pilot.outputs)
+    fold = assign(n, folds, seed, "multilevel")
+    parts = [assign(len(g.outputs), folds, seed, "multilevel", str(i)) for i, g in enumerate(others)]
+    counts = [(g.models, len(g.outputs)) for g in groups]
+    y = pilot.outputs[:, pilot.models.index(0)]
+    held, blocks = np.empty(n), []
+    for k in range(folds):
+        covariance = np.cov(pilot.outputs[fold != k][:, np.argsort(pilot.models)], rowvar=False)
+        first, *rest = weights(counts, covariance)
+        # y enters with weight one, as no other group runs model 0: what the pilot takes off it is the control variate.
+        held[fold == k] = y[fold == k] - pilot.outputs[fold == k] @ first
+        values = [g.outputs[part == k] @ w for g, part, w in zip(others, parts, rest, strict=True)]
+        blocks.append(Propagated(values[0], also=tuple(values[1:])) if values else Propagated(np.zeros(1)))
+    n_0d = sum(count for _, count in counts)
+    return combine("multilevel BLUE", CrossFit(y, held, blocks, fold), n_0d, Options(level, beta=1.0))

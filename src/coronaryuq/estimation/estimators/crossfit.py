@@ -1,23 +1,25 @@
-"""Cross-fitted estimate of a mean: what is fitted on some folds is used on the others only, so the claimed variance
-is true.
+"""Cross-fitted estimate of a mean: what is fitted on some folds is used on the others only, so that its claimed
+variance holds.
 
 With folds k of n_k runs, g_k fitted without fold k, and a block B_k of propagation samples that belongs to fold k,
 
     estimate = Σ_k n_k / n · [ mean_{i in k} (y_i − β g_k(θ_i)) + β mean_{j in B_k} g_k(θ_j) ]
 
-is unbiased whatever g_k is, because g_k knows neither the runs of fold k nor the samples of B_k. Its variance is
-estimated by R var(residuals) / n + β² R C + β² Σ_k (n_k / n)² var(g_k on B_k) / |B_k| with the covariance C between
-folds and the reach R that module `influence` finds. Each propagation sample serves one fold only, which costs nothing:
+is unbiased whatever g_k is, because g_k has seen neither the runs of fold k nor the samples of B_k. Its variance is
+estimated by R var(residuals) / n + β² R C + β² Σ_k (n_k / n)² var(g_k on B_k) / |B_k|, with the covariance C between
+folds and the reach R of module `fold_covariance`. Each propagation sample serves one fold only, which costs nothing:
 K blocks of M / K samples have together the variance of M samples.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.special import stdtrit
 
 from coronaryuq.estimation.estimators.fold_covariance import Between
-from coronaryuq.estimation.estimators.montecarlo import Interval, correlation
+from coronaryuq.estimation.estimators.montecarlo import correlation
+from coronaryuq.estimation.results import Interval
 
 # How far the interval's variance goes from the covariance between folds to that covariance's bound.
 TO_BOUND = 0.25
@@ -25,7 +27,7 @@ TO_BOUND = 0.25
 
 @dataclass(frozen=True)
 class Propagated:
-    """g_k on a block of propagation samples: values (m_k,) and the variance (before division by m_k) that counts.
+    """g_k on a block of propagation samples: values (m_k,).
 
     `integrated`: predictions behind each value, 1 for a plain sample, more where a known input was integrated exactly.
     `also`: values on further, independent samples, whose means add to this one.
@@ -50,8 +52,51 @@ class Propagated:
 
 
 @dataclass(frozen=True)
+class CrossFit:
+    """A quantity and its cross-fitted control variate.
+
+    y (n,): outputs of the pilot runs. held_out (n,): g at each of them, by the fold that has not seen it. blocks:
+    g at the propagation samples, in fold order. fold (n,): fold of each pilot run.
+    """
+
+    y: np.ndarray
+    held_out: np.ndarray
+    blocks: Sequence[Propagated]
+    fold: np.ndarray
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a cross-fitted mean is combined and how its variance is claimed.
+
+    level: of the calibrated interval. beta: coefficient of the control variate; None takes the value that minimises
+    the variance for a g that is the conditional mean of y, which depends on g alone and not on y. weights (n,), mean
+    one: correct a pilot whose inputs are not distributed as the propagation samples. between: what folds have in
+    common, for a g whose fit has more than a few parameters. expected, trust: a variance that the residuals' part
+    should have, and how far (0 to 1) it replaces the estimated one. target: number of propagation samples where these
+    are the finite set whose mean is wanted rather than a sample of a law; their own residuals are then part of the
+    error.
+    """
+
+    level: float = 0.95
+    beta: float | None = None
+    weights: np.ndarray | None = None
+    between: Between | None = None
+    expected: float = 0.0
+    trust: float = 0.0
+    target: int = 0
+
+
+PLAIN = Options()
+
+
+@dataclass(frozen=True)
 class Estimate:
-    """A mean with its claimed standard deviation and what is needed to judge it."""
+    """A mean with its claimed standard deviation and what is needed to judge it.
+
+    rho_in_sample, std_in_sample: correlation and claim of the same method fitted and judged on all runs, as the paper
+    prints them, where they were computed.
+    """
 
     method: str
     mean: float
@@ -62,44 +107,61 @@ class Estimate:
     predictions: int
     beta: float
     interval: Interval
+    residual_variance: float
+    propagation_variance: float
+    residuals: np.ndarray = field(repr=False)
+    rho_in_sample: float | None = None
+    std_in_sample: float | None = None
     warnings: tuple[str, ...] = ()
-    residual_variance: float = 0.0
-    propagation_variance: float = 0.0
-    residuals: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
+
+    def warned(self, finding: object | None) -> "Estimate":
+        """Return the estimate with one more warning; unchanged for None."""
+        return self if finding is None else replace(self, warnings=(*self.warnings, str(finding)))
 
 
-def combine(
-    method: str, y: np.ndarray, held_out: np.ndarray, blocks: list[Propagated], fold: np.ndarray,
-    n_0d: int, level: float = 0.95, beta: float | None = None, weights: np.ndarray | None = None,
-    between: Between | None = None, expected: float = 0.0, trust: float = 0.0, target: int = 0,
-) -> Estimate:  # fmt: skip
-    """Cross-fitted estimate from y (n,), held-out g (n,), blocks of propagation values in fold order, fold (n,).
-
-    beta None takes the value that minimises the variance for a g that is the conditional mean of y: it depends on g
-    alone, not on y. weights (n,), mean one, correct a pilot whose inputs are not distributed as the propagation
-    samples. between: what folds have in common, for a g whose fit has more than a few parameters. expected, trust: a
-    variance that the residuals' part should have, and how far (0 to 1) it takes the place of the one found. target:
-    number of propagation samples where these are the finite set whose mean is wanted, and no sample of a law; their
-    own residuals are then part of the error.
+def combine(method: str, fit: CrossFit, n_0d: int, options: Options = PLAIN) -> Estimate:
+    """Return the cross-fitted estimate of the mean of y.
 
     The interval is Student's t. Its variance carries the covariance between folds a quarter of the way to its bound,
     because the refit of hyper-parameters is not in it; its degrees of freedom follow from the fourth moment of the
     residuals, with what each run adds through the others' g (Satterthwaite 1946), because the variance of long-tailed
     residuals is known less well than that of a normal sample.
+
+    Parameters
+    ----------
+    method
+        Name of the estimator.
+    fit
+        The quantity and its control variate.
+    n_0d
+        0D runs behind the estimate.
+    options
+        Coefficient, weights and corrections of the variance.
+
+    Returns
+    -------
+    Estimate
+        Mean, claimed standard deviation and interval, in the unit of y.
+
+    References
+    ----------
+    Satterthwaite, "An approximate distribution of estimates of variance components", Biometrics Bulletin 2, 1946.
     """
-    n = len(y)
-    weights = np.ones(n) if weights is None else weights
+    y, held_out, blocks, fold, n = fit.y, fit.held_out, fit.blocks, fit.fold, len(fit.y)
+    between, expected, trust, target = options.between, options.expected, options.trust, options.target
+    weights = np.ones(n) if options.weights is None else options.weights
     share = np.array([weights[fold == k].sum() for k in range(len(blocks))]) / weights.sum()
     from_blocks = 0.0 if target else float(sum(s**2 * b.variance for s, b in zip(share, blocks, strict=True)))
     spread = np.var(held_out, ddof=1) if n > 1 else 0.0
+    beta = options.beta
     if beta is None:
         beta = float(spread / n / (spread / n + from_blocks)) if spread > 0 else 0.0
     residuals = y - beta * held_out
     mean = float(np.average(residuals, weights=weights))
     mean += beta * float(sum(s * b.mean for s, b in zip(share, blocks, strict=True)))
     centred = residuals - np.average(residuals, weights=weights)
-    found = float(np.sum((weights * centred) ** 2) / weights.sum() ** 2 * n / (n - 1))
-    from_residuals = (1 - trust) * found + trust * expected
+    estimated = float(np.sum((weights * centred) ** 2) / weights.sum() ** 2 * n / (n - 1))
+    from_residuals = (1 - trust) * estimated + trust * expected
     from_blocks = beta**2 * from_blocks
     values, covariance, towards = weights * centred, 0.0, 0.0
     if between is not None:
@@ -111,11 +173,10 @@ def combine(
     bound = from_residuals + towards
     std = (from_residuals + from_blocks) ** 0.5
     well_known = from_blocks + trust * expected
-    half = _quantile(values, bound - trust * expected, well_known, level) * (bound + from_blocks) ** 0.5
+    half = _quantile(values, bound - trust * expected, well_known, options.level) * (bound + from_blocks) ** 0.5
     return Estimate(
         method, mean, std, correlation(y, held_out), n, n_0d, sum(b.predictions for b in blocks), beta,
-        Interval(mean - half, mean + half, level), residual_variance=from_residuals,
-        propagation_variance=from_blocks, residuals=residuals,
+        Interval(mean - half, mean + half, options.level), from_residuals, from_blocks, residuals,
     )  # fmt: skip
 
 

@@ -7,7 +7,8 @@ from scipy import stats
 
 from coronaryuq.core.seeds import generator
 from coronaryuq.estimation.estimators import folds
-from coronaryuq.estimation.runs.table import Row, Runs, pair
+from coronaryuq.estimation.estimators.crossfit import Propagated
+from coronaryuq.estimation.runs.table import CoarseRuns, Row, Runs, pair
 from coronaryuq.estimation.surrogates.control_variates import Seen
 from coronaryuq.estimation.surrogates.emulator import Emulator, informative
 
@@ -16,7 +17,10 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 @dataclass(frozen=True)
 class Block:
-    """Propagation samples of one fold: indices (m,); log θ (m · s, d) at s values of the integrated input."""
+    """Propagation samples of one fold: indices (m,); log θ (m · s, d) at s values of the integrated input.
+
+    outputs: 0D output → emulated values (m · s,). repeats: s, 1 where no input is integrated.
+    """
 
     index: np.ndarray
     log_theta: np.ndarray
@@ -36,12 +40,12 @@ class Block:
 
 @dataclass(frozen=True)
 class Design:
-    """Everything that is fixed before a 3D output is looked at.
+    """Everything that is fixed before any 3D output is used.
 
     fold (n,); blocks, one per fold; held_out: 0D output → (n,) emulated without the sample's own fold; shared: names
     of the 0D outputs that every control variate may see, those of all rows among them; emulator_error: 0D output →
     held-out mean square error over variance. coarse: per fold its samples of the coarse 3D level beyond the pilot;
-    empty without such a level. target: as in `crossfit.combine`.
+    empty without such a level. target: as in `crossfit.Options`.
     """
 
     runs: Runs
@@ -59,36 +63,39 @@ class Design:
         return np.log(self.runs.theta)
 
     def training(self, row: Row, k: int) -> tuple[Seen, np.ndarray]:
-        """What the training runs of fold k show (their own 0D outputs), and their indices."""
+        """What a control variate may see of the training runs of fold k (their own 0D outputs), and their indices."""
         index = np.flatnonzero(self.fold != k)
         q = self.runs.q
         seen = Seen(self.log_theta, q[row.column_0d].to_numpy(float), q[self.shared].to_numpy(float))
         return seen[index], index
 
     def held(self, row: Row, k: int) -> tuple[Seen, np.ndarray]:
-        """What the held-out runs of fold k show (emulated 0D outputs), and their indices."""
+        """What it may see of the held-out runs of fold k (emulated 0D outputs), and their indices."""
         index = np.flatnonzero(self.fold == k)
         outputs = np.column_stack([self.held_out[c] for c in self.shared])
         return Seen(self.log_theta, self.held_out[row.column_0d], outputs)[index], index
 
     def propagated(self, row: Row, k: int) -> Seen:
-        """What the propagation samples of fold k show."""
+        """What it may see of the propagation samples of fold k."""
         return self._of(row, self.blocks[k])
 
-    def coarse_training(self, row: Row, k: int) -> tuple[Seen, np.ndarray]:
-        """What the samples of the coarse level without those of fold k show, and their indices: the pilot first."""
+    def coarse_training(self, coarse: CoarseRuns, row: Row, k: int) -> tuple[Seen, np.ndarray]:
+        """What it may see of the coarse level's samples outside fold k, and their indices: the pilot comes first."""
         pilot, index = self.training(row, k)
-        q, part = self.runs.q_coarse, np.ones(len(self.runs.theta_coarse), dtype=bool)
+        part = np.ones(len(coarse.theta), dtype=bool)
         part[self.coarse[k].index] = False
-        more = Seen(np.log(self.runs.theta_coarse), q[row.column_0d].to_numpy(float), q[self.shared].to_numpy(float))[
-            part
-        ]
-        both = (np.concatenate(pair) for pair in zip(pilot.arrays, more.arrays, strict=True))
+        outputs = coarse.q[row.column_0d].to_numpy(float), coarse.q[self.shared].to_numpy(float)
+        more = Seen(np.log(coarse.theta), *outputs)[part]
+        both = (np.concatenate(arrays) for arrays in zip(pilot.arrays, more.arrays, strict=True))
         return Seen(*both), np.concatenate([index, len(self.runs) + np.flatnonzero(part)])
 
     def coarse_held(self, row: Row, k: int) -> tuple[Seen, np.ndarray]:
-        """What the samples of fold k of the coarse level beyond the pilot show, and their indices."""
+        """What it may see of the coarse level's samples of fold k beyond the pilot, and their indices."""
         return self._of(row, self.coarse[k]), len(self.runs) + self.coarse[k].index
+
+    def propagate(self, raw: list[np.ndarray]) -> list[Propagated]:
+        """Predictions (m_k · s,) per fold at its propagation samples, integrated over the known input."""
+        return [Propagated(b.average(v), b.repeats) for b, v in zip(self.blocks, raw, strict=True)]
 
     def _of(self, row: Row, block: Block) -> Seen:
         outputs = np.column_stack([block.outputs[c] for c in self.shared])
@@ -103,7 +110,7 @@ def make_design(runs: Runs, rows: list[Row], k: int, seed: int, scaling: str | N
     Gauss nodes.
     """
     for row in rows:
-        pair(runs, row)  # a row that names a missing column ends here
+        pair(runs, row)  # raises for a row that names a missing column
     n, m = len(runs), len(runs.theta_more)
     fold = folds.assign(n, k, seed)
     integrated = scaling is not None and integrable(runs, scaling)
@@ -111,7 +118,7 @@ def make_design(runs: Runs, rows: list[Row], k: int, seed: int, scaling: str | N
     names = informative(runs.q, wanted, max(most, len(wanted)))
     order = generator(seed, "estimation", "blocks").permutation(m) % k
     log_theta, held_out, blocks = np.log(runs.theta), {name: np.empty(n) for name in names}, []
-    coarse, part = [], None if runs.coarse is None else folds.assign(len(runs.theta_coarse), k, seed, "coarse")
+    coarse, coarse_fold = [], folds.assign(len(runs.coarse.theta), k, seed, "coarse") if runs.coarse else None
     for j in range(k):
         train, held = fold != j, fold == j
         emulator = Emulator(log_theta[train], runs.q.loc[train, names])
@@ -121,8 +128,8 @@ def make_design(runs: Runs, rows: list[Row], k: int, seed: int, scaling: str | N
         spread, repeats = _spread(runs, index, scaling if integrated else None)
         blocks.append(Block(index, spread, emulator.predict(spread), repeats))
         if runs.coarse is not None:
-            index = np.flatnonzero(part == j)
-            log_coarse = np.log(runs.theta_coarse[index])
+            index = np.flatnonzero(coarse_fold == j)
+            log_coarse = np.log(runs.coarse.theta[index])
             coarse.append(Block(index, log_coarse, emulator.predict(log_coarse), 1))
     error = {
         name: float(np.mean((held_out[name] - runs.q[name]) ** 2) / (np.var(runs.q[name]) or 1.0)) for name in names
@@ -131,14 +138,14 @@ def make_design(runs: Runs, rows: list[Row], k: int, seed: int, scaling: str | N
 
 
 def integrable(runs: Runs, scaling: str) -> bool:
-    """Whether the propagation samples agree with a uniform, independent `scaling`, both tests at 0.1 %.
+    """Return whether the propagation samples agree with a uniform, independent `scaling`, both tests at 0.1 %.
 
     Kolmogorov-Smirnov against the limits; Spearman's rank correlation with every other input, Bonferroni-corrected.
     """
     if scaling not in runs.inputs or runs.limits is None or len(runs.theta_more) < 100:
         return False
     j = runs.inputs.index(scaling)
-    low, high = runs.limits[j]
+    low, high = runs.bounds(scaling)
     s, others = runs.theta_more[:, j], np.delete(runs.theta_more, j, axis=1)
     if s.min() < low or s.max() > high:
         return False
@@ -153,7 +160,7 @@ def _spread(runs: Runs, index: np.ndarray, scaling: str | None) -> tuple[np.ndar
     if scaling is None:
         return np.log(theta), 1
     j = runs.inputs.index(scaling)
-    low, high = runs.limits[j]
+    low, high = runs.bounds(scaling)
     repeated = np.repeat(theta, len(NODES), axis=0)
     repeated[:, j] = np.tile(low + (NODES + 1) / 2 * (high - low), len(theta))
     return np.log(repeated), len(NODES)

@@ -1,10 +1,10 @@
-"""What a coarse 3D level is worth: variance times cost with it and without, and how many runs it should have."""
+"""The worth of a coarse 3D level: variance times cost with it and without, and how many runs it should have."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from coronaryuq.estimation.estimators.multilevel_crossfit import Parts
+from coronaryuq.estimation.results import LevelWorth, Parts, RowReport
 
 WITHOUT = ("MC", "MFMC", "MFMC-AE", "best")
 """Estimators that use no coarse level."""
@@ -46,25 +46,25 @@ def allocation(parts: Parts, costs: Costs) -> Allocation:
     return Allocation(float(ratio), float(cheap), float(product))
 
 
-def worth(row: dict, n_coarse: int, costs: Costs) -> dict | None:
-    """For one row of `estimates.json`: what the coarse level gained at the counts that were run, None without one.
+def worth(row: RowReport, n_coarse: int, costs: Costs) -> LevelWorth | None:
+    """Return what the coarse level gained for one row at the counts that were run; None without one.
 
     without: the estimator with the least claimed error among those that use no coarse level. claim_ratio: claimed
     standard deviation with the level over that. gain: variance times cost without the level over the same with it;
     above 1 the level has paid, if the error without it falls as one over the square root of the fine runs.
     best_runs_per_fine: what would be best for these variances.
     """
-    if row["levels"] is None:
+    if row.levels is None:
         return None
-    made, n = row["estimators"], row["estimators"]["MC"]["n_3d"]
-    without = min((name for name in WITHOUT if name in made), key=lambda name: made[name]["std"])
-    zerod = costs.cheap * row["n_propagation"]
-    variance = {name: made[name]["std"] ** 2 for name in (without, "multilevel")}
-    cost = {without: n * (1 + costs.cheap) + zerod}
-    cost["multilevel"] = cost[without] + n_coarse * costs.coarse + max(0, n_coarse - n) * costs.cheap
-    return {
-        "without": without,
-        "claim_ratio": (variance["multilevel"] / variance[without]) ** 0.5,
-        "gain": variance[without] * cost[without] / (variance["multilevel"] * cost["multilevel"]),
-        "best_runs_per_fine": allocation(Parts(**row["levels"]), costs).coarse,
-    }
+    n = row.estimators["MC"].n_3d
+    without = min((name for name in WITHOUT if name in row.estimators), key=lambda name: row.estimators[name].std)
+    zerod = costs.cheap * row.n_propagation
+    variance, variance_without = (row.estimators[name].std ** 2 for name in ("multilevel", without))
+    cost_without = n * (1 + costs.cheap) + zerod
+    cost = cost_without + n_coarse * costs.coarse + max(0, n_coarse - n) * costs.cheap
+    return LevelWorth(
+        without,
+        claim_ratio=(variance / variance_without) ** 0.5,
+        gain=variance_without * cost_without / (variance * cost),
+        best_runs_per_fine=allocation(row.levels, costs).coarse,
+    )

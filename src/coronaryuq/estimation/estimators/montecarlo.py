@@ -7,25 +7,9 @@ Willcox and Gunzburger 2016, lemma 3.3 and section 3; the paper's equations for 
 optimal allocation.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
-
-@dataclass(frozen=True)
-class Interval:
-    """A two-sided interval of nominal `level` (0 to 1)."""
-
-    low: float
-    high: float
-    level: float
-
-    @property
-    def half_width(self) -> float:
-        return (self.high - self.low) / 2
-
-    def holds(self, value: float) -> bool:
-        return self.low <= value <= self.high
+from coronaryuq.estimation.results import Interval
 
 
 def correlation(y: np.ndarray, q: np.ndarray) -> float:
@@ -44,12 +28,6 @@ def control_coefficient(y: np.ndarray, q: np.ndarray) -> float:
     """alpha = cov(Q_3D, Q_0D) / var[Q_0D]; 0 where the 0D output is constant."""
     spread = np.sum((q - q.mean()) ** 2)
     return float(np.sum((y - y.mean()) * (q - q.mean())) / spread) if spread > 0 else 0.0
-
-
-def mfmc_mean(y: np.ndarray, q: np.ndarray, q_more: np.ndarray, alpha: float) -> float:
-    """The paper's Q_MFMC: mean(y) + alpha (mean of q over all N_0D samples − mean of q over the pilot)."""
-    everywhere = (q.sum() + q_more.sum()) / (len(q) + len(q_more))
-    return float(y.mean() + alpha * (everywhere - q.mean()))
 
 
 def mfmc_variance(variance_y: float, rho: float, n_3d: float, n_0d: float) -> float:

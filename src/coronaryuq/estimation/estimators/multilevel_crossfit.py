@@ -6,74 +6,69 @@ emulator of the coarse run stands in, so that g is a function of θ alone,
     y = (y − f) + (f − g) + g
 
 and each part is averaged over as many samples as its cost allows: y − f over the n pilot runs, f − g over the pilot and
-m further coarse runs, g over the propagation samples. Within fold k, f and g know neither the pilot runs, nor the
+m further coarse runs, g over the propagation samples. Within fold k, f and g have seen neither the pilot runs, nor the
 coarse runs, nor the propagation samples of that fold, so the estimate is unbiased whatever they are; the parts are
-weighed as if they were uncorrelated, which they are as far as f and g are conditional means. Multilevel Monte Carlo
+weighted as if they were uncorrelated, which they are as far as f and g are conditional means. Multilevel Monte Carlo
 (Giles 2015), its levels linked by regression (Kennedy and O'Hagan 2000).
 
-f sees the coarse run only where that leaves less variance, by what is left out of each training set; otherwise f and g
-are the same, and the estimate is that of the selector without a coarse level.
+f sees the coarse run only where that leaves less variance, by leave-one-out residuals within each training set;
+otherwise f and g are the same, and the estimate is that of the selector without a coarse level.
 
-A coarse run that failed counts as what the emulator says there, in the pilot and beyond it alike: f is still one
-function of the sample, so that failures bias nothing, whatever they depend on.
+A coarse run that failed is replaced by the emulator's prediction, in the pilot and beyond it alike: f is still one
+function of the sample, so failures bias nothing, whatever they depend on.
 """
 
-from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from coronaryuq.estimation.estimators.crossfit import Estimate, Propagated, combine
+from coronaryuq.estimation.estimators.crossfit import CrossFit, Estimate, Options, Propagated, combine
 from coronaryuq.estimation.estimators.fold_covariance import CENTRE, Influence, changes
 from coronaryuq.estimation.estimators.folds_and_blocks import Design
 from coronaryuq.estimation.estimators.montecarlo import correlation
-from coronaryuq.estimation.runs.table import Row, pair
+from coronaryuq.estimation.estimators.per_row import tally
+from coronaryuq.estimation.results import Parts
+from coronaryuq.estimation.runs.table import CoarseRuns, Row, pair
 from coronaryuq.estimation.surrogates import selector
 from coronaryuq.estimation.surrogates.control_variates import Fitted, Seen
 
 LEAST = 0.5
-"""Share of the coarse runs that must have ended: below it the emulation of the others is no level of its own."""
-
-
-@dataclass(frozen=True)
-class Parts:
-    """Variance of each part of y per sample: y − f, f − g, and g (the mean over an exactly integrated input)."""
-
-    fine: float
-    coarse: float
-    cheap: float
+"""Smallest share of the coarse runs that must have succeeded: below it the level is mostly emulation."""
+Choose = Callable[[Seen, np.ndarray], Fitted]
 
 
 def multilevel(
-    design: Design, row: Row, level: float, choose: Callable[[Seen, np.ndarray], Fitted] = selector.choose
+    design: Design, row: Row, level: float, choose: Choose = selector.choose
 ) -> tuple[Estimate, Parts] | None:
-    """The estimate of one row and what its parts leave; None without a coarse level for it, or where it mostly failed.
+    """The estimate of one row and the variances of its parts; None without a coarse level that mostly succeeded.
 
     `choose` fits f, and the emulator of the coarse run, within each training set.
     """
-    runs = design.runs
-    if runs.coarse is None or row.column_3d not in runs.coarse or not all(len(b.index) for b in design.coarse):
+    coarse = design.runs.coarse
+    if coarse is None or row.column_3d not in coarse.outputs or not all(len(b.index) for b in design.coarse):
         return None
-    y, _ = pair(runs, row)
-    coarse = runs.coarse[row.column_3d].to_numpy(float)
-    if np.isfinite(coarse).mean() < LEAST:
+    y, _ = pair(design.runs, row)
+    outputs = coarse.outputs[row.column_3d].to_numpy(float)
+    if np.isfinite(outputs).mean() < LEAST:
         return None
-    fits = [_Fit(design, row, k, y, coarse, choose) for k in range(len(design.blocks))]
+    fits = [_Fit(design, coarse, row, k, y, outputs, choose) for k in range(len(design.blocks))]
     return _combined(design, y, fits, level)
 
 
 class _Fit:
-    """f and g of one fold, and what they say of the fold's own samples."""
+    """f and g of one fold, and their predictions at the fold's own samples; coarse (n + m,): outputs of that level."""
 
-    def __init__(self, design: Design, row: Row, k: int, y: np.ndarray, coarse: np.ndarray, choose):
-        seen, index = design.coarse_training(row, k)
+    def __init__(
+        self, design: Design, level: CoarseRuns, row: Row, k: int, y: np.ndarray, coarse: np.ndarray, choose: Choose
+    ):
+        seen, index = design.coarse_training(level, row, k)
         ran = np.isfinite(coarse[index])
         self.emulator = choose(seen[ran], coarse[index][ran])
         trained, self.train = design.training(row, k)
         self.sees_coarse, plain = True, choose(trained, y[self.train])
         linked = choose(self._with(trained, coarse[self.train]), y[self.train])
-        # Chosen within the training set: what is left of y over the pilot, and of f over all coarse runs.
+        # Chosen within the training set: residual variance of y over the pilot, and of f over all coarse runs.
         real = coarse[index][ran]
         views = [replace(seen[ran], coarse=c) for c in (real, real - self.emulator.leave_one_out)]
         step = np.var(linked.predict(views[0]) - linked.predict(views[1]))
@@ -102,7 +97,7 @@ class _Fit:
         ran = np.isfinite(coarse)
         return replace(seen, coarse=coarse if ran.all() else np.where(ran, coarse, self.emulator.predict(seen)))
 
-    def _both(self, seen: Seen, coarse: np.ndarray, n: int):
+    def _both(self, seen: Seen, coarse: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
         """f and g at samples (m,), and how every pilot run moves them (m, n)."""
         views = [self._with(seen, coarse), self._with(seen, np.full(len(seen), np.nan))]
         f, g = (self.fitted.predict(view) for view in views)
@@ -131,21 +126,18 @@ def _combined(design: Design, y: np.ndarray, fits: list[_Fit], level: float) -> 
         variance,
         [np.array([fit.variance_beyond]) for fit in fits],
     )
-    counted = Counter(_name(fit) for fit in fits).most_common()
-    made = combine(
-        "multilevel: " + ", ".join(f"{method} {times}/{len(fits)}" for method, times in counted),
-        y, on_coarse * (f - g) + on_cheap * g, blocks, design.fold, n + len(between), level, beta=1.0,
-        between=influence.between(),
-    )  # fmt: skip
+    cross_fit = CrossFit(y, on_coarse * (f - g) + on_cheap * g, blocks, design.fold)
+    options = Options(level, beta=1.0, between=influence.between())
+    estimate = combine("multilevel: " + tally([_name(fit) for fit in fits]), cross_fit, n + len(between), options)
     parts = Parts(
         float(np.var(y - f, ddof=1)),
         float(np.var(np.concatenate([f - g, between]), ddof=1)),
         float(np.mean([np.var(fit.g_more, ddof=1) for fit in fits])),
     )
-    return replace(made, rho_held_out=correlation(y, f)), parts
+    return replace(estimate, rho_held_out=correlation(y, f)), parts
 
 
 def _name(fit: _Fit) -> str:
-    """A method's name as one that has seen the coarse run, where it has."""
+    """A method's name, with the coarse run in it where the method saw it."""
     method = fit.fitted.method
     return f"{method} and coarse" if fit.sees_coarse and "coarse" not in method else method

@@ -1,102 +1,125 @@
-"""Beyond the mean: probabilities, quantiles, variance and first-order Sobol indices, each with an interval.
+"""Probabilities, quantiles, variance and first-order Sobol indices, each with an interval.
 
-Every one is a cross-fitted mean of a function of the quantity, with the same function of its prediction as control
-variate, so the argument of `crossfit` holds for it as it stands.
+Each is a cross-fitted mean of a function of the quantity, with the same function of its prediction as control variate,
+so the argument of `crossfit` holds for it unchanged.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import legendre
 from scipy.special import ndtr, ndtri
 
-from coronaryuq.estimation.estimators.crossfit import Propagated, combine
+from coronaryuq.estimation.estimators.crossfit import CrossFit, Estimate, Options, combine
 from coronaryuq.estimation.estimators.fold_covariance import Between
 from coronaryuq.estimation.estimators.folds_and_blocks import NODES, WEIGHTS, Design
-from coronaryuq.estimation.estimators.montecarlo import Interval
 from coronaryuq.estimation.estimators.per_row import Predictions
+from coronaryuq.estimation.results import BeyondTheMean, Probability, Value
 from coronaryuq.estimation.runs.table import Row, pair
 from coronaryuq.estimation.settings import Settings
 
 # Runs beyond a quantile below which its interval is not verified: with 2.5 of them it has been tried on few pairs only.
 TAIL_RUNS = 10
 # Expected runs on another side of a threshold than predicted from which they correct the predictions: there
-# sqrt(D) / n, what the correction costs, is as large as the bound of what it mends, some D / (0.56 n).
+# sqrt(D) / n, what the correction costs, is as large as the bound of what it corrects, some D / (0.56 n).
 DISAGREEMENTS, PRIOR = 1 / 3, 5
-# Propagation samples per fold at which the doubt is asked for, and the share of them that counts as near a threshold.
+# Propagation samples per fold at which the predictive variance is computed, and the share of them near a threshold.
 SAMPLES, NEAR = 200, 0.05
-# A distribution function is inverted at so many places, in rounds around what the one before found, until the interval
-# is so many times as wide as the distance of two places.
+# A distribution function is inverted at so many places, in rounds around the result of the round before, until the
+# interval is so many times as wide as the distance between two places.
 ROUNDS, PLACES, FINE = 8, 31, 10
-# Of the polynomial that stands for the effect of one input.
+# Of the polynomial that represents the effect of one input.
 DEGREE = 7
+SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 
-def everything(design: Design, row: Row, made: Predictions, settings: Settings) -> dict:
-    """Values of `beyond_the_mean` in `estimates.json`: each {value, std, low, high, level}, a `warning` where the
-    interval is not verified."""
+def everything(design: Design, row: Row, predictions: Predictions, settings: Settings) -> BeyondTheMean:
+    """Everything beyond the mean of one row; a quantile whose interval is not verified carries a warning."""
     y, _ = pair(design.runs, row)
     level = settings.level
-    found = {"variance": _plain(variance(design, y, made, level))}
-    found["quantiles"] = {
-        f"{share:.2f}": _plain(quantile(design, y, made, share, level)) | _rare(len(y), share)
-        for share in (0.05, 0.25, 0.5, 0.75, 0.95)
-    }
-    if row.column_3d.lower().startswith("ffr"):
-        at = settings.ffr_threshold
-        found["probability_at_or_below"] = {"threshold": at} | _plain(probability(design, y, made, at, level))
-    found["sobol_first_order"] = sobol(design, y, made, level)
-    return found
+    found = BeyondTheMean(
+        variance=variance(design, y, predictions, level),
+        quantiles={
+            f"{share:.2f}": replace(quantile(design, y, predictions, share, level), warning=_rare(len(y), share))
+            for share in SHARES
+        },
+        sobol_first_order=sobol(design, y, predictions, level),
+    )
+    if not row.column_3d.lower().startswith("ffr"):
+        return found
+    at = settings.ffr_threshold
+    below = probability(design, y, predictions, at, level)
+    return replace(
+        found, probability_at_or_below=Probability(at, below.value, below.std, below.low, below.high, below.level)
+    )
 
 
-def probability(design: Design, y: np.ndarray, made: Predictions, threshold: float, level: float = 0.95):
-    """P(Y ≤ threshold): (value, std, interval)."""
-    found = _probability(design, y, made, _doubts(design, made), threshold, level)
+def probability(
+    design: Design, y: np.ndarray, predictions: Predictions, threshold: float, level: float = 0.95
+) -> Value:
+    """Return the probability that the quantity is at or below a threshold.
+
+    Parameters
+    ----------
+    design
+        Folds and propagation blocks.
+    y
+        3D outputs (n,) of the pilot.
+    predictions
+        Cross-fitted predictions of y.
+    threshold
+        In the unit of y.
+    level
+        Of the interval.
+    """
+    found = _probability(design, y, predictions, _sorted_variances(predictions), threshold, level)
     value = float(np.clip(found.value, 0, 1))
-    return value, found.std, Interval(max(0.0, value - found.half), min(1.0, value + found.half), level)
+    return Value(value, found.std, max(0.0, value - found.half), min(1.0, value + found.half), level)
 
 
-def quantile(design: Design, y: np.ndarray, made: Predictions, share: float, level: float = 0.95):
-    """Quantile: (value, std, interval), by inverting the estimated distribution function (Woodruff's interval)."""
-    rough = np.quantile(np.concatenate([y, *made.raw]), [max(share - 0.15, 0), min(share + 0.15, 1)])
+def quantile(design: Design, y: np.ndarray, predictions: Predictions, share: float, level: float = 0.95) -> Value:
+    """Return a quantile by inverting the estimated distribution function (Woodruff's interval).
+
+    share: of the distribution below it; the others as in `probability`.
+    """
+    rough = np.quantile(np.concatenate([y, *predictions.raw]), [max(share - 0.15, 0), min(share + 0.15, 1)])
     # Room for what no run and no prediction has reached.
     room = 0.25 * (rough[1] - rough[0])
     start, end = rough[0] - room, rough[1] + room
-    doubts = _doubts(design, made)
+    variances = _sorted_variances(predictions)
     for _ in range(ROUNDS):
         grid = np.linspace(start, end, PLACES)
-        found = [_probability(design, y, made, doubts, at, level) for at in grid]
+        found = [_probability(design, y, predictions, variances, at, level) for at in grid]
         middle, half = np.array([f.value for f in found]), np.array([f.half for f in found])
         # Every place whose interval holds the share, so the interval is as good as that of a probability; the value in
         # the middle of the first and last crossing, for the estimated function need not rise everywhere.
         low, high = _first(grid, middle + half, share), _last(grid, middle - half, share)
         value = (_first(grid, middle, share) + _last(grid, middle, share)) / 2
-        # The estimated function may have steps, and the interval be narrower than the distance of two places.
+        # The estimated function may have steps, and the interval may be narrower than the distance of two places.
         cell = grid[1] - grid[0]
         if high - low > FINE * cell:
             break
         start, end = min(low, value) - 2 * cell, max(high, value) + 2 * cell
     z = ndtri((1 + level) / 2)
-    return value, (high - low) / (2 * z), Interval(min(low, value), max(high, value), level)
+    return Value(value, (high - low) / (2 * z), min(low, value), max(high, value), level)
 
 
-def variance(design: Design, y: np.ndarray, made: Predictions, level: float = 0.95):
-    """Variance of Y: (value, std, interval); the interval is symmetric for its logarithm."""
-    centre = combine(
-        "", y, made.held, _blocks(design, made, lambda v: v), design.fold, len(y), target=design.target
-    ).mean
-    between = _between(made, 2 * (made.held - centre), [2 * (v - centre) for v in made.raw])
-    squares = combine(
-        "", (y - centre) ** 2, (made.held - centre) ** 2, _blocks(design, made, lambda v: (v - centre) ** 2),
-        design.fold, len(y), level, between=between, target=design.target,
-    )  # fmt: skip
+def variance(design: Design, y: np.ndarray, predictions: Predictions, level: float = 0.95) -> Value:
+    """Return the variance of the quantity; the interval is symmetric for its logarithm. As `probability`."""
+    centre = _centre(design, y, predictions)
+    slopes = [2 * (v - centre) for v in predictions.raw]
+    between = _between(predictions, 2 * (predictions.held - centre), slopes)
+    blocks = design.propagate([(v - centre) ** 2 for v in predictions.raw])
+    fit = CrossFit((y - centre) ** 2, (predictions.held - centre) ** 2, blocks, design.fold)
+    squares = combine("", fit, len(y), Options(level, between=between, target=design.target))
     value = max(squares.mean, 1e-3 * float(np.var(y)))
     factor = float(np.exp(squares.interval.half_width / value))
-    return value, squares.std, Interval(value / factor, value * factor, level)
+    return Value(value, squares.std, value / factor, value * factor, level)
 
 
-def sobol(design: Design, y: np.ndarray, made: Predictions, level: float = 0.95) -> dict:
-    """First-order index var(E[Y | θ_j]) / var Y of every input that moves: {value, std, low, high, level}.
+def sobol(design: Design, y: np.ndarray, predictions: Predictions, level: float = 0.95) -> dict[str, Value]:
+    """Return the first-order index var(E[Y | θ_j]) / var Y of every input that moves. As `probability`.
 
     With h(θ_j) an estimate of E[Y | θ_j] − E[Y], var(E[Y | θ_j]) = E[2 (Y − E[Y]) h − h²] but for the square of what h
     misses; the expectation is a cross-fitted mean. h is a polynomial of log θ_j through the predictions, or their mean
@@ -104,16 +127,19 @@ def sobol(design: Design, y: np.ndarray, made: Predictions, level: float = 0.95)
     each other where the total resistance is preserved: an index then counts what an input shares with others.
     """
     theta = design.runs.theta_more[np.concatenate([b.index for b in design.blocks])]
-    centre = combine(
-        "", y, made.held, _blocks(design, made, lambda v: v), design.fold, len(y), target=design.target
-    ).mean
+    centre = _centre(design, y, predictions)
     found = {}
     for j, name in enumerate(design.runs.inputs):
         if np.ptp(theta[:, j]) == 0:
             continue
-        effect = _at_nodes(design, made, j) if _is_integrated(design, j) else _along(design, made, j)
-        found[name] = _plain(_index(design, y, made, effect, centre, level))
+        effect = _at_nodes(design, predictions, j) if _is_integrated(design, j) else _along(design, predictions, j)
+        found[name] = _index(design, y, predictions, effect, centre, level)
     return found
+
+
+def _centre(design: Design, y: np.ndarray, predictions: Predictions) -> float:
+    fit = CrossFit(y, predictions.held, design.propagate(predictions.raw), design.fold)
+    return combine("", fit, len(y), Options(target=design.target)).mean
 
 
 @dataclass(frozen=True)
@@ -125,8 +151,8 @@ class _Effect:
     noise: float
 
 
-def _along(design: Design, made: Predictions, j: int) -> _Effect:
-    average = np.concatenate([b.average(v) for b, v in zip(design.blocks, made.raw, strict=True)])
+def _along(design: Design, predictions: Predictions, j: int) -> _Effect:
+    average = np.concatenate([b.average(v) for b, v in zip(design.blocks, predictions.raw, strict=True)])
     x = np.log(design.runs.theta_more[:, j])
     at = x[np.concatenate([b.index for b in design.blocks])]
     degree = min(DEGREE, len(np.unique(at)) - 1)
@@ -136,40 +162,41 @@ def _along(design: Design, made: Predictions, j: int) -> _Effect:
     return _Effect(fitted(np.clip(design.log_theta[:, j], *fitted.domain)), raw, noise)
 
 
-def _at_nodes(design: Design, made: Predictions, j: int) -> _Effect:
-    at = np.concatenate([v.reshape(-1, len(NODES)) for v in made.raw]).mean(axis=0)
+def _at_nodes(design: Design, predictions: Predictions, j: int) -> _Effect:
+    at = np.concatenate([v.reshape(-1, len(NODES)) for v in predictions.raw]).mean(axis=0)
     h = legendre.Legendre.fit(NODES, at - at @ WEIGHTS / 2, len(NODES) - 1, domain=(-1, 1))
-    low, high = design.runs.limits[j]
+    low, high = design.runs.bounds(design.runs.inputs[j])
     held = h(np.clip(2 * (design.runs.theta[:, j] - low) / (high - low) - 1, -1, 1))
     return _Effect(held, [np.tile(h(NODES), len(b.index)) for b in design.blocks], 0.0)
 
 
-def _index(design: Design, y, made: Predictions, effect: _Effect, centre: float, level: float):
-    def mean(of, slope):
-        blocks = [
-            Propagated(b.average(of(v, h)), b.repeats)
-            for b, v, h in zip(design.blocks, made.raw, effect.raw, strict=True)
-        ]
-        between = _between(
-            made, slope(made.held, effect.held), [slope(v, h) for v, h in zip(made.raw, effect.raw, strict=True)]
-        )
+Function = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""Of the quantity (or its prediction) and of h at the same samples."""
+
+
+def _index(
+    design: Design, y: np.ndarray, predictions: Predictions, effect: _Effect, centre: float, level: float
+) -> Value:
+    def mean(function: Function, slope: Function) -> Estimate:
+        raw = list(zip(predictions.raw, effect.raw, strict=True))
+        slopes = [slope(v, h) for v, h in raw]
+        between = _between(predictions, slope(predictions.held, effect.held), slopes)
+        held, blocks = function(predictions.held, effect.held), design.propagate([function(v, h) for v, h in raw])
         # One beta for numerator and denominator: where they share a beta, they share most of their error.
-        return combine(
-            "", of(y, effect.held), of(made.held, effect.held), blocks, design.fold, len(y), level, beta=1.0,
-            between=between,
-        )  # fmt: skip
+        fit = CrossFit(function(y, effect.held), held, blocks, design.fold)
+        return combine("", fit, len(y), Options(level, beta=1.0, between=between))
 
     total = mean(lambda v, h: (v - centre) ** 2, lambda v, h: 2 * (v - centre)).mean
     explained = mean(lambda v, h: 2 * (v - centre) * h - h**2, lambda v, h: 2 * h).mean - effect.noise
     if total <= 0:
-        return 0.0, 1.0, Interval(0.0, 1.0, level)
+        return Value(0.0, 1.0, 0.0, 1.0, level)
     index = float(np.clip(explained / total, 0, 1))
     ratio = mean(
         lambda v, h: (2 * (v - centre) * h - h**2 - index * (v - centre) ** 2) / total,
         lambda v, h: 2 * (h - index * (v - centre)) / total,
     )
     half = ratio.interval.half_width
-    return index, ratio.std, Interval(max(0.0, index - half), min(1.0, index + half), level)
+    return Value(index, ratio.std, max(0.0, index - half), min(1.0, index + half), level)
 
 
 def _is_integrated(design: Design, j: int) -> bool:
@@ -180,7 +207,7 @@ def _is_integrated(design: Design, j: int) -> bool:
 
 
 @dataclass(frozen=True)
-class _Doubt:
+class _SortedVariance:
     """Predictions of one fold at some propagation samples, in rising order, and the variance of y given them."""
 
     at: np.ndarray
@@ -189,17 +216,17 @@ class _Doubt:
     def near(self, threshold: float) -> float:
         """Standard deviation of y given a prediction near the threshold."""
         width = max(8, int(NEAR * len(self.at)))
-        start = np.searchsorted(self.at, threshold) - width // 2
-        start = int(np.clip(start, 0, max(0, len(self.at) - width)))
+        first = np.searchsorted(self.at, threshold) - width // 2
+        start = int(np.clip(first, 0, max(0, len(self.at) - width)))
         return float(np.mean(self.variance[start : start + width]) ** 0.5)
 
 
-def _doubts(design: Design, made: Predictions) -> list[_Doubt]:
+def _sorted_variances(predictions: Predictions) -> list[_SortedVariance]:
     found = []
-    for values, doubt in zip(made.raw, made.doubt, strict=True):
-        variance = doubt(SAMPLES)
-        order = np.argsort(values[: len(variance)], kind="stable")
-        found.append(_Doubt(values[order], variance[order]))
+    for values, variance_at in zip(predictions.raw, predictions.variance, strict=True):
+        some = variance_at(SAMPLES)
+        order = np.argsort(values[: len(some)], kind="stable")
+        found.append(_SortedVariance(values[order], some[order]))
     return found
 
 
@@ -211,20 +238,21 @@ class _Share:
 
 
 def _probability(
-    design: Design, y, made: Predictions, doubts: list[_Doubt], threshold: float, level: float
+    design: Design, y: np.ndarray, predictions: Predictions, variances: list[_SortedVariance], threshold: float,
+    level: float,
 ) -> _Share:  # fmt: skip
     """P(Y ≤ threshold) by one of two rules.
 
     The control variate is the normal probability of the prediction, with the width that the process itself gives near
-    the threshold. Its mean square doubt h (1 − h), times n, is how many runs are expected on another side than
+    the threshold. Its mean square error h (1 − h), times n, is how many runs are expected on another side than
     predicted. From DISAGREEMENTS on they correct the estimate, as everywhere. Below, the correction is zero in most
     pilots and far too large in the rest, and no symmetric interval covers that: the predictions stand alone, and their
     error is bounded as if they were all wrong the same way, each by a standard deviation: E φ(z).
     """
-    per_fold = np.maximum([d.near(threshold) for d in doubts], 1e-9 * (np.std(y) + 1e-300))
+    per_fold = np.maximum([v.near(threshold) for v in variances], 1e-9 * (np.std(y) + 1e-300))
     wide = per_fold[design.fold]
-    away = [(threshold - v) / w for v, w in zip(made.raw, per_fold, strict=True)]
-    blocks = [Propagated(b.average(ndtr(z)), b.repeats) for b, z in zip(design.blocks, away, strict=True)]
+    away = [(threshold - v) / w for v, w in zip(predictions.raw, per_fold, strict=True)]
+    blocks = design.propagate([ndtr(z) for z in away])
     runs = np.bincount(design.fold, minlength=len(blocks))
     unsure = np.average(
         [np.mean(b.average(ndtr(z) * ndtr(-z))) for b, z in zip(design.blocks, away, strict=True)], weights=runs
@@ -237,32 +265,32 @@ def _probability(
         propagation = 0.0 if design.target else sum((runs / len(y)) ** 2 * [b.variance for b in blocks])
         std = float((propagation + same_way**2) ** 0.5)
         return _Share(value, std, float(ndtri((1 + level) / 2)) * std)
-    steep = [_slope(z[: len(counted)], w) for z, w, counted in zip(away, per_fold, made.influence.weights, strict=True)]
-    held = (threshold - made.held) / wide
-    between = replace(_between(made, _slope(held, wide), steep), reach=1.0)
-    # Few disagreements say less of their variance than the predictions' own doubt does, which counts as PRIOR of them.
-    found = combine(
-        "", (y <= threshold).astype(float), ndtr(held), blocks, design.fold, len(y), level, between=between,
-        expected=float(unsure) / len(y), trust=float(PRIOR / (PRIOR + len(y) * unsure)), target=design.target,
+    counted = [len(weights) for weights in predictions.influence.weights]
+    steep = [_slope(z[:m], w) for z, w, m in zip(away, per_fold, counted, strict=True)]
+    held = (threshold - predictions.held) / wide
+    between = replace(_between(predictions, _slope(held, wide), steep), reach=1.0)
+    # The variance of few disagreements is less certain than the predictions' own, which counts as PRIOR of them.
+    options = Options(
+        level, between=between, expected=float(unsure) / len(y), trust=float(PRIOR / (PRIOR + len(y) * unsure)),
+        target=design.target,
     )  # fmt: skip
+    found = combine("", CrossFit((y <= threshold).astype(float), ndtr(held), blocks, design.fold), len(y), options)
     return _Share(found.mean, found.std, found.interval.half_width)
 
 
-def _slope(away, wide):
-    """Derivative of the normal probability of a prediction `away` of its own `wide` below the threshold."""
+def _slope(away: np.ndarray, wide: np.ndarray) -> np.ndarray:
+    """Derivative of the normal probability of a prediction `away` standard deviations (`wide`) below the threshold."""
     return -np.exp(-(away**2) / 2) / (np.sqrt(2 * np.pi) * wide)
 
 
-def _between(made: Predictions, slope: np.ndarray, slopes: list[np.ndarray]) -> Between:
-    return made.influence.between(slope, [s[: len(w)] for s, w in zip(slopes, made.influence.weights, strict=True)])
-
-
-def _blocks(design: Design, made: Predictions, of) -> list[Propagated]:
-    return [Propagated(b.average(of(v)), b.repeats) for b, v in zip(design.blocks, made.raw, strict=True)]
+def _between(predictions: Predictions, slope: np.ndarray, slopes: list[np.ndarray]) -> Between:
+    return predictions.influence.between(
+        slope, [s[: len(w)] for s, w in zip(slopes, predictions.influence.weights, strict=True)]
+    )
 
 
 def _first(grid: np.ndarray, curve: np.ndarray, at: float) -> float:
-    """Where a curve that need not rise everywhere first reaches `at`; the end of the grid where it does not."""
+    """First x at which a curve that need not rise everywhere reaches `at`; the end of the grid if it does not."""
     reached = np.flatnonzero(curve >= at)
     if len(reached) == 0:
         return float(grid[-1])
@@ -273,17 +301,12 @@ def _first(grid: np.ndarray, curve: np.ndarray, at: float) -> float:
 
 
 def _last(grid: np.ndarray, curve: np.ndarray, at: float) -> float:
-    """Where it is for the last time no more than `at`."""
+    """Last x at which the curve is no more than `at`."""
     return -_first(-grid[::-1], -curve[::-1], -at)
 
 
-def _rare(n: int, share: float) -> dict:
+def _rare(n: int, share: float) -> str | None:
     beyond = n * min(share, 1 - share)
     if beyond >= TAIL_RUNS - 1e-9:
-        return {}
-    return {"warning": f"some {beyond:.3g} of {n} runs lie beyond it: its interval is not verified below {TAIL_RUNS}"}
-
-
-def _plain(found) -> dict:
-    value, std, interval = found
-    return {"value": value, "std": std, "low": interval.low, "high": interval.high, "level": interval.level}
+        return None
+    return f"only about {beyond:.3g} of {n} runs lie beyond it; its interval is not verified below {TAIL_RUNS}"

@@ -1,8 +1,9 @@
-"""Gathers a campaign's runs into the published-runs format, a folder that the estimators and anybody else can read."""
+"""Gather a campaign's runs into the published-runs format, a folder that the estimators and anybody else can read."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,9 +13,10 @@ from coronaryuq.core import records
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.core.io.tables import read_csv, read_parquet, write_csv
+from coronaryuq.estimation.results import Counts
 
 BOOKKEEPING = ("status", "reason", "cpu_s", "cycles", "cycle_error", "refinement")
-"""Columns of 0D runs that are no outputs."""
+"""Columns of 0D runs that are not outputs."""
 
 ROWS = (
     ("osi_flow", "max OSI", "mean flow", "osi_max_{}", "mean_flow:{outlet}"),
@@ -24,172 +26,204 @@ ROWS = (
 )
 """The paper's table: name, 3D and 0D quantity, and their columns for one branch (Table 1)."""
 
+COARSE_FILES = ("params_coarse.csv", "outputs_0d_coarse.csv", "outputs_3d_coarse.csv")
+
+
+@dataclass(frozen=True)
+class RunFiles:
+    """Files of one campaign from which its runs are gathered.
+
+    Parameters
+    ----------
+    case
+        `case.json`.
+    pilot, propagation
+        Tables of θ (CSV).
+    records
+        Records of the 3D runs, one file per batch.
+    zerod_pilot, zerod_propagation
+        Outputs of the 0D runs at both tables (Parquet), one file per chunk.
+    coarse
+        Records of a coarse 3D level, if there is one.
+    runs_per_fine
+        Coarse 3D runs per fine one; the coarse level runs the first `runs_per_fine` · n_3d samples of `pilot`.
+        0 without a coarse level.
+    """
+
+    case: str | Path
+    pilot: str | Path
+    propagation: str | Path
+    records: Sequence[str | Path]
+    zerod_pilot: Sequence[str | Path]
+    zerod_propagation: Sequence[str | Path]
+    coarse: Sequence[str | Path] = ()
+    runs_per_fine: int = 0
+
+    @classmethod
+    def of(cls, paths: Mapping[str, Any], runs_per_fine: int) -> "RunFiles":
+        """Take the fields from a job's inputs, which have the same names."""
+        names = [field.name for field in fields(cls) if field.name != "runs_per_fine"]
+        return cls(**{name: paths[name] for name in names}, runs_per_fine=runs_per_fine)
+
 
 def gather(
-    case_json: str | Path,
-    pilot_csv: str | Path,
-    propagation_csv: str | Path,
-    flow3d: Sequence[str | Path],
-    zerod_pilot: Sequence[str | Path],
-    zerod_propagation: Sequence[str | Path],
+    inputs: RunFiles,
     limits: dict[str, tuple[float, float]],
     min_3d: int,
     out: str | Path,
-    counts: dict[str, int] | None = None,
-    coarse: Sequence[str | Path] = (),
-    runs_per_fine: int = 0,
+    counts: Counts | None = None,
 ) -> None:
-    """Write `params.csv`, `outputs_3d.csv`, `outputs_0d.csv`, `params_propagation.csv`, `outputs_0d_propagation.csv`,
-    `param_limits.json`, `rows.csv` and `failures.json` into `out`, for a coarse 3D level `params_coarse.csv`,
-    `outputs_3d_coarse.csv` and `outputs_0d_coarse.csv` too.
+    """Write a campaign's runs in the published-runs format (docs/formats.md) into the folder `out`.
 
     A pilot sample whose 3D run failed stays in `params.csv` without outputs, so that the estimators can ask whether
-    failures depend on θ. A sample whose 0D run failed is left out. Raises InputError if fewer than `min_3d` 3D runs
-    ended well, with the commonest reason. limits: bounds of θ by column, "r" standing for every bed. counts: {n_3d,
-    n_0d}, how many of the first samples count; all where it is None. coarse: records of a coarse 3D level, which ran
-    the first `runs_per_fine` · n_3d samples of the pilot's table: those beyond the pilot go into `params_coarse.csv`.
+    failures depend on θ. A sample whose 0D run failed is left out.
+
+    Parameters
+    ----------
+    inputs
+        Files of the campaign.
+    limits
+        Bounds of θ by column; "r" stands for every bed.
+    min_3d
+        Fewest 3D runs that have to have succeeded.
+    out
+        Folder to write to.
+    counts
+        How many of the first samples to take; all of them if None.
+
+    Raises
+    ------
+    InputError
+        If fewer than `min_3d` 3D runs succeeded (with the most frequent reason), or if a sample has no run, or two.
     """
     out = Path(out)
-    pilot, beyond, propagation = _portions(pilot_csv, propagation_csv, counts, runs_per_fine)
-    runs = _records("3D", flow3d, pilot)
-    cheap = _zerod(zerod_pilot, pilot)
-    beside = _zerod(zerod_pilot, beyond)
-    more = _zerod(zerod_propagation, propagation)
-    _enough(flow3d[0], runs, min_3d)
-    kept = pilot[pilot["sample"].isin(cheap.ended["sample"])]
-    outputs_3d = _ended(runs)
+    pilot, beyond, propagation = _tables(inputs, counts)
+    fine = _records("3D", inputs.records, pilot)
+    zerod = _zerod(inputs.zerod_pilot, pilot)
+    zerod_beyond = _zerod(inputs.zerod_pilot, beyond)
+    zerod_more = _zerod(inputs.zerod_propagation, propagation)
+    _check_number(inputs.records[0], fine, min_3d)
+    kept = pilot[pilot["sample"].isin(zerod.outputs["sample"])]
+    outputs_3d = _outputs(fine)
     write_csv(out / "params.csv", kept)
     write_csv(out / "outputs_3d.csv", outputs_3d[outputs_3d["sample"].isin(kept["sample"])])
-    write_csv(out / "outputs_0d.csv", cheap.ended)
-    write_csv(out / "params_propagation.csv", propagation[propagation["sample"].isin(more.ended["sample"])])
-    write_csv(out / "outputs_0d_propagation.csv", more.ended)
-    second = _coarse(coarse, pd.concat([pilot, beyond])) if runs_per_fine else []
-    _write_coarse(out, second, outputs_3d.columns, kept, beyond, beside.ended)
+    write_csv(out / "outputs_0d.csv", zerod.outputs)
+    write_csv(out / "params_propagation.csv", propagation[propagation["sample"].isin(zerod_more.outputs["sample"])])
+    write_csv(out / "outputs_0d_propagation.csv", zerod_more.outputs)
+    coarse = _coarse(inputs.coarse, pd.concat([pilot, beyond])) if inputs.runs_per_fine else []
+    if coarse:
+        both = [*kept["sample"], *zerod_beyond.outputs["sample"]]
+        outputs_coarse = _outputs(coarse, outputs_3d.columns)
+        write_csv(out / "params_coarse.csv", beyond[beyond["sample"].isin(zerod_beyond.outputs["sample"])])
+        write_csv(out / "outputs_0d_coarse.csv", zerod_beyond.outputs)
+        write_csv(out / "outputs_3d_coarse.csv", outputs_coarse[outputs_coarse["sample"].isin(both)])
+    else:
+        for name in COARSE_FILES:  # of an earlier campaign that had a coarse level
+            (out / name).unlink(missing_ok=True)
     columns = [name for name in pilot.columns if name != "sample"]
     bounds = {name: limits.get(name, limits["r"]) for name in columns}
     ends = (("min", 0), ("max", 1))
     write_json(out / "param_limits.json", {end: {name: bounds[name][k] for name in columns} for end, k in ends})
-    write_csv(out / "rows.csv", rows(read_case(case_json, "stenoses.name", "stenoses.outlet"), cheap.ended.columns))
-    write_json(out / "failures.json", _failures(runs, (cheap, beside, more), second))
+    case = read_case(inputs.case, "stenoses.name", "stenoses.outlet")
+    write_csv(out / "rows.csv", rows(case, list(zerod.outputs.columns)))
+    write_json(out / "failures.json", _failures(fine, (zerod, zerod_beyond, zerod_more), coarse))
 
 
 @dataclass(frozen=True)
-class _Cheap:
-    """0D runs of one set: how many were wanted, outputs of those that ended well, the failed ones, their CPU time."""
+class _ZeroDRuns:
+    """0D runs of one set: how many were wanted, outputs of those that succeeded, the failed ones, their CPU time."""
 
     wanted: int
-    ended: pd.DataFrame
+    outputs: pd.DataFrame
     failed: pd.DataFrame
     cpu_s: float
 
 
-def _portions(
-    pilot_csv: str | Path, propagation_csv: str | Path, counts: dict[str, int] | None, runs_per_fine: int
-) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
+def _tables(inputs: RunFiles, counts: Counts | None) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     """Inputs of the pilot, of the coarse level's samples beyond it, and of propagation."""
-    table, propagation = read_csv(pilot_csv, ("sample",)), read_csv(propagation_csv, ("sample",))
-    n_3d = len(table) // max(1, runs_per_fine)
+    table, propagation = read_csv(inputs.pilot, ("sample",)), read_csv(inputs.propagation, ("sample",))
+    per_fine = max(1, inputs.runs_per_fine)
+    n_3d = len(table) // per_fine
     if counts is not None:
-        n_3d, propagation = counts["n_3d"], propagation.iloc[: counts["n_0d"]]
-    return table.iloc[:n_3d], table.iloc[n_3d : max(1, runs_per_fine) * n_3d], propagation
+        n_3d, propagation = counts.n_3d, propagation.iloc[: counts.n_0d]
+    return table.iloc[:n_3d], table.iloc[n_3d : per_fine * n_3d], propagation
 
 
-def _enough(path: str | Path, runs: list[records.Record], least: int) -> None:
+def _check_number(path: str | Path, runs: list[records.Record], least: int) -> None:
     failed = [record for record in runs if not record.ok]
     if len(runs) - len(failed) < least:
         reasons = pd.Series([record.reason for record in failed])
-        most = reasons.value_counts().index[0] if len(reasons) else "too few samples asked for"
-        said = f"{len(runs) - len(failed)} of {len(runs)}"
-        raise InputError(path, "3D runs that ended well", said, f"at least {least} are needed; most often: {most}")
+        most = reasons.value_counts().index[0] if len(reasons) else "too few samples requested"
+        found = f"{len(runs) - len(failed)} of {len(runs)}"
+        raise InputError(
+            path, "successful 3D runs", found, f"at least {least} are needed; most frequent reason: {most}"
+        )
 
 
-def _ended(runs: list[records.Record], columns: Sequence[str] | None = None) -> pd.DataFrame:
-    """Outputs of the runs that ended well, one row each."""
+def _outputs(runs: list[records.Record], columns: Sequence[str] | None = None) -> pd.DataFrame:
+    """Outputs of the runs that succeeded, one row each."""
     return pd.DataFrame([{"sample": r.sample, **r.outputs} for r in runs if r.ok], columns=columns)
 
 
-def _write_coarse(
-    out: Path,
-    second: list[records.Record],
-    columns: Sequence[str],
-    kept: pd.DataFrame,
-    beyond: pd.DataFrame,
-    beside: pd.DataFrame,
-) -> None:
-    """Files of a coarse level; without one, those of an earlier run with one are removed."""
-    if not second:
-        for name in ("params_coarse.csv", "outputs_0d_coarse.csv", "outputs_3d_coarse.csv"):
-            (out / name).unlink(missing_ok=True)
-        return
-    ended = _ended(second, columns)
-    paired = ended["sample"].isin(kept["sample"]) | ended["sample"].isin(beside["sample"])
-    write_csv(out / "params_coarse.csv", beyond[beyond["sample"].isin(beside["sample"])])
-    write_csv(out / "outputs_0d_coarse.csv", beside)
-    write_csv(out / "outputs_3d_coarse.csv", ended[paired])
-
-
-def _failures(runs: list[records.Record], zerod: tuple[_Cheap, _Cheap, _Cheap], second: list[records.Record]) -> dict:
-    """What `failures.json` holds: runs, the failed ones and cost of the 3D level, the 0D model and the coarse level."""
-    pilot, beside, propagation = zerod
-    failed = pd.concat([one.failed for one in zerod])[["sample", "reason"]]
+def _failures(fine: list[records.Record], zerod: Sequence[_ZeroDRuns], coarse: list[records.Record]) -> dict[str, Any]:
+    """Contents of `failures.json`: runs, failed ones and cost of the 3D level, the 0D model and the coarse level."""
+    failed = pd.concat([runs.failed for runs in zerod])[["sample", "reason"]]
+    pilot, beyond, propagation = (runs.cpu_s for runs in zerod)
     return {
-        "flow3d": {"runs": len(runs), "failed": _told(runs)},
-        "zerod": {"runs": sum(one.wanted for one in zerod), "failed": failed.to_dict("records")},
-        "coarse": {"runs": len(second), "failed": _told(second)},
+        "flow3d": {"runs": len(fine), "failed": _failed(fine)},
+        "zerod": {"runs": sum(runs.wanted for runs in zerod), "failed": failed.to_dict("records")},
+        "coarse": {"runs": len(coarse), "failed": _failed(coarse)},
         "cost": {
-            "flow3d_cpu_s": float(sum(r.cost.get("cpu_s", 0.0) for r in runs)),
-            "zerod_cpu_s": pilot.cpu_s + beside.cpu_s + propagation.cpu_s,
-            "coarse_cpu_s": float(sum(r.cost.get("cpu_s", 0.0) for r in second)),
+            "flow3d_cpu_s": float(sum(r.cost.get("cpu_s", 0.0) for r in fine)),
+            "zerod_cpu_s": pilot + beyond + propagation,
+            "coarse_cpu_s": float(sum(r.cost.get("cpu_s", 0.0) for r in coarse)),
         },
     }
 
 
-def _told(runs: list[records.Record]) -> list[dict]:
+def _failed(runs: list[records.Record]) -> list[dict[str, Any]]:
     return [{"sample": r.sample, "reason": r.reason, "inputs": r.inputs} for r in runs if not r.ok]
 
 
-def rows(case: dict, columns_0d: Sequence[str]) -> pd.DataFrame:
+def rows(case: dict[str, Any], columns_0d: Sequence[str]) -> pd.DataFrame:
     """The paper's table for this case: one row per quantity and stenosis, in its order."""
     lines = []
     for name, qoi_3d, qoi_0d, column_3d, column_0d in ROWS:
         for stenosis in case["stenoses"]:
             branch = stenosis["name"].lower()
             outlet = next((c.split(":", 1)[1] for c in columns_0d if c.endswith(f":{stenosis['outlet']}")), None)
-            lines.append(
-                {
-                    "row": f"{name}_{branch}",
-                    "qoi_3d": qoi_3d,
-                    "qoi_0d": qoi_0d,
-                    "branch": stenosis["name"],
-                    "column_3d": column_3d.format(branch),
-                    "column_0d": column_0d.format(branch, outlet=outlet),
-                }
-            )
+            line = {"row": f"{name}_{branch}", "qoi_3d": qoi_3d, "qoi_0d": qoi_0d, "branch": stenosis["name"]}
+            line |= {"column_3d": column_3d.format(branch), "column_0d": column_0d.format(branch, outlet=outlet)}
+            lines.append(line)
     return pd.DataFrame(lines)
 
 
 def measured_cost_ratio(failures_json: str | Path) -> float | None:
-    """Cost of a 0D run in 3D runs from `failures.json`; None where the runs do not tell."""
-    held = read_json(failures_json)
-    high = held["cost"]["flow3d_cpu_s"] / max(held["flow3d"]["runs"], 1)
-    low = held["cost"]["zerod_cpu_s"] / max(held["zerod"]["runs"], 1)
+    """Return the cost of a 0D run in 3D runs from `failures.json`; None if it cannot be told from the runs."""
+    failures = read_json(failures_json)
+    high = failures["cost"]["flow3d_cpu_s"] / max(failures["flow3d"]["runs"], 1)
+    low = failures["cost"]["zerod_cpu_s"] / max(failures["zerod"]["runs"], 1)
     return low / high if high > 0 and 0 < low < high else None
 
 
-def coarse_cost(failures_json: str | Path) -> dict | None:
-    """{runs, failed, coarse_cpu_s, fine_cpu_s}, costs per run, of a coarse level; None without one or where they do not
-    tell.
-    """
-    held = read_json(failures_json)
-    coarse, fine, cost = held.get("coarse", {"runs": 0}), held["flow3d"], held["cost"]
+@dataclass(frozen=True)
+class CoarseCost:
+    """Runs of a coarse 3D level, the failed ones among them, and CPU seconds per coarse and per fine run."""
+
+    runs: int
+    failed: int
+    coarse_cpu_s: float
+    fine_cpu_s: float
+
+
+def coarse_cost(failures_json: str | Path) -> CoarseCost | None:
+    """Read the cost of a coarse level from `failures.json`; None without one or if its cost is not known."""
+    failures = read_json(failures_json)
+    coarse, fine, cost = failures.get("coarse", {"runs": 0}), failures["flow3d"], failures["cost"]
     if not coarse["runs"] or not fine["runs"] or not min(cost["flow3d_cpu_s"], cost["coarse_cpu_s"]) > 0:
         return None
-    return {
-        "runs": coarse["runs"],
-        "failed": len(coarse["failed"]),
-        "coarse_cpu_s": cost["coarse_cpu_s"] / coarse["runs"],
-        "fine_cpu_s": cost["flow3d_cpu_s"] / fine["runs"],
-    }
+    per_coarse, per_fine = cost["coarse_cpu_s"] / coarse["runs"], cost["flow3d_cpu_s"] / fine["runs"]
+    return CoarseCost(coarse["runs"], len(coarse["failed"]), per_coarse, per_fine)
 
 
 def _coarse(paths: Sequence[str | Path], table: pd.DataFrame) -> list[records.Record]:
@@ -201,29 +235,29 @@ def _coarse(paths: Sequence[str | Path], table: pd.DataFrame) -> list[records.Re
 def _records(kind: str, paths: Sequence[str | Path], table: pd.DataFrame) -> list[records.Record]:
     """Records of every sample of a table, in the order of the files."""
     wanted = set(table["sample"])
-    found = [record for path in paths for record in records.read(path) if record.sample in wanted]
-    _complete(kind, table["sample"], [record.sample for record in found], paths)
-    return found
+    runs = [record for path in paths for record in records.read(path) if record.sample in wanted]
+    _check_complete(kind, table["sample"], [record.sample for record in runs], paths)
+    return runs
 
 
-def _zerod(paths: Sequence[str | Path], inputs: pd.DataFrame) -> _Cheap:
+def _zerod(paths: Sequence[str | Path], inputs: pd.DataFrame) -> _ZeroDRuns:
     samples = inputs["sample"]
     table = pd.concat([read_parquet(path, ("sample", "status", "reason")) for path in paths], ignore_index=True)
     table = table[table["sample"].isin(samples)]
     ok = table["status"] == records.OK
-    ended, failed = table[ok].drop(columns=[c for c in BOOKKEEPING if c in table]), table[~ok]
-    _complete("0D", samples, [*ended["sample"], *failed["sample"]], paths)
-    return _Cheap(len(inputs), ended, failed, _cost(paths, samples))
+    outputs, failed = table[ok].drop(columns=[c for c in BOOKKEEPING if c in table]), table[~ok]
+    _check_complete("0D", samples, [*outputs["sample"], *failed["sample"]], paths)
+    return _ZeroDRuns(len(inputs), outputs, failed, _cpu_seconds(paths, samples))
 
 
-def _cost(paths: Sequence[str | Path], samples: Sequence[str]) -> float:
+def _cpu_seconds(paths: Sequence[str | Path], samples: pd.Series) -> float:
     tables = (read_parquet(path, ("sample", "cpu_s")) for path in paths)
     return float(np.sum([t.loc[t["sample"].isin(samples), "cpu_s"].sum() for t in tables]))
 
 
-def _complete(kind: str, wanted: pd.Series, found: list[str], paths: Sequence[str | Path]) -> None:
+def _check_complete(kind: str, wanted: pd.Series, found: list[str], paths: Sequence[str | Path]) -> None:
     missing = sorted(set(wanted) - set(found))
     if missing or len(found) != len(set(found)):
-        what = missing[0] if missing else "a sample"
+        sample = missing[0] if missing else "a sample"
         remedy = f"has no {kind} run; delete the files of this set and run again" if missing else "has two runs"
-        raise InputError(Path(paths[0]).parent, "sample", what, remedy)
+        raise InputError(Path(paths[0]).parent, "sample", sample, remedy)

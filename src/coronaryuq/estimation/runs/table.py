@@ -17,14 +17,24 @@ SHOWN = 6
 
 
 @dataclass(frozen=True)
+class CoarseRuns:
+    """A coarse 3D level: outputs at the n pilot samples and then at m_c further ones, NaN where a run failed.
+
+    theta (m_c, d), q (m_c rows): inputs and 0D outputs of the further samples.
+    """
+
+    outputs: pd.DataFrame
+    theta: np.ndarray
+    q: pd.DataFrame
+
+
+@dataclass(frozen=True)
 class Runs:
     """Runs of one patient, pilot rows aligned by `sample`.
 
-    inputs: columns of θ, d of them. theta (n, d): the n samples whose 3D and 0D runs both ended well. y: 3D outputs,
+    inputs: columns of θ, d of them. theta (n, d): the n samples whose 3D and 0D runs both succeeded. y: 3D outputs,
     q: 0D outputs (n rows each). theta_more (m, d): propagation samples. q_more: their 0D outputs (m rows), or None
-    where nobody ran them. theta_failed (f, d): pilot samples without a 3D run. limits: (d, 2) bounds of θ or None.
-    coarse: outputs of a coarse 3D level at the n pilot samples and then at m_c further ones, NaN where a run failed;
-    None without one. theta_coarse (m_c, d), q_coarse: inputs and 0D outputs of the further samples.
+    if they were not run. theta_failed (f, d): pilot samples without a 3D run. limits: (d, 2) bounds of θ or None.
     """
 
     folder: Path
@@ -38,29 +48,22 @@ class Runs:
     theta_failed: np.ndarray
     limits: np.ndarray | None = None
     samples_more: tuple[str, ...] = field(default=())
-    coarse: pd.DataFrame | None = None
-    theta_coarse: np.ndarray | None = None
-    q_coarse: pd.DataFrame | None = None
+    coarse: CoarseRuns | None = None
 
     def __len__(self) -> int:
         return len(self.theta)
 
-    def pilot(self, index: np.ndarray) -> "Runs":
-        """The same runs with the pilot cut down to `index`."""
-        coarse = self.coarse
-        if coarse is not None:
-            coarse = coarse.iloc[[*index, *range(len(self), len(coarse))]].reset_index(drop=True)
-        return Runs(
-            self.folder, self.inputs, tuple(self.samples[i] for i in index), self.theta[index],
-            self.y.iloc[index].reset_index(drop=True), self.q.iloc[index].reset_index(drop=True),
-            self.theta_more, self.q_more, self.theta_failed, self.limits, self.samples_more, coarse,
-            self.theta_coarse, self.q_coarse,
-        )  # fmt: skip
+    def bounds(self, name: str) -> tuple[float, float]:
+        """Bounds of one input of runs that have limits."""
+        if self.limits is None:
+            raise ValueError(f"{self.folder} has no limits of θ")
+        low, high = self.limits[self.inputs.index(name)]
+        return low, high
 
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table: a 3D quantity, the 0D quantity that the paper pairs with it, and words for a reader."""
+    """One line of the table: a 3D quantity, the 0D quantity that the paper pairs with it, and a label."""
 
     name: str
     column_3d: str
@@ -69,32 +72,35 @@ class Row:
 
 
 def read_runs(folder: str | Path) -> Runs:
-    """Read `params.csv`, `outputs_3d.csv`, `outputs_0d.csv` and what else the folder holds.
+    """Read a folder of runs in the published-runs format (docs/formats.md).
 
-    Propagation inputs come from `params_propagation.csv` (a header as `params.csv`) or
-    `params_propagation_normalized.csv` (no header, columns of `params.csv`, [−1, 1] within `param_limits.json`).
     A pilot sample that is missing or not finite in any column of `outputs_3d.csv` counts as failed; columns without
-    any value are left out. `outputs_3d_coarse.csv`, where there is one, holds the same columns from a coarse 3D level
-    at the pilot's samples and at those of `params_coarse.csv`, whose 0D outputs are in `outputs_0d_coarse.csv`; a
-    sample that is missing has failed there. Raises `InputError` for anything missing, doubled, foreign or not a number.
+    any value are left out. A sample that is missing from `outputs_3d_coarse.csv` failed on the coarse level.
+
+    Raises
+    ------
+    InputError
+        If anything is missing, duplicated, unknown or not a number.
     """
     folder = Path(folder)
     params = _table(folder / "params.csv")
     inputs = tuple(params.columns)
     if not inputs:
-        raise InputError(folder / "params.csv", None, None, "holds no inputs; wanted a column of each beside `sample`")
+        raise InputError(
+            folder / "params.csv", None, None, "holds no inputs; wanted one column per input beside `sample`"
+        )
     limits = _limits(folder / "param_limits.json", inputs)
     theta = _finite(folder / "params.csv", params)
     outputs_3d, outputs_0d = _table(folder / "outputs_3d.csv"), _table(folder / "outputs_0d.csv")
     for name, outputs in (("outputs_3d.csv", outputs_3d), ("outputs_0d.csv", outputs_0d)):
-        foreign = outputs.index.difference(params.index)
-        if len(foreign):
+        unknown = outputs.index.difference(params.index)
+        if len(unknown):
             raise InputError(
-                folder / name, "sample", str(foreign[0]), "not in params.csv; write both from the same campaign"
+                folder / name, "sample", str(unknown[0]), "not in params.csv; write both from the same campaign"
             )
     y = outputs_3d.dropna(axis=1, how="all").reindex(params.index)
     q = outputs_0d.dropna(axis=1, how="all").reindex(params.index)
-    _all_ran(folder / "outputs_0d.csv", q, "the column out")
+    _check_finite(folder / "outputs_0d.csv", q, "leave the column out")
     ended = np.isfinite(y.to_numpy(dtype=float)).all(axis=1)
     if ended.sum() < 2:
         raise InputError(
@@ -107,23 +113,29 @@ def read_runs(folder: str | Path) -> Runs:
     return Runs(
         folder, inputs, tuple(params.index[ended]), theta[ended],
         y[ended].reset_index(drop=True), q[ended].reset_index(drop=True),
-        theta_more, q_more, theta[~ended], limits, samples_more, *_coarse(folder, y, q, params.index[ended], inputs),
+        theta_more, q_more, theta[~ended], limits, samples_more, _coarse(folder, y, q, params.index[ended], inputs),
     )  # fmt: skip
 
 
 def read_rows(path: str | Path) -> list[Row]:
-    """Read `rows.csv`: columns `row, column_3d, column_0d`, and `qoi_3d, qoi_0d, branch` as words where present."""
+    """Read `rows.csv`: columns `row, column_3d, column_0d`; the label joins `qoi_3d, qoi_0d, branch` where present.
+
+    Raises
+    ------
+    InputError
+        If the file has no rows, an empty cell in a needed column, or two rows of one name.
+    """
     frame = read_csv(path, columns=KEYS)
     if not len(frame):
         raise InputError(path, "row", None, "no rows; name a 3D and a 0D column in each")
     for key in KEYS:
         if frame[key].isna().any():
             line = int(frame[key].isna().argmax()) + 2
-            raise InputError(path, f"{key} of line {line}", None, "empty; every row names itself, a 3D and a 0D column")
+            raise InputError(path, f"{key} of line {line}", None, "empty; every row needs a name, a 3D and a 0D column")
     frame = frame.astype(object).where(frame.notna(), "").astype(str).apply(lambda values: values.str.strip())
     if frame["row"].duplicated().any():
         raise InputError(
-            path, "row", frame["row"][frame["row"].duplicated()].iloc[0], "twice in the file; rows need their own names"
+            path, "row", frame["row"][frame["row"].duplicated()].iloc[0], "twice in the file; row names must be unique"
         )
     words = [c for c in ("qoi_3d", "qoi_0d", "branch") if c in frame]
     return [
@@ -133,7 +145,7 @@ def read_rows(path: str | Path) -> list[Row]:
 
 
 def pair(runs: Runs, row: Row) -> tuple[np.ndarray, np.ndarray]:
-    """3D and 0D outputs (n,), (n,) of one row on the pilot."""
+    """Return 3D and 0D outputs (n,), (n,) of one row on the pilot; `InputError` for a missing column."""
     return column(runs.folder / "outputs_3d.csv", runs.y, row.column_3d), column(
         runs.folder / "outputs_0d.csv", runs.q, row.column_0d
     )
@@ -158,7 +170,7 @@ def _table(path: Path) -> pd.DataFrame:
     for name, values in frame.items():
         if not pd.api.types.is_numeric_dtype(values) or pd.api.types.is_bool_dtype(values):
             raise InputError(
-                path, str(name), str(values.iloc[0]), "not a number; the file takes numbers and empty cells only"
+                path, str(name), str(values.iloc[0]), "not a number; only numbers and empty cells are allowed"
             )
     return frame
 
@@ -172,7 +184,7 @@ def _finite(path: Path, frame: pd.DataFrame) -> np.ndarray:
     bad = np.argwhere(values <= 0)
     if len(bad):
         i, j = bad[0]
-        remedy = "inputs multiply resistances and are positive"
+        remedy = "inputs multiply resistances and must be positive"
         raise InputError(path, f"{frame.columns[j]} of {frame.index[i]}", values[i, j], remedy)
     return values
 
@@ -185,7 +197,7 @@ def _limits(path: Path, inputs: tuple[str, ...]) -> np.ndarray | None:
         for name in inputs:
             value = limits[bound].get(name) if isinstance(limits[bound], dict) else None
             if isinstance(value, bool) or not isinstance(value, int | float):
-                raise InputError(path, f"{bound}.{name}", value, "wanted a number, as of every column of params.csv")
+                raise InputError(path, f"{bound}.{name}", value, "wanted a number for every column of params.csv")
     bounds = np.array([[limits["min"][name], limits["max"][name]] for name in inputs], dtype=float)
     if not (bounds[:, 0] < bounds[:, 1]).all():
         raise InputError(path, inputs[int(np.argmin(np.diff(bounds)))], None, "min is not below max")
@@ -201,41 +213,40 @@ def _further(path: Path, inputs: tuple[str, ...]) -> pd.DataFrame:
     return frame[list(inputs)]
 
 
-def _all_ran(path: Path, q: pd.DataFrame, what: str) -> None:
+def _check_finite(path: Path, q: pd.DataFrame, otherwise: str) -> None:
     lost = np.argwhere(~np.isfinite(q.to_numpy(dtype=float)))
     if len(lost):
         i, j = lost[0]
-        raise InputError(
-            path, f"{q.columns[j]} of {q.index[i]}", None,
-            f"no finite 0D output; run the 0D model at this sample, or take {what}",
-        )  # fmt: skip
+        remedy = f"no finite 0D output; run the 0D model at this sample, or {otherwise}"
+        raise InputError(path, f"{q.columns[j]} of {q.index[i]}", None, remedy)
 
 
-def _coarse(folder: Path, y: pd.DataFrame, q: pd.DataFrame, ended: pd.Index, inputs: tuple[str, ...]):
-    """`Runs.coarse`, `theta_coarse` and `q_coarse`; `ended`: the pilot's samples that count."""
+def _coarse(
+    folder: Path, y: pd.DataFrame, q: pd.DataFrame, kept: pd.Index, inputs: tuple[str, ...]
+) -> CoarseRuns | None:
+    """The coarse level, if the folder has one; kept: the pilot's samples that count."""
     path, beyond = folder / "outputs_3d_coarse.csv", folder / "params_coarse.csv"
     if not path.exists():
-        return None, None, None
-    frame, params = _table(path), _further(beyond, inputs)
-    foreign = frame.index.difference(y.index.union(params.index))
-    if len(foreign):
-        raise InputError(path, "sample", str(foreign[0]), "neither in params.csv nor in params_coarse.csv")
+        return None
+    outputs, params = _table(path), _further(beyond, inputs)
+    unknown = outputs.index.difference(y.index.union(params.index))
+    if len(unknown):
+        raise InputError(path, "sample", str(unknown[0]), "neither in params.csv nor in params_coarse.csv")
     twice = params.index.intersection(y.index)
     if len(twice):
-        raise InputError(beyond, "sample", str(twice[0]), "in params.csv too; keep it there")
-    strange = frame.columns.difference(y.columns)
-    if len(strange):
-        raise InputError(path, str(strange[0]), None, "no such column in outputs_3d.csv")
+        raise InputError(beyond, "sample", str(twice[0]), "also in params.csv; keep it there only")
+    unknown = outputs.columns.difference(y.columns)
+    if len(unknown):
+        raise InputError(path, str(unknown[0]), None, "no such column in outputs_3d.csv")
     q_coarse = _table(folder / "outputs_0d_coarse.csv").reindex(params.index).reindex(columns=q.columns)
-    _all_ran(folder / "outputs_0d_coarse.csv", q_coarse, "it out of params_coarse.csv")
-    return (
-        frame.reindex(ended.append(params.index)).reset_index(drop=True),
-        _finite(beyond, params),
-        q_coarse.reset_index(drop=True),
-    )
+    _check_finite(folder / "outputs_0d_coarse.csv", q_coarse, "leave it out of params_coarse.csv")
+    outputs = outputs.reindex(kept.append(params.index)).reset_index(drop=True)
+    return CoarseRuns(outputs, _finite(beyond, params), q_coarse.reset_index(drop=True))
 
 
-def _propagation(folder: Path, inputs: tuple[str, ...], limits) -> tuple[np.ndarray, tuple[str, ...]]:
+def _propagation(
+    folder: Path, inputs: tuple[str, ...], limits: np.ndarray | None
+) -> tuple[np.ndarray, tuple[str, ...]]:
     physical, normalised = folder / "params_propagation.csv", folder / "params_propagation_normalized.csv"
     if physical.exists():
         frame = _further(physical, inputs)
@@ -247,7 +258,7 @@ def _propagation(folder: Path, inputs: tuple[str, ...], limits) -> tuple[np.ndar
             folder / "param_limits.json", None, None, "no such file; normalised propagation inputs need it"
         )
     if not normalised.read_bytes().strip():
-        raise InputError(normalised, None, None, "empty; draw inputs at which the 0D model alone is run")
+        raise InputError(normalised, None, None, "empty; draw inputs at which only the 0D model is run")
     try:
         values = np.loadtxt(normalised, delimiter=",", ndmin=2)
     except ValueError as error:
@@ -255,18 +266,20 @@ def _propagation(folder: Path, inputs: tuple[str, ...], limits) -> tuple[np.ndar
     if values.shape[1] != len(inputs):
         raise InputError(normalised, None, values.shape[1], f"columns; wanted the {len(inputs)} of params.csv")
     if not np.isfinite(values).all():
-        raise InputError(normalised, None, None, "holds something that is not a finite number")
+        raise InputError(normalised, None, None, "contains a value that is not a finite number")
     theta = limits[:, 0] + (values + 1) / 2 * (limits[:, 1] - limits[:, 0])
     return theta, tuple(f"propagation_{i:05d}" for i in range(len(theta)))
 
 
-def _propagation_outputs(folder: Path, theta, samples):
+def _propagation_outputs(
+    folder: Path, theta: np.ndarray, samples: tuple[str, ...]
+) -> tuple[np.ndarray, tuple[str, ...], pd.DataFrame]:
     path = folder / "outputs_0d_propagation.csv"
     frame = _table(path)
-    foreign = frame.index.difference(pd.Index(samples))
-    if len(foreign):
+    unknown = frame.index.difference(pd.Index(samples))
+    if len(unknown):
         raise InputError(
-            path, "sample", str(foreign[0]), "not among the propagation inputs; write both from the same campaign"
+            path, "sample", str(unknown[0]), "not among the propagation inputs; write both from the same campaign"
         )
     frame = frame.reindex(samples)
     ended = np.isfinite(frame.dropna(axis=1, how="all").to_numpy(dtype=float)).all(axis=1)

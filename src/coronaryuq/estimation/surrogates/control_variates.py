@@ -1,11 +1,4 @@
-"""Control variates: functions of θ and of 0D outputs that predict a 3D quantity. One interface: fit on a pilot,
-predict.
-
-A method is `fit(seen, y) -> Fitted`; `Fitted.predict(seen)` gives the control variate, `Fitted.leave_one_out` (n,)
-what it misses at its own training runs when each is left out, from which a choice among methods is made within a
-training set, `Fitted.influence(seen)` (m, n) how much of each prediction goes when a training run is left out,
-`Fitted.variance(seen)` (m,) the expected square of what it misses there.
-"""
+"""Control variates: functions of θ and of 0D outputs that predict a 3D quantity, fitted on a pilot."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -17,7 +10,7 @@ from coronaryuq.estimation.surrogates import gaussian_process
 
 @dataclass(frozen=True)
 class Seen:
-    """What a control variate may see of m samples: log θ (m, d), a row's 0D output (m,), more of them (m, p).
+    """Predictors at m samples: log θ (m, d), a row's 0D output (m,), more of them (m, p).
 
     coarse (m,): the quantity itself on a coarse 3D level, or None.
     """
@@ -39,6 +32,13 @@ class Seen:
         return self.log_theta, self.row_output, self.outputs
 
     @property
+    def coarse_run(self) -> np.ndarray:
+        """The coarse level (m,), for a method that needs it."""
+        if self.coarse is None:
+            raise ValueError("no coarse level among the predictors")
+        return self.coarse
+
+    @property
     def everything(self) -> np.ndarray:
         coarse = [] if self.coarse is None else [self.coarse]
         return np.column_stack([self.log_theta, self.outputs, *coarse])
@@ -46,6 +46,13 @@ class Seen:
 
 @dataclass(frozen=True)
 class Fitted:
+    """A control variate fitted on n training runs.
+
+    predict(seen) (m,): the control variate. leave_one_out (n,): residual of each training run when it is left out, by
+    which methods are compared within a training set. influence(seen) (m, n): change of each prediction by each training
+    run. variance(seen) (m,): expected squared error.
+    """
+
     method: str
     predict: Callable[[Seen], np.ndarray]
     leave_one_out: np.ndarray
@@ -65,7 +72,7 @@ RUNS_PER_POWER = 22.5
 
 
 def constant(seen: Seen, y: np.ndarray) -> Fitted:
-    """No control variate at all: plain Monte Carlo."""
+    """No control variate: plain Monte Carlo."""
     missed = (y - y.mean()) * len(y) / (len(y) - 1)
     return Fitted(
         "constant", lambda new: np.full(len(new), y.mean()), missed,
@@ -111,7 +118,7 @@ def process_of_logarithm(name: str, columns: Callable[[Seen], np.ndarray], evalu
     """Gaussian process of log y > 0: FFR, shear and flows are closer to products of the inputs' powers than to sums.
 
     The prediction is the median of y, its variance that of a log-normal. Logarithms beyond the runs' by more than their
-    range are cut off there: an exponential turns a bad extrapolation into an absurd one.
+    range are clipped there: an exponential turns a bad extrapolation into an absurd one.
     """
 
     def fit(seen: Seen, y: np.ndarray) -> Fitted:
@@ -136,12 +143,13 @@ def process_of_logarithm(name: str, columns: Callable[[Seen], np.ndarray], evalu
 
 
 def with_rival(taken: Fitted, rival: Fitted, most: float) -> Fitted:
-    """`taken`, whose variance knows where a control variate that is nearly as good says something else.
+    """Return `taken` with a variance that grows where a control variate that is nearly as good differs from it.
 
-    Both fit the runs, and part where there are none, which neither's own posterior variance tells: the variance grows
+    Both fit the runs and differ where there are none, which neither's own posterior variance shows: the variance grows
     by that of a mixture of both. Weights are powers of their mean square leave-one-out residuals; the power rises with
-    the number of runs, as in a likelihood, but slowly, for what counts is where no run is. most: a difference beyond
-    it counts as this; the range of the runs' y, because an exponential may say anything in a corner without runs.
+    the number of runs, as in a likelihood, but slowly, because it matters most where there is no run. most: larger
+    differences count as this one; the range of the runs' y, because an exponential may take any value in a corner
+    without runs.
     """
     less, more = sorted((taken.missed, rival.missed))
     odds = (less / more) ** (len(taken.leave_one_out) / RUNS_PER_POWER) if more > 0 else 0.0
@@ -174,8 +182,8 @@ METHODS: dict[str, Method] = {
     "constant": constant,
     "linear 0D": linear("linear 0D", lambda s: s.row_output[:, None]),
     "linear 0D outputs": linear("linear 0D outputs", lambda s: s.outputs),
-    "linear coarse": linear("linear coarse", lambda s: s.coarse[:, None]),
-    "linear coarse and 0D": linear("linear coarse and 0D", lambda s: np.column_stack([s.coarse, s.row_output])),
+    "linear coarse": linear("linear coarse", lambda s: s.coarse_run[:, None]),
+    "linear coarse and 0D": linear("linear coarse and 0D", lambda s: np.column_stack([s.coarse_run, s.row_output])),
     "linear theta": linear("linear theta", lambda s: s.log_theta),
     "quadratic 0D outputs": linear("quadratic 0D outputs", lambda s: quadratic(s.outputs[:, :5])),
     "process theta": process("process theta", lambda s: s.log_theta),

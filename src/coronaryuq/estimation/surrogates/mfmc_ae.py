@@ -1,10 +1,11 @@
 """MFMC-AE: per row and fold, a curve of 0D inputs along which the 0D model follows the 3D quantity.
 
-Two phases, because the real 0D model runs between them: `train` gives networks and the 0D inputs that it wants,
-`low_fidelity` turns the 0D outputs into the control variate. As the latent space has one dimension, every resampled
-input of one network lies on one curve, decode(z); the 0D model runs at `nodes` places of that curve and the control
-variate interpolates between them. An interpolated function of θ is a control variate like any other, evaluated alike
-on pilot and propagation samples, so the estimator stays exactly unbiased, and its 0D cost no longer grows with N_0D.
+Two phases, because the real 0D model runs between them: `train` gives networks and, with `resampled`, the 0D inputs
+that it needs; `along_curve` turns the 0D outputs into the control variate. As the latent space has one dimension, every
+resampled input of one network lies on one curve, decode(z); the 0D model runs at `nodes` places of that curve and the
+control variate interpolates between them. An interpolated function of θ is a control variate like any other, evaluated
+alike on pilot and propagation samples, so the estimator stays exactly unbiased, and its 0D cost no longer grows with
+N_0D.
 """
 
 from dataclasses import dataclass
@@ -108,10 +109,10 @@ def train(theta, box, pairs: dict[str, tuple], fits: list[np.ndarray], how: Trai
         x, part = inputs[repeat], share[repeat]
         both, loss = _second_stage(both, x, outputs, part, how, seed)
         half = len(high)
-        weights = [{name: value[s] for name, value in both.items()} for s in (slice(0, half), slice(half, None))]
+        trained, zerod = ({name: value[s] for name, value in both.items()} for s in (slice(half), slice(half, None)))
         with torch.no_grad():
-            at = [shared_space.knots(ae.encode(w, x), part) for w in weights]
-    return Networks(tuple(pairs), len(fits) - 1, *weights, *at, box, loss.numpy())
+            knots_high, knots_low = (shared_space.knots(ae.encode(w, x), part) for w in (trained, zerod))
+    return Networks(tuple(pairs), len(fits) - 1, trained, zerod, knots_high, knots_low, box, loss.numpy())
 
 
 def scale(theta: np.ndarray, box: np.ndarray) -> torch.Tensor:

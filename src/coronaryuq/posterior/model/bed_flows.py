@@ -9,6 +9,7 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.zerod.network.beds import distal_resistances, resistance_changes
 from coronaryuq.zerod.network.read import Network, read_network
 from coronaryuq.zerod.solver.engine import Engine
+from coronaryuq.zerod.solver.result import Result
 
 
 class BedFlows:
@@ -27,21 +28,16 @@ class BedFlows:
         self.engine = Engine(self.network, network_json)
         self.beds = [outlet["bc"] for outlet in outlets]
         self.quantities = [f"mean_flow:{outlet['vessel']}:{outlet['bc']}" for outlet in outlets]
-        self.options = {
-            "periodic": True,
-            "tolerance": tolerance,
-            "steps_per_cycle": steps_per_cycle,
-            "threads": threads,
-        }
+        self.tolerance, self.steps_per_cycle, self.threads = tolerance, steps_per_cycle, threads
         totals = distal_resistances(self.network)
         for bed in self.beds:
             if bed not in totals:
                 raise InputError(
-                    network_json, bed, None, f"is no coronary bed; there are {', '.join(totals) or 'none'}"
+                    network_json, bed, None, f"not a coronary bed; there are {', '.join(totals) or 'none'}"
                 )
         self.resistances = np.array([totals[bed] for bed in self.beds])
         self.weights = (1.0 / self.resistances) / np.sum(1.0 / self.resistances)
-        at_r_hat = self.engine.run({}, quantities=self.quantities, **self.options)
+        at_r_hat = self._run({}, None)
         if not np.all(at_r_hat.ok):
             raise InputError(network_json, None, None, f"does not run: {at_r_hat.status[0]}; tune it first")
         self.start = at_r_hat.state[0]
@@ -49,6 +45,12 @@ class BedFlows:
     def flows(self, multipliers: np.ndarray) -> np.ndarray:
         """Mean flows (n, N) in mL/s at multipliers (n, N); nan where a run failed."""
         changes = resistance_changes(self.network, dict(zip(self.beds, multipliers.T, strict=True)))
-        result = self.engine.run(changes, quantities=self.quantities, start=self.start, **self.options)
+        result = self._run(changes, self.start)
         flows = np.stack([result.values[name] for name in self.quantities], axis=1)
         return np.where(result.ok[:, None], flows, np.nan)
+
+    def _run(self, changes: dict[str, np.ndarray], start: np.ndarray | None) -> Result:
+        return self.engine.run(
+            changes, quantities=self.quantities, start=start, periodic=True, tolerance=self.tolerance,
+            steps_per_cycle=self.steps_per_cycle, threads=self.threads,
+        )  # fmt: skip

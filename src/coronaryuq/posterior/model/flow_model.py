@@ -13,7 +13,7 @@ class FlowModel(Protocol):
     """Any model of outlet flows: the 0D engine in campaigns."""
 
     def flows(self, multipliers: np.ndarray) -> np.ndarray:
-        """Mean flows (n, N), mL/s, at multipliers (n, N); nan where the model failed. No row depends on another."""
+        """Mean flows (n, N), mL/s, at multipliers (n, N); nan where the model failed. Rows are independent."""
         ...
 
 

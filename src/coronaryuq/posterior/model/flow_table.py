@@ -66,7 +66,7 @@ def _proportions(path: str | Path, known) -> tuple[list[str], np.ndarray]:
     for given in (str(cell).strip() for cell in frame["name"]):
         name = given if given in known else f"BC_{given}"
         if name not in known:
-            raise InputError(path, "name", given, f"is no coronary bed; there are {', '.join(known) or 'none'}")
+            raise InputError(path, "name", given, f"not a coronary bed; there are {', '.join(known) or 'none'}")
         if name in names:
             raise InputError(path, "name", given, "occurs twice")
         names.append(name)

@@ -1,21 +1,19 @@
-"""Flow fractions, bed by bed: what perfusion asks for, what the fitted resistances give, what the posterior gives."""
+"""Flow fractions, bed by bed: the targets, those of the fitted resistances, those of the posterior."""
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from coronaryuq.posterior.results import Chains
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-def fractions(
-    outlets: list[str], beds: list[str], volume: np.ndarray, resistances: np.ndarray, chains: Mapping, kept: slice
-) -> "pd.DataFrame":
-    """One row per LV-perfusing outlet; CGS, errors relative to the target fraction.
+def fractions(outlets: list[str], volume: np.ndarray, resistances: np.ndarray, chains: Chains) -> "pd.DataFrame":
+    """Return one row per LV-perfusing outlet; CGS, errors relative to the target fraction.
 
-    outlets, beds: names. volume (N,): territories, cm3 (nan where not known). resistances (N,): Ra + Ram + Rv of r-hat.
-    chains: arrays of `run_chains`; `kept`: recorded states after burn-in.
+    outlets (N,): names. volume (N,): territories, cm3 (nan where not known). resistances (N,): Ra + Ram + Rv of r-hat.
 
     target_flow is that of the likelihood, scaled to the model's total. `fitted_*`: the resistances with the total of
     r-hat at which the model's flows have the target fractions. `posterior_*`: over the draws; the prior alone pulls the
@@ -23,21 +21,21 @@ def fractions(
     """
     import pandas as pd
 
-    wanted = _fraction(chains["target_mean"])
-    fitted = _fraction(chains["fit_flows"])
-    draws = chains["multipliers"][:, kept].reshape(-1, len(beds))
-    simulated = _fraction(chains["flows"][:, kept].reshape(-1, len(beds)))
+    wanted = _fraction(chains.target_mean)
+    fitted = _fraction(chains.fit_flows)
+    draws = chains.kept_multipliers.reshape(-1, len(outlets))
+    simulated = _fraction(chains.kept_flows.reshape(-1, len(outlets)))
     return pd.DataFrame(
         {
             "outlet": outlets,
-            "bc": beds,
+            "bc": chains.names,
             "volume": volume,
-            "target_flow": chains["target_mean"],
+            "target_flow": chains.target_mean,
             "target_fraction": wanted,
             "r_hat": resistances,
-            "fitted_multiplier": chains["fit_multipliers"],
-            "fitted_resistance": chains["fit_multipliers"] * resistances,
-            "fitted_flow": chains["fit_flows"],
+            "fitted_multiplier": chains.fit_multipliers,
+            "fitted_resistance": chains.fit_multipliers * resistances,
+            "fitted_flow": chains.fit_flows,
             "fitted_fraction": fitted,
             "fitted_error": fitted / wanted - 1.0,
             "posterior_multiplier": draws.mean(axis=0),

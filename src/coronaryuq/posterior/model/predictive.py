@@ -3,20 +3,21 @@
 import numpy as np
 
 from coronaryuq.posterior.model.likelihood import Likelihood
+from coronaryuq.posterior.results import Predictive, TotalFlow
 
 
 def given_total(covariance: np.ndarray) -> np.ndarray:
     """Covariance of a Gaussian vector given the sum of its entries.
 
-    As total resistance is preserved, so nearly is total flow: this, not the targets' own covariance, is what simulated
-    flows can reproduce.
+    Total resistance is preserved, and so, nearly, is total flow: simulated flows can reproduce this covariance, not the
+    targets' own.
     """
     to_sum = covariance.sum(axis=1)
     return covariance - np.outer(to_sum, to_sum) / to_sum.sum()
 
 
-def check(flows: np.ndarray, likelihood: Likelihood, names: list[str], random: np.random.Generator) -> dict:
-    """Numbers that compare draws of `flows` (n, N), mL/s, with the targets of the likelihood.
+def check(flows: np.ndarray, likelihood: Likelihood, names: list[str], random: np.random.Generator) -> Predictive:
+    """Compare draws of `flows` (n, N), mL/s, with the targets of the likelihood.
 
     coverage_95: share of targets within the central 95 % of simulated flows plus measurement noise (a target lies
     there with probability 0.95 or more if the model holds). mahalanobis: of the mean simulated flow from the
@@ -34,30 +35,27 @@ def check(flows: np.ndarray, likelihood: Likelihood, names: list[str], random: n
     pairs = np.triu_indices(len(names), 1)
     simulated_correlation, expected_correlation = _correlation(covariance)[pairs], _correlation(expected)[pairs]
     fraction, wanted = flows / flows.sum(axis=1, keepdims=True), likelihood.mean / likelihood.mean.sum()
-    return {
-        "coverage_95": inside.mean(),
-        "outside_95": [name for name, within in zip(names, inside, strict=True) if not within],
-        "mahalanobis": float(np.sqrt(np.sum(likelihood.whitened(mean[None]) ** 2))),
-        "mean_squared_mahalanobis": far.mean(),
-        "p_value": np.mean(far_replicated >= far),
-        "relative_error_of_mean": dict(zip(names, mean / likelihood.mean - 1.0, strict=True)),
-        "largest_fraction_error": np.max(np.abs(fraction.mean(axis=0) / wanted - 1.0)),
-        "flow_mean": mean,
-        "flow_sd": np.sqrt(np.diag(covariance)),
-        "flow_covariance": covariance,
-        "target_mean": likelihood.mean,
-        "target_covariance": likelihood.covariance,
-        "target_covariance_given_total": expected,
-        "sd_ratio": np.sqrt(np.diag(covariance) / np.diag(expected)),
-        "correlation_rms": float(np.sqrt(np.mean((simulated_correlation - expected_correlation) ** 2))),
-        "correlation_of_correlations": _pearson(simulated_correlation, expected_correlation),
-        "covariance_error": float(np.linalg.norm(covariance - expected) / np.linalg.norm(expected)),
-        "total_flow": {
-            "target": likelihood.mean.sum(),
-            "mean": flows.sum(axis=1).mean(),
-            "sd": flows.sum(axis=1).std(),
-        },
-    }
+    total = flows.sum(axis=1)
+    return Predictive(
+        coverage_95=float(inside.mean()),
+        outside_95=[name for name, within in zip(names, inside, strict=True) if not within],
+        mahalanobis=float(np.sqrt(np.sum(likelihood.whitened(mean[None]) ** 2))),
+        mean_squared_mahalanobis=float(far.mean()),
+        p_value=float(np.mean(far_replicated >= far)),
+        relative_error_of_mean=dict(zip(names, (mean / likelihood.mean - 1.0).tolist(), strict=True)),
+        largest_fraction_error=float(np.max(np.abs(fraction.mean(axis=0) / wanted - 1.0))),
+        flow_mean=mean.tolist(),
+        flow_sd=np.sqrt(np.diag(covariance)).tolist(),
+        flow_covariance=covariance.tolist(),
+        target_mean=likelihood.mean.tolist(),
+        target_covariance=likelihood.covariance.tolist(),
+        target_covariance_given_total=expected.tolist(),
+        sd_ratio=np.sqrt(np.diag(covariance) / np.diag(expected)).tolist(),
+        correlation_rms=float(np.sqrt(np.mean((simulated_correlation - expected_correlation) ** 2))),
+        correlation_of_correlations=_pearson(simulated_correlation, expected_correlation),
+        covariance_error=float(np.linalg.norm(covariance - expected) / np.linalg.norm(expected)),
+        total_flow=TotalFlow(float(likelihood.mean.sum()), float(total.mean()), float(total.std())),
+    )
 
 
 def _correlation(covariance: np.ndarray) -> np.ndarray:

@@ -2,18 +2,20 @@
 
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.atomic import replacing
-from coronaryuq.core.io.tables import read_npz
+from coronaryuq.core.io.tables import read_npz, write_npz
+from coronaryuq.core.ranks import Ranks
 from coronaryuq.core.seeds import generator
 from coronaryuq.posterior.model.emulator import Emulator, design, design_size
 from coronaryuq.posterior.model.fit_to_fractions import Fit
 from coronaryuq.posterior.model.flow_model import Posterior
+from coronaryuq.posterior.model.total_resistance import Conditioned, Rescaled
 from coronaryuq.posterior.sampler.diagnostics import split_rhat
 from coronaryuq.posterior.sampler.dream import Dream, State
 from coronaryuq.posterior.settings import Settings
@@ -21,12 +23,12 @@ from coronaryuq.posterior.settings import Settings
 
 @dataclass
 class Prepared:
-    """What comes before the first generation: the fit, the emulator with its design, where chains start.
+    """What precedes the first generation: the emulator and the chains' first states.
 
-    start (chains, d), log_density (chains,), flows (chains, N). emulator: None when not used. runs: spent on all this.
+    start (chains, d), log_density (chains,), flows (chains, N). emulator: None when not used. runs: of the model, those
+    of the fit included.
     """
 
-    fit: Fit
     emulator: Emulator | None
     start: np.ndarray
     log_density: np.ndarray
@@ -35,58 +37,64 @@ class Prepared:
 
 
 def prepare(posterior: Posterior, fit: Fit, settings: Settings, seed: int) -> Prepared:
-    """Runs of the model for the emulator and for the chains' first states; all ranks together.
+    """Run the model for the emulator and for the chains' first states; all ranks together.
 
-    With an emulator the chains start at its design points, which are wider spread than the posterior; without, at draws
-    of the prior.
+    With an emulator, which needs coordinates on the constraint, the chains start at its design points, which are wider
+    spread than the posterior; without one, at draws of the prior.
     """
-    space, chains = posterior.space, settings.dream.chains
+    space, likelihood, chains = posterior.space, posterior.likelihood, settings.dream.chains
     random = generator(seed, "posterior", "start")
-    if not settings.emulator.use:
-        start, evaluated = _alive(posterior, lambda count: space.draw(random, count), chains)
-        return Prepared(fit, None, start, *evaluated, runs=fit.runs + chains)
+    if not settings.emulator.use or isinstance(space, Rescaled):
+        start, log_density, flows = _alive(posterior, lambda count: space.draw(random, count), chains)
+        return Prepared(None, start, log_density, flows, fit.runs + chains)
     count = max(settings.emulator.design or design_size(space.dimension), chains)
-    y, (log_density, flows) = _alive(
-        posterior, lambda n: design(space, posterior.likelihood, fit.multipliers, fit.flows, n, random), count
+    y, log_density, flows = _alive(
+        posterior, lambda n: design(space, likelihood, fit.multipliers, fit.flows, n, random), count
     )
-    emulator = posterior.ranks.run_on_first(lambda: Emulator.fit(y, space.multipliers(y), flows))
-    return Prepared(fit, emulator, y[:chains], log_density[:chains], flows[:chains], fit.runs + count)
+    emulator = posterior.ranks.from_first(lambda: Emulator.fit(y, space.multipliers(y), flows))
+    return Prepared(emulator, y[:chains], log_density[:chains], flows[:chains], fit.runs + count)
 
 
-def _alive(posterior, draw, count):
-    """`count` points where the model runs: failed ones are drawn again, a few times."""
+def _alive(
+    posterior: Posterior, draw: Callable[[int], np.ndarray], count: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`count` points where the model runs, log densities and flows there; failed points are redrawn, a few times."""
     points = draw(count)
     log_density, flows = posterior(points)
     for _ in range(10):
         dead = ~np.isfinite(log_density)
         if not np.any(dead):
-            return points, (log_density, flows)
+            return points, log_density, flows
         points[dead] = draw(int(dead.sum()))
         log_density[dead], flows[dead] = posterior(points[dead])
     raise RuntimeError(f"the model fails at {int(dead.sum())} of {count} points of the prior, ten times in a row")
 
 
 def sampler(posterior: Posterior, prepared: Prepared, settings: Settings, seed: int) -> Dream:
-    """DREAM on this posterior, screened by the emulator where there is one."""
-    screen = None
-    if prepared.emulator is not None:
-        screen = prepared.emulator.screen(posterior.space, posterior.likelihood)
+    """DREAM on this posterior, screened by the emulator if there is one."""
+    space, screen = posterior.space, None
+    if prepared.emulator is not None and isinstance(space, Conditioned):
+        screen = prepared.emulator.screen(space, posterior.likelihood)
     return Dream(
         posterior, settings.dream, seed, screen=screen, every=settings.emulator.generations,
-        box=posterior.space.box, adjust=posterior.space.adjust,
+        box=space.box, adjust=space.adjust,
     )  # fmt: skip
+
+
+Multipliers = Callable[[np.ndarray], np.ndarray]
+"""Of r-hat (n, N), at coordinates (n, d)."""
 
 
 class Recorder:
     """Recorded states of all chains, kept in one file per chain and one checkpoint, in one folder.
 
-    Written by `save`: first the chain files by the ranks that carry them, then the checkpoint by the first rank. A run
-    killed between the two finds chain files that are longer than its checkpoint and cuts them.
+    `save` writes first the chain files, by the ranks that own them, then the checkpoint, by the first rank. A run that
+    was killed between the two finds chain files that are longer than its checkpoint and truncates them.
     """
 
     NAMES = ("position", "log_density", "output")
 
-    def __init__(self, folder: Path, decisions: int, state: State, ranks, key: str):
+    def __init__(self, folder: Path, decisions: int, state: State, ranks: Ranks, key: str):
         self.folder, self.ranks, self.key = folder, ranks, key
         self.done = 0
         self.values = {
@@ -102,12 +110,11 @@ class Recorder:
         chains = len(state.position)
         for chain in range(chains):
             if self.ranks.owns(chain, chains):
-                with replacing(self.folder / f"chain_{chain:03d}.npz") as beside:
-                    np.savez(beside, **{name: self.values[name][: self.done, chain] for name in self.NAMES})
+                values = {name: self.values[name][: self.done, chain] for name in self.NAMES}
+                write_npz(self.folder / f"chain_{chain:03d}.npz", values)
         self.ranks.barrier()
         if self.ranks.rank == 0:
-            with replacing(self.folder / "checkpoint.npz") as beside:
-                np.savez(beside, key=self.key, done=self.done, **state.arrays())
+            write_npz(self.folder / "checkpoint.npz", {"key": self.key, "done": self.done, **state.arrays()})
         self.ranks.barrier()
 
     def resume(self) -> State | None:
@@ -126,14 +133,16 @@ class Recorder:
                 for name in self.NAMES:
                     self.values[name][:done, chain] = kept[name][:done]
         except (InputError, ValueError, TypeError) as error:
-            print(f"checkpoint left aside: {error}", file=sys.stderr, flush=True)
+            print(f"checkpoint not used: {error}", file=sys.stderr, flush=True)
             return None
         self.done = done
         return state
 
 
-def run(dream: Dream, state: State, recorder: Recorder, checkpoint: int, names: list[str], multipliers) -> State:
-    """All generations from `state`, or from the checkpoint in the recorder's folder; returns the last state."""
+def run(
+    dream: Dream, state: State, recorder: Recorder, checkpoint: int, names: list[str], multipliers: Multipliers
+) -> State:
+    """Run all generations from `state`, or from the checkpoint in the recorder's folder; return the last state."""
     resumed = recorder.resume()
     state = state if resumed is None else resumed
     started, first = time.monotonic(), recorder.done
@@ -149,7 +158,9 @@ def run(dream: Dream, state: State, recorder: Recorder, checkpoint: int, names: 
     return state
 
 
-def _progress(dream: Dream, state: State, recorder: Recorder, names: list[str], multipliers, left: float) -> None:
+def _progress(
+    dream: Dream, state: State, recorder: Recorder, names: list[str], multipliers: Multipliers, left: float
+) -> None:
     half = recorder.values["position"][recorder.done // 2 : recorder.done]
     worst = ""
     if len(half) >= 4:

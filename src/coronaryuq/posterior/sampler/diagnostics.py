@@ -1,24 +1,26 @@
-"""Have the chains converged: rank-normalised split R-hat and effective sample sizes, and a verdict."""
+"""Have the chains converged? Rank-normalised split R-hat and effective sample sizes, and a verdict."""
 
 import numpy as np
 
+from coronaryuq.posterior.results import Diagnosis
+
 
 def split_rhat(draws: np.ndarray) -> np.ndarray:
-    """Rank-normalised split R-hat (N,) of `draws` (chains, n, N)."""
+    """Return the rank-normalised split R-hat (N,) of `draws` (chains, n, N)."""
     import arviz
 
     return np.array([float(arviz.rhat(draws[:, :, i], method="rank")) for i in range(draws.shape[2])])
 
 
 def effective_size(draws: np.ndarray, kind: str) -> np.ndarray:
-    """Effective sample size (N,) of `draws` (chains, n, N), `kind` "bulk" or "tail"."""
+    """Return the effective sample size (N,) of `draws` (chains, n, N), `kind` "bulk" or "tail"."""
     import arviz
 
     return np.array([float(arviz.ess(draws[:, :, i], method=kind)) for i in range(draws.shape[2])])
 
 
-def diagnose(draws: np.ndarray, names: list[str], rhat_limit: float, ess_limit: float) -> dict:
-    """Verdict on `draws` (chains, n, N) of parameters `names` (Vehtari et al. 2021)."""
+def diagnose(draws: np.ndarray, names: list[str], rhat_limit: float, ess_limit: float) -> Diagnosis:
+    """Return a verdict on `draws` (chains, n, N) of parameters `names` (Vehtari et al. 2021)."""
     rhat, bulk, tail = split_rhat(draws), effective_size(draws, "bulk"), effective_size(draws, "tail")
     worst = int(np.argmax(np.where(np.isfinite(rhat), rhat, np.inf)))
     poorest = int(np.argmin(np.minimum(bulk, tail)))
@@ -30,14 +32,14 @@ def diagnose(draws: np.ndarray, names: list[str], rhat_limit: float, ess_limit: 
     if not least > ess_limit:
         reasons.append(f"effective sample size of {names[poorest]} is {least:.0f}, wanted above {ess_limit:.0f}")
     verdict = f"converged; worst is {names[worst]} with R-hat {rhat[worst]:.3f}"
-    return {
-        "converged": converged,
-        "verdict": verdict if converged else "not converged: " + "; ".join(reasons) + "; run more generations",
-        "worst_parameter": names[worst],
-        "rhat_max": rhat[worst],
-        "rhat": dict(zip(names, rhat, strict=True)),
-        "ess_bulk": dict(zip(names, bulk, strict=True)),
-        "ess_tail": dict(zip(names, tail, strict=True)),
-        "ess_bulk_min": bulk.min(),
-        "ess_tail_min": tail.min(),
-    }
+    return Diagnosis(
+        converged=converged,
+        verdict=verdict if converged else "not converged: " + "; ".join(reasons) + "; run more generations",
+        worst_parameter=names[worst],
+        rhat_max=float(rhat[worst]),
+        rhat=dict(zip(names, rhat.tolist(), strict=True)),
+        ess_bulk=dict(zip(names, bulk.tolist(), strict=True)),
+        ess_tail=dict(zip(names, tail.tolist(), strict=True)),
+        ess_bulk_min=float(bulk.min()),
+        ess_tail_min=float(tail.min()),
+    )

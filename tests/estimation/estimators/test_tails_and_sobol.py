@@ -1,9 +1,6 @@
 """Probabilities, quantiles, variance and Sobol indices against known values, over repeated trials."""
 
-from pathlib import Path
-
 import numpy as np
-import pandas as pd
 import pytest
 from scipy.stats import norm
 
@@ -13,11 +10,11 @@ from coronaryuq.core.seeds import generator
 from coronaryuq.estimation.estimators import tails_and_sobol
 from coronaryuq.estimation.estimators.folds import assign
 from coronaryuq.estimation.estimators.folds_and_blocks import Block, Design
-from coronaryuq.estimation.estimators.montecarlo import Interval
 from coronaryuq.estimation.estimators.per_row import predict
-from coronaryuq.estimation.runs.table import Row, Runs
+from coronaryuq.estimation.runs.table import Row
 from coronaryuq.estimation.settings import Settings
 from coronaryuq.estimation.surrogates.control_variates import Seen
+from support.runs import runs_of
 
 TRIALS, N, M, FOLDS = 200, 60, 1500, 10
 ROW = Row("1", "ffr_lad", "q", "")
@@ -31,10 +28,7 @@ def trials():
         rng = generator(5, "beyond", trial)
         x, more = rng.normal(size=(N, 2)), rng.normal(size=(M, 2))
         y = x[:, 0] + 0.5 * x[:, 1] + 0.25 * rng.normal(size=N)
-        runs = Runs(
-            Path("."), ("a", "b"), tuple(map(str, range(N))), np.exp(x), pd.DataFrame({"ffr_lad": y}),
-            pd.DataFrame({"q": x[:, 0]}), np.exp(more), None, np.empty((0, 2)),
-        )  # fmt: skip
+        runs = runs_of(np.exp(x), {"ffr_lad": y}, {"q": x[:, 0]}, np.exp(more))
         index = [np.arange(k, M, FOLDS) for k in range(FOLDS)]
         blocks = [Block(i, more[i], {"q": more[i, 0]}, 1) for i in index]
         fold = assign(N, FOLDS, 5, "beyond", trial)
@@ -43,59 +37,58 @@ def trials():
     return made
 
 
-def held_share(found, truth):
-    return np.mean([interval.holds(truth) for _, _, interval in found])
+def coverage(found, truth):
+    return np.mean([value.holds(truth) for value in found])
 
 
 def check(found, truth):
     """Coverage within three binomial standard errors of 95 %; claimed spread within 20 % (four standard errors)."""
-    values = np.array([value for value, _, _ in found])
-    claimed = np.sqrt(np.mean([std**2 for _, std, _ in found]))
-    assert held_share(found, truth) >= 0.95 - 3 * np.sqrt(0.95 * 0.05 / TRIALS)
+    values = np.array([value.value for value in found])
+    claimed = np.sqrt(np.mean([value.std**2 for value in found]))
+    assert coverage(found, truth) >= 0.95 - 3 * np.sqrt(0.95 * 0.05 / TRIALS)
     assert claimed / values.std() == pytest.approx(1, abs=0.2)
     assert abs(values.mean() - truth) < 4 * values.std() / np.sqrt(TRIALS)
 
 
 @pytest.mark.parametrize("at", [0.0, -1.5])
-def test_probability(trials, at):
+def test_probabilities_hold_their_claims(trials, at):
     check([tails_and_sobol.probability(d, y, p, at) for d, y, p in trials], norm.cdf(at / np.sqrt(1.3125)))
 
 
 @pytest.mark.parametrize("share", [0.5, 0.95])
-def test_quantile(trials, share):
+def test_quantiles_hold_their_claims(trials, share):
     found = [tails_and_sobol.quantile(d, y, p, share) for d, y, p in trials[:120]]
     truth = norm.ppf(share) * np.sqrt(1.3125)
-    assert held_share(found, truth) >= 0.95 - 3 * np.sqrt(0.95 * 0.05 / len(found))
-    assert abs(np.mean([v for v, _, _ in found]) - truth) < 0.05
+    assert coverage(found, truth) >= 0.95 - 3 * np.sqrt(0.95 * 0.05 / len(found))
+    assert abs(np.mean([value.value for value in found]) - truth) < 0.05
 
 
 @pytest.mark.parametrize("share", [0.052, 0.503, 0.951])
-def test_a_quantile_of_a_finite_set_that_is_predicted_to_a_hair_is_the_one_of_the_set(share):
+def test_a_quantile_of_a_finite_set_with_nearly_exact_predictions_is_that_of_the_set(share):
     """400 values are wanted, and intervals far narrower than what lies between two of them."""
     rng = generator(5, "beyond", "finite")
     x, more = rng.normal(size=(50, 2)), rng.normal(size=(400, 2))
     trial = Trial(seen_of(x), np.exp(0.1 * x[:, 0]), seen_of(more), more_y=np.exp(0.1 * more[:, 0]))
     design = as_design(trial, assign(50, 10, 5, "finite"))
-    _, _, interval = tails_and_sobol.quantile(design, trial.y, predict(design, ANY), share)
-    assert interval.holds(np.sort(trial.more_y)[int(share * 400)])
-    assert interval.half_width < 2e-4
+    got = tails_and_sobol.quantile(design, trial.y, predict(design, ANY), share)
+    assert got.holds(np.sort(trial.more_y)[int(share * 400)])
+    assert got.high - got.low < 4e-4
 
 
 def seen_of(x):
     return Seen(x, x[:, 0], x)
 
 
-def test_variance(trials):
+def test_the_variance_holds_its_claim(trials):
     check([tails_and_sobol.variance(d, y, p) for d, y, p in trials], 1.3125)
 
 
 @pytest.mark.parametrize(("name", "truth"), [("a", 1 / 1.3125), ("b", 0.25 / 1.3125)])
-def test_sobol_indices_of_an_additive_model(trials, name, truth):
-    found = [tails_and_sobol.sobol(d, y, p)[name] for d, y, p in trials]
-    check([(f["value"], f["std"], Interval(f["low"], f["high"], 0.95)) for f in found], truth)
+def test_sobol_indices_of_an_additive_model_hold_their_claims(trials, name, truth):
+    check([tails_and_sobol.sobol(d, y, p)[name] for d, y, p in trials], truth)
 
 
 def test_a_quantile_with_few_runs_beyond_it_carries_a_warning(trials):
     found = tails_and_sobol.everything(trials[0][0], ROW, trials[0][2], Settings())
-    warned = {share for share, value in found["quantiles"].items() if "warning" in value}
+    warned = {share for share, value in found.quantiles.items() if value.warning}
     assert warned == {"0.05", "0.95"}

@@ -17,13 +17,18 @@ from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.posterior import stage
 from coronaryuq.posterior.model.bed_flows import BedFlows
+from coronaryuq.posterior.results import read_summary
 from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, Settings
 from support.resistor_tree import network_of
 
+FILES = ("posterior.nc", "draws.csv", "summary.json", "fractions.csv", "fitted.json")
 SMALL = Settings(
     dream=DreamSettings(chains=24, generations=160), emulator=EmulatorSettings(generations=4), checkpoint=40
 )
-OUTPUTS = ("posterior.nc", "draws.csv", "summary.json", "fractions.csv", "fitted.json")
+
+
+def outputs(folder):
+    return stage.GatheredFiles(*(folder / name for name in FILES))
 
 
 def sampled(campaign, folder, settings=SMALL, seed=3):
@@ -61,33 +66,33 @@ def test_from_files_to_files(campaign, tmp_path):
     settings = SMALL.model_copy(deep=True)
     settings.dream.generations, settings.emulator.generations = 6000, 50
     chains = sampled(campaign, tmp_path, settings)
-    out = [tmp_path / name for name in OUTPUTS]
-    stage.gather(*campaign, chains, settings, 3, *out)
+    out = outputs(tmp_path)
+    stage.gather(*campaign, chains, settings, 3, out)
     (tmp_path / "again").mkdir()
-    stage.gather(*campaign, chains, settings, 3, *(path.parent / "again" / path.name for path in out))
-    assert all((path.parent / "again" / path.name).read_bytes() == path.read_bytes() for path in out)
-    summary, draws = read_json(out[2]), read_csv(out[1])
-    data = arviz.from_netcdf(out[0])
+    stage.gather(*campaign, chains, settings, 3, outputs(tmp_path / "again"))
+    assert all((tmp_path / "again" / name).read_bytes() == (tmp_path / name).read_bytes() for name in FILES)
+    summary, draws = read_summary(out.summary), read_csv(out.draws)
+    data = arviz.from_netcdf(out.posterior)
     assert data.posterior["r"].shape == (24, 60, 6)
     assert list(data.posterior["bed"].values) == [f"BC_{i}" for i in range(6)]
     weights = arrays(chains)["weights"]
     assert np.allclose((weights / draws[[f"BC_{i}" for i in range(6)]]).sum(axis=1), 1)
-    assert summary["emulator"]["acceptance"] is not None and summary["acceptance"] > 0.9
-    assert summary["model_runs"] < 24 * 6000 / 10
-    assert summary["rhat_max"] < 1.1 and summary["worst_parameter"] in summary["rhat"]
-    assert summary["verdict"].startswith("converged" if summary["converged"] else "not converged")
-    predictive = summary["predictive"]
-    assert predictive["coverage_95"] == 1.0
-    assert predictive["mahalanobis"] < 2 and 0.05 < predictive["p_value"] < 0.95
-    assert np.all(np.abs(np.array(predictive["sd_ratio"]) - 1) < 0.25)
-    assert predictive["correlation_of_correlations"] > 0.7
-    assert summary["fit"]["largest_fraction_error"] < 1e-3 and not summary["fit"]["outside_prior"]
+    assert summary.emulator.acceptance is not None and summary.acceptance > 0.9
+    assert summary.model_runs < 24 * 6000 / 10
+    assert summary.rhat_max < 1.1 and summary.worst_parameter in summary.rhat
+    assert summary.verdict.startswith("converged" if summary.converged else "not converged")
+    predictive = summary.predictive
+    assert predictive.coverage_95 == 1.0
+    assert predictive.mahalanobis < 2 and 0.05 < predictive.p_value < 0.95
+    assert np.all(np.abs(np.array(predictive.sd_ratio) - 1) < 0.25)
+    assert predictive.correlation_of_correlations > 0.7
+    assert summary.fit.largest_fraction_error < 1e-3 and not summary.fit.outside_prior
 
 
 def test_fitted_network_meets_the_target_fractions(campaign, tmp_path, tree):
     """The file that the stage writes, run anew, has the table's fractions, and these are the targets'."""
     chains = sampled(campaign, tmp_path)
-    stage.gather(*campaign, chains, SMALL, 3, *(tmp_path / name for name in OUTPUTS))
+    stage.gather(*campaign, chains, SMALL, 3, outputs(tmp_path))
     table, targets = read_csv(tmp_path / "fractions.csv"), read_json(campaign[2])
     wanted = np.array(targets["mean"]) / np.sum(targets["mean"])
     assert list(table["outlet"]) == targets["outlets"]
@@ -104,7 +109,7 @@ def test_fitted_network_meets_the_target_fractions(campaign, tmp_path, tree):
 
 def test_samples_extend_without_changing(campaign, tmp_path):
     chains = sampled(campaign, tmp_path)
-    stage.gather(*campaign, chains, SMALL, 3, *(tmp_path / name for name in OUTPUTS))
+    stage.gather(*campaign, chains, SMALL, 3, outputs(tmp_path))
     for count in (20, 50):
         stage.draw_samples(tmp_path / "draws.csv", SMALL, 3, "pilot", count, tmp_path / f"{count}.csv")
     stage.draw_samples(tmp_path / "draws.csv", SMALL, 3, "propagation", 20, tmp_path / "other.csv")
@@ -235,5 +240,5 @@ def test_unreachable_targets_are_reported(campaign, tmp_path, capsys, tree):
     write_json(campaign[1], network_of(tree))
     chains = sampled(campaign, tmp_path)
     assert "outside the prior" in capsys.readouterr().err
-    stage.gather(*campaign, chains, SMALL, 3, *(tmp_path / name for name in OUTPUTS))
-    assert "BC_0" in read_json(tmp_path / "summary.json")["fit"]["outside_prior"]
+    stage.gather(*campaign, chains, SMALL, 3, outputs(tmp_path))
+    assert "BC_0" in read_summary(tmp_path / "summary.json").fit.outside_prior

@@ -71,7 +71,7 @@ def test_a_negative_resistance_is_taken_with_a_note(campaign, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("columns", "names", "expected"),
     [
-        ({"flow": SHARES}, ["0", "1", "2", "3", "x"], "name = 'x': is no coronary bed; there are BC_0"),
+        ({"flow": SHARES}, ["0", "1", "2", "3", "x"], "name = 'x': not a coronary bed; there are BC_0"),
         ({"flow": SHARES}, ["0", "1", "2", "3", "BC_0"], "name = 'BC_0': occurs twice"),
         ({"flow": [1, 2, -3, 4, 5]}, range(5), "flow of BC_2 = -3.0: must be a positive number"),
         ({"volume": [1, 2, "", 4, 5]}, range(5), "volume of BC_2 = nan: must be a positive number"),

@@ -1,15 +1,13 @@
-"""Failed runs that depend on θ are told, in one input or in several together, and those at random are not."""
+"""Failures that depend on θ are found, in one input or in several together, and failures at random are not."""
 
 import math
-from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from coronaryuq.core.seeds import generator
 from coronaryuq.estimation.campaign import failures
-from coronaryuq.estimation.runs.table import Runs
+from support.runs import runs_of
 
 BEDS, SCALING = 14, "R_cor_scaling"
 INPUTS = (*(f"bed_{j}" for j in range(BEDS)), SCALING)
@@ -27,10 +25,9 @@ def split(theta: np.ndarray, score: np.ndarray, failed: int) -> tuple[np.ndarray
     return theta[order[:failed]], theta[order[failed:]]
 
 
-def found(failed: np.ndarray, ended: np.ndarray):
-    frame = pd.DataFrame({"y": np.zeros(len(ended))})
-    names = tuple(map(str, range(len(ended))))
-    runs = Runs(Path("."), INPUTS, names, ended, frame, frame, ended, None, failed)
+def finding_of(failed: np.ndarray, ended: np.ndarray):
+    nothing = {"y": np.zeros(len(ended))}
+    runs = runs_of(ended, nothing, nothing, ended, theta_failed=failed, inputs=INPUTS)
     return failures.failed_not_at_random(runs, 1, SCALING)
 
 
@@ -40,21 +37,21 @@ REASONS = {
     "total resistance": lambda x: x[:, :BEDS].mean(axis=1) + x[:, BEDS],
     "half of the beds": lambda x: x[:, :7].sum(axis=1) - x[:, 7:BEDS].sum(axis=1),
 }
-SAID = {
+DIFFERENCES = {
     "one input": "bed_3 differs",
     "mean resistance": "the mean of all inputs but R_cor_scaling differs",
     "total resistance": "R_cor_scaling times the mean of the others differs",
-    "half of the beds": "inputs together differ, most bed_",
+    "half of the beds": "inputs together differ, above all bed_",
 }
 
 
 @pytest.mark.parametrize(("reason", "failed", "count"), [
     ("one input", 3, 60), ("mean resistance", 3, 60), ("total resistance", 3, 60), ("half of the beds", 6, 60),
 ])  # fmt: skip
-def test_the_runs_that_are_farthest_in_a_direction(reason, failed, count):
+def test_failures_of_the_extreme_runs_in_a_direction_are_finding_of(reason, failed, count):
     theta = drawn(generator(5, "sharp", reason), count)
-    finding = found(*split(theta, REASONS[reason](np.log(theta)), failed))
-    assert finding.text.startswith(f"{failed} of {count} 3D runs failed, not at random: {SAID[reason]}")
+    finding = finding_of(*split(theta, REASONS[reason](np.log(theta)), failed))
+    assert finding.text.startswith(f"{failed} of {count} 3D runs failed, not at random: {DIFFERENCES[reason]}")
 
 
 def trials(number: int, count: int, failed: int, reason=None, permutations: int = 999) -> np.ndarray:
@@ -70,7 +67,7 @@ def trials(number: int, count: int, failed: int, reason=None, permutations: int 
 
 
 @pytest.mark.parametrize(("count", "failed"), [(24, 2), (60, 3), (100, 8)])
-def test_false_alarms_come_at_the_level(count, failed):
+def test_false_alarms_have_the_nominal_rate(count, failed):
     """Within three binomial standard errors; a test with ties may fall short of its level, never beyond."""
     p, number = trials(400, count, failed), 400
     for level in (0.01, 0.05, 0.2, 0.5):
@@ -81,24 +78,24 @@ def test_false_alarms_come_at_the_level(count, failed):
 
 
 @pytest.mark.parametrize("reason", REASONS)
-def test_power(reason):
-    """Half of the score that decides is noise: 25 failures of 500 are told in nine of ten campaigns at least."""
+def test_a_noisy_dependence_is_found_in_most_campaigns(reason):
+    """Half of the score that decides is noise: 25 failures of 500 are found in at least nine of ten campaigns."""
     assert (trials(20, 500, 25, reason) < failures.SIGNIFICANCE).mean() >= 0.9
 
 
-def test_one_failure_says_nothing_and_many_are_told():
+def test_one_failure_is_no_evidence_and_many_are_reported():
     theta = drawn(generator(5, "one"), 60)
-    assert found(*split(theta, theta[:, 0], 1)) is None
-    assert found(*split(theta, generator(5, "noise").normal(size=60), 0)) is None
-    many = found(*split(theta, generator(5, "noise").normal(size=60), 9))
+    assert finding_of(*split(theta, theta[:, 0], 1)) is None
+    assert finding_of(*split(theta, generator(5, "noise").normal(size=60), 0)) is None
+    many = finding_of(*split(theta, generator(5, "noise").normal(size=60), 9))
     assert many.code == "many failures" and many.text == "9 of 60 3D runs failed (15%)"
 
 
-def test_inputs_that_do_not_move_and_inputs_that_move_as_one():
+def test_constant_and_identical_inputs_do_no_harm():
     theta = drawn(generator(5, "still"), 60)
     theta[:, 5] = 1.0
     theta[:, 6] = theta[:, 7]
-    assert found(*split(theta, theta[:, 3], 3)).text.split(": ")[1].startswith("bed_3 differs")
+    assert finding_of(*split(theta, theta[:, 3], 3)).text.split(": ")[1].startswith("bed_3 differs")
     assert failures.dependence(np.ones((2, 15)), np.ones((9, 15)), INPUTS, 1)[0] == 1.0
 
 

@@ -1,4 +1,4 @@
-"""Cells of the coverage benchmark and their tables in the documents are one."""
+"""Tables in the documents agree with the recorded cells of the coverage benchmark."""
 
 import importlib.util
 from pathlib import Path
@@ -9,14 +9,14 @@ import pytest
 from coronaryuq.bench.estimation.coverage import judged
 from coronaryuq.core.seeds import generator
 
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+BENCHMARKS = Path(__file__).parents[3] / "benchmarks"
 
 
 @pytest.fixture(scope="module")
 def script():
-    found = importlib.util.spec_from_file_location("estimation_coverage", BENCHMARKS / "estimation_coverage.py")
-    module = importlib.util.module_from_spec(found)
-    found.loader.exec_module(module)
+    spec = importlib.util.spec_from_file_location("estimation_coverage", BENCHMARKS / "estimation_coverage.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
     return module
 
 
@@ -35,13 +35,13 @@ def test_the_page_holds_the_tables_of_the_cells(script):
     assert script.put(page, "summary of best", script.summary(cells)) == page
 
 
-def test_trials_that_follow_are_pooled_as_if_they_had_been_run_together(script):
+def test_trials_that_follow_a_cells_own_are_pooled_with_it(script):
     (got,) = script.merged([cell(0, 100)], [cell(100, 300)])
     assert got == pytest.approx(cell(0, 400))
     assert script.merged([got], [cell(0, 100), cell(100, 300)]) == [got], "put in once more, they change nothing"
 
 
-def test_a_former_selectors_cell_goes_where_the_present_one_is_measured(script):
+def test_a_former_selectors_cell_is_replaced_where_the_present_one_is_measured(script):
     former = [cell(0, 400, "best, without reach"), cell(0, 400, "best, without reach", problem="row 8")]
     assert [c["method"] for c in script.merged(former, [cell(0, 100)])] == ["best, without reach", "best"]
     assert script.merged([cell(0, 100)], former[:1]) == [cell(0, 100)]

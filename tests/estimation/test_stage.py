@@ -1,13 +1,12 @@
 """The stage from files to files, with an analytic 0D model between its two phases."""
 
-import json
-
 import numpy as np
 import pandas as pd
 import pytest
 
 from coronaryuq.core.errors import InputError
 from coronaryuq.estimation import stage
+from coronaryuq.estimation.results import read_estimates
 from coronaryuq.estimation.settings import Settings
 
 SETTINGS = Settings(steps=(60, 40), curve_nodes=17)
@@ -28,28 +27,26 @@ def campaign(folder, seed=3, settings=SETTINGS):
         folder, folder / "networks.npz", [folder / "k0.parquet"], settings, seed,
         folder / "estimates.json", folder / "table.csv",
     )  # fmt: skip
-    return json.loads((folder / "estimates.json").read_text())
+    return read_estimates(folder / "estimates.json")
 
 
 def test_two_phases_give_every_estimator_and_the_intervals_hold_the_truth(folder):
-    held = campaign(folder)
-    (row,) = held["rows"]
-    assert list(row["estimators"]) == ["MC", "MFMC", "MFMC-AE", "best"]
+    (row,) = campaign(folder).rows
+    assert list(row.estimators) == ["MC", "MFMC", "MFMC-AE", "best"]
     truth = (np.cos(0.5) - np.cos(2)) / 1.5
-    for value in row["estimators"].values():
-        assert value["chebyshev_99"]["low"] < truth < value["chebyshev_99"]["high"]
+    assert all(estimate.chebyshev_99.holds(truth) for estimate in row.estimators.values())
     # 200 propagation samples for 40 runs leave √0.2 = 0.45 of it.
-    assert row["estimators"]["best"]["std"] < 0.55 * row["estimators"]["MC"]["std"]
+    assert row.estimators["best"].std < 0.55 * row.estimators["MC"].std
     table = pd.read_csv(folder / "table.csv")
     assert list(table["estimator"]) == ["MC", "MFMC", "MFMC-AE", "best"]
     assert len(pd.read_csv(folder / "resampled.csv")) == 17 * (10 + 1)
 
 
-def test_same_seed_same_bytes_another_seed_other_bytes(folder):
+def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(folder):
     first = [campaign(folder), (folder / "networks.npz").read_bytes(), (folder / "table.csv").read_bytes()]
     again = [campaign(folder), (folder / "networks.npz").read_bytes(), (folder / "table.csv").read_bytes()]
     assert first == again
-    assert campaign(folder, seed=4)["rows"] != first[0]["rows"]
+    assert campaign(folder, seed=4).rows != first[0].rows
 
 
 def test_any_number_of_threads_gives_the_same_networks(folder):
@@ -68,12 +65,12 @@ def test_any_number_of_threads_gives_the_same_networks(folder):
 
 
 def test_without_the_autoencoder_there_is_nothing_to_resample(folder):
-    held = campaign(folder, settings=Settings(autoencoder=False))
-    assert list(held["rows"][0]["estimators"]) == ["MC", "MFMC", "best"]
+    (row,) = campaign(folder, settings=Settings(autoencoder=False)).rows
+    assert list(row.estimators) == ["MC", "MFMC", "best"]
     assert len(pd.read_csv(folder / "resampled.csv")) == 0
 
 
-def test_too_few_3d_runs_stop_with_one_line(folder):
+def test_too_few_3d_runs_are_refused(folder):
     with pytest.raises(InputError, match="min_3d is 41"):
         stage.train(folder, Settings(min_3d=41), 3, folder / "networks.npz", folder / "resampled.csv")
     assert not (folder / "networks.npz").exists()

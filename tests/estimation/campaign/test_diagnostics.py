@@ -1,25 +1,21 @@
-"""Quietly wrong answers are found, and their correction corrects."""
+"""Silently wrong answers are found, and their correction works."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from coronaryuq.core.seeds import generator
 from coronaryuq.estimation.campaign import diagnostics
-from coronaryuq.estimation.runs.table import Runs, read_runs
+from coronaryuq.estimation.runs.table import read_runs
+from support import three_levels
+from support.runs import runs_of
 
 
-def runs(shift=0.0, failed=None, n=200, m=2000):
+def runs(shift=0.0, n=200, m=2000):
     rng = generator(3, "diagnostics", str(shift))
     x, more = rng.normal(shift, 0.3, (n, 3)), rng.normal(0, 0.3, (m, 3))
-    y = x.sum(axis=1)
-    empty = np.empty((0, 3)) if failed is None else failed
-    names = tuple(map(str, range(n)))
-    frames = pd.DataFrame({"y": y}), pd.DataFrame({"q": x[:, 0]})
-    return Runs(Path("."), ("a", "b", "c"), names, np.exp(x), *frames, np.exp(more), None, empty)
+    return runs_of(np.exp(x), {"y": x.sum(axis=1)}, {"q": x[:, 0]}, np.exp(more))
 
 
 def test_inputs_of_one_distribution_pass_and_shifted_ones_do_not():
@@ -51,16 +47,16 @@ def test_balancing_weights_move_the_pilot_onto_the_propagation_means():
     np.testing.assert_allclose(moved, np.log(shifted.theta_more).mean(axis=0), atol=1e-6)
 
 
-def test_samples_too_unlike_are_not_mended():
+def test_samples_that_are_too_different_are_not_reweighted():
     assert (diagnostics.balancing_weights(runs(3.0)) == 1).all()
 
 
-def test_resampled_inputs_outside_the_training_box():
+def test_resampled_inputs_outside_the_training_box_are_found():
     inside = runs().theta
     assert diagnostics.outside_support(inside, inside, ("a", "b", "c")) is None
     beyond = inside.copy()
     beyond[:40, 2] = 10
-    assert "most in c" in diagnostics.outside_support(beyond, inside, ("a", "b", "c")).text
+    assert "most of them in c" in diagnostics.outside_support(beyond, inside, ("a", "b", "c")).text
 
 
 def test_a_useless_model_is_named_and_a_useful_one_is_not():
@@ -69,21 +65,26 @@ def test_a_useless_model_is_named_and_a_useful_one_is_not():
     assert diagnostics.useless(-0.9, 100, "best") is not None
 
 
-def test_one_run_that_carries_most_of_what_is_left_is_named():
+def test_a_run_with_most_of_the_squared_residuals_is_named():
     left = generator(3, "dominated").normal(size=40)
     names = tuple(f"sample_{i}" for i in range(40))
     assert diagnostics.dominated(left, names) is None and diagnostics.dominated(0 * left, names) is None
     left[7] = 30.0
-    assert diagnostics.dominated(left, names).text.startswith("sample_7 alone carries 9")
+    assert diagnostics.dominated(left, names).text.startswith("sample_7 alone has 9")
 
 
-def test_methods_that_were_not_verified_say_so():
+def test_unverified_methods_carry_a_warning():
     assert "below 25 3D runs" in diagnostics.unverified("MFMC", 24).text and diagnostics.unverified("MFMC", 25) is None
     assert "repeated trials" in diagnostics.unverified("MFMC-AE", 500).text
 
 
-def test_the_selector_is_verified_only_where_its_residuals_hardly_count():
-    assert "more than 25% of its variance: here 40%" in str(diagnostics.unverified("best", 500, 0.4))
+def test_the_selector_is_verified_only_where_its_residuals_are_small():
+    assert "more than 25% of its variance; here 40%" in str(diagnostics.unverified("best", 500, 0.4))
     assert diagnostics.unverified("best", 50, 0.25) is None
     assert "below 50 3D runs" in str(diagnostics.unverified("best", 40, 0.01))
     assert diagnostics.unverified("MFMC", 25, 1.0) is None
+
+
+def test_many_failed_coarse_runs_carry_a_warning():
+    assert diagnostics.coarse_failures(three_levels.campaign(30, 90, 100, failed=0.2)) is not None
+    assert diagnostics.coarse_failures(three_levels.campaign(30, 90, 100)) is None

@@ -1,4 +1,4 @@
-"""What a folder of runs may hold, and what is refused."""
+"""A folder of runs: what it may contain, and what is refused."""
 
 import json
 
@@ -29,7 +29,7 @@ def test_reads_a_campaign_and_aligns_by_sample_not_by_order(folder):
     assert len(runs.q_more) == len(runs.theta_more) == 200
 
 
-def test_a_failed_3d_run_is_set_apart_not_read_as_zero(folder):
+def test_a_failed_3d_run_is_set_apart_and_not_read_as_zero(folder):
     outputs = pd.read_csv(folder / "outputs_3d.csv")
     outputs.loc[3, "osi"] = np.nan
     outputs.drop(index=5).to_csv(folder / "outputs_3d.csv", index=False)
@@ -54,7 +54,7 @@ def test_a_failed_3d_run_is_set_apart_not_read_as_zero(folder):
         ("outputs_0d_propagation.csv", lambda f: f.assign(sample=f["sample"] + "x"), "propagation"),
     ],
 )
-def test_bad_input_is_one_line_that_names_file_and_fault(folder, file, spoil, says):
+def test_bad_input_is_refused_on_one_line_that_names_file_and_fault(folder, file, spoil, says):
     spoil(pd.read_csv(folder / file)).to_csv(folder / file, index=False)
     with pytest.raises(InputError) as caught:
         read_runs(folder)
@@ -65,18 +65,18 @@ def test_bad_input_is_one_line_that_names_file_and_fault(folder, file, spoil, sa
     ("limits", "says"),
     [
         ("null", "wanted a JSON object with min, max"),
-        ('{"min": [1, 2], "max": [3, 4]}', "min.BC_lca1: wanted a number, as of every column of params.csv"),
+        ('{"min": [1, 2], "max": [3, 4]}', "min.BC_lca1: wanted a number for every column of params.csv"),
         ('{"min": {"BC_lca1": "low"}, "max": {}}', "min.BC_lca1 = 'low': wanted a number"),
     ],
 )
-def test_limits_that_are_none_are_one_line(folder, limits, says):
+def test_limits_that_are_not_numbers_are_refused_on_one_line(folder, limits, says):
     (folder / "param_limits.json").write_text(limits)
     with pytest.raises(InputError) as caught:
         read_runs(folder)
     assert says in str(caught.value)
 
 
-def test_an_empty_propagation_file_is_one_line_without_a_warning(folder, recwarn):
+def test_an_empty_propagation_file_is_refused_without_a_warning(folder, recwarn):
     (folder / "params_propagation.csv").unlink()
     limits = {name: dict.fromkeys(pd.read_csv(folder / "params.csv").columns[1:], v) for name, v in BOUNDS.items()}
     (folder / "param_limits.json").write_text(json.dumps(limits))
@@ -86,7 +86,7 @@ def test_an_empty_propagation_file_is_one_line_without_a_warning(folder, recwarn
     assert not len(recwarn)
 
 
-def test_a_row_that_names_no_column_lists_the_columns(folder):
+def test_a_row_with_a_missing_column_lists_the_columns(folder):
     (folder / "rows.csv").write_text("row,column_3d,column_0d\n1,osi,flow\n")
     with pytest.raises(InputError, match="flow.*ffr_lad"):
         pair(read_runs(folder), read_rows(folder / "rows.csv")[0])
@@ -102,7 +102,7 @@ def test_a_row_that_names_no_column_lists_the_columns(folder):
         ("row,column_3d,column_0d\n1,osi,ffr_lad\n1,osi,ffr_lad\n", "twice"),
     ],
 )
-def test_rows_that_say_too_little_are_refused(folder, text, says):
+def test_incomplete_rows_are_refused(folder, text, says):
     (folder / "rows.csv").write_text(text)
     with pytest.raises(InputError, match=says):
         read_rows(folder / "rows.csv")
@@ -116,7 +116,31 @@ def test_rows_that_say_too_little_are_refused(folder, text, says):
         "column_0d,note,row,column_3d\nffr_lad,hello,1,osi\n",
     ],
 )
-def test_rows_may_have_spaces_marks_and_columns_of_their_own(folder, text):
+def test_rows_may_have_spaces_byte_order_marks_and_extra_columns(folder, text):
     (folder / "rows.csv").write_text(text)
     (row,) = read_rows(folder / "rows.csv")
     assert (row.name, row.column_3d, row.column_0d) == ("1", "osi", "ffr_lad")
+
+
+def test_a_coarse_run_that_failed_leaves_the_pilot_whole(with_coarse):
+    lines = pd.read_csv(with_coarse / "outputs_3d_coarse.csv")
+    lines.drop(index=[3, 100]).to_csv(with_coarse / "outputs_3d_coarse.csv", index=False)
+    runs = read_runs(with_coarse)
+    assert len(runs) == 40 and runs.coarse.outputs["osi"].isna().to_numpy().nonzero()[0].tolist() == [3, 100]
+    assert len(runs.coarse.theta) == len(runs.coarse.q) == 120
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "said"),
+    [
+        ("outputs_3d_coarse.csv", "sample,osi\nnobody,0.1\n", "nobody"),
+        ("outputs_3d_coarse.csv", "sample,ffr\nsample_0000,0.1\n", "ffr.*no such column in outputs_3d.csv"),
+        ("params_coarse.csv", "sample,BC_lca1\nsample_0040,1.0\n", "R_cor_scaling"),
+        ("params_coarse.csv", "sample,BC_lca1,R_cor_scaling\nsample_0001,1.0,1.0\n", "sample_0040"),
+        ("outputs_0d_coarse.csv", "sample,ffr_lad\nsample_0040,0.9\n", "mean_flow:lca1:BC_lca1 of sample_0040"),
+    ],
+)
+def test_tables_of_the_coarse_level_that_do_not_fit_are_refused(with_coarse, file, text, said):
+    (with_coarse / file).write_text(text)
+    with pytest.raises(InputError, match=said):
+        read_runs(with_coarse)

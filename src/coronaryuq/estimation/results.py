@@ -1,0 +1,272 @@
+"""The JSON files of the estimation stage as types: `estimates.json`, `budget.json`, `convergence.json`, `round_R.json`.
+
+Writers and readers share them. A field with a default is left out of the file where it is None; docs/formats.md
+describes the files.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from coronaryuq.core.io.atomic import read_json
+from coronaryuq.core.io.typed import checked
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A two-sided interval of nominal `level` (0 to 1)."""
+
+    low: float
+    high: float
+    level: float
+
+    @property
+    def half_width(self) -> float:
+        return (self.high - self.low) / 2
+
+    def holds(self, value: float) -> bool:
+        return self.low <= value <= self.high
+
+
+@dataclass(frozen=True)
+class Value:
+    """An estimated quantity with its claimed standard deviation and interval.
+
+    warning: why its interval is not verified, where it is not.
+    """
+
+    value: float
+    std: float
+    low: float
+    high: float
+    level: float
+    warning: str | None = None
+
+    def holds(self, truth: float) -> bool:
+        return self.low <= truth <= self.high
+
+
+@dataclass(frozen=True)
+class Probability:
+    """Probability that the quantity is at or below `threshold`; the others as in `Value`."""
+
+    threshold: float
+    value: float
+    std: float
+    low: float
+    high: float
+    level: float
+
+
+@dataclass(frozen=True)
+class BeyondTheMean:
+    """Quantities other than the mean. quantiles: share ("0.05") → value. sobol_first_order: input → index."""
+
+    variance: Value | None = None
+    quantiles: dict[str, Value] | None = None
+    probability_at_or_below: Probability | None = None
+    sobol_first_order: dict[str, Value] | None = None
+
+
+@dataclass(frozen=True)
+class PaperRow:
+    """The paper's own numbers for a row: correlation, standard deviations of MC and MFMC."""
+
+    rho_original: float
+    std_mc: float
+    std_mfmc: float
+
+
+@dataclass(frozen=True)
+class EstimatorReport:
+    """One estimator of one row.
+
+    n_0d: 0D runs made. predictions: evaluations of the control variate. rho_in_sample, std_in_sample: as the paper has
+    them, where the method was fitted and judged on all runs too.
+    """
+
+    method: str
+    mean: float
+    std: float
+    chebyshev_95: Interval
+    chebyshev_99: Interval
+    calibrated: Interval
+    rho_held_out: float
+    n_3d: int
+    n_0d: int
+    predictions: int
+    beta: float
+    residual_variance: float
+    propagation_variance: float
+    warnings: list[str]
+    rho_in_sample: float | None = None
+    std_in_sample: float | None = None
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Variance per sample of the parts of a three-level estimate: y − f, f − g and g (see `multilevel_crossfit`)."""
+
+    fine: float
+    coarse: float
+    cheap: float
+
+
+@dataclass(frozen=True)
+class RowReport:
+    """All estimates of one row.
+
+    recommended: the estimator with the least claimed std among those without a warning. levels: with a coarse 3D level,
+    variances of the parts of the estimator `multilevel`. emulator_error: held-out mean square error over variance of
+    the 0D output's emulator. integrated_exactly: the input with a known law that was integrated. warnings: of the runs.
+    """
+
+    row: str
+    label: str
+    column_3d: str
+    column_0d: str
+    variance_3d: float
+    paper: PaperRow
+    estimators: dict[str, EstimatorReport]
+    recommended: str
+    beyond_the_mean: BeyondTheMean
+    levels: Parts | None
+    n_propagation: int
+    emulator_error: float
+    integrated_exactly: str | None
+    warnings: list[str]
+
+    @property
+    def best(self) -> EstimatorReport:
+        """The recommended estimator."""
+        return self.estimators[self.recommended]
+
+
+@dataclass(frozen=True)
+class LevelWorth:
+    """What a coarse 3D level gained for one row; see `level_allocation.worth`."""
+
+    without: str
+    claim_ratio: float
+    gain: float
+    best_runs_per_fine: float
+
+
+@dataclass(frozen=True)
+class CoarseLevel:
+    """Runs and failures of a coarse 3D level, CPU seconds per coarse and per fine run, its worth row by row."""
+
+    runs: int
+    failed: int
+    coarse_cpu_s: float
+    fine_cpu_s: float
+    rows: dict[str, LevelWorth]
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """`estimates.json`. coarse: None without a coarse 3D level, or where its cost is not known."""
+
+    rows: list[RowReport]
+    coarse: CoarseLevel | None
+    settings: dict[str, Any]
+    provenance: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Budget curves of one estimator: variance under the optimal allocation, extra cost (3D runs) per variance."""
+
+    rho: float
+    variance_now: float
+    optimal_variance: list[float]
+    additional_cost: list[float]
+
+
+@dataclass(frozen=True)
+class RowBudget:
+    """Budget curves of one row, over budgets in 3D runs and over the wanted variance as a factor on today's."""
+
+    row: str
+    label: str
+    cost_ratio: float
+    n_3d: int
+    n_0d: int
+    budget_3d_runs: list[float]
+    variance_factor: list[float]
+    estimators: dict[str, Curve]
+
+
+@dataclass(frozen=True)
+class Want:
+    """A row's wanted half-width of the calibrated interval, today's, and what is missing (costs in 3D runs)."""
+
+    row: str
+    wanted: float
+    now: float
+    more_3d: int
+    more_0d: int
+    cost: float
+    cost_of_half: float
+
+
+@dataclass(frozen=True)
+class Budget:
+    """`budget.json`."""
+
+    budget: list[RowBudget]
+    plan: list[Want]
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Numbers of 3D runs and of 0D runs of the propagation sample."""
+
+    n_3d: int
+    n_0d: int
+
+
+@dataclass(frozen=True)
+class Round:
+    """`round_R.json` of a growing campaign. why: what ended it (`met`, `bounds reached`, `rounds spent`), or None."""
+
+    round: int
+    counts: Counts
+    plan: list[Want]
+    next: Counts
+    done: bool
+    why: str | None
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """Convergence study of one row at one number of 3D runs: lists with an item per subsample of the pilot."""
+
+    row: str
+    label: str
+    n_3d: int
+    rho_original: list[float]
+    mean_mc: list[float]
+    rho_best_held_out: list[float]
+    rho_ae_in_sample: list[float] | None = None
+    rho_ae_held_out: list[float] | None = None
+
+
+def read_estimates(path: str | Path) -> Estimates:
+    """Read `estimates.json`; `InputError` for a file that is not one. The published runs' has no coarse level."""
+    return checked(Estimates, {"coarse": None, "provenance": {}} | read_json(path, ("rows",)), path)
+
+
+def read_budget(path: str | Path) -> Budget:
+    """Read `budget.json`; `InputError` for a file that is not one. The published runs' has no plan."""
+    return checked(Budget, {"plan": []} | read_json(path, ("budget",)), path)
+
+
+def read_round(path: str | Path) -> Round:
+    """Read the `round_R.json` of a growing campaign; `InputError` for a file that is not one."""
+    return checked(Round, read_json(path, ("round",)), path)
+
+
+def read_convergence(path: str | Path) -> list[Convergence]:
+    """Read `convergence.json`; `InputError` for a file that is not one."""
+    return checked(list[Convergence], read_json(path, ("convergence",))["convergence"], path)

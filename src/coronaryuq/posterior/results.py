@@ -1,0 +1,192 @@
+"""What the posterior stage writes, as types: `chains.npz` and `summary.json` (docs/formats.md)."""
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from coronaryuq.core.io.atomic import read_json
+from coronaryuq.core.io.tables import read_npz, write_npz
+from coronaryuq.core.io.typed import checked
+
+
+@dataclass(frozen=True)
+class Chains:
+    """All chains of one posterior, n recorded states each, N beds.
+
+    names (N,): of the beds. multipliers, flows (chains, n, N): of r-hat, and mL/s. log_density (chains, n). burn_in:
+    recorded states to discard. every: generations per recorded state. generations: per chain, burn-in included.
+    accepted, screen_accepted (chains,), proposed, screen_proposed: moves after burn-in on the model and on the
+    emulator. emulator_error (N,): of log flow; empty without an emulator. runs, failures: of the model. outliers:
+    chains restarted. crossover: probability of each crossover value. weights (N,): shares of conductance at r-hat.
+    target_scale: factor on the targets; target_mean (N,), target_covariance (N, N): scaled. fit_*: the resistances at
+    which the model's flows are shared as the targets are.
+    """
+
+    names: list[str]
+    multipliers: np.ndarray
+    flows: np.ndarray
+    log_density: np.ndarray
+    burn_in: int
+    every: int
+    generations: int
+    accepted: np.ndarray
+    proposed: int
+    screen_accepted: np.ndarray
+    screen_proposed: int
+    emulated: bool
+    emulator_error: np.ndarray
+    runs: int
+    failures: int
+    outliers: int
+    crossover: np.ndarray
+    weights: np.ndarray
+    target_scale: float
+    target_mean: np.ndarray
+    target_covariance: np.ndarray
+    fit_multipliers: np.ndarray
+    fit_flows: np.ndarray
+    fit_error: float
+
+    @property
+    def kept_multipliers(self) -> np.ndarray:
+        """Multipliers (chains, kept, N) after burn-in."""
+        return self.multipliers[:, self.burn_in :]
+
+    @property
+    def kept_flows(self) -> np.ndarray:
+        """Flows (chains, kept, N) after burn-in."""
+        return self.flows[:, self.burn_in :]
+
+    @property
+    def kept_log_density(self) -> np.ndarray:
+        """Log densities (chains, kept) after burn-in."""
+        return self.log_density[:, self.burn_in :]
+
+    def write(self, path: str | Path) -> None:
+        write_npz(path, {field.name: np.array(getattr(self, field.name)) for field in fields(self)})
+
+    @classmethod
+    def read(cls, path: str | Path) -> "Chains":
+        """Read chains; `InputError` for a broken file or a missing array."""
+        arrays = read_npz(path, tuple(field.name for field in fields(cls)))
+        scalars = {name: array.item() for name, array in arrays.items() if array.ndim == 0}
+        return cls(**arrays | scalars | {"names": [str(name) for name in arrays["names"]]})
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Have the chains converged? Rank-normalised split R-hat and effective sample sizes (Vehtari et al. 2021)."""
+
+    converged: bool
+    verdict: str
+    worst_parameter: str
+    rhat_max: float
+    rhat: dict[str, float]
+    ess_bulk: dict[str, float]
+    ess_tail: dict[str, float]
+    ess_bulk_min: float
+    ess_tail_min: float
+
+
+@dataclass(frozen=True)
+class EmulatorUse:
+    """acceptance: of proposals on the emulator; None without one. error_of_log_flow: held out, per bed."""
+
+    used: bool
+    generations_per_decision: int
+    acceptance: float | None
+    error_of_log_flow: list[float]
+
+
+@dataclass(frozen=True)
+class FitToFractions:
+    """The fit to the target fractions: multipliers of r-hat, flows (mL/s), and the beds outside the prior."""
+
+    multipliers: dict[str, float]
+    flows: dict[str, float]
+    largest_fraction_error: float
+    outside_prior: list[str]
+
+
+@dataclass(frozen=True)
+class Marginal:
+    """One multiplier over the draws."""
+
+    mean: float
+    sd: float
+    q025: float
+    median: float
+    q975: float
+
+
+@dataclass(frozen=True)
+class TotalFlow:
+    """Flow of all beds together (mL/s): target, mean and standard deviation of the draws."""
+
+    target: float
+    mean: float
+    sd: float
+
+
+@dataclass(frozen=True)
+class Predictive:
+    """Comparison of N simulated flows (mL/s) with the targets; see `model.predictive.check`."""
+
+    coverage_95: float
+    outside_95: list[str]
+    mahalanobis: float
+    mean_squared_mahalanobis: float
+    p_value: float
+    relative_error_of_mean: dict[str, float]
+    largest_fraction_error: float
+    flow_mean: list[float]
+    flow_sd: list[float]
+    flow_covariance: list[list[float]]
+    target_mean: list[float]
+    target_covariance: list[list[float]]
+    target_covariance_given_total: list[list[float]]
+    sd_ratio: list[float]
+    correlation_rms: float
+    correlation_of_correlations: float | None
+    covariance_error: float
+    total_flow: TotalFlow
+
+
+@dataclass(frozen=True)
+class ReferenceShares:
+    """Shares of conductance at r-hat beside those of the target flows."""
+
+    conductance_share: dict[str, float]
+    target_share: dict[str, float]
+    largest_relative_difference: float
+
+
+@dataclass(frozen=True)
+class Summary(Diagnosis):
+    """`summary.json`: verdict on the chains, the fit, marginals, and predictive checks."""
+
+    chains: int
+    generations: int
+    recorded_per_chain: int
+    draws: int
+    acceptance: float
+    emulator: EmulatorUse
+    model_runs: int
+    failed_runs: int
+    outlier_chains_restarted: int
+    crossover_probabilities: list[float]
+    constraint: str
+    target_scale: float
+    fit: FitToFractions
+    multipliers: dict[str, Marginal]
+    most_probable_draw: dict[str, float]
+    predictive: Predictive
+    r_hat: ReferenceShares
+    provenance: dict[str, Any]
+
+
+def read_summary(path: str | Path) -> Summary:
+    """Read `summary.json`; `InputError` for a file that is not one."""
+    return checked(Summary, read_json(path, ("converged",)), path)

@@ -1,0 +1,105 @@
+"""What the chains give: InferenceData for ArviZ, a table of thinned draws, and the summary."""
+
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from coronaryuq.core.io.atomic import replacing
+from coronaryuq.core.seeds import generator
+from coronaryuq.posterior.model.likelihood import Likelihood
+from coronaryuq.posterior.model.predictive import check
+from coronaryuq.posterior.results import Chains, EmulatorUse, FitToFractions, Marginal, ReferenceShares, Summary
+from coronaryuq.posterior.sampler.diagnostics import diagnose
+from coronaryuq.posterior.settings import Settings
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def write_inference_data(chains: Chains, posterior_nc: str | Path) -> None:
+    """Write the states after burn-in as ArviZ InferenceData (netCDF)."""
+    import arviz
+
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="More chains")
+        data = arviz.from_dict(
+            posterior={"r": chains.kept_multipliers, "flow": chains.kept_flows},
+            sample_stats={"lp": chains.kept_log_density},
+            observed_data={"target_flow": chains.target_mean},
+            coords={"bed": chains.names},
+            dims={"r": ["bed"], "flow": ["bed"], "target_flow": ["bed"]},
+        )
+    for group in data.groups():
+        data[group].attrs.pop("created_at", None)  # equal posteriors are equal files
+    size = sum(data[group].nbytes for group in data.groups())
+    with replacing(posterior_nc, room=size + 2**17) as beside:  # HDF5 loses the error on a full disk
+        data.to_netcdf(str(beside))
+
+
+def table_of_draws(chains: Chains, most: int) -> "pd.DataFrame":
+    """Return at most `most` thinned draws: chain, generation, one multiplier per bed, log_density."""
+    import pandas as pd
+
+    multipliers = chains.kept_multipliers
+    n, length, beds = multipliers.shape
+    stride = max(1, -(-n * length // most))
+    chosen = np.arange(0, n * length, stride)
+    table = pd.DataFrame(multipliers.transpose(1, 0, 2).reshape(-1, beds)[chosen], columns=chains.names)
+    table.insert(0, "chain", chosen % n)
+    table.insert(1, "generation", (chosen // n + chains.burn_in + 1) * chains.every)
+    table["log_density"] = chains.kept_log_density.T.reshape(-1)[chosen]
+    return table
+
+
+def summarise(
+    chains: Chains, settings: Settings, seed: int, draws: int, r_hat: ReferenceShares, provenance: dict[str, Any]
+) -> Summary:
+    """Return verdict, marginals, fit and predictive checks; draws: rows of the table of draws."""
+    names, multipliers = chains.names, chains.kept_multipliers
+    likelihood = Likelihood(chains.target_mean, chains.target_covariance)
+    flat, quantiles = multipliers.reshape(-1, len(names)), (0.025, 0.5, 0.975)
+    fitted = by_name(names, chains.fit_multipliers)
+    low, high = settings.prior
+    return Summary(
+        **vars(diagnose(multipliers, names, settings.rhat_limit, settings.ess_limit)),
+        chains=len(multipliers),
+        generations=chains.generations,
+        recorded_per_chain=multipliers.shape[1],
+        draws=draws,
+        acceptance=float(np.mean(chains.accepted) / chains.proposed),
+        emulator=EmulatorUse(
+            used=chains.emulated,
+            generations_per_decision=chains.every,
+            acceptance=float(np.mean(chains.screen_accepted) / chains.screen_proposed) if chains.emulated else None,
+            error_of_log_flow=chains.emulator_error.tolist(),
+        ),
+        model_runs=chains.runs,
+        failed_runs=chains.failures,
+        outlier_chains_restarted=chains.outliers,
+        crossover_probabilities=chains.crossover.tolist(),
+        constraint=settings.constraint,
+        target_scale=chains.target_scale,
+        fit=FitToFractions(
+            multipliers=fitted,
+            flows=by_name(names, chains.fit_flows),
+            largest_fraction_error=chains.fit_error,
+            outside_prior=[name for name, multiplier in fitted.items() if not low <= multiplier <= high],
+        ),
+        multipliers={
+            name: Marginal(m.mean(), m.std(ddof=1), *q)
+            for name, m, q in zip(names, flat.T, np.quantile(flat, quantiles, axis=0).T, strict=True)
+        },
+        most_probable_draw=by_name(names, flat[np.argmax(chains.kept_log_density)]),
+        predictive=check(
+            chains.kept_flows.reshape(-1, len(names)), likelihood, names, generator(seed, "posterior", "predictive")
+        ),
+        r_hat=r_hat,
+        provenance=provenance,
+    )
+
+
+def by_name(names: list[str], values: np.ndarray) -> dict[str, float]:
+    """Return {name: value}."""
+    return dict(zip(names, values.tolist(), strict=True))

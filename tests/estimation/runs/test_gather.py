@@ -1,0 +1,84 @@
+"""A campaign's runs are gathered in one folder; failures are reported, and too few runs stop the campaign."""
+
+import numpy as np
+import pytest
+
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.atomic import read_json
+from coronaryuq.estimation.runs.gather import CoarseCost, coarse_cost, gather
+from coronaryuq.estimation.runs.table import read_rows, read_runs
+from support.small_campaign import LIMITS, write_campaign
+
+
+@pytest.fixture
+def campaign(tmp_path):
+    """Writes a campaign's files, gathers them, and returns the folder of runs."""
+
+    def run(min_3d=4, **options):
+        gather(write_campaign(tmp_path, **options), LIMITS, min_3d, tmp_path / "runs")
+        return tmp_path / "runs"
+
+    return run
+
+
+def test_the_estimators_read_what_was_gathered(campaign):
+    folder = campaign()
+    runs = read_runs(folder)
+    assert len(runs) == 12 and len(runs.theta_more) == 20 and runs.q_more is not None
+    assert runs.limits.tolist() == [[0.5, 2.0], [0.5, 2.0], [0.7, 1.25]]
+    rows = read_rows(folder / "rows.csv")
+    assert [row.name for row in rows[:2]] == ["osi_flow_lad", "osi_flow_rca"] and len(rows) == 8
+    for row in rows:
+        assert row.column_3d in runs.y and row.column_0d in runs.q
+
+
+def test_failed_3d_samples_keep_their_inputs(campaign):
+    folder = campaign(failed_3d=["pilot_00003", "pilot_00007"])
+    runs = read_runs(folder)
+    assert len(runs) == 10 and len(runs.theta_failed) == 2
+    failures = read_json(folder / "failures.json")
+    assert [f["sample"] for f in failures["flow3d"]["failed"]] == ["pilot_00003", "pilot_00007"]
+    assert failures["cost"]["flow3d_cpu_s"] == 24.0
+
+
+def test_samples_without_a_0d_run_are_left_out(campaign):
+    runs = read_runs(campaign(failed_0d=["pilot_00001", "propagation_00002"]))
+    assert len(runs) == 11 and len(runs.theta_more) == 19
+
+
+def test_too_few_3d_runs_are_refused_with_the_most_frequent_reason(campaign):
+    with pytest.raises(InputError, match="10 of 12.*at least 11 are needed; most frequent reason: blew up"):
+        campaign(failed_3d=["pilot_00003", "pilot_00007"], min_3d=11)
+
+
+def test_a_sample_without_a_3d_run_is_named(campaign):
+    with pytest.raises(InputError, match="pilot_00005.*has no 3D run"):
+        campaign(lost=["pilot_00005"])
+
+
+def test_a_coarse_level_covers_the_pilot_and_the_samples_beyond_it(campaign):
+    folder = campaign(
+        runs_per_fine=3,
+        failed_3d=["pilot_00003"],
+        failed_coarse=["pilot_00004", "pilot_00020"],
+        failed_0d=["pilot_00030"],
+    )
+    runs = read_runs(folder)
+    assert (
+        len(runs) == 11 and len(runs.coarse.theta) == 23 == len(runs.coarse.q) and len(runs.coarse.outputs) == 11 + 23
+    )
+    failed = runs.coarse.outputs["ffr_lad"].isna().to_numpy().nonzero()[0].tolist()
+    assert failed == [3, 11 + 8], "the pilot without its failed fine run, then sample 20, the ninth beyond it"
+    inputs = np.concatenate([runs.theta, runs.coarse.theta])[:, 0]
+    ended = runs.coarse.outputs["ffr_lad"].notna()
+    np.testing.assert_array_equal(runs.coarse.outputs["ffr_lad"][ended], inputs[ended])
+    failures = read_json(folder / "failures.json")
+    assert failures["coarse"]["runs"] == 36 and len(failures["coarse"]["failed"]) == 2
+    assert failures["cost"]["coarse_cpu_s"] == 72.0 and failures["cost"]["zerod_cpu_s"] == (36 + 20) * 0.5
+    assert coarse_cost(folder / "failures.json") == CoarseCost(runs=36, failed=2, coarse_cpu_s=2.0, fine_cpu_s=2.0)
+
+
+def test_tables_of_a_former_coarse_level_are_removed(campaign):
+    campaign(runs_per_fine=3)
+    folder = campaign()
+    assert read_runs(folder).coarse is None and coarse_cost(folder / "failures.json") is None

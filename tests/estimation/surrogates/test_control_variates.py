@@ -1,0 +1,71 @@
+"""Control variates: influence of a training run in closed form, against refits, and the variance beside a rival."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from coronaryuq.core.seeds import generator
+from coronaryuq.estimation.surrogates import gaussian_process as gp
+from coronaryuq.estimation.surrogates import matern
+from coronaryuq.estimation.surrogates.control_variates import METHODS, RUNS_PER_POWER, Seen, with_rival
+
+
+def seen_of(x):
+    return Seen(x, x[:, 0], x)
+
+
+@pytest.mark.parametrize("method", ["constant", "linear 0D", "linear theta"])
+def test_the_influence_of_a_run_is_the_difference_to_a_fit_without_it(method):
+    rng = generator(4, "influence")
+    x, new = rng.normal(size=(25, 4)), rng.normal(size=(7, 4))
+    y = np.sin(x).sum(axis=1)
+    fitted = METHODS[method](seen_of(x), y)
+    for left in (0, 11):
+        others = np.delete(np.arange(25), left)
+        without = METHODS[method](seen_of(x[others]), y[others]).predict(seen_of(new))
+        change = fitted.predict(seen_of(new)) - without
+        np.testing.assert_allclose(fitted.influence(seen_of(new))[:, left], change, atol=1e-10)
+
+
+def test_the_influence_on_a_process_is_that_on_a_linear_smoother():
+    """With weights W(x) of the outputs, leaving run l out takes W(x)_l times its leave-one-out residual away."""
+    rng = generator(4, "influence", "process")
+    x, new = rng.normal(size=(25, 2)), rng.normal(size=(7, 2))
+    y = np.sin(2 * x[:, 0]) + x[:, 1] ** 2
+    model = gp.fit(x, y)
+    a = (x - model.shift) / model.scale
+    k = matern.covariance(model.parameters, a, gp.JITTER)[0]
+    others = np.delete(np.arange(25), 3)
+    b = (y - model.mean) / model.spread
+    alpha = np.linalg.solve(k[np.ix_(others, others)], b[others])
+    without = replace(model, x=a[others], weights=alpha).predict(new)
+    np.testing.assert_allclose(model.influence(new)[:, 3], model.predict(new) - without, atol=1e-6)
+
+
+def test_the_influence_on_a_process_of_the_logarithm_is_that_on_its_exponential():
+    """And so are its leave-one-out residuals: prediction and influence at a training run agree."""
+    rng = generator(4, "influence", "logarithm")
+    x, new = rng.normal(size=(25, 2)), rng.normal(size=(7, 2))
+    y = np.exp(0.3 * x[:, 0] + 0.1 * x[:, 1] ** 2)
+    model, fitted = gp.fit(np.column_stack([x, x]), np.log(y)), METHODS["process of logarithm"](seen_of(x), y)
+    both = np.column_stack([new, new])
+    np.testing.assert_allclose(fitted.predict(seen_of(new)), np.exp(model.predict(both)), rtol=1e-12)
+    without = np.exp(model.predict(both)[:, None] - model.influence(both))
+    change = fitted.predict(seen_of(new))[:, None] - without
+    np.testing.assert_allclose(fitted.influence(seen_of(new)), change, atol=1e-12)
+    np.testing.assert_allclose(np.log(y - fitted.leave_one_out), np.log(y) - model.leave_one_out, atol=1e-12)
+
+
+def test_a_rival_that_differs_adds_the_variance_of_a_mixture():
+    rng = generator(4, "rival")
+    x, far = seen_of(rng.uniform(0, 1, (20, 1))), seen_of(np.full((3, 1), 3.0))
+    y = 1 + x.row_output
+    line, curve = (METHODS[name](x, y + 0.01 * np.cos(9 * y)) for name in ("linear 0D", "process of logarithm"))
+    weights = np.array([line.missed, curve.missed]) ** (-20 / RUNS_PER_POWER)
+    weights /= weights.sum()
+    apart = line.predict(far) - curve.predict(far)
+    for most in (2 * np.abs(apart).max(), 0.5 * np.abs(apart).min()):
+        wanted = line.variance(far) + weights.prod() * np.minimum(np.abs(apart), most) ** 2
+        np.testing.assert_allclose(with_rival(line, curve, most).variance(far), wanted)
+    np.testing.assert_array_equal(with_rival(line, curve, 1.0).predict(far), line.predict(far))
