@@ -106,5 +106,5 @@ def _flows(case: Mapping, network: Mapping, perfusion: Mapping, file: str | Path
             raise InputError(file, "bc", outlet["bc"], "the network has no coronary bed of this name")
     for bc, flow in flows.items():
         if not flow > 0.0:
-            raise InputError(file, f"mean of {bc}", flow, "wanted a positive flow")
+            raise InputError(file, f"mean of {bc}", flow, "expected a positive flow")
     return flows

@@ -212,7 +212,7 @@ def draw_samples(
     for bed in beds:
         wrong = [value for value in draws[bed].tolist() if not (isinstance(value, int | float) and 0 < value < np.inf)]
         if wrong:
-            raise InputError(draws_csv, bed, wrong[0], "wanted positive multipliers; gather the posterior again")
+            raise InputError(draws_csv, bed, wrong[0], "expected positive multipliers; gather the posterior again")
     write_csv(out_csv, theta(draws, beds, name, count, settings.scaling, seed))
 
 
@@ -246,9 +246,9 @@ def _read_targets(targets_json: str | Path, case_json: str | Path) -> tuple[Targ
             raise InputError(targets_json, "bc", bc, "no such outlet in the case; gather the perfusion stage again")
     mean, covariance = np.array(targets["mean"], dtype=float), np.array(targets["covariance"], dtype=float)
     if len(mean) < 2:
-        raise InputError(targets_json, "bc", targets["bc"], "wanted at least two outlets that perfuse the LV")
+        raise InputError(targets_json, "bc", targets["bc"], "expected at least two outlets that perfuse the LV")
     if mean.shape != (len(targets["bc"]),) or covariance.shape != (len(mean), len(mean)):
-        raise InputError(targets_json, "covariance", covariance.shape, f"wanted {len(mean)} by {len(mean)}")
+        raise InputError(targets_json, "covariance", covariance.shape, f"expected {len(mean)} by {len(mean)}")
     if not np.all(mean > 0):
         raise InputError(targets_json, "mean", float(mean.min()), "target flows must be positive")
     volume = np.array(targets.get("volume", np.full(len(mean), np.nan)), dtype=float)

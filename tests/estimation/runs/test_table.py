@@ -43,7 +43,7 @@ def test_a_failed_3d_run_is_set_apart_and_not_read_as_zero(folder):
         ("params.csv", lambda f: f.assign(BC_lca1=np.inf), "BC_lca1"),
         ("params.csv", lambda f: pd.concat([f, f.iloc[:1]]), "twice"),
         ("params.csv", lambda f: f.assign(BC_lca1=-f["BC_lca1"]), "BC_lca1 of sample_0000 = "),
-        ("params.csv", lambda f: f[["sample"]], "holds no inputs"),
+        ("params.csv", lambda f: f[["sample"]], "contains no inputs"),
         ("outputs_3d.csv", lambda f: f.assign(sample=["x"] * len(f)), "twice"),
         ("outputs_3d.csv", lambda f: f.assign(osi="high"), "not a number"),
         ("outputs_3d.csv", lambda f: f.iloc[:1], "at least 2"),
@@ -64,9 +64,9 @@ def test_bad_input_is_refused_on_one_line_that_names_file_and_fault(folder, file
 @pytest.mark.parametrize(
     ("limits", "says"),
     [
-        ("null", "wanted a JSON object with min, max"),
-        ('{"min": [1, 2], "max": [3, 4]}', "min.BC_lca1: wanted a number for every column of params.csv"),
-        ('{"min": {"BC_lca1": "low"}, "max": {}}', "min.BC_lca1 = 'low': wanted a number"),
+        ("null", "expected a JSON object with min, max"),
+        ('{"min": [1, 2], "max": [3, 4]}', "min.BC_lca1: expected a number for every column of params.csv"),
+        ('{"min": {"BC_lca1": "low"}, "max": {}}', "min.BC_lca1 = 'low': expected a number"),
     ],
 )
 def test_limits_that_are_not_numbers_are_refused_on_one_line(folder, limits, says):

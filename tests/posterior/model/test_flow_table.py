@@ -75,8 +75,8 @@ def test_a_negative_resistance_is_taken_with_a_note(campaign, tmp_path, capsys):
         ({"flow": SHARES}, ["0", "1", "2", "3", "BC_0"], "name = 'BC_0': occurs twice"),
         ({"flow": [1, 2, -3, 4, 5]}, range(5), "flow of BC_2 = -3.0: must be a positive number"),
         ({"volume": [1, 2, "", 4, 5]}, range(5), "volume of BC_2 = nan: must be a positive number"),
-        ({"mbf": SHARES}, range(5), "flow: column missing; wanted flow, or mbf and volume, or volume"),
-        ({"flow": [1]}, ["0"], "rows = 1: wanted at least two beds"),
+        ({"mbf": SHARES}, range(5), "flow: column missing; expected flow, or mbf and volume, or volume"),
+        ({"flow": [1]}, ["0"], "rows = 1: expected at least two beds"),
     ],
 )
 def test_a_wrong_table_is_one_line(campaign, tmp_path, capsys, columns, names, expected):

@@ -38,4 +38,4 @@ def checked(kind: type[Result], value: Any, path: str | Path) -> Result:
         first = errors.errors(include_url=False)[0]
         field = ".".join(map(str, first["loc"]))
         message = first["msg"][0].lower() + first["msg"][1:]
-        raise InputError(path, field, None, f"{message}; make the file again") from None
+        raise InputError(path, field, None, f"{message}; recreate it") from None

@@ -87,7 +87,7 @@ def read_runs(folder: str | Path) -> Runs:
     inputs = tuple(params.columns)
     if not inputs:
         raise InputError(
-            folder / "params.csv", None, None, "holds no inputs; wanted one column per input beside `sample`"
+            folder / "params.csv", None, None, "contains no inputs; expected one column per input beside `sample`"
         )
     limits = _limits(folder / "param_limits.json", inputs)
     theta = _finite(folder / "params.csv", params)
@@ -197,7 +197,7 @@ def _limits(path: Path, inputs: tuple[str, ...]) -> np.ndarray | None:
         for name in inputs:
             value = limits[bound].get(name) if isinstance(limits[bound], dict) else None
             if isinstance(value, bool) or not isinstance(value, int | float):
-                raise InputError(path, f"{bound}.{name}", value, "wanted a number for every column of params.csv")
+                raise InputError(path, f"{bound}.{name}", value, "expected a number for every column of params.csv")
     bounds = np.array([[limits["min"][name], limits["max"][name]] for name in inputs], dtype=float)
     if not (bounds[:, 0] < bounds[:, 1]).all():
         raise InputError(path, inputs[int(np.argmin(np.diff(bounds)))], None, "min is not below max")
@@ -209,7 +209,7 @@ def _further(path: Path, inputs: tuple[str, ...]) -> pd.DataFrame:
     frame = _table(path)
     missing = [name for name in inputs if name not in frame]
     if missing:
-        raise InputError(path, missing[0], None, "column missing; wanted the columns of params.csv")
+        raise InputError(path, missing[0], None, "column missing; expected the columns of params.csv")
     return frame[list(inputs)]
 
 
@@ -262,9 +262,9 @@ def _propagation(
     try:
         values = np.loadtxt(normalised, delimiter=",", ndmin=2)
     except ValueError as error:
-        raise InputError(normalised, None, None, f"wanted numbers without a header ({error})") from None
+        raise InputError(normalised, None, None, f"expected numbers without a header ({error})") from None
     if values.shape[1] != len(inputs):
-        raise InputError(normalised, None, values.shape[1], f"columns; wanted the {len(inputs)} of params.csv")
+        raise InputError(normalised, None, values.shape[1], f"columns; expected the {len(inputs)} of params.csv")
     if not np.isfinite(values).all():
         raise InputError(normalised, None, None, "contains a value that is not a finite number")
     theta = limits[:, 0] + (values + 1) / 2 * (limits[:, 1] - limits[:, 0])

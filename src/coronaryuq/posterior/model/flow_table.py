@@ -32,7 +32,7 @@ def fit_table(
     import pandas as pd
 
     if not hyperaemia > 0:
-        raise InputError("--hyperaemia", None, hyperaemia, "want a positive factor")
+        raise InputError("--hyperaemia", None, hyperaemia, "expected a positive factor")
     network = with_changes(network, resistance_changes(network, hyperaemia=hyperaemia), network_json)
     names, wanted = _proportions(flows_csv, beds(network))
     outlets = [{"bc": name, "vessel": _vessel_of(network, name, network_json)} for name in names]
@@ -61,7 +61,7 @@ def _proportions(path: str | Path, known) -> tuple[list[str], np.ndarray]:
     frame = read_csv(path, ("name",))
     columns = next((form for form in FORMS if set(form) <= set(frame.columns)), None)
     if columns is None:
-        raise InputError(path, "flow", None, "column missing; wanted flow, or mbf and volume, or volume")
+        raise InputError(path, "flow", None, "column missing; expected flow, or mbf and volume, or volume")
     names = []
     for given in (str(cell).strip() for cell in frame["name"]):
         name = given if given in known else f"BC_{given}"
@@ -71,7 +71,7 @@ def _proportions(path: str | Path, known) -> tuple[list[str], np.ndarray]:
             raise InputError(path, "name", given, "occurs twice")
         names.append(name)
     if len(names) < 2:
-        raise InputError(path, "rows", len(names), "wanted at least two beds to share the flow")
+        raise InputError(path, "rows", len(names), "expected at least two beds to share the flow")
     product = np.ones(len(names))
     for column in columns:
         values = _numbers(frame[column])

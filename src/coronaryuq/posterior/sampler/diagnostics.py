@@ -28,9 +28,9 @@ def diagnose(draws: np.ndarray, names: list[str], rhat_limit: float, ess_limit: 
     converged = bool(np.all(rhat < rhat_limit) and least > ess_limit)
     reasons = []
     if not rhat[worst] < rhat_limit:
-        reasons.append(f"R-hat of {names[worst]} is {rhat[worst]:.3f}, wanted below {rhat_limit}")
+        reasons.append(f"R-hat of {names[worst]} is {rhat[worst]:.3f}, should be below {rhat_limit}")
     if not least > ess_limit:
-        reasons.append(f"effective sample size of {names[poorest]} is {least:.0f}, wanted above {ess_limit:.0f}")
+        reasons.append(f"effective sample size of {names[poorest]} is {least:.0f}, should be above {ess_limit:.0f}")
     verdict = f"converged; worst is {names[worst]} with R-hat {rhat[worst]:.3f}"
     return Diagnosis(
         converged=converged,
