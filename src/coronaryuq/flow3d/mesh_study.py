@@ -108,12 +108,13 @@ def richardson(size: np.ndarray, values: Sequence[float], own: int) -> dict:
     monotone = bool((steps > 0).all() or (steps < 0).all())
     shrinking = monotone and bool((np.abs(steps[1:]) < np.abs(steps[:-1])).all())
     order = _order(size[-3:], steps[-2] / steps[-1]) if len(values) > 2 and shrinking else None
-    found = {"values": list(values), "order": order, "converging": order is not None and order >= LEAST_ORDER}
-    if not found["converging"]:
-        return found | {"extrapolated": None, "error": float(np.ptp(values))}
+    seen = {"values": list(values), "order": order}
+    if order is None or order < LEAST_ORDER:
+        return seen | {"converging": False, "extrapolated": None, "error": float(np.ptp(values))}
     share = (size[-1] / size[-2]) ** min(order, ORDER)
     extrapolated = float((values[-1] - share * values[-2]) / (1.0 - share))
-    return found | {"extrapolated": extrapolated, "error": SAFETY * abs(values[own] - extrapolated)}
+    error = SAFETY * abs(values[own] - extrapolated)
+    return seen | {"converging": True, "extrapolated": extrapolated, "error": error}
 
 
 def _order(size: np.ndarray, ratio: float, highest: float = 16.0) -> float:

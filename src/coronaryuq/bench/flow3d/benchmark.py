@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -70,7 +71,7 @@ def cost(rings: int, levels: int, samples: int) -> dict:
     spent = (time.process_time() - begun) / MEASURED_STEPS / samples
     return {
         "nodes": space.nodes,
-        "tets": len(space.tets),
+        "tets": len(space.elements.tets),
         "samples": samples,
         "steps_per_cycle": STEPS_PER_CYCLE,
         "cpu_s_per_sample_cycle": round(spent * STEPS_PER_CYCLE, 3),
@@ -91,7 +92,7 @@ def verification(quick: bool) -> dict:
     print(f"womersley: {np.abs(np.abs(ratios) - 1).max():.4f}", file=sys.stderr, flush=True)
     errors = [tubes.manufactured(rings) for rings in (coarse, fine)]
     print(f"manufactured: {errors}", file=sys.stderr, flush=True)
-    found = {
+    found: dict[str, Any] = {
         "rings": fine,
         "poiseuille_dp_error": float(np.abs(tube["drop"]).max()),
         "poiseuille_wss_rms": float(tube["shear_rms"].max()),
@@ -116,7 +117,7 @@ def against_laboratories(flow: nozzle.NozzleFlow) -> dict:
     many stations, here and for the exact solution.
     """
     laboratories = nozzle.measured(NOZZLE_DATA)
-    found = {"nodes": flow.nodes}
+    found: dict[str, Any] = {"nodes": flow.nodes}
     exact = nozzle.reference()
     for name, curves in (("solver", flow), ("exact", exact)):
         read = nozzle.stations(curves, laboratories)
@@ -150,8 +151,8 @@ def stenosis(
     rows = []
     for count in rings:
         space = tubes.discretised(length, tubes.narrowing, count, 20 * count, dt=1e-3)
-        flow = np.resize(np.asarray(flows, float), LANES)
-        stepper = tubes.steady(space, flow, time=0.25)
+        lanes = np.resize(np.asarray(flows, float), LANES)
+        stepper = tubes.steady(space, lanes, time=0.25)
         drop = [mean_pressure(space, stepper, z) for z in (0.4, 1.8)]
         error = (drop[0] - drop[1])[: len(flows)] / np.array(exact) - 1.0
         rows.append({"rings": count, "nodes": space.nodes, "flow": list(flows), "drop_error": error.tolist()})
@@ -161,7 +162,8 @@ def stenosis(
 
 def mean_pressure(space, stepper, z: float) -> np.ndarray:
     """Mean pressure (LANES,) over the cross-section at z."""
-    nodes, weight, _ = section_weights(space.points, space.tets, np.array([0.0, 0.0, z]), np.array([0.0, 0.0, 1.0]))
+    centre, normal = np.array([0.0, 0.0, z]), np.array([0.0, 0.0, 1.0])
+    nodes, weight, _ = section_weights(space.points, space.elements.tets, centre, normal)
     return (weight[:, None] * stepper.pressure[nodes]).sum(axis=0)
 
 

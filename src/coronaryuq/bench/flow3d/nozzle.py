@@ -45,21 +45,21 @@ def mesh(rings: int, outer: int, finest: float) -> tuple[np.ndarray, np.ndarray,
     ring = np.rint(np.hypot(*plane.T) * (rings + outer)).astype(int)
     beyond = np.maximum(ring - rings, 0) / outer
     direction = plane / np.maximum(np.hypot(*plane.T), 1e-12)[:, None]
-    n, points, tets = len(plane), [], []
+    n, layers, cells = len(plane), [], []
     for z in levels:
         radius = _facets(rings) * np.interp(z, [CONE, NECK], [TUBE, THROAT]) * np.minimum(ring, rings) / rings
         radius += (_facets(rings + outer) * TUBE - _facets(rings) * THROAT) * beyond**1.5
-        points.append(np.c_[direction * radius[:, None], np.full(n, z)])
+        layers.append(np.c_[direction * radius[:, None], np.full(n, z)])
     triangles = np.sort(triangles, axis=1)
     inner = triangles[(ring[triangles] <= rings).all(axis=1)]
     for k in range(len(levels) - 1):
         here = triangles if levels[k] >= 0 else inner
         a, b, c = (here + k * n).T
         d, e, f = (here + (k + 1) * n).T
-        tets += [np.c_[a, b, c, f], np.c_[a, b, f, e], np.c_[a, e, f, d]]
-    used, tets = np.unique(np.concatenate(tets), return_inverse=True)
-    points, tets = np.concatenate(points)[used], tets.reshape(-1, 4)
-    tets = oriented(points, tets)
+        cells += [np.c_[a, b, c, f], np.c_[a, b, f, e], np.c_[a, e, f, d]]
+    used, corners = np.unique(np.concatenate(cells), return_inverse=True)
+    points = np.concatenate(layers)[used]
+    tets = oriented(points, corners.reshape(-1, 4))
     faces = boundary_faces(tets)
     at = points[faces][:, :, 2]
     return points, tets, {name: faces[(at == z).all(axis=1)] for name, z in (("inlet", INLET), ("outlet", OUTLET))}

@@ -34,7 +34,8 @@ def discretised(length, radius, rings, levels, dt, viscosity=BLOOD_VISCOSITY) ->
 def driven(space: Discretisation, flow: Callable[[float], np.ndarray], outlet: float = 0.0) -> tuple:
     """A stepper at rest and caps that impose flow(t) (LANES,) into the tube and a pressure at its end."""
     stepper = Stepper(space)
-    caps = LinearCaps([0, 1], [1, 0], lambda t: np.stack([-flow(t), np.full(LANES, outlet)]), space.dt)
+    pressure = np.full(LANES, outlet)
+    caps = LinearCaps(np.array([0, 1]), np.array([1, 0]), lambda t: np.stack([-flow(t), pressure]), space.dt)
     stepper.start(np.zeros((2, LANES)), np.zeros((2, LANES)))
     return stepper, caps
 
@@ -78,7 +79,8 @@ def womersley(rings: int, steps: int, alpha: float, period: float = 0.4, cycles:
     wall = WallShear(space)
     flow = np.linspace(0.5, 1.5, LANES)
     stepper, caps = driven(space, lambda t: flow * (1.3 + np.cos(omega * t)))
-    sections = [section_weights(space.points, space.tets, np.array([0, 0, z]), [0, 0, 1])[:2] for z in (0.2, 0.4)]
+    tets, normal = space.elements.tets, np.array([0, 0, 1])
+    sections = [section_weights(space.points, tets, np.array([0, 0, z]), normal)[:2] for z in (0.2, 0.4)]
     height = space.points[wall.nodes, 2]
     middle = (height > 0.2) & (height < 0.4)
     area = wall.area[middle, None] / wall.area[middle].sum()

@@ -17,7 +17,7 @@ def write_fields(folder: Path, sample: str, domain: Domain, fields: dict[str, np
         lumen.point_data[name] = fields[name]
     faces = fields["wall_faces"]
     used = np.unique(faces)
-    wall = pv.PolyData.from_regular_faces(domain.points[used], np.searchsorted(used, faces))
+    wall = pv.PolyData.from_regular_faces(domain.points[used], np.searchsorted(used, faces).astype(int))
     for name in ("TAWSS", "OSI", "mean_pressure"):
         wall.point_data[name] = fields[name][used]
     write_vtk(folder / f"{sample}.vtu", lumen)

@@ -13,8 +13,9 @@ from coronaryuq.flow3d.quantities import nodal_area, stenosis_quantities
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _courant(tets, grad, dt, u, highest):
+def _courant(elements, dt, u, highest):
     """Write the largest |u| Δt / h of each lane into highest (1, LANES), with 2|u|/h = Σ|u·∇N|."""
+    tets, grad, _ = elements
     top = splat(0.0)
     for e in range(tets.shape[0]):
         x, y, z = splat(0.0), splat(0.0), splat(0.0)
@@ -45,7 +46,8 @@ class Observer:
             rows = np.flatnonzero(area)
             self.regions[name] = (rows, area[rows])
         self.sections = {
-            name: section_weights(space.points, space.tets, *plane, name)[:2] for name, plane in domain.planes.items()
+            name: section_weights(space.points, space.elements.tets, *plane, name)[:2]
+            for name, plane in domain.planes.items()
         }
         self.reset()
 
@@ -93,7 +95,7 @@ class Observer:
     def diagnose(self, stepper: Stepper) -> None:
         """Update the Courant number and the mismatch of surface integrals of velocity with the caps' flows."""
         highest = np.empty((1, LANES))
-        _courant(self.space.tets, self.space.grad, self.space.dt, stepper.u, highest)
+        _courant(self.space.elements, self.space.dt, stepper.u, highest)
         self.courant = np.maximum(self.courant, highest[0])
         largest = np.abs(stepper.cap_flow).max(axis=0)
         for c, cap in enumerate(self.space.caps):
@@ -105,7 +107,7 @@ class Observer:
         """Return the quantities of interest over the cycle, each (LANES,)."""
         tawss, osi = self.wall.tawss(), self.wall.osi()
         aortic = self.aortic / self.steps
-        quantities = {}
+        quantities: dict[str, np.ndarray] = {}
         for name, (rows, area) in self.regions.items():
             distal = self.distal[name] / self.wall.time
             quantities |= stenosis_quantities(name, distal, aortic, tawss[rows], osi[rows], area)

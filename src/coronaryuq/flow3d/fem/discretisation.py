@@ -9,6 +9,7 @@ from scipy.sparse.csgraph import connected_components, reverse_cuthill_mckee
 
 from coronaryuq.core.errors import InputError
 from coronaryuq.flow3d.fem import elements
+from coronaryuq.flow3d.fem.arrays import Elements, Motion, Pattern
 from coronaryuq.flow3d.fem.cholesky import Cholesky
 
 BDF2 = (1.5, -2.0, 0.5)
@@ -65,45 +66,43 @@ class Discretisation:
         sort = np.argsort(tets.min(axis=1), kind="stable")
         tets, volume, grad = tets[sort], volume[sort], grad[sort]
         self.points, self.nodes = points, n
-        self.tets, self.volume, self.grad = tets.astype(np.int32), volume, np.ascontiguousarray(grad)
+        self.elements = Elements(tets.astype(np.int32), np.ascontiguousarray(grad), volume)
         self.mass = elements.lumped_mass(tets, volume, n)
 
         faces = elements.boundary_faces(tets)
         self.caps, self.wall_faces = _caps(points, faces, {k: place[v] for k, v in caps.items()}, set(inlets))
         self.wall = np.zeros(n, bool)
         self.wall[self.wall_faces] = True
-        self.cap_of = np.full(n, -1, np.int32)
+        cap_of = np.full(n, -1, np.int32)
         free = ~self.wall
         for c, cap in enumerate(self.caps):
-            self.cap_of[cap.nodes] = c
+            cap_of[cap.nodes] = c
             if cap.inlet:
                 free[cap.nodes] = False
-        self.free = free
-        self.free_nodes = np.flatnonzero(free).astype(np.int32)
-        self.cap_normal = np.array([cap.normal for cap in self.caps]).reshape(-1, 3)
+        normal = np.array([cap.normal for cap in self.caps]).reshape(-1, 3)
+        self.motion = Motion(free, np.flatnonzero(free).astype(np.int32), cap_of, normal)
 
         stiffness = elements.laplacian(tets, volume, grad, n)
-        self.start = stiffness.indptr.astype(np.int64)
-        self.column = stiffness.indices.astype(np.int32)
-        row = np.repeat(np.arange(n), np.diff(self.start))
-        self.diagonal = np.flatnonzero(row == self.column)
-        self.slot = _slots(self.start, self.column, tets)
-        self.gradient = [g.data for g in elements.gradient_operators(tets, volume, grad, n)]
-        self.divergence = [
-            g.T.tocsr().data for g in elements.gradient_operators(tets, volume, grad, n)
-        ]  # same pattern, because it is symmetric
+        start, column = stiffness.indptr.astype(np.int64), stiffness.indices.astype(np.int32)
+        diagonal = np.flatnonzero(np.repeat(np.arange(n), np.diff(start)) == column)
+        self.pattern = Pattern(start, column, diagonal)
+        self.slot = _slots(start, column, tets)
+        derivatives = elements.gradient_operators(tets, volume, grad, n)
+        self.gradient = tuple(g.data for g in derivatives)
+        # The pattern is symmetric, so the transposed operators have it too.
+        self.divergence = tuple(g.T.tocsr().data for g in derivatives)
 
         rate = BDF2[0] / dt
         self.mass_rate = rate
         self.constant = self.nu * stiffness.data
-        self.constant[self.diagonal] += rate * self.mass
+        self.constant[diagonal] += rate * self.mass
         metric = np.einsum("eak,eak->e", grad, grad)
         self.tau_viscous = (3.0 * self.nu * metric) ** 2
         tau_element = 1.0 / np.sqrt(reference_speed**2 * metric / 1.5 + self.tau_viscous)
         self.tau = np.bincount(tets.ravel(), np.repeat(tau_element * volume / 4.0, 4), n) / self.mass
         tau_element = self.tau[tets].mean(axis=1)
         self.spread = elements.laplacian(tets, volume, grad, n, tau_element).data
-        pressure = sp.csr_matrix((stiffness.data / rate + self.spread, self.column, self.start), shape=(n, n))
+        pressure = sp.csr_matrix((stiffness.data / rate + self.spread, column, start), shape=(n, n))
         self._pressure(pressure)
 
     def _pressure(self, matrix: sp.csr_matrix) -> None:

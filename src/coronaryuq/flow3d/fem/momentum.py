@@ -12,14 +12,15 @@ from coronaryuq.flow3d.fem.lanes import LANES, absolute, fma, load, splat, squar
 
 
 @nb.njit(cache=True, error_model="numpy")
-def system(tets, grad, volume, slot, tau_viscous, nu, mass_rate, u, rate, p, constant, r, matrix):
-    """Residual r (n, 3, LANES) and matrix (nnz, LANES) at velocity u, per unit density.
+def system(elements, slot, tau_viscous, nu, mass_rate, u, rate, p, constant, r, matrix):
+    """Compute the residual r (n, 3, LANES) and the matrix (nnz, LANES) at velocity u, per unit density.
 
     rate: time derivative at u (n, 3, LANES); p: pressure over density (n, LANES). mass_rate: the time scheme's a0/Δt.
     Galerkin convection in skew-symmetric form, exact quadrature, with streamline-upwind Petrov-Galerkin stabilisation
     by the whole residual: τ = ((2|u|/h)² + viscous²)^(-1/2), 2|u|/h = Σ|u·∇N| (Brooks & Hughes 1982; Tezduyar & Osawa
     2000), without their term in Δt, so that a steady flow does not depend on the time step.
     """
+    tets, grad, volume = elements
     r[:] = 0.0
     for k in range(matrix.shape[0]):
         store(matrix, k, splat(constant[k]))
@@ -86,13 +87,15 @@ def system(tets, grad, volume, slot, tau_viscous, nu, mass_rate, u, rate, p, con
 
 
 @nb.njit(cache=True, error_model="numpy")
-def gauss_seidel(start, column, diagonal, matrix, r, free, cap, normal, delta, active, tolerance, sweeps):
-    """Symmetric Gauss-Seidel sweeps on δ (n, 3, LANES) over the `free` nodes; returns the sweeps of each lane.
+def gauss_seidel(pattern, motion, matrix, r, delta, active, tolerance, sweeps):
+    """Sweep symmetric Gauss-Seidel over δ (n, 3, LANES) on the free nodes; return the sweeps of each lane.
 
     A lane stops when a sweep changes it by less than `tolerance` times its norm; the others go on without it, so that
-    a sample's numbers do not depend on its neighbours. On cap nodes δ keeps its component along `normal` only.
+    a sample's numbers do not depend on its neighbours. On cap nodes δ keeps its component along the normal only.
     active (1, LANES) is 1 for lanes to solve; those that remain 1 have not converged.
     """
+    start, column, diagonal = pattern
+    free, cap, normal = motion.free_nodes, motion.cap, motion.normal
     used = np.zeros(LANES, np.int64)
     sums = np.empty((2, LANES))
     for sweep in range(sweeps):

@@ -7,12 +7,13 @@ from coronaryuq.flow3d.fem.lanes import fma, load, splat, store
 
 
 @nb.njit(cache=True, error_model="numpy")
-def divergence(start, column, dx, dy, dz, spread, u, scale, pi, p, b):
-    """b_i = Σ_j ∫∂N_i N_j · (u_j + scale_j π_j) − spread_ij p_j, for b (n, LANES).
+def divergence(pattern, derivatives, spread, u, scale, pi, p, b):
+    """Compute b_i = Σ_j ∫∂N_i N_j · (u_j + scale_j π_j) − spread_ij p_j, for b (n, LANES).
 
-    dx, dy, dz hold ∫ ∂N_i/∂x_k N_j. The last two terms are the pressure stabilisation by orthogonal subscales,
-    τ ∫∇q·(∇p − π) with π the projected pressure gradient (Codina 2000).
+    derivatives: three arrays (nnz,) of ∫ ∂N_i/∂x_k N_j. The last two terms are the pressure stabilisation by
+    orthogonal subscales, τ ∫∇q·(∇p − π) with π the projected pressure gradient (Codina 2000).
     """
+    start, column, (dx, dy, dz) = pattern.start, pattern.column, derivatives
     for i in range(start.shape[0] - 1):
         total = splat(0.0)
         for k in range(start[i], start[i + 1]):
@@ -26,8 +27,13 @@ def divergence(start, column, dx, dy, dz, spread, u, scale, pi, p, b):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def correct(start, column, gx, gy, gz, phi, inverse_mass, free, cap, normal, factor, u, pi):
-    """Add M⁻¹∫N∇φ to π everywhere and take `factor` times it from u at free nodes (its normal part on caps)."""
+def correct(pattern, derivatives, phi, inverse_mass, motion, factor, u, pi):
+    """Add M⁻¹∫N∇φ to π everywhere and subtract `factor` times it from u at free nodes (its normal part on caps).
+
+    derivatives: three arrays (nnz,) of ∫ N_i ∂N_j/∂x_k.
+    """
+    start, column, (gx, gy, gz) = pattern.start, pattern.column, derivatives
+    free, cap, normal = motion.free, motion.cap, motion.normal
     for i in range(start.shape[0] - 1):
         x, y, z = splat(0.0), splat(0.0), splat(0.0)
         for k in range(start[i], start[i + 1]):

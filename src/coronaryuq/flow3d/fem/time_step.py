@@ -107,7 +107,7 @@ class Stepper:
         self.cap_flow = np.zeros_like(self.cap_pressure)
         self.inlets = [InletProfile(space, cap) if cap.inlet else None for cap in space.caps]
         self._rate, self._r = np.zeros((n, 3, LANES)), np.zeros((n, 3, LANES))
-        self._matrix = np.zeros((len(space.column), LANES), np.float32)
+        self._matrix = np.zeros((len(space.pattern.column), LANES), np.float32)
         self._delta = np.zeros((n, 3, LANES), np.float32)
         self._b = np.zeros((n, LANES))
         self._flux = np.zeros_like(self.cap_pressure)
@@ -149,14 +149,14 @@ class Stepper:
         if self.force is not None:
             self._rate -= self.force
         momentum.system(
-            space.tets, space.grad, space.volume, space.slot, space.tau_viscous, space.nu, space.mass_rate,
+            space.elements, space.slot, space.tau_viscous, space.nu, space.mass_rate,
             self.u_older, self._rate, self.kinematic_pressure, space.constant, self._r, self._matrix,
         )  # fmt: skip
         self.backflow_lanes[:] = 0
         for cap in space.caps:
             if not cap.inlet:
                 self.backflow_lanes |= _backflow(
-                    cap.nodes, cap.nodal_area, cap.normal, self.backflow, space.diagonal, self.u_older, self._r,
+                    cap.nodes, cap.nodal_area, cap.normal, self.backflow, space.pattern.diagonal, self.u_older, self._r,
                     self._matrix,
                 )  # fmt: skip
         self._delta[:] = 0.0
@@ -166,14 +166,14 @@ class Stepper:
                 self._delta[nodes] = self.u[nodes] - self.u_old[nodes]
         active = self.alive.copy()
         self.sweeps = momentum.gauss_seidel(
-            space.start, space.column, space.diagonal, self._matrix, self._r, space.free_nodes, space.cap_of,
-            space.cap_normal, self._delta, active, self.momentum_tolerance, self.momentum_sweeps,
+            space.pattern, space.motion, self._matrix, self._r, self._delta, active,
+            self.momentum_tolerance, self.momentum_sweeps,
         )  # fmt: skip
         self.unconverged = active[0] > 0
         star = self.u_older
         star += self._delta
         projection.divergence(
-            space.start, space.column, *space.divergence, space.spread, star, space.tau, self.projected_gradient,
+            space.pattern, space.divergence, space.spread, star, space.tau, self.projected_gradient,
             self.kinematic_pressure, self._b,
         )  # fmt: skip
         _cap_flux(space.lift, self._b, self._flux)
@@ -222,8 +222,8 @@ class Stepper:
         space = self.space
         self.kinematic_pressure += self._b
         projection.correct(
-            space.start, space.column, *space.gradient, self._b, self._inverse_mass, space.free, space.cap_of,
-            space.cap_normal, factor, self.u, self.projected_gradient,
+            space.pattern, space.gradient, self._b, self._inverse_mass, space.motion, factor, self.u,
+            self.projected_gradient,
         )  # fmt: skip
 
     def _set_inlet(self, inlet: InletProfile) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from coronaryuq.core.jit import numba as nb
+from coronaryuq.flow3d.fem.arrays import Elements
 from coronaryuq.flow3d.fem.discretisation import Discretisation
 from coronaryuq.flow3d.fem.element_kernels import centre, corners, dot, gradient, hats, part, vector
 from coronaryuq.flow3d.fem.elements import face_vectors
@@ -22,8 +23,9 @@ from coronaryuq.flow3d.fem.lanes import LANES, fma, load, splat, square_root, st
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _wall_force(tets, grad, volume, nu, u, p, at, force):
+def _wall_force(elements, nu, u, p, at, force):
     """−∫ of the momentum residual with hats on the wall, per unit density, into force (wall nodes, 3, LANES)."""
+    tets, grad, volume = elements
     force[:] = 0.0
     for e in range(tets.shape[0]):
         i0, i1, i2, i3 = corners(tets, e)
@@ -96,9 +98,9 @@ class WallShear:
         place = np.full(space.nodes, -1, np.int64)
         place[self.nodes] = np.arange(len(self.nodes))
         self._place = place
-        touching = (place[space.tets] >= 0).any(axis=1)
-        self._tets, self._volume = space.tets[touching], space.volume[touching]
-        self._grad = np.ascontiguousarray(space.grad[touching])
+        tets, grad, volume = space.elements
+        touching = (place[tets] >= 0).any(axis=1)
+        self._elements = Elements(tets[touching], np.ascontiguousarray(grad[touching]), volume[touching])
         self.faces = place[space.wall_faces]
         vector = face_vectors(space.points, space.wall_faces)
         size = np.linalg.norm(vector, axis=1)
@@ -126,7 +128,7 @@ class WallShear:
         """Stress of the stepper's present state, counted in the integrals for `weight` seconds."""
         space = self.space
         _wall_force(
-            self._tets, self._grad, self._volume, space.nu, stepper.u, stepper.kinematic_pressure, self._place,
+            self._elements, space.nu, stepper.u, stepper.kinematic_pressure, self._place,
             self._force,
         )  # fmt: skip
         _multiply(*self._spread, self._force, self._smoothed)

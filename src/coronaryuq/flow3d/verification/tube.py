@@ -38,18 +38,18 @@ def tube(
     levels themselves (cm, increasing).
     """
     plane, triangles = disc(rings)
-    levels = np.linspace(0.0, length, z + 1) if np.isscalar(z) else np.asarray(z, float)
+    levels = np.linspace(0.0, length, z + 1) if isinstance(z, int) else np.asarray(z, float)
     radii = np.broadcast_to(radius(levels) if callable(radius) else radius, levels.shape)
     n = len(plane)
     points = np.concatenate([np.c_[plane * r, np.full(n, at)] for at, r in zip(levels, radii, strict=True)])
     triangles = np.sort(triangles, axis=1)
-    tets = []
+    cells = []
     for level in range(len(levels) - 1):
         low, high = triangles + level * n, triangles + (level + 1) * n
         a, b, c = low.T
         d, e, f = high.T
-        tets += [np.c_[a, b, c, f], np.c_[a, b, f, e], np.c_[a, e, f, d]]
-    tets = oriented(points, np.concatenate(tets))
+        cells += [np.c_[a, b, c, f], np.c_[a, b, f, e], np.c_[a, e, f, d]]
+    tets = oriented(points, np.concatenate(cells))
     faces = boundary_faces(tets)
     at = points[faces][:, :, 2]
     inlet, outlet = (at == levels[0]).all(axis=1), (at == levels[-1]).all(axis=1)

@@ -103,7 +103,7 @@ def _stub(left: Network, cap: str, block: str, enters: bool, number: int) -> dic
 
 
 def _junctions(
-    network: Network, mesh: MeshDescription, names: Mapping, number: Mapping, renamed: Mapping, stubs: Mapping
+    network: Network, mesh: MeshDescription, names: dict[int, str], number: Mapping, renamed: Mapping, stubs: Mapping
 ) -> list[dict]:
     """Return the junctions that stay, with the vessels that stay; a cap at a junction joins it through its stub."""
     no_inlet = {name for name, parts in mesh.cut.items() if parts.downstream is None} | set(mesh.replaces)

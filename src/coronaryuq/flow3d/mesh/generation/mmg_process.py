@@ -29,7 +29,7 @@ def run(name: str, job: Job, time_limit: float, attempts: int) -> tuple[Piece, l
 
     time_limit: CPU seconds of one attempt. Raises MeshError with all of those lines when no attempt succeeded.
     """
-    failures = []
+    failures: list[str] = []
     for number, attempt in enumerate(ATTEMPTS[:attempts], start=1):
         piece, reason = _once(job, attempt, time_limit)
         if piece is not None:

@@ -9,8 +9,7 @@ from coronaryuq.flow3d.mesh.generation import quality, volume
 from coronaryuq.flow3d.mesh.geometry import clip_caps
 from coronaryuq.flow3d.mesh.geometry.errors import MeshError
 from coronaryuq.flow3d.mesh.geometry.grading import Grading, stand_off
-from coronaryuq.flow3d.mesh.geometry.implicit import Implicit
-from coronaryuq.flow3d.mesh.geometry.lumen import Lumen
+from coronaryuq.flow3d.mesh.geometry.implicit import SignedDistance
 from coronaryuq.flow3d.mesh.geometry.paths import Cap, Size
 from coronaryuq.flow3d.mesh.geometry.surface import WALL, enclosed_volume, surface
 
@@ -64,7 +63,7 @@ class Piece:
     refs: np.ndarray
 
 
-def mesh_implicit(implicit: Implicit, caps: Sequence[Cap], radius: float, attempt: Attempt, **shape) -> Piece:
+def mesh_implicit(implicit: SignedDistance, caps: Sequence[Cap], radius: float, attempt: Attempt, **shape) -> Piece:
     """Mesh the inside of an implicit surface cut at `caps`; `radius` is the smallest of the piece, cm; shape: size,
     gradation and grading.
     """
@@ -76,7 +75,7 @@ def mesh_closed(
     points: np.ndarray,
     triangles: np.ndarray,
     faces: Sequence[np.ndarray],
-    implicit: Lumen,
+    implicit: SignedDistance,
     caps: Sequence[Cap],
     radius: float,
     attempt: Attempt,
@@ -97,7 +96,7 @@ def mesh_closed(
 
 def _mesh(
     start: tuple[np.ndarray, np.ndarray, np.ndarray],
-    implicit: Implicit | Lumen,
+    implicit: SignedDistance,
     caps: Sequence[Cap],
     size: Size,
     radius: float,
@@ -140,7 +139,7 @@ def _fit(points, tets, triangles, refs, caps: Sequence[Cap], project: Callable) 
     return volume.fit_to_surface(points, tets, nodes, target[nodes], quality.radius_ratio)
 
 
-def _graded(points, tets, triangles, refs, implicit: Implicit | Lumen, grading: Grading, step: float) -> np.ndarray:
+def _graded(points, tets, triangles, refs, implicit: SignedDistance, grading: Grading, step: float) -> np.ndarray:
     """Inner nodes drawn to the wall at a throat, wall nodes off the caps moved out until the lumen has its volume."""
     inner = np.setdiff1d(np.unique(tets), triangles)
     target = grading(points[inner], -implicit.distance(points[inner]))

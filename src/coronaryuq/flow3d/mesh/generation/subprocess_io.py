@@ -64,7 +64,7 @@ def _unpacked(value: Any, held) -> Any:
     kind = getattr(importlib.import_module(module), name)
     if not isinstance(kind, type) or kind.__module__ != module:
         raise ValueError(f"{module}.{name} is no class of {PACKAGE}")
-    made = object.__new__(kind)
+    made: Any = object.__new__(kind)
     for field, item in _unpacked(value["state"], held).items():
         object.__setattr__(made, field, item)
     return made

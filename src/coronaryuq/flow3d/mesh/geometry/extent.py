@@ -74,7 +74,7 @@ def pieces(tree: Tree, kept: Kept) -> list[list[str]]:
     for vessel in tree:
         if vessel.name in kept:
             joined = starts_at_bifurcation(tree, kept, vessel.name)
-            label[vessel.name] = label[vessel.parent] if joined else vessel.name
+            label[vessel.name] = label[vessel.parent] if joined and vessel.parent else vessel.name
     return [[name for name in label if label[name] == first] for first in dict.fromkeys(label.values())]
 
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from coronaryuq.case.anatomy.tree import Stenosis
-from coronaryuq.flow3d.mesh.geometry.implicit import Implicit
+from coronaryuq.flow3d.mesh.geometry.implicit import Implicit, SignedDistance
 from coronaryuq.flow3d.mesh.geometry.paths import narrowed
 
 _MIDDLES = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]])
@@ -48,7 +48,9 @@ class Grading:
         return moved
 
 
-def stand_off(points: np.ndarray, triangles: np.ndarray, implicit, step: float) -> tuple[np.ndarray, np.ndarray]:
+def stand_off(
+    points: np.ndarray, triangles: np.ndarray, implicit: SignedDistance, step: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Wall nodes (k,) and places for them (k, 3) at which the flat wall `triangles` enclose the volume of the true one.
 
     A flat triangle with its corners on a tube lies inside by its sagitta, h²/16R on average, which takes (h/R)²/8 of

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -13,6 +14,29 @@ STEEPEST = 1.5
 """Bound on the slope of the distance: 1 for a tube, more where the radius changes along it."""
 SHARPEST = 0.7
 """Curvature of an axis times its radius, above which it counts as a corner: at 1 the nearest place is not unique."""
+
+
+class SignedDistance(Protocol):
+    """A lumen as a signed distance, negative inside: `Implicit` from centrelines, `Lumen` from a closed surface."""
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        """Return the signed distance (m,) at points (m, 3), cm."""
+
+    def gradient(self, points: np.ndarray, step: float) -> np.ndarray:
+        """Return central differences of the distance, (m, 3)."""
+
+    def project(self, points: np.ndarray, step: float, iterations: int = 3) -> np.ndarray:
+        """Return points moved onto the surface, (m, 3)."""
+
+    def blocks(self, spacing: float, cells: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Yield the cubes of `cells` grid cells that the surface may cross.
+
+        Index of the first grid point (3,) and the distance at the (cells + 1)³ points; grid point (i, j, k) lies at
+        `origin(spacing) + spacing (i, j, k)`.
+        """
+
+    def origin(self, spacing: float) -> np.ndarray:
+        """Return the lower corner of the grid (3,), cm."""
 
 
 @dataclass(frozen=True)

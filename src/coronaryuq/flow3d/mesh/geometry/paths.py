@@ -76,15 +76,12 @@ def paths(tree: Tree, kept: Kept, piece: Sequence[str]) -> list[Path]:
 
 
 def _path(tree: Tree, kept: Kept, chain: Sequence[str]) -> Path:
-    points, radii, owner, arc = [], [], [], []
+    parts: list[tuple[np.ndarray, ...]] = []
     for name in chain:
         s, p, r = smooth(tree[name], *kept[name])
-        skip = 1 if points else 0
-        points.append(p[skip:])
-        radii.append(r[skip:])
-        owner.append(np.full(len(s) - skip, name))
-        arc.append(s[skip:])
-    p, r, owner, arc = np.vstack(points), np.concatenate(radii), np.concatenate(owner), np.concatenate(arc)
+        skip = 1 if parts else 0
+        parts.append((p[skip:], r[skip:], np.full(len(s) - skip, name), s[skip:]))
+    p, r, owner, arc = map(np.concatenate, zip(*parts, strict=True))
     blend = BLEND * float(r[0])
     if not starts_at_bifurcation(tree, kept, chain[0]):
         p = np.vstack([p[0] - r[0] * tree[chain[0]].tangent_at(kept[chain[0]][0]), p])

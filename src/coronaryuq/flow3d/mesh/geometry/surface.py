@@ -7,7 +7,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from coronaryuq.flow3d.mesh.geometry.errors import MeshError
-from coronaryuq.flow3d.mesh.geometry.implicit import Implicit
+from coronaryuq.flow3d.mesh.geometry.implicit import SignedDistance
 from coronaryuq.flow3d.mesh.geometry.paths import Cap
 
 BLOCK = 6
@@ -26,7 +26,7 @@ WALL = 1
 """Reference of wall triangles; cap number i has i + 2."""
 
 
-def surface(implicit: Implicit, caps: Sequence[Cap], spacing: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def surface(implicit: SignedDistance, caps: Sequence[Cap], spacing: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Vertices (n, 3), outward triangles (m, 3) and references (m,) of a closed surface cut at `caps`.
 
     spacing: of the grid, cm; below the smallest radius. Raises MeshError, naming the cap that could not be cut.
@@ -41,7 +41,7 @@ def surface(implicit: Implicit, caps: Sequence[Cap], spacing: float) -> tuple[np
     return points, triangles, refs
 
 
-def isosurface(implicit: Implicit, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+def isosurface(implicit: SignedDistance, spacing: float) -> tuple[np.ndarray, np.ndarray]:
     """Marching cubes block by block, welded by the grid edge that each vertex lies on; vertices lie on the true
     surface.
     """
@@ -70,7 +70,7 @@ def isosurface(implicit: Implicit, spacing: float) -> tuple[np.ndarray, np.ndarr
     return implicit.project(points, 1e-2 * spacing, iterations=2), triangles
 
 
-def cut(points, triangles, refs, ref: int, cap: Cap, implicit: Implicit, spacing: float):
+def cut(points, triangles, refs, ref: int, cap: Cap, implicit: SignedDistance, spacing: float):
     """The surface without what lies beyond a cap, closed by a fan of triangles with reference `ref`."""
     height = (points - cap.centre) @ cap.normal
     near = np.linalg.norm(points - cap.centre, axis=1) < 2.0 * cap.radius + 2.0 * spacing
@@ -156,7 +156,7 @@ def _cosine(corners: np.ndarray, up: np.ndarray) -> np.ndarray:
     return (normal * up).sum(axis=1) / np.maximum(size, 1e-300)
 
 
-def _into_plane(points: np.ndarray, cap: Cap, implicit: Implicit, spacing: float) -> np.ndarray:
+def _into_plane(points: np.ndarray, cap: Cap, implicit: SignedDistance, spacing: float) -> np.ndarray:
     """Points moved into the cap's plane and, within it, onto the surface."""
     points = points - ((points - cap.centre) @ cap.normal)[:, None] * cap.normal
     for _ in range(3):
@@ -240,7 +240,7 @@ def _may_collapse(points: np.ndarray, outward: np.ndarray, triangles: np.ndarray
 
 def _whole(triangles: np.ndarray) -> np.ndarray:
     """Triangles (m,) with three different corners."""
-    return (np.diff(np.sort(triangles, axis=1), axis=1) > 0).all(axis=1)
+    return np.all(np.diff(np.sort(triangles, axis=1), axis=1) > 0, axis=1)
 
 
 def _check_cap(rim: np.ndarray, centre: np.ndarray, cap: Cap) -> None:
