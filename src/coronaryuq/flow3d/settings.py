@@ -14,23 +14,26 @@ class Coarse(BaseModel):
         0,
         ge=0,
         le=100,
-        description="Coarse 3D runs per 3D run of the pilot: the pilot's own inputs and further draws of the "
-        "posterior; 0: no coarse level.",
+        description="Coarse 3D runs per 3D run of the pilot: at the pilot's inputs and at further posterior draws; "
+        "0: no coarse level.",
     )
     resolution: float = Field(
         0.75,
         gt=0.0,
         lt=1.0,
-        description="Every resolution of the coarse mesh in those of `mesh`, as far down as these may go.",
+        description="Resolution of the coarse mesh divided by that of `mesh`, but never below the smallest value "
+        "allowed.",
     )
-    steps: float = Field(0.5, gt=0.0, le=1.0, description="Time steps per cycle in those of the fine runs.")
-    max_cycles: int = Field(2, ge=2, le=200, description="Whole cycles run at most, and never more than the fine runs.")
+    steps: float = Field(0.5, gt=0.0, le=1.0, description="Time steps per cycle divided by those of the fine runs.")
+    max_cycles: int = Field(
+        2, ge=2, le=200, description="Largest number of whole cycles; never more than the fine runs."
+    )
 
     @field_validator("runs_per_fine")
     @classmethod
     def _more_than_the_pilot(cls, value: int) -> int:
         if value == 1:
-            raise ValueError("the coarse level runs more than the pilot's inputs: 2 or more, or 0 for none")
+            raise ValueError("the coarse level needs more runs than the pilot: 2 or more, or 0 for no coarse level")
         return value
 
 
@@ -40,54 +43,67 @@ class Settings(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     steps_per_cycle: int = Field(
-        800, ge=100, le=100000, description="Time steps per cardiac cycle, of 3D and coupled 0D side alike."
+        800, ge=100, le=100000, description="Time steps per cardiac cycle, of the 3D and the coupled 0D side."
     )
     ramp_cycles: float = Field(
         0.25,
         ge=0.0,
         le=2.0,
-        description="Part of a cycle run before the first whole one, from fluid at rest and the periodic 0D state.",
+        description="Part of a cycle run before the first whole one, starting from fluid at rest and the periodic 0D "
+        "state.",
     )
-    min_cycles: int = Field(2, ge=2, le=50, description="Whole cycles run at least; two are needed to compare.")
+    min_cycles: int = Field(
+        2, ge=2, le=50, description="Smallest number of whole cycles; two are needed for a comparison."
+    )
     max_cycles: int = Field(
         6,
         ge=2,
         le=200,
-        description="Whole cycles run at most; a sample that still changes more than `tolerance` says so.",
+        description="Largest number of whole cycles; a sample that still changes by more than `tolerance` is marked as "
+        "not "
+        "converged.",
     )
     tolerance: float = Field(
         2e-3,
         gt=0.0,
         le=0.1,
-        description="Largest change of any quantity of interest from one cycle to the next: FFR and OSI absolute, "
-        "wall shear stress relative to the region's mean.",
+        description="Largest change of any quantity of interest between cycles at which a sample is done: FFR and OSI "
+        "absolute, wall shear stress relative to the region's mean.",
     )
     wall_samples_per_cycle: int = Field(
-        200, ge=20, le=10000, description="How often per cycle wall shear stress and pressure on planes are read."
+        200,
+        ge=20,
+        le=10000,
+        description="Number of times per cycle that wall shear stress and pressure on the planes are sampled.",
     )
     momentum_tolerance: float = Field(
-        3e-3, gt=0.0, lt=1.0, description="Relative change at which the momentum sweeps of a step stop."
+        3e-3, gt=0.0, lt=1.0, description="Relative change at which the Gauss-Seidel sweeps of a momentum step stop."
     )
-    momentum_sweeps: int = Field(60, ge=5, le=1000, description="Momentum sweeps of a step at most.")
+    momentum_sweeps: int = Field(
+        60, ge=5, le=1000, description="Largest number of Gauss-Seidel sweeps of a momentum step."
+    )
     backflow_stabilisation: float = Field(
         0.5,
         ge=0.0,
         le=1.0,
-        description="Share of the incoming momentum flux that is damped where an outlet takes in blood.",
+        description="Fraction of the incoming momentum flux that is damped where blood flows in through an outlet.",
     )
     refinements: int = Field(
-        2, ge=0, le=4, description="How many times a sample that blew up is run again, each time with twice the steps."
+        2,
+        ge=0,
+        le=4,
+        description="Number of times that a sample which blew up is run again, each time with twice the steps.",
     )
     speed_limit: float = Field(3000.0, gt=0.0, description="Speed (cm/s) above which a sample counts as blown up.")
     checkpoints: bool = Field(
-        True, description="Keep the state at the end of every cycle, to go on after an interruption."
+        True, description="Save the state at the end of every cycle, to resume after an interruption."
     )
     fields: int = Field(
         1,
         ge=0,
-        description="For how many samples of the campaign, the first ones, fields are kept for pictures (VTU, VTP).",
+        description="Number of samples, from the campaign's first, whose fields are kept for pictures (VTU, VTP).",
     )
     coarse: Coarse = Field(default_factory=Coarse, description="A coarse 3D level for the estimates, off by default.")
     simvascular: SimVascularSettings = Field(
-        default_factory=SimVascularSettings, description="svSolver and svMultiPhysics, where they run the samples."
+        default_factory=SimVascularSettings, description="svSolver and svMultiPhysics, if one of them is the `backend`."
     )

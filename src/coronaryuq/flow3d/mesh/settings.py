@@ -6,17 +6,16 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class Settings(BaseModel):
-    """What part of the anatomy is meshed, and how finely. Lengths in vessel diameters or as ratios, so that one set
-    fits any patient.
-    """
+    """Which part of the anatomy is meshed, and how finely; in vessel diameters or ratios, so that one set fits all."""
 
     model_config = ConfigDict(extra="forbid")
 
     domain: Literal["segments", "trees", "whole", "lumen"] = Field(
         "segments",
-        description="Part of the anatomy in 3D, the rest stays 0D: `segments` (each stenosis with its neighbourhood), "
-        "`trees` (each coronary tree from its ostium), `whole` (with the aorta), all three made from centrelines and "
-        "radii; `lumen`: the case's own closed surface or mesh-complete folder, whatever it holds.",
+        description="Part of the anatomy in 3D; the rest stays 0D. From centrelines and radii: `segments` (each "
+        "stenosis "
+        "with its neighbourhood), `trees` (each coronary tree from its ostium), `whole` (with the aorta). `lumen`: the "
+        "case's own closed surface or mesh-complete folder.",
     )
     throat_resolution: float = Field(
         4.0, ge=2.0, le=20.0, description="Radius over element size (R/h) at the throat of a stenosis."
@@ -26,33 +25,33 @@ class Settings(BaseModel):
         2.0,
         ge=1.5,
         le=20.0,
-        description="Least local radius over element size (R/h) from a throat to the end of the stenosis region, where "
-        "the jet sets wall shear; `throat_resolution` if that is less.",
+        description="Smallest R/h from a throat to the end of the stenosis region, where the jet determines wall "
+        "shear; "
+        "at most `throat_resolution`.",
     )
     core_resolution: float = Field(
         3.0,
         ge=0.0,
         le=20.0,
-        description="Radius of the throat over element size within one and a half such radii of the axis, from the "
-        "throat to the end of the stenosis region, so that the jet is not mixed away; 0: as the rest.",
+        description="Throat radius over element size in the jet's core (1.5 throat radii around the axis, from the "
+        "throat "
+        "to the end of the stenosis region); 0: no refinement of the core.",
     )
     wall_grading: float = Field(
         0.5,
         ge=0.0,
         le=1.0,
-        description="How far nodes are drawn to the wall at a throat, where the boundary layer is thin: depth over "
-        "radius to the power of 1 plus this; 0: not at all.",
+        description="How strongly nodes are drawn to the wall at a throat, where the boundary layer is thin: relative "
+        "depth becomes its power of 1 plus this; 0: not at all.",
     )
     axial_stretch: float = Field(
         2.0,
         ge=1.0,
         le=3.0,
-        description="Length along the vessel over width of elements at a throat and behind it to the end of the "
-        "stenosis region, where flow changes quickly across the vessel and slowly along it; sizes above are widths.",
+        description="Length over width of elements from a throat to the end of the stenosis region, where flow changes "
+        "slowly along the vessel; the resolutions above refer to widths.",
     )
-    gradation: float = Field(
-        1.3, gt=1.0, le=2.0, description="Largest ratio of neighbouring edge lengths that the mesher may leave."
-    )
+    gradation: float = Field(1.3, gt=1.0, le=2.0, description="Largest ratio of neighbouring edge lengths.")
     upstream_diameters: float = Field(
         2.0, ge=1.0, le=50.0, description="`segments`: length kept upstream of the stenosis, in local diameters."
     )
@@ -63,22 +62,22 @@ class Settings(BaseModel):
         1.5,
         ge=1.0,
         le=20.0,
-        description="`segments`: length of a side branch kept beyond its mother's wall, in its diameters.",
+        description="`segments`: length of a side branch kept beyond its parent's wall, in diameters of the branch.",
     )
     region_upstream_diameters: float = Field(
         0.5,
         ge=0.0,
         le=10.0,
-        description="Stenosis region for wall shear: reach upstream of the stenosis, in local diameters.",
+        description="Extent of the stenosis region for wall shear upstream of the stenosis, in local diameters.",
     )
     region_downstream_diameters: float = Field(
-        2.0, ge=0.0, le=10.0, description="Stenosis region for wall shear: reach downstream of it, in local diameters."
+        2.0, ge=0.0, le=10.0, description="Extent of the region downstream of the stenosis, in local diameters."
     )
     ffr_diameters: float = Field(
         2.5,
         ge=0.0,
         le=50.0,
-        description="Distance of the plane for distal pressure beyond the stenosis, in local diameters.",
+        description="Distance from the stenosis to the plane of distal pressure, in local diameters.",
     )
-    time_limit: float = Field(600.0, gt=0.0, description="CPU time that one meshing attempt of one piece may take, s.")
-    attempts: int = Field(4, ge=1, le=10, description="Meshing attempts per piece before the case is refused.")
+    time_limit: float = Field(600.0, gt=0.0, description="Largest CPU time of one meshing attempt of one piece, s.")
+    attempts: int = Field(4, ge=1, le=10, description="Meshing attempts per piece before the case is rejected.")
