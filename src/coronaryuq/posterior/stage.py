@@ -83,7 +83,7 @@ def sample(
     InputError
         If the files do not agree, or if the covariance is not positive definite.
     """
-    ranks = Ranks.of_this_job()
+    ranks = Ranks.from_launcher()
     targets, outlets, _ = _read_targets(targets_json, case_json)
     model = BedFlows(
         hyperaemia_json, outlets, tolerance=settings.cycle_tolerance, steps_per_cycle=settings.steps_per_cycle,
@@ -105,7 +105,7 @@ def run_chains(
     ranks = Ranks() if ranks is None else ranks
     names, folder = targets.names, Path(out_npz).with_suffix("")
     folder.mkdir(parents=True, exist_ok=True)
-    fit = ranks.from_first(lambda: fit_fractions(model.flows, weights, targets.mean))
+    fit = ranks.run_on_first(lambda: fit_fractions(model.flows, weights, targets.mean))
     factor = float(fit.flows_at_r_hat.sum() / targets.mean.sum()) if settings.scale_targets else 1.0
     likelihood = Likelihood(targets.mean * factor, targets.covariance * factor**2, targets.source)
     conditioned = settings.constraint == "conditioned"

@@ -51,7 +51,7 @@ def prepare(posterior: Posterior, fit: Fit, settings: Settings, seed: int) -> Pr
     y, log_density, flows = _alive(
         posterior, lambda n: design(space, likelihood, fit.multipliers, fit.flows, n, random), count
     )
-    emulator = posterior.ranks.from_first(lambda: Emulator.fit(y, space.multipliers(y), flows))
+    emulator = posterior.ranks.run_on_first(lambda: Emulator.fit(y, space.multipliers(y), flows))
     return Prepared(emulator, y[:chains], log_density[:chains], flows[:chains], fit.runs + count)
 
 
