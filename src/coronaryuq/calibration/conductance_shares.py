@@ -9,11 +9,11 @@ COMPLIANCES = ("Ca", "Cim")
 
 
 def shares(outlets: list[Mapping], flows: Mapping[str, float]) -> dict[str, float]:
-    """Share of total coronary conductance of each bed (boundary condition → share, sum 1).
+    """Return each bed's share of total coronary conductance (boundary condition → share, sum 1).
 
     `outlets` as in `case.json`; `flows`: perfusion's mean flow of every bed that perfuses the left ventricle.
-    Murray's law over all outlets decides what the LV-perfusing beds get together; among themselves they share it as
-    their flows.
+    Murray's law over all outlets gives the share of all LV-perfusing beds together; among themselves they share it in
+    proportion to their flows.
     """
     by_radius = murray_shares([outlet["radius"] for outlet in outlets])
     total = sum(flows.values())
@@ -27,8 +27,8 @@ def shares(outlets: list[Mapping], flows: Mapping[str, float]) -> dict[str, floa
 def share_out(network: Mapping, wanted: Mapping[str, float]) -> None:
     """Change the coronary beds of `network` in place to the wanted shares of conductance (boundary condition → share).
 
-    The parallel resistance of all beds and the total of each compliance stay what they were; within a bed the
-    proportions of Ra, Ram and Rv stay; compliances go with conductance, so that every bed has the same time
+    The parallel resistance of all beds and the total of each compliance are preserved, and so are, within a bed, the
+    proportions of Ra, Ram and Rv; compliances are proportional to conductance, so that every bed has the same time
     constants.
     """
     beds = {bc["bc_name"]: bc["bc_values"] for bc in network["boundary_conditions"] if bc["bc_name"] in wanted}

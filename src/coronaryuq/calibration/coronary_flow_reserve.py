@@ -1,6 +1,5 @@
 """Flow reserve: the venous share of coronary resistance that gives both the resting split and the hyperaemic total."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,6 +7,7 @@ import numpy as np
 from coronaryuq.calibration import parameters
 from coronaryuq.calibration.loop import Loop
 from coronaryuq.zerod.network.beds import beds
+from coronaryuq.zerod.network.read import Network
 
 ARTERIAL, VENOUS = parameters.NAMES.index("R_cor"), parameters.NAMES.index("Rv_cor")
 STEP = 0.05
@@ -17,15 +17,15 @@ ROUNDS = 4
 
 @dataclass(frozen=True)
 class Reserve:
-    """What perfusion says of hyperaemia: mean flow (mL/s) of the named beds together, with Ra and Ram times `scale`."""
+    """The measured hyperaemia: mean flow (mL/s) of the named beds together, with Ra and Ram times `scale`."""
 
     flow: float
     beds: tuple[str, ...]
     scale: float
 
 
-def hyperaemic_changes(network: Mapping, points: np.ndarray, scale: float) -> dict[str, np.ndarray]:
-    """The parameters' changes with Ra and Ram of every coronary bed times `scale`."""
+def hyperaemic_changes(network: Network, points: np.ndarray, scale: float) -> dict[str, np.ndarray]:
+    """Return the parameters' changes with Ra and Ram of every coronary bed times `scale`."""
     changed = parameters.changes(points, network)
     for name, bed in beds(network).items():
         for member in (bed.arterial, *bed.myocardial):
@@ -36,7 +36,7 @@ def hyperaemic_changes(network: Mapping, points: np.ndarray, scale: float) -> di
 def hyperaemic_flow(
     loop: Loop, points: np.ndarray, start: np.ndarray, reserve: Reserve, cycles: int | None
 ) -> np.ndarray:
-    """Mean flow (n,) mL/s of the reserve's beds together, at points (n, 36), from states (n, columns)."""
+    """Return the mean flow (n,) in mL/s of the reserve's beds together, at points (n, 36), from states (n, columns)."""
     extra = hyperaemic_changes(loop.network, points, reserve.scale)
     names = loop.bed_flows(reserve.beds)
     evaluation = loop.evaluate(points, start, cycles, extra=extra, waveforms=names)
@@ -47,10 +47,9 @@ def hyperaemic_flow(
 def meet_reserve(
     loop: Loop, point: np.ndarray, state: np.ndarray, split: float | None, reserve: Reserve, cycles: int
 ) -> np.ndarray:
-    """The point with R_cor and Rv_cor moved so that split (%) and hyperaemic flow are met, as far as their ranges
-    allow.
+    """Return the point with R_cor and Rv_cor such that split (%) and hyperaemic flow are met, if their ranges allow.
 
-    Newton's method on the logarithms, derivatives by differences: one batch at rest and one under hyperaemia a round.
+    Newton's method on the logarithms, derivatives by differences: one batch at rest and one under hyperaemia per round.
     Without a split target the split of `point` is kept.
     """
     point = point.copy()
@@ -61,18 +60,18 @@ def meet_reserve(
         points[2, VENOUS] += STEP
         states = np.tile(state, (3, 1))
         rest = loop.evaluate(points, states, cycles)
-        found = np.log([rest.measures["AorCorSplit"], hyperaemic_flow(loop, points, rest.state, reserve, cycles)])
+        values = np.log([rest.measures["AorCorSplit"], hyperaemic_flow(loop, points, rest.state, reserve, cycles)])
         if split is None:
             split = float(rest.measures["AorCorSplit"][0])
-        off = np.log([split, reserve.flow]) - found[:, 0]
-        slopes = (found[:, 1:] - found[:, :1]) / STEP
-        step = np.linalg.solve(slopes, off)
+        missing = np.log([split, reserve.flow]) - values[:, 0]
+        slopes = (values[:, 1:] - values[:, :1]) / STEP
+        step = np.linalg.solve(slopes, missing)
         for place, change in zip(moved, step, strict=True):
             wanted = point[place] + np.clip(change, -1.0, 1.0)
             point[place] = np.clip(wanted, parameters.LOWER[place], parameters.UPPER[place])
         if point[VENOUS] in (parameters.LOWER[VENOUS], parameters.UPPER[VENOUS]):
             # At the wall the reserve cannot be met; the resting split still can.
-            left = off[0] - slopes[0, 1] * (point[VENOUS] - points[0, VENOUS])
+            left = missing[0] - slopes[0, 1] * (point[VENOUS] - points[0, VENOUS])
             point[ARTERIAL] = points[0, ARTERIAL] + np.clip(left / slopes[0, 0], -1.0, 1.0)
         state = rest.state[0]
     return point

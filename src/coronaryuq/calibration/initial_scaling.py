@@ -1,13 +1,14 @@
-"""Initial scaling: what the targets say about the circulation before any search, by hand calculation."""
+"""Initial scaling: totals of the circulation from the targets before any search, by hand calculation."""
 
 import copy
 from collections.abc import Mapping
 
 from coronaryuq.calibration.parameters import BY_NAME, CORONARY, LEFT, RIGHT, SYSTEMIC
 from coronaryuq.core.units import MMHG
+from coronaryuq.zerod.network.read import Network
 
 RIGHT_ATRIAL_PRESSURE = 5.0
-"""mmHg, where no target gives it."""
+"""mmHg, if no target gives it."""
 
 PERIPHERAL_SHARE = 0.1
 """Least share of the arterial compliance that is left to the peripheral beds, however stiff the aorta has to be."""
@@ -17,14 +18,14 @@ ARTERIAL_TIME, MYOCARDIAL_TIME = 0.08, 0.8
 svZeroDSolver's closed-loop coronary case and the svZeroDEstimator example end at (0.03 to 0.2 s and 0.1 to 1.7 s)."""
 
 
-def scaled(network: Mapping, targets: Mapping[str, float], period: float) -> dict:
-    """A copy of a CGS network whose totals agree with the targets (own units) as far as a hand calculation goes.
+def scaled(network: Network, targets: Mapping[str, float], period: float) -> Network:
+    """Return a copy of a CGS network whose totals agree with the targets (own units) by a hand calculation.
 
     Systemic and coronary resistance from mean pressure, stroke volume and split (mean flow through parallel beds,
     vessels neglected); systemic compliance from stroke volume over pulse pressure less what the vessels hold;
     coronary compliances from time constants; initial pressures and volumes from the pressures and volumes to be met.
     """
-    network = copy.deepcopy(dict(network))
+    network = copy.deepcopy(network)
     output = targets["AbsQin"] / period
     drop = (targets["PaoMean"] - targets.get("PraMean", RIGHT_ATRIAL_PRESSURE)) * MMHG
     split = targets.get("AorCorSplit", 4.0) / 100.0
@@ -46,7 +47,7 @@ def scaled(network: Mapping, targets: Mapping[str, float], period: float) -> dic
 
 
 def _initial_condition(targets: Mapping[str, float]) -> dict[str, float]:
-    """Chambers at end-diastolic volumes, pressures at diastolic ones: what the svZeroDEstimator example starts from."""
+    """Chambers at end-diastolic volumes, pressures at diastolic ones, as in the svZeroDEstimator example."""
     filled = targets.get("EDV", 2.0 * targets["AbsQin"])
     emptied = targets.get("ESV", filled - targets["AbsQin"])
     return {
@@ -55,7 +56,7 @@ def _initial_condition(targets: Mapping[str, float]) -> dict[str, float]:
     }  # fmt: skip
 
 
-def _beds(network: Mapping, kinds: tuple[str, ...]) -> list[dict]:
+def _beds(network: Network, kinds: tuple[str, ...]) -> list[dict]:
     return [bc["bc_values"] for bc in network["boundary_conditions"] if bc["bc_type"] in kinds]
 
 
@@ -63,7 +64,7 @@ def _parallel(beds: list[dict], members: tuple[str, ...]) -> float:
     return 1.0 / sum(1.0 / sum(bed[member] for member in members) for bed in beds)
 
 
-def _scale_resistance(network: Mapping, kinds: tuple[str, ...], members: tuple[str, ...], wanted: float) -> None:
+def _scale_resistance(network: Network, kinds: tuple[str, ...], members: tuple[str, ...], wanted: float) -> None:
     beds = _beds(network, kinds)
     factor = wanted / _parallel(beds, members)
     for bed in beds:
@@ -71,7 +72,7 @@ def _scale_resistance(network: Mapping, kinds: tuple[str, ...], members: tuple[s
             bed[member] *= factor
 
 
-def _scale_compliance(network: Mapping, kinds: tuple[str, ...], member: str, wanted: float) -> None:
+def _scale_compliance(network: Network, kinds: tuple[str, ...], member: str, wanted: float) -> None:
     beds = _beds(network, kinds)
     factor = wanted / sum(bed[member] for bed in beds)
     for bed in beds:

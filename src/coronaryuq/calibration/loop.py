@@ -1,4 +1,4 @@
-"""The closed loop as stage one sees it: parameters in, clinical measures out, many at a time, at the periodic state."""
+"""The closed loop as calibration uses it: parameters in, clinical measures out, in batches, at the periodic state."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,6 +8,7 @@ import numpy as np
 from coronaryuq.calibration import parameters
 from coronaryuq.calibration.targets import in_own_units
 from coronaryuq.zerod.cardiac_function import measure, waveform_names
+from coronaryuq.zerod.network.read import Network
 from coronaryuq.zerod.solver.blood_volume import BloodVolume
 from coronaryuq.zerod.solver.engine import Engine
 
@@ -33,11 +34,11 @@ class Loop:
     """A network (CGS, closed loop) whose 36 parameters can be set, run to its periodic state with a given blood volume.
 
     A closed loop keeps its blood, so it has one periodic state for every stressed volume. The volume is that of the
-    network's initial condition times the parameter V_blood; a run that starts from a neighbour's state first gives or
-    takes the difference at the right atrium, so that its result does not depend on where it started.
+    network's initial condition times the parameter V_blood; a run that starts from a neighbour's state first adds or
+    removes the difference at the right atrium, so that its result does not depend on where it started.
     """
 
-    def __init__(self, network: Mapping, steps_per_cycle: int, threads: int = 1):
+    def __init__(self, network: Network, steps_per_cycle: int, threads: int = 1):
         self.network, self.engine = network, Engine(network)
         self.steps_per_cycle, self.threads = steps_per_cycle, threads
         self.roles = waveform_names(network)
@@ -50,16 +51,16 @@ class Loop:
         self.evaluations = 0
 
     def initial_state(self) -> np.ndarray:
-        """State that the network's `initial_condition` gives, in the form of `Result.state`."""
-        given = self.network.get("initial_condition", {})
+        """Return the state of the network's `initial_condition`, in the form of `Result.state`."""
+        condition = self.network.get("initial_condition", {})
         state = np.zeros(len(self.engine.state_names))
         for index, name in enumerate(self.engine.unknowns):
             pressure = name.startswith(("pressure:", "P_c:"))
-            state[index] = given.get(name, given.get("pressure_all", 0.0) if pressure else 0.0)
+            state[index] = condition.get(name, condition.get("pressure_all", 0.0) if pressure else 0.0)
         return state
 
     def bed_flows(self, beds: Sequence[str]) -> list[str]:
-        """0D names of the flow into each bed."""
+        """Return the 0D names of the flow into each bed."""
         feeding = {v.get("boundary_conditions", {}).get("outlet"): v["vessel_name"] for v in self.network["vessels"]}
         return [f"flow:{feeding[bed]}:{bed}" for bed in beds]
 

@@ -1,12 +1,11 @@
-"""The 36 parameters of stage one: what each is, where it starts, how far it may go, where it stands in the network."""
+"""The 36 parameters of calibration: meaning, initial value, range, and place in the network."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from coronaryuq.core.units import MMHG
-from coronaryuq.zerod.network.read import HEART
+from coronaryuq.zerod.network.read import HEART, Network
 
 FACTORS = {
     "1": 1.0,
@@ -43,7 +42,10 @@ class Parameter:
     logarithmic: bool = True
 
 
-def _heart(name, description, unit, initial, lower, upper, block, logarithmic=True):
+def _heart(
+    name: str, description: str, unit: str, initial: float, lower: float, upper: float, block: str,
+    logarithmic: bool = True,
+) -> Parameter:  # fmt: skip
     return Parameter(name, description, unit, initial, lower, upper, block, heart=name, logarithmic=logarithmic)
 
 
@@ -51,7 +53,9 @@ LEFT, RIGHT, SYSTEMIC = "ClosedLoopCoronaryLeft", "ClosedLoopCoronaryRight", "Cl
 CORONARY = (LEFT, RIGHT)
 
 
-def _beds(name, description, lower, upper, block, *beds):
+def _beds(
+    name: str, description: str, lower: float, upper: float, block: str, *beds: tuple[str, tuple[str, ...]]
+) -> Parameter:
     return Parameter(name, description, "1", 1.0, lower, upper, block, beds=beds)
 
 
@@ -101,8 +105,8 @@ PARAMETERS = (
 )  # fmt: skip
 """Initial values and ranges of the heart and lungs: Tran et al. 2017 and Menon et al. 2023, as the public
 svZeroDEstimator example has them, widened for the aortic pulse (Cpa, Llv_a, Rlv_ao) and for right atrial volume. The
-bed totals count from the analytic initial scaling (`calibration.scaling`); R_cor to C_sys are that example's eight,
-V_blood is ours: a closed loop keeps the blood that its initial condition gives it, so that amount is a parameter
+bed totals are relative to the analytic initial scaling (`calibration.initial_scaling`); R_cor to C_sys are that
+example's eight, V_blood is ours: a closed loop keeps the blood of its initial condition, so that amount is a parameter
 whether it is named or not."""
 
 BY_NAME = {parameter.name: parameter for parameter in PARAMETERS}
@@ -111,7 +115,7 @@ BLOCKS = ("circulation", "timing", "filling", "right", "coronary")
 
 
 def columns(*blocks: str) -> np.ndarray:
-    """Positions of the parameters that the named blocks own."""
+    """Return the positions of the parameters that the named blocks own."""
     return np.array([place for place, parameter in enumerate(PARAMETERS) if parameter.block in blocks])
 
 
@@ -126,15 +130,16 @@ _LOGARITHMIC = np.array([parameter.logarithmic for parameter in PARAMETERS])
 
 
 def values(points: np.ndarray) -> np.ndarray:
-    """Parameter values in their units, of searched coordinates (n, 36)."""
+    """Return parameter values (n, 36) in their units, from searched coordinates (n, 36)."""
     points = np.atleast_2d(points)
     return np.where(_LOGARITHMIC, np.exp(np.where(_LOGARITHMIC, points, 0.0)), points)
 
 
-def changes(points: np.ndarray, network: Mapping) -> dict[str, np.ndarray]:
-    """Changes to `network` (CGS) that put in place the parameters of `points` (n, 36): `"BLOCK.parameter"` → (n,).
+def changes(points: np.ndarray, network: Network) -> dict[str, np.ndarray]:
+    """Return the changes to `network` (CGS) that set the parameters of `points` (n, 36): `"BLOCK.parameter"` → (n,).
 
-    Stressed blood volume is no parameter of a block; `calibration.loop` puts it into the state that a run starts from.
+    Stressed blood volume is not a parameter of a block; `calibration.loop` puts it into the state that a run starts
+    from.
     """
     by_name = dict(zip(NAMES, values(points).T, strict=True))
     changed = {}

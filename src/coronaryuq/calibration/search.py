@@ -1,11 +1,11 @@
-"""Stage one's search: candidates, an approach by least squares from the best of them, then Nelder-Mead block by block.
+"""The search for the loop's parameters: candidates, least squares from the best of them, then Nelder-Mead by blocks.
 
-Twenty targets cannot decide 36 parameters, and Nelder-Mead slows down with dimension. So the search goes block by block
-(subspace searches as in Subplex, Rowan 1990), each block being the parameters that one group of targets speaks about; a
-weak pull keeps parameters that no target speaks about at their published values.
+Twenty targets cannot determine 36 parameters, and Nelder-Mead slows down with dimension. So the search goes block by
+block (subspace searches as in Subplex, Rowan 1990), each block being the parameters that one group of targets depends
+on; a weak pull keeps parameters that no target depends on at their published values.
 
-The search takes coarse time steps. Before each round every start is run with the final steps too, and the difference of
-the measures is added to the coarse ones for that round (defect correction), so that what is tuned is the final loop.
+The search uses coarse time steps. Before each round every start is also run with the final steps, and the difference of
+the measures is added to the coarse ones for that round (defect correction), so that the final loop is the one tuned.
 """
 
 from collections.abc import Callable, Mapping
@@ -25,24 +25,24 @@ FAILED = 1e9
 """Cost of a loop that has no periodic state."""
 
 LIMIT, STEEPER = 2.0, 30.0
-"""Beyond two tolerances, that is 4 %, the misfit of a clinical target costs so much more: all of them are to end within
-5 %, which matters more than how closely the others are met when they contradict one another."""
+"""Beyond two tolerances (4 %) the misfit of a clinical target costs so much more: all of them should end within 5 %,
+which matters more than a close fit of the others when targets contradict each other."""
 
 UNDEFINED = 1e3
 """Misfit of a measure that does not exist, such as the timing of a valve that stays shut."""
 
 EFFORT = {"filling": 0.5, "right": 0.3}
-"""Share of the evaluations per parameter for blocks that few targets speak about."""
+"""Share of the evaluations per parameter for blocks that few targets depend on."""
 
 FIRST_STEP = 0.1
-"""Size of a search's first simplex, as a fraction of the box; each later round takes half."""
+"""Size of a search's first simplex, as a fraction of the box; halved in each later round."""
 
 Report = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Found:
-    """Where a start stands: its point (36,), cost, periodic state, and final minus coarse measures (defect)."""
+class Start:
+    """One start of the search: its point (36,), cost, periodic state, and final minus coarse measures (defect)."""
 
     point: np.ndarray
     cost: float
@@ -53,7 +53,7 @@ class Found:
 def residuals(
     measures: Mapping[str, np.ndarray], points: np.ndarray, targets: Mapping[str, float], pull: float
 ) -> np.ndarray:
-    """Whose squares make the cost, (n, m): misfits, what clinical ones exceed `LIMIT` by, and the weak pull."""
+    """Return residuals (n, m) whose squares add up to the cost: misfits, the excess of clinical ones, the weak pull."""
     moved = (points - parameters.INITIAL) / (parameters.UPPER - parameters.LOWER)
     columns = list((np.sqrt(pull) * moved).T)
     for name, misfit in misfits(measures, targets).items():
@@ -67,7 +67,7 @@ def residuals(
 def cost(
     measures: Mapping[str, np.ndarray], points: np.ndarray, targets: Mapping[str, float], pull: float
 ) -> np.ndarray:
-    """What a search lowers, (n,): the sum of squared residuals."""
+    """Return the cost (n,) that a search minimises: the sum of squared residuals."""
     return np.square(residuals(measures, points, targets, pull)).sum(axis=1)
 
 
@@ -79,29 +79,29 @@ class Search:
     ):
         self.loop, self.targets, self.settings, self.report = loop, targets, settings, report
 
-    def descend_from(self, found: list[Found], frozen: tuple[str, ...] = ()) -> Found:
-        """The best point reached from the candidates; `frozen` parameters stay where they are."""
+    def descend_from(self, starts: list[Start], frozen: tuple[str, ...] = ()) -> Start:
+        """Return the best point reached from the candidates; `frozen` parameters are not changed."""
         kept = np.array([place for place, name in enumerate(parameters.NAMES) if name not in frozen])
         for turn in range(self.settings.rounds):
-            found = self.corrected(found)
+            starts = self.corrected(starts)
             if self.settings.approach:
-                found = [self.approached(one, kept) for one in found]
-                self.report(f"round {turn + 1}, least squares: cost {min(one.cost for one in found):.4g}")
+                starts = [self.approached(start, kept) for start in starts]
+                self.report(f"round {turn + 1}, least squares: cost {_least(starts):.4g}")
             for block in parameters.BLOCKS:
                 columns = np.intersect1d(parameters.columns(block), kept)
-                spent = max(2, round(EFFORT.get(block, 1.0) * self.settings.evaluations_per_parameter))
-                found = self.descend(found, columns, spent, FIRST_STEP / 2**turn)
-                self.report(f"round {turn + 1}, {block}: cost {min(one.cost for one in found):.4g}")
+                effort = max(2, round(EFFORT.get(block, 1.0) * self.settings.evaluations_per_parameter))
+                starts = self.descend(starts, columns, effort, FIRST_STEP / 2**turn)
+                self.report(f"round {turn + 1}, {block}: cost {_least(starts):.4g}")
         if self.settings.polish:
-            found = self.corrected(found)
+            starts = self.corrected(starts)
             first_step = FIRST_STEP / 2 ** (self.settings.rounds + 1)
-            found = self.descend(found, kept, self.settings.polish, first_step)
-            self.report(f"all together: cost {min(one.cost for one in found):.4g}")
-        found = self.corrected(found)
-        return min(found, key=lambda one: one.cost)
+            starts = self.descend(starts, kept, self.settings.polish, first_step)
+            self.report(f"all together: cost {_least(starts):.4g}")
+        starts = self.corrected(starts)
+        return min(starts, key=lambda start: start.cost)
 
-    def candidates(self, seed: int) -> list[Found]:
-        """The best `starts` of the initial values and random parameter sets about them."""
+    def candidates(self, seed: int) -> list[Start]:
+        """Return the best `starts` of the initial values and random parameter sets about them."""
         random = seeds.generator(seed, "calibration", "candidates")
         width = self.settings.spread * (parameters.UPPER - parameters.LOWER)
         shifts = random.uniform(-0.5, 0.5, (self.settings.candidates, len(parameters.NAMES)))
@@ -111,43 +111,44 @@ class Search:
         costs = self._costs(evaluation.measures, evaluation.ok, points)
         order = np.argsort(costs, kind="stable")[: self.settings.starts]
         self.report(f"{len(points)} candidates: cost {costs[order[0]]:.4g}, {int(evaluation.ok.sum())} ran")
-        return [Found(points[i], float(costs[i]), evaluation.state[i]) for i in order]
+        return [Start(points[i], float(costs[i]), evaluation.state[i]) for i in order]
 
-    def settled(self, one: Found, block: str, frozen: tuple[str, ...]) -> Found:
-        """One start with the block's parameters tuned again, after others were moved from outside."""
+    def settled(self, start: Start, block: str, frozen: tuple[str, ...]) -> Start:
+        """Return a start with the block's parameters tuned again, after others were changed from outside."""
         kept = [place for place, name in enumerate(parameters.NAMES) if name not in frozen]
         columns = np.intersect1d(parameters.columns(block), kept)
-        (one,) = self.corrected([one])
+        (start,) = self.corrected([start])
         if self.settings.approach:
-            one = self.approached(one, columns)
-        found = self.descend([one], columns, self.settings.evaluations_per_parameter, FIRST_STEP)
-        self.report(f"{block} again: cost {found[0].cost:.4g}")
-        return found[0]
+            start = self.approached(start, columns)
+        (start,) = self.descend([start], columns, self.settings.evaluations_per_parameter, FIRST_STEP)
+        self.report(f"{block} again: cost {start.cost:.4g}")
+        return start
 
-    def approached(self, one: Found, columns: np.ndarray) -> Found:
-        """One start after a few least-squares steps over the parameters at `columns`; counted scores stay out."""
+    def approached(self, start: Start, columns: np.ndarray) -> Start:
+        """Return a start after a few least-squares steps over the parameters at `columns`, without counted scores."""
         smooth = {name: value for name, value in self.targets.items() if not name.endswith("GradOK")}
 
-        def of(values: np.ndarray) -> np.ndarray:
-            points = np.tile(one.point, (len(values), 1))
+        def values_of(values: np.ndarray) -> np.ndarray:
+            points = np.tile(start.point, (len(values), 1))
             points[:, columns] = values
-            evaluation = self.loop.evaluate(points, np.tile(one.state, (len(points), 1)), self.settings.approach_cycles)
-            measures = {name: value + one.defect.get(name, 0.0) for name, value in evaluation.measures.items()}
+            states = np.tile(start.state, (len(points), 1))
+            evaluation = self.loop.evaluate(points, states, self.settings.approach_cycles)
+            measures = {name: value + start.defect.get(name, 0.0) for name, value in evaluation.measures.items()}
             found = residuals(measures, points, smooth, self.settings.pull)
             return np.where(evaluation.ok[:, None], found, UNDEFINED)
 
-        point = one.point.copy()
+        point = start.point.copy()
         point[columns] = approach(
-            of, point[columns], parameters.LOWER[columns], parameters.UPPER[columns], self.settings.approach
+            values_of, point[columns], parameters.LOWER[columns], parameters.UPPER[columns], self.settings.approach
         )
-        evaluation = self.loop.evaluate(point[None], one.state[None], self.settings.first_cycles)
-        measures = {name: value + one.defect.get(name, 0.0) for name, value in evaluation.measures.items()}
-        found = float(self._costs(measures, evaluation.ok, point[None])[0])
-        return replace(one, point=point, cost=found, state=evaluation.state[0]) if found < one.cost else one
+        evaluation = self.loop.evaluate(point[None], start.state[None], self.settings.first_cycles)
+        measures = {name: value + start.defect.get(name, 0.0) for name, value in evaluation.measures.items()}
+        reached = float(self._costs(measures, evaluation.ok, point[None])[0])
+        return replace(start, point=point, cost=reached, state=evaluation.state[0]) if reached < start.cost else start
 
-    def corrected(self, found: list[Found]) -> list[Found]:
-        """The same points with the cost that they have at the final time steps, and their defect."""
-        points, states = np.array([one.point for one in found]), np.array([one.state for one in found])
+    def corrected(self, starts: list[Start]) -> list[Start]:
+        """Return the same points with their cost at the final time steps, and their defect."""
+        points, states = np.array([start.point for start in starts]), np.array([start.state for start in starts])
         coarse = self.loop.evaluate(points, states, self.settings.first_cycles)
         fine = self.loop.evaluate(
             points, coarse.state, self.settings.first_cycles, steps_per_cycle=self.settings.final_steps_per_cycle
@@ -156,38 +157,36 @@ class Search:
         defects = {name: fine.measures[name] - coarse.measures[name] for name in fine.measures}
         return [
             replace(
-                one,
+                start,
                 cost=float(costs[row]),
                 state=coarse.state[row],
                 defect={name: float(np.nan_to_num(defect[row])) for name, defect in defects.items()},
             )
-            for row, one in enumerate(found)
+            for row, start in enumerate(starts)
         ]
 
-    def descend(self, found: list[Found], columns: np.ndarray, per_parameter: int, first_step: float) -> list[Found]:
-        """Nelder-Mead over the parameters at `columns` from every start."""
-        best = list(found)
+    def descend(self, starts: list[Start], columns: np.ndarray, per_parameter: int, first_step: float) -> list[Start]:
+        """Run Nelder-Mead over the parameters at `columns` from every start."""
+        best = list(starts)
 
         def objective(values: np.ndarray, which: np.ndarray) -> np.ndarray:
-            points = np.array([found[start].point for start in which])
+            points = np.array([starts[k].point for k in which])
             points[:, columns] = values
-            states = np.array([best[start].state for start in which])
+            states = np.array([best[k].state for k in which])
             evaluation = self.loop.evaluate(points, states, self.settings.cycles)
             measures = {
-                name: value + [found[start].defect.get(name, 0.0) for start in which]
+                name: value + [starts[k].defect.get(name, 0.0) for k in which]
                 for name, value in evaluation.measures.items()
             }
             costs = self._costs(measures, evaluation.ok, points)
-            for row, start in enumerate(which):
-                if costs[row] < best[start].cost:
-                    best[start] = replace(
-                        best[start], point=points[row], cost=float(costs[row]), state=evaluation.state[row]
-                    )
+            for row, k in enumerate(which):
+                if costs[row] < best[k].cost:
+                    best[k] = replace(best[k], point=points[row], cost=float(costs[row]), state=evaluation.state[row])
             return costs
 
         nelder_mead(
             objective,
-            [one.point[columns] for one in found],
+            [start.point[columns] for start in starts],
             parameters.LOWER[columns],
             parameters.UPPER[columns],
             first_step,
@@ -198,3 +197,7 @@ class Search:
 
     def _costs(self, measures: Mapping[str, np.ndarray], ok: np.ndarray, points: np.ndarray) -> np.ndarray:
         return np.where(ok, cost(measures, points, self.targets, self.settings.pull), FAILED)
+
+
+def _least(starts: list[Start]) -> float:
+    return min(start.cost for start in starts)

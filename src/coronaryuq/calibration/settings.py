@@ -1,4 +1,4 @@
-"""Settings of stage one: how long, how finely and from how many places the 36 parameters are searched."""
+"""Settings of calibration: the search for the 36 parameters of the closed loop."""
 
 from typing import Literal
 
@@ -6,43 +6,43 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class Settings(BaseModel):
-    """Tuning of the closed loop by Nelder-Mead, from many starts at once, block after block of parameters."""
+    """Tuning of the closed loop by Nelder-Mead, from many starts at once, one block of parameters after the other."""
 
     model_config = ConfigDict(extra="forbid")
 
-    candidates: int = Field(64, ge=1, description="Random parameter sets that are tried first; the best become starts.")
+    candidates: int = Field(64, ge=1, description="Random parameter sets tried first; the best become starts.")
     spread: float = Field(
         0.5, gt=0, le=1, description="Width of the candidates' box, as a fraction of each parameter's range."
     )
     starts: int = Field(
-        12, ge=1, description="Nelder-Mead searches side by side; up to sixteen cost the engine as much as one."
+        12, ge=1, description="Nelder-Mead searches in parallel; up to sixteen cost the engine as much as one."
     )
     approach: int = Field(
-        6, ge=0, description="Least-squares steps of every start at the beginning of a round; 0 leaves them out."
+        6, ge=0, description="Least-squares steps of every start at the beginning of a round; 0: none."
     )
-    approach_cycles: int = Field(6, ge=1, description="Cycles of a run of those steps.")
+    approach_cycles: int = Field(6, ge=1, description="Cardiac cycles of a run in those steps.")
     rounds: int = Field(3, ge=1, description="Rounds over the parameter blocks.")
     evaluations_per_parameter: int = Field(
-        6, ge=2, description="Loop runs that one search may spend, per parameter of its block."
+        6, ge=2, description="Maximum number of loop runs of one search, per parameter of its block."
     )
     polish: int = Field(
-        0, ge=0, description="Loop runs per parameter of the last search, over all 36 at once; 0 leaves it out."
+        0, ge=0, description="Loop runs per parameter of the last search, over all 36 at once; 0: no such search."
     )
     pull: float = Field(
         0.2, ge=0, description="Cost of moving a parameter from its initial value over its whole range."
     )
     steps_per_cycle: int = Field(250, ge=50, description="Time steps per cycle of a loop run during the search.")
-    first_cycles: int = Field(12, ge=1, description="Cycles that a candidate runs from the initial condition.")
+    first_cycles: int = Field(12, ge=1, description="Cardiac cycles of a candidate from the initial condition.")
     cycles: int = Field(
-        4, ge=1, description="Cycles that a run of the search takes, from the state of the best parameters so far."
+        4, ge=1, description="Cardiac cycles of a run in the search, from the state of the best parameters so far."
     )
     final_steps_per_cycle: int = Field(1000, ge=100, description="Time steps per cycle of the tuned loop.")
     periodicity: float = Field(1e-4, gt=0, description="Relative cycle-to-cycle error of the tuned loop.")
     hyperaemic_total: bool = Field(
         True,
-        description="Choose the venous share of coronary resistance so that the total hyperaemic flow of the "
-        "LV-perfusing outlets is that of the perfusion map; otherwise the waveform targets alone decide it.",
+        description="Choose the venous share of coronary resistance such that the total hyperaemic flow of the "
+        "LV-perfusing outlets is that of the perfusion map; otherwise only the waveform targets determine it.",
     )
     units: Literal["auto", "cgs", "mmHg"] = Field(
-        "auto", description="Pressure unit of a network given as it is: dyn/cm2 (cgs) or mmHg; auto: by range."
+        "auto", description="Pressure unit of a network that the user provides: dyn/cm2 (cgs) or mmHg; auto: by range."
     )

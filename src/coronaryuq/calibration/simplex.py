@@ -1,8 +1,8 @@
-"""Many Nelder-Mead searches at once: scipy's own optimiser for each start, their evaluations gathered into batches.
+"""Many Nelder-Mead searches at once: scipy's optimiser for each start, with evaluations gathered into batches.
 
-Every start runs `scipy.optimize.minimize(method="Nelder-Mead")` unchanged in a thread of its own. When all threads
-that are still searching have asked for a value, their points go to the objective as one batch. A start therefore
-takes exactly the path that it would take alone: the batch only makes the model cheaper.
+Every start runs `scipy.optimize.minimize(method="Nelder-Mead")` unchanged in its own thread. When all threads that are
+still searching have asked for a value, their points go to the objective as one batch. A start therefore takes exactly
+the path that it would take alone: the batch only makes the model cheaper.
 """
 
 import threading
@@ -17,8 +17,8 @@ BatchObjective = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
-class Search:
-    """Where one start ended: its point (d,), value there, and evaluations spent."""
+class Minimum:
+    """Where one start ended: its point (d,), value there, and number of evaluations."""
 
     point: np.ndarray
     value: float
@@ -33,16 +33,17 @@ def nelder_mead(
     first_step: float,
     evaluations: int,
     tolerance: float = 1e-4,
-) -> list[Search]:
+) -> list[Minimum]:
     """Minimise from every start (d,) within the box (Nelder & Mead 1965; coefficients by dimension, Gao & Han 2012).
 
-    `first_step`: size of the first simplex as a fraction of the box, towards the farther wall. Each start spends at
+    `first_step`: size of the first simplex as a fraction of the box, towards the farther wall. Each start makes at
     most `evaluations` (its first simplex takes d + 1) or stops when points and values of its simplex agree within
-    `tolerance` (points as a fraction of the box). An objective that raises stops every start and raises here.
+    `tolerance` (points as a fraction of the box). An objective that raises stops every start, and the error is raised
+    here.
     """
     width = upper - lower
     gather = _Gather(objective, len(starts), lower, width)
-    found: list[Search | None] = [None] * len(starts)
+    minima: list[Minimum | None] = [None] * len(starts)
 
     def search(start: int) -> None:
         try:
@@ -61,7 +62,7 @@ def nelder_mead(
                     "adaptive": True,
                 },
             )
-            found[start] = Search(lower + width * result.x, float(result.fun), int(result.nfev))
+            minima[start] = Minimum(lower + width * result.x, float(result.fun), int(result.nfev))
         except _Stopped:
             pass
         finally:
@@ -75,11 +76,11 @@ def nelder_mead(
     finally:
         for thread in threads:
             thread.join()
-    return [search for search in found if search is not None]
+    return [minimum for minimum in minima if minimum is not None]
 
 
 class _Stopped(Exception):
-    """The objective failed for a batch: no start can go on."""
+    """The objective failed for a batch: no start can continue."""
 
 
 class _Gather:

@@ -1,4 +1,4 @@
-"""Stage one's stage: case, network and perfusion targets → the tuned loop and what it fits."""
+"""The calibration stage: case, network and perfusion targets → the tuned loop and its fit."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -7,14 +7,14 @@ from coronaryuq.calibration.conductance_shares import shares
 from coronaryuq.calibration.coronary_flow_reserve import Reserve
 from coronaryuq.calibration.settings import Settings
 from coronaryuq.calibration.targets import from_case, read_targets
-from coronaryuq.calibration.tuning import Tuned, tune_loop
+from coronaryuq.calibration.tuning import Goal, Tuned, tune_loop
 from coronaryuq.case.case_json import read_case
 from coronaryuq.case.network.units import to_cgs
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.zerod.network.beds import HYPERAEMIA, beds
-from coronaryuq.zerod.network.read import read_network, write_network
+from coronaryuq.zerod.network.read import Network, read_network, write_network
 
 NEEDED = ("PaoMean", "AbsQin")
 
@@ -31,27 +31,34 @@ def tune(
 ) -> None:
     """Tune the case's loop; write rest.json, hyperaemia.json, parameters.csv and fit.csv.
 
-    Resistances of LV-perfusing beds are shared by the perfusion's flows, the others by Murray's law; the totals are
-    tuned. Raises InputError for targets that are missing or implausible and for outlets that network or perfusion
-    lack.
+    LV-perfusing beds share their conductance by the perfusion's flows, the others by Murray's law; the totals are
+    tuned.
+
+    Parameters
+    ----------
+    case_json, network_json, targets_json
+        The case, its 0D network at rest, and the perfusion stage's target flows.
+    settings, seed
+        Settings of the stage and the campaign's seed.
+    out_dir
+        Folder to write to.
+    threads
+        Of the 0D engine.
+    report
+        Gets lines of progress.
+
+    Raises
+    ------
+    InputError
+        If a target is missing or implausible, or if an outlet is missing from network or perfusion.
     """
     case = read_case(case_json, "hyperaemia", "targets", "outlets.bc", "outlets.perfuses")
     network, perfusion = read_network(network_json), read_json(targets_json, ("bc", "mean"))
-    targets = _enough(from_case(case, case_json), case_json)
+    targets = _check_needed(from_case(case, case_json), case_json)
     flows = _flows(case, network, perfusion, targets_json)
     reserve = Reserve(sum(flows.values()), tuple(flows), case["hyperaemia"]) if settings.hyperaemic_total else None
-    tuned = tune_loop(
-        network,
-        targets,
-        settings,
-        seed,
-        case["hyperaemia"],
-        shares=shares(case["outlets"], flows),
-        reserve=reserve,
-        threads=threads,
-        report=report,
-    )
-    _write(tuned, out_dir)
+    goal = Goal(targets, case["hyperaemia"], shares(case["outlets"], flows), reserve)
+    _write(tune_loop(network, goal, settings, seed, threads, report), out_dir)
 
 
 def tune_files(
@@ -63,15 +70,27 @@ def tune_files(
     threads: int = 1,
     report: Callable[[str], None] = print,
 ) -> Tuned:
-    """Tune a network that came with a table of targets and nothing else, such as the published examples.
+    """Tune a network with a table of targets and nothing else, such as the published examples.
 
-    Its pressures may be in dyn/cm2 or mmHg, network and table each in its own; what is written is CGS. The beds'
-    shares stay as they are, and hyperaemia is the paper's 0.24.
+    Its pressures may be in dyn/cm2 or mmHg, and those of the table in the other unit; the results are CGS. The beds'
+    shares are kept, and hyperaemia is the paper's 0.24.
+
+    Parameters
+    ----------
+    network_json, targets_csv
+        0D network (svZeroDSolver JSON) and its targets: name, description, value or `none`.
+    settings, seed, out_dir, threads, report
+        As in `tune`.
+
+    Raises
+    ------
+    InputError
+        If a target is missing or implausible.
     """
     network, system = to_cgs(read_network(network_json), settings.units, network_json)
-    targets = _enough(read_targets(targets_csv), targets_csv)
+    targets = _check_needed(read_targets(targets_csv), targets_csv)
     report(f"{network_json}: read as {system}; {targets_csv}: mean aortic pressure {targets['PaoMean']:.4g} mmHg")
-    tuned = tune_loop(network, targets, settings, seed, HYPERAEMIA, threads=threads, report=report)
+    tuned = tune_loop(network, Goal(targets, HYPERAEMIA), settings, seed, threads, report)
     _write(tuned, out_dir)
     return tuned
 
@@ -84,21 +103,21 @@ def _write(tuned: Tuned, out_dir: str | Path) -> None:
     write_csv(out / "fit.csv", tuned.fit)
 
 
-def _enough(targets: dict[str, float], file: str | Path) -> dict[str, float]:
+def _check_needed(targets: dict[str, float], file: str | Path) -> dict[str, float]:
     for name in NEEDED:
         if name not in targets:
             raise InputError(file, f"targets.{name}", None, f"missing; tuning needs at least {' and '.join(NEEDED)}")
     return targets
 
 
-def _flows(case: Mapping, network: Mapping, perfusion: Mapping, file: str | Path) -> dict[str, float]:
+def _flows(case: Mapping, network: Network, perfusion: Mapping, file: str | Path) -> dict[str, float]:
     """Mean perfusion flow by boundary condition, of exactly the beds that perfuse the left ventricle."""
     flows = {bc: float(flow) for bc, flow in zip(perfusion["bc"], perfusion["mean"], strict=True)}
     feeding = [outlet["bc"] for outlet in case["outlets"] if outlet["perfuses"] == "LV"]
     if set(flows) != set(feeding):
         odd = ", ".join(sorted(set(flows) ^ set(feeding)))
         raise InputError(
-            file, "bc", odd, "perfusion targets and LV-perfusing outlets of the case differ; make them again"
+            file, "bc", odd, "perfusion targets and LV-perfusing outlets of the case differ; recreate them"
         )
     known = beds(network)
     for outlet in case["outlets"]:

@@ -1,4 +1,4 @@
-"""Clinical and literature targets of stage one: how a file gives them, and how far a simulation is from them."""
+"""Clinical and literature targets of calibration: reading them, and the misfit of a simulation."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,22 +17,22 @@ CGS = {"mmHg": MMHG, "mL": 1.0, "1": 1.0, "%": 1.0}
 
 
 def from_case(case: Mapping, file: str | Path) -> dict[str, float]:
-    """Targets in their own units from `case["targets"]` ({NAME: {value, unit}}); those without a value are left out."""
+    """Return the targets that have a value, in their own units, from `case["targets"]` ({NAME: {value, unit}})."""
     return checked(case["targets"], file)
 
 
 def read_targets(file: str | Path, unit_system: str = "auto") -> dict[str, float]:
-    """Targets in their own units from a table of name, description, value or `none` (see `case.tables.csv_targets`).
+    """Read targets in their own units from a table of name, description, value or `none`.
 
     `unit_system`: `cgs` (pressures in dyn/cm2), `mmHg` or `auto`, which decides by the mean or maximum aortic
-    pressure: below 1000 it can only be mmHg, above only dyn/cm2. A column `unit` has the last word.
+    pressure: below 1000 it can only be mmHg, above only dyn/cm2. A column `unit` overrides it.
     """
     table = csv_targets(Path(file))
     values = {name: value for name, (_, value, _) in table.items()}
     pressure = {"cgs": "dyn/cm2", "mmHg": "mmHg"}.get(unit_system) or _pressure_unit(values, file)
     units = {target.name: pressure if target.unit == "mmHg" else target.unit for target in TARGETS}
-    given = {name: {"value": value, "unit": unit or units.get(name)} for name, (_, value, unit) in table.items()}
-    return checked(given, file)
+    targets = {name: {"value": value, "unit": unit or units.get(name)} for name, (_, value, unit) in table.items()}
+    return checked(targets, file)
 
 
 def _pressure_unit(values: Mapping[str, float | None], file: str | Path) -> str:
@@ -40,11 +40,11 @@ def _pressure_unit(values: Mapping[str, float | None], file: str | Path) -> str:
         value = values.get(name)
         if value is not None:
             return "mmHg" if value < 1000.0 else "dyn/cm2"
-    raise InputError(file, "PaoMean", None, "an aortic pressure is needed; without one there is nothing to tune to")
+    raise InputError(file, "PaoMean", None, "an aortic pressure is needed; without one the loop cannot be tuned")
 
 
 def misfits(simulated: Mapping[str, np.ndarray], measured: Mapping[str, float]) -> dict[str, np.ndarray]:
-    """(simulated - measured) / tolerance of every tuned target; both in the targets' own units."""
+    """Return (simulated - measured) / tolerance of every tuned target; both in the targets' own units."""
     result = {}
     for name in TUNED:
         if name in measured:
@@ -55,5 +55,5 @@ def misfits(simulated: Mapping[str, np.ndarray], measured: Mapping[str, float]) 
 
 
 def in_own_units(measures: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Measures of a CGS network (`zerod.cardiac_function.measure`) in the targets' units."""
+    """Convert measures of a CGS network (`zerod.cardiac_function.measure`) to the targets' units."""
     return {name: np.asarray(value) / CGS[BY_NAME[name].unit] for name, value in measures.items()}

@@ -17,12 +17,13 @@ def main() -> int:
     parser.add_argument("--settings", default="{}", metavar="JSON", help="block `posterior` of a configuration")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1, help="threads of each rank")
-    given = parser.parse_args()
+    arguments = parser.parse_args()
 
     def work(settings: Settings) -> None:
-        sample(given.case, given.network, given.targets, settings, given.seed, given.chains, given.threads)
+        files = arguments.case, arguments.network, arguments.targets
+        sample(*files, settings, arguments.seed, arguments.chains, arguments.threads)
 
-    return run_with_settings(work, Settings, given.settings)
+    return run_with_settings(work, Settings, arguments.settings)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""`coronaryuq fit`: a 0D network and a table of target flows in, the resistances that share its flow so out."""
+"""`coronaryuq fit`: find the resistances at which a 0D network shares its flow as a table says."""
 
 import argparse
 import json
@@ -7,13 +7,13 @@ from pathlib import Path
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Find the resistances at which a tuned 0D network shares its flow among coronary beds as a table asks. The "
-        "total resistance of the beds in the table stays; other beds are left as they are."
+        "Find the resistances at which a tuned 0D network shares its flow among coronary beds as a table says. The "
+        "total resistance of the beds in the table is preserved; other beds are not changed."
     )
-    parser.add_argument("network", metavar="NETWORK.json", help="0D network in the state of the flows: hyperaemia")
+    parser.add_argument("network", metavar="NETWORK.json", help="0D network in the state of the flows (hyperaemia)")
     parser.add_argument(
         "flows", metavar="FLOWS.csv",
-        help="name (of the bed, with or without BC_) and flow, or mbf and volume, or volume; only proportions matter",
+        help="name (of the bed, with or without BC_) and flow, or mbf and volume, or volume; only ratios matter",
     )  # fmt: skip
     parser.add_argument(
         "--hyperaemia", type=float, default=1.0, metavar="FACTOR",

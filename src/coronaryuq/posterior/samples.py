@@ -11,10 +11,13 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def theta(draws: "pd.DataFrame", beds: list[str], name: str, count: int, scaling: tuple[float, float], seed: int):
-    """Table of θ with `count` rows: `sample`, one column per bed, `R_cor_scaling`.
+def theta(
+    draws: "pd.DataFrame", beds: list[str], name: str, count: int, scaling: tuple[float, float], seed: int
+) -> "pd.DataFrame":
+    """Return a table of θ with `count` rows: `sample`, one column per bed, `R_cor_scaling`.
 
-    Row k depends on seed, `name` of the set, k and the draws, not on `count`: a longer table begins with the shorter.
+    Row k depends on seed, `name` of the set, k and the draws, not on `count`: a longer table begins with the shorter
+    one.
     """
     rows, scalings = [], []
     for k in range(count):

@@ -1,4 +1,4 @@
-"""What the posterior stage may be told: sampler, prior, constraint, emulator, verdict, draws."""
+"""Settings of the posterior stage: sampler, prior, constraint, emulator, verdict, draws."""
 
 from typing import Literal
 
@@ -13,22 +13,27 @@ class DreamSettings(BaseModel):
     chains: int = Field(24, ge=6, description="parallel chains (paper: 24)")
     generations: int = Field(10_000, ge=2, description="proposals per chain, burn-in included (paper: 10000)")
     burn_in: float = Field(0.5, gt=0, lt=1, description="fraction of the generations discarded (paper: 0.5)")
-    pairs: int = Field(3, ge=1, le=5, description="at most this many pairs of chains in one proposal")
-    crossovers: int = Field(3, ge=1, le=20, description="number of crossover probabilities, 1/n to 1")
-    adapt_crossovers: bool = Field(True, description="adapt the use of crossover probabilities during burn-in")
-    unit_jump: float = Field(0.2, ge=0, lt=1, description="probability of jump rate 1, which leaps between modes")
+    pairs: int = Field(3, ge=1, le=5, description="maximum number of pairs of chains in one proposal")
+    crossovers: int = Field(3, ge=1, le=20, description="number n of crossover probabilities, 1/n to 1")
+    adapt_crossovers: bool = Field(
+        True, description="adapt how often each crossover probability is used, during burn-in"
+    )
+    unit_jump: float = Field(
+        0.2, ge=0, lt=1, description="probability of jump rate 1, which allows jumps between modes"
+    )
     snooker: float = Field(0.0, ge=0, lt=1, description="probability of a snooker update (ter Braak & Vrugt 2008)")
-    spread: float = Field(0.05, ge=0, lt=1, description="half width b of the uniform factor 1 + e of a jump")
+    spread: float = Field(0.05, ge=0, lt=1, description="half-width b of the uniform e in the factor 1 + e of a jump")
     jitter: float = Field(1e-6, gt=0, description="standard deviation b* of the noise added to a jump")
     remove_outliers: bool = Field(True, description="during burn-in, restart chains stuck at low density")
     boundary: Literal["reflect", "fold", "reject"] = Field(
-        "reflect", description="proposals outside the prior's box, where the sampler works in one; else rejected"
+        "reflect",
+        description="handling of proposals outside the prior's box with `constraint: rescaled`; else they are rejected",
     )
 
     @model_validator(mode="after")
     def _enough_partners(self) -> "DreamSettings":
         if self.chains % 2:
-            raise ValueError(f"chains = {self.chains} must be even: two halves take turns")
+            raise ValueError(f"chains = {self.chains} must be even, because two halves take turns")
         if self.chains // 2 < max(2 * self.pairs, 3):
             raise ValueError(f"pairs = {self.pairs} needs at least {4 * self.pairs} chains, there are {self.chains}")
         return self
@@ -39,11 +44,11 @@ class EmulatorSettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    use: bool = Field(True, description="screen with an emulator; the posterior stays that of the 0D model")
+    use: bool = Field(True, description="screen proposals with an emulator; the posterior remains that of the 0D model")
     generations: int = Field(
-        50, ge=1, description="generations on the emulator between two decisions of the 0D model; 1 is Christen & Fox"
+        50, ge=1, description="generations on the emulator between two decisions of the 0D model; 1: as Christen & Fox"
     )
-    design: int = Field(0, ge=0, description="0D runs that the emulator is fitted to; 0: twice its coefficients")
+    design: int = Field(0, ge=0, description="0D runs to fit the emulator to; 0: twice the number of its coefficients")
 
 
 class Settings(BaseModel):
@@ -60,16 +65,19 @@ class Settings(BaseModel):
         "`rescaled` rescales states after acceptance as the paper does, which changes the stationary distribution",
     )
     scale_targets: bool = Field(
-        True, description="scale target flows and covariance so that their total is the model's LV flow at r-hat"
+        True, description="scale target flows and covariance such that their total is the model's LV flow at r-hat"
     )
     cycle_tolerance: float = Field(1e-4, gt=0, description="relative cycle-to-cycle error of a 0D run (1)")
-    steps_per_cycle: int | None = Field(None, ge=50, description="0D steps per cycle; null: as in the network file")
+    steps_per_cycle: int | None = Field(
+        None, ge=50, description="0D time steps per cycle; null: as in the network file"
+    )
     checkpoint: int = Field(500, ge=1, description="generations between two checkpoints")
     rhat_limit: float = Field(1.01, gt=1, description="converged below this rank-normalised split R-hat (paper: 1.1)")
     ess_limit: float = Field(400.0, gt=0, description="converged above this bulk and tail effective sample size")
-    draws: int = Field(10_000, ge=10, description="at most this many thinned draws kept in the table of draws")
+    draws: int = Field(10_000, ge=10, description="maximum number of thinned draws in the table of draws")
     scaling: tuple[float, float] = Field(
-        (0.7, 1.25), description="s, the scaling of total coronary resistance, is uniform between these (paper, 2.3)"
+        (0.7, 1.25),
+        description="bounds of s, the uniformly distributed scaling of total coronary resistance (paper, 2.3)",
     )
 
     @model_validator(mode="after")

@@ -15,7 +15,7 @@ from coronaryuq.core.io.tables import read_csv, write_csv
 from coronaryuq.core.io.typed import plain
 from coronaryuq.core.provenance import checksum, digest, stamp
 from coronaryuq.core.ranks import Ranks
-from coronaryuq.posterior.model.bed_flows import BedFlows
+from coronaryuq.posterior.model.bed_flows import BedFlows, with_resistances
 from coronaryuq.posterior.model.fit_to_fractions import fit_fractions
 from coronaryuq.posterior.model.flow_model import FlowModel, Posterior
 from coronaryuq.posterior.model.fractions import fractions
@@ -26,8 +26,7 @@ from coronaryuq.posterior.sampler import chains as sampling
 from coronaryuq.posterior.samples import theta
 from coronaryuq.posterior.settings import Settings
 from coronaryuq.posterior.summary import by_name, summarise, table_of_draws, write_inference_data
-from coronaryuq.zerod.network.beds import SCALING, distal_resistances, resistance_changes
-from coronaryuq.zerod.network.changes import with_changes
+from coronaryuq.zerod.network.beds import SCALING, distal_resistances
 from coronaryuq.zerod.network.read import read_network, write_network
 
 
@@ -171,8 +170,8 @@ def gather(
     totals = distal_resistances(network)
     resistances = np.array([totals[name] for name in names])
     write_csv(out.fractions, fractions([outlet["name"] for outlet in outlets], volume, resistances, chains))
-    fitted = resistance_changes(network, by_name(names, chains.fit_multipliers))
-    write_network(out.fitted, with_changes(network, fitted, hyperaemia_json))
+    fitted = with_resistances(network, hyperaemia_json, by_name(names, chains.fit_multipliers))
+    write_network(out.fitted, fitted)
     shares = targets.mean / targets.mean.sum()
     difference = float(np.max(np.abs(chains.weights / shares - 1.0)))
     r_hat = ReferenceShares(by_name(names, chains.weights), by_name(names, shares), difference)

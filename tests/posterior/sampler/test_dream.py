@@ -166,7 +166,7 @@ def exchange_asymmetry(settings, screen=None, every=1, repeats=300, d=3):
         before = state.position.copy()
         order = random.permutation(settings.chains)
         half = settings.chains // 2
-        dream._move(state, order[:half], state.position[order[half:]], random)
+        dream.move(state, order[:half], state.position[order[half:]], random)
         x, after = before[order[:half]], state.position[order[:half]]
         values.append([
             np.mean(f(x) * g(after) - g(x) * f(after)) for i, f in enumerate(functions) for g in functions[:i]

@@ -1,23 +1,50 @@
 """Mean flow into each LV-perfusing bed, from the 0D engine."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from coronaryuq.core.errors import InputError
 from coronaryuq.zerod.network.beds import distal_resistances, resistance_changes
+from coronaryuq.zerod.network.changes import with_changes
 from coronaryuq.zerod.network.read import Network, read_network
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.solver.result import Result
 
 
+def with_resistances(
+    network: Network, path: str | Path, multipliers: Mapping[str, float] | None = None, hyperaemia: float = 1.0
+) -> Network:
+    """Return a copy of the network, read from `path`, with changed resistances: see `zerod` `resistance_changes`."""
+    changes = resistance_changes(network, multipliers, hyperaemia=hyperaemia)
+    return with_changes(network, {name: float(value) for name, value in changes.items()}, path)
+
+
 class BedFlows:
     """Flows of the tuned hyperaemic loop at multipliers of its bed resistances.
 
-    Every run starts from the periodic state at r-hat, so its numbers depend on its own multipliers alone.
-    outlets: those of `case.json` that perfuse the LV, in the order of the targets. network: that of the file, where it
-    has been read and changed already.
+    Every run starts from the periodic state at r-hat, so its numbers depend on its own multipliers only.
+
+    Parameters
+    ----------
+    network_json
+        The loop, svZeroDSolver JSON.
+    outlets
+        Outlets of `case.json` that perfuse the LV, in the order of the targets.
+    tolerance
+        Relative cycle-to-cycle error of a periodic run (1).
+    steps_per_cycle
+        Time steps per cycle; as in the network if None.
+    threads
+        Of the 0D engine.
+    network
+        The loop of the file, if it has been read and changed already.
+
+    Raises
+    ------
+    InputError
+        If an outlet's bed is not a coronary bed of the loop, or if the loop does not run.
     """
 
     def __init__(
@@ -43,7 +70,7 @@ class BedFlows:
         self.start = at_r_hat.state[0]
 
     def flows(self, multipliers: np.ndarray) -> np.ndarray:
-        """Mean flows (n, N) in mL/s at multipliers (n, N); nan where a run failed."""
+        """Return mean flows (n, N) in mL/s at multipliers (n, N); nan where a run failed."""
         changes = resistance_changes(self.network, dict(zip(self.beds, multipliers.T, strict=True)))
         result = self._run(changes, self.start)
         flows = np.stack([result.values[name] for name in self.quantities], axis=1)

@@ -1,5 +1,6 @@
-"""Emulator of outlet flows: what remains after 1 / resistance is smooth, and a quadratic follows it."""
+"""Emulator of outlet flows: the residual after 1 / resistance is smooth, and a quadratic fits it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from coronaryuq.posterior.model.likelihood import Likelihood
 from coronaryuq.posterior.model.total_resistance import Conditioned
 
 WIDTH = 1.5
-"""Design points spread this many times as far as the posterior is expected to."""
+"""Width of the design over the expected width of the posterior."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +47,8 @@ class Emulator:
         """Emulated flows (n, N)."""
         return np.exp(_features((y - self.centre) / self.scale) @ self.coefficients) / multipliers
 
-    def screen(self, space: Conditioned, likelihood: Likelihood):
-        """The emulated log posterior (n,) as a function of y (n, d), up to the constant of `Posterior`."""
+    def screen(self, space: Conditioned, likelihood: Likelihood) -> Callable[[np.ndarray], np.ndarray]:
+        """Return the emulated log posterior (n,) as a function of y (n, d), up to the constant of `Posterior`."""
         low, high = space.prior
         fixed = (space.basis, self.centre, self.scale, np.ascontiguousarray(self.coefficients.T),
                  likelihood.mean, likelihood.whitening, likelihood.log_constant, low, high)  # fmt: skip
@@ -63,7 +64,7 @@ def design(
     space: Conditioned, likelihood: Likelihood, multipliers: np.ndarray, flows: np.ndarray, count: int,
     random: np.random.Generator, width: float = WIDTH,
 ) -> np.ndarray:  # fmt: skip
-    """Design points y (count, d) in the box: Gaussian about the fit, `width` times as wide as the linearised posterior.
+    """Return design points y (count, d) in the box: Gaussian, `width` times as wide as the linearised posterior.
 
     Linearised: f_i proportional to g_i, its share of conductance, about the fit's `multipliers` and `flows` (N,).
     """

@@ -1,4 +1,4 @@
-"""The resistances at which the model's flows are shared as the targets are."""
+"""Fit of the resistances to target flow fractions."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Fit:
-    """multipliers and flows (N,) at the fit, flows at r-hat, largest relative error of a flow fraction, runs spent."""
+    """multipliers and flows (N,) at the fit, flows at r-hat, largest relative error of a flow fraction, runs made."""
 
     multipliers: np.ndarray
     flows: np.ndarray
@@ -21,14 +21,15 @@ def fit_fractions(
     flows: Callable[[np.ndarray], np.ndarray], weights: np.ndarray, target: np.ndarray, tolerance: float = 1e-5,
     limit: int = 40,
 ) -> Fit:  # fmt: skip
-    """Multipliers with the total resistance of r-hat whose flow fractions are those of `target` (N,).
+    """Return the multipliers, with the total resistance of r-hat, whose flow fractions are those of `target` (N,).
 
     A bed's flow is nearly inverse to its resistance, so m_i <- m_i f_i / target_i, rescaled, converges within a few
     runs. It stops at `tolerance`, or when the error has not fallen for three runs: a vessel cannot carry its target.
     """
     wanted = target / target.sum()
     multipliers = np.ones(len(target))
-    best, at_r_hat, stalled, runs = None, None, 0, 0
+    best: Fit | None = None
+    at_r_hat, stalled, runs = None, 0, 0
     while runs < limit and stalled < 3:
         simulated = flows(multipliers[None])[0]
         runs += 1

@@ -1,5 +1,6 @@
-"""A table of target flows and a 0D network: the resistances that share the network's flow as the table asks."""
+"""Fit the resistances of a 0D network so that its beds share the flow as a table of target flows says."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -7,33 +8,45 @@ import numpy as np
 
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import read_csv
-from coronaryuq.posterior.model.bed_flows import BedFlows
+from coronaryuq.posterior.model.bed_flows import BedFlows, with_resistances
 from coronaryuq.posterior.model.fit_to_fractions import fit_fractions
-from coronaryuq.zerod.network.beds import beds, resistance_changes
-from coronaryuq.zerod.network.changes import with_changes
+from coronaryuq.zerod.network.beds import Bed, beds
 from coronaryuq.zerod.network.read import Network
 
 if TYPE_CHECKING:
     import pandas as pd
 
 FORMS = (("flow",), ("mbf", "volume"), ("volume",))
-"""Columns to whose product the flows are proportional; the first set that a table has counts."""
+"""Columns to whose product the flows are proportional; the first set that the table has is used."""
 
 
 def fit_table(
     network: Network, network_json: str | Path, flows_csv: str | Path, hyperaemia: float = 1.0
 ) -> tuple["pd.DataFrame", Network]:
-    """A row per bed of `flows_csv`, and the network, read from `network_json`, with the fitted resistances.
+    """Return the fit, one row per bed of `flows_csv`, and the network with the fitted resistances.
 
-    hyperaemia: multiplies Ra and Ram of every bed first. Resistances are Ra + Ram + Rv in the network's unit; `first_*`
-    is before the fit, `fitted_*` after; errors are relative to the target fraction. Raises InputError for a name that
-    is no bed, and for proportions that are not positive.
+    Resistances are Ra + Ram + Rv in the network's unit; `first_*` is before the fit, `fitted_*` after; errors are
+    relative to the target fraction.
+
+    Parameters
+    ----------
+    network, network_json
+        The network, in the state of the flows, and the file that it was read from.
+    flows_csv
+        Table with `name` and the columns of one of `FORMS`.
+    hyperaemia
+        Factor on Ra and Ram of every bed before the fit.
+
+    Raises
+    ------
+    InputError
+        If a name is not a coronary bed, or if a number is not positive.
     """
     import pandas as pd
 
     if not hyperaemia > 0:
         raise InputError("--hyperaemia", None, hyperaemia, "expected a positive factor")
-    network = with_changes(network, resistance_changes(network, hyperaemia=hyperaemia), network_json)
+    network = with_resistances(network, network_json, hyperaemia=hyperaemia)
     names, wanted = _proportions(flows_csv, beds(network))
     outlets = [{"bc": name, "vessel": _vessel_of(network, name, network_json)} for name in names]
     model = BedFlows(network_json, outlets, tolerance=1e-4, steps_per_cycle=None, network=network)
@@ -53,22 +66,22 @@ def fit_table(
             "fitted_error": fitted / wanted - 1.0,
         }
     )
-    changes = resistance_changes(network, dict(zip(names, fit.multipliers, strict=True)))
-    return table, with_changes(network, changes, network_json)
+    fitted_network = with_resistances(network, network_json, dict(zip(names, fit.multipliers, strict=True)))
+    return table, fitted_network
 
 
-def _proportions(path: str | Path, known) -> tuple[list[str], np.ndarray]:
+def _proportions(path: str | Path, known: Mapping[str, Bed]) -> tuple[list[str], np.ndarray]:
     frame = read_csv(path, ("name",))
     columns = next((form for form in FORMS if set(form) <= set(frame.columns)), None)
     if columns is None:
         raise InputError(path, "flow", None, "column missing; expected flow, or mbf and volume, or volume")
     names = []
-    for given in (str(cell).strip() for cell in frame["name"]):
-        name = given if given in known else f"BC_{given}"
+    for cell in (str(cell).strip() for cell in frame["name"]):
+        name = cell if cell in known else f"BC_{cell}"
         if name not in known:
-            raise InputError(path, "name", given, f"not a coronary bed; there are {', '.join(known) or 'none'}")
+            raise InputError(path, "name", cell, f"not a coronary bed; there are {', '.join(known) or 'none'}")
         if name in names:
-            raise InputError(path, "name", given, "occurs twice")
+            raise InputError(path, "name", cell, "occurs twice")
         names.append(name)
     if len(names) < 2:
         raise InputError(path, "rows", len(names), "expected at least two beds to share the flow")
@@ -82,7 +95,7 @@ def _proportions(path: str | Path, known) -> tuple[list[str], np.ndarray]:
     return names, product / product.sum()
 
 
-def _numbers(column) -> np.ndarray:
+def _numbers(column: "pd.Series") -> np.ndarray:
     import pandas as pd
 
     return pd.to_numeric(column, errors="coerce").to_numpy(dtype=float)

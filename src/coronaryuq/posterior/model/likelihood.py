@@ -18,15 +18,15 @@ class Likelihood:
         except np.linalg.LinAlgError:
             least = float(np.linalg.eigvalsh(self.covariance).min())
             raise InputError(
-                source, "covariance", least, "its least eigenvalue is not positive; use more realisations"
+                source, "covariance", least, "smallest eigenvalue is not positive; use more realisations"
             ) from None
         self.whitening = np.linalg.inv(factor)
         self.log_constant = -0.5 * len(self.mean) * np.log(2 * np.pi) - np.sum(np.log(np.diag(factor)))
 
     def whitened(self, flows: np.ndarray) -> np.ndarray:
-        """Residuals (n, N) in standard deviations, uncorrelated; a row does not depend on the others."""
+        """Return residuals (n, N) in standard deviations, uncorrelated; rows are independent of each other."""
         return np.sum(self.whitening[None] * (flows - self.mean)[:, None, :], axis=2)
 
     def log_density(self, flows: np.ndarray) -> np.ndarray:
-        """Log likelihood (n,) of simulated `flows` (n, N)."""
+        """Return the log likelihood (n,) of simulated `flows` (n, N)."""
         return self.log_constant - 0.5 * np.sum(self.whitened(flows) ** 2, axis=1)

@@ -2,7 +2,7 @@
 
 Let m_i be the multiplier of r-hat of bed i and w_i = (1 / r-hat_i) / sum_k (1 / r-hat_k) its share of conductance. The
 beds are in parallel, so their total resistance is preserved when sum_i w_i / m_i = 1. (The paper's published draws
-fulfil this to 1e-6 for one set of w.) With g_i = w_i / m_i the constraint is a plane, sum g_i = 1.
+satisfy this to 1e-6 for one set of w.) With g_i = w_i / m_i the constraint is a plane, sum g_i = 1.
 
 The prior is uniform in m on a box. Given that sum g_i takes the value 1, its density on that plane, with respect to
 the plane's own (Lebesgue) measure, is the density of g: dm_i = w_i / g_i^2 dg_i, hence
@@ -24,7 +24,12 @@ import numpy as np
 class Conditioned:
     """Coordinates y (n, N - 1) on the constraint, with the prior conditioned on it.
 
-    weights (N,): shares of conductance w. prior: bounds of every multiplier.
+    Parameters
+    ----------
+    weights
+        Shares of conductance w (N,).
+    prior
+        Bounds of every multiplier.
     """
 
     box = None
@@ -37,24 +42,24 @@ class Conditioned:
         self.basis = _complement(self.weights)
 
     def multipliers(self, y: np.ndarray) -> np.ndarray:
-        """Multipliers (n, N) of r-hat; nan where a share of conductance would not be positive."""
+        """Return multipliers (n, N) of r-hat; nan where a share of conductance would not be positive."""
         with np.errstate(divide="ignore", invalid="ignore"):
             relative = 1.0 + _rows_times(y, self.basis.T)
             return np.where(relative > 0, 1.0 / relative, np.nan)
 
     def coordinates(self, multipliers: np.ndarray) -> np.ndarray:
-        """Coordinates (n, N - 1) of multipliers that fulfil the constraint."""
+        """Return the coordinates (n, N - 1) of multipliers that satisfy the constraint."""
         return _rows_times(1.0 / multipliers - 1.0, self.basis)
 
     def log_prior(self, y: np.ndarray) -> np.ndarray:
-        """Log density (n,) up to a constant; -inf outside the box."""
+        """Return the log density (n,) up to a constant; -inf outside the box."""
         m = self.multipliers(y)
         with np.errstate(invalid="ignore"):
             inside = np.all((m >= self.prior[0]) & (m <= self.prior[1]), axis=1)
         return np.where(inside, 2.0 * np.sum(np.log(np.where(inside[:, None], m, 1.0)), axis=1), -np.inf)
 
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
-        """Exact independent draws (count, N - 1) of the conditioned prior.
+        """Return exact independent draws (count, N - 1) of the conditioned prior.
 
         All multipliers but the one with the largest share are uniform, that one follows from the constraint, and the
         draw is kept with probability proportional to its square: the density of the others under the constraint.
@@ -75,7 +80,7 @@ class Conditioned:
 
 
 class Rescaled:
-    """The paper's treatment: multipliers (n, N) themselves, rescaled after acceptance. Inexact; kept to compare."""
+    """The paper's treatment: multipliers (n, N), rescaled after acceptance. Inexact; kept for comparison."""
 
     def __init__(self, weights: np.ndarray, prior: tuple[float, float]):
         self.weights = np.asarray(weights, dtype=float) / np.sum(weights)
@@ -90,11 +95,11 @@ class Rescaled:
         return multipliers
 
     def log_prior(self, m: np.ndarray) -> np.ndarray:
-        """Zero everywhere: the box is the sampler's, and rescaling may lead slightly out of it."""
+        """Return zero everywhere: the sampler handles the box, and rescaling may lead slightly out of it."""
         return np.zeros(len(m))
 
     def adjust(self, m: np.ndarray) -> np.ndarray:
-        """Multipliers scaled by one factor so that the total resistance is what it was."""
+        """Return the multipliers scaled by one factor that restores the total resistance."""
         return m * np.sum(self.weights / m, axis=1, keepdims=True)
 
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Proposals that leave a box: brought back so that the proposal stays symmetric, or rejected."""
+"""Proposals that leave a box: returned such that the proposal stays symmetric, or rejected."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ def into_box(proposal: Proposal, box: np.ndarray, how: str) -> Proposal:
 
     "reflect" mirrors at the walls as often as needed, "fold" re-enters at the opposite wall; both commute with the
     reversal of a step that does not depend on the state, so the Metropolis ratio needs no factor. A snooker step does
-    depend on it, and "reject" is asked for: those rows get ratio zero and stay inside by clipping.
+    depend on it: such rows, and all with "reject", get ratio zero and are clipped to stay inside.
     """
     low, high = box
     position = proposal.position

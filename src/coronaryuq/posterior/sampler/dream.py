@@ -10,17 +10,19 @@ from coronaryuq.posterior.sampler.boundary import into_box
 from coronaryuq.posterior.sampler.proposals import Proposal, differential_evolution, snooker
 from coronaryuq.posterior.settings import DreamSettings
 
-LOOKS_AT_OUTLIERS = 10
+OUTLIER_CHECKS = 10
+Target = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+Map = Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass
 class State:
-    """All that the next generations depend on; arrays only, so that a checkpoint is these arrays.
+    """Everything that the next generations depend on, as arrays, so that a checkpoint consists of these arrays.
 
     generation: proposals made so far. position (chains, d), log_density (chains,), output (chains, k): what the target
     returned there. crossover: probability of each crossover value; jumped, used: its summed normalised squared jumps
-    and number of uses. recent, looks: log densities summed since the last look at outliers, and how many.
-    accepted, proposed: moves since burn-in ended. screened: the same for proposals on the emulator.
+    and number of uses. recent, looks: log densities summed since the last check for outliers, and their number.
+    accepted, proposed: moves since burn-in ended. screen_accepted, screen_proposed: the same on the emulator.
     evaluations: target evaluations so far. outliers: chains restarted.
     """
 
@@ -53,7 +55,7 @@ class Dream:
        half. (All chains moving at once with partners among themselves, as often programmed, does not leave the
        product of the targets invariant; alternating halves do: Foreman-Mackey et al. 2013, section 3.)
     2. Chain i draws a number of pairs delta from 1..`pairs`, that many pairs (a, b) of distinct partners, and a
-       crossover value CR from {1/m, ..., 1} with the probabilities of the moment. Each coordinate is updated with
+       crossover value CR from {1/m, ..., 1} with its current probability. Each coordinate is updated with
        probability CR, at least one; d' is their number. On those coordinates the proposal is
 
            z = x_i + (1 + e) gamma sum_j (x_a(j) - x_b(j)) + eps,    gamma = 2.38 / sqrt(2 delta d'),
@@ -64,25 +66,45 @@ class Dream:
     4. Outside a box: reflected or folded back, which keeps the proposal symmetric (snooker: rejected).
     5. Accepted with probability min(1, p(z) / p(x_i)).
     6. During burn-in only: the probability of each CR becomes proportional to the mean squared jump, normalised by
-       the spread of the chains, that it has brought; at ten moments a chain whose mean log density since the last of
-       them lies below the first quartile of all chains by more than twice the interquartile range restarts from
+       the spread of the chains, that it has achieved; at ten checks a chain whose mean log density since the last
+       check lies below the first quartile of all chains by more than twice the interquartile range restarts from
        the best chain. After burn-in nothing adapts, so detailed balance holds.
 
     With an emulator q of p (`screen`), a half makes `every` generations of steps 2 to 5 on q, from x to y, and then y
     is accepted with probability min(1, p(y) q(x) / (p(x) q(y))): a reversible kernel of q as the proposal for p (Liu
-    2001, section 9.4.3; with `every` = 1 delayed acceptance, Christen & Fox 2005). Draws follow p exactly however poor
+    2001, section 9.4.3; with `every` = 1 delayed acceptance, Christen & Fox 2005). Draws follow p exactly, however poor
     q is; a poor q only lowers the acceptance. One state is recorded for each such decision.
 
     Random numbers depend on `seed` and the generation only, so a run that continues from a saved `State` gives the same
-    bits. `target(x)` takes (n, d) and returns log density (n,) and outputs (n, k) carried along with the state; a row's
-    values must not depend on the other rows. `screen(x)` returns (n,). `box`: (2, d) or None. `adjust` maps accepted
-    states to others, whose density is then evaluated anew: it exists to reproduce the paper's rescaling and makes the
-    chain inexact. The target must return -inf outside its support.
+    bits.
+
+    Parameters
+    ----------
+    target
+        Takes x (n, d), returns log density (n,), -inf outside its support, and outputs (n, k) carried along with the
+        state; a row's values must not depend on the other rows.
+    settings, seed
+        Settings of the sampler and its seed.
+    screen
+        Log density (n,) of the emulator q at x (n, d), up to a constant.
+    every
+        Generations on the emulator between two decisions of the target.
+    box
+        Bounds (2, d), or None.
+    adjust
+        Maps accepted states to others, whose density is then evaluated again: it reproduces the paper's rescaling and
+        makes the chain inexact.
+
+    References
+    ----------
+    Vrugt et al., Int. J. Nonlinear Sci. Numer. Simul. 10, 2009; ter Braak and Vrugt, Stat. Comput. 18, 2008;
+    Foreman-Mackey et al., PASP 125, 2013; Liu, Monte Carlo Strategies in Scientific Computing, 2001; Christen and Fox,
+    J. Comput. Graph. Stat. 14, 2005.
     """
 
     def __init__(
-        self, target: Callable, settings: DreamSettings, seed: int, *, screen: Callable | None = None, every: int = 1,
-        box: np.ndarray | None = None, adjust: Callable | None = None,
+        self, target: Target, settings: DreamSettings, seed: int, *, screen: Map | None = None, every: int = 1,
+        box: np.ndarray | None = None, adjust: Map | None = None,
     ):  # fmt: skip
         self.target, self.settings, self.seed, self.screen, self.box, self.adjust = (
             target, settings, seed, screen, box, adjust,
@@ -92,7 +114,7 @@ class Dream:
         self.burn_in = int(round(settings.burn_in * self.decisions))
 
     def start(self, position: np.ndarray, evaluated: tuple[np.ndarray, np.ndarray] | None = None) -> State:
-        """State before the first generation; `position` (chains, d) must lie in the support."""
+        """Return the state before the first generation; `position` (chains, d) must lie in the support."""
         position = np.array(position, dtype=float)
         log_density, output = self.target(position) if evaluated is None else evaluated
         if not np.all(np.isfinite(log_density)):
@@ -107,7 +129,7 @@ class Dream:
         )  # fmt: skip
 
     def advance(self, state: State) -> None:
-        """One decision of the target: `every` generations with an emulator, one without. Changes `state`."""
+        """Make one decision of the target: `every` generations with an emulator, one without. Changes `state`."""
         random = generator(self.seed, "dream", "generation", int(state.generation))
         decision = int(state.generation) // self.every
         adapting = decision < self.burn_in
@@ -117,14 +139,15 @@ class Dream:
         order = random.permutation(len(state.position))
         half = len(order) // 2
         for movers, partners in ((order[:half], order[half:]), (order[half:], order[:half])):
-            self._move(state, movers, state.position[partners], random)
+            self.move(state, movers, state.position[partners], random)
         state.generation = state.generation + self.every
         state.proposed = state.proposed + 1
         state.screen_proposed = state.screen_proposed + self.every
         if adapting:
             self._adapt(state, decision)
 
-    def _move(self, state: State, movers: np.ndarray, pool: np.ndarray, random: np.random.Generator) -> None:
+    def move(self, state: State, movers: np.ndarray, pool: np.ndarray, random: np.random.Generator) -> None:
+        """Move one half of the chains, indices `movers`, with partners at `pool` (m, d). Changes `state`."""
         spread = state.position.std(axis=0)
         before = state.position[movers]
         if self.screen is None:
@@ -195,7 +218,7 @@ class Dream:
             state.crossover = share / share.sum()
         state.recent += state.log_density
         state.looks = state.looks + 1
-        interval = max(self.burn_in // LOOKS_AT_OUTLIERS, 1)
+        interval = max(self.burn_in // OUTLIER_CHECKS, 1)
         if self.settings.remove_outliers and (decision + 1) % interval == 0:
             mean = state.recent / state.looks
             low, high = np.quantile(mean, [0.25, 0.75])
