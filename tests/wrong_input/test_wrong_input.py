@@ -16,6 +16,7 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.data.measurements import read_measurements
 from coronaryuq.discrepancy.inference.read_problem import locations
+from coronaryuq.estimation.runs.gather import RunFiles
 from coronaryuq.estimation.runs.gather import gather as gather_runs
 from coronaryuq.flow3d.mesh.generation.folder import unpack
 from coronaryuq.perfusion.stage import gather as gather_perfusion
@@ -68,7 +69,7 @@ def runs(given, out):
     zerod = ([given / "pilot_0.parquet"], [given / "propagation_0.parquet"])
     limits = {"r": (0.5, 2.0), "R_cor_scaling": (0.7, 1.25)}
     tables = (given / "pilot.csv", given / "propagation.csv")
-    gather_runs(given / "case/case.json", *tables, [given / "batch_0.jsonl"], *zerod, limits, 4, out)
+    gather_runs(RunFiles(given / "case/case.json", *tables, [given / "batch_0.jsonl"], *zerod), limits, 4, out)
 
 
 def archive(given, out):
