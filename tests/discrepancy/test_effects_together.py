@@ -107,7 +107,7 @@ def test_measured_ventricular_pressure_is_of_the_conditions_own_period(recorded_
     at = np.linspace(0.0, period, 50, endpoint=False)
     assert period == pytest.approx(0.7 * PERIOD)
     expected = np.interp(at / 0.7, time, ventricular)
-    assert ventricular_pressure(at, Anatomy(network), situation) == pytest.approx(expected)
+    assert ventricular_pressure(at, Anatomy(network), situation, np.zeros(50)) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(("name", "quantity"), [("pressure_delay", "pressure"), ("flow_delay", "flow")])
