@@ -75,7 +75,7 @@ def test_a_limit_that_the_machine_sets_stays_and_is_no_obstacle():
     told = (
         "import resource; resource.setrlimit(resource.RLIMIT_CPU, (100, 100)); "
         "import tests.flow3d.mesh.test_worker as t; "
-        "print(len(t.worker.run('LAD', (t.second_time_lucky, {}), 600.0, attempts=2)[0].tets))"
+        "print(len(t.mmg_process.run('LAD', (t.second_time_lucky, {}), 600.0, attempts=2)[0].tets))"
     )
     done = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=False)
     assert done.stdout == "1\n", done.stderr
