@@ -12,8 +12,8 @@ from pathlib import Path
 from coronaryuq.bench.discrepancy.score import wilson
 from coronaryuq.bench.discrepancy.tables import WANTED, answers, chosen, in_order, is_pair, measures, right, shares
 from coronaryuq.core.io.tables import write_csv
-from coronaryuq.figures.discrepancy_benchmark import discovery, words
-from coronaryuq.report.discrepancy_benchmark import wanted
+from coronaryuq.figures.discrepancy_benchmark import cell_label, hidden_effects
+from coronaryuq.report.discrepancy_benchmark import target
 
 FOLDER = Path(__file__).parent
 DOCS = FOLDER.parent / "docs"
@@ -58,7 +58,7 @@ def totals(cases: list[dict]) -> list[str]:
         first = one.tested != before
         lines.append(
             f"| {one.tested if first else ''} | {one.on} | {one.held} of {one.trials} | {one.share:.3f} | "
-            f"{one.low:.3f} to {one.high:.3f} | {wanted(one.wanted_from, one.wanted_to) if first else ''} |"
+            f"{one.low:.3f} to {one.high:.3f} | {target(one.wanted_from, one.wanted_to) if first else ''} |"
         )
         before = one.tested
     return lines
@@ -93,7 +93,7 @@ def summary(cases: list[dict]) -> list[str]:
         for held, trials in (measures(mine)[name] for mine in parts.values()):
             share = wilson(held, trials)
             row.append(f"{held} of {trials} ({share['low']:.2f} to {share['high']:.2f})" if trials else "–")
-        lines.append(f"| {name} | " + " | ".join(row) + f" | {wanted(*sought)} |")
+        lines.append(f"| {name} | " + " | ".join(row) + f" | {target(*sought)} |")
     return lines
 
 
@@ -105,7 +105,7 @@ def cells(cases: list[dict]) -> list[str]:
         for network in NETWORKS:
             mine = [c for c in chosen(cases, network) if c["effect"] == effect]
             row.append(f"{sum(map(right, mine))} of {len(mine)}" if mine else "")
-        lines.append(f"| {words(effect)} | " + " | ".join(row) + " |")
+        lines.append(f"| {cell_label(effect)} | " + " | ".join(row) + " |")
     return lines
 
 
@@ -135,7 +135,7 @@ def noises(cases: list[dict]) -> list[str]:
     lines = ["| tested | " + " | ".join(parts) + " | wanted |", "|---|" + "---|" * (len(parts) + 1)]
     for name, sought in WANTED.items():
         row = [f"{held} of {trials}" for held, trials in (measures(mine)[name] for mine in parts.values())]
-        lines.append(f"| {name} | " + " | ".join(row) + f" | {wanted(*sought)} |")
+        lines.append(f"| {name} | " + " | ".join(row) + f" | {target(*sought)} |")
     return lines
 
 
@@ -145,7 +145,7 @@ def misses(cases: list[dict]) -> list[str]:
     lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
     for case in (c for c in cases if not c.get("skipped") and not right(c)):
         places = " and ".join(f"`{place}`" for place in dict.fromkeys(case.get("places", [])))
-        hidden = f"{words(case['effect']).replace('none', 'nothing')}{', ' * bool(places)}{places}"
+        hidden = f"{cell_label(case['effect']).replace('none', 'nothing')}{', ' * bool(places)}{places}"
         beside = ", beside a stenosis" if case["network"] != NETWORKS[0] and case["noise"] == "half" else ""
         size = "–" if case["strength"] == "none" else f"{case['strength']}, {case['noise']}"
         row = (case["network"], hidden + beside, size, _rounded(case["visible"]), answered(case), str(case["seed"]))
@@ -161,7 +161,7 @@ def answered(case: dict) -> str:
     """What was named, the first of each class, or what was said instead."""
     first = [members[0].split("@") for members in case.get("classes", [])]
     if first:
-        return " and ".join(f"{words(name)}, `{place}`" for name, place in first)
+        return " and ".join(f"{cell_label(name)}, `{place}`" for name, place in first)
     return "outside the library" if case["abstained"] else "no name" if case["alarmed"] else "no alarm"
 
 
@@ -171,7 +171,7 @@ def picture(cases: list[dict]) -> None:
         tables = [Path(name) / table for table in ("shares.csv", "answers.csv")]
         write_csv(tables[0], shares({network: chosen(cases, network) for network in NETWORKS}))
         write_csv(tables[1], answers(cases))
-        discovery(*map(str, tables), output=str(PICTURE))
+        hidden_effects(*map(str, tables), output=str(PICTURE))
 
 
 def put(page: str, name: str, lines: list[str]) -> str:

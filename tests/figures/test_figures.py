@@ -1,4 +1,6 @@
-"""Figures come from files alone, and the same files give the same bytes."""
+"""Figures are drawn from files only, and the same files give the same bytes."""
+
+import importlib
 
 import numpy as np
 import pandas as pd
@@ -9,13 +11,13 @@ from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.core.io.typed import plain
 from coronaryuq.estimation.results import Budget, Curve, RowBudget
-from coronaryuq.figures.draw import FIGURES, _function, draw
+from coronaryuq.figures.draw import FIGURES, draw
 from support.estimates import estimator, row
 
 
 @pytest.fixture
 def files(tmp_path):
-    """Input files of the figures that need no 3D, with numbers of plausible size."""
+    """Input files of the figures that need no rendering, with plausible numbers."""
     random = np.random.default_rng(1)
     fit = pd.DataFrame(
         {
@@ -73,7 +75,7 @@ def files(tmp_path):
         ("convergence", {"convergence": "convergence.json"}),
         ("budget", {"budget": "budget.json"}),
         ("coverage", {"table": "cells.csv"}),
-        ("discovery", {"shares": "shares.csv", "answers": "answers.csv"}),
+        ("hidden_effects", {"shares": "shares.csv", "answers": "answers.csv"}),
     ],
 )
 @pytest.mark.parametrize("suffix", ["png", "svg"])
@@ -86,11 +88,11 @@ def test_the_same_files_give_the_same_bytes(files, name, inputs, suffix):
     assert drawn[0] == drawn[1] and len(drawn[0]) > 4000
 
 
-def test_every_figure_that_is_named_exists():
-    for where in FIGURES.values():
-        assert callable(_function(where))
+def test_every_named_figure_has_a_function():
+    for module, _, function in (path.partition(":") for path in FIGURES.values()):
+        assert callable(getattr(importlib.import_module(module), function))
 
 
-def test_an_unknown_figure_is_named():
-    with pytest.raises(InputError, match="unknown figure; there are cardiac_function"):
+def test_an_unknown_figure_is_reported_with_those_that_exist():
+    with pytest.raises(InputError, match="unknown figure; available: cardiac_function"):
         draw("pie", {}, "pie.png")

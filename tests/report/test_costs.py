@@ -1,9 +1,9 @@
-"""Costs add up."""
+"""Costs are summed by stage."""
 
 from coronaryuq.report import costs
 
 
-def test_costs_are_those_of_each_jobs_last_attempt(tmp_path):
+def test_only_the_last_attempt_of_a_job_counts(tmp_path):
     (tmp_path / "flow3d").mkdir()
     line = "flow3d_batch {}: done; cost: wall {} s, cpu {} s, memory {} MB\n"
     (tmp_path / "flow3d" / "batch_0.log").write_text(

@@ -1,4 +1,4 @@
-"""The mesh's error beside the statistical one: from a study of this mesh, or a sentence that there is none."""
+"""The error of the mesh: from a study of this mesh, or a sentence that there is none."""
 
 import pytest
 
@@ -32,9 +32,8 @@ def test_a_study_of_this_mesh_is_quoted(mesh, study):
     assert error.of("osi_max_lad") == "mesh: range 0.085, time step ± 0.012"
     assert error.of("mean_flow:A:B") == ""
     assert "4000, 8000, 17000 nodes" in error.sentence and "2 of the samples" in error.sentence
-    assert (
-        "FFR is good to 0.0045 at the worst stenosis; extremes of wall shear and OSI have not settled" in error.sentence
-    )
+    assert "FFR is accurate to 0.0045 at the worst stenosis" in error.sentence
+    assert "extremes of wall shear and OSI have not converged" in error.sentence
 
 
 def test_without_a_study_the_page_says_so(mesh):

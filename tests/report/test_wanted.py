@@ -1,4 +1,4 @@
-"""The page says whether a wanted interval was reached, why a campaign stopped, what half the width would cost."""
+"""Whether requested widths were reached, why a campaign stopped, and the cost of half the width."""
 
 import json
 
@@ -25,25 +25,25 @@ def written(tmp_path):
     return write
 
 
-def test_a_row_that_is_met_and_one_that_is_not(written):
+def test_a_reached_and_a_missed_width_are_reported(written):
     met, short = sentences(ROWS, *written([MET, SHORT]))
     assert met["met"] and met["text"] == (
-        "FFR, FFR, LAD: ± 0.01 wanted, ± 0.0081 reached by MFMC. "
-        "Half the wanted width, ± 0.005, would cost about 61 3D runs more."
+        "FFR, FFR, LAD: ± 0.01 requested, ± 0.0081 reached by MFMC. "
+        "Half the requested width, ± 0.005, would cost about 61 more 3D runs."
     )
-    assert not short["met"] and "not met, it would take about 1,077 3D runs and 20 0D runs more." in short["text"]
+    assert not short["met"] and "reached by MFMC; this needs about 1,077 3D runs and 20 0D runs more." in short["text"]
 
 
 @pytest.mark.parametrize(
-    ("why", "says"), [("met", "reached"), ("bounds reached", "most_3d"), ("rounds spent", "rounds")]
+    ("why", "text"), [("met", "all requested widths"), ("bounds reached", "most_3d"), ("rounds spent", "rounds")]
 )
-def test_a_campaign_that_grew_says_why_it_stopped(written, why, says):
+def test_a_campaign_that_grew_reports_why_it_stopped(written, why, text):
     counts = {"n_3d": 48, "n_0d": 400}
     ended = {"round": 1, "counts": counts, "plan": [], "next": counts, "done": True, "why": why}
     (last,) = sentences(ROWS, *written([], ended))
-    assert "in round 2 with 48 3D and 400 propagation runs" in last["text"] and says in last["text"]
+    assert "in round 2 with 48 3D and 400 propagation runs" in last["text"] and text in last["text"]
     assert last["met"] == (why == "met")
 
 
-def test_without_wanted_widths_nothing_is_said(written):
+def test_without_requested_widths_there_are_no_lines(written):
     assert sentences(ROWS, *written([])) == []

@@ -65,8 +65,12 @@ def test_it_grows_until_the_wanted_width_is_met_and_says_so(first):
     assert ran == decided[-1]["counts"]["n_3d"] == len(read_csv(results / "runs" / "params.csv"))
     assert half_width(results) <= WANTED
     row, end = said(results)
-    assert f"± {WANTED} wanted" in row and "not met" not in row and "Half the wanted width, ± 0.0065, would cost" in row
-    assert "every wanted interval was reached" in end
+    assert (
+        f"± {WANTED} requested" in row
+        and "this needs" not in row
+        and "Half the requested width, ± 0.0065, would cost" in row
+    )
+    assert "all requested widths were reached" in end
 
 
 def test_another_copy_on_one_core_gives_the_same_bytes(first, tmp_path):
@@ -83,4 +87,4 @@ def test_at_the_bounds_it_stops_and_says_what_is_missing(first):
     assert decided[-1]["why"] == "bounds reached" and decided[-1]["counts"]["n_3d"] == MOST["most_3d"]
     assert half_width(results) > WANTED / 10
     row, end = said(results)
-    assert re.search(r"not met, it would take about [\d,]+ 3D runs", row) and "no more runs are allowed" in end
+    assert re.search(r"this needs about [\d,]+ 3D runs", row) and "the largest number of runs" in end

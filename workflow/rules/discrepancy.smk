@@ -296,7 +296,7 @@ rule discrepancy_benchmark_figure:
     log:
         log_of("discrepancy_benchmark", "figure.log"),
     params:
-        name="discovery",
+        name="hidden_effects",
     script:
         "../scripts/figure.py"
 

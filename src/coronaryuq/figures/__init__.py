@@ -1,1 +1,1 @@
-"""Figures from result files alone."""
+"""Figures, drawn from result files only."""

@@ -1,4 +1,4 @@
-"""What runs buy: convergence with the number of 3D runs (Fig. 6) and both budget curves (Fig. 7)."""
+"""Convergence with the number of 3D runs (Fig. 6), and variance and cost against the budget (Fig. 7)."""
 
 import numpy as np
 
@@ -6,9 +6,9 @@ from coronaryuq.estimation.results import read_budget, read_convergence
 from coronaryuq.figures.style import ESTIMATORS, MUTED, saved
 
 SHOWN = "max OSI"
-"""The paper's example for both figures, and the hardest quantity."""
+"""The paper's example in both figures, and the most difficult quantity."""
 LEAST_COST = 1e-2
-"""3D runs: what costs less is had for nothing, and would only stretch a logarithmic axis."""
+"""Costs below this number of 3D runs are not drawn; they would only stretch the logarithmic axis."""
 SERIES = (
     ("rho_original", "3D against 0D, same θ", MUTED),
     ("rho_ae_in_sample", "MFMC-AE, in-sample", "#E7B394"),
@@ -18,7 +18,7 @@ SERIES = (
 
 
 def convergence(convergence: str, output: str) -> None:
-    """Correlations and the Monte Carlo mean of maximum OSI over random subsamples; one dot a subsample (Fig. 6)."""
+    """Draw correlations and the Monte Carlo mean of maximum OSI over random subsamples, a dot each (Fig. 6)."""
     entries = [entry for entry in read_convergence(convergence) if entry.label.startswith(SHOWN)]
     rows = list(dict.fromkeys(entry.row for entry in entries))
     columns = max(len(rows), 1)
@@ -52,7 +52,7 @@ def convergence(convergence: str, output: str) -> None:
 
 
 def budget(budget: str, output: str) -> None:
-    """Optimal variance against the budget, and what a smaller variance than today's still costs (Fig. 7)."""
+    """Draw the optimal variance against the budget, and the cost of a smaller variance (Fig. 7)."""
     rows = [row for row in read_budget(budget).budget if row.label.startswith(SHOWN)]
     columns = max(len(rows), 1)
     with saved(output, nrows=2, ncols=columns, figsize=(3.4 * columns, 5.4), squeeze=False) as (figure, axes):
@@ -66,7 +66,7 @@ def budget(budget: str, output: str) -> None:
                 axes[1][column].loglog(np.array(row.variance_factor)[reached], cost[reached], **look)
             axes[0][column].set_title(row.label.split(", ")[-1], fontsize=9)
             axes[0][column].set_xlabel("budget (3D runs)")
-            axes[1][column].set_xlabel("wanted variance / today's")
+            axes[1][column].set_xlabel("variance / current variance")
             axes[1][column].invert_xaxis()
         axes[0][0].set_ylabel("optimal variance, mean of max OSI")
         axes[1][0].set_ylabel("additional cost (3D runs)")

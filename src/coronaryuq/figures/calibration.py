@@ -1,4 +1,4 @@
-"""Cardiac function: what was measured against what the tuned loop gives (paper, Fig. A.1)."""
+"""Cardiac function: the tuned loop compared with its targets (paper, Fig. A.1)."""
 
 import numpy as np
 
@@ -6,14 +6,13 @@ from coronaryuq.core.io.tables import read_csv
 from coronaryuq.figures.style import MEASURED, MUTED, SIMULATED, saved
 
 NARROW, WIDEST = 5.0, 60.0
-"""Per cent: the band that counts as matched, and the largest half width of the axis."""
+"""Half widths in per cent: of the grey band, and the largest one of the axis."""
 
 
 def cardiac_function(fit: str, output: str) -> None:
-    """One line per target: how far the tuned model is from it in per cent (an arrowhead: farther than the axis goes),
-    and both numbers with their unit.
+    """Draw the difference of the tuned model from each target in per cent, and both values; arrowhead: beyond the axis.
 
-    Targets of this patient's clinic come first, those of the literature (flow shapes, valve times) below.
+    Clinical targets of this patient come first, those from the literature (flow waveforms, valve times) below.
     """
     table = read_csv(fit, columns=("description", "unit", "measured", "simulated", "tuned", "clinical"))
     table = table[table["tuned"]].sort_values("clinical", ascending=False, kind="stable")
@@ -27,7 +26,7 @@ def cardiac_function(fit: str, output: str) -> None:
         shown = np.clip(off, -wide, wide)
         for chosen, colour, label in (
             (clinical, SIMULATED, "measured in this patient"),
-            (~clinical, MUTED, "taken from the literature"),
+            (~clinical, MUTED, "from the literature"),
         ):
             axis.hlines(y[chosen], 0, shown[chosen], color=colour, lw=1)
             within = chosen & (off.abs() <= wide).to_numpy()
@@ -43,7 +42,7 @@ def cardiac_function(fit: str, output: str) -> None:
             )  # fmt: skip
         axis.set_yticks(y, table["description"], fontsize=7.5)
         axis.set_xlim(-1.03 * wide, 1.03 * wide)
-        axis.set_xlabel("tuned model against target (%); grey: within 5 %; numbers: target → model")
+        axis.set_xlabel("difference of the tuned model from its target (%); grey: within 5 %; numbers: target → model")
         axis.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, fontsize=7.5)
         axis.spines["left"].set_visible(False)
         axis.tick_params(axis="y", length=0)

@@ -1,4 +1,4 @@
-"""Whether intervals hold: claimed over empirical spread and coverage, cell by cell of the benchmark."""
+"""Calibration of the intervals in the benchmark: claimed over empirical spread, and coverage."""
 
 import numpy as np
 from matplotlib.ticker import FixedLocator, NullLocator
@@ -7,13 +7,13 @@ from coronaryuq.core.io.tables import read_csv
 from coronaryuq.figures.style import ESTIMATORS, MUTED, saved
 
 RATIO, COVERAGE = (0.85, 1.15), (93, 97)
-"""What is wanted: a claim within 15 % of the spread, 93 to 97 % of intervals that hold."""
+"""Targets: a claim within 15 % of the spread, and a coverage of 93 to 97 %."""
 
 
 def coverage(table: str, output: str) -> None:
-    """One dot a cell, with its 95 % error; grey: what is wanted. Columns: pilot sizes; lines: problems, quantities."""
-    wanted = ("problem", "method", "quantity", "n_3d", "trials", "claimed_over_empirical", "coverage_95")
-    cells = read_csv(table, columns=(*wanted, "coverage_95_low", "coverage_95_high"))
+    """Draw each cell as a dot with its 95 % error; grey: targets. Columns: pilot sizes; lines: problems, quantities."""
+    columns = ("problem", "method", "quantity", "n_3d", "trials", "claimed_over_empirical", "coverage_95")
+    cells = read_csv(table, columns=(*columns, "coverage_95_low", "coverage_95_high"))
     cells["line"] = cells["problem"] + np.where(cells["quantity"] == "mean", "", ": " + cells["quantity"])
     lines = list(dict.fromkeys(cells["line"]))[::-1]
     sizes = sorted(cells["n_3d"].unique())
@@ -30,12 +30,12 @@ def coverage(table: str, output: str) -> None:
             ratios.set_yticks(range(len(lines)), lines, fontsize=7)
             ratios.set_ylim(-0.6, len(lines) - 0.4)
             for place, method in enumerate(methods):
-                of = cells[(cells["n_3d"] == size) & (cells["method"] == method)]
-                y = of["line"].map(lines.index).to_numpy(float) + 0.22 * ((len(methods) - 1) / 2 - place)
-                ratio, share = of["claimed_over_empirical"].to_numpy(), of["coverage_95"].to_numpy()
-                # A ratio's error is that of a standard deviation, and even on a logarithmic axis.
-                factor = np.exp(1.96 / np.sqrt(2 * of["trials"].to_numpy()))
-                around = np.abs(of[["coverage_95_low", "coverage_95_high"]].to_numpy().T - share)
+                part = cells[(cells["n_3d"] == size) & (cells["method"] == method)]
+                y = part["line"].map(lines.index).to_numpy(float) + 0.22 * ((len(methods) - 1) / 2 - place)
+                ratio, share = part["claimed_over_empirical"].to_numpy(), part["coverage_95"].to_numpy()
+                # The error of the ratio is that of a standard deviation, symmetric on a logarithmic axis.
+                factor = np.exp(1.96 / np.sqrt(2 * part["trials"].to_numpy()))
+                around = np.abs(part[["coverage_95_low", "coverage_95_high"]].to_numpy().T - share)
                 look = {"fmt": "o", "ms": 2.5, "lw": 0.8, "color": ESTIMATORS[method]}
                 ratios.errorbar(ratio, y, xerr=[ratio * (1 - 1 / factor), ratio * (factor - 1)], **look, label=method)
                 shares.errorbar(100 * share, y, xerr=100 * around, **look)
@@ -47,8 +47,10 @@ def coverage(table: str, output: str) -> None:
             ratios.set_title(f"{size} 3D runs", loc="left")
             ratios.set_xlabel("claimed / empirical spread")
             shares.set_xlim(100 * cells["coverage_95_low"].min() - 1, 100.5)
-            shares.set_xlabel("intervals that hold, %")
+            shares.set_xlabel("coverage of 95 % intervals (%)")
             for axis in (ratios, shares):
                 axis.tick_params(axis="x", labelsize=6)
-        handles = {label: one for axis in axes[0] for one, label in zip(*axis.get_legend_handles_labels(), strict=True)}
+        handles = {
+            label: handle for axis in axes[0] for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
+        }
         figure.legend(handles.values(), handles, loc="outside upper center", ncols=len(handles), fontsize=8)

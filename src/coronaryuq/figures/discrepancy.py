@@ -1,4 +1,4 @@
-"""Figures of the discrepancy search: where, what, how much, and how far the gap shrinks. Files in, one file out."""
+"""Figures of the search for missing effects, each drawn from one table."""
 
 from pathlib import Path
 
@@ -27,9 +27,9 @@ SHOWN_IN = {
 
 
 def tree(table: str | Path, output: str | Path) -> None:
-    """Vessels from left to right as they divide, coloured by their largest disagreement (sd); grey: none measured.
+    """Draw the tree from left to right, coloured by the largest disagreement (sd); grey: not measured.
 
-    A diamond, with its name, is a named effect: on the vessel where it acts there, at its end where it acts at the bed.
+    A labelled diamond is a named effect: on the vessel where it acts, or at its end if it acts at the bed.
     """
     frame = read_csv(table, ("vessel", "parent", "disagreement", "named"))
     children: dict[str, list[str]] = {}
@@ -37,11 +37,11 @@ def tree(table: str | Path, output: str | Path) -> None:
         children.setdefault(row.parent if isinstance(row.parent, str) else "", []).append(row.vessel)
     place: dict[str, tuple[float, float]] = {}
 
-    def lay(name: str, depth: int, leaf: int) -> int:
+    def place_subtree(name: str, depth: int, leaf: int) -> int:
         below = children.get(name, [])
         first = leaf
         for child in below:
-            leaf = lay(child, depth + 1, leaf)
+            leaf = place_subtree(child, depth + 1, leaf)
         if not below:
             leaf += 1
         heights = [place[child][1] for child in below]
@@ -50,7 +50,7 @@ def tree(table: str | Path, output: str | Path) -> None:
 
     leaves = 0
     for root in children.get("", []):
-        leaves = lay(root, 0, leaves)
+        leaves = place_subtree(root, 0, leaves)
     worst = dict(zip(frame.vessel, frame.disagreement, strict=True))
     norm = Normalize(0.0, max(4.0, np.nanmax(frame.disagreement.to_numpy(), initial=0.0)))
     colours = colormaps["viridis_r"]
@@ -70,18 +70,18 @@ def tree(table: str | Path, output: str | Path) -> None:
             _mark(axes, name, depth, height, 1.0 if name in children else 0.8, named.get(name, []))
         axes.set_axis_off()
         axes.set_ylim(-0.5, max(leaves - 1, 0) + 0.7)
-        title = "Largest disagreement after recalibration (sd of what chance gives); grey: not measured"
+        title = "Largest disagreement after recalibration (standard deviations expected by chance); grey: not measured"
         axes.set_title(title, loc="left")
         canvas.colorbar(ScalarMappable(norm, colours), ax=axes, shrink=0.7)
 
 
 def _mark(axes, vessel: str, depth: float, height: float, length: float, named: list[str]) -> None:
-    """Diamonds with names for the effects that act at a vessel, "EFFECT at PLACE", from its middle or its end on."""
-    told = {True: [], False: []}
-    for one in named:
-        effect, place = one.split(" at ", 1)
-        told[vessel in place.split("~")].append(effect.replace("_", " "))
-    for own, words in told.items():
+    """Mark the effects that act at a vessel ("EFFECT at PLACE") by labelled diamonds, in its middle or at its end."""
+    labels: dict[bool, list[str]] = {True: [], False: []}
+    for name in named:
+        effect, place = name.split(" at ", 1)
+        labels[vessel in place.split("~")].append(effect.replace("_", " "))
+    for own, words in labels.items():
         if words:
             x = depth + (0.5 if own else 1.0) * length
             axes.plot(x, height, "D", ms=5, color=AFTER, mec="white", mew=0.8, zorder=4, clip_on=False)
@@ -92,9 +92,9 @@ def _mark(axes, vessel: str, depth: float, height: float, length: float, named: 
 
 
 def residuals(table: str | Path, output: str | Path) -> None:
-    """The series with the largest misfit: measured with its noise, recalibrated, repaired, over the cycle.
+    """Draw the waveforms with the largest misfit: measured with its noise, recalibrated, repaired.
 
-    Where no waveform was measured: predicted against measured, quantity by quantity.
+    Without waveforms: predicted against measured values, a panel per quantity.
     """
     frame = read_csv(
         table, ("condition", "quantity", "location", "statistic", "phase", "measured", "sd", "recalibrated", "named")
@@ -110,12 +110,12 @@ def residuals(table: str | Path, output: str | Path) -> None:
         for axis, ((quantity, location, condition), part) in zip(axes.flat, groups, strict=False):
             part = part.assign(phase=part.phase % 1.0).sort_values("phase")
             phase = part.phase.to_numpy()
-            one, unit = SHOWN_IN.get(quantity, (1.0, ""))
-            measured, sd = part.measured / one, part.sd / one
-            axis.errorbar(phase, measured, sd, fmt=".", ms=3, lw=0.6, color=MEASURED, label="measured, sd")
-            axis.plot(phase, part.recalibrated / one, color=BEFORE, lw=1.2, label="recalibrated")
-            axis.plot(phase, part.repaired / one, color=AFTER, lw=1.2, label=_after(frame))
-            held = "" if bool(part.fitted.all()) else ", kept out of the fit"
+            scale, unit = SHOWN_IN.get(quantity, (1.0, ""))
+            measured, sd = part.measured / scale, part.sd / scale
+            axis.errorbar(phase, measured, sd, fmt=".", ms=3, lw=0.6, color=MEASURED, label="measured ± sd")
+            axis.plot(phase, part.recalibrated / scale, color=BEFORE, lw=1.2, label="recalibrated")
+            axis.plot(phase, part.repaired / scale, color=AFTER, lw=1.2, label=_after(frame))
+            held = "" if bool(part.fitted.all()) else ", held out"
             axis.set_title(f"{quantity} at {location}\n{condition}{held}", fontsize=7)
             axis.set_xlabel("phase of the cycle")
             axis.set_ylabel(unit)
@@ -125,37 +125,37 @@ def residuals(table: str | Path, output: str | Path) -> None:
 
 
 def _after(frame: pd.DataFrame) -> str:
-    """What the repaired model is called: nothing may have been named."""
-    return "with the named effects" if bool(frame.named.all()) else "with what comes nearest"
+    """Return the label of the repaired model."""
+    return "with the named effects" if bool(frame.named.all()) else "with the most probable effect"
 
 
 def _against_measured(frame: pd.DataFrame, output: str | Path) -> None:
-    """Predicted against measured, a panel per quantity, before and after; squares were kept out of every fit."""
+    """Draw predicted against measured values, a panel per quantity, before and after; squares: held out."""
     names = list(dict.fromkeys(frame.quantity))
     drawn = {}
     with saved(output, ncols=len(names), figsize=(3.4 * len(names), 3.9), squeeze=False) as (canvas, axes):
         for axis, quantity in zip(axes.flat, names, strict=True):
-            part, (one, unit) = frame[frame.quantity == quantity], SHOWN_IN.get(quantity, (1.0, ""))
-            values = part[["measured", "recalibrated", "repaired"]].to_numpy() / one
+            part, (scale, unit) = frame[frame.quantity == quantity], SHOWN_IN.get(quantity, (1.0, ""))
+            values = part[["measured", "recalibrated", "repaired"]].to_numpy() / scale
             ends = [values.min(), values.max()]
             axis.plot(ends, ends, color=MUTED, lw=1, zorder=1)
             for key, colour, size, label in (
                 ("recalibrated", BEFORE, 6, "recalibrated"),
                 ("repaired", AFTER, 4, _after(frame)),
             ):
-                for fitted, marker, which in ((True, "o", "fitted"), (False, "s", "kept out of the fit")):
-                    some = part[part.fitted.astype(bool) == fitted]
-                    if len(some):
+                for fitted, marker, which in ((True, "o", "fitted"), (False, "s", "held out")):
+                    points = part[part.fitted.astype(bool) == fitted]
+                    if len(points):
                         style = {"fmt": marker, "ms": size, "mfc": colour if fitted else "white", "color": colour}
-                        at = some.measured / one, some[key] / one
-                        drawn[f"{label}, {which}"] = axis.errorbar(*at, xerr=some.sd / one, lw=0.8, **style)
-            beside = f" ({unit})" if unit else ""
-            axis.set(title=quantity, xlabel=f"measured, sd{beside}", ylabel=f"predicted{beside}", aspect="equal")
+                        xy = points.measured / scale, points[key] / scale
+                        drawn[f"{label}, {which}"] = axis.errorbar(*xy, xerr=points.sd / scale, lw=0.8, **style)
+            unit_text = f" ({unit})" if unit else ""
+            axis.set(title=quantity, xlabel=f"measured ± sd{unit_text}", ylabel=f"predicted{unit_text}", aspect="equal")
         canvas.legend(drawn.values(), drawn.keys(), loc="outside lower center", ncols=2, fontsize=6)
 
 
 def ranking(table: str | Path, output: str | Path) -> None:
-    """Candidates of every round with their probability; the accepted one filled."""
+    """Draw the candidates of each round with their probability; the accepted one coloured."""
     frame = read_csv(table, ("round", "effect", "place", "probability", "accepted"))
     frame = frame[frame.effect != "outside the library"]
     rounds = sorted(frame["round"].unique()) or [1]
@@ -175,7 +175,7 @@ def ranking(table: str | Path, output: str | Path) -> None:
 
 
 def sizes(table: str | Path, output: str | Path) -> None:
-    """Posterior and prior density of every size of the named effects."""
+    """Draw posterior and prior densities of the sizes of the named effects."""
     frame = read_csv(table, ("effect", "place", "parameter", "size", "posterior", "prior"))
     groups = list(frame.groupby(["effect", "place", "parameter"], sort=False))
     with saved(output, ncols=max(1, len(groups)), figsize=(3.4 * max(1, len(groups)), 2.6), squeeze=False) as (_, axes):
@@ -192,24 +192,24 @@ def sizes(table: str | Path, output: str | Path) -> None:
 
 
 def gap(table: str | Path, output: str | Path) -> None:
-    """Misfit on data kept out of every fit, with 90 % intervals, beside the noise floor."""
+    """Draw the misfit on held-out data with 90 % intervals, and the noise floor."""
     frame: pd.DataFrame = read_csv(table, ("model", "misfit", "low", "high", "noise_floor"))
     with saved(output, figsize=(5.5, 0.7 + 0.375 * len(frame))) as (_, axes):
-        at = np.arange(len(frame))[::-1]
+        heights = np.arange(len(frame))[::-1]
         colours = [BEFORE, AFTER, FLEXIBLE, TOGETHER, MEASURED][: len(frame)]
         low, high = (np.clip(d, 0, None) for d in (frame.misfit - frame.low, frame.high - frame.misfit))
-        for y, row, colour, a, b in zip(at, frame.itertuples(), colours, low, high, strict=True):
+        for y, row, colour, a, b in zip(heights, frame.itertuples(), colours, low, high, strict=True):
             axes.errorbar(row.misfit, y, xerr=[[a], [b]], fmt="o", color=colour, capsize=3)
         axes.axvline(1.0, color=MUTED, ls="--", lw=1)
         axes.text(1.0, len(frame) - 0.55, "noise floor", fontsize=7, color=MUTED)
-        axes.set_yticks(at, frame.model)
+        axes.set_yticks(heights, frame.model)
         axes.set_ylim(-0.6, len(frame) - 0.3)
         axes.set_xlim(left=0)
-        axes.set_xlabel("misfit on data kept out of every fit")
+        axes.set_xlabel("misfit on held-out data")
 
 
 def pairs(table: str | Path, output: str | Path) -> None:
-    """A table model: pressure drop against flow, and FFR measured against simulated before and after, per branch."""
+    """Draw pressure drop against flow, and predicted against measured FFR, for each branch of a table model."""
     frame = read_csv(table, ("branch", "flow", "drop_measured", "drop_model_at_flow", "ffr_measured", "ffr_simulated"))
     names = list(dict.fromkeys(frame.branch))
     with saved(output, nrows=2, ncols=len(names), figsize=(3.0 * len(names), 5.4), squeeze=False) as (_, axes):
@@ -218,25 +218,25 @@ def pairs(table: str | Path, output: str | Path) -> None:
             top, bottom = axes[:, column]
             top.plot(part.flow, part.drop_measured, ".", ms=2, color=MEASURED, label="measured")
             top.plot(part.flow, part.drop_model_at_flow, ".", ms=2, color=BEFORE, label="model at that flow")
-            top.set(title=artery(name), xlabel="flow (the table's unit)", ylabel="pressure drop (the table's unit)")
+            top.set(title=artery(name), xlabel="flow (unit of the table)", ylabel="pressure drop (unit of the table)")
             for key, colour, label in (
-                ("ffr_simulated", BEFORE, "as it is"),
+                ("ffr_simulated", BEFORE, "unchanged"),
                 ("ffr_recalibrated", FLEXIBLE, "recalibrated"),
                 ("ffr_repaired", AFTER, "repaired"),
             ):
                 bottom.plot(part.ffr_measured, part[key], ".", ms=2, color=colour, label=label)
             ends = [part.ffr_measured.min(), part.ffr_measured.max()]
             bottom.plot(ends, ends, color=MUTED, lw=1)
-            bottom.set(xlabel="FFR measured", ylabel="FFR, held-out samples")
+            bottom.set(xlabel="measured FFR", ylabel="predicted FFR, held-out samples")
         axes[0, 0].legend(fontsize=7, markerscale=4)
         axes[1, 0].legend(fontsize=7, markerscale=4)
 
 
 def pairs_gap(table: str | Path, output: str | Path) -> None:
-    """A table model: error of FFR on held-out samples per branch, before and after, 90 % intervals over samples."""
+    """Draw the error of FFR on held-out samples of each branch of a table model, with 90 % intervals over samples."""
     frame = read_csv(table, ("branch", "ffr_measured", "ffr_simulated", "ffr_recalibrated", "ffr_repaired"))
     models = (
-        ("ffr_simulated", MEASURED, "as it is"),
+        ("ffr_simulated", MEASURED, "unchanged"),
         ("ffr_recalibrated", BEFORE, "recalibrated"),
         ("ffr_repaired", AFTER, "with the named effects"),
         ("ffr_flexible", FLEXIBLE, "Gaussian process"),
@@ -261,7 +261,7 @@ def pairs_gap(table: str | Path, output: str | Path) -> None:
 
 
 def pairs_effects(table: str | Path, output: str | Path) -> None:
-    """A table model: probability that each effect is part of the law of each branch; the named ones filled."""
+    """Draw the probability of each effect in the law of each branch of a table model; named ones coloured."""
     frame = read_csv(table, ("branch", "effect", "probability", "named"))
     names, effects = list(dict.fromkeys(frame.branch)), list(dict.fromkeys(frame.effect))[::-1]
     with saved(output, ncols=len(names), figsize=(3.0 * len(names), 2.2), squeeze=False, sharey=True) as (_, axes):
@@ -272,4 +272,4 @@ def pairs_effects(table: str | Path, output: str | Path) -> None:
             axis.barh(range(len(part)), part.probability.fillna(0.0), color=colours)
             axis.set_yticks(range(len(part)), [effect.replace("_", " ") for effect in effects], fontsize=7)
             axis.set_xlim(0, 1)
-            axis.set(title=artery(name), xlabel="probability of being part")
+            axis.set(title=artery(name), xlabel="probability")

@@ -1,6 +1,7 @@
-"""Every figure of a campaign by its name."""
+"""All figures of a campaign, by name."""
 
-from collections.abc import Callable, Mapping
+import importlib
+from collections.abc import Mapping
 
 from coronaryuq.core.errors import InputError
 
@@ -27,19 +28,23 @@ FIGURES: dict[str, str] = {
     "discrepancy_pairs": "coronaryuq.figures.discrepancy:pairs",
     "discrepancy_pairs_gap": "coronaryuq.figures.discrepancy:pairs_gap",
     "discrepancy_pairs_effects": "coronaryuq.figures.discrepancy:pairs_effects",
-    "discovery": "coronaryuq.figures.discrepancy_benchmark:discovery",
+    "hidden_effects": "coronaryuq.figures.discrepancy_benchmark:hidden_effects",
 }
 
 
 def draw(name: str, inputs: Mapping[str, str], output: str) -> None:
-    """Draw the figure `name` from its input files to `output` (PNG or SVG)."""
+    """Draw a figure.
+
+    Parameters
+    ----------
+    name
+        Key of `FIGURES`.
+    inputs
+        Path of each input file, by the parameter's name of the function that draws.
+    output
+        PNG or SVG file.
+    """
     if name not in FIGURES:
-        raise InputError(output, "figure", name, f"unknown figure; there are {', '.join(FIGURES)}")
-    _function(FIGURES[name])(**inputs, output=output)
-
-
-def _function(where: str) -> Callable:
-    import importlib
-
-    module, _, function = where.partition(":")
-    return getattr(importlib.import_module(module), function)
+        raise InputError(output, "figure", name, f"unknown figure; available: {', '.join(FIGURES)}")
+    module, _, function = FIGURES[name].partition(":")
+    getattr(importlib.import_module(module), function)(**inputs, output=output)

@@ -1,4 +1,4 @@
-"""Estimates: what the shared space does to a pair of outputs (Fig. 3), and every estimator's intervals (Figs. 4, 5)."""
+"""Pairs of outputs in the shared space (Fig. 3), and the intervals of all estimators (Figs. 4, 5)."""
 
 import numpy as np
 from matplotlib.ticker import MaxNLocator
@@ -17,7 +17,7 @@ WARNING = "#B3261E"
 
 
 def osi_scatter(pairs: str, output: str) -> None:
-    """3D maximum OSI against 0D mean flow, at the same θ and resampled through the shared space, branch by branch."""
+    """Draw 3D maximum OSI against 0D mean flow, at the same θ and resampled through the shared space, by branch."""
     table = read_csv(pairs, columns=("row", "label", "y", "q", "q_resampled"))
     rows = [row for row, part in table.groupby("row", sort=False) if "OSI" in part["label"].iloc[0]]
     with saved(output, ncols=max(len(rows), 1), figsize=(3.2 * max(len(rows), 1), 3.6), squeeze=False) as (_, axes):
@@ -36,12 +36,12 @@ def osi_scatter(pairs: str, output: str) -> None:
 
 
 def intervals_wss(estimates: str, output: str) -> None:
-    """Maximum OSI and minimum TAWSS: mean with 95 % (solid) and 99 % (dashed) intervals of every estimator (Fig. 4)."""
+    """Draw means and intervals of maximum OSI and minimum TAWSS by all estimators (Fig. 4)."""
     _intervals(estimates, output, ("max OSI, mean flow", "min TAWSS, mean flow"))
 
 
 def intervals_ffr(estimates: str, output: str) -> None:
-    """FFR, estimated with 0D FFR and with 0D mean flow (Fig. 5)."""
+    """Draw means and intervals of FFR, estimated with 0D FFR and with 0D mean flow (Fig. 5)."""
     _intervals(estimates, output, ("FFR, FFR", "FFR, mean flow"))
 
 
@@ -54,13 +54,13 @@ def _intervals(estimates: str, output: str, kinds: tuple[str, ...]) -> None:
     ):
         for line, axes_of_line in zip(rows, axes, strict=True):
             for row, axis in zip(line, axes_of_line, strict=False):
-                _one_row(axis, row)
+                _draw_row(axis, row)
             for axis in axes_of_line[len(line) :]:
                 axis.set_axis_off()
         figure.supxlabel("solid: Chebyshev 95 %, dashed: Chebyshev 99 %, thick: calibrated 95 %", fontsize=8)
 
 
-def _one_row(axis, row: RowReport) -> None:
+def _draw_row(axis, row: RowReport) -> None:
     names = list(row.estimators)
     for place, name in enumerate(names):
         value, ink = row.estimators[name], ESTIMATORS[name]

@@ -1,6 +1,8 @@
-"""The posterior: marginals of the resistances, simulated flows against targets, their covariance (Figs. 2, A.2)."""
+"""Posterior marginals of the resistances, simulated flows and their targets, their covariance (Figs. 2, A.2)."""
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -11,7 +13,7 @@ from coronaryuq.posterior.results import read_summary
 
 
 def marginals(posterior: str, case: str, output: str) -> None:
-    """Histogram of every bed's resistance as a multiple of r-hat, with mean and 95 % interval (Fig. 2a)."""
+    """Draw the histogram of each bed's resistance as a multiple of r-hat, with mean and 95 % interval (Fig. 2a)."""
     beds, r, _ = _read(posterior)
     names, limits = _names(case), (r.min(), r.max())
     with _grid(output, len(beds)) as axes:
@@ -26,7 +28,7 @@ def marginals(posterior: str, case: str, output: str) -> None:
 
 
 def flows(posterior: str, case: str, targets: str, summary: str, output: str) -> None:
-    """Simulated flow of every outlet against its target and the target's noise (Fig. 2b)."""
+    """Draw the simulated flow of each outlet, its target and the target's noise (Fig. 2b)."""
     beds, _, flow = _read(posterior)
     names, mean, covariance = _names(case), *_targets(targets, summary)
     spread = np.sqrt(np.diag(covariance))
@@ -35,7 +37,7 @@ def flows(posterior: str, case: str, targets: str, summary: str, output: str) ->
             axis.hist(values / ML_PER_MIN, bins=40, density=True, color=SIMULATED, alpha=0.75, label="simulated")
             x = np.linspace(m - 3.2 * s, m + 3.2 * s, 200)
             density = np.exp(-0.5 * ((x - m) / s) ** 2) / (s * math.sqrt(2 * math.pi))
-            axis.plot(x / ML_PER_MIN, density * ML_PER_MIN, color=MEASURED, lw=1.2, label="target with its noise")
+            axis.plot(x / ML_PER_MIN, density * ML_PER_MIN, color=MEASURED, lw=1.2, label="noise of the target")
             axis.axvline(m / ML_PER_MIN, color="black", lw=1, ls="--", label="target")
             axis.set_title(names[bed], fontsize=8)
             axis.set_yticks([])
@@ -44,7 +46,7 @@ def flows(posterior: str, case: str, targets: str, summary: str, output: str) ->
 
 
 def flow_covariance(posterior: str, case: str, targets: str, summary: str, output: str) -> None:
-    """Simulated flows of every pair of outlets, and the ellipse that holds 95 % of the targets' noise (Fig. A.2)."""
+    """Draw simulated flows of each pair of outlets, and the ellipse of 95 % of the targets' noise (Fig. A.2)."""
     beds, _, flow = _read(posterior)
     names, mean, covariance = _names(case), *_targets(targets, summary)
     n = len(beds)
@@ -69,7 +71,7 @@ def flow_covariance(posterior: str, case: str, targets: str, summary: str, outpu
 
 
 def _read(posterior: str) -> tuple[list[str], np.ndarray, np.ndarray]:
-    """Beds; multipliers and flows (draws, beds), chains one after another."""
+    """Return beds, and multipliers and flows (draws, beds) of all chains."""
     import arviz
 
     data = arviz.from_netcdf(posterior).posterior
@@ -82,36 +84,28 @@ def _names(case: str) -> dict[str, str]:
 
 
 def _targets(targets: str, summary: str) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and covariance of the targets as the likelihood uses them, scaled to the model's total."""
-    given, factor = read_json(targets), read_summary(summary).target_scale
-    return np.array(given["mean"]) * factor, np.array(given["covariance"]) * factor**2
+    """Return mean and covariance of the targets as the likelihood uses them, scaled to the model's total."""
+    content, factor = read_json(targets), read_summary(summary).target_scale
+    return np.array(content["mean"]) * factor, np.array(content["covariance"]) * factor**2
 
 
 def _ellipse(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Outline (2, n) that holds 95 % of a normal distribution in the plane."""
+    """Return the outline (2, n) that contains 95 % of a normal distribution in the plane."""
     values, vectors = np.linalg.eigh(covariance)
     angle = np.linspace(0, 2 * np.pi, 100)
     radius = math.sqrt(-2 * math.log(0.05))
     return mean[:, None] + radius * vectors @ (np.sqrt(values)[:, None] * np.stack([np.cos(angle), np.sin(angle)]))
 
 
-class _grid:
-    """A page of small panels, `columns` in a row, with the left-over ones empty."""
-
-    def __init__(self, output: str, panels: int, columns: int = 5):
-        rows = math.ceil(panels / columns)
-        self.panels = panels
-        self.page = saved(output, nrows=rows, ncols=columns, figsize=(2 * columns, 1.55 * rows + 0.5), squeeze=False)
-
-    def __enter__(self) -> list:
-        _, axes = self.page.__enter__()
-        flat = list(axes.flat)
-        for axis in flat[self.panels :]:
+@contextmanager
+def _grid(output: str, panels: int, columns: int = 5) -> Iterator[list]:
+    """Yield the axes of small panels, `columns` per row; the remaining ones are left empty."""
+    rows = math.ceil(panels / columns)
+    size = (2 * columns, 1.55 * rows + 0.5)
+    with saved(output, nrows=rows, ncols=columns, figsize=size, squeeze=False) as (_, axes):
+        for axis in axes.flat[panels:]:
             axis.set_axis_off()
-        return flat[: self.panels]
-
-    def __exit__(self, *error):
-        return self.page.__exit__(*error)
+        yield list(axes.flat[:panels])
 
 
 def _label(axes: list, x: str, y: str) -> None:

@@ -1,4 +1,4 @@
-"""Meshes drawn off screen: the picture, cut to what is on it, and where given points lie in it."""
+"""Off-screen rendering of meshes: the image, cropped, and the positions of given points in it."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -8,18 +8,18 @@ import pyvista as pv
 from vtkmodules.vtkRenderingCore import vtkCoordinate
 
 Item = tuple[pv.DataSet, dict]
-"""A mesh, and how `pyvista.Plotter.add_mesh` is to show it."""
+"""A mesh, and options of `pyvista.Plotter.add_mesh`."""
 
 SHADE = {"ambient": 0.65, "diffuse": 0.4}
-"""Enough shading to see a shape by, little enough to read a colour off its scale."""
+"""Enough shading to show the shape, little enough to read a colour from its scale."""
 
 
 @dataclass(frozen=True)
 class Camera:
-    """Where a scene is seen from.
+    """View of a scene.
 
-    view: direction from the scene to the eye; up: upwards in the picture. focus: point in the middle of the picture and
-    height: what the picture's height spans, cm (parallel projection); without them all of the scene is shown.
+    view: direction from the scene to the viewer; up: vertical direction of the image. focus: centre of the image, and
+    height: its height in the scene, cm (parallel projection); without them the whole scene is shown.
     """
 
     view: Sequence[float]
@@ -44,10 +44,10 @@ class Rendering:
 def rendered(
     items: Iterable[Item], camera: Camera, marks: Sequence = (), size: tuple[int, int] = (1100, 1100), margin: int = 10
 ) -> Rendering:
-    """The scene on white, lit from the eye, so that a colour means the same value on every side of it.
+    """Render a scene on white, lit from the viewer, so that a colour means the same value on all sides.
 
-    marks: (n, 3), points whose places are asked for. size: in pixels, before the white around the scene is cut off
-    down to `margin` (not where the camera says what is shown).
+    marks: (n, 3) points whose positions in the image are returned. size: in pixels, before cropping to `margin` pixels
+    around the scene (no cropping if the camera has a focus).
     """
     plotter = pv.Plotter(off_screen=True, window_size=size, lighting="none")
     try:

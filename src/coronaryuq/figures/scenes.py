@@ -1,4 +1,4 @@
-"""Three-dimensional pictures: territories and perfusion, the tree by FFR, vessel walls and lumens."""
+"""Three-dimensional views: territories and perfusion, FFR along the tree, vessel walls and lumens."""
 
 import tempfile
 import zipfile
@@ -20,7 +20,7 @@ from coronaryuq.figures.render import Camera, Rendering, rendered
 from coronaryuq.figures.style import BRANCHES, saved
 
 FRONT = Camera((0.65, -1.0, 0.2))
-"""Left-posterior-superior axes: from in front and its left, a little above."""
+"""From the front, slightly from the left and above, in left-posterior-superior axes."""
 BACK = Camera((0.1, 0.75, -0.65))
 """From behind and below: the territories of the right coronary and circumflex arteries."""
 
@@ -29,7 +29,7 @@ BOX = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "
 
 
 def territories(case: str, lv: str, tree: str, output: str) -> None:
-    """Myocardial blood flow, and the territory of each LV-perfusing outlet from in front and from behind."""
+    """Draw myocardial blood flow, and the territory of each LV-perfusing outlet from the front and from behind."""
     outlets = [outlet for outlet in read_json(case)["outlets"] if outlet["perfuses"] == "LV"]
     wall, vessels = pv.read(lv), read_tree(tree)
     ends = np.array([outlet["point"] for outlet in outlets])
@@ -48,7 +48,7 @@ def territories(case: str, lv: str, tree: str, output: str) -> None:
         shown.append([label for label, faces in zip(labels, facing, strict=True) if faces])
         items = [(surface.copy(), shares), *_tubes(vessels, "#444444")]
         pictures.append(rendered(items, camera, marks=ends[facing]))
-    titles = ("Myocardial blood flow", "Perfusion territories, from in front", "from behind and below")
+    titles = ("Myocardial blood flow", "Perfusion territories, front view", "from behind and below")
     with _row(output, pictures) as (figure, axes):
         for axis, picture, title in zip(axes, pictures, titles, strict=True):
             _show(axis, picture, title)
@@ -59,7 +59,10 @@ def territories(case: str, lv: str, tree: str, output: str) -> None:
 
 
 def tree_by_ffr(case: str, tree: str, pressures: str, output: str) -> None:
-    """The tree coloured by mean pressure over mean aortic pressure; `pressures`: vessel, position (0 to 1), ffr."""
+    """Draw the tree coloured by mean pressure over mean aortic pressure.
+
+    pressures: table of vessel, position (0 to 1), ffr.
+    """
     vessels, table = read_tree(tree), read_csv(pressures, columns=("vessel", "position", "ffr"))
     norm, items = Normalize(0.6, 1.0), []
     for vessel in vessels:
@@ -72,17 +75,17 @@ def tree_by_ffr(case: str, tree: str, pressures: str, output: str) -> None:
     names, marks = _stenoses(read_json(case)["stenoses"], vessels)
     pictures = [rendered(items, camera, marks) for camera in (FRONT, BACK)]
     with _row(output, pictures) as (figure, axes):
-        for axis, picture, title in zip(axes, pictures, ("from in front", "from behind and below"), strict=True):
-            _show(axis, picture, f"FFR, 0D, posterior mean, {title}")
+        for axis, picture, title in zip(axes, pictures, ("front view", "from behind and below"), strict=True):
+            _show(axis, picture, f"0D FFR at the posterior mean, {title}")
             _point_out(axis, picture, names)
         _scale(figure, axes, norm, "RdYlBu", "FFR")
 
 
 def walls(fields: str, case: str, tree: str, output: str) -> None:
-    """The 3D vessel walls of the first sample, by piece: time-averaged wall shear stress and oscillatory shear index.
+    """Draw time-averaged wall shear stress and oscillatory shear index of the first 3D sample, by piece of the domain.
 
-    fields: the archive of a batch's fields. Stress is on a logarithmic scale, since the throat's is a hundred times
-    that of the region behind it, where the quantities of interest lie.
+    fields: archive of a batch's fields. The stress has a logarithmic scale: in the throat it is a hundred times that of
+    the region behind it, where the quantities of interest are evaluated.
     """
     wall = _first(fields, "_wall.vtp")
     vessels, stenoses = read_tree(tree), read_json(case)["stenoses"]
@@ -118,10 +121,10 @@ def _wall(piece: pv.PolyData, name: str, colours: str, norm: Normalize, marks: n
 
 
 def lumen(fields: str, case: str, tree: str, output: str, reach: float = 1.6, height: float = 1.0) -> None:
-    """Speed and pressure of the first sample, means over a cycle, in a plane along each stenosis, blood from the left.
+    """Draw cycle means of speed and pressure of the first sample in a plane along each stenosis; flow from the left.
 
-    The plane is the one that the centreline around the stenosis leaves least. reach: length shown either side of the
-    stenosis' middle, cm; height: of a panel, cm, the same for all.
+    The plane is the best fit to the centreline around the stenosis. reach: length shown on either side of the middle of
+    the stenosis, cm; height: of a panel, cm.
     """
     inside = _first(fields, ".vtu")
     inside["speed"] = np.linalg.norm(inside["mean_velocity"], axis=1)
@@ -144,7 +147,7 @@ def lumen(fields: str, case: str, tree: str, output: str, reach: float = 1.6, he
 
 
 def _cut(inside: pv.UnstructuredGrid, vessel, stenosis: dict, reach: float, height: float) -> tuple[pv.DataSet, Camera]:
-    """A stenosis cut along its centreline, and the camera that sees blood flow through it from left to right."""
+    """Cut a stenosis along its centreline; also return a camera for which blood flows from left to right."""
     near = (vessel.arc > stenosis["start"] - 0.5) & (vessel.arc < stenosis["end"] + 1.0)
     points = vessel.points[near]
     normal = np.linalg.svd(points - points.mean(axis=0))[2][2]
@@ -158,25 +161,27 @@ def _cut(inside: pv.UnstructuredGrid, vessel, stenosis: dict, reach: float, heig
 
 
 def _first(fields: str, ending: str) -> pv.DataSet:
-    """The first sample's file of that ending in an archive of fields."""
+    """Return the first sample's field whose file name has an ending, from an archive of fields."""
     with zipfile.ZipFile(fields) as archive, tempfile.TemporaryDirectory() as folder:
         names = sorted(name for name in archive.namelist() if name.endswith(ending))
         if not names:
-            raise InputError(fields, None, None, "holds no fields; keep those of one sample at least (flow3d.fields)")
+            raise InputError(
+                fields, None, None, "contains no fields; keep those of at least one sample (setting flow3d.fields)"
+            )
         path = Path(folder, f"field{ending}")
         path.write_bytes(archive.read(names[0]))
         return pv.read(path)
 
 
 def _within(piece: pv.PolyData, stenoses: list[dict], tree: Tree) -> list[dict]:
-    """The stenoses whose middle lies inside the piece's bounding box."""
+    """Return the stenoses whose middle lies in the bounding box of a piece."""
     low, high = np.asarray(piece.bounds).reshape(3, 2).T
     places = {s["name"]: tree[s["vessel"]].position_at(0.5 * (s["start"] + s["end"])) for s in stenoses}
     return [s for s in stenoses if (places[s["name"]] > low).all() and (places[s["name"]] < high).all()]
 
 
 def _row(output: str, pictures: list[Rendering]):
-    """A figure with the pictures side by side, all of one height."""
+    """Open a figure with images side by side, of equal height."""
     widths = [picture.aspect for picture in pictures]
     size = (8.6, min(8.6 / (sum(widths) + 0.35) + 0.3, 6.0))
     return saved(output, ncols=len(pictures), figsize=size, width_ratios=widths, layout="compressed")
@@ -190,7 +195,7 @@ def _show(axis, picture: Rendering, title: str | None = None) -> None:
 
 
 def _point_out(axis, picture: Rendering, names: list[str]) -> None:
-    """Names beside what they name, away from the middle of the picture, with a line to it."""
+    """Label marked points, with the labels away from the middle of the image and a line to each point."""
     height, width = picture.image.shape[:2]
     for name, place in zip(names, picture.places, strict=True):
         away = np.array([1.0 if place[0] > 0.5 * width else -1.0, 0.45 if place[1] < 0.5 * height else -0.45])
@@ -222,7 +227,7 @@ def _tube(points: np.ndarray, radii: np.ndarray, values: np.ndarray | None = Non
 
 
 def _stenoses(stenoses: list[dict], tree: Tree) -> tuple[list[str], np.ndarray]:
-    """Names and middles, (n, 3), of the stenoses of vessels that the tree has."""
+    """Return names and middles (n, 3) of the stenoses in vessels of the tree."""
     names = {vessel.name for vessel in tree}
     known = [stenosis for stenosis in stenoses if stenosis["vessel"] in names]
     middles = [tree[s["vessel"]].position_at(0.5 * (s["start"] + s["end"])) for s in known]
@@ -230,7 +235,7 @@ def _stenoses(stenoses: list[dict], tree: Tree) -> tuple[list[str], np.ndarray]:
 
 
 def _shades(outlets: list[dict]) -> list[str]:
-    """A shade of its branch's colour for every outlet, so that neighbours differ and branches are recognised."""
+    """Return a shade of its branch's colour for each outlet, such that neighbours differ."""
     shades, seen = [], {}
     for outlet in outlets:
         number = seen[outlet["branch"]] = seen.get(outlet["branch"], -1) + 1

@@ -1,4 +1,4 @@
-"""One look for all figures, and one way to save them: the same numbers give the same bytes."""
+"""The common style of all figures, and reproducible saving: the same numbers give the same bytes."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 
 from coronaryuq.core.io.atomic import replacing
 
-# Okabe & Ito (2008): told apart with any colour vision, and in print.
+# Okabe & Ito (2008): distinguishable with any colour vision, and in print.
 ESTIMATORS = {
     "MC": "#000000",
     "MFMC": "#0072B2",
@@ -26,7 +26,7 @@ MEASURED, SIMULATED = "#555555", "#0072B2"
 MUTED = "#999999"
 
 RULES = {
-    "font.family": "DejaVu Sans",  # comes with matplotlib, so the same on every machine
+    "font.family": "DejaVu Sans",  # comes with matplotlib: the same on every machine
     "font.size": 9,
     "axes.titlesize": 9,
     "axes.spines.top": False,
@@ -40,15 +40,22 @@ RULES = {
 
 
 def colour(branch: str) -> str:
-    """Colour of a coronary branch; grey for one that is not among the three main ones."""
+    """Return the colour of a coronary branch; grey if it is not one of the three main branches."""
     return BRANCHES.get(branch, MUTED)
 
 
 @contextmanager
 def saved(path: str | Path, **subplots) -> Iterator[tuple]:
-    """Give a figure and its axes (as `plt.subplots` would); write them to `path` (PNG or SVG) at the end.
+    """Yield a figure and its axes, and save the figure at the end.
 
-    Nothing that changes from run to run goes into the file: no date, no version of the software.
+    The file contains nothing that changes between runs, such as dates or software versions.
+
+    Parameters
+    ----------
+    path
+        PNG or SVG file.
+    **subplots
+        Options of `plt.subplots`.
     """
     path = Path(path)
     with plt.rc_context(RULES):
@@ -57,7 +64,7 @@ def saved(path: str | Path, **subplots) -> Iterator[tuple]:
         try:
             yield figure, axes
             metadata = {"Date": None, "Creator": None} if path.suffix == ".svg" else {"Software": None}
-            with replacing(path) as beside:
-                figure.savefig(beside, metadata=metadata)
+            with replacing(path) as temporary:
+                figure.savefig(temporary, metadata=metadata)
         finally:
             plt.close(figure)

@@ -1,1 +1,1 @@
-"""The report: one HTML page from result files alone."""
+"""The report: one HTML page, made from result files only."""

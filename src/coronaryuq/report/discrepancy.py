@@ -1,4 +1,4 @@
-"""What a search for a missing effect found, as a section of the report and as a page of its own."""
+"""Results of searches for missing effects: a section of the report, and a page of their own."""
 
 import base64
 from collections.abc import Sequence
@@ -12,28 +12,28 @@ from coronaryuq.core.io.atomic import read_json, write_text
 from coronaryuq.discrepancy.table_model.tables import artery
 
 CAPTIONS = {
-    "tree": "Vessels from left to right as they divide, coloured by their largest disagreement after recalibration. "
-    "Diamonds: the named effects, on the vessel or at the bed where they act.",
-    "residuals": "Measured with its noise, recalibrated, and with the effects that are named or come nearest: the "
-    "series with the largest misfit over the cycle or, where no waveform was measured, predicted against measured.",
-    "ranking": "Candidates of every round of the search and their probabilities, given the library.",
-    "sizes": "Posterior and prior of the sizes of the effects that are named or come nearest.",
-    "gap": "Misfit on measurements kept out of every fit, with 90 % intervals: residuals over what noise and the fit's "
-    "own spread let expect.",
-    "pairs": "Pressure drop against flow, and FFR on held-out samples, branch by branch.",
+    "tree": "The arterial tree from left to right, coloured by the largest disagreement after recalibration. "
+    "Diamonds: named effects, on the vessel or at the bed where they act.",
+    "residuals": "Measurements with their noise, the recalibrated model, and the model with the named (or most "
+    "probable) effects: the waveforms with the largest misfit or, without waveforms, predicted against measured.",
+    "ranking": "Candidates of each round of the search and their probabilities, given the library.",
+    "sizes": "Posterior and prior of the sizes of the named (or most probable) effects.",
+    "gap": "Misfit on held-out measurements, with 90 % intervals: residuals divided by the standard deviation expected "
+    "from noise and from the uncertainty of the fit.",
+    "pairs": "Pressure drop against flow, and FFR of held-out samples, by branch.",
     "pairs_gap": "Error of FFR on held-out samples, with 90 % intervals over samples.",
-    "pairs_effects": "Probability that each effect is part of a branch's law of pressure loss.",
+    "pairs_effects": "Probability that each effect is part of the pressure-loss law of a branch.",
 }
 TITLES = {
     "pairs": "Pairs of simulated and measured outputs",
     "hidden": "An effect hidden in the tuned loop",
 }
 SHOWN = 6
-"""Disagreements listed at most."""
+"""Largest number of disagreements listed."""
 
 
 def environment() -> Environment:
-    """Templates beside this file."""
+    """Return the environment of the templates in this folder."""
     return Environment(
         loader=FileSystemLoader(Path(__file__).parent),
         autoescape=True,
@@ -51,8 +51,22 @@ def write_page(
     out: str | Path,
     truths: Sequence[str] = (),
 ) -> None:
-    """Write the page of a discrepancy campaign. answers: `discrepancy.json` of every case; figures: PNG files; truths:
-    `truth.json` of cases made here, and `gap.json`, the gap with the true effect.
+    """Write the page of a discrepancy campaign.
+
+    Parameters
+    ----------
+    answers
+        `discrepancy.json` of each case.
+    figures
+        PNG files, named as in `CAPTIONS`.
+    campaign
+        Name of the campaign.
+    settings
+        Its block `discrepancy`.
+    out
+        The page, HTML.
+    truths
+        Of synthetic cases: `truth.json`, and `gap.json`, the misfit with the true effect.
     """
     context = {
         "campaign": campaign,
@@ -64,12 +78,12 @@ def write_page(
 
 
 def case_of(path: str | Path) -> str:
-    """Name of the case that a file under `discrepancy/CASE/found/` or `discrepancy/CASE/figures/` belongs to."""
+    """Return the case of a file in `discrepancy/CASE/found/` or `discrepancy/CASE/figures/`."""
     return Path(path).parts[-3]
 
 
 def searches(answers: Sequence[str], figures: Sequence[str], truths: Sequence[str] = ()) -> list[dict]:
-    """Every case as the templates want it."""
+    """Return each case as the templates show it; for the parameters see `write_page`."""
 
     def of_case(files, path):
         return [file for file in files if case_of(file) == case_of(path)]
@@ -79,15 +93,19 @@ def searches(answers: Sequence[str], figures: Sequence[str], truths: Sequence[st
 
 def _search(path: str, figures: list[str], truths: list[str]) -> dict:
     answer = read_json(path)
-    pairs, known = "gap_unit" in answer, {Path(file).stem: file for file in truths}
+    pairs, truth_files = "gap_unit" in answer, {Path(file).stem: file for file in truths}
     order = {name: number for number, name in enumerate(CAPTIONS)}
     return {
         "title": TITLES.get("pairs" if pairs else case_of(path), case_of(path)),
         "paragraph": answer["paragraph"],
-        "truth": _against(read_json(known["truth"]), answer["named"]) if "truth" in known else "",
-        "named": [_named(one) for one in answer["named"]],
+        "truth": _verdict(read_json(truth_files["truth"]), answer["named"]) if "truth" in truth_files else "",
+        "named": [_named(effect) for effect in answer["named"]],
         "located": [] if pairs else [_located(row) for row in answer["located"][:SHOWN]],
-        **(_pair_gaps(answer) if pairs else _gaps(answer, read_json(known["gap"]) if "gap" in known else None)),
+        **(
+            _pair_gaps(answer)
+            if pairs
+            else _gaps(answer, read_json(truth_files["gap"]) if "gap" in truth_files else None)
+        ),
         "figures": [
             {"caption": CAPTIONS[Path(f).stem], "data": embedded(f)}
             for f in sorted(figures, key=lambda f: order[Path(f).stem])
@@ -95,61 +113,64 @@ def _search(path: str, figures: list[str], truths: list[str]) -> dict:
     }
 
 
-def _against(truth: dict, named: list[dict]) -> str:
-    """What was hidden, and how well the answer does beside it."""
+def _verdict(truth: dict, named: list[dict]) -> str:
+    """Describe the hidden effect and whether the answer is right."""
     effect, place = truth["effect"], truth["place"]
     sizes = ", ".join(f"{name} {value:.3g}" for name, value in truth["sizes"].items())
     hidden = (
-        f"This case was made here: {effect.replace('_', ' ')} at {place} ({sizes}) was hidden in the data, a trace of "
-        f"{truth['visible_sd']:.0f} standard deviations of the noise that recalibration cannot absorb. The search saw "
-        "the model without it, the measurements and their conditions."
+        f"This case is synthetic: {effect.replace('_', ' ')} at {place} ({sizes}) was hidden in the data. Its trace "
+        f"after recalibration is {truth['visible_sd']:.0f} standard deviations of the noise. The search used only the "
+        "model without the effect, the measurements and their conditions."
     )
-    classes = [[(m["effect"], m["place"]) for m in one["class"]] for one in named]
+    classes = [[(member["effect"], member["place"]) for member in answer["class"]] for answer in named]
+    found = True
     if named and (named[0]["effect"], named[0]["place"]) == (effect, place):
-        verdict = "Its first answer is right in name and place"
+        verdict = "Its first answer has the right name and place"
     elif any((effect, place) in members for members in classes):
-        verdict = "The right name and place are in a class of answers that these data cannot tell apart"
+        verdict = "The right name and place are in a class of answers that these data cannot distinguish"
     elif any(effect == name for members in classes for name, _ in members):
-        verdict = "The effect is named, at another place"
+        verdict = "It named the effect at another place"
     else:
-        verdict = "It was not found"
-    beside = len(named) - 1 if "It was" not in verdict else len(named)
-    more = f"; it also names {beside} that {'is' if beside == 1 else 'are'} not there" if beside > 0 else ""
-    return f"{hidden} {verdict}{more}."
+        verdict, found = "It did not find the effect", False
+    false = len(named) - found
+    more = f"; it also named {false} {'effect that is' if false == 1 else 'effects that are'} not present"
+    return f"{hidden} {verdict}{more if false > 0 else ''}."
 
 
-def _named(one: dict) -> dict:
+def _named(effect: dict) -> dict:
     sizes = [
         f"{name} {size['value']:.3g} ({size['interval_90'][0]:.3g} to {size['interval_90'][1]:.3g})"
-        for name, size in one.get("sizes", {}).items()
+        for name, size in effect.get("sizes", {}).items()
     ] or [
-        _interval(f"of {one['size']['of']}", one["size"]),
-        *(_interval(t["unit"], t, t["term"]) for t in one["terms"]),
+        _interval(f"of {effect['size']['of']}", effect["size"]),
+        *(_interval(term["unit"], term, term["term"]) for term in effect["terms"]),
     ]
-    others = [f"{m['effect']} at {m['place']}" for m in one["class"][1:]]
-    wanted = [f"mean {m['quantity']} at {m['location']} under {m['condition']}" for m in one.get("separate_by", [])[:1]]
+    others = [f"{member['effect']} at {member['place']}" for member in effect["class"][1:]]
+    next_measurement = effect.get("separate_by", [])[:1]
     return {
-        "effect": one["effect"].replace("_", " "),
-        "place": one["place"],
-        "probability": _probability(one),
+        "effect": effect["effect"].replace("_", " "),
+        "place": effect["place"],
+        "probability": _probability(effect),
         "sizes": ", ".join(sizes),
         "others": ", ".join(others).replace("_", " ") or "–",
-        "separate_by": "".join(wanted),
-        "formula": one["formula"],
-        "looks_like": one.get("looks_like", ""),
-        "source": one["source"],
-        "written_as": one.get("written_as", ""),
+        "separate_by": "".join(
+            f"mean {m['quantity']} at {m['location']} under {m['condition']}" for m in next_measurement
+        ),
+        "formula": effect["formula"],
+        "looks_like": effect.get("looks_like", ""),
+        "source": effect["source"],
+        "written_as": effect.get("written_as", ""),
     }
 
 
 def _interval(unit: str, size: dict, name: str = "") -> str:
-    """A size of a pairs answer with its 90 % interval."""
+    """Format a size of a pairs answer with its 90 % interval."""
     return f"{name} {size['size']:.3g} ({size['size_low']:.3g} to {size['size_high']:.3g}) {unit}".strip()
 
 
-def _probability(one: dict) -> str:
-    """That of a class of answers, and of its member that is named where it has others."""
-    whole, members = one.get("class_probability", one["probability"]), one["class"]
+def _probability(effect: dict) -> str:
+    """Format the probability of a class of answers, and of its first member if it has several."""
+    whole, members = effect.get("class_probability", effect["probability"]), effect["class"]
     return f"{whole:.2f}" + (f", of this member {members[0]['probability']:.2f}" if len(members) > 1 else "")
 
 
@@ -164,18 +185,17 @@ def _located(row: dict) -> dict:
     }
 
 
-def _gaps(answer: dict, known: dict | None) -> dict:
-    """known: the gap with the true effect, of a case made here."""
+def _gaps(answer: dict, true_gap: dict | None) -> dict:
     held = answer["held_out"]
-    told = [
+    models = [
         ("recalibration alone", held["before"]),
-        ("with the named effects" if answer["named"] else "with what comes nearest", held["after"]),
+        ("with the named effects" if answer["named"] else "with the most probable effect", held["after"]),
         ("flexible discrepancy (Gaussian process)", held["flexible"]),
-        ("both together", held["both"]),
-        *([("with the true effect", known)] if known else []),
+        ("effects and Gaussian process", held["both"]),
+        *([("with the true effect", true_gap)] if true_gap else []),
     ]
     rows = []
-    for name, gap in told:
+    for name, gap in models:
         low, high = gap["interval_90"]
         errors = [_rmse(quantity, value) for quantity, value in gap["rmse"].items()]
         values = [f"{gap['misfit']:.2f} ({low:.2f} to {high:.2f})", ", ".join(errors)]
@@ -183,8 +203,8 @@ def _gaps(answer: dict, known: dict | None) -> dict:
     conditions = held["conditions"]
     kept = conditions if isinstance(conditions, str) else ", ".join(conditions)
     return {
-        "gap_heading": f"Kept out of every fit: {kept}",
-        "gap_columns": ["Misfit (floor 1)", "RMSE", "Log predictive density per row"],
+        "gap_heading": f"Held out: {kept}",
+        "gap_columns": ["Misfit (1 is perfect)", "RMSE", "Log predictive density per row"],
         "gaps": rows,
     }
 
@@ -201,7 +221,7 @@ def _rmse(quantity: str, value: float) -> str:
 
 def _pair_gaps(answer: dict) -> dict:
     columns = {
-        "before": "As it is",
+        "before": "Unchanged",
         "recalibration_alone": "Recalibrated",
         "after": "With the named effects",
         "flexible": "Gaussian process",
@@ -214,12 +234,12 @@ def _pair_gaps(answer: dict) -> dict:
         for branch in answer["held_out"]["branches"]
     ]
     return {
-        "gap_heading": "Error of FFR, root mean square, held-out samples",
+        "gap_heading": "Root mean square error of FFR, held-out samples",
         "gap_columns": list(columns.values()),
         "gaps": rows,
     }
 
 
 def embedded(path: str) -> str:
-    """A PNG file as the address of an image inside a page."""
+    """Return a PNG file as a data URL."""
     return "data:image/png;base64," + base64.b64encode(Path(path).read_bytes()).decode()

@@ -1,4 +1,4 @@
-"""What the report says of the error of mesh and time step, which no statistical interval holds."""
+"""Error of mesh and time step, which no statistical interval includes, in words for the report."""
 
 from pathlib import Path
 
@@ -6,14 +6,18 @@ from coronaryuq.core import provenance
 from coronaryuq.core.io.atomic import read_json
 
 EXTREMES = ("tawss_min_", "osi_max_")
-COMPARE = "compare them between draws, not with other meshes."
+COMPARE = "compare them between draws on this mesh, not with other meshes."
 
 
 class MeshError:
-    """Error of mesh and time step by 3D quantity, from the campaign's mesh study; none where it was not run or is of
-    another mesh.
+    """Error of mesh and time step of each 3D quantity, if the campaign's mesh study was run on this mesh.
 
-    mesh: mesh.json of the campaign; study: mesh_study.json, or None.
+    Parameters
+    ----------
+    mesh
+        mesh.json of the campaign.
+    study
+        mesh_study.json, or None.
     """
 
     def __init__(self, mesh: str | Path, study: str | Path | None):
@@ -22,45 +26,46 @@ class MeshError:
         self.of_another_mesh = bool(self.study) and self.study["checksum"] != provenance.checksum(mesh)
 
     def of(self, column: str) -> str:
-        """`mesh ± error` of a quantity whose values converge, `mesh: range` of one whose values do not, with the error
-        of the time step behind it; or nothing.
-        """
-        found = None if self.study is None or self.of_another_mesh else self.study["quantities"].get(column)
-        if found is None:
+        """Return `mesh ± error` (`mesh: range` where values do not converge) and the time step's error, or nothing."""
+        quantity = self._quantities().get(column)
+        if quantity is None:
             return ""
-        size = f"{found['error']:.2g}"
-        mesh = f"mesh ± {size}" if found["converging"] else f"mesh: range {size}"
-        return f"{mesh}, time step ± {found['step_error']:.2g}"
+        size = f"{quantity['error']:.2g}"
+        mesh = f"mesh ± {size}" if quantity["converging"] else f"mesh: range {size}"
+        return f"{mesh}, time step ± {quantity['step_error']:.2g}"
+
+    def _quantities(self) -> dict:
+        return {} if self.study is None or self.of_another_mesh else self.study["quantities"]
 
     @property
     def sentence(self) -> str:
         settings = self.mesh["settings"]
-        said = (
-            f"3D ran on {self.mesh['nodes']} nodes with {settings['throat_resolution']:g} elements over the radius of "
-            "a throat. "
+        mesh = (
+            f"3D runs used a mesh of {self.mesh['nodes']} nodes with {settings['throat_resolution']:g} elements over "
+            "the radius of a throat. "
         )
         if self.study is None or self.of_another_mesh:
-            why = "was measured on another mesh" if self.of_another_mesh else "was not measured"
-            return said + (
-                f"Its error {why}; the target mesh_study measures it. Extremes of wall shear and OSI settle slowly: "
-                + COMPARE
+            state = "was measured on another mesh" if self.of_another_mesh else "was not measured"
+            return mesh + (
+                f"Its error {state}; the target mesh_study measures it. Extremes of wall shear and OSI converge "
+                "slowly: " + COMPARE
             )
         sizes = ", ".join(str(nodes) for nodes in self.study["nodes"])
-        return said + (
+        return mesh + (
             f"Its error was measured with {len(self.study['samples'])} of the samples on meshes of {sizes} nodes: "
-            "mesh ± is the grid convergence index (Roache 1998) of the mean; where the values on the three meshes do "
-            "not settle, their range is given instead, which is what was seen and no bound. Time step ± is twice the "
-            "change with half the step. " + self._earned()
+            "mesh ± is the grid convergence index (Roache 1998) of the mean; if the values on the three meshes do not "
+            "converge, their range is given instead, which is not a bound. Time step ± is twice the change at half the "
+            "step. " + self._reliability()
         )
 
-    def _earned(self) -> str:
-        """What may be said of single numbers on this mesh."""
-        found = self.study["quantities"]
+    def _reliability(self) -> str:
+        """Return how far values on this mesh can be trusted."""
+        quantities = self._quantities()
         ffr = max(
-            (value["error"] + value["step_error"] for name, value in found.items() if name.startswith("ffr_")),
+            (value["error"] + value["step_error"] for name, value in quantities.items() if name.startswith("ffr_")),
             default=None,
         )
-        said = "" if ffr is None else f"On this mesh FFR is good to {ffr:.2g} at the worst stenosis"
-        if all(value["converging"] for name, value in found.items() if name.startswith(EXTREMES)):
-            return f"{said}." if said else ""
-        return f"{said + '; e' if said else 'E'}xtremes of wall shear and OSI have not settled: {COMPARE}"
+        accuracy = "" if ffr is None else f"On this mesh FFR is accurate to {ffr:.2g} at the worst stenosis"
+        if all(value["converging"] for name, value in quantities.items() if name.startswith(EXTREMES)):
+            return f"{accuracy}." if accuracy else ""
+        return f"{accuracy + '; e' if accuracy else 'E'}xtremes of wall shear and OSI have not converged: {COMPARE}"

@@ -1,4 +1,4 @@
-"""Puts a campaign's results on one page for a cardiologist and an engineer: `report.html`, pictures included."""
+"""The report of a campaign, `report.html`: one page with its figures, for a cardiologist and an engineer."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -17,25 +17,26 @@ from coronaryuq.report.costs import costs
 from coronaryuq.report.discrepancy import embedded
 from coronaryuq.report.mesh_error import MeshError
 from coronaryuq.report.numbers import number
-from coronaryuq.report.table import Notes, lines_of
-from coronaryuq.report.vessels import vessel
+from coronaryuq.report.table import Notes, table_row
+from coronaryuq.report.vessels import vessel_card
 
 CAPTIONS = {
-    "intervals_wss": "Maximum OSI and minimum TAWSS by estimator. An exclamation mark: the interval carries a warning.",
-    "intervals_ffr": "FFR by estimator, with 0D FFR and with 0D mean flow as low-fidelity model.",
-    "osi_scatter": "3D maximum OSI against 0D mean flow, at the same θ and at the input that the shared space pairs "
-    "with it. Resampled values come from networks that did not see their sample.",
-    "convergence": "Correlation and mean against the number of 3D runs; one dot a random subsample.",
-    "budget": "What a further 3D or 0D run buys.",
-    "cardiac_function": "The tuned loop at rest against its targets.",
-    "marginals": "Posterior of every outlet's resistance as a multiple of r̂: histogram, mean, 95 % interval.",
-    "flows": "Simulated outlet flows against the perfusion targets and their noise.",
-    "flow_covariance": "Simulated flows of every pair of outlets; the ellipse holds 95 % of the targets' noise.",
-    "territories": "Myocardial blood flow and the perfusion territory of every outlet.",
+    "intervals_wss": "Maximum OSI and minimum TAWSS by estimator. Exclamation marks: estimates with a warning.",
+    "intervals_ffr": "FFR by estimator, with 0D FFR and with 0D mean flow as the low-fidelity output.",
+    "osi_scatter": "3D maximum OSI against 0D mean flow, at the same θ and at the input paired with it in the shared "
+    "space. Resampled values come from networks that were not trained on their sample.",
+    "convergence": "Correlation and mean against the number of 3D runs; each dot is a random subsample.",
+    "budget": "Variance against budget, and cost of a smaller variance.",
+    "cardiac_function": "The tuned loop at rest, compared with its targets.",
+    "marginals": "Posterior of each outlet's resistance as a multiple of its tuned value r̂: histogram, mean, "
+    "95 % interval.",
+    "flows": "Simulated outlet flows, compared with the perfusion targets and their noise.",
+    "flow_covariance": "Simulated flows of each pair of outlets; the ellipse contains 95 % of the targets' noise.",
+    "territories": "Myocardial blood flow and the perfusion territory of each outlet.",
     "tree_ffr": "Mean pressure over mean aortic pressure along the tree, 0D, at the posterior mean.",
     "walls": "Time-averaged wall shear stress and oscillatory shear index of the first 3D sample.",
-    "lumen": "Speed and pressure of the first 3D sample, means over a cycle, in a plane along each stenosis; the same "
-    "colours mean the same values for all. Blood flows from left to right.",
+    "lumen": "Speed and pressure of the first 3D sample, averaged over a cycle, in a plane along each stenosis. Blood "
+    "flows from left to right; all panels share the colour scales.",
 }
 PLACES = {
     "estimates": ("intervals_ffr", "intervals_wss", "osi_scatter", "convergence", "budget"),
@@ -52,11 +53,23 @@ def write_report(
     out: str | Path,
     searches: tuple[Sequence[str], ...] = ((), ()),
 ) -> None:
-    """Write the page. files: case, fit, summary, targets, failures, estimates, budget, mesh → path; mesh_study where it
-    was run, allocation (its last round) where the campaign grew. figures: PNG files.
+    """Write the report of a campaign.
 
-    logs: folder whose job logs end in a line of costs. searches: answers, figures and truths of searches for missing
-    effects.
+    Parameters
+    ----------
+    files
+        Paths of `case`, `fit`, `summary`, `targets`, `failures`, `estimates`, `budget` and `mesh`; also `mesh_study` if
+        it was run, and `allocation` (of the last round) if the campaign grew.
+    figures
+        PNG files, named as in `CAPTIONS`.
+    logs
+        Folder of job logs whose last lines hold the costs.
+    configuration
+        The campaign's configuration.
+    out
+        The page, HTML.
+    searches
+        Answers, figures and true effects of searches for missing effects; see `report.discrepancy.write_page`.
     """
     case, targets, summary = read_json(files["case"]), read_json(files["targets"]), read_summary(files["summary"])
     failures, estimates = read_json(files["failures"]), read_estimates(files["estimates"])
@@ -69,8 +82,8 @@ def write_report(
         "threshold": f"{configuration['estimation']['ffr_threshold']:.2f}",
         "level": f"{100 * configuration['estimation']['level']:.0f} %",
         "counts": _counts(failures, rows),
-        "vessels": [vessel(stenosis, rows, _outlet_names(case), mesh) for stenosis in case["stenoses"]],
-        "table": [lines_of(row, notes) | {"mesh": mesh.of(row.column_3d)} for row in rows],
+        "vessels": [vessel_card(stenosis, rows, _outlet_names(case), mesh) for stenosis in case["stenoses"]],
+        "table": [table_row(row, notes) | {"mesh": mesh.of(row.column_3d)} for row in rows],
         "notes": notes.texts,
         "coarse_level": coarse_level.sentence(estimates.rows, estimates.coarse),
         "wanted": wanted.sentences(rows, files["budget"], files.get("allocation")),
@@ -88,7 +101,7 @@ def write_report(
 
 
 def _outlet_names(case: dict) -> dict[str, str]:
-    """Input of the posterior → what a reader calls it."""
+    """Return the label of each input of the posterior."""
     names = {outlet["bc"]: f"{outlet['label']} ({outlet['name']})" for outlet in case["outlets"]}
     return names | {"R_cor_scaling": "total coronary resistance"}
 
@@ -103,7 +116,7 @@ def _counts(failures: dict, rows: list[RowReport]) -> dict:
         "n_3d": flow3d["runs"],
         "n_3d_ok": flow3d["runs"] - len(flow3d["failed"]),
         "n_0d": zerod["runs"] + resampled,
-        "note": f"One 3D run took {per_3d:.1f} CPU-s, one 0D run {per_0d:.4f} CPU-s on average: "
+        "note": f"Average cost: {per_3d:.1f} CPU-s for a 3D run and {per_0d:.4f} CPU-s for a 0D run, "
         f"a ratio of {per_3d / max(per_0d, 1e-12):.0f}.",
     }
 
@@ -114,15 +127,15 @@ def _matched(fit, summary: Summary) -> dict:
     worst = clinical.loc[off.idxmax(), "description"].lower()
     check, met = summary.predictive, summary.fit.largest_fraction_error
     return {
-        "calibration": f"The tuned loop meets the {len(clinical)} measured targets within {100 * off.max():.1f} % "
-        f"(furthest: {worst}).",
+        "calibration": f"The tuned loop reproduces the {len(clinical)} measured targets to within "
+        f"{100 * off.max():.1f} % (largest difference: {worst}).",
         "posterior": f"Chains: {summary.verdict}; largest R-hat {summary.rhat_max:.3f}, smallest bulk effective "
         f"sample size {summary.ess_bulk_min:.0f}.",
-        "predictive": f"{100 * check.coverage_95:.0f} % of the target flows lie in the central 95 % of what the "
-        f"posterior predicts; Mahalanobis distance of the mean flows {check.mahalanobis:.2f}; "
-        f"probability of data further off {check.p_value:.2f}. The fitted resistances meet the "
-        f"{len(check.flow_mean)} target fractions within {100 * met:.2g} %, the posterior's mean within "
-        f"{100 * check.largest_fraction_error:.2g} %, which its prior moves (posterior/fractions.csv).",
+        "predictive": f"{100 * check.coverage_95:.0f} % of the target flows lie in the central 95 % of the posterior "
+        f"predictive distribution; the Mahalanobis distance of the mean flows is {check.mahalanobis:.2f}, and data "
+        f"farther away have probability {check.p_value:.2f}. The fitted resistances reproduce the "
+        f"{len(check.flow_mean)} target fractions to within {100 * met:.2g} %; the posterior mean, which the prior "
+        f"shifts, to within {100 * check.largest_fraction_error:.2g} % (posterior/fractions.csv).",
     }
 
 
@@ -138,7 +151,7 @@ def _noise(targets: dict) -> list[dict]:
                 "sd": f"{spread.min():.1f} to {spread.max():.1f}",
                 "lowest": number(pairs.min(), 2),
                 "highest": number(pairs.max(), 2),
-                "used": "its correlations" if name == targets["use"] else "",
+                "used": "for its correlations" if name == targets["use"] else "",
             }
         )
     return lines

@@ -1,4 +1,4 @@
-"""The table of estimates: every estimator of every row, and the warnings below it."""
+"""The table of estimates: all estimators of each row, and the numbered warnings below it."""
 
 from collections.abc import Sequence
 
@@ -9,19 +9,21 @@ ESTIMATORS = ("MC", "MFMC", "MFMC-AE", "BLUE", "best", "multilevel")
 
 
 class Notes:
-    """Warnings below the table, each once; a line of the table names them by number."""
+    """Warnings below the table, each listed once and cited by its number."""
 
     def __init__(self):
         self.texts: list[str] = []
 
     def numbers(self, warnings: Sequence[str]) -> str:
+        """Return the numbers of warnings, adding new ones to the list."""
         for text in warnings:
             if text not in self.texts:
                 self.texts.append(text)
         return " ".join(f"[{self.texts.index(text) + 1}]" for text in warnings)
 
 
-def lines_of(row: RowReport, notes: Notes) -> dict:
+def table_row(row: RowReport, notes: Notes) -> dict:
+    """Return one row of `estimates.json` as the template shows it: a line per estimator."""
     quantity, paired, branch = (row.label.split(", ") + ["", ""])[:3]
     lines = []
     for name in ESTIMATORS:

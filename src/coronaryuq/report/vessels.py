@@ -1,4 +1,4 @@
-"""One vessel in a few lines: FFR with its interval, how probable a flow-limiting lesion is, what drives it."""
+"""The card of one vessel: FFR with its interval, the probability of a flow-limiting lesion, its main drivers."""
 
 from collections.abc import Mapping
 
@@ -10,12 +10,25 @@ from coronaryuq.report.numbers import interval
 
 QUANTITIES = ("ffr", "tawss_min", "osi_max")
 FFR_DECIMALS = 3
-"""A pressure wire reads two; one more shows how near the threshold the mean lies."""
+"""A pressure wire shows two; the third shows how close the mean is to the threshold."""
 LIKELY = 0.9
-"""How probable one side of the threshold has to be, over the whole interval, before the page takes it."""
+"""Probability, over its whole interval, above which the page states a verdict."""
 
 
-def vessel(stenosis: dict, rows: list[RowReport], outlets: Mapping[str, str], mesh: MeshError) -> dict:
+def vessel_card(stenosis: dict, rows: list[RowReport], outlets: Mapping[str, str], mesh: MeshError) -> dict:
+    """Return what the template shows of one stenosis.
+
+    Parameters
+    ----------
+    stenosis
+        Entry of `case.json`.
+    rows
+        Rows of `estimates.json`.
+    outlets
+        Label of each input of the posterior.
+    mesh
+        Error of mesh and time step.
+    """
     branch = stenosis["name"].lower()
     of_quantity = {q: _recommended(rows, f"{q}_{branch}") for q in QUANTITIES}
     ffr_row, ffr = of_quantity["ffr"]
@@ -35,13 +48,13 @@ def vessel(stenosis: dict, rows: list[RowReport], outlets: Mapping[str, str], me
 
 
 def _recommended(rows: list[RowReport], column: str) -> tuple[RowReport, EstimatorReport]:
-    """Among the rows of one 3D column, the one whose recommended estimator claims the least error."""
+    """Return the row of a 3D column whose recommended estimator claims the smallest error, and that estimate."""
     row = min((row for row in rows if row.column_3d == column), key=lambda row: row.best.std)
     return row, row.best
 
 
 def _draws(quantiles: Mapping[str, Value]) -> str:
-    """The outermost quantiles of FFR over the posterior, in words."""
+    """Return the outermost quantiles of FFR over the posterior, in words."""
     if len(quantiles) < 2:
         return ""
     ends = sorted(quantiles, key=float)
@@ -51,7 +64,7 @@ def _draws(quantiles: Mapping[str, Value]) -> str:
 
 
 def _rare(quantiles: Mapping[str, Value]) -> str:
-    """What the outermost quantiles of FFR over the posterior warn of."""
+    """Return the warning of the outermost quantiles of FFR over the posterior."""
     warned = [end for end in sorted(quantiles, key=float) if quantiles[end].warning]
     if not warned:
         return ""
@@ -60,9 +73,9 @@ def _rare(quantiles: Mapping[str, Value]) -> str:
 
 
 def _drivers(sobol: Mapping[str, Value], outlets: Mapping[str, str], shown: int = 3) -> str:
-    """The inputs with the largest first-order Sobol indices of FFR that are clear of zero."""
-    clear = [(name, index) for name, index in sobol.items() if index.low > 0]
-    largest = sorted(clear, key=lambda pair: -pair[1].value)[:shown]
+    """Return the inputs with the largest first-order Sobol indices of FFR that differ from zero."""
+    significant = [(name, index) for name, index in sobol.items() if index.low > 0]
+    largest = sorted(significant, key=lambda pair: -pair[1].value)[:shown]
     return ", ".join(f"{outlets.get(name, name)} {100 * index.value:.0f} %" for name, index in largest)
 
 
@@ -75,19 +88,19 @@ def _quantity(estimate: EstimatorReport, most_decimals: int = 6) -> dict:
     return {"value": f"{estimate.mean:.{decimals}f}", "low": low, "high": high, "level": level}
 
 
-def _probability(found: Probability | None) -> dict:
-    if found is None:
+def _probability(probability: Probability | None) -> dict:
+    if probability is None:
         return {"value": "–", "low": "–", "high": "–"}
-    share = {name: 100 * min(max(getattr(found, name), 0.0), 1.0) for name in ("value", "low", "high")}
+    share = {name: 100 * min(max(getattr(probability, name), 0.0), 1.0) for name in ("value", "low", "high")}
     decimals = 1 if share["high"] - share["low"] < 2 else 0
     return {name: f"{value:.{decimals}f} %" for name, value in share.items()}
 
 
-def _verdict(found: Probability | None) -> dict:
-    if found is None:
+def _verdict(probability: Probability | None) -> dict:
+    if probability is None:
         return {"class": "muted", "verdict": ""}
-    if found.low > LIKELY:
-        return {"class": "bad", "verdict": "It very likely limits flow."}
-    if found.high < 1 - LIKELY:
-        return {"class": "good", "verdict": "It very likely limits no flow."}
-    return {"class": "warn", "verdict": "The data leave open whether it limits flow."}
+    if probability.low > LIKELY:
+        return {"class": "bad", "verdict": "Very likely flow-limiting."}
+    if probability.high < 1 - LIKELY:
+        return {"class": "good", "verdict": "Very likely not flow-limiting."}
+    return {"class": "warn", "verdict": "The data do not decide whether it limits flow."}

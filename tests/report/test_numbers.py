@@ -1,4 +1,4 @@
-"""Numbers on the page are rounded as their error deserves."""
+"""Numbers on the page have as many digits as their error justifies."""
 
 import pytest
 from hypothesis import given
@@ -8,7 +8,7 @@ from coronaryuq.report import numbers
 
 
 @given(st.floats(-1e3, 1e3), st.floats(1e-5, 1e3))
-def test_ends_of_an_interval_stay_apart_and_near(middle, half):
+def test_rounded_ends_of_an_interval_stay_distinct_and_close(middle, half):
     low, high = numbers.interval(middle - half, middle + half)
     assert float(low) < float(high)
     assert abs(float(low) - (middle - half)) <= 0.05 * 2 * half + 1e-6
@@ -17,7 +17,7 @@ def test_ends_of_an_interval_stay_apart_and_near(middle, half):
 @pytest.mark.parametrize(
     ("value", "text"), [(0.81234, "0.812"), (None, "–"), (float("nan"), "–"), (12345.6, "1.23e+04")]
 )
-def test_numbers_have_three_digits_or_a_dash(value, text):
+def test_numbers_have_three_digits_or_are_a_dash(value, text):
     assert numbers.number(value) == text
 
 

@@ -1,4 +1,4 @@
-"""The discrepancy figures are drawn from the tables alone, also where nothing was named."""
+"""The figures of a search are drawn from its tables only, also if nothing was named."""
 
 from contextlib import contextmanager
 
@@ -16,8 +16,8 @@ def is_png(path):
 
 @pytest.fixture
 def kept(monkeypatch):
-    """What a figure's axes were when it was saved: titles, labels, texts and lines."""
-    found = []
+    """Collect titles, labels, texts and lines of a figure's axes when it is saved."""
+    collected = []
     original = drawn.saved
 
     @contextmanager
@@ -27,13 +27,13 @@ def kept(monkeypatch):
             for axis in np.atleast_1d(axes).flat:
                 lines = {tuple(map(tuple, line.get_xydata())) for line in axis.lines}
                 words = [text.get_text() for text in axis.texts]
-                found.append((axis.get_title(), axis.get_xlabel(), axis.get_ylabel(), words, lines))
+                collected.append((axis.get_title(), axis.get_xlabel(), axis.get_ylabel(), words, lines))
 
     monkeypatch.setattr(drawn, "saved", saved)
-    return found
+    return collected
 
 
-def test_tree_shows_vessels_with_and_without_measurements_and_what_is_named_where(tmp_path, kept):
+def test_the_tree_shows_all_vessels_and_the_named_effects_at_their_places(tmp_path, kept):
     frame = {"vessel": ["a", "b", "c"], "parent": ["", "a", "a"], "mean_flow": 1.0, "disagreement": [5.0, np.nan, 1.0]}
     named = ["", "side_branch_leak at b; autoregulation at all beds", "autoregulation at all beds"]
     pd.DataFrame(frame | {"named": named}).to_csv(tmp_path / "t.csv", index=False)
@@ -46,11 +46,11 @@ def test_tree_shows_vessels_with_and_without_measurements_and_what_is_named_wher
     drawn.tree(tmp_path / "t.csv", tmp_path / "t.png")
 
 
-def test_means_are_drawn_against_what_was_predicted_in_clinical_units(tmp_path, kept):
+def test_predicted_and_measured_means_are_drawn_in_clinical_units(tmp_path, kept):
     factors = {"flow": ML_PER_MIN, "pressure": MMHG, "perfusion": MBF_PER_MIN_PER_G, "ratio": 1.0}
     rows = [
-        (name, fitted, measured * one, 0.1 * one, 3.0 * one, (2.0 + measured) * one)
-        for name, one in factors.items()
+        (name, fitted, measured * factor, 0.1 * factor, 3.0 * factor, (2.0 + measured) * factor)
+        for name, factor in factors.items()
         for measured, fitted in ((1.0, True), (2.0, False))
     ]
     columns = ["quantity", "fitted", "measured", "sd", "recalibrated", "repaired"]
@@ -60,7 +60,7 @@ def test_means_are_drawn_against_what_was_predicted_in_clinical_units(tmp_path, 
     frame.to_csv(tmp_path / "r.csv", index=False)
     drawn.residuals(tmp_path / "r.csv", tmp_path / "r.png")
     assert [title for title, *_ in kept] == list(factors)
-    units = [label.removeprefix("measured, sd") for _, label, *_ in kept]
+    units = [label.removeprefix("measured ± sd") for _, label, *_ in kept]
     assert units == [" (mL/min)", " (mmHg)", " (mL/min/g)", ""]
     for *_, lines in kept:
         rounded = {tuple((round(x, 9), round(y, 9)) for x, y in line) for line in lines}
@@ -72,15 +72,15 @@ def test_means_are_drawn_against_what_was_predicted_in_clinical_units(tmp_path, 
         assert {diagonal, *before, *after} <= rounded
 
 
-def test_sizes_without_a_named_effect(tmp_path):
+def test_sizes_are_drawn_without_a_named_effect(tmp_path):
     columns = ["effect", "place", "parameter", "unit", "size", "posterior", "prior"]
     pd.DataFrame([], columns=columns).to_csv(tmp_path / "s.csv", index=False)
     drawn.sizes(tmp_path / "s.csv", tmp_path / "s.png")
     assert is_png(tmp_path / "s.png")
 
 
-def test_branches_that_rank_effects_otherwise_share_one_list(tmp_path, monkeypatch):
-    """Each bar stands at its own effect's name: panels share their ticks."""
+def test_branches_with_different_rankings_share_one_list_of_effects(tmp_path, monkeypatch):
+    """Each bar is at its effect's name, because panels share their ticks."""
     bars = []
     original = drawn.saved
 
@@ -105,7 +105,7 @@ def test_branches_that_rank_effects_otherwise_share_one_list(tmp_path, monkeypat
     ]
 
 
-def test_gap_and_ranking(tmp_path):
+def test_gap_and_ranking_are_drawn(tmp_path):
     models = ["recalibration alone", "with the named effects", "flexible discrepancy"]
     gap = {"model": models, "misfit": [3.0, 1.0, 2.0], "low": [2.5, 0.9, 1.5], "high": [3.5, 1.1, 2.5]}
     pd.DataFrame(gap).assign(log_predictive_density=0.0, noise_floor=1.0).to_csv(tmp_path / "g.csv", index=False)

@@ -1,0 +1,48 @@
+"""The page of a search shows what its answer says."""
+
+import json
+import re
+
+import pytest
+
+from coronaryuq.report.discrepancy import write_page
+
+LOSS = {"effect": "loss", "place": "lad", "probability": 0.4}
+FRICTION = {"effect": "friction", "place": "lad", "probability": 0.59}
+INTERVAL = {"size": 0.27, "size_low": 0.24, "size_high": 0.29}
+TERM = {"term": "quadratic", "unit": "mmHg s2/mL2", "size": 4.01, "size_low": 3.5, "size_high": 4.5}
+PAIRS = {"formula": "", "source": "", "size": INTERVAL | {"of": "the root pressure"}, "terms": [TERM]}
+"""What an answer of a table model says of an effect, besides its class."""
+
+
+@pytest.fixture
+def cells(tmp_path):
+    """Write the page of an answer that names one effect; return the cells of its table."""
+
+    def write(effect):
+        folder = tmp_path / "pairs" / "found"
+        folder.mkdir(parents=True)
+        answer = {"gap_unit": "FFR", "paragraph": "", "named": [effect], "held_out": {"branches": []}}
+        (folder / "discrepancy.json").write_text(json.dumps(answer))
+        write_page([str(folder / "discrepancy.json")], [], "smoke", {}, tmp_path / "page.html")
+        return re.findall(r"<td[^>]*>(.*?)</td>", (tmp_path / "page.html").read_text())
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("answer", "text"),
+    [
+        ({**LOSS, "class": [LOSS], "class_probability": 0.4}, "0.40"),
+        ({**LOSS, "class": [LOSS, FRICTION], "class_probability": 0.99}, "0.99, of this member 0.40"),
+        ({**LOSS, "class": [LOSS, FRICTION], "probability": 0.99}, "0.99, of this member 0.40"),
+    ],
+    ids=["alone", "a class", "a class of a table model, whose probability is that of the answer"],
+)
+def test_the_probability_of_a_class_and_of_its_member_are_shown(cells, answer, text):
+    assert cells(PAIRS | answer)[2] == text
+
+
+def test_sizes_of_a_table_model_have_their_intervals(cells):
+    text = "0.27 (0.24 to 0.29) of the root pressure, quadratic 4.01 (3.5 to 4.5) mmHg s2/mL2"
+    assert cells(PAIRS | LOSS | {"class": [LOSS]})[3] == text
