@@ -1,6 +1,4 @@
-"""Numerical error of the quantities of interest: the same samples on a coarser, the campaign's, and a finer mesh, and
-on the campaign's mesh again with half its time step.
-"""
+"""Numerical error of the quantities of interest, from three meshes and a halved time step."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -24,13 +22,31 @@ QUANTITIES = ("ffr_", "tawss_", "osi_")
 def mesh_study(
     meshes: Mapping[str, tuple[str | Path, str | Path]], own: str, halved_step: str | Path, out_json: str | Path
 ) -> dict:
-    """Write and return what three meshes and half the time step say of every quantity's numerical error.
+    """Estimate the mesh and time-step error of every quantity of interest, and write it.
 
-    meshes: name → (mesh.json, records of the samples run on it); own: the name of the campaign's mesh; halved_step:
-    records of the samples on that mesh with half its time step. Per quantity, what `richardson` says of the means over
-    the samples that every mesh has, coarsest mesh first; `spread`, the standard deviation over these samples of the
-    difference between the two finest meshes; `step_error`, see `step_errors`. `checksum` is of the campaign's
-    mesh.json, for a reader to see whether the study is of the mesh at hand.
+    Parameters
+    ----------
+    meshes
+        Mesh name → `mesh.json`, and the records of the samples run on it.
+    own
+        Name of the campaign's mesh.
+    halved_step
+        Records of the same samples on the campaign's mesh with half its time step.
+    out_json
+        Where the result is written.
+
+    Returns
+    -------
+    dict
+        What was written. Per quantity, the result of `richardson` for the means over the samples that every mesh has,
+        coarsest mesh first; `spread`, the standard deviation over these samples of the difference between the two
+        finest meshes; `step_error`, see `step_errors`. `checksum` is that of the campaign's `mesh.json`, so that a
+        reader can tell whether the study is of the mesh at hand.
+
+    Raises
+    ------
+    InputError
+        No sample was finished on every mesh, or two meshes are equally fine.
     """
     order, nodes, samples, found = compare({name: (mesh, [batch]) for name, (mesh, batch) in meshes.items()}, out_json)
     size = np.array(nodes, float) ** (-1 / 3)
@@ -54,10 +70,25 @@ def mesh_study(
 def compare(
     meshes: Mapping[str, tuple[str | Path, Sequence[str | Path]]], place: str | Path
 ) -> tuple[list[str], list[int], list[str], dict[str, np.ndarray]]:
-    """Names of the meshes, coarsest first, their nodes, the samples that all have, quantity → values (mesh, sample).
+    """Collect the quantities of interest of the samples that every mesh has.
 
-    meshes: name → (mesh.json, files of records). place: what an error is laid to. Raises `InputError` where no sample
-    was finished on every mesh, or two meshes are equally fine.
+    Parameters
+    ----------
+    meshes
+        Mesh name → `mesh.json`, and files of records.
+    place
+        File or folder that errors name.
+
+    Returns
+    -------
+    tuple
+        Names of the meshes, coarsest first; their numbers of nodes; the common samples; quantity → values (mesh,
+        sample).
+
+    Raises
+    ------
+    InputError
+        No sample was finished on every mesh, or two meshes are equally fine.
     """
     read = {}
     for name, (mesh_json, batches) in meshes.items():
@@ -77,10 +108,10 @@ def compare(
 
 
 def step_errors(whole: str | Path, half: str | Path, quantities: Sequence[str], place: str | Path) -> dict[str, float]:
-    """Error of the time step, quantity by quantity: twice the change of the mean when the step is halved.
+    """Return the error of the time step per quantity: twice the change of the mean when the step is halved.
 
-    whole, half: records of the same samples on one mesh. Twice, because blood is carried by the velocity of the step's
-    beginning, which is of first order, so that as much again is left to come.
+    whole, half: records of the same samples on one mesh. Twice, because the convecting velocity is that of the step's
+    beginning, so the error is of first order and halving the step removes half of it.
     """
     runs = _finished(whole), _finished(half)
     common = sorted(set(runs[0]) & set(runs[1]))
@@ -97,12 +128,28 @@ def _finished(*batches: str | Path) -> dict[str, dict[str, float]]:
 
 
 def richardson(size: np.ndarray, values: Sequence[float], own: int) -> dict:
-    """What values on meshes of falling element size (k,) say of the error of the one at index `own`.
+    """Estimate the discretisation error from values on meshes of decreasing element size.
 
-    `converging`: the values approach a limit from one side with an observed order of one at least. Then `extrapolated`
-    is that limit by the two finest meshes and the observed order, two at most, and `error` is the grid convergence
-    index, 1.25 times the distance to it (Roache 1998). Otherwise `extrapolated` is None and `error` is the range of all
-    values: what is seen, and no bound.
+    Parameters
+    ----------
+    size
+        (k,) element sizes, coarsest first.
+    values
+        (k,) the quantity on these meshes.
+    own
+        Index of the mesh whose error is wanted.
+
+    Returns
+    -------
+    dict
+        `converging`: the values approach a limit monotonically with an observed order of at least one. Then
+        `extrapolated` is the limit from the two finest meshes and the observed order (at most two), and `error` is the
+        grid convergence index, 1.25 times the distance to it. Otherwise `extrapolated` is None and `error` is the range
+        of all values, which is no bound.
+
+    References
+    ----------
+    Roache 1998, Verification and Validation in Computational Science and Engineering.
     """
     steps = np.diff(values)
     monotone = bool((steps > 0).all() or (steps < 0).all())
@@ -118,7 +165,7 @@ def richardson(size: np.ndarray, values: Sequence[float], own: int) -> dict:
 
 
 def _order(size: np.ndarray, ratio: float, highest: float = 16.0) -> float:
-    """The power of the element size (3,) that the ratio of two successive steps tells, `highest` at most."""
+    """Return the observed order, at most `highest`, from element sizes (3,) and the ratio of the two differences."""
 
     def miss(power: float) -> float:
         a, b, c = (size / size[1]) ** power

@@ -1,4 +1,4 @@
-"""One sparse factor for every sample: Cholesky by SuperLU, triangular solves with the sample index innermost."""
+"""Sparse Cholesky factor shared by all samples; triangular solves with the sample index innermost."""
 
 import numpy as np
 import scipy.sparse as sp
@@ -38,9 +38,9 @@ def _solve(order, low_start, low_row, low_value, up_start, up_row, up_value, dia
 class Cholesky:
     """LDLᵀ of a symmetric positive definite matrix (n, n), factored once and used by every sample and step.
 
-    The triangular solves are written out, because the ones in libraries may round differently for another number of
-    right-hand sides, and a sample's numbers must not depend on its batch. rows: where unknown i lies in the vectors
-    given to `solve`, when those are longer than n.
+    The triangular solves are written out because those of libraries may round differently for another number of
+    right-hand sides, and a sample's numbers must not depend on its batch. rows: row of unknown i in the vectors given
+    to `solve`, if these are longer than n.
     """
 
     def __init__(self, matrix: sp.spmatrix, rows: np.ndarray | None = None):
@@ -71,5 +71,5 @@ class Cholesky:
         _solve(self.order, *self._lower, *self._upper, self._diagonal, b, self._work)
 
     def solve_columns(self, b: np.ndarray) -> np.ndarray:
-        """Solution (n, k) for right-hand sides (n, k), once, in setting up."""
+        """Return the solution (n, k) for right-hand sides (n, k); for the set-up only."""
         return self._lu.solve(b)

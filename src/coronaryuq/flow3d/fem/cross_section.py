@@ -12,10 +12,29 @@ _EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 def section_weights(
     points: np.ndarray, tets: np.ndarray, centre: np.ndarray, normal: np.ndarray, name: str = "plane"
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Nodes (k,) and weights (k,), summing to one, of the area mean over the cut through `centre`, and its area (cm2).
+    """Return nodes and weights of the area mean over a plane cross-section of the lumen.
 
-    A plane cuts other vessels too: only the connected part of the cut nearest to `centre` counts. Exact for fields
-    linear in each tetrahedron. Raises `InputError` when the plane misses the mesh.
+    A plane may cut other vessels too: only the connected part of the cut nearest to `centre` counts. Exact for fields
+    that are linear in each tetrahedron.
+
+    Parameters
+    ----------
+    points, tets
+        (n, 3) nodes in cm and (m, 4) tetrahedra.
+    centre, normal
+        (3,) a point of the plane, cm, and its normal.
+    name
+        The plane's name in errors.
+
+    Returns
+    -------
+    tuple
+        Nodes (k,), weights (k,) that sum to one, and the area in cm2.
+
+    Raises
+    ------
+    InputError
+        The plane misses the mesh.
     """
     normal = np.asarray(normal, float) / np.linalg.norm(normal)
     height = (points - centre) @ normal

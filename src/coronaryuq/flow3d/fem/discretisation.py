@@ -33,10 +33,22 @@ class Cap:
 class Discretisation:
     """Operators of one mesh for one time step, in the solver's own node order (reverse Cuthill-McKee).
 
-    points: (n, 3) cm; tets: (m, 4); caps: name → triangles (k, 3); the other boundary faces are wall. inlets: names of
-    the caps where blood enters and the velocity profile is prescribed by its flow. density g/cm3, viscosity P, dt s.
-    reference_speed: cm/s, sets the pressure stabilisation, h / (2 speed) where convection rules; one for all samples.
-    `node_of[i]` is the node in the mesh that the solver's node i stands for.
+    `node_of[i]` is the mesh node of the solver's node i.
+
+    Parameters
+    ----------
+    points, tets
+        (n, 3) nodes in cm and (m, 4) tetrahedra.
+    caps
+        Cap name → (k, 3) triangles; the other boundary faces are wall.
+    inlets
+        Names of the caps where blood enters; their flow prescribes the velocity profile.
+    dt
+        Time step, s.
+    density, viscosity
+        g/cm3 and poise.
+    reference_speed
+        cm/s; sets the pressure stabilisation, h / (2 speed) where convection dominates; one for all samples.
     """
 
     def __init__(
@@ -106,7 +118,7 @@ class Discretisation:
         self._pressure(pressure)
 
     def _pressure(self, matrix: sp.csr_matrix) -> None:
-        """Factor the pressure matrix inside the caps; lift each cap's pressure; the caps' mutual admittance."""
+        """Factor the pressure matrix inside the caps, lift each cap's pressure, and compute the caps' admittance."""
         cap_nodes = [np.unique(cap.faces) for cap in self.caps]
         inside = np.ones(self.nodes, bool)
         for nodes in cap_nodes:
@@ -126,7 +138,7 @@ class Discretisation:
 
 
 def _node_order(pattern: sp.csr_matrix) -> np.ndarray:
-    """Reverse Cuthill-McKee, one connected part after the other."""
+    """Return the reverse Cuthill-McKee order, one connected part after the other."""
     parts, label = connected_components(pattern, directed=False)
     order = []
     for part in range(parts):
@@ -136,7 +148,7 @@ def _node_order(pattern: sp.csr_matrix) -> np.ndarray:
 
 
 def _slots(start: np.ndarray, column: np.ndarray, tets: np.ndarray) -> np.ndarray:
-    """Where entry (tets[e, a], tets[e, b]) lies in the data of the sparse pattern: (m, 4, 4)."""
+    """Return where entry (tets[e, a], tets[e, b]) lies in the data of the sparse pattern, (m, 4, 4)."""
     n = len(start) - 1
     key = np.repeat(np.arange(n, dtype=np.int64), np.diff(start)) * n + column
     wanted = tets[:, :, None].astype(np.int64) * n + tets[:, None, :]

@@ -1,7 +1,7 @@
-"""What the element loops of momentum and of wall shear have in common, written into each by numba.
+"""Operations shared by the element loops of momentum and wall shear, inlined by numba.
 
-A vector is a tuple of three lanes (of velocity, say) or three numbers (a hat function's gradient). The order of the
-operations is part of the result: all samples and both loops see the same.
+A vector is a tuple of three lanes (of velocity, say) or three numbers (a hat function's gradient). The order of
+operations is part of the result: it must be the same for all samples and in both loops.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from coronaryuq.flow3d.fem.lanes import fma, load
 
 @nb.njit(inline="always", error_model="numpy")
 def hats(grad, e):
-    """Gradients of the four hat functions of element e."""
+    """Return the gradients of the four hat functions of element e."""
     a = grad[e, 0, 0], grad[e, 0, 1], grad[e, 0, 2]
     b = grad[e, 1, 0], grad[e, 1, 1], grad[e, 1, 2]
     c = grad[e, 2, 0], grad[e, 2, 1], grad[e, 2, 2]
@@ -22,19 +22,19 @@ def hats(grad, e):
 
 @nb.njit(inline="always", error_model="numpy")
 def corners(tets, e):
-    """Node numbers of element e."""
+    """Return the node numbers of element e."""
     return np.int64(tets[e, 0]), np.int64(tets[e, 1]), np.int64(tets[e, 2]), np.int64(tets[e, 3])
 
 
 @nb.njit(inline="always", error_model="numpy")
 def vector(field, i):
-    """Row i of a field (n, 3, LANES)."""
+    """Return row i of a field (n, 3, LANES)."""
     return load(field, 3 * i), load(field, 3 * i + 1), load(field, 3 * i + 2)
 
 
 @nb.njit(inline="always", error_model="numpy")
 def part(vector, c):
-    """Component c, known only when the loop runs."""
+    """Return component c, for a c that is only known at run time."""
     return vector[0] if c == 0 else (vector[1] if c == 1 else vector[2])
 
 
@@ -50,13 +50,13 @@ def average(a, b, c, d):
 
 @nb.njit(inline="always", error_model="numpy")
 def centre(a, b, c, d):
-    """Mean of four vectors."""
+    """Return the mean of four vectors."""
     return average(a[0], b[0], c[0], d[0]), average(a[1], b[1], c[1], d[1]), average(a[2], b[2], c[2], d[2])
 
 
 @nb.njit(inline="always", error_model="numpy")
 def gradient(ga, gb, gc, gd, a, b, c, d):
-    """Of the linear function with values a, b, c, d at the corners."""
+    """Return the gradient of the linear function with values a, b, c, d at the corners."""
     x = fma(gd[0], d, fma(gc[0], c, fma(gb[0], b, ga[0] * a)))
     y = fma(gd[1], d, fma(gc[1], c, fma(gb[1], b, ga[1] * a)))
     z = fma(gd[2], d, fma(gc[2], c, fma(gb[2], b, ga[2] * a)))

@@ -7,7 +7,7 @@ from coronaryuq.core.errors import InputError
 
 
 def oriented(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
-    """Tetrahedra (m, 4) renumbered where needed so that every volume is positive."""
+    """Return tetrahedra (m, 4) renumbered where needed so that every volume is positive."""
     edges = points[tets[:, 1:]] - points[tets[:, :1]]
     tets = tets.copy()
     negative = np.linalg.det(edges) < 0
@@ -16,7 +16,7 @@ def oriented(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
 
 
 def gradients(points: np.ndarray, tets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Volumes (m,) in cm3 and gradients (m, 4, 3) in 1/cm of the four hat functions of each tetrahedron."""
+    """Return the volumes (m,) in cm3 and the hat functions' gradients (m, 4, 3) in 1/cm of tetrahedra (m, 4)."""
     edges = points[tets[:, 1:]] - points[tets[:, :1]]
     volume = np.linalg.det(edges) / 6.0
     if not (volume > 0).all():
@@ -29,32 +29,32 @@ def gradients(points: np.ndarray, tets: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def boundary_faces(tets: np.ndarray) -> np.ndarray:
-    """Triangles (k, 3) that belong to one tetrahedron only, normals outward for positive tetrahedra."""
+    """Return the triangles (k, 3) of one tetrahedron only; normals are outward for positive tetrahedra."""
     faces = np.vstack([tets[:, [1, 2, 3]], tets[:, [0, 3, 2]], tets[:, [0, 1, 3]], tets[:, [0, 2, 1]]])
     _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
     return faces[np.sort(first[count == 1])]
 
 
 def face_vectors(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Area times outward normal (k, 3) of triangles, in cm2."""
+    """Return area times outward normal (k, 3) of triangles, in cm2."""
     corner = points[faces]
     return np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]) / 2.0
 
 
 def assemble(tets: np.ndarray, local: np.ndarray, nodes: int) -> sp.csr_matrix:
-    """Sparse (n, n) matrix from element matrices (m, 4, 4); the pattern keeps explicit zeros, so it is one for all."""
+    """Return the sparse (n, n) matrix of element matrices (m, 4, 4), with explicit zeros so that patterns agree."""
     rows = np.repeat(tets, 4, axis=1).ravel()
     columns = np.tile(tets, (1, 4)).ravel()
     return sp.csr_matrix((local.ravel(), (rows, columns)), shape=(nodes, nodes))
 
 
 def laplacian(tets: np.ndarray, volume: np.ndarray, grad: np.ndarray, nodes: int, weight=1.0) -> sp.csr_matrix:
-    """∫ w ∇N_i·∇N_j with `weight` a scalar or one value per tetrahedron."""
+    """Return ∫ w ∇N_i·∇N_j with `weight` a scalar or one value per tetrahedron."""
     return assemble(tets, np.einsum("e,eik,ejk->eij", volume * weight, grad, grad), nodes)
 
 
 def gradient_operators(tets: np.ndarray, volume: np.ndarray, grad: np.ndarray, nodes: int) -> list[sp.csr_matrix]:
-    """Three matrices ∫ N_i ∂N_j/∂x_k, all with the pattern of `laplacian`."""
+    """Return three matrices ∫ N_i ∂N_j/∂x_k, all with the pattern of `laplacian`."""
     quarter = volume[:, None] / 4.0
     return [
         assemble(tets, np.broadcast_to((quarter * grad[:, :, k])[:, None, :], (len(tets), 4, 4)), nodes)
@@ -63,5 +63,5 @@ def gradient_operators(tets: np.ndarray, volume: np.ndarray, grad: np.ndarray, n
 
 
 def lumped_mass(tets: np.ndarray, volume: np.ndarray, nodes: int) -> np.ndarray:
-    """Row sums (n,) of the mass matrix, cm3."""
+    """Return the row sums (n,) of the mass matrix, cm3."""
     return np.bincount(tets.ravel(), np.repeat(volume / 4.0, 4), nodes)

@@ -1,7 +1,7 @@
 """Velocity profile at an inlet: developed flow through its cross-section that carries a given flow.
 
-Axial velocity v on the cap's triangles solves ∂v/∂t − ν∇²v = λ(t), v = 0 on the rim, with λ such that ∫v dA is the
-flow: Womersley's profile in a circle (Womersley 1955), and its like in any other shape.
+The axial velocity v on the cap's triangles solves ∂v/∂t − ν∇²v = λ(t), v = 0 on the rim, with λ such that ∫v dA is the
+flow: Womersley's profile in a circle (Womersley 1955), and its counterpart in any other shape.
 """
 
 import numpy as np
@@ -49,12 +49,12 @@ class InletProfile:
         self.old = np.zeros_like(self.now)
 
     def start(self, flow: np.ndarray) -> None:
-        """Steady developed profile of `flow` (LANES,), mL/s into the domain."""
+        """Set the steady developed profile of `flow` (LANES,), mL/s into the domain."""
         self.now[:] = self.steady[:, None] * flow
         self.old[:] = self.now
 
     def advance(self, flow: np.ndarray) -> np.ndarray:
-        """Profile (k, LANES) at the end of a step over which the flow becomes `flow`."""
+        """Return the profile (k, LANES) at the end of a step over which the flow becomes `flow`."""
         new = np.empty_like(self.now)
         _advance(self._relax, self._forced, self._area, self.now, self.old, -BDF2[1], -BDF2[2], flow, new)
         self.old, self.now = self.now, new

@@ -1,11 +1,11 @@
 """One time step of LANES samples: momentum, caps coupled implicitly to their 0D sides, projection.
 
-Second-order backward differences, blood carried by the velocity of the step's beginning, incremental pressure
-correction (Guermond, Minev & Shen 2006) with pressure stabilised by orthogonal subscales (Codina 2000). The velocity
-extrapolated to the step's end would be a carrier of second order, but at Courant numbers far above one it feeds waves
-of a dozen steps' length, which the slow flow behind a stenosis cannot be told from.
-Pressure is uniform on each cap and tangential velocity zero; Q_i is the flux that discrete continuity sees,
-Q_i = ∫∇g_i·u − stabilisation, so that the flows of a connected domain sum to zero to rounding.
+Second-order backward differences, convection by the velocity of the step's beginning, incremental pressure correction
+(Guermond, Minev & Shen 2006) with the pressure stabilised by orthogonal subscales (Codina 2000). A convecting velocity
+extrapolated to the step's end would be second-order, but at Courant numbers far above one it excites waves of a dozen
+steps' length that look like the slow flow behind a stenosis.
+The pressure is uniform on each cap and the tangential velocity zero; Q_i is the flux of the discrete continuity
+equation, Q_i = ∫∇g_i·u − stabilisation, so that the flows of a connected domain sum to zero to rounding.
 """
 
 from typing import Protocol
@@ -23,7 +23,7 @@ class Coupling(Protocol):
     """The 0D side of the caps."""
 
     def advance(self, flow: np.ndarray, admittance: np.ndarray, pressure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Cap flows Q (out of the domain, mL/s) and pressures P (dyn/cm2), both (caps, LANES), at the step's end.
+        """Return cap flows Q (out of the domain, mL/s) and pressures P (dyn/cm2), (caps, LANES), at the step's end.
 
         They satisfy the domain's Q = flow − admittance (P − pressure) together with the 0D side's own equations.
         """
@@ -31,7 +31,7 @@ class Coupling(Protocol):
 
 @nb.njit(cache=True, error_model="numpy")
 def _begin(now, old, dt, start, rate):
-    """Velocity to start from and, were it that of the step's end too, its time derivative by backward differences."""
+    """Set the velocity to start from and its time derivative by backward differences if it stayed the same."""
     for i in range(now.shape[0]):
         for c in range(3):
             for s in range(LANES):
@@ -42,7 +42,7 @@ def _begin(now, old, dt, start, rate):
 
 @nb.njit(cache=True, error_model="numpy")
 def _backflow(nodes, area, normal, strength, diagonal, u, r, matrix):
-    """Damp inflow through outlets (Esmaily Moghadam et al. 2011); returns how many lanes had any."""
+    """Damp inflow through outlets (Esmaily Moghadam et al. 2011); return which lanes had any."""
     lanes = np.zeros(LANES, np.int64)
     for k in range(nodes.shape[0]):
         i = nodes[k]
@@ -68,7 +68,7 @@ def _cap_flux(lift, b, flux):
 
 @nb.njit(cache=True, error_model="numpy")
 def _impose(near, weight, cap_start, cap_node, change, b):
-    """Take the caps' known pressure change out of the right-hand side and put it on the caps' nodes."""
+    """Move the caps' known pressure change from the right-hand side to the caps' nodes."""
     for k in range(near.shape[0]):
         i = near[k]
         for c in range(weight.shape[1]):
@@ -125,7 +125,7 @@ class Stepper:
         return self.space.density * self.kinematic_pressure
 
     def start(self, cap_pressure: np.ndarray, cap_flow: np.ndarray) -> None:
-        """Fluid at rest but for the inlets, pressure harmonic between the caps' pressures (caps, LANES)."""
+        """Start from fluid at rest except at the inlets, with pressure harmonic between the caps' (caps, LANES)."""
         space = self.space
         self.u[:] = 0.0
         self.cap_pressure[:] = cap_pressure
@@ -144,6 +144,7 @@ class Stepper:
         self._add_potential()
 
     def step(self, coupling: Coupling) -> None:
+        """Advance all lanes by one time step, coupled to the 0D side."""
         space = self.space
         _begin(self.u, self.u_old, space.dt, self.u_older, self._rate)
         if self.force is not None:
@@ -192,13 +193,13 @@ class Stepper:
                 self._set_inlet(inlet)
 
     def drop(self, lane: int) -> None:
-        """Put a lane to rest, so that numbers that are none do not slow the others down."""
+        """Zero a lane, so that its NaNs do not slow the others."""
         self.alive[0, lane] = 0.0
         for array in self.state().values():
             array[..., lane] = 0.0
 
     def state(self) -> dict[str, np.ndarray]:
-        """The arrays that the next step depends on; views, not copies."""
+        """Return the arrays that the next step depends on: views, not copies."""
         arrays = {
             "u": self.u,
             "u_old": self.u_old,
@@ -214,7 +215,7 @@ class Stepper:
         return arrays
 
     def restore(self, kept: dict[str, np.ndarray]) -> None:
-        """Go on from what `state` gave."""
+        """Resume from what `state` returned."""
         for name, array in self.state().items():
             array[:] = kept[name]
 

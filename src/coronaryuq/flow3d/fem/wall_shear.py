@@ -1,14 +1,13 @@
 """Wall shear stress from the consistent traction: the momentum equation's own residual on the wall's nodes.
 
 Testing the momentum equation with a hat function on the wall leaves ∮ N_i µ ∂u/∂n dA, which is as accurate as the
-solution's energy, while element gradients lose an order (Gresho et al. 1987; Melbø & Kvamsdal 2003). The terms are
-Galerkin's alone. The stabilisation weighs a residual that lacks the viscous force, because linear elements have none;
-the exact residual is nought, so that its share on the wall is error only, of up to 10 % of the mean at R/h 2.
-Traction is divided by the lumped area and averaged twice over neighbouring triangles.
+solution's energy, while element gradients lose an order (Gresho et al. 1987; Melbø & Kvamsdal 2003). Only Galerkin
+terms are used: the stabilisation weights a residual that lacks the viscous force (zero for linear elements), whereas
+the exact residual is zero, so its contribution on the wall is pure error, up to 10 % of the mean at R/h 2. The traction
+is divided by the lumped area and averaged twice over neighbouring triangles.
 
-Accuracy by R/h stands in `coronaryuq.bench.flow3d.unstructured`. It needs elements thinner than the boundary layer:
-where they are not, the pressure gradient across the first element is counted as friction and wall shear comes out too
-high.
+`coronaryuq.bench.flow3d.unstructured` gives the accuracy by R/h. Elements must be thinner than the boundary layer:
+otherwise the pressure gradient across the first element counts as friction and wall shear comes out too high.
 """
 
 import numpy as np
@@ -24,7 +23,7 @@ from coronaryuq.flow3d.fem.lanes import LANES, fma, load, splat, square_root, st
 
 @nb.njit(cache=True, error_model="numpy")
 def _wall_force(elements, nu, u, p, at, force):
-    """−∫ of the momentum residual with hats on the wall, per unit density, into force (wall nodes, 3, LANES)."""
+    """Write −∫ of the momentum residual with hats on the wall, per unit density, into force (wall nodes, 3, LANES)."""
     tets, grad, volume = elements
     force[:] = 0.0
     for e in range(tets.shape[0]):
@@ -73,7 +72,7 @@ def _accumulate(stress, weight, magnitude, vector):
 
 @nb.njit(cache=True, error_model="numpy")
 def _multiply(start, column, value, x, y):
-    """y = A x for x, y (n, 3, LANES)."""
+    """Compute y = A x for x, y (n, 3, LANES)."""
     for i in range(start.shape[0] - 1):
         for c in range(3):
             total = splat(0.0)
@@ -119,13 +118,13 @@ class WallShear:
         self.reset()
 
     def reset(self) -> None:
-        """Start a cycle's integrals anew."""
+        """Start the integrals of a new cycle."""
         self.time = 0.0
         self.magnitude = np.zeros((len(self.nodes), LANES))
         self.vector = np.zeros((len(self.nodes), 3, LANES))
 
     def sample(self, stepper, weight: float) -> None:
-        """Stress of the stepper's present state, counted in the integrals for `weight` seconds."""
+        """Compute the stress of the stepper's state and add it to the integrals for `weight` seconds."""
         space = self.space
         _wall_force(
             self._elements, space.nu, stepper.u, stepper.kinematic_pressure, self._place,
@@ -138,10 +137,10 @@ class WallShear:
         self.time += weight
 
     def tawss(self) -> np.ndarray:
-        """(1/T) ∫|τ| dt, (w, LANES), dyn/cm2."""
+        """Return (1/T) ∫|τ| dt, (w, LANES), dyn/cm2."""
         return self.magnitude / self.time
 
     def osi(self) -> np.ndarray:
-        """½ (1 − |∫τ dt| / ∫|τ| dt), (w, LANES)."""
+        """Return ½ (1 − |∫τ dt| / ∫|τ| dt), (w, LANES)."""
         resultant = np.sqrt((self.vector**2).sum(axis=1))
         return 0.5 * (1.0 - resultant / np.maximum(self.magnitude, np.finfo(float).tiny))

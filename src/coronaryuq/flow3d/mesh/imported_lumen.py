@@ -1,4 +1,4 @@
-"""A mesh of the patient's own lumen: from a closed surface, or a mesh-complete folder taken as it is."""
+"""Mesh the patient's own lumen: a closed surface, or a mesh-complete folder taken as it is."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -29,10 +29,10 @@ SHORTEST = 0.01
 def adopt_folder(
     given: Path, tree: Tree, stenoses: Sequence[Stenosis], network: Network, settings: Settings, scale: float = 1.0
 ) -> tuple[folder.Mesh, MeshDescription]:
-    """A mesh-complete folder and the content of its `mesh.json`; faces keep their names and numbers.
+    """Read a mesh-complete folder and describe it; faces keep their names and numbers.
 
-    scale: the folder's length unit in cm. The tree must be that of the same anatomy: every cap is matched to the end of
-    a vessel. Raises InputError when a cap has no vessel end near it, or an end no cap.
+    scale: the folder's length unit in cm. The tree must be that of the same anatomy: raises `InputError` if a cap has
+    no vessel end near it, or an end no cap.
     """
     mesh = folder.read(given)
     mesh = replace(mesh, points=mesh.points * scale)
@@ -48,9 +48,9 @@ def adopt_folder(
 def mesh_closed_surface(
     surface: Surface, tree: Tree, stenoses: Sequence[Stenosis], network: Network, settings: Settings, file: Path
 ) -> tuple[folder.Mesh, MeshDescription]:
-    """Tetrahedra inside a closed surface, sized by the tree's radii; raises MeshError when all attempts fail.
+    """Fill a closed surface with tetrahedra sized by the tree's radii; raise `MeshError` if all attempts fail.
 
-    The lumen is cut a little behind each of its caps, so that the cut is flat and its rim clean.
+    The lumen is cut slightly behind each of its caps, so that the cut is flat and its rim clean.
     """
     flat = _at_vessel_ends(surface, tree)
     kept, caps = match(file, tree, [(f"cap{k}", cap.centre, cap.normal, cap.radius) for k, cap in enumerate(flat)])
@@ -74,7 +74,7 @@ def mesh_closed_surface(
 
 
 def _at_vessel_ends(surface: Surface, tree: Tree) -> list:
-    """The flat places of a surface that lie at a vessel's end; others are facets of a coarse wall."""
+    """Return the flat parts of a surface that lie at a vessel's end; others are facets of a coarse wall."""
     leaves = [(leaf.points[-1], leaf.radii[-1]) for leaf in tree.leaves()]
     ostia = [v for v in tree if tree.ostial(v)]
     at = [(v.position_at(extent.ostium(tree, v.name)), v.radii[0]) for v in ostia]
@@ -87,11 +87,10 @@ def _at_vessel_ends(surface: Surface, tree: Tree) -> list:
 
 
 def match(file: Path, tree: Tree, ends: Sequence[tuple[str, np.ndarray, np.ndarray, float]]) -> tuple[dict, list[Cap]]:
-    """What of the tree a lumen with these ends (name, centre, outward normal, radius) holds, and its caps in their
-    order.
+    """Match a lumen's ends (name, centre, outward normal, radius) to the tree; return the stretches kept and the caps.
 
-    With a cap at the tree's root the lumen is the whole tree, without one it is the coronary trees from their
-    ostia.
+    With a cap at the tree's root the lumen is the whole tree; otherwise it is the coronary trees from their ostia. Caps
+    are in the order of the ends.
     """
     starts = {tree.root.name: tree.root.points[0]}
     rooted = any(np.linalg.norm(centre - starts[tree.root.name]) < 2.0 * radius for _, centre, _, radius in ends)

@@ -1,4 +1,4 @@
-"""Caps with a linear relation between pressure and flow: pressure, flow or resistance given in time."""
+"""Caps with a linear relation between pressure and flow: prescribed pressure, flow or resistance."""
 
 from collections.abc import Callable
 
@@ -23,6 +23,7 @@ class LinearCaps:
         self.time = 0.0
 
     def advance(self, flow: np.ndarray, admittance: np.ndarray, pressure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return flows and pressures (caps, samples) at the end of a step; see `fem.time_step.Coupling`."""
         self.time += self.dt
         caps, samples = flow.shape
         alpha = np.broadcast_to(self.alpha.reshape(caps, -1), (caps, samples)).T

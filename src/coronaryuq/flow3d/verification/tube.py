@@ -8,7 +8,7 @@ from coronaryuq.flow3d.fem.elements import boundary_faces, oriented
 
 
 def disc(rings: int) -> tuple[np.ndarray, np.ndarray]:
-    """Unit disc of concentric rings of 6, 12, 18... points: points (n, 2), triangles (m, 3)."""
+    """Return the unit disc of concentric rings of 6, 12, 18... points: points (n, 2), triangles (m, 3)."""
     points, start = [(0.0, 0.0)], [0]
     for ring in range(1, rings + 1):
         start.append(len(points))
@@ -32,10 +32,23 @@ def disc(rings: int) -> tuple[np.ndarray, np.ndarray]:
 def tube(
     length: float, radius: Callable[[np.ndarray], np.ndarray] | float, rings: int, z: np.ndarray | int
 ) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    """Tube along +z: points (n, 3) cm, tetrahedra (m, 4), and the triangles of `inlet`, `outlet` and `wall`.
+    """Return a mesh of a tube along +z.
 
-    radius: cm, a number or a function of z. rings: cells from axis to wall. z: number of cells along the axis, or the
-    levels themselves (cm, increasing).
+    Parameters
+    ----------
+    length
+        cm.
+    radius
+        cm, a number or a function of z.
+    rings
+        Cells from axis to wall.
+    z
+        Number of cells along the axis, or the levels themselves (cm, increasing).
+
+    Returns
+    -------
+    tuple
+        Points (n, 3) in cm, tetrahedra (m, 4), and the triangles of `inlet`, `outlet` and `wall`.
     """
     plane, triangles = disc(rings)
     levels = np.linspace(0.0, length, z + 1) if isinstance(z, int) else np.asarray(z, float)

@@ -1,4 +1,4 @@
-"""From a centreline tree to one mesh of all pieces, with named faces, stenosis regions and planes for FFR."""
+"""From a centreline tree to one mesh of all pieces with named faces."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,9 +19,10 @@ from coronaryuq.flow3d.mesh.settings import Settings
 
 @dataclass(frozen=True)
 class Built:
-    """A mesh with what it was made from. caps: in the order of their ModelFaceIDs, 2, 3, ...; pieces: vessels of
-    each; implicit: the surface of each piece; failures: one line for every meshing attempt that failed before one
-    succeeded.
+    """A mesh and what it was made from.
+
+    caps: in the order of their ModelFaceIDs, 2, 3, ...; pieces: vessels of each; implicit: surface of each piece;
+    failures: one line per meshing attempt that failed before one succeeded.
     """
 
     mesh: Mesh
@@ -33,7 +34,7 @@ class Built:
 
 
 def kept_vessels(tree: Tree, stenoses: Sequence[Stenosis], settings: Settings) -> Kept:
-    """The stretch of every vessel that the chosen domain keeps."""
+    """Return the stretch of every vessel that the chosen domain keeps."""
     if settings.domain == "whole":
         return extent.whole(tree)
     if settings.domain == "trees":
@@ -44,7 +45,7 @@ def kept_vessels(tree: Tree, stenoses: Sequence[Stenosis], settings: Settings) -
 
 
 def build(tree: Tree, stenoses: Sequence[Stenosis], settings: Settings) -> Built:
-    """Mesh the chosen domain; every piece in a process of its own. Raises MeshError when a piece fails all attempts."""
+    """Mesh the chosen domain, each piece in a process of its own; raise `MeshError` if a piece fails all attempts."""
     kept = kept_vessels(tree, stenoses, settings)
     groups = extent.pieces(tree, kept)
     made: list[Piece] = []
@@ -73,9 +74,7 @@ def build(tree: Tree, stenoses: Sequence[Stenosis], settings: Settings) -> Built
 
 
 def assemble(made: Sequence[Piece], caps: Sequence[Sequence[str]]) -> Mesh:
-    """One mesh of disconnected pieces: a single wall (ModelFaceID 1), caps from 2 on, nodes in reverse Cuthill-
-    McKee order.
-    """
+    """Join pieces into one mesh with a single wall (ModelFaceID 1) and caps from 2 on; nodes are renumbered."""
     points = np.vstack([piece.points for piece in made])
     first = np.cumsum([0, *(len(piece.points) for piece in made)])
     tets = np.vstack([piece.tets + shift for piece, shift in zip(made, first, strict=False)])
@@ -99,7 +98,7 @@ def assemble(made: Sequence[Piece], caps: Sequence[Sequence[str]]) -> Mesh:
 
 
 def cuthill_mckee(tets: np.ndarray, nodes: int) -> np.ndarray:
-    """Reverse Cuthill-McKee order (nodes,): the i-th node of the new numbering."""
+    """Return the reverse Cuthill-McKee order (nodes,): the i-th node of the new numbering."""
     from scipy.sparse import coo_array, csr_matrix
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 

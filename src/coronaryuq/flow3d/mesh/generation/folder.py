@@ -1,4 +1,4 @@
-"""SimVascular `mesh-complete/` folders: writing, packing to the same bytes every time, reading and checking."""
+"""SimVascular `mesh-complete/` folders: write, pack to reproducible bytes, read and check."""
 
 import zipfile
 import zlib
@@ -44,12 +44,12 @@ class Mesh:
         return {number: name for number, name in self.names.items() if not name.startswith(WALL)}
 
     def wall_triangles(self) -> np.ndarray:
-        """Boolean (k,)."""
+        """Return which triangles are wall, boolean (k,)."""
         return ~np.isin(self.face, list(self.caps))
 
 
 def write(folder: str | Path, mesh: Mesh) -> None:
-    """Write the folder; VTK XML, ids from 1, as SimVascular does."""
+    """Write the folder as SimVascular does: VTK XML, ids from 1."""
     import pyvista as pv
 
     folder = Path(folder)
@@ -80,9 +80,7 @@ def _surface(mesh: Mesh, chosen: np.ndarray):
 
 
 def pack(folder: str | Path, archive: str | Path) -> None:
-    """Store a mesh-complete folder in a zip: sorted names, no times, no compression, so that equal meshes are equal
-    files.
-    """
+    """Store a mesh-complete folder in a zip, with sorted names and no times, so that equal meshes are equal bytes."""
     folder = Path(folder)
     with replacing(archive) as beside, zipfile.ZipFile(beside, "w", zipfile.ZIP_STORED) as packed:
         for path in sorted(p for p in folder.rglob("*") if p.is_file()):
@@ -92,7 +90,20 @@ def pack(folder: str | Path, archive: str | Path) -> None:
 
 
 def unpack(archive: str | Path, folder: str | Path) -> None:
-    """Unpack what `pack` made into `folder`/mesh-complete."""
+    """Unpack an archive of `pack` into `folder`/mesh-complete.
+
+    Parameters
+    ----------
+    archive
+        `mesh-complete.zip`.
+    folder
+        Receives `mesh-complete/`.
+
+    Raises
+    ------
+    InputError
+        The archive is missing, broken or holds files outside `mesh-complete/`.
+    """
     try:
         with zipfile.ZipFile(archive) as packed:
             names, torn = packed.namelist(), packed.testzip()
@@ -113,8 +124,8 @@ def unpack(archive: str | Path, folder: str | Path) -> None:
 def read(folder: str | Path) -> Mesh:
     """Read and check a mesh-complete folder, from SimVascular or from here.
 
-    Raises InputError, naming the file, for a missing file or array, tetrahedra that are not tetrahedra, faces that
-    do not cover the boundary, or ids that do not match the volume mesh.
+    Raises `InputError`, naming the file, for a missing file or array, cells that are not tetrahedra, faces that do not
+    cover the boundary, or ids that do not match the volume mesh.
     """
     folder = Path(folder)
     grid = _load(folder / VOLUME)
@@ -190,7 +201,7 @@ def _array(data, name: str, path: Path) -> np.ndarray:
 
 
 def face_geometry(mesh: Mesh, number: int) -> dict:
-    """Area (cm2), centroid (cm), outward unit normal and equivalent radius (cm) of one face."""
+    """Return area (cm2), centroid (cm), outward unit normal and equivalent radius (cm) of one face."""
     chosen = mesh.triangles[mesh.face == number]
     vector = areas(mesh.points, chosen)
     size = np.linalg.norm(vector, axis=1)

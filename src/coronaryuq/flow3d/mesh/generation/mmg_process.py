@@ -1,6 +1,6 @@
 """Meshing in a process of its own, because mmg may kill the process that calls it; with retries and a time limit.
 
-The limit is one of CPU time: with a limit on the clock a busy machine would give another attempt's mesh.
+The limit is on CPU time: with a limit on wall time a busy machine would give the mesh of another attempt.
 """
 
 import importlib
@@ -25,9 +25,9 @@ PATIENCE = 20.0
 
 
 def run(name: str, job: Job, time_limit: float, attempts: int) -> tuple[Piece, list[str]]:
-    """Mesh one piece; returns it with one line for every attempt that failed.
+    """Mesh one piece; return it with one line per attempt that failed.
 
-    time_limit: CPU seconds of one attempt. Raises MeshError with all of those lines when no attempt succeeded.
+    time_limit: CPU seconds of one attempt. Raises `MeshError` with all of those lines if no attempt succeeds.
     """
     failures: list[str] = []
     for number, attempt in enumerate(ATTEMPTS[:attempts], start=1):

@@ -28,9 +28,11 @@ WORST_DIHEDRAL = 3.0
 
 @dataclass(frozen=True)
 class Attempt:
-    """What differs from try to try: grid spacing and surface deviation in smallest radii, shortest edge in smallest
-    sizes, angle (degrees) from which an edge of the wall is kept sharp, factor on the element size, whether a given
-    surface's own triangles are taken, and whether elements are stretched where that is wanted.
+    """What differs between attempts.
+
+    spacing, deviation: grid spacing and surface deviation in smallest radii; shortest: shortest edge in smallest sizes;
+    sharp: angle (degrees) from which an edge of the wall is kept sharp; scale: factor on the element size; own: whether
+    a given surface's own triangles are used; stretched: whether elements may be stretched.
     """
 
     spacing: float
@@ -53,8 +55,9 @@ ATTEMPTS = (
 
 @dataclass(frozen=True)
 class Piece:
-    """Points (n, 3) in cm, positively oriented tetrahedra (m, 4), outward boundary triangles (k, 3) and their
-    references (k,): 1 for the wall, 2 + i for cap i.
+    """Points (n, 3) in cm, positive tetrahedra (m, 4), outward triangles (k, 3) and their references (k,).
+
+    A reference is 1 for the wall, 2 + i for cap i.
     """
 
     points: np.ndarray
@@ -64,8 +67,9 @@ class Piece:
 
 
 def mesh_implicit(implicit: SignedDistance, caps: Sequence[Cap], radius: float, attempt: Attempt, **shape) -> Piece:
-    """Mesh the inside of an implicit surface cut at `caps`; `radius` is the smallest of the piece, cm; shape: size,
-    gradation and grading.
+    """Mesh the inside of an implicit surface cut at `caps`.
+
+    radius: the smallest of the piece, cm; shape: size, gradation and grading.
     """
     start = surface(implicit, caps, attempt.spacing * radius)
     return _mesh(start, implicit, caps, radius=radius, attempt=attempt, **shape)
@@ -81,10 +85,10 @@ def mesh_closed(
     attempt: Attempt,
     **shape,
 ) -> Piece:
-    """Mesh the inside of a closed surface from its own triangles, those of its caps in `faces`; where they fail, from
-    its isosurface.
+    """Mesh the inside of a closed surface from its own triangles or, in later attempts, from its isosurface.
 
-    The isosurface repairs what cuts or touches itself, but has the grid spacing of the smallest vessel everywhere.
+    faces: the triangles of each cap. The isosurface repairs what cuts or touches itself, but needs the grid spacing of
+    the smallest vessel everywhere.
     """
     if not attempt.own:
         behind = [replace(cap, centre=cap.centre - INSET * cap.radius * cap.normal) for cap in caps]
@@ -104,7 +108,7 @@ def _mesh(
     grading: Grading,
     attempt: Attempt,
 ) -> Piece:
-    """Tetrahedra inside a closed surface: vertices, outward triangles and their references."""
+    """Fill a closed surface, given as vertices, outward triangles and references, with tetrahedra."""
     points, triangles, refs = start
 
     def project(nodes: np.ndarray) -> np.ndarray:
@@ -125,7 +129,7 @@ def _mesh(
 
 
 def _fit(points, tets, triangles, refs, caps: Sequence[Cap], project: Callable) -> np.ndarray:
-    """Wall nodes onto the surface, cap nodes into the plane of their cap, rim nodes onto both."""
+    """Move wall nodes onto the surface, cap nodes into the plane of their cap, rim nodes onto both."""
     wall = np.unique(triangles[refs == WALL])
     target = points.copy()
     target[wall] = project(points[wall])
@@ -140,7 +144,7 @@ def _fit(points, tets, triangles, refs, caps: Sequence[Cap], project: Callable) 
 
 
 def _graded(points, tets, triangles, refs, implicit: SignedDistance, grading: Grading, step: float) -> np.ndarray:
-    """Inner nodes drawn to the wall at a throat, wall nodes off the caps moved out until the lumen has its volume."""
+    """Draw inner nodes to the wall at a throat, and move wall nodes out until the lumen has its volume."""
     inner = np.setdiff1d(np.unique(tets), triangles)
     target = grading(points[inner], -implicit.distance(points[inner]))
     points = volume.fit_to_surface(points, tets, inner, target, quality.radius_ratio, THINNEST)
@@ -150,7 +154,7 @@ def _graded(points, tets, triangles, refs, implicit: SignedDistance, grading: Gr
 
 
 def _compact(piece: Piece) -> Piece:
-    """Without points that no tetrahedron uses."""
+    """Drop points that no tetrahedron uses."""
     used = np.unique(piece.tets)
     new = np.full(len(piece.points), -1)
     new[used] = np.arange(len(used))
@@ -158,7 +162,7 @@ def _compact(piece: Piece) -> Piece:
 
 
 def check(piece: Piece, caps: Sequence[Cap], enclosed: float) -> None:
-    """Refuse a piece that lost volume, a cap or its shape; MeshError says which."""
+    """Raise `MeshError` for a piece that lost volume, a cap or its shape."""
     volumes = quality.volumes(piece.points, piece.tets)
     if volumes.min() <= 0.0:
         raise MeshError(f"{int((volumes <= 0.0).sum())} inverted tetrahedra")

@@ -1,4 +1,4 @@
-"""Shape of tetrahedra and resolution of a mesh."""
+"""Shape of tetrahedra."""
 
 import numpy as np
 
@@ -9,15 +9,13 @@ EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
 
 
 def volumes(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
-    """Signed volume (m,) of tetrahedra (m, 4), cm3."""
+    """Return the signed volumes (m,) of tetrahedra (m, 4), cm3."""
     a, b, c, d = (points[tets[:, i]] for i in range(4))
     return np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6.0
 
 
 def radius_ratio(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
-    """3 × inscribed over circumscribed radius (m,): 1 for the regular tetrahedron, 0 for a flat one, negative when
-    inverted.
-    """
+    """Return 3 × inscribed over circumscribed radius (m,): 1 if regular, 0 if flat, negative if inverted."""
     a, b, c, d = (points[tets[:, i]] for i in range(4))
     u, v, w = b - a, c - a, d - a
     volume = np.einsum("ij,ij->i", np.cross(u, v), w) / 6.0
@@ -38,7 +36,7 @@ def radius_ratio(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
 
 
 def dihedral_angles(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
-    """The six inner dihedral angles of every tetrahedron (m, 6), degrees."""
+    """Return the six inner dihedral angles of every tetrahedron (m, 6), degrees."""
     normals = []
     for f in FACES:
         normal = np.cross(points[tets[:, f[1]]] - points[tets[:, f[0]]], points[tets[:, f[2]]] - points[tets[:, f[0]]])
@@ -48,7 +46,7 @@ def dihedral_angles(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
 
 
 def boundary(tets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Outward boundary triangles (k, 3) of positively oriented tetrahedra, and the tetrahedron (k,) behind each."""
+    """Return outward boundary triangles (k, 3) of positive tetrahedra, and the tetrahedron (k,) behind each."""
     triangles = tets[:, FACES].reshape(-1, 3)
     owner = np.repeat(np.arange(len(tets)), 4)
     ordered = np.sort(triangles, axis=1)
@@ -60,18 +58,18 @@ def boundary(tets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Vector area (k, 3) of triangles, outward when they are, cm2."""
+    """Return the vector area (k, 3) of triangles, cm2."""
     a, b, c = (points[triangles[:, i]] for i in range(3))
     return 0.5 * np.cross(b - a, c - a)
 
 
 def edge_lengths(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """Mean edge length of every triangle or tetrahedron (m,), cm."""
+    """Return the mean edge length of every triangle or tetrahedron (m,), cm."""
     pairs = [(i, j) for i in range(cells.shape[1]) for j in range(i)]
     return np.mean([np.linalg.norm(points[cells[:, i]] - points[cells[:, j]], axis=1) for i, j in pairs], axis=0)
 
 
 def altitudes(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
-    """Smallest altitude of every tetrahedron (m,), cm."""
+    """Return the smallest altitude of every tetrahedron (m,), cm."""
     largest = np.max([np.linalg.norm(areas(points, tets[:, face]), axis=1) for face in FACES], axis=0)
     return 3.0 * np.abs(volumes(points, tets)) / largest

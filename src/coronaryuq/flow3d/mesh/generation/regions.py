@@ -1,4 +1,4 @@
-"""Where wall shear and FFR are read: the stretch of wall around each stenosis, and a plane distal to it."""
+"""Where wall shear and distal pressure are evaluated: the wall around each stenosis, and a plane behind it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,9 +14,7 @@ from coronaryuq.flow3d.mesh.geometry.implicit import Path
 
 @dataclass(frozen=True)
 class Course:
-    """The path that runs through a stenosis: piece and path index, and distance from the throat (n,) cm, at every
-    point.
-    """
+    """The path through a stenosis: indices of piece and path, and distance from the throat (n,), cm, at every point."""
 
     piece: int
     path: int
@@ -24,7 +22,7 @@ class Course:
     along: Path
 
     def at(self, offset: float) -> tuple[np.ndarray, np.ndarray, float, str, float]:
-        """Point (3,), unit tangent (3,), radius (cm), vessel and arc length (cm) at a distance from the throat."""
+        """Return point, unit tangent, radius (cm), vessel and arc length (cm) at a distance from the throat."""
         point = np.array([np.interp(offset, self.offset, self.along.points[:, k]) for k in range(3)])
         index = int(np.clip(np.searchsorted(self.offset, offset), 1, len(self.offset) - 1))
         low, high = max(0, index - 3), min(len(self.offset) - 1, index + 2)
@@ -39,14 +37,14 @@ class Course:
         )
 
     def at_bifurcation(self, offset: float) -> bool:
-        """Whether a cross-section there, one radius before to two and a half behind, meets a bifurcation."""
+        """Return whether a cross-section there, from 1 radius before to 2.5 behind, meets a bifurcation."""
         meets = np.flatnonzero(self.along.vessel[1:] != self.along.vessel[:-1])
         since = (offset - self.offset[meets]) / self.along.radii[meets]
         return bool(np.any((since > -1.0) & (since < 2.5)))
 
 
 def course(tree: Tree, stenosis: Stenosis, built: Built) -> Course:
-    """The path through a stenosis, without the stretches beyond its caps."""
+    """Return the path through a stenosis without the stretches beyond its caps."""
     place, _ = throat(tree, stenosis)
     for piece, surface in enumerate(built.implicit):
         for number, path in enumerate(surface.paths):
@@ -61,7 +59,7 @@ def course(tree: Tree, stenosis: Stenosis, built: Built) -> Course:
 
 
 def _between_caps(path: Path, built: Built) -> slice:
-    """Without the point beyond the outlet, nor that before the inlet of a path that starts at one."""
+    """Return the points except the one beyond the outlet and, if the path starts at an inlet, the one before it."""
     head = str(path.vessel[0])
     return slice(1 if any(cap.inlet and cap.vessel == head for cap in built.caps) else 0, len(path.points) - 1)
 
@@ -69,10 +67,10 @@ def _between_caps(path: Path, built: Built) -> slice:
 def mark(
     tree: Tree, stenoses: Sequence[Stenosis], built: Built, upstream: float, downstream: float
 ) -> tuple[Mesh, dict[str, Region]]:
-    """Return the mesh with `region` set, and every region by stenosis.
+    """Return the mesh with `region` set, and the region of every stenosis.
 
-    upstream, downstream: reach beyond the stenosis in local diameters. A region keeps half a diameter away from
-    caps, and leaves out the walls of side branches.
+    upstream, downstream: extent beyond the stenosis in local diameters. A region stays half a diameter away from caps
+    and leaves out the walls of side branches.
     """
     mesh = built.mesh
     region = np.zeros(len(mesh.triangles), np.int64)

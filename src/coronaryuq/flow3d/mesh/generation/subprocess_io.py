@@ -1,7 +1,7 @@
-"""What goes from one process to another through a file: arrays in an `.npz`, the rest as JSON in it; no pickle.
+"""Objects passed between processes through a file: arrays in an `.npz`, the rest as JSON in it; no pickle.
 
-A file can be altered by whoever may write to it, and unpickling runs what it says. Here a file only fills objects of
-this package's own classes, and names no function.
+A file can be altered by whoever may write to it, and unpickling executes what it holds. Here a file only fills objects
+of this package's own classes, and cannot name a function.
 """
 
 import importlib
@@ -15,7 +15,7 @@ PACKAGE = __name__.partition(".")[0]
 
 
 def write(path: str | Path, value: Any) -> None:
-    """Write numbers, text, lists, mappings, arrays and objects of this package made of those; else TypeError."""
+    """Write numbers, text, lists, mappings, arrays and objects of this package made of those; else raise TypeError."""
     arrays: list[np.ndarray] = []
     text = json.dumps(_packed(value, arrays))
     np.savez(path, allow_pickle=False, parcel=np.array(text), **{f"a{k}": array for k, array in enumerate(arrays)})

@@ -21,9 +21,9 @@ def remesh_surface(
     shortest: float,
     sharp: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Surface with edges of the wanted size; triangles keep their reference, borders between references stay sharp.
+    """Remesh a surface to edges of the wanted size; triangles keep their reference, borders between them stay sharp.
 
-    deviation: Hausdorff distance allowed, cm; shortest: smallest edge as a fraction of the smallest size; sharp: angle
+    deviation: allowed Hausdorff distance, cm; shortest: smallest edge as a fraction of the smallest size; sharp: angle
     in degrees from which an edge stays sharp.
     """
     import mmgpy
@@ -41,7 +41,7 @@ def remesh_surface(
 
 
 def fill(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points, the surface's own first, and tetrahedra inside a closed surface, which is kept as it is."""
+    """Return points, the surface's own first, and tetrahedra inside a closed surface, which is kept as it is."""
     import tetgen
 
     mesher = tetgen.TetGen(points, triangles.astype(np.int32))
@@ -63,7 +63,7 @@ def remesh_volume(
     shortest: float,
     sharp: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Points, tetrahedra, boundary triangles and their references after mmg3d; arguments as in `remesh_surface`."""
+    """Return points, tetrahedra, boundary triangles and references after mmg3d; arguments as in `remesh_surface`."""
     import mmgpy
 
     mesh = mmgpy.MmgMesh3D()
@@ -81,7 +81,7 @@ def remesh_volume(
 
 
 def borders(triangles: np.ndarray, refs: np.ndarray) -> np.ndarray:
-    """Edges (k, 2) between triangles of different references."""
+    """Return the edges (k, 2) between triangles of different references."""
     edges = np.sort(np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
     order = np.lexsort(edges.T[::-1])
     edges, side = edges[order], np.tile(refs, 3)[order]
@@ -89,7 +89,7 @@ def borders(triangles: np.ndarray, refs: np.ndarray) -> np.ndarray:
 
 
 def _ask(mesh, size: Size, points: np.ndarray) -> float:
-    """Ask mmg for the wanted sizes at its vertices; returns the smallest width, cm."""
+    """Give mmg the wanted sizes at its vertices; return the smallest width, cm."""
     wanted = size(points)
     if size.stretched:
         mesh.set_field("tensor", size.metric(points))
@@ -105,7 +105,7 @@ def _keep_sharp(mesh, rims: np.ndarray) -> None:
 
 
 def oriented(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
-    """Tetrahedra with positive volume."""
+    """Return tetrahedra renumbered to positive volume."""
     tets = tets.copy()
     inverted = volumes(points, tets) < 0.0
     tets[inverted] = tets[inverted][:, [0, 1, 3, 2]]
@@ -113,7 +113,7 @@ def oriented(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
 
 
 def outer_references(tets: np.ndarray, triangles: np.ndarray, refs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Outward boundary triangles of the tetrahedra (k, 3) and their references (k,), found among `triangles`."""
+    """Return outward boundary triangles (k, 3) and their references (k,), looked up in `triangles`."""
     outer, _ = boundary(tets)
     known = {tuple(key): ref for key, ref in zip(np.sort(triangles, axis=1).tolist(), refs.tolist(), strict=True)}
     try:
@@ -125,7 +125,7 @@ def outer_references(tets: np.ndarray, triangles: np.ndarray, refs: np.ndarray) 
 def fit_to_surface(
     points: np.ndarray, tets: np.ndarray, nodes: np.ndarray, target: np.ndarray, quality: Callable, least: float = 0.2
 ) -> np.ndarray:
-    """Move `nodes` to `target`, less far where a tetrahedron would lose half of its quality and fall below `least`."""
+    """Move `nodes` to `target`, less far where a tetrahedron would lose half its quality and fall below `least`."""
     shift = np.zeros_like(points)
     shift[nodes] = target - points[nodes]
     share = np.ones(len(points))

@@ -1,4 +1,4 @@
-"""A closed triangulated surface cut flat a little behind each of its caps, keeping its own triangles elsewhere."""
+"""Cut a closed triangulated surface flat slightly behind each of its caps, keeping its own triangles elsewhere."""
 
 from collections.abc import Sequence
 
@@ -18,10 +18,10 @@ SIDES = 48
 def trimmed(
     points: np.ndarray, triangles: np.ndarray, faces: Sequence[np.ndarray], caps: Sequence[Cap], tolerance: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Vertices (n, 3), outward triangles (m, 3) and references (m,) of the surface without the end at every cap.
+    """Return vertices (n, 3), outward triangles (m, 3) and references (m,) of the surface without its ends.
 
-    faces: the triangles of each cap, cm; tolerance: shorter edges go, cm. A Boolean difference, so that walls which
-    touch or cut themselves at a cap do not matter. Raises MeshError for a surface that is not closed and manifold.
+    faces: the triangles of each cap; tolerance: shorter edges are removed, cm. A Boolean difference, so that walls
+    which touch or cut themselves at a cap do not matter. Raises `MeshError` if the surface is not closed and manifold.
     """
     import manifold3d
 

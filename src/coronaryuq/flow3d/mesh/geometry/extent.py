@@ -11,12 +11,12 @@ Kept = dict[str, tuple[float, float]]
 
 
 def whole(tree: Tree) -> Kept:
-    """Every vessel from end to end."""
+    """Keep every vessel from end to end."""
     return {vessel.name: (0.0, vessel.length) for vessel in tree}
 
 
 def trees(tree: Tree) -> Kept:
-    """Every coronary tree from its ostium; the aorta stays 0D. A tree without an aorta is kept whole."""
+    """Keep every coronary tree from its ostium; the aorta stays 0D. A tree without an aorta is kept whole."""
     kept = {v.name: (ostium(tree, v.name), v.length) for v in tree if v.branch != AORTA}
     return kept or whole(tree)
 
@@ -24,12 +24,12 @@ def trees(tree: Tree) -> Kept:
 def segments(
     tree: Tree, stenoses: Sequence[Stenosis], upstream: float = 3.0, downstream: float = 5.0, stub: float = 2.0
 ) -> Kept:
-    """Each stenosis with `upstream` and `downstream` diameters of its artery; overlapping neighbourhoods are joined.
+    """Keep each stenosis with `upstream` and `downstream` diameters of its artery, joining neighbours that overlap.
 
-    A bifurcation inside the neighbourhood is kept whole, every vessel of it for at least `stub` of its own
-    diameters beyond the others' walls. A cut that would fall within a bifurcation is moved to this side of it when
-    half of the length asked for remains, and beyond it otherwise. A remainder shorter than one diameter at the end
-    of a vessel goes into 3D as well.
+    A bifurcation inside the neighbourhood is kept whole, each of its vessels for at least `stub` of its own diameters
+    beyond the others' walls. A cut that would fall within a bifurcation is moved before it if half of the requested
+    length remains, and beyond it otherwise. A remainder shorter than one diameter at the end of a vessel goes into 3D
+    as well.
     """
     kept: Kept = {}
     for stenosis in stenoses:
@@ -42,7 +42,7 @@ def segments(
 
 
 def ostium(tree: Tree, name: str) -> float:
-    """Arc length (cm) at which a vessel begins outside of the aorta; 0 for a vessel that does not arise from it.
+    """Return the arc length (cm) at which a vessel begins outside the aorta; 0 for one that does not arise from it.
 
     Half a radius beyond the place where its axis leaves the lumen, so that a flat cap fits.
     """
@@ -54,13 +54,13 @@ def ostium(tree: Tree, name: str) -> float:
 
 
 def starts_at_bifurcation(tree: Tree, kept: Kept, name: str) -> bool:
-    """Whether a vessel's 3D part begins at the end of its mother's."""
+    """Return whether a vessel's 3D part begins at the end of its parent's."""
     mother = tree[name].parent
     return mother is not None and kept[name][0] <= 0.0 and reaches_end(tree, kept, mother)
 
 
 def daughters(tree: Tree, kept: Kept, name: str) -> list[str]:
-    """The vessels that carry on from the end of this one in 3D."""
+    """Return the vessels that continue from the end of this one in 3D."""
     return [v.name for v in tree.children(name) if v.name in kept and starts_at_bifurcation(tree, kept, v.name)]
 
 
@@ -69,7 +69,7 @@ def reaches_end(tree: Tree, kept: Kept, name: str) -> bool:
 
 
 def pieces(tree: Tree, kept: Kept) -> list[list[str]]:
-    """Connected components of the kept intervals, each a list of vessels, mothers first."""
+    """Return the connected components of the kept intervals, each a list of vessels, parents first."""
     label: dict[str, str] = {}
     for vessel in tree:
         if vessel.name in kept:
@@ -79,7 +79,7 @@ def pieces(tree: Tree, kept: Kept) -> list[list[str]]:
 
 
 def continuation(tree: Tree, mother: str, names: Sequence[str]) -> str:
-    """The daughter that carries the mother on: same artery first, then wide and straight."""
+    """Return the daughter that continues the parent: same artery first, then wide and straight."""
     trunk = tree[mother]
     ahead = trunk.tangent_at(trunk.length)
 
@@ -152,7 +152,7 @@ def _complete_bifurcations(tree: Tree, kept: Kept, stub: float) -> None:
 
 
 def _clearance(mother: Vessel, daughter: Vessel, sisters: Sequence[Vessel]) -> float:
-    """Arc length at which a daughter's lumen has left those of her mother and her sisters near the bifurcation."""
+    """Return the arc length at which a daughter's lumen has left those of her parent and sisters."""
     reach = 8.0 * float(max(mother.radii[-1], *(v.radii[0] for v in sisters)))
     arc = np.linspace(0.0, min(reach, daughter.length), 60)
     points, radii = daughter.position_at(arc), daughter.radius_at(arc)

@@ -1,4 +1,4 @@
-"""Where nodes stand: nearer to the wall at a throat, and wall nodes so that flat facets enclose the true lumen."""
+"""Node placement: closer to the wall at a throat, and wall nodes so that flat facets enclose the true lumen."""
 
 from collections.abc import Sequence
 
@@ -12,9 +12,9 @@ _MIDDLES = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]])
 
 
 class Grading:
-    """Draws inner nodes to the wall: depth d becomes R (d/R)^e, R from axis to wall, e = 1 + strength at a throat.
+    """Draw inner nodes to the wall: depth d becomes R (d/R)^e, R from axis to wall, e = 1 + strength at a throat.
 
-    Towards the ends of a stenosis the exponent falls to 1, with the radius lost. The elements at a throat's wall become
+    Towards the ends of a stenosis the exponent falls to 1, with the radius lost. Elements at a throat's wall become
     thinner, and none is added.
     """
 
@@ -28,7 +28,7 @@ class Grading:
             self._share.append(share)
 
     def __call__(self, points: np.ndarray, depth: np.ndarray) -> np.ndarray:
-        """New places (m, 3) of points (m, 3) that lie `depth` (m,) below the wall, cm."""
+        """Return new positions (m, 3) of points (m, 3) that lie `depth` (m,) below the wall, cm."""
         path, segment, along = self._implicit.nearest(points)
         share, axis = np.zeros(len(points)), points.copy()
         for index, values in enumerate(self._share):
@@ -51,10 +51,10 @@ class Grading:
 def stand_off(
     points: np.ndarray, triangles: np.ndarray, implicit: SignedDistance, step: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Wall nodes (k,) and places for them (k, 3) at which the flat wall `triangles` enclose the volume of the true one.
+    """Return wall nodes (k,) and positions (k, 3) at which their flat triangles enclose the true volume.
 
     A flat triangle with its corners on a tube lies inside by its sagitta, h²/16R on average, which takes (h/R)²/8 of
-    the lumen's area and adds (h/R)²/4 to its resistance. Each node stands off by the mean depth of its triangles.
+    the lumen's area and adds (h/R)²/4 to its resistance. Each node is moved out by the mean depth of its triangles.
     """
     corners = points[triangles]
     depth = -np.mean([implicit.distance(weight @ corners) for weight in _MIDDLES], axis=0)

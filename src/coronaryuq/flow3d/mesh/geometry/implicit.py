@@ -41,9 +41,10 @@ class SignedDistance(Protocol):
 
 @dataclass(frozen=True)
 class Path:
-    """A centreline through consecutive vessels: points (n, 3), radii (n,), cm. `vessel` (n,) names each point's
-    vessel, `arc` (n,) is the arc length along it, `blend` the width in cm over which the path merges smoothly with
-    those listed before it.
+    """A centreline through consecutive vessels: points (n, 3) and radii (n,), cm.
+
+    vessel (n,): each point's vessel; arc (n,): arc length along it; blend: width in cm over which the path merges
+    smoothly with those listed before it.
     """
 
     points: np.ndarray
@@ -54,13 +55,12 @@ class Path:
 
 
 class Implicit:
-    """Signed distance, negative inside, to the union of paths of tapered tubes; C1 blend of width `blend` (Quilez
-    2013).
+    """Signed distance, negative inside, to the union of paths of tapered tubes, with a C1 blend (Quilez 2013).
 
-    On each part of a path the distance is that to the nearest place of the axis less the radius there, so that a
-    straight axis gives exactly the radii; where the part folds back, the fold that holds the point deepest counts.
-    Parts end where vessels do and where the axis has a corner: beside a corner the nearest place leaps from one side of
-    it to the other, and with it the radius, so that a distance across it would leap too and its surface cut itself.
+    On each part of a path it is the distance to the nearest point of the axis minus the radius there, so that a
+    straight axis gives exactly the radii; where the part folds back, the fold in which the point lies deepest counts.
+    Parts end where vessels do and where the axis has a corner: beside a corner the nearest point jumps from one side of
+    it to the other, and with it the radius, so that the distance would jump too and the surface would cut itself.
     """
 
     def __init__(self, paths: Sequence[Path]):
@@ -89,24 +89,22 @@ class Implicit:
         return self.a, self.b, self.ra, self.rb, self.part, self.blend, self.bounds, self.bound_first
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """Signed distance (m,) at points (m, 3), cm."""
+        """Return the signed distance (m,) at points (m, 3), cm."""
         return _evaluate(np.ascontiguousarray(points, float), *self._arrays())[0]
 
     def nearest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Path index (m,), segment index within the path (m,) and position along the segment (m,) in [0, 1] that
-        own each point.
-        """
+        """Return the path, the segment within it and the position along it in [0, 1] that own each point, (m,)."""
         _, segment, along = _evaluate(np.ascontiguousarray(points, float), *self._arrays())
         path = np.searchsorted(self.first, segment, side="right") - 1
         return path, segment - self.first[path], along
 
     def gradient(self, points: np.ndarray, step: float) -> np.ndarray:
-        """Central differences of the distance, (m, 3)."""
+        """Return central differences of the distance, (m, 3)."""
         shifts = step * np.eye(3)
         return np.column_stack([(self.distance(points + h) - self.distance(points - h)) / (2.0 * step) for h in shifts])
 
     def project(self, points: np.ndarray, step: float, iterations: int = 3) -> np.ndarray:
-        """Newton steps along the gradient onto the surface, (m, 3)."""
+        """Move points onto the surface by Newton steps along the gradient, (m, 3)."""
         points = np.array(points, float)
         for _ in range(iterations):
             slope = self.gradient(points, step)
@@ -115,10 +113,7 @@ class Implicit:
         return points
 
     def blocks(self, spacing: float, cells: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Cubes of `cells` grid cells that the surface may cross: index of the first grid point (3,) and the
-        distance at the (cells + 1)^3 points. Grid point (i, j, k) lies at `self.origin(spacing) + spacing (i, j,
-        k)`.
-        """
+        """Yield the cubes that the surface may cross; see `SignedDistance.blocks`."""
         low = self.origin(spacing)
         high = np.maximum(self.a + self.ra[:, None], self.b + self.rb[:, None]).max(axis=0) + 3.0 * spacing
         count = np.ceil((high - low) / (cells * spacing)).astype(int)
@@ -130,12 +125,12 @@ class Implicit:
             yield corner, _block(low + spacing * corner, spacing, cells + 1, centre, reach, *self._arrays())
 
     def origin(self, spacing: float) -> np.ndarray:
-        """Lower corner of the grid (3,), cm."""
+        """Return the lower corner of the grid (3,), cm."""
         return np.minimum(self.a - self.ra[:, None], self.b - self.rb[:, None]).min(axis=0) - 3.0 * spacing
 
 
 def corners(path: Path) -> np.ndarray:
-    """Inner points of a path (k,) at which its axis turns by more than `SHARPEST` in a length of its radius."""
+    """Return the inner points of a path (k,) at which its axis turns by more than `SHARPEST` within one radius."""
     along = np.diff(path.points, axis=0)
     length = np.linalg.norm(along, axis=1)
     cosine = (along[1:] * along[:-1]).sum(axis=1) / (length[1:] * length[:-1])
@@ -145,7 +140,7 @@ def corners(path: Path) -> np.ndarray:
 
 
 def _bounds(a, b, ra, rb, first):
-    """Bounding spheres (x, y, z, R) of runs of `CHUNK` segments, so that distant runs are skipped."""
+    """Return bounding spheres (x, y, z, R) of runs of `CHUNK` segments, so that distant runs are skipped."""
     spheres, index = [], [0]
     for low, high in zip(first[:-1], first[1:], strict=True):
         for start in range(low, high, CHUNK):
@@ -160,7 +155,7 @@ def _bounds(a, b, ra, rb, first):
 
 @numba.njit(cache=True)
 def _foot(x, y, z, a, b):
-    """Distance from a point to a segment, and the place of the foot along it."""
+    """Return the distance from a point to a segment, and the position of the foot along it."""
     ex, ey, ez = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     px, py, pz = x - a[0], y - a[1], z - a[2]
     t = (px * ex + py * ey + pz * ez) / (ex * ex + ey * ey + ez * ez)
@@ -171,7 +166,7 @@ def _foot(x, y, z, a, b):
 
 @numba.njit(cache=True)
 def _at(x, y, z, a, b, ra, rb, first, blend, bounds, bound_first):
-    """Distance at one point, the segment that owns it, and where along that segment."""
+    """Return the distance at one point, the segment that owns it, and the position along that segment."""
     total, owner, owner_along = FAR, -1, 0.0
     for part in range(len(first) - 1):
         # A part farther off than its blend reaches changes nothing.
@@ -219,7 +214,7 @@ def _evaluate(points, a, b, ra, rb, first, blend, bounds, bound_first):
 
 @numba.njit(cache=True)
 def _block(low, spacing, n, centre, reach, a, b, ra, rb, first, blend, bounds, bound_first):
-    """Distance at n^3 grid points; runs of segments that cannot be nearest anywhere in the block are left out."""
+    """Return the distance at n³ grid points, skipping runs of segments that cannot be nearest anywhere in the block."""
     near_bounds = np.empty_like(bounds)
     near_first = np.zeros(len(bound_first), np.int64)
     for part in range(len(first) - 1):

@@ -1,4 +1,4 @@
-"""A closed triangulated lumen as an implicit surface, so that a rough or self-touching one is meshed all the same."""
+"""A closed triangulated lumen as an implicit surface, so that even a rough or self-touching one can be meshed."""
 
 from collections.abc import Iterator
 
@@ -11,9 +11,8 @@ AT_ONCE = 256
 class Lumen:
     """Signed distance, negative inside, to a closed surface: points (n, 3) cm, outward triangles (m, 3).
 
-    The sign is that of the angle-weighted normal of the nearest place, be it in a triangle, on an edge or at a corner
-    (Baerentzen & Aanaes 2005): the plain mean of the normals around a corner errs beside the rim of a cap. Has the
-    methods of `Implicit` that a mesh needs.
+    The sign is that of the angle-weighted normal at the nearest point, in a triangle, on an edge or at a corner
+    (Baerentzen & Aanaes 2005): the plain mean of the normals around a corner fails beside the rim of a cap.
     """
 
     def __init__(self, points: np.ndarray, triangles: np.ndarray):
@@ -33,7 +32,7 @@ class Lumen:
         self._at_edge = sums[edge.ravel()].reshape(-1, 3, 3)
 
     def _nearest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Triangle (m,) and place on it (m, 3) nearest to each point."""
+        """Return the triangle (m,) and the point on it (m, 3) nearest to each point."""
         import pyvista as pv
 
         if not len(points):
@@ -43,7 +42,7 @@ class Lumen:
         return np.atleast_1d(triangle), np.asarray(place, float).reshape(-1, 3)
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """Signed distance (m,) at points (m, 3), cm."""
+        """Return the signed distance (m,) at points (m, 3), cm."""
         triangle, place = self._nearest(points)
         corner = self.points[self.triangles[triangle]]
         normal = self._normal[triangle]
@@ -61,17 +60,17 @@ class Lumen:
         return np.linalg.norm(off, axis=1) * np.where((off * normal).sum(axis=1) < 0.0, -1.0, 1.0)
 
     def gradient(self, points: np.ndarray, step: float) -> np.ndarray:
-        """Central differences of the distance, (m, 3)."""
+        """Return central differences of the distance, (m, 3)."""
         shifts = np.concatenate([step * np.eye(3), -step * np.eye(3)])
         values = self.distance((points + shifts[:, None]).reshape(-1, 3)).reshape(6, -1)
         return (values[:3] - values[3:]).T / (2.0 * step)
 
     def project(self, points: np.ndarray, step: float, iterations: int = 1) -> np.ndarray:
-        """The nearest places on the surface, (m, 3), found at once: `step` and `iterations` are not needed."""
+        """Return the nearest points on the surface, (m, 3), found directly: `step` and `iterations` are not needed."""
         return self._nearest(points)[1]
 
     def blocks(self, spacing: float, cells: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """As `Implicit.blocks`."""
+        """Yield the cubes that the surface may cross; see `SignedDistance.blocks`."""
         low = self.origin(spacing)
         count = np.ceil((self.points.max(axis=0) + 3.0 * spacing - low) / (cells * spacing)).astype(int)
         corners = cells * np.stack(np.meshgrid(*map(np.arange, count), indexing="ij"), axis=-1).reshape(-1, 3)
@@ -85,13 +84,13 @@ class Lumen:
             yield from zip(part, values.reshape(len(part), *[cells + 1] * 3), strict=True)
 
     def origin(self, spacing: float) -> np.ndarray:
-        """Lower corner of the grid (3,), cm."""
+        """Return the lower corner of the grid (3,), cm."""
         # Off the surface's own extent: a flat end there would lie in a plane of the grid, where no sign is to be had.
         return self.points.min(axis=0) - 3.37 * spacing
 
 
 def simplified(points: np.ndarray, triangles: np.ndarray, tolerance: float) -> Lumen:
-    """The lumen without edges shorter than `tolerance` (cm) and slivers, whose normals mean nothing.
+    """Return the lumen without slivers and edges shorter than `tolerance` (cm), whose normals are meaningless.
 
     A surface that is not closed and manifold stays as it is.
     """

@@ -1,4 +1,4 @@
-"""From kept intervals of vessels to the paths, caps and element sizes of one piece of the mesh."""
+"""Paths, caps and element sizes of one piece of the mesh, from the kept intervals of vessels."""
 
 from collections.abc import Sequence
 from copy import copy
@@ -25,8 +25,9 @@ CORE = 1.5
 
 @dataclass(frozen=True)
 class Cap:
-    """Where the vessel is cut: name, vessel, arc length, whether it is the vessel's proximal side, centre (3,),
-    outward normal (3,), radius.
+    """Where a vessel is cut: arc length, centre (3,) and radius in cm, outward unit normal (3,).
+
+    inlet: whether it is the vessel's proximal end.
     """
 
     name: str
@@ -39,7 +40,7 @@ class Cap:
 
 
 def caps(tree: Tree, kept: Kept, piece: Sequence[str]) -> list[Cap]:
-    """Caps of a piece: inlets first, both in the order of the tree."""
+    """Return the caps of a piece: inlets first, both in the order of the tree."""
     inlets = [_cap(tree[n], kept[n][0], inlet=True) for n in piece if not starts_at_bifurcation(tree, kept, n)]
     outlets = [_cap(tree[n], kept[n][1], inlet=False) for n in piece if not daughters(tree, kept, n)]
     return inlets + outlets
@@ -59,8 +60,9 @@ def _cap(vessel: Vessel, arc: float, inlet: bool) -> Cap:
 
 
 def paths(tree: Tree, kept: Kept, piece: Sequence[str]) -> list[Path]:
-    """Paths of a piece, mothers before daughters; each follows the artery through its bifurcations, and runs on
-    past its caps.
+    """Return the paths of a piece, parents before daughters.
+
+    Each follows the artery through its bifurcations and extends beyond its caps.
     """
     carried: set[str] = set()
     found = []
@@ -92,9 +94,7 @@ def _path(tree: Tree, kept: Kept, chain: Sequence[str]) -> Path:
 
 
 def smooth(vessel: Vessel, start: float, end: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Arc lengths (m,), points (m, 3) and radii (m,) between two arc lengths, a monotone cubic through the given
-    points.
-    """
+    """Return arc lengths (m,), points (m, 3) and radii (m,) between two arc lengths, by a monotone cubic."""
     spacing = SPACING * float(np.min(vessel.between(start, end).radii))
     arc = np.linspace(start, end, max(2, int(np.ceil((end - start) / spacing)) + 1))
     curve = PchipInterpolator(vessel.arc, np.column_stack([vessel.points, vessel.radii]), axis=0)(arc)
@@ -102,14 +102,14 @@ def smooth(vessel: Vessel, start: float, end: float) -> tuple[np.ndarray, np.nda
 
 
 class Size:
-    """Element size by local radius: radius / (R/h) of the vessel that owns a point.
+    """Element size: radius / (R/h) of the vessel that owns a point.
 
-    R/h is `resolution`, and rises within a stenosis with the narrowing, in proportion to the radius lost, to
-    `throat_resolution` at the throat. From there to the downstream end of the stenosis region it is
-    `jet_resolution` at least (the throat's if that is less), since elements as large as the jet mix it away and spoil
-    its wall shear; in its core, `CORE` radii of the throat about the axis, it is `core_resolution` of the throat's
-    radius. These are widths: from the throat to the end of the region elements are `axial_stretch` times as long along
-    the vessel, and upstream of the throat less with the radius lost.
+    R/h is `resolution`; within a stenosis it rises in proportion to the radius lost, to `throat_resolution` at the
+    throat. From there to the downstream end of the stenosis region it is at least `jet_resolution` (at most the
+    throat's), because elements as large as the jet mix it away and spoil its wall shear; in the jet's core, `CORE`
+    throat radii around the axis, it is `core_resolution` of the throat's radius. These are widths: from the throat to
+    the end of the region elements are `axial_stretch` times as long, upstream of the throat less in proportion to the
+    radius lost.
 
     factor: on all sizes. stretched: whether any element is longer than wide.
     """
@@ -141,7 +141,7 @@ class Size:
         self.stretched = any(bool((stretch > 1.0).any()) for stretch in self._stretches)
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
-        """Wanted edge length (m,) across the vessel at points (m, 3), cm."""
+        """Return the wanted edge length (m,) across the vessel at points (m, 3), cm."""
         path, segment, along = self.implicit.nearest(points)
         size = np.empty(len(points))
         for index, values in enumerate(self._sizes):
@@ -153,13 +153,13 @@ class Size:
         return self.factor * size
 
     def varied(self, factor: float, stretched: bool) -> "Size":
-        """The same with all sizes times `factor`, and without stretch if so wanted."""
+        """Return a copy with all sizes times `factor`, and without stretch unless `stretched`."""
         other = copy(self)
         other.factor, other.stretched = self.factor * factor, self.stretched and stretched
         return other
 
     def metric(self, points: np.ndarray) -> np.ndarray:
-        """Metric (m, 6), cm^-2: xx, xy, xz, yy, yz, zz of the tensor in which every wanted edge is of length 1."""
+        """Return the metric (m, 6), cm^-2: xx, xy, xz, yy, yz, zz of the tensor that gives wanted edges length 1."""
         path, segment, along = self.implicit.nearest(points)
         stretch, tangent = np.empty(len(points)), np.empty((len(points), 3))
         for index, values in enumerate(self._stretches):
@@ -176,7 +176,7 @@ class Size:
 
 
 def narrowed(path: Path, stenosis: Stenosis) -> tuple[np.ndarray, np.ndarray]:
-    """Points of a path inside a stenosis (k,), and the radius lost there as a share of the throat's loss (k,)."""
+    """Return the points of a path inside a stenosis (k,), and their radius loss relative to the throat's (k,)."""
     mine = path.vessel == stenosis.vessel
     within = np.flatnonzero(mine & (path.arc >= stenosis.start) & (path.arc <= stenosis.end))
     if not len(within):

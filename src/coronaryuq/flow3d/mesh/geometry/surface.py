@@ -27,9 +27,9 @@ WALL = 1
 
 
 def surface(implicit: SignedDistance, caps: Sequence[Cap], spacing: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Vertices (n, 3), outward triangles (m, 3) and references (m,) of a closed surface cut at `caps`.
+    """Return vertices (n, 3), outward triangles (m, 3) and references (m,) of a closed surface cut at `caps`.
 
-    spacing: of the grid, cm; below the smallest radius. Raises MeshError, naming the cap that could not be cut.
+    spacing: of the grid, cm; below the smallest radius. Raises `MeshError`, naming the cap that could not be cut.
     """
     points, triangles = isosurface(implicit, spacing)
     refs = np.full(len(triangles), WALL)
@@ -42,9 +42,7 @@ def surface(implicit: SignedDistance, caps: Sequence[Cap], spacing: float) -> tu
 
 
 def isosurface(implicit: SignedDistance, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-    """Marching cubes block by block, welded by the grid edge that each vertex lies on; vertices lie on the true
-    surface.
-    """
+    """Run marching cubes block by block and weld the vertices by grid edge; they lie on the true surface."""
     from skimage.measure import marching_cubes
 
     vertices, faces, keys = [], [], []
@@ -71,7 +69,7 @@ def isosurface(implicit: SignedDistance, spacing: float) -> tuple[np.ndarray, np
 
 
 def cut(points, triangles, refs, ref: int, cap: Cap, implicit: SignedDistance, spacing: float):
-    """The surface without what lies beyond a cap, closed by a fan of triangles with reference `ref`."""
+    """Return the surface without what lies beyond a cap, closed by a fan of triangles with reference `ref`."""
     height = (points - cap.centre) @ cap.normal
     near = np.linalg.norm(points - cap.centre, axis=1) < 2.0 * cap.radius + 2.0 * spacing
     snapped = near & (np.abs(height) < SNAP * spacing)
@@ -134,8 +132,9 @@ def cut(points, triangles, refs, ref: int, cap: Cap, implicit: SignedDistance, s
 
 
 def _snapped(points, triangles, chosen: np.ndarray, height: np.ndarray, places: np.ndarray, outward: np.ndarray):
-    """Points with the chosen ones at their places, less those at which a triangle below the plane would fall over; and
-    which they are. outward: the surface's normal at every point near the cap.
+    """Move chosen points to their places unless a triangle below the plane would flip; return points and choice.
+
+    outward: the surface's normal at every point near the cap.
     """
     moved, chosen = points.copy(), chosen.copy()
     moved[chosen] = places
@@ -157,7 +156,7 @@ def _cosine(corners: np.ndarray, up: np.ndarray) -> np.ndarray:
 
 
 def _into_plane(points: np.ndarray, cap: Cap, implicit: SignedDistance, spacing: float) -> np.ndarray:
-    """Points moved into the cap's plane and, within it, onto the surface."""
+    """Return points moved into the cap's plane and, within it, onto the surface."""
     points = points - ((points - cap.centre) @ cap.normal)[:, None] * cap.normal
     for _ in range(3):
         slope = implicit.gradient(points, 1e-2 * spacing)
@@ -168,7 +167,7 @@ def _into_plane(points: np.ndarray, cap: Cap, implicit: SignedDistance, spacing:
 
 
 def _beyond(points, triangles, height, cap: Cap) -> np.ndarray:
-    """Vertices of the connected part of the surface that lies beyond the cap around its axis."""
+    """Return the vertices of the connected part of the surface that lies beyond the cap around its axis."""
     above = height > 0.0
     edges = np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     edges = edges[above[edges].all(axis=1)]
@@ -186,7 +185,7 @@ def _beyond(points, triangles, height, cap: Cap) -> np.ndarray:
 
 
 def _rim(triangles: np.ndarray, in_plane: np.ndarray, cap: Cap) -> np.ndarray:
-    """The edge in the cap's plane of the triangles beside it, as one loop of vertices in the triangles' sense."""
+    """Return the edge of the triangles in the cap's plane as one loop of vertices in the triangles' sense."""
     edges = np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     edges = edges[in_plane[edges].all(axis=1)]
     n = len(in_plane)
@@ -205,7 +204,7 @@ def _rim(triangles: np.ndarray, in_plane: np.ndarray, cap: Cap) -> np.ndarray:
 
 
 def _without_short_rim(points, outward, triangles, refs, in_plane: np.ndarray, cap: Cap, shortest: float):
-    """Collapse edges of the rim below `shortest`, where the surface stays a surface: mmgs would keep them."""
+    """Collapse rim edges below `shortest` where the surface stays manifold: mmgs would keep them."""
     rim = _rim(triangles, in_plane, cap).tolist()
     position = 0
     while position < len(rim) and len(rim) > 12:
@@ -225,8 +224,9 @@ def _without_short_rim(points, outward, triangles, refs, in_plane: np.ndarray, c
 
 
 def _may_collapse(points: np.ndarray, outward: np.ndarray, triangles: np.ndarray, stays: int, goes: int) -> bool:
-    """Whether an edge of the rim can go without harm: the two vertices share one neighbour, that of their one triangle
-    (link condition), and no triangle falls over.
+    """Return whether an edge of the rim can be collapsed without harm.
+
+    The two vertices share one neighbour, that of their one triangle (link condition), and no triangle flips.
     """
     around = [set(np.unique(triangles[(triangles == v).any(axis=1)]).tolist()) for v in (stays, goes)]
     if len((around[0] & around[1]) - {stays, goes}) != 1:
@@ -239,7 +239,7 @@ def _may_collapse(points: np.ndarray, outward: np.ndarray, triangles: np.ndarray
 
 
 def _whole(triangles: np.ndarray) -> np.ndarray:
-    """Triangles (m,) with three different corners."""
+    """Return which triangles have three different corners, (m,)."""
     return np.all(np.diff(np.sort(triangles, axis=1), axis=1) > 0, axis=1)
 
 
@@ -254,7 +254,7 @@ def _check_cap(rim: np.ndarray, centre: np.ndarray, cap: Cap) -> None:
 
 
 def _largest(points: np.ndarray, triangles: np.ndarray, refs: np.ndarray):
-    """The connected part with most triangles, renumbered."""
+    """Return the connected part with most triangles, renumbered."""
     n = len(points)
     edges = np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]]])
     _, label = connected_components(coo_array((np.ones(len(edges)), edges.T), shape=(n, n)), directed=False)
@@ -264,6 +264,6 @@ def _largest(points: np.ndarray, triangles: np.ndarray, refs: np.ndarray):
 
 
 def enclosed_volume(points: np.ndarray, triangles: np.ndarray) -> float:
-    """Volume inside a closed surface of outward triangles, cm3."""
+    """Return the volume inside a closed surface of outward triangles, cm3."""
     a, b, c = (points[triangles[:, i]] for i in range(3))
     return float(np.einsum("ij,ij->i", np.cross(a, b), c).sum() / 6.0)
