@@ -11,11 +11,11 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json, write_json
 
 ORDER = 2.0
-"""Of the discretisation in the element size: linear elements, second-order steps. No higher one is believed."""
+"""Theoretical order of the discretisation in the element size; higher observed orders are not used."""
 LEAST_ORDER = 1.0
-"""Below it three meshes are too coarse to extrapolate from."""
+"""Observed order below which three meshes are too coarse for an extrapolation."""
 SAFETY = 1.25
-"""Of the grid convergence index on three meshes that show their order (Roache 1998)."""
+"""Safety factor of the grid convergence index on three meshes (Roache 1998)."""
 QUANTITIES = ("ffr_", "tawss_", "osi_")
 
 
@@ -99,7 +99,7 @@ def compare(
     if not common:
         raise InputError(place, "samples", None, "no sample was finished on every mesh; see the records' reasons")
     if len(set(nodes)) < len(nodes):
-        raise InputError(place, "nodes", None, "the meshes are equally fine: a given mesh folder cannot be refined")
+        raise InputError(place, "nodes", None, "the meshes are equally fine; an imported mesh folder cannot be refined")
     first = read[order[0]][1][common[0]]
     quantities = sorted(quantity for quantity in first if quantity.startswith(QUANTITIES))
     return order, nodes, common, {

@@ -75,7 +75,7 @@ def test_ids_in_any_order_are_understood(copied):
         (lambda out: (out / folder.SURFACES / "wall.vtp").unlink(), "belong to no face"),
         (lambda out: shutil.rmtree(out / folder.SURFACES), "every face needs one"),
         (lambda out: _drop(out / folder.SURFACES / "inlet_LAD.vtp", "ModelFaceID"), "array missing"),
-        (lambda out: _renumber(out / folder.SURFACES / "inlet_LAD.vtp"), "is that of"),
+        (lambda out: _renumber(out / folder.SURFACES / "inlet_LAD.vtp"), "also used by"),
         (lambda out: _shift(out / folder.SURFACES / "inlet_LAD.vtp"), "does not lie on the boundary"),
         (lambda out: (out / folder.VOLUME).write_text("<VTKFile"), "empty or truncated"),
     ],

@@ -54,8 +54,8 @@ def importable(monkeypatch):
     ("function", "limit", "told"),
     [
         (dies, 30.0, r"attempt 1: the mesher was killed \(SIGSEGV\); attempt 2"),
-        (works_on, 0.5, "not ready after 0.5 s of CPU time"),
-        (sleeps, 0.1, "stuck: not ready after 2 s"),
+        (works_on, 0.5, "not finished after 0.5 s of CPU time"),
+        (sleeps, 0.1, "stuck: not finished after 2 s"),
         (raises, 30.0, "ValueError: no idea"),
     ],
 )

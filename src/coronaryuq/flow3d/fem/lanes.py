@@ -15,7 +15,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic, models, overload, register_model
 
 LANES = 8
-"""Samples per lane block; a block with fewer samples is filled up with copies of its last."""
+"""Samples per lane block; a block with fewer samples is padded with copies of its last."""
 
 _DOUBLES = ir.VectorType(ir.DoubleType(), LANES)
 _FLOATS = ir.VectorType(ir.FloatType(), LANES)

@@ -139,7 +139,7 @@ class Stepper:
         self.kinematic_pressure[:] = 0.0
         self.projected_gradient[:] = 0.0
         self._b[:] = 0.0
-        for i in range(len(space.caps)):  # a fixed order of summation, whatever the number of samples
+        for i in range(len(space.caps)):  # summed in a fixed order for any number of samples
             self._b += space.lift[:, i, None] * kinematic[i]
         self._add_potential()
 
@@ -162,7 +162,7 @@ class Stepper:
                 )  # fmt: skip
         self._delta[:] = 0.0
         for inlet in self.inlets:
-            if inlet is not None:  # its flow at the step's end is not known yet
+            if inlet is not None:  # the flow at the step's end is still unknown
                 nodes = inlet.cap.nodes
                 self._delta[nodes] = self.u[nodes] - self.u_old[nodes]
         active = self.alive.copy()

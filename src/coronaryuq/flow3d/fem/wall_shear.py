@@ -42,7 +42,7 @@ def _wall_force(elements, nu, u, p, at, force):
                 i = at[tets[e, a]]
                 if i < 0:
                     continue
-                # On the wall the velocity is nought, so that its own part of the convection is too.
+                # The velocity is zero on the wall, and so is its own part of the convection.
                 shear = nv * dot((grad[e, a, 0], grad[e, a, 1], grad[e, a, 2]), s)
                 k = 3 * i + c
                 store(force, k, load(force, k) - (common + shear))

@@ -3,10 +3,11 @@
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
+from coronaryuq.core.io.typed import checked
 
 FORMAT = "coronaryuq-mesh-1"
 
@@ -126,12 +127,7 @@ def read_description(path: str | Path) -> MeshDescription:
         The file is missing or malformed, or an entry is absent or of the wrong type.
     """
     content = read_json(path, ("faces", "regions", "planes"))
-    try:
-        description = MeshDescription.model_validate(content)
-    except ValidationError as errors:
-        first = errors.errors(include_url=False)[0]
-        field = ".".join(map(str, first["loc"]))
-        raise InputError(path, field, first["input"], f"{first['msg'].lower()}; mesh the case again") from None
+    description = checked(MeshDescription, content, path)
     for face in description.faces:
         if face.kind == "cap" and face.couples is None:
             raise InputError(path, f"faces.{face.name}", None, "cap without `couples`; mesh the case again")

@@ -23,25 +23,30 @@ from coronaryuq.flow3d.mesh.settings import Settings
 from coronaryuq.zerod.network.read import Network
 
 SHORTEST = 0.01
-"""Of the smallest radius: shorter edges of a surface are left out."""
+"""Edges of a surface shorter than this fraction of the smallest radius are removed."""
 
 
 def adopt_folder(
-    given: Path, tree: Tree, stenoses: Sequence[Stenosis], network: Network, settings: Settings, scale: float = 1.0
+    mesh_folder: Path,
+    tree: Tree,
+    stenoses: Sequence[Stenosis],
+    network: Network,
+    settings: Settings,
+    scale: float = 1.0,
 ) -> tuple[folder.Mesh, MeshDescription]:
     """Read a mesh-complete folder and describe it; faces keep their names and numbers.
 
     scale: the folder's length unit in cm. The tree must be that of the same anatomy: raises `InputError` if a cap has
     no vessel end near it, or an end no cap.
     """
-    mesh = folder.read(given)
+    mesh = folder.read(mesh_folder)
     mesh = replace(mesh, points=mesh.points * scale)
     ends = [
         (name, np.array(face["centroid"]), np.array(face["normal"]), face["radius"])
         for number, name in mesh.caps.items()
         for face in [folder.face_geometry(mesh, number)]
     ]
-    kept, caps = match(given, tree, ends)
+    kept, caps = match(mesh_folder, tree, ends)
     return _described(mesh, kept, caps, tree, stenoses, network, settings, "given", [])
 
 
@@ -98,7 +103,7 @@ def match(file: Path, tree: Tree, ends: Sequence[tuple[str, np.ndarray, np.ndarr
     places = [
         place for piece in extent.pieces(tree, kept) for place in paths.caps(tree, kept, piece)
     ]  # fmt: skip
-    found: dict[str, Cap] = {}
+    matched: dict[str, Cap] = {}
     caps = []
     for name, centre, normal, radius in ends:
         nearest = min(places, key=lambda place: float(np.linalg.norm(place.centre - centre)))
@@ -107,14 +112,14 @@ def match(file: Path, tree: Tree, ends: Sequence[tuple[str, np.ndarray, np.ndarr
             raise InputError(
                 file, name, None, f"no vessel of the tree ends here ({away:.2f} cm away is {nearest.name})"
             )
-        if nearest.name in found:
-            raise InputError(file, name, None, f"lies at the same vessel end as {found[nearest.name].name}")
+        if nearest.name in matched:
+            raise InputError(file, name, None, f"is at the same vessel end as {matched[nearest.name].name}")
         cap = replace(nearest, name=name, centre=centre, normal=normal, radius=float(radius))
-        found[nearest.name] = cap
+        matched[nearest.name] = cap
         caps.append(cap)
     for place in places:
-        if place.name not in found:
-            raise InputError(file, "caps", None, f"none at {place.name} of the tree; cut the vessel flat there")
+        if place.name not in matched:
+            raise InputError(file, "caps", None, f"no cap at {place.name} of the tree; cut the vessel flat there")
     return kept, caps
 
 

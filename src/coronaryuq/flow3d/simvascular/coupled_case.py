@@ -99,7 +99,7 @@ def coupled_json(case: CoupledCase, changes: Mapping[str, np.ndarray], full: Map
         "external_step_size": case.time_step,
         "output_all_cycles": True,
         "steady_initial": False,
-        # In CGS the default, 1e-8 dyn/cm2, is below rounding as soon as a 3D code's first guess of a flow is far off.
+        # The default, 1e-8 dyn/cm2, is below rounding error if a 3D code's first guess of a flow is far off.
         "absolute_tolerance": 1e-5,
         "maximum_nonlinear_iterations": 100,
     }

@@ -30,7 +30,7 @@ class Fields:
     def add(self, pressure: np.ndarray, shear: np.ndarray, where: str) -> None:
         """Add one frame: nodal pressure (n,) and wall shear stress vectors (n, 3), zero off the wall."""
         if not (np.isfinite(pressure).all() and np.isfinite(shear).all()):
-            raise RunFailed(f"{where} holds values that are not finite: the run blew up")
+            raise RunFailed(f"{where} contains values that are not finite: the run blew up")
         for name, (nodes, share) in self.sections.items():
             self.distal[name] += float(share @ pressure[nodes])
         self.vector += shear
@@ -63,12 +63,12 @@ def histories(case: CoupledCase, path: Path) -> dict[str, np.ndarray]:
         table = np.array([[float(word) for word in line.split()] for line in lines[1:]])
     except ValueError:
         raise RunFailed(f"{path.name} is truncated or not numeric") from None
-    # The file gives the state after a step under the time before it.
+    # A row holds the state after a step, but the time before it.
     if table.ndim != 2 or table.shape[1] != len(names) + 1 or len(table) < case.steps:
         raise RunFailed(f"{path.name} is truncated: {len(table)} of {case.steps} steps")
     last = table[-case.settings.steps_per_cycle :, 1:]
     if not np.isfinite(last).all():
-        raise RunFailed(f"{path.name} holds values that are not finite: the 0D side blew up")
+        raise RunFailed(f"{path.name} contains values that are not finite: the 0D side blew up")
     return {name: last[:, k] for k, name in enumerate(names)}
 
 
@@ -110,7 +110,7 @@ def load(path: Path) -> Any:
             raise RunFailed(f"{path.name} is truncated")
     data = pv.read(path)
     if data.n_points == 0:
-        raise RunFailed(f"{path.name} holds no points")
+        raise RunFailed(f"{path.name} contains no points")
     return data
 
 

@@ -48,7 +48,7 @@ def build(tree: Tree, stenoses: Sequence[Stenosis], settings: Settings) -> Built
     """Mesh the chosen domain, each piece in a process of its own; raise `MeshError` if a piece fails all attempts."""
     kept = kept_vessels(tree, stenoses, settings)
     groups = extent.pieces(tree, kept)
-    made: list[Piece] = []
+    pieces: list[Piece] = []
     surfaces: list[Implicit] = []
     caps: list[list[Cap]] = []
     failures: list[str] = []
@@ -65,23 +65,23 @@ def build(tree: Tree, stenoses: Sequence[Stenosis], settings: Settings) -> Built
             "grading": Grading(surface, stenoses, settings.wall_grading),
         }
         piece, failed = mmg_process.run(group[0], (mesh_implicit, arguments), settings.time_limit, settings.attempts)
-        made.append(piece)
+        pieces.append(piece)
         surfaces.append(surface)
         caps.append(ends)
         failures += [f"{group[0]}: {line}" for line in failed]
-    mesh = assemble(made, [[cap.name for cap in group] for group in caps])
+    mesh = assemble(pieces, [[cap.name for cap in group] for group in caps])
     return Built(mesh, kept, [cap for group in caps for cap in group], groups, surfaces, failures)
 
 
-def assemble(made: Sequence[Piece], caps: Sequence[Sequence[str]]) -> Mesh:
+def assemble(pieces: Sequence[Piece], caps: Sequence[Sequence[str]]) -> Mesh:
     """Join pieces into one mesh with a single wall (ModelFaceID 1) and caps from 2 on; nodes are renumbered."""
-    points = np.vstack([piece.points for piece in made])
-    first = np.cumsum([0, *(len(piece.points) for piece in made)])
-    tets = np.vstack([piece.tets + shift for piece, shift in zip(made, first, strict=False)])
-    outer = np.vstack([piece.triangles + shift for piece, shift in zip(made, first, strict=False)])
+    points = np.vstack([piece.points for piece in pieces])
+    first = np.cumsum([0, *(len(piece.points) for piece in pieces)])
+    tets = np.vstack([piece.tets + shift for piece, shift in zip(pieces, first, strict=False)])
+    outer = np.vstack([piece.triangles + shift for piece, shift in zip(pieces, first, strict=False)])
     before = np.cumsum([0, *(len(group) for group in caps)])
     face = np.concatenate(
-        [np.where(piece.refs == 1, 1, piece.refs + shift) for piece, shift in zip(made, before, strict=False)]
+        [np.where(piece.refs == 1, 1, piece.refs + shift) for piece, shift in zip(pieces, before, strict=False)]
     )
     names = {1: WALL} | dict(enumerate((n for group in caps for n in group), start=2))
     order = cuthill_mckee(tets, len(points))

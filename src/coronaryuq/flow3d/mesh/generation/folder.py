@@ -109,7 +109,7 @@ def unpack(archive: str | Path, folder: str | Path) -> None:
             names, torn = packed.namelist(), packed.testzip()
     except FileNotFoundError:
         raise InputError(archive, None, None, "no such file") from None
-    # What a broken archive may make zipfile raise: OSError too, where an offset points out of the file.
+    # All that zipfile may raise for a broken archive; OSError if an offset points outside the file.
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, ValueError):
         raise InputError(archive, None, None, "not a zip archive; make the mesh again") from None
     if torn is not None:
@@ -134,7 +134,7 @@ def read(folder: str | Path) -> Mesh:
 
     if set(cells) != {pv.CellType.TETRA}:
         raise InputError(
-            folder / VOLUME, "cells", None, "wanted linear tetrahedra only; mesh again without other cells"
+            folder / VOLUME, "cells", None, "expected linear tetrahedra only; mesh again without other cells"
         )
     ids = _array(grid.point_data, "GlobalNodeID", folder / VOLUME)
     points = np.asarray(grid.points, float)
@@ -145,7 +145,7 @@ def read(folder: str | Path) -> Mesh:
     flat = np.flatnonzero(volumes(points, tets) <= 0.0)
     if len(flat):
         raise InputError(
-            folder / VOLUME, f"cell {flat[0]}", None, f"has no volume, like {len(flat) - 1} others; mesh again"
+            folder / VOLUME, f"cell {flat[0]}", None, f"has no volume, nor do {len(flat) - 1} others; mesh again"
         )
     triangles, owner = boundary(tets)
     lookup = {tuple(key): index for index, key in enumerate(np.sort(triangles, axis=1).tolist())}
@@ -154,11 +154,11 @@ def read(folder: str | Path) -> Mesh:
     names: dict[int, str] = {}
     surfaces = sorted((folder / SURFACES).glob("*.vtp"))
     if not surfaces:
-        raise InputError(folder / SURFACES, None, None, "holds no .vtp; every face needs one")
+        raise InputError(folder / SURFACES, None, None, "contains no .vtp; every face needs one")
     for path in surfaces:
         number = _read_face(path, place, lookup, face, region)
         if number in names:
-            raise InputError(path, "ModelFaceID", number, f"is that of {names[number]} as well; give each face its own")
+            raise InputError(path, "ModelFaceID", number, f"also used by {names[number]}; give each face its own")
         names[number] = path.stem
     if np.any(face == 0):
         raise InputError(
@@ -171,26 +171,26 @@ def _read_face(path: Path, place: dict, lookup: dict, face: np.ndarray, region: 
     surface = _load(path)
     numbers = np.unique(_array(surface.cell_data, "ModelFaceID", path))
     if len(numbers) != 1 or numbers[0] <= 0:
-        raise InputError(path, "ModelFaceID", numbers.tolist(), "wanted one positive number for the whole face")
+        raise InputError(path, "ModelFaceID", numbers.tolist(), "expected one positive number for the whole face")
     ids = _array(surface.point_data, "GlobalNodeID", path)
     try:
         nodes = np.array([place[int(number)] for number in ids])
         corners = nodes[surface.regular_faces]
-        found = np.array([lookup[tuple(key)] for key in np.sort(corners, axis=1).tolist()])
+        rows = np.array([lookup[tuple(key)] for key in np.sort(corners, axis=1).tolist()])
     except (KeyError, ValueError):
         raise InputError(path, "GlobalNodeID", None, "does not lie on the boundary of the volume mesh") from None
-    if np.any(face[found] != 0):
+    if np.any(face[rows] != 0):
         raise InputError(path, None, None, "shares triangles with another face")
-    face[found] = numbers[0]
+    face[rows] = numbers[0]
     if "Region" in surface.cell_data:
-        region[found] = np.asarray(surface.cell_data["Region"])
+        region[rows] = np.asarray(surface.cell_data["Region"])
     return int(numbers[0])
 
 
 def _load(path: Path):
     data = read_vtk(path)
     if data.n_cells == 0:
-        raise InputError(path, None, None, "holds no cells; make it again")
+        raise InputError(path, None, None, "contains no cells; make it again")
     return data
 
 

@@ -40,50 +40,51 @@ def run(name: str, job: Job, time_limit: float, attempts: int) -> tuple[Piece, l
 
 def _once(job: Job, attempt: Attempt, time_limit: float) -> tuple[Piece | None, str]:
     with tempfile.TemporaryDirectory(prefix="coronaryuq-mesh-") as folder:
-        given, made = Path(folder) / "job.npz", Path(folder) / "piece.npz"
+        job_file, piece_file = Path(folder) / "job.npz", Path(folder) / "piece.npz"
         function, arguments = job
-        subprocess_io.write(given, arguments | {"attempt": attempt})
+        subprocess_io.write(job_file, arguments | {"attempt": attempt})
         try:
             done = subprocess.run(
-                [sys.executable, "-m", __spec__.name, *map(str, (*_named(function), given, made, time_limit))],
+                [
+                    sys.executable,
+                    "-m",
+                    __spec__.name,
+                    *map(str, (function.__module__, function.__name__, job_file, piece_file, time_limit)),
+                ],
                 capture_output=True,
                 text=True,
                 timeout=PATIENCE * time_limit,
                 check=False,
-                cwd=folder,  # what a mesher leaves behind goes with the folder
+                cwd=folder,  # so that files which a mesher leaves behind are deleted with the folder
             )
         except subprocess.TimeoutExpired:
-            return None, f"stuck: not ready after {PATIENCE * time_limit:g} s"
+            return None, f"stuck: not finished after {PATIENCE * time_limit:g} s"
         if done.returncode == -signal.SIGXCPU:
-            return None, f"not ready after {time_limit:g} s of CPU time"
-        if done.returncode == 0 and made.exists():
-            return subprocess_io.read(made), ""
+            return None, f"not finished after {time_limit:g} s of CPU time"
+        if done.returncode == 0 and piece_file.exists():
+            return subprocess_io.read(piece_file), ""
         return None, _reason(done)
-
-
-def _named(function: Callable) -> tuple[str, str]:
-    return function.__module__, function.__name__
 
 
 def _reason(done: subprocess.CompletedProcess) -> str:
     if done.returncode < 0:
         return f"the mesher was killed ({signal.Signals(-done.returncode).name})"
     lines = [line for line in done.stderr.splitlines() if line.strip()]
-    return lines[-1].strip() if lines else f"the mesher left with code {done.returncode} and no word"
+    return lines[-1].strip() if lines else f"the mesher exited with code {done.returncode} and no message"
 
 
-def main(module: str, function: str, given: str, made: str, time_limit: str) -> int:
+def main(module: str, function: str, job_file: str, piece_file: str, time_limit: str) -> int:
     used = resource.getrusage(resource.RUSAGE_SELF)
     limit = math.ceil(used.ru_utime + used.ru_stime + float(time_limit))
-    # A cluster may have set a limit of its own, which no process may raise; beyond it the kernel ends this one.
+    # A cluster may have set a limit of its own, which no process may raise: a higher one would be an error.
     _, most = resource.getrlimit(resource.RLIMIT_CPU)
     resource.setrlimit(resource.RLIMIT_CPU, (limit if most == resource.RLIM_INFINITY else min(limit, most), most))
     try:
-        piece = getattr(importlib.import_module(module), function)(**subprocess_io.read(given))
+        piece = getattr(importlib.import_module(module), function)(**subprocess_io.read(job_file))
     except MeshError as error:
         print(error, file=sys.stderr)
         return 1
-    subprocess_io.write(made, piece)
+    subprocess_io.write(piece_file, piece)
     return 0
 
 

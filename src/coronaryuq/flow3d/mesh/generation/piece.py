@@ -14,13 +14,13 @@ from coronaryuq.flow3d.mesh.geometry.paths import Cap, Size
 from coronaryuq.flow3d.mesh.geometry.surface import WALL, enclosed_volume, surface
 
 THINNEST = 0.05
-"""Radius ratio of a tetrahedron (1 is regular) down to which nodes may be drawn to the wall."""
+"""Smallest radius ratio of a tetrahedron (1 is regular) that may result from drawing nodes to the wall."""
 
 INSET = 0.25
-"""In radii of a cap: the isosurface is cut this far behind it, so that the cut is flat and its rim clean."""
+"""Distance behind a cap, in its radii, at which the isosurface is cut, so that the cut is flat and its rim clean."""
 
 SHORTEST = 0.02
-"""Of the smallest radius: shorter edges of a given surface are left out."""
+"""Edges of a given surface shorter than this fraction of the smallest radius are removed."""
 
 WORST_DIHEDRAL = 3.0
 """Degrees; a piece with a flatter tetrahedron is meshed again with other settings."""

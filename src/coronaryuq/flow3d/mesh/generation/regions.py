@@ -100,9 +100,9 @@ def mark(
         path, segment, along = owners[line.piece]
         index = np.clip(segment - shift, 0, len(line.offset) - 2)
         offset = line.offset[index] + along * (line.offset[index + 1] - line.offset[index])
-        mine = (piece_of == line.piece) & (path == line.path) & (offset >= low) & (offset <= high)
-        region[wall[mine]] = number
-        chosen = wall[mine]
+        inside = (piece_of == line.piece) & (path == line.path) & (offset >= low) & (offset <= high)
+        region[wall[inside]] = number
+        chosen = wall[inside]
         marked[stenosis.name] = Region(
             id=number,
             vessel=stenosis.vessel,
@@ -110,7 +110,7 @@ def mark(
             throat_radius=radius,
             start=low,
             end=high,
-            triangles=int(mine.sum()),
+            triangles=int(inside.sum()),
             area=float(size[chosen].sum()),
         )
     return replace(mesh, region=region), marked

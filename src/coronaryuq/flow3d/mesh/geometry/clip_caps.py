@@ -9,10 +9,10 @@ from coronaryuq.flow3d.mesh.geometry.paths import Cap
 from coronaryuq.flow3d.mesh.geometry.surface import WALL
 
 INSET = 0.05
-"""In radii of the cap: behind it, where a wall that runs into the cap nearly flat has left its plane."""
+"""Distance of the cut behind the cap, in its radii: far enough for a wall nearly parallel to the cap."""
 
 SIDES = 48
-"""Of the prism that cuts a cap off."""
+"""Sides of the prism that cuts off a cap."""
 
 
 def trimmed(
@@ -42,12 +42,12 @@ def trimmed(
         solid = solid - knife
     parts = solid.decompose()
     if not parts:
-        raise MeshError("the surface encloses nothing between its caps")
+        raise MeshError("the surface encloses no volume between its caps")
     mesh = max(parts, key=lambda part: part.volume()).simplify(tolerance).to_mesh64()
     runs = np.diff(np.asarray(mesh.run_index)) // 3
-    refs = np.repeat([reference.get(int(one), WALL) for one in mesh.run_original_id], runs)
-    # Corners of different runs are given twice, and named here.
-    one = np.arange(len(mesh.vert_properties))
-    one[np.asarray(mesh.merge_from_vert, np.int64)] = np.asarray(mesh.merge_to_vert, np.int64)
-    used, corners = np.unique(one[np.asarray(mesh.tri_verts, np.int64)], return_inverse=True)
+    refs = np.repeat([reference.get(int(original), WALL) for original in mesh.run_original_id], runs)
+    # Corners shared by runs are listed once per run: merge them.
+    merged = np.arange(len(mesh.vert_properties))
+    merged[np.asarray(mesh.merge_from_vert, np.int64)] = np.asarray(mesh.merge_to_vert, np.int64)
+    used, corners = np.unique(merged[np.asarray(mesh.tri_verts, np.int64)], return_inverse=True)
     return np.asarray(mesh.vert_properties[:, :3], float)[used], corners.reshape(-1, 3), refs

@@ -55,8 +55,8 @@ def ostium(tree: Tree, name: str) -> float:
 
 def starts_at_bifurcation(tree: Tree, kept: Kept, name: str) -> bool:
     """Return whether a vessel's 3D part begins at the end of its parent's."""
-    mother = tree[name].parent
-    return mother is not None and kept[name][0] <= 0.0 and reaches_end(tree, kept, mother)
+    parent = tree[name].parent
+    return parent is not None and kept[name][0] <= 0.0 and reaches_end(tree, kept, parent)
 
 
 def daughters(tree: Tree, kept: Kept, name: str) -> list[str]:
@@ -78,9 +78,9 @@ def pieces(tree: Tree, kept: Kept) -> list[list[str]]:
     return [[name for name in label if label[name] == first] for first in dict.fromkeys(label.values())]
 
 
-def continuation(tree: Tree, mother: str, names: Sequence[str]) -> str:
+def continuation(tree: Tree, parent: str, names: Sequence[str]) -> str:
     """Return the daughter that continues the parent: same artery first, then wide and straight."""
-    trunk = tree[mother]
+    trunk = tree[parent]
     ahead = trunk.tangent_at(trunk.length)
 
     def rank(name: str) -> tuple[bool, float]:
@@ -109,8 +109,8 @@ def _upstream(tree: Tree, kept: Kept, vessel: Vessel, end: float, length: float)
         _keep(kept, vessel.name, margin, end)
     else:
         _keep(kept, vessel.name, 0.0, end)
-        mother = tree[vessel.parent]
-        _upstream(tree, kept, mother, mother.length, max(length - room, 2.0 * float(mother.radii[-1])))
+        parent = tree[vessel.parent]
+        _upstream(tree, kept, parent, parent.length, max(length - room, 2.0 * float(parent.radii[-1])))
 
 
 def _downstream(tree: Tree, kept: Kept, vessel: Vessel, start: float, length: float) -> None:
@@ -133,31 +133,31 @@ def _complete_bifurcations(tree: Tree, kept: Kept, stub: float) -> None:
     before: Kept = {}
     while kept != before:
         before = dict(kept)
-        for mother in tree:
-            below = tree.children(mother.name)
-            touched = reaches_end(tree, kept, mother.name) or any(
+        for parent in tree:
+            below = tree.children(parent.name)
+            touched = reaches_end(tree, kept, parent.name) or any(
                 v.name in kept and kept[v.name][0] <= 0.0 for v in below
             )
             if not below or not touched:
                 continue
-            length = 2.0 * max(stub * float(mother.radii[-1]), *(float(v.radii[0]) for v in below))
-            first = ostium(tree, mother.name)
-            start = mother.length - length
-            near = start < first + 2.0 * float(mother.radius_at(first))
-            _keep(kept, mother.name, min(first, mother.length) if near else start, mother.length)
+            length = 2.0 * max(stub * float(parent.radii[-1]), *(float(v.radii[0]) for v in below))
+            first = ostium(tree, parent.name)
+            start = parent.length - length
+            near = start < first + 2.0 * float(parent.radius_at(first))
+            _keep(kept, parent.name, min(first, parent.length) if near else start, parent.length)
             for daughter in below:
-                end = _clearance(mother, daughter, below) + 2.0 * stub * float(daughter.radii[0])
+                end = _clearance(parent, daughter, below) + 2.0 * stub * float(daughter.radii[0])
                 near = end > daughter.length - 2.0 * float(daughter.radii[-1])
                 _keep(kept, daughter.name, 0.0, daughter.length if near else end)
 
 
-def _clearance(mother: Vessel, daughter: Vessel, sisters: Sequence[Vessel]) -> float:
-    """Return the arc length at which a daughter's lumen has left those of her parent and sisters."""
-    reach = 8.0 * float(max(mother.radii[-1], *(v.radii[0] for v in sisters)))
+def _clearance(parent: Vessel, daughter: Vessel, siblings: Sequence[Vessel]) -> float:
+    """Return the arc length at which a daughter's lumen has left those of its parent and siblings."""
+    reach = 8.0 * float(max(parent.radii[-1], *(v.radii[0] for v in siblings)))
     arc = np.linspace(0.0, min(reach, daughter.length), 60)
     points, radii = daughter.position_at(arc), daughter.radius_at(arc)
-    near = [mother.between(max(0.0, mother.length - reach), mother.length)]
-    near += [v.between(0.0, min(reach, v.length)) for v in sisters if v.name != daughter.name]
+    near = [parent.between(max(0.0, parent.length - reach), parent.length)]
+    near += [v.between(0.0, min(reach, v.length)) for v in siblings if v.name != daughter.name]
     gap = np.min([distance_to(other, points) for other in near], axis=0) - radii
     touching = np.flatnonzero(gap < 0.0)
     return float(arc[touching[-1]]) if len(touching) else 0.0

@@ -13,7 +13,7 @@ FAR = 1e9
 STEEPEST = 1.5
 """Bound on the slope of the distance: 1 for a tube, more where the radius changes along it."""
 SHARPEST = 0.7
-"""Curvature of an axis times its radius, above which it counts as a corner: at 1 the nearest place is not unique."""
+"""Curvature of an axis times its radius, above which it counts as a corner: at 1 the nearest point is not unique."""
 
 
 class SignedDistance(Protocol):
@@ -71,7 +71,7 @@ class Implicit:
             b.append(path.points[1:])
             near, far = path.radii[:-1].copy(), path.radii[1:]
             joints = np.flatnonzero(path.vessel[1:-1] != path.vessel[2:]) + 1
-            # A daughter has her own radius from her start: a cone down from her mother's would be too steep.
+            # A daughter starts with its own radius: a cone from the parent's radius would be too steep.
             near[joints] = far[joints]
             starts = np.union1d(joints, corners(path))
             ra.append(near)
@@ -169,7 +169,7 @@ def _at(x, y, z, a, b, ra, rb, first, blend, bounds, bound_first):
     """Return the distance at one point, the segment that owns it, and the position along that segment."""
     total, owner, owner_along = FAR, -1, 0.0
     for part in range(len(first) - 1):
-        # A part farther off than its blend reaches changes nothing.
+        # A part beyond the reach of its blend changes nothing.
         best, segment = total + blend[part], -1
         for k in range(bound_first[part], bound_first[part + 1]):
             dx, dy, dz = x - bounds[k, 0], y - bounds[k, 1], z - bounds[k, 2]

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 AT_ONCE = 256
-"""Blocks whose distances are found together: more need much memory, fewer build the search tree too often."""
+"""Number of blocks processed together: more need much memory, fewer rebuild the search tree too often."""
 
 
 class Lumen:
@@ -46,7 +46,7 @@ class Lumen:
         triangle, place = self._nearest(points)
         corner = self.points[self.triangles[triangle]]
         normal = self._normal[triangle]
-        # Shares of the corners opposite to edges (1, 2), (2, 0), (0, 1) in the nearest place.
+        # Shares of the corners opposite to edges (1, 2), (2, 0), (0, 1) in the nearest point.
         opposite = [
             np.cross(corner[:, (k + 2) % 3] - corner[:, (k + 1) % 3], place - corner[:, (k + 1) % 3]) for k in range(3)
         ]
@@ -85,7 +85,7 @@ class Lumen:
 
     def origin(self, spacing: float) -> np.ndarray:
         """Return the lower corner of the grid (3,), cm."""
-        # Off the surface's own extent: a flat end there would lie in a plane of the grid, where no sign is to be had.
+        # Not a multiple of the spacing: a flat end would lie in a grid plane, where the distance has no sign.
         return self.points.min(axis=0) - 3.37 * spacing
 
 

@@ -20,7 +20,7 @@ BLEND = 0.4
 """Width of the blend at a bifurcation, in radii of the daughter."""
 
 CORE = 1.5
-"""Radius of a jet's core, in radii of the throat that it comes from."""
+"""Radius of a jet's core, in radii of its throat."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def paths(tree: Tree, kept: Kept, piece: Sequence[str]) -> list[Path]:
     Each follows the artery through its bifurcations and extends beyond its caps.
     """
     carried: set[str] = set()
-    found = []
+    result = []
     for name in piece:
         if name in carried:
             continue
@@ -73,8 +73,8 @@ def paths(tree: Tree, kept: Kept, piece: Sequence[str]) -> list[Path]:
         while onward := daughters(tree, kept, chain[-1]):
             chain.append(continuation(tree, chain[-1], onward))
         carried.update(chain)
-        found.append(_path(tree, kept, chain))
-    return found
+        result.append(_path(tree, kept, chain))
+    return result
 
 
 def _path(tree: Tree, kept: Kept, chain: Sequence[str]) -> Path:
@@ -154,9 +154,9 @@ class Size:
 
     def varied(self, factor: float, stretched: bool) -> "Size":
         """Return a copy with all sizes times `factor`, and without stretch unless `stretched`."""
-        other = copy(self)
-        other.factor, other.stretched = self.factor * factor, self.stretched and stretched
-        return other
+        varied = copy(self)
+        varied.factor, varied.stretched = self.factor * factor, self.stretched and stretched
+        return varied
 
     def metric(self, points: np.ndarray) -> np.ndarray:
         """Return the metric (m, 6), cm^-2: xx, xy, xz, yy, yz, zz of the tensor that gives wanted edges length 1."""
@@ -177,8 +177,8 @@ class Size:
 
 def narrowed(path: Path, stenosis: Stenosis) -> tuple[np.ndarray, np.ndarray]:
     """Return the points of a path inside a stenosis (k,), and their radius loss relative to the throat's (k,)."""
-    mine = path.vessel == stenosis.vessel
-    within = np.flatnonzero(mine & (path.arc >= stenosis.start) & (path.arc <= stenosis.end))
+    inside = (path.vessel == stenosis.vessel) & (path.arc >= stenosis.start) & (path.arc <= stenosis.end)
+    within = np.flatnonzero(inside)
     if not len(within):
         return within, np.empty(0)
     healthy = np.interp(path.arc[within], [stenosis.start, stenosis.end], path.radii[within][[0, -1]])

@@ -11,7 +11,7 @@ from coronaryuq.flow3d.mesh.geometry.implicit import SignedDistance
 from coronaryuq.flow3d.mesh.geometry.paths import Cap
 
 BLOCK = 6
-"""Grid cells along the edge of a block: in larger ones more points lie far off the surface, smaller ones share more."""
+"""Grid cells along the edge of a block: larger blocks waste points far off the surface, smaller ones share more."""
 
 SNAP = 0.3
 """Vertices nearer to a cap's plane than this, in grid spacings, move into it, so that the cut leaves no tiny edges."""
@@ -20,7 +20,7 @@ SHORT = 0.5
 """Edges of a rim below this many grid spacings are collapsed."""
 
 UPRIGHT = 0.2
-"""Least cosine between a triangle's normal and the surface's, after vertices have moved at a cap."""
+"""Smallest cosine between a triangle's normal and the surface's, after vertices have moved at a cap."""
 
 WALL = 1
 """Reference of wall triangles; cap number i has i + 2."""
@@ -73,7 +73,7 @@ def cut(points, triangles, refs, ref: int, cap: Cap, implicit: SignedDistance, s
     height = (points - cap.centre) @ cap.normal
     near = np.linalg.norm(points - cap.centre, axis=1) < 2.0 * cap.radius + 2.0 * spacing
     snapped = near & (np.abs(height) < SNAP * spacing)
-    # Another vessel may run through the cap's plane within reach of a wide cap.
+    # Another vessel may cross the plane of a wide cap nearby.
     beside = triangles[_beyond(points, triangles, height, cap)[triangles].any(axis=1)]
     snapped &= np.isin(np.arange(len(points)), beside)
     outward = np.zeros_like(points)
@@ -87,25 +87,25 @@ def cut(points, triangles, refs, ref: int, cap: Cap, implicit: SignedDistance, s
     above = (side > 0.0)[triangles]
     stays = ~above.any(axis=1) & ~(snapped[triangles].all(axis=1))
     kept, kept_refs, clipped, clipped_refs = triangles[stays], refs[stays], [], []
-    made: dict[tuple[int, int], int] = {}
+    crossings: dict[tuple[int, int], int] = {}
     fresh: list[np.ndarray] = []
 
     def crossing(low: int, high: int) -> int:
         key = (low, high)
-        if key not in made:
+        if key not in crossings:
             share = height[low] / (height[low] - height[high])
-            made[key] = len(points) + len(fresh)
+            crossings[key] = len(points) + len(fresh)
             fresh.append(points[low] + share * (points[high] - points[low]))
-        return made[key]
+        return crossings[key]
 
     mixed = above.any(axis=1) & ~(side >= 0.0)[triangles].all(axis=1)
     for triangle, old in zip(triangles[mixed].tolist(), refs[mixed].tolist(), strict=True):
         polygon = []
-        for here, onward in zip(triangle, triangle[1:] + triangle[:1], strict=True):
-            if side[here] <= 0.0:
-                polygon.append(here)
-            if side[here] * side[onward] < 0.0:
-                polygon.append(crossing(*sorted((here, onward), key=lambda v: side[v])))
+        for start, end in zip(triangle, triangle[1:] + triangle[:1], strict=True):
+            if side[start] <= 0.0:
+                polygon.append(start)
+            if side[start] * side[end] < 0.0:
+                polygon.append(crossing(*sorted((start, end), key=lambda v: side[v])))
         for second, third in zip(polygon[1:-1], polygon[2:], strict=True):
             clipped.append([polygon[0], second, third])
             clipped_refs.append(old)
@@ -180,7 +180,7 @@ def _beyond(points, triangles, height, cap: Cap) -> np.ndarray:
     tip = candidates[np.argmin(np.linalg.norm(points[candidates] - start, axis=1))]
     beyond = above & (label == label[tip])
     if np.linalg.norm(points[beyond] - cap.centre, axis=1).max() > 4.0 * cap.radius:
-        raise MeshError(f"cap {cap.name} lies within reach of another vessel, or its centreline bends back there")
+        raise MeshError(f"cap {cap.name} is too close to another vessel, or its centreline bends back there")
     return beyond
 
 
@@ -199,7 +199,7 @@ def _rim(triangles: np.ndarray, in_plane: np.ndarray, cap: Cap) -> np.ndarray:
         if len(loop) > len(onward):
             break
     if len(loop) != len(onward):
-        raise MeshError(f"cap {cap.name} has a rim of more than one loop: another vessel is too near")
+        raise MeshError(f"cap {cap.name} has a rim of more than one loop: another vessel is too close")
     return np.array(loop)
 
 
@@ -234,7 +234,7 @@ def _may_collapse(points: np.ndarray, outward: np.ndarray, triangles: np.ndarray
     before = triangles[(triangles == goes).any(axis=1) & ~(triangles == stays).any(axis=1)]
     up = outward[before].sum(axis=1)
     old, new = (_cosine(points[corners], up) for corners in (before, np.where(before == goes, stays, before)))
-    # Slivers of the isosurface need not stand upright from the first.
+    # Slivers of the isosurface may have been tilted before.
     return not ((new < UPRIGHT) & (new < old)).any()
 
 
@@ -258,9 +258,9 @@ def _largest(points: np.ndarray, triangles: np.ndarray, refs: np.ndarray):
     n = len(points)
     edges = np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]]])
     _, label = connected_components(coo_array((np.ones(len(edges)), edges.T), shape=(n, n)), directed=False)
-    mine = label[triangles[:, 0]] == np.bincount(label[triangles[:, 0]]).argmax()
-    used, new = np.unique(triangles[mine], return_inverse=True)
-    return points[used], new.reshape(-1, 3), refs[mine]
+    largest = label[triangles[:, 0]] == np.bincount(label[triangles[:, 0]]).argmax()
+    used, new = np.unique(triangles[largest], return_inverse=True)
+    return points[used], new.reshape(-1, 3), refs[largest]
 
 
 def enclosed_volume(points: np.ndarray, triangles: np.ndarray) -> float:
