@@ -27,7 +27,7 @@ def meshes(tmp_path):
     return tmp_path
 
 
-def test_richardson_finds_the_limit(meshes):
+def test_extrapolation_recovers_the_limit(meshes):
     rows = convergence(meshes)
     assert {row["quantity"] for row in rows} == set(QUANTITIES)
     for row in rows:
@@ -38,7 +38,7 @@ def test_richardson_finds_the_limit(meshes):
         assert row["spread"] == pytest.approx(np.std([1, 1.1, 1.2]) * (0.025 - 0.00625))
 
 
-def test_one_mesh_is_no_convergence(meshes):
+def test_convergence_needs_two_meshes(meshes):
     for name in ("a", "b"):
         (meshes / name / "mesh.json").unlink()
     with pytest.raises(InputError, match="at least two"):

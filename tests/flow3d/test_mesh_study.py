@@ -1,6 +1,4 @@
-"""Numerical error from three meshes and half the step: known limits and orders come back; what does not settle is given
-its whole range.
-"""
+"""Numerical error from three meshes and half the step: known limits and orders are recovered."""
 
 import numpy as np
 import pytest
@@ -53,14 +51,14 @@ def test_second_order_convergence_gives_the_limit_and_its_distance(tmp_path):
     assert set(found["quantities"]) == {"ffr_lad", "osi_max_lad"}
 
 
-def test_the_spread_is_that_of_the_samples_own_differences(tmp_path):
+def test_the_spread_is_the_standard_deviation_of_sample_differences(tmp_path):
     meshes = write(tmp_path, lambda q, h, k: 1.0 + k * h**2)
     found = study(tmp_path, meshes)["quantities"]["ffr_lad"]
     step = NODES["own"] ** (-2 / 3) - NODES["fine"] ** (-2 / 3)
     assert found["spread"] == pytest.approx(np.std(range(4)) * step)
 
 
-def test_the_steps_error_is_twice_what_halving_it_changes(tmp_path):
+def test_the_time_step_error_is_twice_the_change_from_halving_it(tmp_path):
     meshes = write(tmp_path, lambda q, h, k: 1.0 + 0.1 * k)
     halved = tmp_path / "halved_step.jsonl"
     rows = [Record(f"s{k}", {}, {"ffr_lad": 0.99 + 0.1 * k, "osi_max_lad": 1.2 + 0.1 * k}) for k in (1, 2)]
@@ -74,7 +72,7 @@ def test_the_steps_error_is_twice_what_halving_it_changes(tmp_path):
 
 
 @given(st.floats(1.05, 2.0), st.floats(-2.0, 2.0), st.floats(0.1, 5.0))
-def test_any_order_between_one_and_two_is_found(power, limit, factor):
+def test_any_order_between_one_and_two_is_recovered(power, limit, factor):
     size = np.array([3.0, 2.0, 1.4])
     found = richardson(size, (limit + factor * size**power).tolist(), 1)
     assert found["order"] == pytest.approx(power, rel=1e-6)
@@ -82,14 +80,14 @@ def test_any_order_between_one_and_two_is_found(power, limit, factor):
     assert found["error"] == pytest.approx(1.25 * factor * 2.0**power, rel=1e-5)
 
 
-def test_an_order_above_two_is_not_believed():
+def test_an_order_above_two_is_capped():
     size = np.array([3.0, 2.0, 1.4])
     found = richardson(size, (size**4).tolist(), 1)
     assert found["order"] == pytest.approx(4.0)
-    assert found["extrapolated"] < 0.0, "second order leaves more to go than the fourth, whose limit is nought"
+    assert found["extrapolated"] < 0.0, "second order leaves more to go than the fourth, whose limit is zero"
 
 
-def test_values_that_do_not_settle_are_given_their_range():
+def test_values_that_do_not_converge_get_their_range_as_error():
     size = np.array([3.0, 2.0, 1.4])
     turning = richardson(size, [1.0, 1.3, 1.1], 1)
     assert turning == {
@@ -103,7 +101,7 @@ def test_values_that_do_not_settle_are_given_their_range():
     assert not richardson(size[:2], [1.0, 1.1], 0)["converging"], "two meshes show no order"
 
 
-def test_no_common_sample_is_refused(tmp_path):
+def test_a_study_without_common_samples_is_rejected(tmp_path):
     meshes = write(tmp_path, lambda q, h, k: 1.0, failed={("own", k) for k in range(4)})
     with pytest.raises(InputError, match="no sample was finished on every mesh"):
         study(tmp_path, meshes)

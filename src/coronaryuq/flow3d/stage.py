@@ -8,7 +8,7 @@ from coronaryuq.flow3d.simvascular.coupled_case import CoupledCase
 from coronaryuq.flow3d.simvascular.svmultiphysics import SvMultiPhysics
 from coronaryuq.flow3d.simvascular.svsolver import SvSolver
 
-SIMVASCULAR = {"svsolver": SvSolver, "svmultiphysics": SvMultiPhysics}
+SIMVASCULAR: dict[str, type[SvSolver] | type[SvMultiPhysics]] = {"svsolver": SvSolver, "svmultiphysics": SvMultiPhysics}
 
 
 def run_batch(
@@ -47,7 +47,7 @@ def make_adapter(solver: str, model: FlowModel, batch: Batch, settings: Settings
     if solver == "ensemble":
         return EnsembleAdapter(model, settings, processes.ranks)
     if solver not in SIMVASCULAR:
-        raise InputError("configuration", "backend", solver, f"want ensemble, {' or '.join(SIMVASCULAR)}")
+        raise InputError("configuration", "backend", solver, f"expected ensemble, {' or '.join(SIMVASCULAR)}")
     external = settings.simvascular
     if processes.mpi is not None:
         external = external.model_copy(update={"mpi": processes.mpi})

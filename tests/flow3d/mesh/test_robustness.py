@@ -23,17 +23,17 @@ def meshes(seed: int, settings: Settings, out) -> None:
 
 
 @pytest.mark.parametrize("seed", [3, 26])
-def test_random_segments(seed, tmp_path):
+def test_segments_of_random_trees_are_meshed(seed, tmp_path):
     meshes(seed, Settings(**COARSE, jet_resolution=2.5), tmp_path)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("seed", range(60))
-def test_sixty_random_segments(seed, tmp_path):
+def test_segments_of_sixty_random_trees_are_meshed(seed, tmp_path):
     meshes(seed, Settings(), tmp_path)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("seed", range(50))
-def test_fifty_random_trees(seed, tmp_path):
+def test_fifty_random_trees_are_meshed_whole(seed, tmp_path):
     meshes(seed, Settings(domain="trees", **COARSE, jet_resolution=1.6), tmp_path)

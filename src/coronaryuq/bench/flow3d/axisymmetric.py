@@ -50,7 +50,7 @@ class Grid:
 
 
 def graded(rings: int) -> np.ndarray:
-    """Radii (rings + 1,) from 0 to 1 that lie closer together towards the wall."""
+    """Return radii (rings + 1,) from 0 to 1 that lie closer together towards the wall."""
     return 1.0 - (1.0 - np.linspace(0.0, 1.0, rings + 1)) ** 1.4
 
 
@@ -62,7 +62,7 @@ def solve(
     density: float,
     viscosity: float,
 ) -> AxisymmetricFlow:
-    """Flow (mL/s) through a tube along z (cm levels, increasing) of `radius`(z), developed at the inlet."""
+    """Compute the flow (mL/s) through a tube along z (cm levels, increasing) of `radius`(z), developed at the inlet."""
     grid = Grid(z, np.outer(radius(z), graded(rings)), np.full(len(z) - 1, rings))
     return solve_on(grid, flow, density, viscosity)
 
@@ -108,7 +108,7 @@ def solve_on(
     viscosity: float,
     continuation: tuple[float, ...] = (0.0, 0.1, 0.3, 0.6, 1.0),
 ) -> AxisymmetricFlow:
-    """Flow (mL/s) from the first level, where it is developed, to the last, where it leaves freely."""
+    """Compute the flow (mL/s) from the first level, where it is developed, to the last, where it leaves freely."""
     elements = _triangulated(grid)
     rule = _rule(elements)
     solution, free = _start(grid, elements, flow)
@@ -186,8 +186,10 @@ def _rule(elements: _Elements) -> _Rule:
 
 
 def _start(grid: Grid, elements: _Elements, flow: float) -> tuple[np.ndarray, np.ndarray]:
-    """Unknowns (2 m + n,), axial and radial velocity and pressure, at rest but for the inlet's parabola, and which of
-    them are free: not on the wall, the inlet or, for radial velocity, the axis.
+    """Return the unknowns (2 m + n,) at rest except for the inlet's parabola, and which of them are free.
+
+    Unknowns are axial and radial velocity and pressure; fixed are velocities on the wall and at the inlet, and radial
+    velocity on the axis.
     """
     m, wall, inlet = elements.m, elements.wall, elements.z == grid.z[0]
     outer = grid.r[0, grid.wet[0]]
@@ -201,7 +203,7 @@ def _start(grid: Grid, elements: _Elements, flow: float) -> tuple[np.ndarray, np
 def _assemble(
     elements: _Elements, rule: _Rule, solution: np.ndarray, rho: float, viscosity: float
 ) -> tuple[sp.csc_matrix, np.ndarray]:
-    """Jacobian and residual of the weak form in all unknowns, boundary values included."""
+    """Return Jacobian and residual of the weak form in all unknowns, boundary values included."""
     m, n, corners, every = elements.m, elements.n, elements.corners, elements.nodes
     shape, grad, r, weight = rule.shape, rule.grad, rule.r, rule.weight
     u = np.stack([solution[:m][every], solution[m : 2 * m][every]], axis=2)
@@ -226,7 +228,7 @@ def _assemble(
 def _jacobian(
     elements: _Elements, rule: _Rule, at: np.ndarray, slope: np.ndarray, rho: float, viscosity: float
 ) -> sp.csc_matrix:
-    """at (e, q, 2): velocity at the rule's points; slope (e, q, 2, 2): its gradient."""
+    """Return the Jacobian; at (e, q, 2): velocity at the quadrature points, slope (e, q, 2, 2): its gradient."""
     m, corners, every = elements.m, elements.corners, elements.nodes
     shape, grad, r, weight = rule.shape, rule.grad, rule.r, rule.weight
     stiff = viscosity * np.einsum("eq,eqik,eqjk->eij", weight, grad, grad)
@@ -252,7 +254,7 @@ def _jacobian(
 
 
 def _measure(grid: Grid, elements: _Elements, solution: np.ndarray, force: np.ndarray) -> AxisymmetricFlow:
-    """Wall shear from the consistent nodal forces on the wall, axial and radial together, spread over the arc."""
+    """Return wall shear from the consistent nodal forces on the wall, axial and radial, spread over the arc."""
     z, n, m, number = grid.z, elements.n, elements.m, elements.number
     top = np.minimum(np.r_[grid.wet, grid.wet[-1]], np.r_[grid.wet[0], grid.wet])
     wall = number[np.arange(len(z)), top]

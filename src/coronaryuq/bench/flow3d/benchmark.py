@@ -32,13 +32,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(quick: bool, data: str | None = None) -> dict:
-    """Costs at three mesh sizes with 1 and 16 samples (quick: the smallest, 8), verification, and convergence.
+    """Measure costs, verify against exact solutions, and compute mesh convergence.
 
-    data: a folder with one folder per mesh of the same patient, each with `mesh.json` and `batch*.jsonl` of the same
-    samples; without it `convergence` is empty. The nozzle's error is null where the laboratories' files are not found
-    in `../shared`, and when quick.
+    Parameters
+    ----------
+    quick
+        One small mesh with 8 samples instead of three with 1 and 16; no nozzle, stenosis or unstructured meshes.
+    data
+        Folder with one folder per mesh of the same patient, each with `mesh.json` and `batch*.jsonl` of the same
+        samples; without it `convergence` is empty.
+
+    Returns
+    -------
+    dict
+        `meshes` (costs), `verification`, `convergence`. The nozzle's error is null if the laboratories' files are not
+        in `../shared`.
     """
-    converged = convergence(data) if data else []  # first: a wrong folder is told before the minutes of the rest
+    converged = convergence(data) if data else []  # first, so that a wrong folder is reported at once
     meshes = []
     for rings, levels in MESHES[: 1 if quick else 3]:
         for samples in (LANES,) if quick else (1, 16):
@@ -53,9 +63,9 @@ def run(quick: bool, data: str | None = None) -> dict:
 
 
 def cost(rings: int, levels: int, samples: int) -> dict:
-    """CPU per sample and cycle of the solver's steps in a tube at 100 cm/s; blocks of LANES one after the other.
+    """Return CPU time per sample and cycle of the solver's steps in a tube at 100 cm/s.
 
-    A few steps are timed, compiled, and scaled to a cycle.
+    A few steps are timed after compilation and scaled to a cycle; blocks of LANES run one after the other.
     """
     length = 5.0 * tubes.RADIUS
     space = tubes.discretised(length, tubes.RADIUS, rings, levels, PERIOD / STEPS_PER_CYCLE)
@@ -81,7 +91,7 @@ def cost(rings: int, levels: int, samples: int) -> dict:
 
 
 def verification(quick: bool) -> dict:
-    """Errors against exact solutions on the finest mesh tried, and observed orders."""
+    """Return errors against exact solutions on the finest mesh tried, and observed orders."""
     coarse, fine = (3, 5) if quick else (4, 8)
     steps = 80 if quick else 240
     flow = np.linspace(0.5, 2.0, LANES)
@@ -112,9 +122,11 @@ def verification(quick: bool) -> dict:
 
 
 def against_laboratories(flow: nozzle.NozzleFlow) -> dict:
-    """The FDA nozzle up to the jet's breakdown: largest error of the axial velocity to the laboratories' mean and to
-    the exact solution; how far outside their spread velocity (cm/s) and pressure (dyn/cm2) come at most and at how
-    many stations, here and for the exact solution.
+    """Compare the FDA nozzle's flow up to the jet's breakdown with the laboratories and the exact solution.
+
+    Largest error of the axial velocity against the laboratories' mean and the exact solution; number of stations at
+    which velocity (cm/s) and pressure (dyn/cm2) lie outside the laboratories' range, and by how much at most, for the
+    solver and the exact solution.
     """
     laboratories = nozzle.measured(NOZZLE_DATA)
     found: dict[str, Any] = {"nodes": flow.nodes}
@@ -139,7 +151,7 @@ def against_laboratories(flow: nozzle.NozzleFlow) -> dict:
 def stenosis(
     rings: Sequence[int] = (4, 6, 8), flows: Sequence[float] = (0.4, 0.8, 1.6), levels: int = 120, cells: int = 12
 ) -> list[dict]:
-    """Relative error of a stenosis' pressure drop against the axisymmetric reference, per flow (mL/s) and mesh."""
+    """Return relative errors of a stenosis' pressure drop against the axisymmetric flow, per flow (mL/s) and mesh."""
     length = 2.4
     exact = []
     for flow in flows:
@@ -161,17 +173,17 @@ def stenosis(
 
 
 def mean_pressure(space, stepper, z: float) -> np.ndarray:
-    """Mean pressure (LANES,) over the cross-section at z."""
+    """Return the mean pressure (LANES,) over the cross-section at z."""
     centre, normal = np.array([0.0, 0.0, z]), np.array([0.0, 0.0, 1.0])
     nodes, weight, _ = section_weights(space.points, space.elements.tets, centre, normal)
     return (weight[:, None] * stepper.pressure[nodes]).sum(axis=0)
 
 
 def convergence(data: str | Path) -> list[dict]:
-    """Quantities of interest on several meshes of one patient; means over the samples that every mesh has.
+    """Return quantities of interest on several meshes of one patient, as means over the common samples.
 
-    default_error: of the finest mesh but one, against the extrapolation from the finest ones; null where the values do
-    not converge (see `flow3d.mesh_study.richardson`).
+    `default_error`: of the second finest mesh against the extrapolation from the finest ones; null if the values do not
+    converge (see `flow3d.mesh_study.richardson`).
     """
     meshes = {
         found.parent.name: (found, sorted(found.parent.glob("batch*.jsonl")))

@@ -4,8 +4,8 @@ Geometry and conditions: Stewart et al. 2012 (Cardiovasc Eng Technol 3:139); mea
 (J Biomech Eng 133:041002). A tube of 12 mm narrows in a cone to a throat of 4 mm diameter and 40 mm length, which opens
 into a tube of 12 mm at z = 0.
 
-`reference` solves the same problem by the axisymmetric solver. It tells the 3D solver's error from the laboratories':
-where the exact solution of the stated problem lies outside their spread, so must any other that is right.
+`reference` solves the same problem by the axisymmetric solver. It separates the 3D solver's error from the
+laboratories': where the exact solution of the stated problem lies outside their range, any correct solver must too.
 """
 
 from dataclasses import dataclass
@@ -27,15 +27,15 @@ DENSITY, VISCOSITY, FLOW = 1.056, 0.035, 5.20624
 TUBE, THROAT = 0.6, 0.2
 """Radii, cm."""
 INLET, CONE, NECK, OUTLET = -9.6, -6.2685, -4.0, 16.0
-"""Places along z, cm: inlet, beginning and end of the cone, outlet."""
+"""Positions along z, cm: inlet, beginning and end of the cone, outlet."""
 SPEED = FLOW / (np.pi * THROAT**2)
 """Mean in the throat, cm/s."""
 BREAKDOWN = 6.0
-"""Place (cm) up to which velocity is judged; behind it cells grow fourfold, and the jet of the experiment breaks up."""
+"""z (cm) up to which velocity is compared; behind it cells grow fourfold and the jet of the experiment breaks up."""
 
 
 def mesh(rings: int, outer: int, finest: float) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    """Points (n, 3) cm, tetrahedra (m, 4), triangles of `inlet` and `outlet`.
+    """Return points (n, 3) in cm, tetrahedra (m, 4) and the triangles of `inlet` and `outlet`.
 
     rings: cells over the throat's radius; outer: cells from there to the wall of the tube behind it, growing; finest:
     cell length (cm) at the expansion.
@@ -66,14 +66,15 @@ def mesh(rings: int, outer: int, finest: float) -> tuple[np.ndarray, np.ndarray,
 
 
 def _facets(rings: int) -> float:
-    """How much farther out the corners of a polygon lie than the circle of its area."""
+    """Return the radius of a polygon's corners over that of the circle of its area."""
     corners = 6 * rings
     return float(np.sqrt(2 * np.pi / (corners * np.sin(2 * np.pi / corners))))
 
 
 def _levels(finest: float) -> np.ndarray:
-    """Finest at the expansion, four times as coarse along throat, cone and near jet, coarser far away; with the cone's
-    two ends and the expansion among them.
+    """Return levels along z that include the cone's ends and the expansion.
+
+    Finest at the expansion, four times as coarse along throat, cone and near jet, coarser far away.
     """
 
     def between(start, end, first, last):
@@ -103,14 +104,14 @@ class Curves:
 
 @dataclass(frozen=True)
 class NozzleFlow(Curves):
-    """`change` is the largest of the velocity up to BREAKDOWN over the last fifth of the time, relative to SPEED."""
+    """`change`: largest change of velocity up to BREAKDOWN over the last fifth of the time, relative to SPEED."""
 
     nodes: int
     change: float
 
 
 def reference(rings: int = 10, outer: int = 8, finest: float = 0.05) -> Curves:
-    """The steady flow by quadratic elements in the half plane; parameters as of `mesh`."""
+    """Compute the steady flow by quadratic elements in the half plane; parameters as for `mesh`."""
     z = _levels(finest)
     throat = np.outer(np.interp(z, [CONE, NECK], [TUBE, THROAT]), axisymmetric.graded(rings))
     beyond = THROAT + (TUBE - THROAT) * np.linspace(0, 1, outer + 1)[1:] ** 1.5
@@ -120,7 +121,7 @@ def reference(rings: int = 10, outer: int = 8, finest: float = 0.05) -> Curves:
 
 
 def solve(rings: int = 8, outer: int = 6, finest: float = 0.05, time: float = 1.0, dt: float = 2.5e-3) -> NozzleFlow:
-    """The flow after `time` seconds, from rest behind an inlet whose profile is developed."""
+    """Compute the flow after `time` seconds, from rest behind an inlet with a developed profile."""
     points, tets, caps = mesh(rings, outer, finest)
     space = Discretisation(points, tets, caps, ["inlet"], dt, DENSITY, VISCOSITY, reference_speed=SPEED)
     flow = np.full(LANES, FLOW)
@@ -143,15 +144,17 @@ def solve(rings: int = 8, outer: int = 6, finest: float = 0.05, time: float = 1.
 
 
 def _wall(space: Discretisation) -> np.ndarray:
-    """One line of wall nodes along the nozzle, without the face of the step."""
+    """Return one line of wall nodes along the nozzle, without the face of the step."""
     x, y, z = space.points.T
     line = np.flatnonzero(space.wall & (np.abs(y) < 1e-9) & (x > 0) & ((z != 0) | (x < 1.2 * THROAT)))
     return line[np.argsort(z[line])]
 
 
 def measured(folder: str | Path) -> dict[str, dict[str, np.ndarray]]:
-    """Laboratory → `axial` (k, 2: z in cm, cm/s), `pressure` (k, 2: z in cm, dyn/cm2) and `profile`, the axial velocity
-    across the tube at z = −8.8 (k, 2: r in cm, cm/s), from files *_500_*.txt.
+    """Read the laboratories' files *_500_*.txt.
+
+    Laboratory → `axial` (k, 2: z in cm, cm/s), `pressure` (k, 2: z in cm, dyn/cm2) and `profile`, the axial velocity
+    across the tube at z = −8.8 (k, 2: r in cm, cm/s).
     """
     wanted = {
         "axial": ("plot-z-distribution-axial-velocity", LENGTHS["m"]),
@@ -174,7 +177,7 @@ def measured(folder: str | Path) -> dict[str, dict[str, np.ndarray]]:
 
 
 def carried(profile: np.ndarray) -> float:
-    """Flow (mL/s) of a measured profile (k, 2: r, axial velocity), the mean of its two halves."""
+    """Return the flow (mL/s) of a measured profile (k, 2: r, axial velocity), as the mean of its two halves."""
     halves = (profile[profile[:, 0] <= 0] * [-1, 1], profile[profile[:, 0] >= 0])
     sorted_halves = (half[np.argsort(half[:, 0])] for half in halves)
     return float(np.mean([2 * np.pi * np.trapezoid(r * u, r) for r, u in (half.T for half in sorted_halves)]))
@@ -190,16 +193,16 @@ class Station:
     measured: tuple[float, ...]
 
     def outside(self) -> float:
-        """How far the value lies outside the laboratories' spread; 0 within."""
+        """Return the distance of the value from the laboratories' range; 0 within."""
         return max(0.0, self.value - max(self.measured), min(self.measured) - self.value)
 
     def error(self) -> float:
-        """Relative distance to the laboratories' mean."""
+        """Return the relative difference from the laboratories' mean."""
         return self.value / float(np.mean(self.measured)) - 1.0
 
 
 def stations(flow: Curves, laboratories: dict[str, dict[str, np.ndarray]]) -> list[Station]:
-    """Where all laboratories measured: velocity up to BREAKDOWN, pressure everywhere."""
+    """Return the places where all laboratories measured: velocity up to BREAKDOWN, pressure everywhere."""
     found = []
     own = {"axial": (flow.z, flow.axial), "pressure": (flow.pressure_z, flow.pressure)}
     for quantity, (z, value) in own.items():

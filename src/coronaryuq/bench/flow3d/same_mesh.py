@@ -1,10 +1,11 @@
-"""CPU seconds of one cycle on one mesh: svSolver, svMultiPhysics, and the ensemble solver with sixteen samples.
+"""Compare CPU time per cycle on one mesh: svSolver, svMultiPhysics, and the ensemble solver with sixteen samples.
 
     python -m coronaryuq.bench.flow3d.same_mesh results/laptop svsolver:12 svmultiphysics:4
 
-prints one JSON object. Wanted: a campaign's folder with its mesh and tuned loop; the programs on the PATH;
+prints one JSON object. Needs a campaign's folder with its mesh and tuned loop; the programs on the PATH;
 SVZEROD_INTERFACE, the path of svZeroDSolver's library; SIMVASCULAR_MPI, the launcher (default mpiexec). The number
-behind a program is how many time steps of it are timed, on one rank, after the first ones, and scaled to a cycle.
+after a program is the number of its time steps that are timed, on one rank, after the first ones, and scaled to a
+cycle.
 """
 
 import argparse
@@ -30,7 +31,7 @@ from coronaryuq.zerod.network.beds import SCALING, theta_changes
 
 SAMPLES = 16
 UNTIMED = 3
-"""Steps at the start of an external run that are not timed: reading the mesh, and fluid that still is at rest."""
+"""Steps at the start of an external run that are not timed: reading the mesh, and fluid still at rest."""
 CYCLES = 2
 
 
@@ -46,7 +47,7 @@ def main() -> int:
 
 
 def compare(campaign: Path, programs: list[str], settings: Settings) -> dict:
-    """CPU seconds per sample and cycle of every program and of the ensemble solver, and their ratios."""
+    """Return CPU seconds per sample and cycle of every program and of the ensemble solver, and their ratios."""
     wanted = [chosen(program) for program in programs]
     settings = settings.model_copy(
         update={"min_cycles": CYCLES, "max_cycles": CYCLES, "checkpoints": False, "fields": 0}
@@ -77,15 +78,15 @@ def compare(campaign: Path, programs: list[str], settings: Settings) -> dict:
 
 
 def chosen(program: str) -> tuple[str, int]:
-    """Name and steps of PROGRAM:STEPS."""
+    """Return name and steps of PROGRAM:STEPS."""
     name, _, steps = program.partition(":")
     if name not in SIMVASCULAR or not steps.isdigit() or int(steps) < 1:
-        raise InputError("PROGRAM:STEPS", None, program, "want a program and a number of steps, such as svsolver:12")
+        raise InputError("PROGRAM:STEPS", None, program, "expected program and number of steps, as in svsolver:12")
     return name, int(steps)
 
 
 def ensemble_cost(case: CoupledCase, settings: Settings) -> dict:
-    """Whole runs from the 0D state: everything counts, reading wall shear and the 0D side among it."""
+    """Time whole runs from the 0D state, including wall shear and the 0D side."""
     ensemble = Ensemble(case, settings)
     changes = theta_changes(case.network, {SCALING: np.linspace(0.8, 1.2, SAMPLES)})
     few = settings.model_copy(update={"steps_per_cycle": 100, "ramp_cycles": 0.02, "max_cycles": 0, "refinements": 0})
@@ -104,7 +105,7 @@ def ensemble_cost(case: CoupledCase, settings: Settings) -> dict:
 
 
 def external_cost(case: CoupledCase, name: str, steps: int) -> dict:
-    """Two runs, one of them `steps` longer; the difference is timed."""
+    """Time two runs, one of them `steps` longer; the difference counts."""
     spent = []
     for stop in (UNTIMED, UNTIMED + steps):
         solver = SIMVASCULAR[name](replace(case, settings=case.settings.model_copy(update={"stop_after": stop})))

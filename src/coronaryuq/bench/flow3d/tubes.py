@@ -1,4 +1,4 @@
-"""Verification cases in straight tubes: what the 3D solver gives against exact solutions."""
+"""Verification cases in straight tubes with exact solutions."""
 
 from collections.abc import Callable
 
@@ -19,20 +19,20 @@ RADIUS = 0.15
 
 
 def narrowing(z: np.ndarray) -> np.ndarray:
-    """Radius (cm) of a tube with a cosine stenosis of 60 % in diameter and 1 cm length, its throat at z = 1 cm."""
+    """Return the radius (cm) of a tube with a cosine stenosis of 60 % in diameter, 1 cm long, throat at z = 1 cm."""
     shape = np.where(np.abs(z - 1.0) < 0.5, 0.5 * (1 + np.cos(2 * np.pi * (z - 1.0))), 0.0)
     return RADIUS * (1 - 0.6 * shape)
 
 
 def discretised(length, radius, rings, levels, dt, viscosity=BLOOD_VISCOSITY) -> Discretisation:
-    """A tube of `length` cm with `rings` cells over its radius; its caps are `inlet` and `outlet`."""
+    """Return a tube of `length` cm with `rings` cells over its radius; its caps are `inlet` and `outlet`."""
     points, tets, faces = tube(length, radius, rings, levels)
     caps = {name: faces[name] for name in ("inlet", "outlet")}
     return Discretisation(points, tets, caps, ["inlet"], dt, BLOOD_DENSITY, viscosity)
 
 
 def driven(space: Discretisation, flow: Callable[[float], np.ndarray], outlet: float = 0.0) -> tuple:
-    """A stepper at rest and caps that impose flow(t) (LANES,) into the tube and a pressure at its end."""
+    """Return a stepper at rest, and caps that impose flow(t) (LANES,) into the tube and a pressure at its end."""
     stepper = Stepper(space)
     pressure = np.full(LANES, outlet)
     caps = LinearCaps(np.array([0, 1]), np.array([1, 0]), lambda t: np.stack([-flow(t), pressure]), space.dt)
@@ -41,7 +41,7 @@ def driven(space: Discretisation, flow: Callable[[float], np.ndarray], outlet: f
 
 
 def steady(space: Discretisation, flow: np.ndarray, time: float, ramp: float = 0.02) -> Stepper:
-    """From rest to `time` (s) under flows (LANES,) that rise over `ramp` (s)."""
+    """Run from rest to `time` (s) with flows (LANES,) that rise over `ramp` (s)."""
     stepper, caps = driven(space, lambda t: flow * min(1.0, t / ramp))
     for _ in range(int(round(time / space.dt))):
         stepper.step(caps)
@@ -49,7 +49,7 @@ def steady(space: Discretisation, flow: np.ndarray, time: float, ramp: float = 0
 
 
 def poiseuille(rings: int, flow: np.ndarray, length: float = 0.9) -> dict[str, np.ndarray]:
-    """Relative error of the pressure drop, and mean error and rms of wall shear in the middle third, (LANES,)."""
+    """Return errors of pressure drop and wall shear (mean, rms; middle third) in Poiseuille flow, (LANES,)."""
     space = discretised(length, RADIUS, rings, int(length / RADIUS * rings * 0.7), dt=2e-3)
     stepper = steady(space, flow, time=0.8)
     wall = WallShear(space)
@@ -69,9 +69,9 @@ def poiseuille(rings: int, flow: np.ndarray, length: float = 0.9) -> dict[str, n
 
 
 def womersley(rings: int, steps: int, alpha: float, period: float = 0.4, cycles: int = 3) -> dict[str, np.ndarray]:
-    """Pressure gradient and wall shear over exact ones, complex (LANES,), first harmonic, for flow ~ 1.3 + cos ωt.
+    """Return pressure gradient and wall shear over the exact ones, complex (LANES,), for flow ~ 1.3 + cos ωt.
 
-    The mean keeps the flow from turning round, since flow into the outlet is damped.
+    First harmonic. The mean keeps the flow from reversing, because flow into the outlet is damped.
     """
     length, omega = 0.6, 2 * np.pi / period
     viscosity = BLOOD_DENSITY * RADIUS**2 * omega / alpha**2
@@ -100,10 +100,10 @@ def womersley(rings: int, steps: int, alpha: float, period: float = 0.4, cycles:
 
 
 def manufactured(rings: int, length: float = 0.6) -> float:
-    """Relative L2 error of velocity against a steady swirling flow that a body force keeps up.
+    """Return the relative L2 error of velocity against a steady swirling flow driven by a body force.
 
-    u_z = 2U (1 − r²/R²), u_θ = A r (1 − r²/R²) sin²(πz/L), p = B r² sin(2πz/L): all of convection, pressure and
-    viscosity work, no-slip holds on the wall, the caps' pressure is uniform and their velocity normal to them.
+    u_z = 2U (1 − r²/R²), u_θ = A r (1 − r²/R²) sin²(πz/L), p = B r² sin(2πz/L): convection, pressure and viscosity all
+    contribute, no-slip holds on the wall, the caps' pressure is uniform and their velocity normal to them.
     """
     space = discretised(length, RADIUS, rings, 4 * rings, dt=2e-3)
     x, y, z = space.points.T

@@ -1,9 +1,9 @@
-"""Wall shear on meshes as a patient gets them: tubes through the project's own mesher against exact references.
+"""Accuracy of wall shear on meshes made as for a patient: tubes from the project's own mesher.
 
-What the region's mean and the rms of wall shear (share of the mean) earn, R = 0.15 cm:
+Errors of the region's mean and rms of wall shear (relative to the mean), R = 0.15 cm:
 
-- Straight tube at Re 55 to 220: mean within 0.2 (h/R)², rms within 0.8 (h/R)² of Poiseuille's. Were the corners of flat
-  facets to lie on the wall, the mean would be (h/R)²/4 higher.
+- Straight tube at Re 55 to 220: mean within 0.2 (h/R)², rms within 0.8 (h/R)² of Poiseuille's. With the corners of
+  flat facets on the wall, the mean would be (h/R)²/4 higher.
 - 60 % stenosis (diameter), Re 45, 90 and 180 upstream. Per mesh, `throat_resolution`/`resolution`/`jet_resolution` and
   `core_resolution`/`wall_grading`: error of the pressure drop, of the mean and the rms of wall shear, in per cent.
 
@@ -16,12 +16,12 @@ What the region's mean and the rms of wall shear (share of the mean) earn, R = 0
       5/3/4 3/0.5 11,250 nodes   -0.2  -2.7  -4.0      3   5   7      7   8  12
       6/3/6 3/0.5 19,309 nodes   -0.1  -1.9  -2.5      2   3   5      5   7  10
 
-  The drop has errors of both signs, too high to the throat and too much regained behind it, and coarse meshes profit
-  from that; 101 nodes more at 4/2/3 3/0.5 made it -3.1 instead of -4.7 at Re 180.
+  Errors of the drop have both signs, too high up to the throat and too much recovery behind it, which favours coarse
+  meshes; 101 nodes more at 4/2/3 3/0.5 made it -3.1 instead of -4.7 at Re 180.
   Elements twice as long as wide at the throat and in the jet, as by default (4/2/2 3/0.5, 5,089 nodes): 0.3 -3.8 -4.8,
   mean 3 4 3, rms 6 9 17.
-  What is left of wall shear is at the throat, where the boundary layer is thinner than an element. The pointwise
-  minimum is nought where the flow separates and has no meaningful relative error; the 1 % quantile is off by up to a
+  The remaining error of wall shear is at the throat, where the boundary layer is thinner than an element. The pointwise
+  minimum is zero where the flow separates and has no meaningful relative error; the 1 % quantile is off by up to a
   factor of five.
 """
 
@@ -49,7 +49,7 @@ FINER = (
 
 
 def meshed(points: np.ndarray, radii: np.ndarray, settings: Settings, stenoses=(), dt: float = 1e-3) -> Discretisation:
-    """One vessel of centreline points (n, 3) and radii (n,), cm, meshed as a patient's are."""
+    """Mesh one vessel of centreline points (n, 3) and radii (n,), cm, as for a patient."""
     tree = Tree([Vessel("LAD", points, np.broadcast_to(radii, len(points)), None, "LAD")])
     mesh = build(tree, stenoses, settings).mesh
     caps = {name: mesh.triangles[mesh.face == number] for number, name in mesh.caps.items()}
@@ -60,7 +60,7 @@ def meshed(points: np.ndarray, radii: np.ndarray, settings: Settings, stenoses=(
 
 
 def straight(resolution: float, flow: np.ndarray, length: float = 1.0) -> dict[str, np.ndarray]:
-    """Relative errors (LANES,) of wall shear in the middle third of a straight tube at flows (LANES,), mL/s."""
+    """Return relative errors (LANES,) of wall shear in the middle third of a straight tube at flows (LANES,), mL/s."""
     x = np.linspace(0.0, length, 51)
     settings = Settings(domain="whole", resolution=resolution, throat_resolution=max(resolution, 2.0))
     space = meshed(np.c_[x, 0 * x, 0 * x], np.full(51, tubes.RADIUS), settings)
@@ -72,7 +72,7 @@ def straight(resolution: float, flow: np.ndarray, length: float = 1.0) -> dict[s
 
 
 def reference(flows: Sequence[float]) -> list[axisymmetric.AxisymmetricFlow]:
-    """Flow through `tubes.narrowing` without a third dimension, one for each flow in mL/s."""
+    """Compute axisymmetric flow through `tubes.narrowing` for each flow in mL/s."""
     levels = np.linspace(0.0, 2.4, 121)
     return [axisymmetric.solve(tubes.narrowing, levels, 12, flow, BLOOD_DENSITY, BLOOD_VISCOSITY) for flow in flows]
 
@@ -83,9 +83,9 @@ def stenosed(
     exact: Sequence[axisymmetric.AxisymmetricFlow],
     **others: float,
 ) -> dict[str, np.ndarray]:
-    """Errors (LANES,) of wall shear around `tubes.narrowing` and of its pressure drop; flows repeat over the lanes.
+    """Return errors (LANES,) of wall shear around `tubes.narrowing` and of its pressure drop; flows repeat over lanes.
 
-    others: settings of the mesh beside `resolution`.
+    others: further mesh settings.
     """
     throat, elsewhere, jet = resolution
     settings = Settings(domain="whole", throat_resolution=throat, resolution=elsewhere, jet_resolution=jet, **others)
@@ -101,8 +101,9 @@ def stenosed(
 
 
 def errors(space: Discretisation, stepper, exact, between: tuple[float, float]) -> dict[str, np.ndarray]:
-    """Wall shear between two places along x against exact(x) (k, LANES): `mean` relative, `rms` over the mean's exact
-    value, `min` and `q01` (1 % area quantile) relative; `nodes` of the mesh.
+    """Return errors of wall shear between two places along x against exact(x) (k, LANES).
+
+    `mean` relative, `rms` over the exact mean, `min` and `q01` (1 % area quantile) relative; `nodes` of the mesh.
     """
     wall = WallShear(space)
     wall.sample(stepper, 1.0)
@@ -122,7 +123,7 @@ def errors(space: Discretisation, stepper, exact, between: tuple[float, float]) 
 
 
 def wall_shear(resolutions: Sequence[float] = (2.0, 3.0, 4.0), flows: Sequence[float] = (0.4, 0.8, 1.6)) -> dict:
-    """Errors by resolution for the benchmark: `straight` at 0.5 and 2 mL/s, `stenosis` at `flows`."""
+    """Return errors by resolution for the benchmark: `straight` at 0.5 and 2 mL/s, `stenosis` at `flows`."""
     ends = np.linspace(0.5, 2.0, LANES)
     rows = [
         {"resolution": r}

@@ -18,7 +18,7 @@ def tubes():
 
 
 @pytest.mark.parametrize("resolution", [2.0, 3.0, 4.0])
-def test_straight_tube(tubes, resolution):
+def test_wall_shear_of_a_straight_tube_is_accurate(tubes, resolution):
     found, scale = tubes[resolution], resolution**-2
     # The mean stays below what the facets alone would make; the scatter about it is allowed three to four times that.
     assert (found["mean"] < FACETS * scale).all()
@@ -28,7 +28,7 @@ def test_straight_tube(tubes, resolution):
     assert (found["q01"] > -3.4 * FACETS * scale).all()
 
 
-def test_straight_tube_converges_with_second_order(tubes):
+def test_wall_shear_of_a_straight_tube_converges_with_second_order(tubes):
     for name in ("mean", "rms"):
         assert (np.log2(tubes[2.0][name] / tubes[4.0][name]) > 1.7).all()
 

@@ -20,7 +20,7 @@ from coronaryuq.zerod.solver.engine import Engine
 from support.random_trees import network_of, random_tree, tube
 
 
-def test_volume_and_caps_of_a_stenosed_tube(stenosed):
+def test_a_stenosed_tube_has_its_exact_volume_and_caps(stenosed):
     _, content, tree, _, _ = stenosed
     vessel = tree["LAD"]
     exact = np.pi * np.trapezoid(vessel.radii**2, vessel.arc)
@@ -34,7 +34,7 @@ def test_volume_and_caps_of_a_stenosed_tube(stenosed):
         assert cap.radius == pytest.approx(0.15, rel=0.04)
 
 
-def test_resolution_at_the_throat_is_the_one_asked_for(stenosed):
+def test_the_throat_has_the_requested_resolution(stenosed):
     _, content, *_ = stenosed
     assert content.quality["throat_resolution"]["LAD"] == pytest.approx(3.0, rel=0.15)
 
@@ -54,7 +54,7 @@ def test_elements_at_the_throat_are_twice_as_long_as_wide(stenosed):
     assert length_over_width((0.1, 0.5)) == pytest.approx(1.0, rel=0.2)
 
 
-def test_quality_is_what_the_elements_have(stenosed):
+def test_the_reported_quality_is_that_of_the_elements(stenosed):
     out, content, *_ = stenosed
     mesh = folder.read(out / "mesh-complete")
     ratio = quality.radius_ratio(mesh.points, mesh.tets)
@@ -170,7 +170,7 @@ def segment():
     return network, MeshDescription(faces=faces, regions={}, planes={}, **replaced), kept["LAD"]
 
 
-def test_shares_of_a_cut_vessel_are_those_of_its_length(segment):
+def test_a_cut_vessel_is_shared_in_proportion_to_length(segment):
     network, content, (start, end) = segment
     values = {v["vessel_name"]: v["zero_d_element_values"] for v in network["vessels"]}
     assert content.replaces == ["LAD_seg1"]
@@ -181,7 +181,7 @@ def test_shares_of_a_cut_vessel_are_those_of_its_length(segment):
         assert share["stenosis_coefficient"] == 0.0
 
 
-def test_replaced_part_put_between_the_caps_gives_the_full_network_again(segment):
+def test_the_replaced_part_between_the_caps_restores_the_full_network(segment):
     network, content, _ = segment
     left = remaining_network(network, content)
     before, after = (block["connected_block"] for block in left.pop("external_solver_coupling_blocks"))
@@ -210,7 +210,7 @@ def _inside(network, mesh) -> dict:
     return {"vessel_name": "inside", "zero_d_element_type": "BloodVessel", "zero_d_element_values": total}
 
 
-def test_network_of_other_names_is_refused(stenosed):
+def test_a_network_with_other_names_is_rejected(stenosed):
     _, _, tree, stenoses, network = stenosed
     other = copy_of(network)
     for vessel in other["vessels"]:
@@ -220,7 +220,7 @@ def test_network_of_other_names_is_refused(stenosed):
 
 
 @pytest.mark.parametrize("domain", ["segments", "trees"])
-def test_a_case_without_stenosis_is_refused_before_anything_runs(stenosed, tmp_path, domain):
+def test_a_case_without_stenosis_is_rejected_before_anything_runs(stenosed, tmp_path, domain):
     (tmp_path / "case.json").write_text('{"stenoses": []}')
     write_tree(tmp_path / "t.vtp", stenosed[2])
     settings = Settings(domain=domain)
@@ -231,7 +231,7 @@ def test_a_case_without_stenosis_is_refused_before_anything_runs(stenosed, tmp_p
     assert not (tmp_path / "out").exists()
 
 
-def test_an_anatomy_that_cannot_be_meshed_is_one_line(stenosed, coarse, tmp_path):
+def test_an_anatomy_that_cannot_be_meshed_is_reported_on_one_line(stenosed, coarse, tmp_path):
     _, _, tree, stenoses, network = stenosed
     write_tree(tmp_path / "tree.vtp", tree)
     write_json(tmp_path / "network.json", network)
@@ -245,7 +245,7 @@ def test_an_anatomy_that_cannot_be_meshed_is_one_line(stenosed, coarse, tmp_path
         make_mesh(*given, short, tmp_path / "out")
 
 
-def test_mesh_json_is_as_it_was_returned(stenosed):
+def test_mesh_json_holds_the_returned_description(stenosed):
     out, content, *_ = stenosed
     assert read_description(out / "mesh.json") == content
     assert read_json(out / "mesh.json") == content.content()

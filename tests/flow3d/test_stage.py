@@ -102,7 +102,7 @@ def rows(campaign):
     return run(campaign, 0, 3, fields=campaign / "fields")
 
 
-def test_every_sample_has_a_record_with_the_named_outputs(rows):
+def test_every_sample_has_a_record_with_all_outputs(rows):
     assert [row.sample for row in rows] == ["a", "b", "c"]
     for row in rows:
         assert row.ok and row.solver["name"] == "ensemble" and "monolithic" in row.solver["coupling"]
@@ -132,18 +132,18 @@ def test_fields_of_the_first_sample_are_kept(campaign, rows):
     assert len(list((campaign / "fields").iterdir())) == 2
 
 
-def test_a_failed_sample_is_a_record(campaign):
+def test_a_failed_sample_gives_a_record(campaign):
     (row,) = run(campaign, 0, 1, SETTINGS.model_copy(update={"speed_limit": 1.0, "refinements": 0}))
     assert not row.ok and not row.outputs and "blew up" in row.reason
 
 
-def test_a_foreign_column_is_refused(campaign):
+def test_an_unknown_column_is_rejected(campaign):
     write_csv(campaign / "wrong.csv", pd.DataFrame({"sample": ["a"], "BC_other": [1.0]}))
     with pytest.raises(InputError, match="BC_other"):
         run(campaign, 0, 1, table="wrong.csv")
 
 
-def test_too_short_a_table_is_refused(campaign):
+def test_a_table_with_too_few_rows_is_rejected(campaign):
     with pytest.raises(InputError, match="at least 5 rows"):
         run(campaign, 2, 3)
 

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from coronaryuq.flow3d.ensemble.block import stride_of
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.zerod.solver.engine import Engine
 from support.loops import RADIUS, ensemble, network
@@ -16,7 +15,7 @@ def outcomes():
     return ensemble().run({"OUT.Rd": RESISTANCES}, len(RESISTANCES), waveforms=["flow:B:J1", "pressure:A:J0"])
 
 
-def test_agrees_with_the_loop_in_0d_alone(outcomes):
+def test_the_coupled_loop_agrees_with_0d_alone(outcomes):
     result = Engine(network()).run(
         {"OUT.Rd": RESISTANCES}, ["mean_flow:B:J1", "mean_pressure:B:J1", "mean_pressure:J0:B"], periodic=True
     )
@@ -30,7 +29,7 @@ def test_agrees_with_the_loop_in_0d_alone(outcomes):
         assert drop == pytest.approx(exact, rel=0.1)
 
 
-def test_waveforms_are_those_of_0d_from_the_beginning_of_the_cycle(outcomes):
+def test_waveforms_agree_with_0d_from_the_beginning_of_the_cycle(outcomes):
     """Flow behind the tube and pressure before it; a ramp of a quarter of a cycle went before the first whole one."""
     names = ["flow:B:J1", "pressure:A:J0"]
     result = Engine(network()).run({"OUT.Rd": RESISTANCES}, waveforms=names, periodic=True, steps_per_cycle=200)
@@ -48,7 +47,7 @@ def test_flows_balance(outcomes):
         assert flow_out == pytest.approx(flow_in, rel=1e-10)
 
 
-def test_ffr_and_shear_are_those_of_the_tube(outcomes):
+def test_ffr_and_wall_shear_agree_with_poiseuille_flow(outcomes):
     for outcome in outcomes:
         values = outcome.values
         assert 0.97 < values["ffr_lad"] < 1.0
@@ -65,7 +64,7 @@ def test_a_sample_does_not_depend_on_its_batch(outcomes):
             assert outcome.values == outcomes[k].values
 
 
-def test_goes_on_after_an_interruption_to_the_same_bits(outcomes, tmp_path):
+def test_resuming_after_an_interruption_gives_the_same_bits(outcomes, tmp_path):
     class Interrupted(Exception):
         pass
 
@@ -115,19 +114,13 @@ def test_a_sample_that_always_blows_up_is_an_outcome_with_a_reason():
     assert len(outcome.earlier_failures) == 1
 
 
-def test_stride_divides_the_cycle():
-    assert stride_of(800, 200) == 4
-    assert stride_of(1000, 300) == 2
-    assert stride_of(210, 200) == 1
-
-
-def test_a_network_runs_as_it_is(outcomes):
+def test_a_network_runs_without_changes(outcomes):
     (outcome,) = ensemble().run({}, 1)
     assert outcome.ok
     assert outcomes[0].values["mean_pressure:B:J1"] < outcome.values["mean_pressure:B:J1"]
 
 
-def test_every_sample_may_lack_a_periodic_start():
+def test_all_samples_may_lack_a_periodic_start():
     loop = network()
     loop["simulation_parameters"]["maximum_nonlinear_iterations"] = 1
     (outcome,) = ensemble(loop=loop).run({"OUT.Rd": RESISTANCES[:1]}, 1)

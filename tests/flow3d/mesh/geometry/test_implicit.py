@@ -34,7 +34,7 @@ def test_distance_to_a_straight_tube_is_exact(pipe):
     np.testing.assert_allclose(tube.distance(points), expected, atol=1e-12)
 
 
-def test_skipping_far_runs_of_segments_changes_nothing(monkeypatch):
+def test_skipping_distant_segments_does_not_change_the_distance(monkeypatch):
     rng = generator(2, "knots")
     lines = [path(np.cumsum(rng.normal(scale=0.1, size=(60, 3)), axis=0), rng.uniform(0.05, 0.2, 60)) for _ in range(2)]
     points = rng.normal(size=(300, 3))
@@ -43,7 +43,7 @@ def test_skipping_far_runs_of_segments_changes_nothing(monkeypatch):
     np.testing.assert_array_equal(skipping.distance(points), Implicit(lines).distance(points))
 
 
-def test_radius_of_a_tapered_tube_is_the_one_given():
+def test_a_tapered_tube_has_the_given_radius():
     x = np.linspace(0.0, 2.0, 81)
     radii = 0.2 - 0.1 * np.exp(-(((x - 1.0) / 0.3) ** 2))
     tapered = Implicit([path(np.column_stack([x, 0 * x, 0 * x]), radii)])
@@ -51,7 +51,7 @@ def test_radius_of_a_tapered_tube_is_the_one_given():
     np.testing.assert_allclose(tapered.distance(points), 0.0, atol=1e-12)
 
 
-def test_blend_of_two_tubes():
+def test_two_tubes_are_blended_smoothly():
     one, two = path([(-1, 0, 0), (1, 0, 0)], [0.2, 0.2]), path([(0, 0, 0), (0, 1, 0)], [0.15, 0.15], blend=0.1)
     points = generator(4, "blend").uniform(-0.4, 0.4, (200, 3))
     first, second = Implicit([one]).distance(points), Implicit([two]).distance(points)
@@ -75,7 +75,7 @@ def bend(radii, names) -> Path:
     ],
     ids=["narrower daughter", "taper round a corner"],
 )
-def test_distance_does_not_leap_inside_a_bend(line):
+def test_the_distance_is_continuous_inside_a_bend(line):
     body = Implicit([line])
     points = generator(5, "bend").uniform([-0.6, -0.1, -0.4], [0.1, 0.6, 0.4], (20000, 3))
     step = 1e-4 * generator(6, "bend").normal(size=points.shape)
@@ -83,7 +83,7 @@ def test_distance_does_not_leap_inside_a_bend(line):
     assert (change <= implicit.STEEPEST * np.linalg.norm(step, axis=1)).all()
 
 
-def test_distance_to_a_tree_does_not_leap_at_a_bifurcation():
+def test_the_distance_to_a_tree_is_continuous_at_a_bifurcation():
     # The first bifurcation of this tree turns by more than a right angle and loses a fifth of the radius.
     tree, _ = random_tree(1)
     kept = trees(tree)
@@ -126,7 +126,7 @@ def test_cut_tube_has_flat_caps_and_the_volume_of_its_polygon(pipe):
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.35)
 
 
-def test_no_triangle_turns_over_at_a_rim_on_a_coarse_grid():
+def test_no_triangle_flips_at_a_rim_on_a_coarse_grid():
     for seed in range(30):
         way = generator(seed, "way").normal(size=3)
         way /= np.linalg.norm(way)
@@ -142,7 +142,7 @@ def test_no_triangle_turns_over_at_a_rim_on_a_coarse_grid():
         assert ((normal * outward).sum(axis=1) > 0.0).all()
 
 
-def test_no_triangle_falls_over_at_the_caps_of_a_tree():
+def test_no_triangle_flips_at_the_caps_of_a_tree():
     # Here the isosurface has slivers within reach of three of its caps.
     tree, _ = random_tree(3)
     kept = trees(tree)
@@ -157,7 +157,7 @@ def test_no_triangle_falls_over_at_the_caps_of_a_tree():
     assert ((normal * body.gradient(centres[near], 1e-3)).sum(axis=1) > 0.0).all()
 
 
-def test_a_cap_within_another_vessel_is_named():
+def test_a_cap_within_another_vessel_is_rejected_by_name():
     tree, _ = tube(length=1.5, radius=0.2)
     kept = trees(tree)
     other = path([(1.5, 0.3, -1.0), (1.5, 0.3, 1.0)], [0.25, 0.25])
@@ -168,7 +168,7 @@ def test_a_cap_within_another_vessel_is_named():
         cut(points, triangles, np.ones(len(triangles), int), 2, outlet, crossing, 0.06)
 
 
-def test_a_vessel_that_runs_through_the_plane_of_a_cap_stays_whole():
+def test_a_vessel_that_crosses_the_plane_of_a_cap_stays_whole():
     trunk = path([(0, 0, -0.5), (0, 0, 1.5)], [0.5, 0.5])
     branch = path([(0, 0, 1), (0.85, 0, 0.9), (0.9, 0, 0.205), (0.9, 1, 0.205)], [0.2, 0.2, 0.2, 0.2])
     ends = [

@@ -30,7 +30,7 @@ def tube(dips: bool = False):
 
 
 @pytest.mark.parametrize(("dips", "exact"), [(False, 1e-3), (True, 0.02)])
-def test_ends_are_flat_named_and_an_inset_behind(dips, exact):
+def test_ends_are_cut_flat_at_the_inset_and_keep_their_references(dips, exact):
     points, triangles, faces, caps = tube(dips)
     points, triangles, refs = trimmed(points, triangles, faces, caps, 1e-3)
     ngon = 0.5 * 60 * np.sin(2 * np.pi / 60) * RADIUS**2
@@ -44,7 +44,7 @@ def test_ends_are_flat_named_and_an_inset_behind(dips, exact):
     assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
 
 
-def test_an_open_surface_is_refused():
+def test_an_open_surface_is_rejected():
     points, triangles, faces, caps = tube()
     with pytest.raises(MeshError, match="closed and manifold"):
         trimmed(points, triangles[:-1], faces, caps, 1e-3)

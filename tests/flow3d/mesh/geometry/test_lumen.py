@@ -22,21 +22,21 @@ def exact(points):
     return outside + np.minimum(np.maximum(across, along), 0.0)
 
 
-def test_distance_and_sign_everywhere(cylinder):
+def test_the_signed_distance_is_exact_everywhere(cylinder):
     points = generator(1, "cylinder").uniform([-2, -2, -4], [2, 2, 4], (4000, 3))
     found = cylinder.distance(points)
     assert found == pytest.approx(exact(points), abs=1e-4)
     assert cylinder.distance(points[:0]).shape == (0,)
 
 
-def test_sign_at_the_corners_of_sharp_rims(cylinder):
+def test_the_sign_is_right_at_corners_of_sharp_rims(cylinder):
     corners = cylinder.points[np.hypot(cylinder.points[:, 0], cylinder.points[:, 1]) > 0.99]
     for way in ([0, 0, 1e-2], [0, 0, -1e-2]):
         moved = corners * [1.0 - 1e-3, 1.0 - 1e-3, 1.0] + way
         assert np.array_equal(cylinder.distance(moved) > 0, np.abs(moved[:, 2]) > 2.0)
 
 
-def test_slivers_go_and_the_volume_stays(cylinder):
+def test_slivers_are_removed_and_the_volume_is_kept(cylinder):
     points, triangles = cylinder.points, cylinder.triangles
     split = len(points)
     first = triangles[0]
@@ -51,7 +51,7 @@ def test_slivers_go_and_the_volume_stays(cylinder):
     assert clean.distance(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 2.5]])) == pytest.approx([-1.0, 0.5], abs=1e-3)
 
 
-def test_blocks_do_not_depend_on_how_many_are_found_at_once(cylinder, monkeypatch):
+def test_blocks_do_not_depend_on_how_many_are_processed_together(cylinder, monkeypatch):
     together = list(cylinder.blocks(0.15, 6))
     monkeypatch.setattr(lumen, "AT_ONCE", 7)
     apart = list(cylinder.blocks(0.15, 6))

@@ -27,19 +27,19 @@ def fork() -> Tree:
     )
 
 
-def test_segment_far_from_bifurcations_has_the_length_asked_for(fork):
+def test_a_segment_far_from_bifurcations_has_the_requested_length(fork):
     kept = extent.segments(fork, [Stenosis("LAD", "trunk", 1.5, 2.0)], upstream=3.0, downstream=4.0)
     assert set(kept) == {"trunk"}
     assert kept["trunk"] == pytest.approx((1.5 - 3.0 * 0.3, 2.0 + 4.0 * 0.3))
 
 
-def test_cut_that_would_meet_a_bifurcation_stops_before_it_when_enough_remains(fork):
+def test_a_cut_within_a_bifurcation_is_moved_before_it_if_enough_length_remains(fork):
     kept = extent.segments(fork, [Stenosis("LAD", "trunk", 1.5, 2.0)], downstream=6.0)
     assert set(kept) == {"trunk"}
     assert kept["trunk"][1] == pytest.approx(4.0 - 2.0 * 0.15)
 
 
-def test_bifurcation_near_the_stenosis_is_kept_whole_and_clear_of_its_caps(fork):
+def test_a_bifurcation_near_the_stenosis_is_kept_whole_and_clear_of_its_caps(fork):
     kept = extent.segments(fork, [Stenosis("LAD", "trunk", 3.2, 3.7)], downstream=5.0, stub=2.0)
     assert kept["trunk"][1] == fork["trunk"].length
     assert kept["side"][0] == kept["main"][0] == 0.0
@@ -48,13 +48,13 @@ def test_bifurcation_near_the_stenosis_is_kept_whole_and_clear_of_its_caps(fork)
     assert kept["side"][1] < fork["side"].length
 
 
-def test_short_remainder_at_the_end_of_the_tree_is_meshed_too(fork):
+def test_a_short_remainder_at_the_end_of_the_tree_is_meshed_too(fork):
     end = fork["main"].length
     kept = extent.segments(fork, [Stenosis("LAD", "main", end - 1.4, end - 0.8)], downstream=2.5)
     assert kept["main"][1] == end
 
 
-def test_stenoses_whose_neighbourhoods_meet_make_one_piece(fork):
+def test_stenoses_with_overlapping_neighbourhoods_form_one_piece(fork):
     apart = [Stenosis("LAD", "trunk", 0.8, 1.2), Stenosis("LCx", "main", 2.0, 2.5)]
     assert len(extent.pieces(fork, extent.segments(fork, apart, 1.0, 2.0))) == 2
     near = [Stenosis("LAD", "trunk", 3.2, 3.6), Stenosis("LCx", "main", 0.8, 1.4)]

@@ -36,7 +36,7 @@ def shell(script: str, limit: float = 20.0):
 
 
 @pytest.mark.parametrize(
-    ("action", "told"),
+    ("action", "message"),
     [
         (shell("kill -9 $$"), r"sh was killed \(SIGKILL\)"),
         (shell("exit 137"), r"sh was killed \(SIGKILL\)"),
@@ -46,12 +46,12 @@ def shell(script: str, limit: float = 20.0):
         (lambda run: execute(["no-such-program"], run, 1.0), "no-such-program cannot be started"),
     ],
 )
-def test_programs_that_fail_are_named(action, told, tmp_path):
-    with pytest.raises(RunFailed, match=told):
+def test_failures_of_programs_are_reported(action, message, tmp_path):
+    with pytest.raises(RunFailed, match=message):
         action(tmp_path)
 
 
-def test_a_timeout_takes_the_programs_children_with_it(tmp_path):
+def test_a_timeout_kills_the_children_of_a_program(tmp_path):
     with pytest.raises(RunFailed, match="out of time"):
         execute(["sh", "-c", "sleep 60 & echo $! > child; wait"], tmp_path, 1.0)
     child = int((tmp_path / "child").read_text())
@@ -67,7 +67,7 @@ def test_a_timeout_takes_the_programs_children_with_it(tmp_path):
     pytest.fail("the child outlived the program by ten seconds")
 
 
-def test_missing_program_is_a_failed_record(case, tmp_path):
+def test_a_missing_program_gives_a_failed_record(case, tmp_path):
     settings = case.settings.model_copy(update={"svpre": "no-such-svpre"})
     record = SvSolver(replace(case, settings=settings)).run_sample(SAMPLE, tmp_path / "run")
     assert not record.ok
@@ -76,7 +76,7 @@ def test_missing_program_is_a_failed_record(case, tmp_path):
     assert record.cost["wall_s"] > 0.0
 
 
-def test_sample_without_a_periodic_state_is_a_failed_record(case, tmp_path):
+def test_a_sample_without_a_periodic_state_gives_a_failed_record(case, tmp_path):
     network = copy_of(case.network)
     network["closed_loop_blocks"][0]["parameters"]["Elv_s"] = -1e9
     record = SvSolver(replace(case, network=network)).run_sample(SAMPLE, tmp_path / "run")
@@ -84,7 +84,7 @@ def test_sample_without_a_periodic_state_is_a_failed_record(case, tmp_path):
     assert record.reason.startswith("0D start")
 
 
-def test_trial_that_stops_early_is_not_a_result(case, tmp_path):
+def test_a_trial_that_stops_early_gives_no_result(case, tmp_path):
     early = replace(case, settings=case.settings.model_copy(update={"stop_after": 5}))
     with pytest.raises(RunFailed, match="stopped after 5 of 20 steps"):
         early.frames()
@@ -111,7 +111,7 @@ def finished(case, tmp_path):
     return run
 
 
-def test_quantities_of_interest_are_those_of_the_fields(case, finished):
+def test_quantities_of_interest_agree_with_the_fields(case, finished):
     record = SvMultiPhysics(case).collect(finished, SAMPLE)
     values = record.outputs
     plane = case.domain.planes["LAD"][0]
@@ -124,7 +124,7 @@ def test_quantities_of_interest_are_those_of_the_fields(case, finished):
 
 
 @pytest.mark.parametrize(
-    ("harm", "told"),
+    ("harm", "message"),
     [
         (lambda run: (run / "4-procs" / "result_020.vtu").unlink(), "result_020.vtu is missing"),
         (lambda run: os.truncate(run / "4-procs" / "result_007.vtu", 3000), "result_007.vtu is truncated"),
@@ -134,9 +134,9 @@ def test_quantities_of_interest_are_those_of_the_fields(case, finished):
         (lambda run: _spoil(run / "4-procs" / "result_003.vtu"), "not finite"),
     ],
 )
-def test_broken_output_is_named(case, finished, harm, told):
+def test_broken_output_is_reported(case, finished, harm, message):
     harm(finished)
-    with pytest.raises(RunFailed, match=told):
+    with pytest.raises(RunFailed, match=message):
         SvMultiPhysics(case).collect(finished, SAMPLE)
 
 
@@ -183,7 +183,7 @@ def test_failed_samples_do_not_stop_the_batch(case, tmp_path):
     assert all("never started stepping" in row.reason for row in rows)
 
 
-def test_unknown_solver_and_unknown_bed_are_refused(case, tmp_path):
+def test_an_unknown_solver_or_bed_is_rejected(case, tmp_path):
     outputs = Outputs(tmp_path / "out.jsonl", tmp_path / "work")
     write_text(tmp_path / "samples.csv", "sample,BC_LAD\na,1.0\n")
     batch = batch_of(case.mesh_folder.parents[1], tmp_path / "samples.csv", 1)

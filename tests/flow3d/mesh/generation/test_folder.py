@@ -26,7 +26,7 @@ def test_faces_cover_the_boundary_once(stenosed):
     assert np.abs(total).max() < 1e-12
 
 
-def test_surfaces_carry_what_simvascular_reads(stenosed):
+def test_surfaces_have_the_arrays_that_simvascular_reads(stenosed):
     out = stenosed[0] / "mesh-complete"
     grid = pv.read(out / folder.VOLUME)
     assert grid.point_data["GlobalNodeID"].tolist() == list(range(1, grid.n_points + 1))
@@ -49,14 +49,14 @@ def test_files_are_readable_by_old_vtk(stenosed):
         assert b'header_type="UInt32"' in head or b'header_type="UInt64"' in head
 
 
-def test_archive_gives_the_folder_back(stenosed, tmp_path):
+def test_an_unpacked_archive_equals_the_folder(stenosed, tmp_path):
     folder.unpack(stenosed[0] / "mesh-complete.zip", tmp_path)
     for path in (stenosed[0] / "mesh-complete").rglob("*.vt?"):
         again = tmp_path / "mesh-complete" / path.relative_to(stenosed[0] / "mesh-complete")
         assert again.read_bytes() == path.read_bytes()
 
 
-def test_ids_in_any_order_are_understood(copied):
+def test_node_ids_may_be_in_any_order(copied):
     path = copied / folder.VOLUME
     grid = pv.read(path)
     order = np.arange(grid.n_points)[::-1]
@@ -69,7 +69,7 @@ def test_ids_in_any_order_are_understood(copied):
 
 
 @pytest.mark.parametrize(
-    ("harm", "told"),
+    ("harm", "message"),
     [
         (lambda out: (out / folder.VOLUME).unlink(), "no such file"),
         (lambda out: (out / folder.SURFACES / "wall.vtp").unlink(), "belong to no face"),
@@ -80,9 +80,9 @@ def test_ids_in_any_order_are_understood(copied):
         (lambda out: (out / folder.VOLUME).write_text("<VTKFile"), "empty or truncated"),
     ],
 )
-def test_what_is_wrong_is_named(copied, harm, told):
+def test_errors_name_the_fault(copied, harm, message):
     harm(copied)
-    with pytest.raises(InputError, match=told) as error:
+    with pytest.raises(InputError, match=message) as error:
         folder.read(copied)
     assert "\n" not in str(error.value)
 

@@ -27,7 +27,7 @@ def forked(tmp_path_factory):
     return out / "mesh-complete", mesh_tree(tree, stenoses, network, settings, out), tree, stenoses, network, settings
 
 
-def test_adopted_folder_is_described_as_when_it_was_made(forked):
+def test_an_adopted_folder_gets_the_description_that_it_was_made_with(forked):
     given, made, tree, stenoses, network, settings = forked
     mesh, content = adopt_folder(given, tree, stenoses, network, settings)
     assert content.domain == "given"
@@ -38,14 +38,14 @@ def test_adopted_folder_is_described_as_when_it_was_made(forked):
     assert np.array_equal(mesh.region, folder.read(given).region)
 
 
-def test_folder_of_another_anatomy_is_refused(forked):
+def test_a_folder_of_another_anatomy_is_rejected(forked):
     given, _, _, _, _, settings = forked
     other, stenoses = random_tree(5, generations=2)
     with pytest.raises(InputError):
         adopt_folder(given, other, stenoses, network_of(other, stenoses), settings)
 
 
-def test_closed_surface_is_filled(forked, tmp_path):
+def test_a_closed_surface_is_filled_with_tetrahedra(forked, tmp_path):
     given, made, tree, stenoses, network, settings = forked
     whole = folder.read(given)
     surface = surface_of(whole.points, whole.triangles)
@@ -92,7 +92,7 @@ def test_the_rule_takes_a_mesh_folder_in_the_unit_of_the_case(forked, case_in_mm
     assert made.volume == pytest.approx(forked[1].volume)
 
 
-def test_the_rule_says_what_it_lacks(case_in_mm, tmp_path):
+def test_a_case_without_lumen_or_anatomy_is_rejected(case_in_mm, tmp_path):
     with pytest.raises(InputError, match="anatomy: domain `lumen` needs a surface"):
         rule(case_in_mm, tmp_path / "out")
     case = read_json(case_in_mm / "case.json") | {"schematic": True}

@@ -13,7 +13,7 @@ from coronaryuq.flow3d.mesh.geometry.paths import Size
 from coronaryuq.flow3d.mesh.settings import Settings
 
 
-def test_a_job_comes_back_to_the_bit(tmp_path):
+def test_a_job_is_read_back_to_the_bit(tmp_path):
     points = np.linspace([0, 0, 0], [0.1, 0.2, 3.0], 31)
     along = Path(points, np.linspace(0.2, 0.1, 31), np.array(["lca1"] * 31), np.linspace(0, 3, 31), 0.05)
     surface = Implicit([along])
@@ -27,7 +27,7 @@ def test_a_job_comes_back_to_the_bit(tmp_path):
     assert (back["attempt"], back["radius"], back["ends"]) == (ATTEMPTS[1], 1 / 3, (1, [2]))
 
 
-def test_what_is_not_ours_is_not_written(tmp_path):
+def test_objects_of_other_packages_are_not_written(tmp_path):
     with pytest.raises(TypeError, match="without pickle"):
         subprocess_io.write(tmp_path / "job.npz", {"callback": print})
 
@@ -40,13 +40,13 @@ def test_what_is_not_ours_is_not_written(tmp_path):
         {"object": ["coronaryuq.flow3d.mesh.generation.mmg_process", "run"], "state": {"dict": []}},
     ],
 )
-def test_a_foreign_name_in_the_file_is_refused(tmp_path, value):
+def test_a_name_from_another_package_is_rejected(tmp_path, value):
     np.savez(tmp_path / "job.npz", parcel=np.array(json.dumps(value)))
     with pytest.raises(ValueError, match="is no class of coronaryuq"):
         subprocess_io.read(tmp_path / "job.npz")
 
 
-def test_a_pickle_in_the_file_is_refused(tmp_path):
+def test_a_pickle_is_rejected(tmp_path):
     np.savez(tmp_path / "job.npz", parcel=np.array(json.dumps({"array": 0})), a0=np.array([{}], object))
     with pytest.raises(ValueError, match="allow_pickle=False"):
         subprocess_io.read(tmp_path / "job.npz")

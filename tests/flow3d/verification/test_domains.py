@@ -63,13 +63,13 @@ def runs(tmp_path_factory):
     return found
 
 
-def test_each_domain_runs_in_the_loop_and_loses_no_blood(runs):
+def test_each_domain_runs_in_the_loop_and_conserves_volume(runs):
     for _, outcome in runs.values():
         assert outcome.ok
         assert outcome.diagnostics["mass_balance"] < 1e-12
 
 
-def test_what_the_heart_ejects_enters_3d_where_the_aorta_is_in_it(runs):
+def test_with_the_aorta_in_3d_the_ejected_flow_enters_it(runs):
     mesh, outcome = runs["whole"]
     assert mesh.caps["inlet_aorta"] == Couples(upstream="J_heart_outlet", downstream="aorta", flow="in")
     assert mesh.caps["outlet_aorta_outlet"].downstream == "BC_RCR1"

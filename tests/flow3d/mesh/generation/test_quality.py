@@ -11,7 +11,7 @@ REGULAR = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1.0]])[[0, 2, 
 ONE = np.array([[0, 1, 2, 3]])
 
 
-def test_regular_tetrahedron():
+def test_the_regular_tetrahedron_has_its_known_shape():
     turned = 0.3 * Rotation.from_rotvec([0.3, 1.0, -0.5]).apply(REGULAR) + 2.0
     assert quality.volumes(turned, ONE) == pytest.approx(8.0 / 3.0 * 0.3**3)
     assert quality.radius_ratio(turned, ONE) == pytest.approx(1.0)

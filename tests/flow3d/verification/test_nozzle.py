@@ -18,7 +18,7 @@ def test_mesh_has_the_nozzles_volume_and_ends():
         assert np.linalg.norm(face_vectors(points, caps[name]), axis=1).sum() == pytest.approx(tube, rel=1e-3)
 
 
-def test_laboratories_files_are_read_in_cgs(shared):
+def test_laboratory_files_are_read_in_cgs_units(shared):
     read = nozzle.measured(shared / "data" / "fda-nozzle")
     assert sorted(read) == ["243", "999"]
     assert read["243"]["axial"][6].tolist() == pytest.approx([0.0, 74.9698])
@@ -30,13 +30,13 @@ def test_one_laboratory_has_no_spread(tmp_path):
         nozzle.measured(tmp_path)
 
 
-def test_a_station_knows_how_far_outside_it_lies():
+def test_a_station_gives_its_distance_from_the_laboratories_range():
     assert nozzle.Station("axial", 0.0, 72.0, (70.0, 75.0)).outside() == 0.0
     assert nozzle.Station("axial", 0.0, 77.0, (70.0, 75.0)).outside() == 2.0
     assert nozzle.Station("axial", 0.0, 66.0, (70.0, 75.0)).outside() == 4.0
 
 
-def test_laboratories_profiles_carry_less_than_the_stated_flow(shared):
+def test_measured_profiles_carry_less_than_the_stated_flow(shared):
     """Both read the developed profile of the tube too low, so that a right one lies outside their spread."""
     read = nozzle.measured(shared / "data" / "fda-nozzle")
     r = np.linspace(-nozzle.TUBE, nozzle.TUBE, 401)
@@ -51,7 +51,7 @@ def exact():
     return nozzle.reference(8, 6)
 
 
-def test_exact_solution_against_the_laboratories(shared, exact):
+def test_the_exact_solution_agrees_with_the_laboratories(shared, exact):
     """What any right solver gives: outside the spread of two laboratories by up to 1.5 cm/s of 75, and by up to one
     reading step (13 Pa) of the coarser manometer.
     """
@@ -63,7 +63,7 @@ def test_exact_solution_against_the_laboratories(shared, exact):
 
 
 @pytest.mark.long
-def test_flow_against_the_exact_solution_and_the_laboratories(shared, exact):
+def test_the_solver_agrees_with_the_exact_solution_and_the_laboratories(shared, exact):
     """Velocity within 1.2 % of the exact one, and so within the laboratories' spread wherever that is but for 1.2 %;
     pressure within their spread at the stations where the exact one is.
     """

@@ -79,7 +79,7 @@ def test_initial_field_is_the_mean_cap_pressure(case, run):
     assert not field.point_data["velocity"].any()
 
 
-def test_preprocessor_script_names_files_that_exist_and_known_commands(run):
+def test_the_preprocessor_script_uses_known_commands_and_existing_files(run):
     known = {
         "mesh_and_adjncy_vtu", "set_surface_id_vtp", "fluid_density", "fluid_viscosity", "read_pressure_velocity_vtu",
         "pressure_vtp", "noslip_vtp", "write_numstart", "write_geombc", "write_restart",
@@ -96,7 +96,7 @@ def test_preprocessor_script_names_files_that_exist_and_known_commands(run):
     assert command == "write_restart"
 
 
-def test_solver_inp(case, run):
+def test_solver_inp_has_the_settings_of_the_case(case, run):
     entries = dict(line.split(": ", 1) for line in (run / svsolver.DECK).read_text().splitlines())
     assert entries["Number of Neumann Surfaces"] == entries["Number of Coupled Surfaces"] == "2"
     assert entries["List of Neumann Surfaces"] == "2 3"
@@ -109,7 +109,7 @@ def test_solver_inp(case, run):
     assert case.settings.steps_per_cycle % int(entries["Number of Timesteps between Restarts"]) == 0
 
 
-def test_interface_file_is_read_as_svsolver_reads_it(case, run):
+def test_the_interface_file_has_the_layout_that_svsolver_reads(case, run):
     """Header, value, blank line; in this order and to the last blank line."""
     lines = (run / svsolver.INTERFACE).read_text().split("\n")
     items, at = [], 0
@@ -125,7 +125,7 @@ def test_interface_file_is_read_as_svsolver_reads_it(case, run):
     assert (run / svsolver.INTERFACE).read_text().endswith("0.0\n\n")
 
 
-def test_solver_xml(case, xml):
+def test_solver_xml_couples_every_cap(case, xml):
     folder, root = xml
     general = root.find("GeneralSimulationParameters")
     assert float(general.findtext("Time_step_size")) == pytest.approx(case.time_step)
@@ -152,7 +152,7 @@ def test_solver_xml(case, xml):
     assert conditions["wall"].findtext("Type").strip() == "Dir"
 
 
-def test_launch_lines(case):
+def test_programs_are_launched_under_mpi(case):
     pre, solve, post = SvSolver(case, tasks=96).commands()
     assert pre == ["svpre", "case.svpre"]
     assert solve == ["mpiexec", "-n", "96", "svsolver", "solver.inp"]
@@ -160,7 +160,7 @@ def test_launch_lines(case):
     assert SvMultiPhysics(case, tasks=4).commands() == [["mpiexec", "-n", "4", "svmultiphysics", "solver.xml"]]
 
 
-def test_path_too_long_for_fortran_is_refused(case, tmp_path):
+def test_a_path_too_long_for_fortran_is_rejected(case, tmp_path):
     far = replace(case, settings=case.settings.model_copy(update={"zerod_library": "/" + "x" * 200}))
     with pytest.raises(InputError, match="160 characters"):
         SvSolver(far).prepare(SAMPLE, tmp_path / "run")
