@@ -33,9 +33,9 @@ WALKERS = 32
 
 
 def run(quick: bool) -> dict:
-    """24 chains of 10,000 generations (quick: 1000), emulator screening as by default.
+    """Run 24 chains of 10,000 generations (quick: 1000), screened by the emulator as by default.
 
-    The loop is the bundled patient's true one with resistances shared by the target flows, so nothing has to be tuned.
+    The loop is the bundled patient's true one with resistances shared by the target flows, so no calibration is needed.
     `library_ess_per_cpu_s`: emcee on the same posterior through the same engine. Its autocorrelation time comes from
     this run; a quick one takes it from a long run on the emulated posterior, and only the cost from the engine.
     """
@@ -72,7 +72,7 @@ def run(quick: bool) -> dict:
 
 
 def bundled_files(folder: Path, realisations: int) -> tuple[Path, Path, Path]:
-    """Paths of case.json, hyperaemia.json and targets.json of the bundled patient, its true loop, in `folder`."""
+    """Write case.json, hyperaemia.json (the true loop) and targets.json of the bundled patient; return their paths."""
     patient = make_patient(SyntheticSettings(), SEED)
     write_files(patient, folder / "patient")
     prepare_case(folder / "patient" / "case.yaml", CaseSettings(), folder)
@@ -90,7 +90,7 @@ def bundled_files(folder: Path, realisations: int) -> tuple[Path, Path, Path]:
 
 
 def target_of(files: tuple[Path, Path, Path], settings: Settings) -> tuple[BedFlows, Likelihood]:
-    """Model and likelihood of the stage's posterior, for any other sampler."""
+    """Return model and likelihood of the stage's posterior, for another sampler."""
     outlets = {outlet["bc"]: outlet for outlet in read_json(files[0])["outlets"]}
     targets = read_json(files[2])
     model = BedFlows(

@@ -19,7 +19,7 @@ TOGETHER = 4
 def estimates(
     problem: Problem, n: int, trials: range, folds: int, settings: Settings | None = None
 ) -> Iterator[tuple[float, Estimate]]:
-    """The wanted mean of each trial and its cross-fitted estimate, trained as `settings` say."""
+    """Yield the true mean of each trial and its cross-fitted estimate, trained with `settings`."""
     settings = settings or Settings()
     k = count(n, folds)
     for first in range(0, len(trials), TOGETHER):
@@ -27,10 +27,10 @@ def estimates(
         drawn = [problem.draw(n, number) for number in numbers]
         fold = [assign(n, k, SEED, "coverage", number) for number in numbers]
         networks = _trained(drawn, fold, settings, SEED + numbers[0])
-        for at, (trial, mine) in enumerate(zip(drawn, fold, strict=True)):
-            # Nothing is asked of a fit to all runs: the last network stands in its place.
+        for at, (trial, own) in enumerate(zip(drawn, fold, strict=True)):
+            # The fit to all runs is not used: the last network takes its place.
             fits = [*range(at * k, at * k + k), at * k + k - 1]
-            yield trial.truth(mine), _estimate(problem, trial, mine, networks.select(ROW.name, fits), settings)
+            yield trial.truth(own), _estimate(problem, trial, own, networks.select(ROW.name, fits), settings)
 
 
 def _trained(drawn: list[Trial], fold: list[np.ndarray], settings: Settings, seed: int) -> mfmc_ae.Networks:
@@ -45,7 +45,7 @@ def _trained(drawn: list[Trial], fold: list[np.ndarray], settings: Settings, see
 
 
 def _estimate(problem: Problem, trial: Trial, fold: np.ndarray, networks: mfmc_ae.Networks, settings: Settings):
-    design, curves = as_design(trial, fold), {}
+    design, curves = as_design(trial, fold), dict[int, tuple[np.ndarray, np.ndarray]]()
     for k in range(len(design.blocks)):
         places = mfmc_ae.nodes(networks, ROW.name, k, settings.curve_nodes)
         curves[k] = places, problem.low(mfmc_ae.resampled(networks, ROW.name, k, places))

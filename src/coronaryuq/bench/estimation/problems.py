@@ -21,10 +21,10 @@ ROW = Row("row", "y", "q0", "")
 
 @dataclass(frozen=True)
 class Trial:
-    """What one trial sees: pilot and its 3D outputs (n,), propagation samples; and the mean of the law.
+    """One trial: pilot and its 3D outputs (n,), propagation samples; and the mean of the law.
 
-    more_y (m,): 3D outputs at the propagation samples, which nothing may see, where their mean is wanted in place of
-    the law's.
+    more_y (m,): 3D outputs at the propagation samples, which no estimator may use, if their mean is the truth instead
+    of the law's.
     """
 
     seen: Seen
@@ -38,12 +38,11 @@ class Trial:
         return 0 if self.more_y is None else len(self.more)
 
     def blocks(self, k: int) -> list[np.ndarray]:
-        """Propagation samples of each of k folds."""
+        """Return the propagation samples of each of k folds."""
         return [np.arange(j, len(self.more), k) for j in range(k)]
 
     def truth(self, fold: np.ndarray) -> float:
-        """The wanted mean; of a finite set with each fold's block in the share that the fold (n,) has of the pilot, as
-        estimates have it."""
+        """Return the true mean; of a finite set, blocks are weighted as the folds (n,) of the pilot."""
         if self.more_y is None:
             return self.mean
         runs = np.bincount(fold)
@@ -60,13 +59,13 @@ class Problem:
 
 
 def from_pair(of: Pair) -> Problem:
-    """Everything drawn anew in each trial, `PROPAGATION` propagation samples among it."""
+    """Draw everything anew in each trial, with `PROPAGATION` propagation samples."""
 
-    def see(theta):
+    def see(theta: np.ndarray) -> Seen:
         low = of.low(theta)
         return Seen(np.log(theta), low[:, 0], low)
 
-    def draw(n, trial):
+    def draw(n: int, trial: int) -> Trial:
         rng = generator(SEED, "coverage", of.name, n, trial)
         theta, more = of.draw(rng, n), of.draw(rng, PROPAGATION)
         return Trial(see(theta), of.high(theta), see(more), of.mean)
@@ -75,9 +74,9 @@ def from_pair(of: Pair) -> Problem:
 
 
 def from_runs(runs: Runs, row: Row) -> Problem:
-    """Pilots from the published runs without replacement.
+    """Draw pilots from published runs without replacement.
 
-    The runs left over are the propagation samples, and the mean of their 3D outputs, which nothing has seen, is the
+    The runs left over are the propagation samples, and the mean of their 3D outputs, which no estimator uses, is the
     truth: a finite set that shares no run with the pilot, so its residuals add var(residuals) / rest to the claim. The
     0D model at other inputs is an emulator of all runs.
     """
@@ -85,20 +84,20 @@ def from_runs(runs: Runs, row: Row) -> Problem:
     outputs = runs.q[informative(runs.q, [row.column_0d])].to_numpy(float)
     everything = Seen(np.log(runs.theta), q, outputs)
 
-    def draw(n, trial):
+    def draw(n: int, trial: int) -> Trial:
         order = generator(SEED, "coverage", "runs", n, trial).permutation(len(y))
         index, rest = order[:n], order[n:]
         return Trial(everything[index], y[index], everything[rest], more_y=y[rest])
 
     @cache
-    def emulator():
+    def emulator() -> Emulator:
         return Emulator(np.log(runs.theta), runs.q[[row.column_0d]])
 
     return Problem(f"row {row.name}", draw, lambda theta: emulator().predict(np.log(theta))[row.column_0d])
 
 
 def as_design(trial: Trial, fold: np.ndarray) -> Design:
-    """The trial as a campaign's estimators take it, row `ROW`; its 0D outputs need no emulator."""
+    """Return the trial as a campaign's estimators use it, row `ROW`; its 0D outputs need no emulator."""
     k, more = int(fold.max()) + 1, trial.more
     names = [f"q{i}" for i in range(more.outputs.shape[1])]
     blocks = [

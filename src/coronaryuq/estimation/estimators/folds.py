@@ -1,4 +1,4 @@
-"""Folds of cross-fitting: who is held out with whom, and which propagation samples go with which fold."""
+"""Folds of cross-fitting: how many, and which samples are held out together."""
 
 import numpy as np
 
@@ -8,10 +8,21 @@ SMALL = 100
 
 
 def count(n: int, folds: int) -> int:
-    """Folds for n runs: as set, twice as many below SMALL runs, where every training run counts; at most n."""
+    """Return the number of folds for n runs: as set, but twice as many below SMALL runs; at most n.
+
+    In a small pilot every training run counts, so that less is held out at a time.
+    """
     return min(n, 2 * folds if n < SMALL else folds)
 
 
 def assign(n: int, k: int, seed: int, *name: str | int) -> np.ndarray:
-    """Fold (n,) of each sample, sizes equal to within one, in a random order named by `name`."""
+    """Return the fold (n,) of each of n samples: k folds of equal size to within one, at random.
+
+    Parameters
+    ----------
+    n, k
+        Numbers of samples and of folds.
+    seed, name
+        Seed of the campaign, and what the folds are for.
+    """
     return generator(seed, "estimation", "folds", *name).permutation(np.arange(n) % k)

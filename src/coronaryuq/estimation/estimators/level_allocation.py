@@ -28,12 +28,11 @@ class Allocation:
 
 
 def allocation(parts: Parts, costs: Costs) -> Allocation:
-    """The least of (fine + coarse / r + cheap / m) (1 + r w + m w_0) over counts per fine run: r, at least 1 as the
-    coarse level runs the pilot too, and m.
+    """Minimise (fine + coarse / r + cheap / m) (1 + r w + m w_0) over the counts r and m per fine run, r at least 1.
 
-    Giles 2015, equation 1: counts go as the square root of variance over cost, and the product is the square of the sum
-    of the roots of variance times cost. Where the root asks for fewer coarse runs than fine ones, both levels run on
-    the same samples.
+    r is at least 1 because the coarse level also runs the pilot. Giles 2015, equation 1: counts are proportional to the
+    square root of variance over cost, and the product is the square of the sum of the roots of variance times cost. If
+    the root gives fewer coarse runs than fine ones, both levels run on the same samples.
     """
     fine, coarse, per_fine = parts.fine, parts.coarse, 1.0
     if coarse > fine * costs.coarse:

@@ -13,7 +13,7 @@ from coronaryuq.estimation.results import Interval
 
 
 def correlation(y: np.ndarray, q: np.ndarray) -> float:
-    """Pearson's correlation of two samples; 0 where one of them is constant."""
+    """Return Pearson's correlation of two samples; 0 if one of them is constant."""
     y, q = y - np.mean(y), q - np.mean(q)
     scale = np.sqrt(np.sum(y**2) * np.sum(q**2))
     return float(np.sum(y * q) / scale) if scale > 0 else 0.0
@@ -25,7 +25,7 @@ def monte_carlo_variance(y: np.ndarray, ddof: int = 1) -> float:
 
 
 def control_coefficient(y: np.ndarray, q: np.ndarray) -> float:
-    """alpha = cov(Q_3D, Q_0D) / var[Q_0D]; 0 where the 0D output is constant."""
+    """alpha = cov(Q_3D, Q_0D) / var[Q_0D]; 0 if the 0D output is constant."""
     spread = np.sum((q - q.mean()) ** 2)
     return float(np.sum((y - y.mean()) * (q - q.mean())) / spread) if spread > 0 else 0.0
 
@@ -67,8 +67,8 @@ def additional_budget(
     """Least extra cost from (N_3D, N_0D) down to variance `wanted`: (cost in 3D runs, more 3D runs, more 0D runs).
 
     With A = var (1 − rho²) and B = var rho² the variance is A / N_3D + B / N_0D: the free optimum has
-    N_0D = gamma N_3D; where it asks for fewer runs of one kind than there are, that kind stays and the other carries
-    the rest.
+    N_0D = gamma N_3D; if it has fewer runs of one kind than exist, that number is kept and the other kind makes up for
+    it.
     """
     residual, explained = variance_y * (1 - rho**2), variance_y * rho**2
     if residual / n_3d + explained / n_0d <= wanted:
@@ -85,6 +85,6 @@ def additional_budget(
 
 
 def chebyshev(mean: float, variance: float, level: float = 0.95) -> Interval:
-    """Chebyshev's interval: mean ± sqrt(variance / (1 − level)), true for any distribution whose variance is right."""
+    """Chebyshev's interval: mean ± sqrt(variance / (1 − level)), valid for any distribution whose variance is right."""
     half = np.sqrt(variance / (1 - level))
     return Interval(float(mean - half), float(mean + half), level)

@@ -1,11 +1,11 @@
 """Autoencoders with a one-dimensional latent space and a surrogate of one quantity, many of them trained as one batch.
 
-Architecture and losses as in the paper's appendix A and its equations for L_3D and the joint loss. A batch axis leads
-every tensor: model b has its own weights and its own training samples, so rows, folds and restarts differ in nothing
-but their place. Samples are the last axis, which is two to three times faster here than the first.
+Architecture and losses as in the paper's appendix A and its equations for L_3D and the joint loss. The first axis of
+every tensor is the batch: model b has its own weights and its own training samples, so rows, folds and restarts differ
+only in their place. Samples are the last axis, which is two to three times faster here than the first.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import torch
@@ -21,7 +21,7 @@ Weights = dict[str, torch.Tensor]
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Sums in one order: the same bits however many threads the machine offers."""
+    """Run torch on one thread, so that sums have one order: the same bits for any number of threads."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
@@ -57,8 +57,10 @@ def surrogate(weights: Weights, z: torch.Tensor) -> torch.Tensor:
     return _network(weights, "surrogate", z)
 
 
-def reconstruction_loss(weights: Weights, x, y, share):
-    """The paper's four-term loss of each model (B,); y (B, 1, n); share (B, 1, n) sums to one over n."""
+def reconstruction_loss(
+    weights: Weights, x: torch.Tensor, y: torch.Tensor, share: torch.Tensor
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return the paper's four-term loss (B,) and the latents (B, 1, n); share (B, 1, n) sums to one over n."""
     z = encode(weights, x)
     again = decode(weights, z)
     z_again = encode(weights, again)
@@ -77,7 +79,7 @@ def flip(weights: Weights, which: torch.Tensor) -> Weights:
     return turned
 
 
-def adam(weights: Weights, loss, steps: int, rate: float, decay: float) -> Weights:
+def adam(weights: Weights, loss: Callable[[Weights], torch.Tensor], steps: int, rate: float, decay: float) -> Weights:
     """Minimise `loss(weights)` (B,) by `steps` of Adam, the rate falling by `decay` at each."""
     weights = {name: value.clone().requires_grad_(True) for name, value in weights.items()}
     optimiser = torch.optim.Adam(list(weights.values()), lr=rate)

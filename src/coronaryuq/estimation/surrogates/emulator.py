@@ -1,8 +1,8 @@
-"""Gaussian-process emulators of 0D outputs: the 0D model at inputs where nobody ran it.
+"""Gaussian-process emulators of 0D outputs: the 0D model at inputs where it was not run.
 
-A 0D mean flow or FFR is a smooth function of θ. A control variate that sees 0D outputs sees them through an emulator
-fitted without the fold that it is used on, so it is a function of θ alone and the estimator stays unbiased whatever
-the emulator's error is; the error costs correlation only.
+A 0D mean flow or FFR is a smooth function of θ. A control variate uses 0D outputs through an emulator fitted without
+the fold that it is used on, so it is a function of θ alone and the estimator stays unbiased whatever the emulator's
+error is; the error only reduces correlation.
 """
 
 import numpy as np
@@ -14,10 +14,19 @@ FAMILIES = ("mean_flow", "ffr")
 
 
 def informative(q: pd.DataFrame, first: list[str], most: int = 8) -> list[str]:
-    """Names of up to `most` 0D outputs that say something new, mean flows and FFR, after those named in `first`.
+    """Return the names of up to `most` informative 0D outputs, mean flows and FFR, after those in `first`.
 
-    Greedy: the output with the largest share of variance that those already taken leave unexplained, until that share
-    is below 1e-5. It looks at 0D runs only, so nothing of the 3D outputs leaks into the choice.
+    Greedy: the output with the largest share of variance that those already chosen leave unexplained, until that share
+    is below 1e-5. It uses 0D runs only, so no information on 3D outputs leaks into the choice.
+
+    Parameters
+    ----------
+    q
+        0D outputs (n rows).
+    first
+        Names of outputs that are always included.
+    most
+        Maximum number of names.
     """
     taken = list(dict.fromkeys(first))
     families = [c for c in q.columns if str(c).startswith(FAMILIES) and c not in taken]

@@ -1,8 +1,8 @@
 """Gaussian process regression whose metric has a length scale per input and a few directions across inputs.
 
-Own code because scikit-learn knows no such metric and builds an (n, n, d) array for its gradient: at 400 points and 25
-inputs this one is some ten times cheaper. A test holds its predictions against scikit-learn where both can say the
-same.
+Own code because scikit-learn has no such metric and builds an (n, n, d) array for its gradient: at 400 points and 25
+inputs this one is about ten times cheaper. A test compares its predictions with scikit-learn's where both have the same
+kernel.
 """
 
 from dataclasses import dataclass
@@ -15,8 +15,8 @@ from scipy.optimize import minimize
 from coronaryuq.estimation.surrogates import matern
 
 # Prior of a standardised problem, as (mean, standard deviation). Few inputs matter for one output, and the length
-# scales of the others must be able to grow out of sight: without it small pilots are overfitted. All but DIRECTION
-# are of logarithms.
+# scales of the others must be able to become very large: without the prior small pilots are overfitted. All but
+# DIRECTION are of logarithms.
 LENGTH = (2.0, 1.5)
 SIGNAL = (0.0, 1.5)
 LINEAR = (-1.0, 2.0)
@@ -34,8 +34,8 @@ GAIN = 1e-6
 class GaussianProcess:
     """A fitted process: k = s² m(r²) + l² Σ x x' / L² plus noise, m the Matérn 5/2 correlation.
 
-    r² = Σ_j (x_j − x_j')² / L_j² + Σ_p (w_p · (x − x'))²: the directions w_p let it bend along a sum of inputs, such
-    as a total resistance, which no product of single inputs expresses. Inputs and outputs are standardised inside by
+    r² = Σ_j (x_j − x_j')² / L_j² + Σ_p (w_p · (x − x'))²: the directions w_p let it vary along a sum of inputs, such as
+    a total resistance, which no product of single inputs expresses. Inputs and outputs are standardised inside by
     the training set's moments. `inverse` (n, n) of the standardised covariance with noise. `leave_one_out` (n,): y
     minus the prediction without that point, at the final parameters.
     """
@@ -93,7 +93,7 @@ def fit(x: np.ndarray, y: np.ndarray, directions: int = 0, evaluations: int = 60
     factor = cholesky(k, lower=True)
     inverse = cho_solve((factor, True), np.eye(len(factor)))
     weights = cho_solve((factor, True), b)
-    # Once more for what rounding left: a smooth function makes the kernel matrix close to singular.
+    # One step of iterative refinement: a smooth function makes the kernel matrix nearly singular.
     weights = weights + cho_solve((factor, True), b - k @ weights)
     missed = spread * weights / np.diag(inverse)
     return GaussianProcess(a, shift, scale, weights, parameters, mean, spread, inverse, missed)

@@ -8,6 +8,7 @@ alike on pilot and propagation samples, so the estimator stays exactly unbiased,
 N_0D.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,8 +27,7 @@ class Networks:
     """Trained networks of R rows and F fits (the folds, then all data), flat index b = row · F + fit.
 
     high, low: weights of the 3D and 0D autoencoders, (R F, ...). knots_high, knots_low (R F, KNOTS): their latents'
-    quantiles. box (d, 2): θ at −1 and +1. loss (R F,): last value of the joint
-    loss.
+    quantiles. box (d, 2): θ at −1 and +1. loss (R F,): last value of the joint loss.
     """
 
     rows: tuple[str, ...]
@@ -40,11 +40,11 @@ class Networks:
     loss: np.ndarray
 
     def index(self, row: str, fold: int) -> int:
-        """Place of a row and fold; fold IN_SAMPLE is the fit to all data."""
+        """Return the place of a row and fold; fold IN_SAMPLE is the fit to all data."""
         return self.rows.index(row) * (self.folds + 1) + (self.folds if fold == IN_SAMPLE else fold)
 
     def select(self, row: str, fits: list[int]) -> "Networks":
-        """One row's networks of the training sets `fits`, as folds in this order; the last counts as the fit to all."""
+        """Return one row's networks of the training sets `fits`, as folds in this order; the last is the fit to all."""
         at = [self.rows.index(row) * (self.folds + 1) + f for f in fits]
         high, low = ({name: value[at] for name, value in w.items()} for w in (self.high, self.low))
         return Networks(
@@ -52,7 +52,7 @@ class Networks:
         )
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Everything as named numpy arrays, for an `.npz` without pickle."""
+        """Return everything as named numpy arrays, for an `.npz` without pickle."""
         named = {"rows": np.array(self.rows), "folds": np.array(self.folds), "box": self.box}
         named |= {"loss": self.loss, "knots.high": self.knots_high.numpy(), "knots.low": self.knots_low.numpy()}
         for kind, weights in (("high", self.high), ("low", self.low)):
@@ -60,8 +60,8 @@ class Networks:
         return named
 
     @classmethod
-    def from_arrays(cls, named) -> "Networks":
-        def weights(kind):
+    def from_arrays(cls, named: Mapping[str, np.ndarray]) -> "Networks":
+        def weights(kind: str) -> ae.Weights:
             marks = (name for name in named if name.startswith(f"{kind}."))
             return {name.split(".", 1)[1]: torch.from_numpy(named[name]) for name in marks}
 
@@ -70,6 +70,10 @@ class Networks:
             torch.from_numpy(named["knots.high"]), torch.from_numpy(named["knots.low"]),
             named["box"], named["loss"],
         )  # fmt: skip
+
+
+Pair = tuple[str, np.ndarray, str, np.ndarray]
+"""3D column and its values (n,), 0D column and its values (n,)."""
 
 
 @dataclass(frozen=True)
@@ -85,16 +89,28 @@ class Training:
 
 
 def fits_of(fold: np.ndarray) -> list[np.ndarray]:
-    """Training sets of cross-fitting: all runs but those of fold k, for every k, then all runs."""
+    """Return the training sets of cross-fitting: all runs but those of fold k, for every k, then all runs."""
     return [np.flatnonzero(fold != k) for k in range(int(fold.max()) + 1)] + [np.arange(len(fold))]
 
 
-def train(theta, box, pairs: dict[str, tuple], fits: list[np.ndarray], how: Training, seed: int) -> Networks:
+def train(
+    theta: np.ndarray, box: np.ndarray, pairs: dict[str, Pair], fits: list[np.ndarray], how: Training, seed: int
+) -> Networks:
     """Train both stages for every row and training set as one batch each.
 
-    theta (n, d); box (d, 2); pairs: row name → (3D column name, y (n,), 0D column name, q (n,)); fits: indices of the
-    runs of each training set. The first stage trains one autoencoder per distinct column and fit, because rows share
-    columns; the second one couples a 3D and a 0D autoencoder.
+    The first stage trains one autoencoder per distinct column and fit, because rows share columns; the second one
+    couples a 3D and a 0D autoencoder.
+
+    Parameters
+    ----------
+    theta, box
+        Inputs (n, d), and θ at −1 and +1 (d, 2).
+    pairs
+        Row name → (3D column, y (n,), 0D column, q (n,)).
+    fits
+        Indices of the runs of each training set.
+    how, seed
+        Steps and rates, and the campaign's seed.
     """
     with ae.one_thread():
         inputs, share = _training_inputs(scale(theta, box), fits)
@@ -121,7 +137,7 @@ def scale(theta: np.ndarray, box: np.ndarray) -> torch.Tensor:
 
 
 def latent(networks: Networks, row: str, fold: int, theta: np.ndarray) -> np.ndarray:
-    """Place (m,) of each θ (m, d) on the 0D latent axis, through the shared space."""
+    """Return the place (m,) of each θ (m, d) on the 0D latent axis, through the shared space."""
     b = networks.index(row, fold)
     with ae.one_thread(), torch.no_grad():
         x = scale(theta, networks.box)[None]
@@ -131,7 +147,7 @@ def latent(networks: Networks, row: str, fold: int, theta: np.ndarray) -> np.nda
 
 
 def resampled(networks: Networks, row: str, fold: int, z: np.ndarray) -> np.ndarray:
-    """0D inputs θ (m, d) at places z (m,) of the 0D latent axis."""
+    """Return the 0D inputs θ (m, d) at places z (m,) of the 0D latent axis."""
     b = networks.index(row, fold)
     with ae.one_thread(), torch.no_grad():
         weights = {name: value[b : b + 1] for name, value in networks.low.items()}
@@ -141,14 +157,14 @@ def resampled(networks: Networks, row: str, fold: int, z: np.ndarray) -> np.ndar
 
 
 def nodes(networks: Networks, row: str, fold: int, count: int) -> np.ndarray:
-    """`count` places on the 0D latent axis, half of them at equal probabilities, half at equal distances."""
+    """Return `count` places on the 0D latent axis, half of them at equal probabilities, half at equal distances."""
     at = networks.knots_low[networks.index(row, fold)].double().numpy()
     probable = np.interp(np.linspace(0, 1, count - count // 2), np.linspace(0, 1, len(at)), at)
     return np.sort(np.concatenate([probable, np.linspace(at[0], at[-1], count // 2 + 2)[1:-1]]))
 
 
 def along_curve(z_nodes: np.ndarray, q_nodes: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """0D output (m,) at places z by monotone cubic interpolation between nodes; constant beyond the ends."""
+    """Return the 0D output (m,) at places z by monotone cubic interpolation between nodes; constant beyond the ends."""
     kept = np.concatenate([[True], np.diff(z_nodes) > 1e-9 * max(np.ptp(z_nodes), 1e-30)])
     if kept.sum() < 2:
         return np.full(len(z), q_nodes.mean())
@@ -197,8 +213,8 @@ def _first_stage(columns, inputs, share, fits, how: Training, seed: int):
     weights = ae.adam(weights, loss, how.steps[0], how.rate, how.decay)
     with torch.no_grad():
         last, z = ae.reconstruction_loss(weights, x, y, part)
-        # The shared space is monotone, so a latent axis along which the quantity goes up and down again is of no use
-        # there, however well its surrogate fits: among restarts, one that orders the quantity is preferred.
+        # The shared space is monotone, so a latent axis along which the quantity is not monotone is useless there,
+        # however well its surrogate fits: among restarts, one that orders the quantity is preferred.
         orders = correlation(y, shared_space.to_uniform(z, shared_space.knots(z, part))[:, None], part).abs()
         last = (last - orders).reshape(how.restarts, -1)
     best = last.nan_to_num(torch.inf).argmin(dim=0) * len(slots) + torch.arange(len(slots))
@@ -222,7 +238,7 @@ def _second_stage(weights, x, y, share, how: Training, seed: int):
         return correlation(outputs[:half], follows, part[:half])
 
     with torch.no_grad():
-        # A latent axis has no direction of its own: take the one that correlates better before training on it.
+        # The direction of a latent axis is arbitrary: choose the one that correlates better before training.
         straight = term(ae.encode(weights, x), weights, y, share).abs()
         turned = ae.flip(weights, torch.arange(2 * half) >= half)
         which = term(ae.encode(turned, x), turned, y, share).abs() > straight

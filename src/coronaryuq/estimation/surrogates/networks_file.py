@@ -1,4 +1,4 @@
-"""Read the trained networks of MFMC-AE and the 0D runs at the inputs that they ask for."""
+"""Read the trained networks of MFMC-AE and the 0D runs at their inputs."""
 
 from pathlib import Path
 
@@ -10,16 +10,22 @@ from coronaryuq.estimation.surrogates.mfmc_ae import Networks
 
 
 def read_networks(path: str | Path) -> Networks | None:
-    """Networks from the `.npz`, without pickle; None where none were trained."""
-    held = read_npz(path, ("rows",))
+    """Read networks from the `.npz`, without pickle; None if none were trained. `InputError` for another file."""
+    arrays = read_npz(path, ("rows",))
     try:
-        return Networks.from_arrays(held) if len(held["rows"]) else None
+        return Networks.from_arrays(arrays) if len(arrays["rows"]) else None
     except (ValueError, KeyError) as error:
         raise InputError(path, None, None, f"not networks of this stage ({error}); train again") from None
 
 
 def read_resampled(paths: list[str | Path]) -> pd.DataFrame:
-    """0D outputs at the resampled inputs, index `sample`; Parquet or CSV; failed runs stay in as NaN."""
+    """Read 0D outputs at the resampled inputs (Parquet or CSV), index `sample`, NaN for failed runs.
+
+    Raises
+    ------
+    InputError
+        If a file is broken, or if a sample was run twice.
+    """
     frames = []
     for path in paths:
         if Path(path).suffix == ".parquet":

@@ -1,27 +1,41 @@
-"""Picks a control variate within each training set, by leave-one-out residuals and cost, never by the runs held out."""
+"""Choose a control variate within each training set by leave-one-out residuals, never by the held-out runs."""
 
 import numpy as np
 
 from coronaryuq.estimation.surrogates.control_variates import METHODS, Fitted, Seen, with_rival
 
-# Runs below which a regression on so many columns is not tried.
+# Fewest runs for a regression on that many columns.
 QUADRATIC_RUNS = 60
-# A direction across inputs adds parameters: it is tried where there are runs to fit it and something left to explain.
+# A direction across inputs adds parameters: it is tried if there are runs to fit it and variance left to explain.
 DIRECTION_RUNS, DIRECTION_SHARE = 80, 1e-4
-# Below, two processes part in so many places that the claim was 1.4 times the spread (three levels, 25 runs).
+# With fewer runs two processes differ so often that the claim was 1.4 times the spread (three levels, 25 runs).
 LOGARITHM_RUNS = 40
-# Share of the variance below which nothing better is looked for: it no longer shows in any interval.
+# Residual share of the variance that is good enough: less would not change any interval.
 GOOD_ENOUGH = 1e-9
-# A more complicated method must leave less than this share of a simpler one's mean square to be taken.
+# A more complicated method must leave less than this share of a simpler one's mean square to be chosen.
 BETTER = 0.98
 
 
 def choose(seen: Seen, y: np.ndarray, simple: bool = False) -> Fitted:
-    """Fit every candidate on the training runs and return the one that misses least.
+    """Fit every candidate on the training runs and return the one with the least leave-one-out error.
 
-    All candidates cost the same per prediction against a 0D or 3D run, so least variance per cost is least variance.
-    The process of the logarithm, of positive quantities, is taken or stands beside the choice as its rival.
-    `simple` leaves the Gaussian processes out.
+    All candidates cost the same per prediction compared with a 0D or 3D run, so least variance per cost is least
+    variance. For positive quantities the process of the logarithm is either chosen or the rival of the choice, which
+    widens its variance (`with_rival`).
+
+    Parameters
+    ----------
+    seen
+        Predictors at the n training runs.
+    y
+        3D outputs (n,).
+    simple
+        Leave the Gaussian processes out.
+
+    Returns
+    -------
+    Fitted
+        The chosen control variate.
     """
     least_runs = {
         "constant": 0,

@@ -1,8 +1,7 @@
-"""The shared space: a latent variable to uniform by its empirical distribution, and back in the other model's latent
-space.
+"""The shared space: map a latent variable to uniform by its distribution, and back into the other latent space.
 
-The paper goes on from the uniform to the standard normal; that map is the same for both models and cancels in the
-composition, so it never appears here. Each map is held by KNOTS quantiles of the training latents (B, KNOTS).
+The paper continues from the uniform to the standard normal; that map is the same for both models and cancels in the
+composition, so it is left out here. Each map is represented by KNOTS quantiles of the training latents (B, KNOTS).
 """
 
 import torch
@@ -11,8 +10,7 @@ KNOTS = 65
 
 
 def knots(z: torch.Tensor, share: torch.Tensor) -> torch.Tensor:
-    """Quantiles (B, KNOTS) at equal probabilities, extremes included, of latents (B, 1, n); samples without share are
-    left out.
+    """Quantiles (B, KNOTS) at equal probabilities, extremes included, of the latents (B, 1, n) that have a share.
 
     Differentiable with respect to the latents.
     """
@@ -37,7 +35,7 @@ def to_uniform(z: torch.Tensor, at: torch.Tensor) -> torch.Tensor:
 def to_uniform_kernel(z: torch.Tensor, at: torch.Tensor) -> torch.Tensor:
     """Kernel distribution function (B, n): logistic steps at the knots, a twentieth of the latents' range wide.
 
-    Smooth in z and in the knots, so the correlation term reaches the 3D encoder, which a count does not allow.
+    Smooth in z and in the knots, so that the correlation term has a gradient in the 3D encoder, unlike a count.
     """
     width = 0.05 * (at[:, -1:] - at[:, :1]).clamp(min=1e-9)
     return torch.sigmoid((z - at[:, :, None]) / width[:, :, None]).mean(dim=1)
