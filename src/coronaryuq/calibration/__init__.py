@@ -1,1 +1,1 @@
-"""Stage one: the closed loop tuned to the patient's heart and pressures."""
+"""Calibration: the closed loop tuned to the patient's heart and pressures."""
