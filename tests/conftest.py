@@ -1,4 +1,4 @@
-"""Fixtures that every test may use."""
+"""Fixtures for all tests."""
 
 from pathlib import Path
 
@@ -8,15 +8,15 @@ from threadpoolctl import threadpool_limits
 
 @pytest.fixture(scope="session", autouse=True)
 def one_thread_of_linear_algebra():
-    """As many as a job of the campaign has: the tests themselves run side by side on all cores."""
+    """Like a job of a campaign; the tests themselves run in parallel on all cores."""
     with threadpool_limits(1):
         yield
 
 
 @pytest.fixture(scope="session")
 def shared() -> Path:
-    """The folder with real data beside the project; tests that need it are skipped where it is absent."""
+    """Return the folder of real data beside the project; skip the test if it is absent."""
     folder = Path(__file__).parents[2] / "shared"
     if not (folder / "data").is_dir():
-        pytest.skip("needs the real data in ../shared, which is not there")
+        pytest.skip("needs the real data in ../shared")
     return folder

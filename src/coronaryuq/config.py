@@ -166,5 +166,5 @@ def _table(model: type[BaseModel], prefix: str) -> list[str]:
         rows.append(f"| `{prefix}{name}` | {default.replace('|', '¦')} | {text} |")
     lines = [*rows, ""] if len(rows) > 2 else []
     for name, kind, description in blocks:
-        lines += [f"## `{prefix}{name}`", "", description, "", *_table(kind, f"{prefix}{name}.")]
+        lines += [f"## `{prefix}{name}`", "", description or "", "", *_table(kind, f"{prefix}{name}.")]
     return lines

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from coronaryuq.bench import zerod
-from coronaryuq.bench.coronary_tree import made_loop
+from coronaryuq.bench.coronary_tree import synthetic_loop
 from coronaryuq.case.network.topology import graph_of
 from coronaryuq.cli.main import main
 from coronaryuq.zerod.solver.engine import Engine
@@ -18,9 +18,9 @@ KEYS = {
 }
 
 
-def test_the_made_up_loop_is_a_circulation_of_the_real_one_s_size():
-    network = made_loop()
-    graph = graph_of(network, "made-up loop")
+def test_the_synthetic_loop_has_the_size_of_the_real_one_and_physiological_pressure():
+    network = synthetic_loop()
+    graph = graph_of(network, "synthetic loop")
     assert len(network["vessels"]) == 50
     assert sum("Coronary" in kind for kind in graph.types.values()) == 22
     assert sum(v["zero_d_element_values"]["stenosis_coefficient"] > 0 for v in network["vessels"]) == 3
@@ -35,12 +35,12 @@ def test_the_benchmark_has_the_fixed_keys(monkeypatch, tmp_path, request, shared
         request.getfixturevalue("shared")
     else:
         monkeypatch.setattr(zerod, "_SHARED", tmp_path)
-    told = zerod.run(quick=True, samples=17, steps=400, cycles=1)
-    assert told.keys() >= KEYS
-    assert told["network"].startswith("closed-loop-22" if shared_data else "made-up")
-    assert told["failed"] == told["failed_periodic"] == 0
-    assert told["samples"] == 17 and told["vessels"] == (49 if shared_data else 50)
-    assert 1.0 < told["newton_per_step"] < 30.0 and told["cycle_error"] < 1e-4
+    result = zerod.run(quick=True, samples=17, steps=400, cycles=1)
+    assert result.keys() >= KEYS
+    assert result["network"].startswith("closed-loop-22" if shared_data else "synthetic")
+    assert result["failed"] == result["failed_periodic"] == 0
+    assert result["samples"] == 17 and result["vessels"] == (49 if shared_data else 50)
+    assert 1.0 < result["newton_per_step"] < 30.0 and result["cycle_error"] < 1e-4
 
 
 def test_the_command_prints_one_json_object_without_the_shared_data(monkeypatch, tmp_path, capsys):
@@ -48,6 +48,6 @@ def test_the_command_prints_one_json_object_without_the_shared_data(monkeypatch,
     monkeypatch.setattr(program, "installed", lambda: None)
     assert main(["bench", "zerod", "--quick", "--json"]) == 0
     (line,) = capsys.readouterr().out.strip().splitlines()
-    told = json.loads(line)
-    assert told["benchmark"] == "zerod" and told["quick"] is True and told["svzerod_cpu_s_per_sample"] is None
-    assert told["network"].startswith("made-up") and told["failed"] == 0
+    result = json.loads(line)
+    assert result["benchmark"] == "zerod" and result["quick"] is True and result["svzerod_cpu_s_per_sample"] is None
+    assert result["network"].startswith("synthetic") and result["failed"] == 0

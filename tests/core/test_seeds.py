@@ -1,4 +1,4 @@
-"""Random numbers depend on their name and on nothing else."""
+"""Random numbers depend on seed and name only."""
 
 import numpy as np
 from hypothesis import given
@@ -10,21 +10,21 @@ names = st.lists(st.one_of(st.text(max_size=8), st.integers(0, 10**6)), min_size
 
 
 @given(st.integers(0, 2**31), names)
-def test_same_name_same_numbers(seed, name):
+def test_the_same_name_gives_the_same_numbers(seed, name):
     assert np.array_equal(generator(seed, *name).random(4), generator(seed, *name).random(4))
 
 
 @given(st.integers(0, 2**31), names, names)
-def test_other_name_other_numbers(seed, one, other):
-    if one != other:
-        assert not np.array_equal(generator(seed, *one).random(4), generator(seed, *other).random(4))
+def test_different_names_give_different_numbers(seed, name, other):
+    if name != other:
+        assert not np.array_equal(generator(seed, *name).random(4), generator(seed, *other).random(4))
 
 
 def test_a_number_and_its_text_are_different_names():
     assert generator(1, 2).random() != generator(1, "2").random()
 
 
-def test_numpy_integers_name_the_same_stream():
+def test_numpy_integers_give_the_same_stream_as_python_integers():
     assert generator(1, np.int64(2)).random() == generator(1, 2).random()
 
 

@@ -1,4 +1,4 @@
-"""The sound inputs, and a copy of them to spoil."""
+"""Valid inputs, and a copy of them to corrupt."""
 
 import shutil
 from pathlib import Path
@@ -9,13 +9,13 @@ from support.sound_inputs import write_sound_inputs
 
 
 @pytest.fixture(scope="session")
-def sound(tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("sound")
+def valid(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("valid")
     write_sound_inputs(folder)
     return folder
 
 
 @pytest.fixture
-def spoiled(sound, tmp_path) -> Path:
-    """A copy to spoil."""
-    return Path(shutil.copytree(sound, tmp_path / "given"))
+def corrupted(valid, tmp_path) -> Path:
+    """Return the folder of a copy to corrupt."""
+    return Path(shutil.copytree(valid, tmp_path / "given"))

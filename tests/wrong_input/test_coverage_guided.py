@@ -1,6 +1,6 @@
-"""Every reader of text against inputs that grow with the branches they reach (atheris, libFuzzer): by hand.
+"""Coverage-guided fuzzing (atheris, libFuzzer) of every reader of text; run by hand.
 
-Each reader has `FUZZ_SECONDS` (default 20), from one sound example on; it may say what is wrong and nothing else.
+Each reader is fuzzed for `FUZZ_SECONDS` (default 20) from one valid example; it may only raise InputError.
 """
 
 import os
@@ -57,9 +57,9 @@ atheris.Fuzz()
 
 
 @pytest.mark.parametrize("name", READERS)
-def test_a_reader_reads_or_says_on_one_line_what_is_wrong(sound, tmp_path, name):
+def test_a_reader_accepts_its_input_or_reports_the_fault_on_one_line(valid, tmp_path, name):
     (tmp_path / "corpus").mkdir()
-    (tmp_path / "corpus" / "sound").write_bytes((sound / name).read_bytes())
+    (tmp_path / "corpus" / "valid").write_bytes((valid / name).read_bytes())
     seconds = os.environ.get("FUZZ_SECONDS", "20")
     command = [sys.executable, "-c", GUIDED, name, READERS[name], seconds, str(tmp_path / "corpus")]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)

@@ -1,4 +1,4 @@
-"""Files altered at random: every reader reads them or says on one line what is wrong, and never anything else."""
+"""Files altered at random: every reader accepts them or reports on one line what is wrong, and nothing else."""
 
 import contextlib
 import json
@@ -62,7 +62,7 @@ values = st.one_of(
 )  # fmt: skip
 
 
-def only_one_line(read, path):
+def read_or_one_line(read, path):
     try:
         read(path)
     except InputError as error:
@@ -72,8 +72,8 @@ def only_one_line(read, path):
 @pytest.mark.parametrize(("name", "read"), TEXTS, ids=[f"{n}-{r.__name__}" for n, r in TEXTS])
 @FUZZ
 @given(edits=edits)
-def test_altered_bytes(spoiled, name, read, edits):
-    path = spoiled / name
+def test_files_with_altered_bytes_are_read_or_reported(corrupted, name, read, edits):
+    path = corrupted / name
     whole = path.read_bytes()
     altered = whole
     for share, out, put in edits:
@@ -81,13 +81,13 @@ def test_altered_bytes(spoiled, name, read, edits):
         altered = altered[:at] + put + altered[at + out :]
     try:
         path.write_bytes(altered)
-        only_one_line(read, path)
+        read_or_one_line(read, path)
     finally:
         path.write_bytes(whole)
 
 
 def places(value, here=()):
-    """Every place of a JSON value, as keys from its root."""
+    """List every place of a JSON value, as keys from its root."""
     found = [here] if here else []
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, inner in items:
@@ -100,8 +100,8 @@ def places(value, here=()):
 )
 @FUZZ
 @given(data=st.data())
-def test_altered_values(spoiled, name, read, data):
-    path = spoiled / name
+def test_files_with_altered_values_are_read_or_reported(corrupted, name, read, data):
+    path = corrupted / name
     whole = path.read_text()
     altered = json.loads(whole)
     *above, last = data.draw(st.sampled_from(places(altered)))
@@ -114,7 +114,7 @@ def test_altered_values(spoiled, name, read, data):
         del at[last]
     try:
         path.write_text(json.dumps(altered))
-        only_one_line(read, path)
+        read_or_one_line(read, path)
     finally:
         path.write_text(whole)
 
@@ -147,17 +147,17 @@ print("through")
 """
 
 
-def test_altered_headers_of_meshes_and_images(spoiled):
-    """In a process of its own, because the readers are native code and could take it with them."""
-    write_image(spoiled / "plain.nii")
+def test_meshes_and_images_with_altered_headers_are_read_or_reported(corrupted):
+    """In a process of its own, because the readers are native code that could crash."""
+    write_image(corrupted / "plain.nii")
     with contextlib.suppress(KeyError):
         os.environ.pop("PYTEST_CURRENT_TEST")
-    done = subprocess.run([sys.executable, "-c", NATIVE, str(spoiled), "1"], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", NATIVE, str(corrupted), "1"], capture_output=True, text=True)
     assert done.returncode == 0 and done.stdout.strip().endswith("through"), done.stderr[-2000:]
 
 
-def test_source_has_no_door_for_code_in_data():
-    """No pickle, no unsafe load, no shell: asked of the syntax tree of every source file."""
+def test_the_sources_never_execute_code_from_data():
+    """No pickle, no unsafe load, no shell, by the syntax tree of every source file."""
     import ast
 
     root = Path(__file__).parents[2]

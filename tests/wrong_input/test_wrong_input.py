@@ -1,4 +1,4 @@
-"""Whatever is wrong with a file: one line that names it, what in it, and what to do; nothing written."""
+"""Wrong files are reported on one line that names the file, the fault and the remedy; nothing is written."""
 
 import json
 import zipfile
@@ -81,12 +81,12 @@ def text(content):
 
 
 def replaced(old, new, count=1):
-    def spoil(path):
+    def corrupt(path):
         before = path.read_text()
         assert old in before
         path.write_text(before.replace(old, new, count))
 
-    return spoil
+    return corrupt
 
 
 def cut(share):
@@ -94,7 +94,7 @@ def cut(share):
 
 
 def flipped(path):
-    """Bytes in the middle turned over: a bad disk or a broken transfer."""
+    """Invert bytes in the middle, as a bad disk or a broken transfer would."""
     content = bytearray(path.read_bytes())
     middle = len(content) // 2
     content[middle : middle + 64] = bytes(255 - b for b in content[middle : middle + 64])
@@ -111,9 +111,9 @@ def folder(path):
 
 
 def changed(*keys, to=None, drop=False):
-    """One place of a JSON file, by its keys."""
+    """Change or delete one place of a JSON file, by its keys."""
 
-    def spoil(path):
+    def corrupt(path):
         whole = json.loads(path.read_text())
         at = whole
         for key in keys[:-1]:
@@ -124,13 +124,13 @@ def changed(*keys, to=None, drop=False):
             at[keys[-1]] = to
         path.write_text(json.dumps(whole))
 
-    return spoil
+    return corrupt
 
 
 def column(name, values=None):
-    """One column of a CSV or Parquet file: without it, or with the first value another."""
+    """Drop a column of a CSV or Parquet file, or change its first value."""
 
-    def spoil(path):
+    def corrupt(path):
         parquet = path.suffix == ".parquet"
         frame = pd.read_parquet(path) if parquet else pd.read_csv(path)
         if values is None:
@@ -139,28 +139,28 @@ def column(name, values=None):
             frame[name] = [values, *frame[name].astype(object)[1:]]
         frame.to_parquet(path) if parquet else frame.to_csv(path, index=False)
 
-    return spoil
+    return corrupt
 
 
 def arrays(**change):
-    """Arrays of an `.npz`: replaced, or without (None)."""
+    """Replace arrays of an `.npz`, or drop them (None)."""
 
-    def spoil(path):
+    def corrupt(path):
         with np.load(path) as held:
             kept = {name: held[name] for name in held.files}
         np.savez(path, **{n: v for n, v in (kept | change).items() if v is not None})
 
-    return spoil
+    return corrupt
 
 
 def mesh(change):
-    def spoil(path):
+    def corrupt(path):
         import pyvista as pv
 
         data = pv.read(path)
         change(data).save(path)
 
-    return spoil
+    return corrupt
 
 
 def without(name):
@@ -300,21 +300,23 @@ def name_of(entry):
     return f"{read.__name__}-{file}-{said[:30]}"
 
 
-@pytest.mark.parametrize(("read", "file", "spoil", "said"), WRONG, ids=map(name_of, WRONG))
-def test_it_is_one_line_and_nothing_is_written(spoiled, tmp_path, read, file, spoil, said):
-    spoil(spoiled / file)
+@pytest.mark.parametrize(("read", "file", "corrupt", "said"), WRONG, ids=map(name_of, WRONG))
+def test_a_wrong_file_is_reported_on_one_line_and_nothing_is_written(corrupted, tmp_path, read, file, corrupt, said):
+    corrupt(corrupted / file)
     with pytest.raises(InputError) as caught:
-        read(spoiled, tmp_path / "out")
+        read(corrupted, tmp_path / "out")
     line = str(caught.value)
-    assert "\n" not in line and line.startswith(str(spoiled))
-    assert Path(file).name in line or read in (case, image_case, runs), "a case's mistake may be its description's"
+    assert "\n" not in line and line.startswith(str(corrupted))
+    assert Path(file).name in line or read in (case, image_case, runs), (
+        "a fault of a case may be reported for its description"
+    )
     assert said in line
-    assert len(line.partition(": ")[2]) > 10, "says what to do"
+    assert len(line.partition(": ")[2]) > 10, "names a remedy"
     assert not [path for path in (tmp_path / "out").rglob("*") if path.is_file()]
     assert not (tmp_path / "outside.txt").exists() and not (tmp_path.parent / "outside.txt").exists()
 
 
-def test_there_are_enough_of_them():
+def test_at_least_sixty_faults_are_tried():
     assert len(WRONG) >= 60
 
 
@@ -322,5 +324,5 @@ READERS = sorted({entry[0] for entry in WRONG}, key=lambda read: read.__name__)
 
 
 @pytest.mark.parametrize("read", READERS, ids=[read.__name__ for read in READERS])
-def test_the_example_is_sound_before_it_is_spoiled(spoiled, tmp_path, read):
-    read(spoiled, tmp_path / "out")
+def test_the_example_is_valid_before_it_is_corrupted(corrupted, tmp_path, read):
+    read(corrupted, tmp_path / "out")

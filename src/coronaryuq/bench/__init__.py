@@ -1,1 +1,1 @@
-"""Benchmarks: one module each, one JSON object each."""
+"""Benchmarks: one module each, with a function `run` that returns one JSON object."""

@@ -1,4 +1,4 @@
-"""Benchmark `campaign`: how long Snakemake plans, how much of a run is its own time, how many files there are."""
+"""Benchmark `campaign`: planning time, overhead and number of files of a Snakemake campaign."""
 
 import argparse
 import json
@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -17,7 +18,7 @@ from coronaryuq import config
 from coronaryuq.core.errors import InputError
 
 QUICK_TARGET = "perfusion/targets.json"
-"""How far a quick run goes: the patient, the case, the noise statistics."""
+"""Last result of a quick run: the patient, the case, the noise statistics."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,10 +27,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(quick: bool, config: str | None = None) -> dict:
-    """Plan and run one campaign (default: `smoke`) in a temporary folder.
+    """Plan a whole campaign (default `smoke`) and run it (quick: up to the perfusion targets) in a temporary folder.
 
-    `snakemake_overhead_fraction` is the share of the wall time in which no job was running, by the start and end times
-    that Snakemake records. A quick run stops at the perfusion targets; planning is always of the whole campaign.
+    `snakemake_overhead_fraction` is the share of the wall time without a running job, by the start and end times that
+    Snakemake records.
     """
     root = Path(coronaryuq.__file__).parents[2]
     configuration = Path(config) if config else root / "config" / "smoke.yaml"
@@ -58,9 +59,11 @@ def _name(configuration: Path) -> str:
     return config.load(configuration).name
 
 
+@dataclass(frozen=True)
 class _Run:
-    def __init__(self, output: str, wall_s: float, cpu_s: float):
-        self.output, self.wall_s, self.cpu_s = output, wall_s, cpu_s
+    output: str
+    wall_s: float
+    cpu_s: float
 
 
 def _snakemake(root: Path, configuration: Path, folder: str, *arguments: str) -> _Run:
@@ -72,7 +75,7 @@ def _snakemake(root: Path, configuration: Path, folder: str, *arguments: str) ->
     before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     lines = []
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
-        for line in process.stdout:
+        for line in process.stdout or ():
             lines.append(line)
             if "--dry-run" not in arguments:
                 sys.stderr.write(line)
@@ -84,7 +87,7 @@ def _snakemake(root: Path, configuration: Path, folder: str, *arguments: str) ->
 
 
 def _jobs(output: str) -> int:
-    return int(re.search(r"^total\s+(\d+)", output, re.MULTILINE).group(1))
+    return int(re.findall(r"^total\s+(\d+)", output, re.MULTILINE)[0])
 
 
 def _jobs_run(output: str) -> int:
@@ -92,18 +95,18 @@ def _jobs_run(output: str) -> int:
 
 
 def _intervals(folder: Path) -> list[tuple[float, float]]:
-    """Start and end of every job, from Snakemake's records: one per output file, whose ends differ within a job."""
-    found = set()
+    """Return start and end of each job from Snakemake's records (one per output file, with different ends)."""
+    intervals = set()
     for path in (folder / ".snakemake" / "metadata").rglob("*"):
         if path.is_file():
             record = json.loads(unquote(path.read_text()))
             if record.get("starttime") and record.get("endtime"):
-                found.add((record["starttime"], record["endtime"]))
-    return sorted(found)
+                intervals.add((record["starttime"], record["endtime"]))
+    return sorted(intervals)
 
 
 def _covered(intervals: list[tuple[float, float]]) -> float:
-    """Length of the union of intervals, s."""
+    """Return the length of the union of intervals, s."""
     total, reached = 0.0, float("-inf")
     for start, end in intervals:
         total += max(0.0, end - max(start, reached))

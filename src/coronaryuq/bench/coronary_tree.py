@@ -1,4 +1,4 @@
-"""A closed loop with a made-up coronary tree, for benchmarks where no patient's network is at hand."""
+"""A closed loop with a synthetic coronary tree, for benchmarks without a patient's network."""
 
 import numpy as np
 
@@ -10,13 +10,22 @@ LEFT, RIGHT = 12, 10
 """Outlets of the left and of the right coronary artery."""
 
 END_RADIUS, LENGTH, NARROWEST = 0.06, 2.0, 0.6
-"""cm, cm, and the radius of a stenosis over the healthy one."""
+"""Radius of the outlets and length of the vessels, cm; radius of a stenosis relative to the healthy vessel."""
 
 
-def made_loop(left: int = LEFT, right: int = RIGHT, end_radius: float = END_RADIUS, stenosed: bool = True) -> Network:
-    """Aorta and two trees of halving branches with radii by Murray's law; with 22 outlets 50 vessels.
+def synthetic_loop(
+    left: int = LEFT, right: int = RIGHT, end_radius: float = END_RADIUS, stenosed: bool = True
+) -> Network:
+    """Return an aorta with two bifurcating trees, radii by Murray's law; 50 vessels at 22 outlets.
 
-    left, right: outlets of the coronary arteries. end_radius: cm. stenosed: whether LAD, LCx and RCA have a stenosis.
+    Parameters
+    ----------
+    left, right
+        Number of outlets of the left and of the right coronary artery.
+    end_radius
+        Radius of the outlets, cm.
+    stenosed
+        Whether LAD, LCx and RCA have a stenosis.
     """
     vessels = [
         _straight("aorta", np.zeros(3), np.array([0.0, 0.0, 1.0]), 1.2, None, "aorta"),
@@ -27,9 +36,9 @@ def made_loop(left: int = LEFT, right: int = RIGHT, end_radius: float = END_RADI
     _grow(vessels, beds, "rca", right, end_radius, np.pi, np.pi, "RCA")
     stenoses = []
     for artery, place in (("LAD", "lca0"), ("LCx", "lca1"), ("RCA", "rca0")) if stenosed else ():
-        at = next(k for k, vessel in enumerate(vessels) if vessel.name == place)
+        index = next(k for k, vessel in enumerate(vessels) if vessel.name == place)
         stenoses.append(Stenosis(artery, place, 0.5 * LENGTH, 0.75 * LENGTH))
-        vessels[at] = _narrowed(vessels[at], stenoses[-1])
+        vessels[index] = _narrowed(vessels[index], stenoses[-1])
     return network_from_tree(Tree(vessels), beds, {"BC_RCR1": "aorta_end"}, stenoses, Physics())
 
 
@@ -44,8 +53,8 @@ def _grow(
         beds.append(Bed(f"BC_{name}", name, branch == "RCA"))
         return
     for side, share in enumerate((outlets - outlets // 2, outlets // 2)):
-        of = ("LAD", "LCx")[side] if branch == "LM" else branch
-        _grow(vessels, beds, f"{name}{side}", share, end, angle + (side - 0.5) * spread / 2, spread / 2, of)
+        artery = ("LAD", "LCx")[side] if branch == "LM" else branch
+        _grow(vessels, beds, f"{name}{side}", share, end, angle + (side - 0.5) * spread / 2, spread / 2, artery)
 
 
 def _straight(name: str, start, direction, radius: float, parent: str | None, branch: str) -> Vessel:

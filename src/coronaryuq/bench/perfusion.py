@@ -1,4 +1,4 @@
-"""Benchmark `perfusion`: noisy realisations of territories on a large LV, all default noise models."""
+"""Benchmark `perfusion`: noisy perfusion realisations on a large left ventricle, all default noise models."""
 
 import resource
 import sys
@@ -14,7 +14,7 @@ POINTS, OUTLETS, REALISATIONS, QUICK_REALISATIONS = 100_000, 14, 2500, 250
 
 
 def run(quick: bool) -> dict:
-    """2500 realisations (quick: 250) on 100,000 points and 14 outlets. CPU time is of the realisations, compiled."""
+    """Time 2500 realisations (quick: 250) on 100,000 points and 14 outlets, without compilation."""
     realisations = QUICK_REALISATIONS if quick else REALISATIONS
     ventricle, outlets = _shell(POINTS), _spread(OUTLETS)
     settings = Settings()
@@ -43,7 +43,7 @@ def run(quick: bool) -> dict:
 
 
 def _shell(points: int) -> Ventricle:
-    """Points spread evenly through the wall of a half ellipsoid of 130 cm3, perfused at 2.5 mL/min/g."""
+    """Return points spread evenly through the wall of a half ellipsoid of 130 cm3, perfused at 2.5 mL/min/g."""
     random = np.random.default_rng(0)
     direction = random.normal(size=(3 * points, 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
@@ -54,7 +54,7 @@ def _shell(points: int) -> Ventricle:
 
 
 def _spread(count: int) -> list[dict]:
-    """Outlets on the epicardium, on a spiral from apex to base."""
+    """Return outlets on the epicardium, on a spiral from apex to base."""
     height = np.linspace(-0.95, 0.3, count)
     angle = np.arange(count) * 2.399963
     ring = np.sqrt(1.0 - height**2)

@@ -1,4 +1,4 @@
-"""Speed of the 0D engine on a closed loop with 22 coronary outlets, against svZeroDSolver where it is installed."""
+"""Benchmark `zerod`: speed of the 0D engine on a closed loop with 22 coronary outlets, compared with svZeroDSolver."""
 
 import argparse
 import os
@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from coronaryuq.bench.coronary_tree import made_loop
+from coronaryuq.bench.coronary_tree import synthetic_loop
 from coronaryuq.core import seeds
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.units import MMHG
@@ -37,11 +37,10 @@ def run(
     steps: int = 1000,
     cycles: int | None = None,
 ) -> dict:
-    """Benchmark `zerod`; keys as in BENCHMARKS.md and a few more.
+    """Time the engine; ratios to svZeroDSolver are of CPU time on one core, in the same run.
 
-    network: JSON file; default the shared closed-loop-22 with svZeroDSolver's published heart parameters, or, where
-    that is absent, a made-up loop of the same size, and `network` says so. samples: 64 (quick: 32). steps per cycle.
-    cycles: 6 (quick: 2). Ratios are of CPU time on one core, taken in the same run.
+    network: JSON file; by default the shared closed-loop-22 with svZeroDSolver's published heart parameters or, if that
+    is not found, a synthetic loop of the same size. samples: 64 (quick: 32). steps: per cycle. cycles: 6 (quick: 2).
     """
     name, loop = _network(network)
     samples = samples or (32 if quick else 64)
@@ -51,19 +50,18 @@ def run(
     engine.run(cycles=1, steps_per_cycle=16)
     first = time.process_time() - spent
     random = seeds.generator(1, "bench", "zerod")
-    found = beds(loop)
-    changes = resistance_changes(loop, {bed: random.uniform(0.5, 2.0, samples) for bed in found})
-    places = [unknown for unknown in engine.unknowns if unknown.split(":")[-1] in found and unknown.startswith("flow")]
+    names = beds(loop)
+    changes = resistance_changes(loop, {bed: random.uniform(0.5, 2.0, samples) for bed in names})
+    places = [unknown for unknown in engine.unknowns if unknown.split(":")[-1] in names and unknown.startswith("flow")]
     quantities = [f"mean_{place}" for place in places] or [f"mean_{engine.unknowns[0]}"]
-    options = {"steps_per_cycle": steps, "quantities": quantities}
-    engine.run(changes, cycles=1, **{**options, "steps_per_cycle": 16})
+    engine.run(changes, quantities, cycles=1, steps_per_cycle=16)
     spent = time.process_time()
-    result = engine.run(changes, cycles=cycles, **options)
+    result = engine.run(changes, quantities, cycles=cycles, steps_per_cycle=steps)
     marched = (time.process_time() - spent) / samples
     groups = -(-samples // LANES)
     base = engine.run(periodic=True, steps_per_cycle=steps)
     spent = time.process_time()
-    periodic = engine.run(changes, periodic=True, start=base.state[0], **options)
+    periodic = engine.run(changes, quantities, periodic=True, start=base.state[0], steps_per_cycle=steps)
     settled = (time.process_time() - spent) / samples
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
     theirs, periodic_theirs, difference = _against_svzerod(engine, loop, cycles, steps, settled)
@@ -99,7 +97,7 @@ def _network(path: str | None) -> tuple[str, Network]:
         return Path(path).stem, read_network(path)
     tree, heart = _SHARED / "closed-loop-22", _SHARED / "svzerod-cases" / "closedLoopHeart_withCoronaries.json"
     if not (tree.is_dir() and heart.exists()):
-        return "made-up loop with 22 coronary outlets", made_loop()
+        return "synthetic loop with 22 coronary outlets", synthetic_loop()
     network = read_json(tree / "svzerod_tuning_cgs.json")
     published = read_network(heart)["closed_loop_blocks"][0]["parameters"]
     network["closed_loop_blocks"][0]["parameters"] = {
@@ -110,14 +108,14 @@ def _network(path: str | None) -> tuple[str, Network]:
 
 
 def _in_cgs(name: str, value: float) -> float:
-    """A heart parameter in mmHg and mL, in CGS."""
+    """Convert a heart parameter from mmHg and mL to CGS."""
     if name.startswith(_PRESSURE_LIKE):
         return value * MMHG
     return value / MMHG if name in ("Cp", "Cpa") else value
 
 
 def _against_svzerod(engine: Engine, network: Network, cycles: int, steps: int, settled: float):
-    """CPU time of svZeroDSolver for one sample, its ratio to periodic accuracy, and the largest relative difference."""
+    """Return CPU time of svZeroDSolver for a sample, its ratio at periodic accuracy, and the largest difference."""
     if program.installed() is None:
         return None, None, None
     brief = copy_of(network)
@@ -136,7 +134,7 @@ def _against_svzerod(engine: Engine, network: Network, cycles: int, steps: int, 
     for name in engine.unknowns:
         here, there = ours.waveforms[name][0], theirs.waveforms[name][0]
         difference = max(difference, np.abs(here - there).max() / max(np.abs(there).max(), 1e-12))
-    # svZeroDSolver has no other way than to march, so its cost to the same cycle error is that of our plain marching.
+    # svZeroDSolver only marches in time: at the same cycle error it needs as many cycles as we do without acceleration.
     plain = engine.run(periodic=True, accelerate=False, steps_per_cycle=steps)
     return spent, spent / cycles * float(plain.cycles[0]) / settled, float(difference)
 
@@ -157,12 +155,12 @@ print(time.process_time() - spent)
 
 
 def _compile_time(network: Network) -> float:
-    """CPU time of a first run in a new process with an empty kernel cache."""
+    """Return the CPU time of a first run in a new process with an empty kernel cache."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "network.json"
         write_network(path, network)
         environment = {**os.environ, "NUMBA_CACHE_DIR": folder}
-        told = subprocess.run(
+        done = subprocess.run(
             [sys.executable, "-c", _COMPILE, str(path)], env=environment, capture_output=True, text=True, check=True
         )
-    return float(told.stdout)
+    return float(done.stdout)

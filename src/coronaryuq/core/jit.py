@@ -14,4 +14,5 @@ from coronaryuq.core import numba_cache
 __all__ = ["njit", "numba"]
 
 numba_cache.choose_folder()
-numba.config.CACHE_DIR = os.environ.get(numba_cache.VARIABLE, "")  # numba read the variable when it was imported
+# numba read the variable when it was imported.
+setattr(numba.config, "CACHE_DIR", os.environ.get(numba_cache.VARIABLE, ""))  # noqa: B010

@@ -42,7 +42,7 @@ def cardiac_function(fit: str, output: str) -> None:
             )  # fmt: skip
         axis.set_yticks(y, table["description"], fontsize=7.5)
         axis.set_xlim(-1.03 * wide, 1.03 * wide)
-        axis.set_xlabel("difference of the tuned model from its target (%); grey: within 5 %; numbers: target → model")
+        axis.set_xlabel("difference from target (%); grey: within 5 %; numbers: target → model")
         axis.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, fontsize=7.5)
         axis.spines["left"].set_visible(False)
         axis.tick_params(axis="y", length=0)

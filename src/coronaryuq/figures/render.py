@@ -2,9 +2,11 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pyvista as pv
+from numpy.typing import ArrayLike
 from vtkmodules.vtkRenderingCore import vtkCoordinate
 
 Item = tuple[pv.DataSet, dict]
@@ -22,10 +24,10 @@ class Camera:
     height: its height in the scene, cm (parallel projection); without them the whole scene is shown.
     """
 
-    view: Sequence[float]
-    up: Sequence[float] = (0.0, 0.0, 1.0)
-    focus: Sequence[float] | None = None
-    height: float | None = None
+    view: Sequence[float] | np.ndarray
+    up: Sequence[float] | np.ndarray = (0.0, 0.0, 1.0)
+    focus: np.ndarray | None = None
+    height: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -42,14 +44,14 @@ class Rendering:
 
 
 def rendered(
-    items: Iterable[Item], camera: Camera, marks: Sequence = (), size: tuple[int, int] = (1100, 1100), margin: int = 10
+    items: Iterable[Item], camera: Camera, marks: ArrayLike = (), size: tuple[int, int] = (1100, 1100), margin: int = 10
 ) -> Rendering:
     """Render a scene on white, lit from the viewer, so that a colour means the same value on all sides.
 
     marks: (n, 3) points whose positions in the image are returned. size: in pixels, before cropping to `margin` pixels
     around the scene (no cropping if the camera has a focus).
     """
-    plotter = pv.Plotter(off_screen=True, window_size=size, lighting="none")
+    plotter: Any = pv.Plotter(off_screen=True, window_size=list(size), lighting="none")
     try:
         plotter.set_background("white")
         plotter.add_light(pv.Light(light_type="headlight"))
@@ -59,23 +61,23 @@ def rendered(
             plotter.view_vector(camera.view, viewup=camera.up)
         else:
             plotter.enable_parallel_projection()
-            focus = np.asarray(camera.focus)
-            plotter.camera_position = [focus + 5.0 * np.asarray(camera.view), focus, camera.up]
+            eye = camera.focus + 5.0 * np.asarray(camera.view)
+            plotter.camera_position = [eye, camera.focus, np.asarray(camera.up)]
             plotter.camera.parallel_scale = camera.height / 2.0
         image = np.asarray(plotter.screenshot(return_img=True))[..., :3]
-        places = np.array([_place(plotter, mark) for mark in marks]).reshape(-1, 2)
+        places = np.array([_place(plotter, mark) for mark in np.asarray(marks).reshape(-1, 3)]).reshape(-1, 2)
     finally:
         plotter.close()
     places[:, 1] = image.shape[0] - places[:, 1]
     if camera.focus is not None:
         return Rendering(image, places)
-    drawn = (image < 250).any(axis=2)
+    drawn = np.any(image < 250, axis=2)
     rows, columns = np.flatnonzero(drawn.any(axis=1)), np.flatnonzero(drawn.any(axis=0))
     top, left = max(rows[0] - margin, 0), max(columns[0] - margin, 0)
     return Rendering(image[top : rows[-1] + margin, left : columns[-1] + margin], places - [left, top])
 
 
-def _place(plotter: pv.Plotter, point: Sequence[float]) -> tuple[float, float]:
+def _place(plotter: pv.Plotter, point: np.ndarray) -> tuple[float, float]:
     coordinate = vtkCoordinate()
     coordinate.SetCoordinateSystemToWorld()
     coordinate.SetValue(*map(float, point))

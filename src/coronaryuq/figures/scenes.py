@@ -11,7 +11,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize, to_hex, to_rgb
 from matplotlib.patheffects import withStroke
 
-from coronaryuq.case.anatomy.tree import Tree, read_tree
+from coronaryuq.case.anatomy.tree import Tree, Vessel, read_tree
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import read_csv
@@ -38,7 +38,7 @@ def territories(case: str, lv: str, tree: str, output: str) -> None:
     wall.cell_data["flow"] = wall.cell_data["MBF"] / MBF_PER_MIN_PER_G
     wall.cell_data["territory"] = np.argmin([np.linalg.norm(centres - end, axis=1) for end in ends], axis=0)
     surface = wall.extract_surface(algorithm="dataset_surface")
-    norm = Normalize(*(float(limit(wall.cell_data["flow"])) for limit in (np.min, np.max)))
+    norm = Normalize(float(np.min(wall.cell_data["flow"])), float(np.max(wall.cell_data["flow"])))
     flow = {"scalars": "flow", "cmap": "viridis", "clim": (norm.vmin, norm.vmax)}
     shares = {"scalars": "territory", "cmap": _shades(outlets), "clim": (-0.5, len(outlets) - 0.5)}
     pictures = [rendered([(surface.copy(), flow), *_tubes(vessels, "#B22222")], FRONT)]
@@ -113,7 +113,7 @@ def walls(fields: str, case: str, tree: str, output: str) -> None:
 
 def _wall(piece: pv.PolyData, name: str, colours: str, norm: Normalize, marks: np.ndarray) -> Rendering:
     shown = piece.copy()
-    shown[name] = np.maximum(shown[name], norm.vmin)
+    shown[name] = np.maximum(shown[name], norm.vmin or 0.0)
     look = {
         "scalars": name, "cmap": colours, "clim": (norm.vmin, norm.vmax), "log_scale": isinstance(norm, LogNorm),
     }  # fmt: skip
@@ -136,7 +136,9 @@ def lumen(fields: str, case: str, tree: str, output: str, reach: float = 1.6, he
         output, nrows=len(cuts), ncols=2, figsize=(8.6, 1.15 * len(cuts) + 0.4), squeeze=False, layout="compressed"
     ) as (figure, axes):
         for column, (name, colours, what) in enumerate(panels):
-            norm = Normalize(*(float(limit([limit(cut[name]) for cut, _ in cuts])) for limit in (np.min, np.max)))
+            norm = Normalize(
+                min(float(np.min(cut[name])) for cut, _ in cuts), max(float(np.max(cut[name])) for cut, _ in cuts)
+            )
             look = {"scalars": name, "cmap": colours, "clim": (norm.vmin, norm.vmax), "lighting": False}
             for row, (cut, camera) in enumerate(cuts):
                 picture = rendered([(cut.copy(), look)], camera, size=(1280, 400))
@@ -146,7 +148,7 @@ def lumen(fields: str, case: str, tree: str, output: str, reach: float = 1.6, he
         axes[-1, 0].text(20, 365, "0.5 cm", fontsize=6.5)
 
 
-def _cut(inside: pv.UnstructuredGrid, vessel, stenosis: dict, reach: float, height: float) -> tuple[pv.DataSet, Camera]:
+def _cut(inside: pv.DataSet, vessel: Vessel, stenosis: dict, reach: float, height: float) -> tuple[pv.DataSet, Camera]:
     """Cut a stenosis along its centreline; also return a camera for which blood flows from left to right."""
     near = (vessel.arc > stenosis["start"] - 0.5) & (vessel.arc < stenosis["end"] + 1.0)
     points = vessel.points[near]
@@ -236,7 +238,8 @@ def _stenoses(stenoses: list[dict], tree: Tree) -> tuple[list[str], np.ndarray]:
 
 def _shades(outlets: list[dict]) -> list[str]:
     """Return a shade of its branch's colour for each outlet, such that neighbours differ."""
-    shades, seen = [], {}
+    shades: list[str] = []
+    seen: dict[str, int] = {}
     for outlet in outlets:
         number = seen[outlet["branch"]] = seen.get(outlet["branch"], -1) + 1
         total = sum(other["branch"] == outlet["branch"] for other in outlets)

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 
@@ -25,7 +26,7 @@ BRANCHES = {"LAD": "#D55E00", "LCx": "#0072B2", "RCA": "#009E73"}
 MEASURED, SIMULATED = "#555555", "#0072B2"
 MUTED = "#999999"
 
-RULES = {
+RULES: Any = {
     "font.family": "DejaVu Sans",  # comes with matplotlib: the same on every machine
     "font.size": 9,
     "axes.titlesize": 9,

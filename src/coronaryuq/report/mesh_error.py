@@ -23,7 +23,7 @@ class MeshError:
     def __init__(self, mesh: str | Path, study: str | Path | None):
         self.mesh = read_json(mesh)
         self.study = read_json(study) if study else None
-        self.of_another_mesh = bool(self.study) and self.study["checksum"] != provenance.checksum(mesh)
+        self.of_another_mesh = self.study is not None and self.study["checksum"] != provenance.checksum(mesh)
 
     def of(self, column: str) -> str:
         """Return `mesh ± error` (`mesh: range` where values do not converge) and the time step's error, or nothing."""

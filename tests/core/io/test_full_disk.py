@@ -1,4 +1,4 @@
-"""What cannot be written is one line that names the file, the reason and the remedy; nothing half written is left."""
+"""A file that cannot be written is reported on one line; no partial file remains."""
 
 import contextlib
 import subprocess
@@ -58,7 +58,7 @@ WRITERS = {
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_a_full_disk_is_one_line(disk, capsys, name):
+def test_a_full_disk_is_reported_on_one_line(disk, capsys, name):
     folder, _ = disk
     write_text(folder / name, "before")
     assert run_with_settings(lambda settings: WRITERS[name](folder / name), Settings, "{}") == 2
@@ -66,15 +66,15 @@ def test_a_full_disk_is_one_line(disk, capsys, name):
     assert [path.name for path in folder.iterdir()] == [name] and (folder / name).read_text() == "before"
 
 
-def test_a_folder_that_takes_no_files_is_one_line(disk, capsys):
+def test_a_read_only_folder_is_reported_on_one_line(disk, capsys):
     folder, remount = disk
     remount("ro")
     assert run_with_settings(lambda settings: write_json(folder / "a" / "t.json", 1), Settings, "{}") == 2
-    said = capsys.readouterr().err
-    assert said.startswith(f"error: {folder / 'a'}") and "Read-only file system: name a folder elsewhere" in said
+    line = capsys.readouterr().err
+    assert line.startswith(f"error: {folder / 'a'}") and "Read-only file system: name a folder elsewhere" in line
 
 
-def test_a_command_on_a_full_disk_is_one_line(disk, capsys, monkeypatch):
+def test_a_command_reports_a_full_disk_on_one_line(disk, capsys, monkeypatch):
     folder, _ = disk
     monkeypatch.setattr("coronaryuq.cli.main._check", lambda chosen: WRITERS["t.csv"](folder / "t.csv"))
     assert main.main(["check", "case.yaml"]) == 2
@@ -82,7 +82,7 @@ def test_a_command_on_a_full_disk_is_one_line(disk, capsys, monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["t.vtu", "t.vtp"])
-def test_a_job_whose_mesh_and_log_find_no_room_says_so_in_one_line(disk, name):
+def test_a_job_reports_a_full_disk_on_one_line_also_for_meshes(disk, name):
     """In a process of its own: VTK's writers bring it down on a full disk."""
     folder, _ = disk
     with contextlib.suppress(OSError):

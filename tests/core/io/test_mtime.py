@@ -1,4 +1,4 @@
-"""Files of a clock that was ahead become files of now, in their order; all others are left alone."""
+"""Files dated in the future get the present time, in their order; all others are left alone."""
 
 import os
 import time
@@ -6,7 +6,7 @@ import time
 from coronaryuq.core.io.mtime import reset_future_times
 
 
-def test_files_from_the_future_come_to_the_present_in_their_order(tmp_path):
+def test_files_from_the_future_get_the_present_time_in_their_order(tmp_path):
     now = time.time()
     offsets = {"old": -1e6, "now": -5.0, "skewed": 1.0, "second": 4e7, "part/first": 3e7, "part/third": 4e7 + 0.01}
     for name, offset in offsets.items():

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from coronaryuq.bench.coronary_tree import LENGTH, made_loop
+from coronaryuq.bench.coronary_tree import LENGTH, synthetic_loop
 from coronaryuq.case.network.build import Physics, stenosis_coefficient
 from coronaryuq.core import units
 from coronaryuq.discrepancy.data.conditions import Condition, under
@@ -76,7 +76,7 @@ def loop() -> tuple[dict, dict[str, Condition], make_case.Plan]:
     All conditions have one heart rate, so that the 3D solver runs them side by side. Beside what is measured on any
     loop, pressure behind both `PLACES` and flow through them.
     """
-    network = made_loop(left=3, right=2, end_radius=0.12, stenosed=False)
+    network = synthetic_loop(left=3, right=2, end_radius=0.12, stenosed=False)
     conditions = [
         Condition("rest"),
         Condition("hyperaemia", coronary_resistance_scale=HYPERAEMIA),
