@@ -7,7 +7,6 @@ from coronaryuq.calibration.targets import (
     BY_NAME,
     TARGETS,
     TUNED,
-    from_case,
     in_own_units,
     misfits,
     read_targets,
@@ -89,22 +88,6 @@ def test_what_is_wrong_with_a_table_is_told(tmp_path, text, said):
     with pytest.raises(InputError) as error:
         read_targets(written(tmp_path, text))
     assert said in str(error.value)
-
-
-def test_a_case_gives_units_with_its_targets():
-    case = {
-        "targets": {
-            "PaoMean": {"value": 90.0 * MMHG, "unit": "dyn/cm2"},
-            "EFLV": {"value": 68.0, "unit": "%"},
-            "PraMean": {"value": None, "unit": "mmHg"},
-        }
-    }
-    assert from_case(case, "case.json") == pytest.approx({"PaoMean": 90.0, "EFLV": 0.68})
-
-
-def test_a_unit_that_a_target_cannot_have_is_refused():
-    with pytest.raises(InputError, match="AbsQin.unit"):
-        from_case({"targets": {"AbsQin": {"value": 66.0, "unit": "mmHg"}}}, "case.json")
 
 
 def test_a_misfit_of_one_is_the_tolerance():

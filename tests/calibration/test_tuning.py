@@ -24,6 +24,7 @@ from coronaryuq.zerod.network.beds import beds, distal_resistances
 from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.svzerodsolver import program
+from support.case_files import write_case_json, write_perfusion_targets
 
 QUICK = Settings(candidates=16, starts=2, approach=5, rounds=1, evaluations_per_parameter=4, final_steps_per_cycle=500)
 LV = ("BC_lca1", "BC_lca2")
@@ -48,10 +49,12 @@ def patient(loop_network, adult, tmp_path_factory):
     stress = float(hyperaemic_flow(loop, point[None], truth.state, reserve, None)[0])
     targets = {name: {"value": float(truth.measures[name][0]), "unit": BY_NAME[name].unit} for name in TUNED}
     radii = {"BC_lca1": 0.08, "BC_lca2": 0.08 * 0.5 ** (1 / 2.6), "BC_rca1": 0.08}
-    outlets = [{"name": bc, "bc": bc, "perfuses": "LV" if bc in LV else "RV", "radius": radii[bc]} for bc in radii]
-    write_json(folder / "case.json", {"targets": targets, "outlets": outlets, "hyperaemia": 0.24})
+    outlets = [
+        {"name": bc, "bc": bc, "perfuses": "LV" if bc in LV else "RV", "radius": radius} for bc, radius in radii.items()
+    ]
+    write_case_json(folder / "case.json", targets=targets, outlets=outlets)
     write_json(folder / "network.json", loop_network)
-    write_json(folder / "targets.json", {"bc": list(LV), "mean": [stress * 2 / 3, stress / 3]})
+    write_perfusion_targets(folder / "targets.json", list(LV), [stress * 2 / 3, stress / 3])
     return folder, targets, stress
 
 
@@ -150,7 +153,7 @@ def test_missing_targets_and_foreign_beds_are_named(patient, tmp_path):
     with pytest.raises(InputError, match="AbsQin"):
         tuned(folder, "out")
     write_json(folder / "case.json", case)
-    write_json(folder / "targets.json", {"bc": ["BC_lca1", "BC_lca9"], "mean": [1.0, 1.0]})
+    write_perfusion_targets(folder / "targets.json", ["BC_lca1", "BC_lca9"], [1.0, 1.0])
     with pytest.raises(InputError, match="BC_lca9"):
         tuned(folder, "out")
     assert not (folder / "out").exists()

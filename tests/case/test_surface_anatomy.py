@@ -201,8 +201,8 @@ def test_a_case_with_a_surface_names_the_caps_that_it_lacks_points_for(tmp_path)
     table = "name,x,y,z,perfuses,branch\n" + "".join(f"{n},{x},{y},{z},LV,{b}\n" for n, x, y, z, b in rows)
     (tmp_path / "outlets.csv").write_text(table)
     case = assemble(path, Settings())
-    assert [entry["vessel"] for entry in case.summary["outlets"]] == [row[0] for row in rows]
-    assert case.summary["systemic"] == ["BC_RCR1"]
+    assert [outlet.vessel for outlet in case.summary.outlets] == [row[0] for row in rows]
+    assert case.summary.systemic == ["BC_RCR1"]
     (tmp_path / "outlets.csv").write_text(table.replace(f",{rows[0][1]},", ",500,"))
     assert "no free cap of the surface there; caps: (" in check_case(path)[0][0]
     (tmp_path / "outlets.csv").write_text("".join(line for line in table.splitlines(True) if rows[0][0] not in line))
@@ -212,8 +212,8 @@ def test_a_case_with_a_surface_names_the_caps_that_it_lacks_points_for(tmp_path)
 def test_the_real_aortic_root_becomes_a_case(shared, tmp_path):
     path = write_aortic_root_case(shared, tmp_path)
     case = assemble(path, Settings())
-    assert len(case.summary["outlets"]) == 7 and len(case.summary["systemic"]) == 1
-    assert [s["name"] for s in case.summary["stenoses"]] == ["LAD", "LCx", "RCA"]
+    assert len(case.summary.outlets) == 7 and len(case.summary.systemic) == 1
+    assert [s.name for s in case.summary.stenoses] == ["LAD", "LCx", "RCA"]
     assert 80 < case.wall.volume < 150
     surface = read_surface(tmp_path / "lumen.stl")
     for vessel in case.tree:
@@ -304,8 +304,8 @@ def test_contours_without_an_aorta_become_a_case_with_one(shared, small_tree, tm
     (tmp_path / "outlets.csv").write_text("name,vessel,perfuses,branch\n" + rows)
     (tmp_path / "flows.csv").write_text("name,flow\n" + "".join(f"{name},30\n" for name in names))
     case = assemble(path, Settings(narrowing=0.99))
-    assert any("holds no aorta" in note for note in case.notes)
-    assert case.summary["systemic"] == ["BC_RCR1"] and len(case.summary["outlets"]) == 7
+    assert any("holds no aorta" in note for note in case.summary.notes)
+    assert case.summary.systemic == ["BC_RCR1"] and len(case.summary.outlets) == 7
     first = next(v for v in case.tree if case.tree.ostial(v))
     assert case.tree.emergence(first.name) == pytest.approx(1.3, rel=0.02)
     assert np.linalg.norm(first.points[1] - read_project(project, 0.1)[0].root.points[0]) < 1e-9

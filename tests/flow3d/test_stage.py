@@ -23,6 +23,7 @@ from coronaryuq.flow3d.settings import Settings
 from coronaryuq.flow3d.stage import run_batch
 from coronaryuq.flow3d.verification.tube import tube
 from coronaryuq.zerod.solver.engine import Engine
+from support.case_files import write_case_json
 
 SETTINGS = Settings(steps_per_cycle=300, max_cycles=3, wall_samples_per_cycle=50)
 
@@ -80,8 +81,7 @@ def campaign(tmp_path_factory):
     )
     write_json(here / "network.json", network)
     aorta = next(name for name in Engine(network).unknowns if name.startswith("pressure:J_heart_outlet:"))
-    case = {"density": 1.06, "viscosity": 0.04, "aorta": {"pressure": aorta.split(":", 1)[1]}}
-    write_json(here / "case.json", case)
+    write_case_json(here / "case.json", aorta={"pressure": aorta.split(":", 1)[1]})
     table = {"sample": ["a", "b", "c"], "BC_lca1": [0.7, 1.0, 1.5], "R_cor_scaling": [0.9, 1.0, 1.1]}
     write_csv(here / "samples.csv", pd.DataFrame(table))
     return here

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import pyvista
 
-from coronaryuq.core.io.atomic import write_json
+from support.case_files import write_case_json
 
 
 def shell(layers: int = 3, around: int = 40, along: int = 20) -> pyvista.UnstructuredGrid:
@@ -32,12 +32,9 @@ def outlets(count: int = 6) -> list[dict]:
     radius = 3.4 * np.sqrt(np.clip(1 - (height / 5.6) ** 2, 0.05, 1))
     points = np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
     return [
-        {
-            "name": f"out{i}", "bc": f"BC_out{i}", "vessel": f"vessel{i}", "perfuses": "LV", "branch": "LAD",
-            "point": list(map(float, point)), "radius": 0.05 + 0.01 * i,
-        }
+        {"name": f"out{i}", "vessel": f"vessel{i}", "point": point.tolist(), "radius": 0.05 + 0.01 * i}
         for i, point in enumerate(points)
-    ]  # fmt: skip
+    ]
 
 
 @pytest.fixture
@@ -45,6 +42,6 @@ def ventricle(tmp_path):
     """Paths of `case.json` and `lv.vtu` in a temporary folder."""
     mesh = shell()
     mesh.save(tmp_path / "lv.vtu")
-    right = {**outlets(1)[0], "name": "right", "bc": "BC_right", "perfuses": "RV"}
-    write_json(tmp_path / "case.json", {"name": "shell", "tissue_density": 1.05, "outlets": [*outlets(), right]})
-    return tmp_path / "case.json", tmp_path / "lv.vtu"
+    right = {**outlets(1)[0], "name": "right", "perfuses": "RV"}
+    case = write_case_json(tmp_path / "case.json", outlets=[*outlets(), right])
+    return case, tmp_path / "lv.vtu"

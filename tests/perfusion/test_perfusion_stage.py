@@ -7,12 +7,13 @@ import pytest
 import pyvista
 from scipy.spatial import cKDTree
 
+from coronaryuq.case.case_json import read_case
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.perfusion import stage
 from coronaryuq.perfusion.realisations import Study
 from coronaryuq.perfusion.settings import DistanceNoise, FlowNoise, NoiseModel, Settings
-from coronaryuq.perfusion.territories import Ventricle, distances_to_outlets, perfusing_outlets
+from coronaryuq.perfusion.territories import Ventricle, distances_to_points, perfusing_outlets
 
 
 def run(ventricle, folder, settings, seed=5, chunks=((0, None),)):
@@ -29,9 +30,9 @@ def run(ventricle, folder, settings, seed=5, chunks=((0, None),)):
 
 def study(ventricle, models, **options):
     case, lv = ventricle
-    outlets = perfusing_outlets(read_json(case), case)
+    centres = [outlet.point for outlet in perfusing_outlets(read_case(case), case)]
     wall = Ventricle.read(lv, 1.05)
-    return Study(wall, distances_to_outlets(wall.points, outlets), models, 1.0, 7, **options)
+    return Study(wall, distances_to_points(wall.points, centres), models, 1.0, 7, **options)
 
 
 def test_baseline_flows_are_mbf_over_territories(ventricle, tmp_path):

@@ -3,6 +3,7 @@
 import pytest
 
 from coronaryuq.core.io.atomic import write_json
+from support.case_files import write_case_json, write_perfusion_targets
 from support.resistor_tree import ResistorTree, network_of, targets_of
 
 
@@ -16,9 +17,10 @@ def campaign(tmp_path, tree):
     """Paths of `case.json`, `hyperaemia.json`, `targets.json` of the tree."""
     mean, covariance = targets_of(tree)
     beds = range(len(tree.beds))
-    outlets = [{"name": f"out{i}", "bc": f"BC_{i}", "vessel": f"v{i}", "perfuses": "LV"} for i in beds]
-    write_json(tmp_path / "case.json", {"name": "tree", "outlets": outlets})
+    outlets = [{"name": f"out{i}", "bc": f"BC_{i}", "vessel": f"v{i}"} for i in beds]
+    case = write_case_json(tmp_path / "case.json", outlets=outlets)
     write_json(tmp_path / "hyperaemia.json", network_of(tree))
-    names = {"outlets": [o["name"] for o in outlets], "bc": [o["bc"] for o in outlets]}
-    write_json(tmp_path / "targets.json", {**names, "mean": mean, "covariance": covariance})
-    return tmp_path / "case.json", tmp_path / "hyperaemia.json", tmp_path / "targets.json"
+    names = [entry["name"] for entry in outlets]
+    bc = [entry["bc"] for entry in outlets]
+    targets = write_perfusion_targets(tmp_path / "targets.json", bc, mean, covariance, outlets=names)
+    return case, tmp_path / "hyperaemia.json", targets

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from coronaryuq.core.io.atomic import read_json
+from coronaryuq.case.case_json import read_case
 from coronaryuq.posterior import stage
 from coronaryuq.posterior.model.bed_flows import BedFlows
 from coronaryuq.posterior.model.flow_model import Posterior
@@ -94,7 +94,9 @@ def test_agrees_with_emcee_through_the_0d_engine(campaign, tmp_path, capsys):
     with np.load(tmp_path / "chains.npz") as chains:
         ours = np.log(chains["multipliers"][:, int(chains["burn_in"]) :])
         likelihood = Likelihood(chains["target_mean"], chains["target_covariance"])
-    model = BedFlows(campaign[1], read_json(campaign[0])["outlets"], tolerance=1e-4, steps_per_cycle=None)
+    model = BedFlows(
+        campaign[1], {o.bc: o.vessel for o in read_case(campaign[0]).outlets}, tolerance=1e-4, steps_per_cycle=None
+    )
     posterior = Posterior(model, Conditioned(model.weights, settings.prior), likelihood)
     start = posterior.space.draw(np.random.default_rng(0), 32)
     sampler = emcee.EnsembleSampler(

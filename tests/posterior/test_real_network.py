@@ -8,9 +8,9 @@ import pytest
 
 from coronaryuq.calibration import stage as calibration
 from coronaryuq.calibration.settings import Settings as CalibrationSettings
+from coronaryuq.case.case_json import read_case
 from coronaryuq.case.settings import Settings as CaseSettings
 from coronaryuq.case.stage import prepare_case
-from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.perfusion import stage as perfusion
 from coronaryuq.perfusion.settings import Settings as PerfusionSettings
@@ -72,7 +72,7 @@ def test_17_target_fractions_of_a_22_outlet_network_are_met(shared, tmp_path):
     assert summary.converged, summary.verdict
     assert dict(zip(table["outlet"], table["target_fraction"], strict=True)) == pytest.approx(wanted, rel=1e-4)
     assert len(table) == 17 and np.abs(table["fitted_error"]).max() < 1e-4
-    vessels = {outlet["bc"]: outlet["vessel"] for outlet in read_json(case)["outlets"]}
+    vessels = {outlet.bc: outlet.vessel for outlet in read_case(case).outlets}
     quantities = [f"mean_flow:{vessels[bc]}:{bc}" for bc in table["bc"]]
     anew = Engine(read_network(out.fitted), out.fitted).run({}, quantities=quantities, periodic=True, tolerance=1e-5)
     flows = np.array([anew.values[name][0] for name in quantities])

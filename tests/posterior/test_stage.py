@@ -12,6 +12,7 @@ import arviz
 import numpy as np
 import pytest
 
+from coronaryuq.case.case_json import read_case
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.core.io.tables import read_csv
@@ -55,7 +56,7 @@ def command(campaign, out, ranks=None, settings=SMALL):
 
 
 def test_engine_flows_are_those_of_the_resistors(campaign, tree):
-    outlets = read_json(campaign[0])["outlets"]
+    outlets = {o.bc: o.vessel for o in read_case(campaign[0]).outlets}
     model = BedFlows(campaign[1], outlets, tolerance=1e-6, steps_per_cycle=None)
     m = np.random.default_rng(0).uniform(0.5, 2, size=(9, 6))
     assert np.allclose(model.weights, tree.weights)
@@ -97,7 +98,12 @@ def test_fitted_network_meets_the_target_fractions(campaign, tmp_path, tree):
     wanted = np.array(targets["mean"]) / np.sum(targets["mean"])
     assert list(table["outlet"]) == targets["outlets"]
     assert np.allclose(table["target_fraction"], wanted)
-    fitted = BedFlows(tmp_path / "fitted.json", read_json(campaign[0])["outlets"], tolerance=1e-6, steps_per_cycle=None)
+    fitted = BedFlows(
+        tmp_path / "fitted.json",
+        {o.bc: o.vessel for o in read_case(campaign[0]).outlets},
+        tolerance=1e-6,
+        steps_per_cycle=None,
+    )
     flows = fitted.flows(np.ones((1, 6)))[0]
     assert np.allclose(flows / flows.sum(), wanted, rtol=1e-4)
     assert np.allclose(table["fitted_error"], flows / flows.sum() / wanted - 1, atol=1e-5)

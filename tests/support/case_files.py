@@ -1,10 +1,13 @@
-"""Vessels and a small case on disk, to try things on."""
+"""Vessels, a small case on disk, and the JSON files that later stages read of a case."""
 
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
 
 from coronaryuq.case.anatomy.tree import Tree, Vessel, write_tree
+from coronaryuq.case.case_json import CaseSummary
+from coronaryuq.core.io.atomic import write_json
 
 
 def straight(name, start, direction, length, radii, parent=None, branch="aorta", points=21):
@@ -62,4 +65,55 @@ def write_case(folder: Path, tree: Tree, **changes: str) -> Path:
     } | changes
     path = folder / "case.yaml"
     path.write_text("".join(f"{key}: {value}\n" for key, value in lines.items() if value is not None))
+    return path
+
+
+def outlet(name: str = "lca1", **values) -> dict:
+    """An outlet of `case.json`; `values` replace its defaults."""
+    return {
+        "name": name, "label": name, "bc": f"BC_{name}", "vessel": name, "block": name, "perfuses": "LV",
+        "branch": "LAD", "point": [0.0, 0.0, 0.0], "radius": 0.1,
+    } | values  # fmt: skip
+
+
+def stenosis(name: str = "LAD", **values) -> dict:
+    """A stenosis of `case.json`; `values` replace its defaults."""
+    return {
+        "name": name, "vessel": "lca1", "segment": "lca1", "proximal": None, "distal": None, "area_ratio": 0.4,
+        "start": 1.0, "end": 2.0, "ffr": "lca1:BC_lca1", "flow": "J0:lca1", "root": "J0:lca1", "outlet": "BC_lca1",
+    } | values  # fmt: skip
+
+
+def case_content(outlets: Iterable[Mapping] = ({},), stenoses: Iterable[Mapping] = (), **values) -> dict:
+    """The content of a whole `case.json`; whatever is left out has a default."""
+    return {
+        "name": "small", "description": "", "period": 1.0, "density": 1.06, "viscosity": 0.04, "haematocrit": None,
+        "hyperaemia": 0.24, "tissue_density": 1.05, "schematic": False,
+        "anatomy": {"kind": "centrelines", "unit": "cm"}, "aorta": {"pressure": "J_heart_outlet:aorta"},
+        "outlets": [outlet(**entry) for entry in outlets], "systemic": ["BC_RCR1"],
+        "stenoses": [stenosis(**entry) for entry in stenoses], "targets": {}, "notes": [],
+    } | values  # fmt: skip
+
+
+def case_summary(**values) -> CaseSummary:
+    return CaseSummary.model_validate(case_content(**values))
+
+
+def write_case_json(path: Path, **values) -> Path:
+    write_json(path, case_content(**values))
+    return path
+
+
+def write_perfusion_targets(path: Path, bc: list[str], mean: np.ndarray, covariance=None, **values) -> Path:
+    """A `targets.json` of the perfusion stage; the covariance is 10 % of each flow, independent, if left out."""
+    mean = np.asarray(mean, dtype=float)
+    content = {
+        "outlets": [name.removeprefix("BC_") for name in bc], "bc": bc, "mean": mean,
+        "covariance": np.diag((0.1 * mean) ** 2) if covariance is None else covariance,
+        "baseline": mean, "use": "independent", "branch_sd": None, "relative_sd": np.full(len(bc), 0.1),
+        "volume": np.full(len(bc), 10.0), "realisations": 10, "models": {},
+        "lv": {"volume": 100.0, "mass": 105.0, "tissue_density": 1.05, "flow": mean.sum(), "points": 10},
+        "provenance": {},
+    }  # fmt: skip
+    write_json(path, content | values)
     return path

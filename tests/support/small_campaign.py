@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.io.tables import read_csv, write_csv
 from coronaryuq.core.records import Record, write
 from coronaryuq.estimation.runs.gather import RunFiles
+from support.case_files import write_case_json
 
-CASE = {"stenoses": [{"name": "LAD", "outlet": "BC_lca1"}, {"name": "RCA", "outlet": "BC_rca1"}]}
+STENOSES = ({"name": "LAD", "outlet": "BC_lca1"}, {"name": "RCA", "outlet": "BC_rca1"})
 LIMITS = {"r": (0.5, 2.0), "R_cor_scaling": (0.7, 1.25)}
 PILOT, PROPAGATION = 12, 20
 
@@ -43,7 +43,7 @@ def write_campaign(
 ) -> RunFiles:
     """Write the files, with the named samples failed, and those in `lost` without a 3D run."""
     table, propagation = theta("pilot", PILOT * max(1, runs_per_fine)), theta("propagation", PROPAGATION)
-    write_json(folder / "case.json", CASE)
+    write_case_json(folder / "case.json", stenoses=STENOSES)
     write_csv(folder / "pilot.csv", table)
     write_csv(folder / "propagation.csv", propagation)
     batches = []

@@ -6,13 +6,13 @@ import numpy as np
 
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel
 from coronaryuq.case.network.build import Bed, network_from_tree
-from coronaryuq.core.io.atomic import write_json
 from coronaryuq.flow3d.adapter import Batch
 from coronaryuq.flow3d.mesh.settings import Settings
 from coronaryuq.flow3d.mesh.stage import mesh_tree
 from coronaryuq.flow3d.simvascular.coupled_case import CoupledCase
 from coronaryuq.flow3d.simvascular_settings import SimVascularSettings
 from coronaryuq.zerod.network.read import write_network
+from support.case_files import write_case_json
 
 
 def make_case(folder: Path, **settings) -> CoupledCase:
@@ -42,8 +42,7 @@ def make_case(folder: Path, **settings) -> CoupledCase:
     )
     mesh_tree(tree, stenoses, network, coarse, folder / "mesh")
     write_network(folder / "network.json", network)
-    case = {"name": "tube", "aorta": {"pressure": "J_heart_outlet:aorta"}, "density": 1.06, "viscosity": 0.04}
-    write_json(folder / "case.json", case)
+    write_case_json(folder / "case.json", name="tube")
     given = {"steps_per_cycle": 100, "cycles": 1, "frames_per_cycle": 20} | settings
     batch = batch_of(folder, folder / "samples.csv", 0)
     return CoupledCase.of(batch.read_model(), batch.mesh_folder, SimVascularSettings(**given))

@@ -13,29 +13,18 @@ from coronaryuq.zerod.settings import Settings
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.stage import run_chunk
 from coronaryuq.zerod.svzerodsolver import choose, program
+from support.case_files import write_case_json
 from support.zerod_networks import bifurcation, closed_loop
 
-CASE = {
-    "aorta": {"pressure": "J_heart_outlet:aorta"},
-    "outlets": [{"bc": "BC_left", "perfuses": "LV"}, {"bc": "BC_right", "perfuses": "RV"}],
-    "stenoses": [
-        {
-            "name": "LAD",
-            "vessel": "left",
-            "ffr": "left:BC_left",
-            "flow": "J0:left",
-            "root": "J0:left",
-            "outlet": "BC_left",
-        }
-    ],
-}
+LAD = {"vessel": "left", "ffr": "left:BC_left", "flow": "J0:left", "root": "J0:left", "outlet": "BC_left"}
 
 
 @pytest.fixture
 def inputs(tmp_path):
     random = np.random.default_rng(0)
     (tmp_path / "network.json").write_text(json.dumps(closed_loop(steps=1000)))
-    (tmp_path / "case.json").write_text(json.dumps(CASE))
+    outlets = [{"name": "left"}, {"name": "right", "perfuses": "RV"}]
+    write_case_json(tmp_path / "case.json", outlets=outlets, stenoses=[LAD])
     columns = {name: random.uniform(0.5, 2.0, 7) for name in ("BC_left", "BC_right", "R_cor_scaling")}
     pd.DataFrame({"sample": [f"s{k}" for k in range(7)], **columns}).to_csv(tmp_path / "samples.csv", index=False)
     return tmp_path

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from coronaryuq.calibration.conductance_shares import share_out, shares
+from coronaryuq.case.case_json import read_case
 from coronaryuq.case.settings import Settings as CaseSettings
 from coronaryuq.case.stage import prepare_case
-from coronaryuq.core.io.atomic import read_json
 from coronaryuq.perfusion import stage as perfusion
 from coronaryuq.perfusion.settings import Settings as PerfusionSettings
+from coronaryuq.perfusion.targets import read_perfusion_targets
 from coronaryuq.posterior import stage as posterior
 from coronaryuq.posterior.model.bed_flows import BedFlows
 from coronaryuq.posterior.model.emulator import Emulator, design, design_size
@@ -81,9 +82,8 @@ def bundled_files(folder: Path, realisations: int) -> tuple[Path, Path, Path]:
     noise.models = {noise.use: noise.models[noise.use]}
     perfusion.run_chunk(case, folder / "lv.vtu", noise, SEED, 0, realisations, folder / "chunk.npz")
     perfusion.gather([folder / "chunk.npz"], case, folder / "lv.vtu", noise, targets)
-    network, wanted = patient.hyperaemia.network, read_json(targets)
-    outlets = read_json(case)["outlets"]
-    share_out(network, shares(outlets, dict(zip(wanted["bc"], wanted["mean"], strict=True))))
+    network, wanted = patient.hyperaemia.network, read_perfusion_targets(targets)
+    share_out(network, shares(read_case(case).outlets, dict(zip(wanted.bc, wanted.mean, strict=True))))
     write_network(folder / "hyperaemia.json", network)
     print("the bundled patient is ready", file=sys.stderr, flush=True)
     return case, folder / "hyperaemia.json", targets
@@ -91,15 +91,15 @@ def bundled_files(folder: Path, realisations: int) -> tuple[Path, Path, Path]:
 
 def target_of(files: tuple[Path, Path, Path], settings: Settings) -> tuple[BedFlows, Likelihood]:
     """Return model and likelihood of the stage's posterior, for another sampler."""
-    outlets = {outlet["bc"]: outlet for outlet in read_json(files[0])["outlets"]}
-    targets = read_json(files[2])
+    vessels = {outlet.bc: outlet.vessel for outlet in read_case(files[0]).outlets}
+    targets = read_perfusion_targets(files[2])
     model = BedFlows(
-        files[1], [outlets[bc] for bc in targets["bc"]],
+        files[1], {bc: vessels[bc] for bc in targets.bc},
         tolerance=settings.cycle_tolerance, steps_per_cycle=settings.steps_per_cycle,
     )  # fmt: skip
-    mean = np.array(targets["mean"])
+    mean = targets.mean
     factor = model.flows(np.ones((1, len(mean)))).sum() / mean.sum()
-    return model, Likelihood(mean * factor, np.array(targets["covariance"]) * factor**2)
+    return model, Likelihood(mean * factor, targets.covariance * factor**2)
 
 
 def _library(model: BedFlows, likelihood: Likelihood, chains: Chains, settings: Settings, quick: bool) -> dict:

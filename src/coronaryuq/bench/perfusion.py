@@ -8,7 +8,7 @@ import numpy as np
 
 from coronaryuq.perfusion.realisations import Study
 from coronaryuq.perfusion.settings import Settings
-from coronaryuq.perfusion.territories import Ventricle, distances_to_outlets
+from coronaryuq.perfusion.territories import Ventricle, distances_to_points
 
 POINTS, OUTLETS, REALISATIONS, QUICK_REALISATIONS = 100_000, 14, 2500, 250
 
@@ -16,9 +16,9 @@ POINTS, OUTLETS, REALISATIONS, QUICK_REALISATIONS = 100_000, 14, 2500, 250
 def run(quick: bool) -> dict:
     """Time 2500 realisations (quick: 250) on 100,000 points and 14 outlets, without compilation."""
     realisations = QUICK_REALISATIONS if quick else REALISATIONS
-    ventricle, outlets = _shell(POINTS), _spread(OUTLETS)
+    ventricle, centres = _shell(POINTS), _spread(OUTLETS)
     settings = Settings()
-    distances = distances_to_outlets(ventricle.points, outlets)
+    distances = distances_to_points(ventricle.points, centres)
     warm = Study(_part(ventricle, 50), distances[:50], settings.models, settings.correlation_length, 1)
     started = time.process_time()
     warm.flows(0)
@@ -53,13 +53,12 @@ def _shell(points: int) -> Ventricle:
     return Ventricle(direction * depth * [3.0, 3.0, 5.0], volumes, volumes * 1.05 * 2.5 / 60.0)
 
 
-def _spread(count: int) -> list[dict]:
-    """Return outlets on the epicardium, on a spiral from apex to base."""
+def _spread(count: int) -> np.ndarray:
+    """Return points (count, 3) on the epicardium, on a spiral from apex to base."""
     height = np.linspace(-0.95, 0.3, count)
     angle = np.arange(count) * 2.399963
     ring = np.sqrt(1.0 - height**2)
-    points = 1.15 * np.stack([3.0 * ring * np.cos(angle), 3.0 * ring * np.sin(angle), 5.0 * height], axis=1)
-    return [{"name": f"outlet {i}", "point": point} for i, point in enumerate(points)]
+    return 1.15 * np.stack([3.0 * ring * np.cos(angle), 3.0 * ring * np.sin(angle), 5.0 * height], axis=1)
 
 
 def _part(ventricle: Ventricle, points: int) -> Ventricle:

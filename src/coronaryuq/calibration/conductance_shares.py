@@ -1,25 +1,26 @@
 """How total coronary conductance is shared among the beds before anything is tuned (paper, section 2.3)."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
+from coronaryuq.case.case_json import CaseOutlet
 from coronaryuq.case.network.build import murray_shares
 
 RESISTANCES = ("Ra", "Ram", "Rv")
 COMPLIANCES = ("Ca", "Cim")
 
 
-def shares(outlets: list[Mapping], flows: Mapping[str, float]) -> dict[str, float]:
+def shares(outlets: Sequence[CaseOutlet], flows: Mapping[str, float]) -> dict[str, float]:
     """Return each bed's share of total coronary conductance (boundary condition → share, sum 1).
 
     `outlets` as in `case.json`; `flows`: perfusion's mean flow of every bed that perfuses the left ventricle.
     Murray's law over all outlets gives the share of all LV-perfusing beds together; among themselves they share it in
     proportion to their flows.
     """
-    by_radius = murray_shares([outlet["radius"] for outlet in outlets])
+    by_radius = murray_shares([outlet.radius for outlet in outlets])
     total = sum(flows.values())
-    left_ventricle = sum(share for outlet, share in zip(outlets, by_radius, strict=True) if outlet["perfuses"] == "LV")
+    left_ventricle = sum(share for outlet, share in zip(outlets, by_radius, strict=True) if outlet.perfuses == "LV")
     return {
-        outlet["bc"]: left_ventricle * flows[outlet["bc"]] / total if outlet["perfuses"] == "LV" else float(share)
+        outlet.bc: left_ventricle * flows[outlet.bc] / total if outlet.perfuses == "LV" else float(share)
         for outlet, share in zip(outlets, by_radius, strict=True)
     }
 

@@ -1,18 +1,19 @@
 """The calibration stage: case, network and perfusion targets → the tuned loop and its fit."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 
 from coronaryuq.calibration.conductance_shares import shares
 from coronaryuq.calibration.coronary_flow_reserve import Reserve
 from coronaryuq.calibration.settings import Settings
-from coronaryuq.calibration.targets import from_case, read_targets
+from coronaryuq.calibration.targets import read_targets
 from coronaryuq.calibration.tuning import Goal, Tuned, tune_loop
-from coronaryuq.case.case_json import read_case
+from coronaryuq.case.case_json import CaseSummary, read_case
 from coronaryuq.case.network.units import to_cgs
+from coronaryuq.case.tables.targets import checked
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import write_csv
+from coronaryuq.perfusion.targets import PerfusionTargets, read_perfusion_targets
 from coronaryuq.zerod.network.beds import HYPERAEMIA, beds
 from coronaryuq.zerod.network.read import Network, read_network, write_network
 
@@ -52,12 +53,12 @@ def tune(
     InputError
         If a target is missing or implausible, or if an outlet is missing from network or perfusion.
     """
-    case = read_case(case_json, "hyperaemia", "targets", "outlets.bc", "outlets.perfuses")
-    network, perfusion = read_network(network_json), read_json(targets_json, ("bc", "mean"))
-    targets = _check_needed(from_case(case, case_json), case_json)
+    case, network = read_case(case_json), read_network(network_json)
+    perfusion = read_perfusion_targets(targets_json)
+    targets = _check_needed(checked(case.targets, case_json), case_json)
     flows = _flows(case, network, perfusion, targets_json)
-    reserve = Reserve(sum(flows.values()), tuple(flows), case["hyperaemia"]) if settings.hyperaemic_total else None
-    goal = Goal(targets, case["hyperaemia"], shares(case["outlets"], flows), reserve)
+    reserve = Reserve(sum(flows.values()), tuple(flows), case.hyperaemia) if settings.hyperaemic_total else None
+    goal = Goal(targets, case.hyperaemia, shares(case.outlets, flows), reserve)
     _write(tune_loop(network, goal, settings, seed, threads, report), out_dir)
 
 
@@ -110,20 +111,17 @@ def _check_needed(targets: dict[str, float], file: str | Path) -> dict[str, floa
     return targets
 
 
-def _flows(case: Mapping, network: Network, perfusion: Mapping, file: str | Path) -> dict[str, float]:
+def _flows(case: CaseSummary, network: Network, perfusion: PerfusionTargets, file: str | Path) -> dict[str, float]:
     """Mean perfusion flow by boundary condition, of exactly the beds that perfuse the left ventricle."""
-    flows = {bc: float(flow) for bc, flow in zip(perfusion["bc"], perfusion["mean"], strict=True)}
-    feeding = [outlet["bc"] for outlet in case["outlets"] if outlet["perfuses"] == "LV"]
+    flows = dict(zip(perfusion.bc, perfusion.mean.tolist(), strict=True))
+    feeding = [outlet.bc for outlet in case.lv_outlets]
     if set(flows) != set(feeding):
         odd = ", ".join(sorted(set(flows) ^ set(feeding)))
         raise InputError(
             file, "bc", odd, "perfusion targets and LV-perfusing outlets of the case differ; recreate them"
         )
     known = beds(network)
-    for outlet in case["outlets"]:
-        if outlet["bc"] not in known:
-            raise InputError(file, "bc", outlet["bc"], "the network has no coronary bed of this name")
-    for bc, flow in flows.items():
-        if not flow > 0.0:
-            raise InputError(file, f"mean of {bc}", flow, "expected a positive flow")
+    for outlet in case.outlets:
+        if outlet.bc not in known:
+            raise InputError(file, "bc", outlet.bc, "the network has no coronary bed of this name")
     return flows

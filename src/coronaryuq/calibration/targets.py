@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from coronaryuq.case.case_json import TargetValue
 from coronaryuq.case.tables.read import csv_targets
 from coronaryuq.case.tables.targets import BY_NAME, TARGETS, checked
 from coronaryuq.core.errors import InputError
@@ -14,11 +15,6 @@ TUNED = tuple(target.name for target in TARGETS if not target.name.endswith("_co
 
 CGS = {"mmHg": MMHG, "mL": 1.0, "1": 1.0, "%": 1.0}
 """CGS value of one unit of a target (a percentage stays one: the split is given in per cent)."""
-
-
-def from_case(case: Mapping, file: str | Path) -> dict[str, float]:
-    """Return the targets that have a value, in their own units, from `case["targets"]` ({NAME: {value, unit}})."""
-    return checked(case["targets"], file)
 
 
 def read_targets(file: str | Path, unit_system: str = "auto") -> dict[str, float]:
@@ -31,7 +27,7 @@ def read_targets(file: str | Path, unit_system: str = "auto") -> dict[str, float
     values = {name: value for name, (_, value, _) in table.items()}
     pressure = {"cgs": "dyn/cm2", "mmHg": "mmHg"}.get(unit_system) or _pressure_unit(values, file)
     units = {target.name: pressure if target.unit == "mmHg" else target.unit for target in TARGETS}
-    targets = {name: {"value": value, "unit": unit or units.get(name)} for name, (_, value, unit) in table.items()}
+    targets = {name: TargetValue(value=value, unit=unit or units.get(name)) for name, (_, value, unit) in table.items()}
     return checked(targets, file)
 
 

@@ -1,5 +1,6 @@
 """A whole case from its description: every file read, every name matched, the 0D network made or taken as given."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,7 @@ import numpy as np
 
 from coronaryuq.case.anatomy.read import Placed, place_outlets, place_stenoses, read_anatomy
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, area_ratio
+from coronaryuq.case.case_json import AnatomySource, Aorta, CaseOutlet, CaseStenosis, CaseSummary, TargetValue
 from coronaryuq.case.description.fields import Description, read_description
 from coronaryuq.case.network.build import Bed, Physics, network_from_tree, segments
 from coronaryuq.case.network.schematic import radius_from_inertance, schematic_tree
@@ -16,7 +18,7 @@ from coronaryuq.case.network.units import to_cgs
 from coronaryuq.case.perfusion.perfusion_map import Wall, check_place, read_wall
 from coronaryuq.case.perfusion.territories import wall_of_territories
 from coronaryuq.case.settings import Settings
-from coronaryuq.case.tables.read import OutletRow, read_case_targets, read_outlets, read_territory_flows
+from coronaryuq.case.tables.read import BRANCHES, OutletRow, read_case_targets, read_outlets, read_territory_flows
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.units import MMHG, PRESSURES
@@ -37,9 +39,8 @@ class Case:
     stenoses: list[Stenosis]
     network: dict[str, Any]
     graph: Graph
-    summary: dict[str, Any]
+    summary: CaseSummary
     wall: Wall
-    notes: tuple[str, ...]
 
 
 def assemble(case_yaml: str | Path, settings: Settings) -> Case:
@@ -80,24 +81,26 @@ def assemble(case_yaml: str | Path, settings: Settings) -> Case:
         lv = {row.name: row.bc for row in rows if row.perfuses == "LV"}
         flows = read_territory_flows(path, description.territory_flows, folder, lv, description.tissue_density)
         wall = wall_of_territories(entries, flows, description.tissue_density)
-    summary = {
-        "name": description.name,
-        "description": description.description,
-        "period": period,
-        "density": description.density,
-        "viscosity": description.viscosity,
-        "haematocrit": description.haematocrit,
-        "hyperaemia": description.hyperaemia,
-        "tissue_density": description.tissue_density,
-        "schematic": description.anatomy is None,
-        "anatomy": description.anatomy and {"kind": description.anatomy.kind, "unit": description.anatomy.unit},
-        "aorta": {"pressure": graph.inlet(graph.root)},
-        "outlets": entries,
-        "systemic": [bc for bc in graph.bc.values() if graph.types[bc] == SYSTEMIC],
-        "stenoses": _stenoses(path, description, tree, stenoses, graph, entries),
-        "targets": targets,
-    }
-    return Case(description, tree, stenoses, network, graph, summary, wall, notes + wall.notes)
+    anatomy = description.anatomy
+    summary = CaseSummary(
+        name=description.name,
+        description=description.description,
+        period=period,
+        density=description.density,
+        viscosity=description.viscosity,
+        haematocrit=description.haematocrit,
+        hyperaemia=description.hyperaemia,
+        tissue_density=description.tissue_density,
+        schematic=anatomy is None,
+        anatomy=None if anatomy is None else AnatomySource(kind=anatomy.kind, unit=anatomy.unit),
+        aorta=Aorta(pressure=graph.inlet(graph.root)),
+        outlets=entries,
+        systemic=[bc for bc in graph.bc.values() if graph.types[bc] == SYSTEMIC],
+        stenoses=_stenoses(path, description, tree, stenoses, graph, entries),
+        targets=targets,
+        notes=[*notes, *wall.notes],
+    )
+    return Case(description, tree, stenoses, network, graph, summary, wall)
 
 
 def _given_network(folder: Path, description: Description) -> tuple[dict, Graph, str] | None:
@@ -111,10 +114,12 @@ def _given_network(folder: Path, description: Description) -> tuple[dict, Graph,
     return network, graph_of(network, path), unit
 
 
-def _physics(description: Description, settings: Settings, targets: dict, period: float) -> Physics:
+def _physics(
+    description: Description, settings: Settings, targets: Mapping[str, TargetValue], period: float
+) -> Physics:
     def target(name: str) -> float | None:
         entry = targets.get(name)
-        return None if entry is None or entry["value"] is None else entry["value"] * PRESSURES.get(entry["unit"], 1.0)
+        return None if entry is None or entry.value is None else entry.value * PRESSURES.get(entry.unit or "", 1.0)
 
     stroke, split = target("AbsQin"), target("AorCorSplit")
     return Physics(
@@ -167,29 +172,36 @@ def _no_map_without_places(path: Path, folder: Path, description: Description, r
             raise InputError(table, f"x y z of {row.name}", None, "needed to find its territory in the perfusion map")
 
 
-def _outlets(rows: list[OutletRow], placed: Placed | None, tree: Tree, graph: Graph) -> list[dict]:
+def _outlets(rows: list[OutletRow], placed: Placed | None, tree: Tree, graph: Graph) -> list[CaseOutlet]:
     entries = []
     for row in rows:
         block = graph.at(row.bc)
         vessel = tree[block if placed is None else placed.vessels[row.name]]
         end = vessel.points[-1] if placed is not None or row.point is None else row.point
         entries.append(
-            {
-                "name": row.name,
-                "label": row.label,
-                "bc": row.bc,
-                "vessel": vessel.name,
-                "block": block,
-                "perfuses": row.perfuses,
-                "branch": row.branch,
-                "point": [float(x) for x in end],
-                "radius": float(vessel.radii[-1]),
-            }
+            CaseOutlet(
+                name=row.name,
+                label=row.label,
+                bc=row.bc,
+                vessel=vessel.name,
+                block=block,
+                perfuses=row.perfuses,
+                branch=row.branch,
+                point=tuple(float(x) for x in end),
+                radius=float(vessel.radii[-1]),
+            )
         )
     return entries
 
 
-def _stenoses(path: Path, description: Description, tree, stenoses, graph: Graph, entries) -> list[dict]:
+def _stenoses(
+    path: Path,
+    description: Description,
+    tree: Tree,
+    stenoses: list[Stenosis],
+    graph: Graph,
+    outlets: list[CaseOutlet],
+) -> list[CaseStenosis]:
     if description.network is None:
         narrow = {part.stenosis: part.name for part in segments(tree, stenoses) if part.stenosis}
     else:
@@ -201,32 +213,33 @@ def _stenoses(path: Path, description: Description, tree, stenoses, graph: Graph
         block = narrow.get(name) or blocks.get(name)
         if block is None or block not in graph.children:
             raise InputError(path, f"stenoses.{name}.block", block, "wanted a vessel of the given network")
-        fed = {entry["branch"] for entry in entries if entry["bc"] in graph.beds(block)}
+        fed = {outlet.branch for outlet in outlets if outlet.bc in graph.beds(block)}
         if name not in fed:
             remedy = f"feeds {', '.join(sorted(fed)) or 'no coronary outlet'}; wanted a vessel towards the {name}"
             raise InputError(path, f"stenoses.{name}.block", block, remedy)
         children = graph.children[block]
-        entry = {
-            "name": name,
-            "vessel": by_name[name].vessel if name in by_name else block,
-            "segment": block,
-            "proximal": graph.parent[block],
-            "distal": children[0] if children else None,
-        }
-        if name in by_name:
-            stenosis = by_name[name]
-            entry |= {"area_ratio": area_ratio(tree, stenosis), "start": stenosis.start, "end": stenosis.end}
+        stenosis = by_name.get(name)
+        if stenosis is None:
+            ratio = _area_ratio(graph, block, description.density)
         else:
-            entry |= {"area_ratio": _area_ratio(graph, block, description.density), "start": None, "end": None}
-        entry |= {
-            "ffr": graph.outlet(block),
-            "flow": graph.inlet(block),
-            "root": graph.inlet(_branch_root(graph, block, name, entries)),
-            "outlet": _main_outlet(graph, block, name, entries),
-        }
-        result.append(entry)
-    order = ("LAD", "LCx", "RCA")
-    return sorted(result, key=lambda entry: order.index(entry["name"]))
+            ratio = area_ratio(tree, stenosis)
+        result.append(
+            CaseStenosis(
+                name=name,
+                vessel=stenosis.vessel if stenosis else block,
+                segment=block,
+                proximal=graph.parent[block],
+                distal=children[0] if children else None,
+                area_ratio=ratio,
+                start=stenosis.start if stenosis else None,
+                end=stenosis.end if stenosis else None,
+                ffr=graph.outlet(block),
+                flow=graph.inlet(block),
+                root=graph.inlet(_branch_root(graph, block, name, outlets)),
+                outlet=_main_outlet(graph, block, name, outlets),
+            )
+        )
+    return sorted(result, key=lambda stenosis: BRANCHES.index(stenosis.name))
 
 
 def _area_ratio(graph: Graph, block: str, density: float, loss: float = 1.52) -> float | None:
@@ -239,19 +252,19 @@ def _area_ratio(graph: Graph, block: str, density: float, loss: float = 1.52) ->
     return float(1 / (1 + np.sqrt(2 * coefficient * area**2 / (loss * density))))
 
 
-def _branch_root(graph: Graph, block: str, branch: str, entries: list[dict]) -> str:
-    """The first vessel towards `block` that feeds only outlets of that branch."""
-    of_branch = {entry["bc"] for entry in entries if entry["branch"] == branch}
+def _branch_root(graph: Graph, block: str, branch: str, outlets: list[CaseOutlet]) -> str:
+    """Return the first vessel towards `block` that feeds only outlets of that branch."""
+    of_branch = {outlet.bc for outlet in outlets if outlet.branch == branch}
     return next((v for v in graph.path(block) if set(graph.beds(v)) <= of_branch), block)
 
 
-def _main_outlet(graph: Graph, block: str, branch: str, entries: list[dict]) -> str:
-    """The artery's own end behind the stenosis: labelled as the artery is, or else the farthest along the vessels."""
-    fed = [entry for entry in entries if entry["bc"] in graph.beds(block)]
-    wanted = [entry for entry in fed if entry["perfuses"] == "LV"] or fed
+def _main_outlet(graph: Graph, block: str, branch: str, outlets: list[CaseOutlet]) -> str:
+    """Return the artery's own end behind the stenosis: the one labelled as the artery, else the farthest."""
+    fed = [outlet for outlet in outlets if outlet.bc in graph.beds(block)]
+    candidates = [outlet for outlet in fed if outlet.perfuses == "LV"] or fed
 
-    def distance(entry: dict) -> float:
-        path = graph.path(entry["block"])
+    def distance(outlet: CaseOutlet) -> float:
+        path = graph.path(outlet.block)
         return sum(graph.lengths[v] for v in path[path.index(block) :])
 
-    return max(wanted, key=lambda entry: (entry["label"] in MAIN_LABELS[branch], distance(entry)))["bc"]
+    return max(candidates, key=lambda outlet: (outlet.label in MAIN_LABELS[branch], distance(outlet))).bc

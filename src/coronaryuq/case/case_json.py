@@ -1,80 +1,112 @@
-"""`case.json`, as every later stage reads it: checked, so that none of them meets half a case."""
+"""`case.json`: the checked case that the case stage writes and every later stage reads."""
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
-from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
+from coronaryuq.core.io.typed import checked
 
-REMEDY = "make it again with the case stage"
+Branch = Literal["LAD", "LCx", "RCA"]
+Tissue = Literal["LV", "RV", "septum"]
+Positive = Annotated[float, Field(gt=0)]
+Point = tuple[float, float, float]
 
 
 class _Part(BaseModel):
-    model_config = ConfigDict(extra="allow", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
 
 
-class _Aorta(_Part):
-    pressure: str = ""
+class AnatomySource(_Part):
+    """Kind of files that the vessels were read from, and the length unit of these files."""
+
+    kind: Literal["centrelines", "surface", "simvascular", "mesh"]
+    unit: str
 
 
-class _Outlet(_Part):
-    name: str = ""
-    bc: str = ""
-    vessel: str = ""
-    perfuses: Literal["LV", "RV", "septum"] = "LV"
-    branch: str = ""
-    point: tuple[float, float, float] | None = None
-    radius: float | None = Field(None, gt=0)
+class Aorta(_Part):
+    """0D location of the aortic pressure, as svZeroDSolver names it."""
+
+    pressure: str
 
 
-class _Stenosis(_Part):
-    name: Literal["LAD", "LCx", "RCA"] = "LAD"
-    vessel: str = ""
-    ffr: str = ""
-    flow: str = ""
-    root: str = ""
-    outlet: str = ""
+class CaseOutlet(_Part):
+    """A coronary outlet: where it lies (cm), its 0D boundary condition and block, and what it perfuses."""
+
+    name: str
+    label: str
+    bc: str
+    vessel: str
+    block: str
+    perfuses: Tissue
+    branch: Branch
+    point: Point
+    radius: Positive
 
 
-class _Case(_Part):
-    name: str = ""
-    period: float = Field(1.0, gt=0)
-    density: float = Field(1.0, gt=0)
-    viscosity: float = Field(1.0, gt=0)
-    hyperaemia: float = Field(1.0, gt=0)
-    tissue_density: float = Field(1.0, gt=0)
-    aorta: _Aorta = _Aorta()
-    outlets: list[_Outlet] = Field([_Outlet()], min_length=1)
-    stenoses: list[_Stenosis] = []
-    targets: dict[str, Any] = {}
+class CaseStenosis(_Part):
+    """A stenosis: its tree vessel and extent (cm along it), its 0D vessels, and the 0D locations around it.
 
-
-def read_case(path: str | Path, *needs: str) -> dict[str, Any]:
-    """Read `case.json` (docs/architecture.md); `InputError` for a field of another kind than it should be.
-
-    needs: what the caller goes on to read, such as "density" or, of every stenosis, "stenoses.ffr"; `InputError` where
-    that is missing.
+    `start` and `end` are None for a stenosis that is known only as a 0D block. `ffr` is the location distal to it,
+    `flow` its inlet, `root` the inlet of the branch's first vessel, and `outlet` the boundary condition whose flow
+    predicts its wall shear stress.
     """
-    case = read_json(path)
-    try:
-        _Case.model_validate(case)
-    except ValidationError as errors:
-        first = errors.errors(include_url=False)[0]
-        field = ".".join(map(str, first["loc"])) or None
-        message = first["msg"][0].lower() + first["msg"][1:]
-        raise InputError(path, field, first["input"], f"{message}; {REMEDY}") from None
-    for need in needs:
-        _find(path, case, need.split("."), "")
-    return case
+
+    name: Branch
+    vessel: str
+    segment: str
+    proximal: str | None
+    distal: str | None
+    area_ratio: Positive | None
+    start: float | None
+    end: float | None
+    ffr: str
+    flow: str
+    root: str
+    outlet: str
 
 
-def _find(path: str | Path, value: Any, parts: list[str], where: str) -> None:
-    if isinstance(value, list):
-        for number, entry in enumerate(value):
-            _find(path, entry, parts, f"{where}.{number}")
-    elif parts:
-        if parts[0] not in value:
-            raise InputError(path, f"{where}.{parts[0]}".strip("."), None, f"missing; {REMEDY}")
-        _find(path, value[parts[0]], parts[1:], f"{where}.{parts[0]}")
+class TargetValue(_Part):
+    """A clinical target; `value` is None if it was not measured."""
+
+    description: str | None = None
+    value: float | None
+    unit: str | None = None
+
+
+class CaseSummary(_Part):
+    """The content of `case.json`: blood (g/cm3, P), period (s), tissue density (g/mL), and all places by name."""
+
+    name: str
+    description: str
+    period: Positive
+    density: Positive
+    viscosity: Positive
+    haematocrit: float | None
+    hyperaemia: Positive
+    tissue_density: Positive
+    schematic: bool
+    anatomy: AnatomySource | None
+    aorta: Aorta
+    outlets: list[CaseOutlet] = Field(min_length=1)
+    systemic: list[str]
+    stenoses: list[CaseStenosis]
+    targets: dict[str, TargetValue]
+    notes: list[str]
+
+    @property
+    def lv_outlets(self) -> list[CaseOutlet]:
+        """Outlets that perfuse the left ventricle."""
+        return [outlet for outlet in self.outlets if outlet.perfuses == "LV"]
+
+
+def read_case(path: str | Path) -> CaseSummary:
+    """Read `case.json`.
+
+    Raises
+    ------
+    InputError
+        If the file, or a field of it, is missing or invalid.
+    """
+    return checked(CaseSummary, read_json(path), path, "run the case stage again")

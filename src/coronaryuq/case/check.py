@@ -23,16 +23,15 @@ def check_case(case_yaml: str | Path, settings: Settings | None = None) -> tuple
 
 
 def _summary(case: Case) -> list[str]:
-    facts, wall = case.summary, case.wall
-    flow = wall.flow(facts["tissue_density"])
-    mass = wall.volume * facts["tissue_density"]
-    perfuses = Counter(outlet["perfuses"] for outlet in facts["outlets"])
+    summary, wall = case.summary, case.wall
+    flow = wall.flow(summary.tissue_density)
+    mass = wall.volume * summary.tissue_density
+    perfuses = Counter(outlet.perfuses for outlet in summary.outlets)
     lines = [
-        f"case {facts['name']}: period {facts['period']:.3g} s, "
-        f"blood {facts['density']:g} g/cm3, {facts['viscosity']:g} P",
-        f"network: {len(case.graph.children)} vessels, {len(facts['outlets'])} coronary outlets ("
+        f"case {summary.name}: period {summary.period:.3g} s, blood {summary.density:g} g/cm3, {summary.viscosity:g} P",
+        f"network: {len(case.graph.children)} vessels, {len(summary.outlets)} coronary outlets ("
         + ", ".join(f"{n} {kind}" for kind, n in sorted(perfuses.items()))
-        + f"), {len(facts['systemic'])} systemic",
+        + f"), {len(summary.systemic)} systemic",
         f"left ventricle: {wall.mesh.n_cells} cells, {wall.volume:.1f} mL of wall, {flow / ML_PER_MIN:.0f} mL/min, "
         f"{flow / mass / MBF_PER_MIN_PER_G:.2f} mL/min/g on average",
     ]
@@ -45,21 +44,21 @@ def _summary(case: Case) -> list[str]:
             f"{20 * widest:.1f} mm in diameter",
         )
     if case.description.perfusion is not None:
-        away = distances_to_outlets(wall, facts["outlets"])
+        away = distances_to_outlets(wall, summary.outlets)
         lines[-1] += f"; its outlets lie {away.min():.1f} to {away.max():.1f} cm from it"
-    for stenosis in facts["stenoses"]:
-        ratio, start = stenosis["area_ratio"], stenosis["start"]
+    for stenosis in summary.stenoses:
+        ratio, start = stenosis.area_ratio, stenosis.start
         narrowing = "" if ratio is None else f", {1 - ratio:.0%} of the area, {1 - ratio**0.5:.0%} of the diameter"
-        extent = "" if start is None else f", {start:.2f} to {stenosis['end']:.2f} cm"
-        lines.append(f"stenosis {stenosis['name']}: vessel {stenosis['vessel']}{extent}{narrowing}")
+        extent = "" if start is None else f", {start:.2f} to {stenosis.end:.2f} cm"
+        lines.append(f"stenosis {stenosis.name}: vessel {stenosis.vessel}{extent}{narrowing}")
     if case.description.anatomy is None:
         lines.append("no anatomy, so nothing to be run in 3D: a campaign goes as far as its target posterior")
-    elif not facts["stenoses"]:
+    elif not summary.stenoses:
         lines.append(
             "stenoses: none, so nothing to be run in 3D: a campaign goes as far as its target posterior; for FFR and "
             f"wall shear name a stretch of an artery, narrow or not, such as stenoses: [{example(case.tree)}]"
         )
-    given = checked(facts["targets"], case.description.targets or "targets")
+    given = checked(summary.targets, case.description.targets or "targets")
     sizes = [f"{name} {value:.4g} {BY_NAME[name].unit}".removesuffix(" 1") for name, value in given.items()]
     lines.append(f"targets: {', '.join(sizes) or 'none'}")
-    return lines + [f"note: {note}" for note in case.notes]
+    return lines + [f"note: {note}" for note in summary.notes]

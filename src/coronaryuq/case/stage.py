@@ -14,11 +14,8 @@ def prepare_case(case_yaml: str | Path, settings: Settings, out_dir: str | Path)
     """Check a case and write its four files; nothing is written when anything is wrong (InputError)."""
     case = assemble(case_yaml, settings)
     out = Path(out_dir)
-    summary = case.summary | {
-        "notes": list(case.notes),
-        "provenance": stamp(case=Path(case_yaml).as_posix(), settings=settings.model_dump()),
-    }
+    provenance = stamp(case=Path(case_yaml).as_posix(), settings=settings.model_dump())
     write_tree(out / "tree.vtp", case.tree)
     write_json(out / "network.json", case.network)
     write_vtk(out / "lv.vtu", case.wall.mesh)
-    write_json(out / "case.json", summary)
+    write_json(out / "case.json", case.summary.model_dump() | {"provenance": provenance})

@@ -6,9 +6,10 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from coronaryuq.core.io.atomic import read_json
+from coronaryuq.case.case_json import read_case
 from coronaryuq.core.units import ML_PER_MIN
 from coronaryuq.figures.style import MEASURED, SIMULATED, saved
+from coronaryuq.perfusion.targets import read_perfusion_targets
 from coronaryuq.posterior.results import read_summary
 
 
@@ -80,13 +81,13 @@ def _read(posterior: str) -> tuple[list[str], np.ndarray, np.ndarray]:
 
 
 def _names(case: str) -> dict[str, str]:
-    return {outlet["bc"]: outlet.get("label") or outlet["name"] for outlet in read_json(case)["outlets"]}
+    return {outlet.bc: outlet.label for outlet in read_case(case).outlets}
 
 
 def _targets(targets: str, summary: str) -> tuple[np.ndarray, np.ndarray]:
     """Return mean and covariance of the targets as the likelihood uses them, scaled to the model's total."""
-    content, factor = read_json(targets), read_summary(summary).target_scale
-    return np.array(content["mean"]) * factor, np.array(content["covariance"]) * factor**2
+    content, factor = read_perfusion_targets(targets), read_summary(summary).target_scale
+    return content.mean * factor, content.covariance * factor**2
 
 
 def _ellipse(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:

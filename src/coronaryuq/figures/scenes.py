@@ -11,9 +11,9 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize, to_hex, to_rgb
 from matplotlib.patheffects import withStroke
 
-from coronaryuq.case.anatomy.tree import Tree, Vessel, read_tree
+from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel, placed_stenoses, read_tree
+from coronaryuq.case.case_json import CaseOutlet, read_case
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.core.units import MBF_PER_MIN_PER_G, MMHG
 from coronaryuq.figures.render import Camera, Rendering, rendered
@@ -30,10 +30,10 @@ BOX = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "
 
 def territories(case: str, lv: str, tree: str, output: str) -> None:
     """Draw myocardial blood flow, and the territory of each LV-perfusing outlet from the front and from behind."""
-    outlets = [outlet for outlet in read_json(case)["outlets"] if outlet["perfuses"] == "LV"]
+    outlets = read_case(case).lv_outlets
     wall, vessels = pv.read(lv), read_tree(tree)
-    ends = np.array([outlet["point"] for outlet in outlets])
-    labels = [outlet.get("label") or outlet["name"] for outlet in outlets]
+    ends = np.array([outlet.point for outlet in outlets])
+    labels = [outlet.label for outlet in outlets]
     centres = wall.cell_centers().points
     wall.cell_data["flow"] = wall.cell_data["MBF"] / MBF_PER_MIN_PER_G
     wall.cell_data["territory"] = np.argmin([np.linalg.norm(centres - end, axis=1) for end in ends], axis=0)
@@ -72,7 +72,7 @@ def tree_by_ffr(case: str, tree: str, pressures: str, output: str) -> None:
         values = np.interp(vessel.arc / vessel.length, along["position"], along["ffr"])
         look = {"scalars": "value", "cmap": "RdYlBu", "clim": (norm.vmin, norm.vmax)}
         items.append((_tube(vessel.points, vessel.radii, values), look))
-    names, marks = _stenoses(read_json(case)["stenoses"], vessels)
+    names, marks = _stenoses(placed_stenoses(read_case(case).stenoses), vessels)
     pictures = [rendered(items, camera, marks) for camera in (FRONT, BACK)]
     with _row(output, pictures) as (figure, axes):
         for axis, picture, title in zip(axes, pictures, ("front view", "from behind and below"), strict=True):
@@ -88,7 +88,7 @@ def walls(fields: str, case: str, tree: str, output: str) -> None:
     the region behind it, where the quantities of interest are evaluated.
     """
     wall = _first(fields, "_wall.vtp")
-    vessels, stenoses = read_tree(tree), read_json(case)["stenoses"]
+    vessels, stenoses = read_tree(tree), placed_stenoses(read_case(case).stenoses)
     pieces = [piece.extract_surface(algorithm="dataset_surface") for piece in wall.connectivity().split_bodies()]
     panels = (
         ("TAWSS", "turbo", LogNorm(5.0, float(np.quantile(wall["TAWSS"], 0.999))), "TAWSS (dyn/cm²)"),
@@ -129,8 +129,8 @@ def lumen(fields: str, case: str, tree: str, output: str, reach: float = 1.6, he
     inside = _first(fields, ".vtu")
     inside["speed"] = np.linalg.norm(inside["mean_velocity"], axis=1)
     inside["mmHg"] = inside["mean_pressure"] / MMHG
-    vessels, stenoses = read_tree(tree), read_json(case)["stenoses"]
-    cuts = [_cut(inside, vessels[stenosis["vessel"]], stenosis, reach, height) for stenosis in stenoses]
+    vessels, stenoses = read_tree(tree), placed_stenoses(read_case(case).stenoses)
+    cuts = [_cut(inside, vessels[stenosis.vessel], stenosis, reach, height) for stenosis in stenoses]
     panels = (("speed", "turbo", "mean speed (cm/s)"), ("mmHg", "viridis", "mean pressure (mmHg)"))
     with saved(
         output, nrows=len(cuts), ncols=2, figsize=(8.6, 1.15 * len(cuts) + 0.4), squeeze=False, layout="compressed"
@@ -142,20 +142,22 @@ def lumen(fields: str, case: str, tree: str, output: str, reach: float = 1.6, he
             look = {"scalars": name, "cmap": colours, "clim": (norm.vmin, norm.vmax), "lighting": False}
             for row, (cut, camera) in enumerate(cuts):
                 picture = rendered([(cut.copy(), look)], camera, size=(1280, 400))
-                _show(axes[row, column], picture, stenoses[row]["name"])
+                _show(axes[row, column], picture, stenoses[row].name)
             _scale(figure, axes[:, column], norm, colours, what)
         axes[-1, 0].plot([20, 20 + 0.5 * 400 / height], [380, 380], color="black", lw=1.5)
         axes[-1, 0].text(20, 365, "0.5 cm", fontsize=6.5)
 
 
-def _cut(inside: pv.DataSet, vessel: Vessel, stenosis: dict, reach: float, height: float) -> tuple[pv.DataSet, Camera]:
+def _cut(
+    inside: pv.DataSet, vessel: Vessel, stenosis: Stenosis, reach: float, height: float
+) -> tuple[pv.DataSet, Camera]:
     """Cut a stenosis along its centreline; also return a camera for which blood flows from left to right."""
-    near = (vessel.arc > stenosis["start"] - 0.5) & (vessel.arc < stenosis["end"] + 1.0)
+    near = (vessel.arc > stenosis.start - 0.5) & (vessel.arc < stenosis.end + 1.0)
     points = vessel.points[near]
     normal = np.linalg.svd(points - points.mean(axis=0))[2][2]
     along = points[-1] - points[0] - ((points[-1] - points[0]) @ normal) * normal
     along /= np.linalg.norm(along)
-    middle = vessel.position_at(0.5 * (stenosis["start"] + stenosis["end"]))
+    middle = vessel.position_at(0.5 * (stenosis.start + stenosis.end))
     cut = inside.slice(normal=normal, origin=middle).connectivity("closest", closest_point=middle)
     for end in (-1.0, 1.0):
         cut = cut.clip(normal=end * along, origin=middle + end * reach * along)
@@ -175,11 +177,11 @@ def _first(fields: str, ending: str) -> pv.DataSet:
         return pv.read(path)
 
 
-def _within(piece: pv.PolyData, stenoses: list[dict], tree: Tree) -> list[dict]:
+def _within(piece: pv.PolyData, stenoses: list[Stenosis], tree: Tree) -> list[Stenosis]:
     """Return the stenoses whose middle lies in the bounding box of a piece."""
     low, high = np.asarray(piece.bounds).reshape(3, 2).T
-    places = {s["name"]: tree[s["vessel"]].position_at(0.5 * (s["start"] + s["end"])) for s in stenoses}
-    return [s for s in stenoses if (places[s["name"]] > low).all() and (places[s["name"]] < high).all()]
+    places = {s.name: tree[s.vessel].position_at(0.5 * (s.start + s.end)) for s in stenoses}
+    return [s for s in stenoses if (places[s.name] > low).all() and (places[s.name] < high).all()]
 
 
 def _row(output: str, pictures: list[Rendering]):
@@ -228,21 +230,21 @@ def _tube(points: np.ndarray, radii: np.ndarray, values: np.ndarray | None = Non
     return line.tube(scalars="radius", absolute=True, n_sides=16)
 
 
-def _stenoses(stenoses: list[dict], tree: Tree) -> tuple[list[str], np.ndarray]:
+def _stenoses(stenoses: list[Stenosis], tree: Tree) -> tuple[list[str], np.ndarray]:
     """Return names and middles (n, 3) of the stenoses in vessels of the tree."""
     names = {vessel.name for vessel in tree}
-    known = [stenosis for stenosis in stenoses if stenosis["vessel"] in names]
-    middles = [tree[s["vessel"]].position_at(0.5 * (s["start"] + s["end"])) for s in known]
-    return [stenosis["name"] for stenosis in known], np.array(middles).reshape(-1, 3)
+    known = [stenosis for stenosis in stenoses if stenosis.vessel in names]
+    middles = [tree[s.vessel].position_at(0.5 * (s.start + s.end)) for s in known]
+    return [stenosis.name for stenosis in known], np.array(middles).reshape(-1, 3)
 
 
-def _shades(outlets: list[dict]) -> list[str]:
+def _shades(outlets: list[CaseOutlet]) -> list[str]:
     """Return a shade of its branch's colour for each outlet, such that neighbours differ."""
     shades: list[str] = []
     seen: dict[str, int] = {}
     for outlet in outlets:
-        number = seen[outlet["branch"]] = seen.get(outlet["branch"], -1) + 1
-        total = sum(other["branch"] == outlet["branch"] for other in outlets)
-        base = np.array(to_rgb(BRANCHES.get(outlet["branch"], "#777777")))
+        number = seen[outlet.branch] = seen.get(outlet.branch, -1) + 1
+        total = sum(other.branch == outlet.branch for other in outlets)
+        base = np.array(to_rgb(BRANCHES.get(outlet.branch, "#777777")))
         shades.append(to_hex(base + (1 - base) * 0.75 * ((number * 3) % max(total, 1)) / max(total, 1)))
     return shades

@@ -93,9 +93,9 @@ class Batch:
 
     def read_model(self) -> FlowModel:
         """Read what all samples share; `InputError` names the file at fault."""
-        case = read_case(self.case, "aorta.pressure", "density", "viscosity")
+        case = read_case(self.case)
         network, domain = read_network(self.network), read_domain(self.mesh_folder, self.mesh)
-        return FlowModel(domain, network, case["aorta"]["pressure"], case["density"], case["viscosity"])
+        return FlowModel(domain, network, case.aorta.pressure, case.density, case.viscosity)
 
     def read_samples(self, network: Network) -> list[Sample]:
         """Read the batch's rows; `InputError` for too few rows or a column that is not a coronary bed."""

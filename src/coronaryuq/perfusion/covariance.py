@@ -2,29 +2,32 @@
 
 import numpy as np
 
+from coronaryuq.perfusion.settings import NoiseModel
+from coronaryuq.perfusion.targets import NoiseStatistics
 
-def describe(flows: np.ndarray, volumes: np.ndarray, baseline: np.ndarray) -> dict:
-    """Statistics of one noise model.
 
-    flows (n, outlets) in mL/s, volumes (n, outlets) in cm3, baseline (outlets,) flow without noise. Standard
-    deviations are relative to the baseline; `bias` is mean / baseline - 1; `total_sd` is that of the LV's whole flow.
+def describe(noise: NoiseModel, flows: np.ndarray, volumes: np.ndarray, baseline: np.ndarray) -> NoiseStatistics:
+    """Return the statistics of one noise model.
+
+    flows (n, outlets) in mL/s, volumes (n, outlets) in cm3, baseline (outlets,) flow without noise.
     """
     covariance = np.atleast_2d(np.cov(flows, rowvar=False))
     deviation = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(deviation, deviation)
     pairs = correlation[np.triu_indices(len(baseline), 1)]
-    return {
-        "mean": flows.mean(axis=0),
-        "bias": flows.mean(axis=0) / baseline - 1.0,
-        "covariance": covariance,
-        "relative_sd": deviation / baseline,
-        "correlation": correlation,
-        "correlation_min": pairs.min(initial=1.0),
-        "correlation_max": pairs.max(initial=-1.0),
-        "total_sd": flows.sum(axis=1).std(ddof=1) / baseline.sum(),
-        "volume_mean": volumes.mean(axis=0),
-        "volume_sd": volumes.std(axis=0, ddof=1),
-    }
+    return NoiseStatistics(
+        noise=noise,
+        mean=flows.mean(axis=0),
+        bias=flows.mean(axis=0) / baseline - 1.0,
+        covariance=covariance,
+        relative_sd=deviation / baseline,
+        correlation=correlation,
+        correlation_min=pairs.min(initial=1.0),
+        correlation_max=pairs.max(initial=-1.0),
+        total_sd=flows.sum(axis=1).std(ddof=1) / baseline.sum(),
+        volume_mean=volumes.mean(axis=0),
+        volume_sd=volumes.std(axis=0, ddof=1),
+    )
 
 
 def scaled_to(covariance: np.ndarray, deviation: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from coronaryuq.case.case_json import read_case
+from coronaryuq.case.case_json import CaseOutlet, CaseSummary, read_case
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import replacing, write_json
 from coronaryuq.core.io.tables import read_npz
@@ -13,10 +13,11 @@ from coronaryuq.core.provenance import stamp
 from coronaryuq.perfusion.covariance import describe, scaled_to
 from coronaryuq.perfusion.realisations import Study
 from coronaryuq.perfusion.settings import Settings
+from coronaryuq.perfusion.targets import PerfusionTargets, VentricleTotals
 from coronaryuq.perfusion.territories import (
     Ventricle,
     distances_to_centrelines,
-    distances_to_outlets,
+    distances_to_points,
     nearest,
     perfusing_outlets,
     weighted,
@@ -47,58 +48,52 @@ def run_chunk(
 def gather(
     chunks: Sequence[str | Path], case_json: str | Path, lv_vtu: str | Path, settings: Settings, out_json: str | Path
 ) -> None:
-    """Join chunks to `targets.json`.
-
-    outlets, bc: names of outlets and of their boundary conditions. mean (mL/s) and covariance (mL2/s2): what the
-    posterior uses. volume (cm3): baseline territories. models: per noise model its mean, covariance, relative standard
-    deviation, correlations and territory volumes, as simulated. lv: mass and flow of the whole ventricle.
-    """
+    """Join chunks to `targets.json` (`PerfusionTargets`)."""
     case, outlets, ventricle, distances = _read(case_json, lv_vtu, settings)
     territory = nearest(distances, ventricle.volumes, outlets, case_json)
     flows, volumes, seed = _join(chunks, settings)
     baseline = np.bincount(territory, weights=ventricle.flows, minlength=len(outlets))
     volume = np.bincount(territory, weights=ventricle.volumes, minlength=len(outlets))
-    models = {
-        name: {"noise": model.model_dump(), **describe(flows[name], volumes[name], baseline)}
-        for name, model in settings.models.items()
-    }
+    models = {name: describe(model, flows[name], volumes[name], baseline) for name, model in settings.models.items()}
     used = models[settings.use]
-    mean = baseline if settings.mean == "baseline" else np.array(used["mean"])
-    covariance = np.array(used["covariance"])
+    mean = baseline if settings.mean == "baseline" else used.mean
+    covariance = used.covariance
     if settings.branch_sd is not None:
         covariance = scaled_to(covariance, settings.branch_sd * mean)
-    write_json(
-        out_json,
-        {
-            "outlets": [outlet["name"] for outlet in outlets],
-            "bc": [outlet["bc"] for outlet in outlets],
-            "mean": mean,
-            "covariance": covariance,
-            "volume": volume,
-            "baseline": baseline,
-            "use": settings.use,
-            "branch_sd": settings.branch_sd,
-            "relative_sd": np.sqrt(np.diag(covariance)) / mean,
-            "realisations": settings.realisations,
-            "models": models,
-            "lv": {
-                "volume": ventricle.volumes.sum(),
-                "mass": ventricle.volumes.sum() * case["tissue_density"],
-                "tissue_density": case["tissue_density"],
-                "flow": ventricle.flows.sum(),
-                "points": len(ventricle.points),
-            },
-            "provenance": stamp(seed=seed, settings=settings.model_dump()),
-        },
+    lv = VentricleTotals(
+        volume=ventricle.volumes.sum(),
+        mass=ventricle.volumes.sum() * case.tissue_density,
+        tissue_density=case.tissue_density,
+        flow=ventricle.flows.sum(),
+        points=len(ventricle.points),
     )
+    targets = PerfusionTargets(
+        outlets=[outlet.name for outlet in outlets],
+        bc=[outlet.bc for outlet in outlets],
+        mean=mean,
+        covariance=covariance,
+        volume=volume,
+        baseline=baseline,
+        use=settings.use,
+        branch_sd=settings.branch_sd,
+        relative_sd=np.sqrt(np.diag(covariance)) / mean,
+        realisations=settings.realisations,
+        models=models,
+        lv=lv,
+        provenance=stamp(seed=seed, settings=settings.model_dump()),
+    )
+    write_json(out_json, targets.model_dump())
 
 
-def _read(case_json, lv_vtu, settings):
-    case = read_case(case_json, "tissue_density", *(f"outlets.{n}" for n in ("name", "bc", "perfuses", "point")))
+def _read(
+    case_json: str | Path, lv_vtu: str | Path, settings: Settings
+) -> tuple[CaseSummary, list[CaseOutlet], Ventricle, np.ndarray]:
+    """Read the case, its LV-perfusing outlets, the ventricle, and the weighted distance (points, outlets) of both."""
+    case = read_case(case_json)
     outlets = perfusing_outlets(case, case_json)
-    ventricle = Ventricle.read(lv_vtu, case["tissue_density"])
+    ventricle = Ventricle.read(lv_vtu, case.tissue_density)
     if settings.distance_to == "outlet":
-        distances = distances_to_outlets(ventricle.points, outlets)
+        distances = distances_to_points(ventricle.points, [outlet.point for outlet in outlets])
     else:
         distances = distances_to_centrelines(ventricle.points, outlets, Path(case_json).with_name("tree.vtp"))
     return case, outlets, ventricle, weighted(distances, outlets, settings.radius_power)

@@ -1,10 +1,13 @@
 """Perfusion territories: each LV point belongs to its nearest outlet among those that perfuse the LV."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from coronaryuq.case.case_json import CaseOutlet, CaseSummary
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.vtk import read_vtk
 
@@ -39,22 +42,21 @@ class Ventricle:
         return cls(points, volumes, mbf * volumes * tissue_density)
 
 
-def perfusing_outlets(case: dict, case_json: str | Path) -> list[dict]:
+def perfusing_outlets(case: CaseSummary, case_json: str | Path) -> list[CaseOutlet]:
     """Outlets of the case that perfuse the LV, in the case's order."""
-    outlets = [outlet for outlet in case["outlets"] if outlet["perfuses"] == "LV"]
-    if not outlets:
+    if not case.lv_outlets:
         raise InputError(case_json, "outlets", None, "no outlet perfuses the LV; set `perfuses: LV` on those that do")
-    return outlets
+    return case.lv_outlets
 
 
-def distances_to_outlets(points: np.ndarray, outlets: list[dict]) -> np.ndarray:
-    """Distance (points, outlets), cm, of each point to each outlet's centre."""
+def distances_to_points(points: np.ndarray, centres: ArrayLike) -> np.ndarray:
+    """Return the distance (n, k), cm, of `points` (n, 3) to outlet `centres` (k, 3)."""
     from scipy.spatial.distance import cdist
 
-    return cdist(points, np.array([outlet["point"] for outlet in outlets], dtype=float))
+    return cdist(points, np.array(centres, dtype=float))
 
 
-def distances_to_centrelines(points: np.ndarray, outlets: list[dict], tree_vtp: str | Path) -> np.ndarray:
+def distances_to_centrelines(points: np.ndarray, outlets: Sequence[CaseOutlet], tree_vtp: str | Path) -> np.ndarray:
     """Distance (points, outlets), cm, of each point to the centreline of each outlet's own vessel.
 
     The centreline is resampled so finely (0.02 cm) that its nearest sample stands for its nearest point.
@@ -64,26 +66,28 @@ def distances_to_centrelines(points: np.ndarray, outlets: list[dict], tree_vtp: 
     lines = _centrelines(tree_vtp)
     columns = []
     for outlet in outlets:
-        if outlet["vessel"] not in lines:
-            raise InputError(tree_vtp, "VesselName", outlet["vessel"], f"no centreline of outlet {outlet['name']}")
-        columns.append(cKDTree(_resampled(lines[outlet["vessel"]], 0.02)).query(points)[0])
+        if outlet.vessel not in lines:
+            raise InputError(tree_vtp, "VesselName", outlet.vessel, f"no centreline of outlet {outlet.name}")
+        columns.append(cKDTree(_resampled(lines[outlet.vessel], 0.02)).query(points)[0])
     return np.stack(columns, axis=1)
 
 
-def weighted(distances: np.ndarray, outlets: list[dict], radius_power: float) -> np.ndarray:
+def weighted(distances: np.ndarray, outlets: Sequence[CaseOutlet], radius_power: float) -> np.ndarray:
     """Distances divided by (radius / mean radius)^power: a larger vessel reaches further (Di Gregorio et al. 2021)."""
-    radii = np.array([outlet["radius"] for outlet in outlets], dtype=float)
+    radii = np.array([outlet.radius for outlet in outlets], dtype=float)
     return distances / (radii / radii.mean()) ** radius_power
 
 
-def nearest(distances: np.ndarray, volumes: np.ndarray, outlets: list[dict], case_json: str | Path) -> np.ndarray:
+def nearest(
+    distances: np.ndarray, volumes: np.ndarray, outlets: Sequence[CaseOutlet], case_json: str | Path
+) -> np.ndarray:
     """Index (points,) of the nearest outlet; an outlet without any volume is an error that names it."""
     territory = np.argmin(distances, axis=1)
     share = np.bincount(territory, weights=volumes, minlength=len(outlets))
     for outlet, volume in zip(outlets, share, strict=True):
         if volume <= 0:
             raise InputError(
-                case_json, f"outlets.{outlet['name']}", outlet["point"],
+                case_json, f"outlets.{outlet.name}", outlet.point,
                 "its perfusion territory is empty: no LV point is nearest to it; "
                 "check its place and unit, or set what it perfuses to RV or septum",
             )  # fmt: skip

@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 
 import coronaryuq
-from coronaryuq.case.case_json import read_case
+from coronaryuq.case.case_json import CaseOutlet, read_case
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.atomic import read_json, write_json
+from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.io.tables import read_csv, write_csv
 from coronaryuq.core.io.typed import plain
 from coronaryuq.core.provenance import checksum, digest, stamp
 from coronaryuq.core.ranks import Ranks
+from coronaryuq.perfusion.targets import read_perfusion_targets
 from coronaryuq.posterior.model.bed_flows import BedFlows, with_resistances
 from coronaryuq.posterior.model.fit_to_fractions import fit_fractions
 from coronaryuq.posterior.model.flow_model import FlowModel, Posterior
@@ -84,8 +85,9 @@ def sample(
     """
     ranks = Ranks.from_launcher()
     targets, outlets, _ = _read_targets(targets_json, case_json)
+    vessels = {outlet.bc: outlet.vessel for outlet in outlets}
     model = BedFlows(
-        hyperaemia_json, outlets, tolerance=settings.cycle_tolerance, steps_per_cycle=settings.steps_per_cycle,
+        hyperaemia_json, vessels, tolerance=settings.cycle_tolerance, steps_per_cycle=settings.steps_per_cycle,
         threads=threads,
     )  # fmt: skip
     key = digest([checksum(hyperaemia_json), checksum(targets_json), _deciding(settings), seed, _code()])
@@ -169,7 +171,7 @@ def gather(
     network = read_network(hyperaemia_json)
     totals = distal_resistances(network)
     resistances = np.array([totals[name] for name in names])
-    write_csv(out.fractions, fractions([outlet["name"] for outlet in outlets], volume, resistances, chains))
+    write_csv(out.fractions, fractions([outlet.name for outlet in outlets], volume, resistances, chains))
     fitted = with_resistances(network, hyperaemia_json, by_name(names, chains.fit_multipliers))
     write_network(out.fitted, fitted)
     shares = targets.mean / targets.mean.sum()
@@ -236,20 +238,14 @@ def _code() -> list[str]:
     return [checksum(path) for part in ("posterior", "zerod") for path in sorted((root / part).rglob("*.py"))]
 
 
-def _read_targets(targets_json: str | Path, case_json: str | Path) -> tuple[TargetFlows, list[dict], np.ndarray]:
-    """Targets, the case's outlets in their order, and territory volumes (N,) in cm3 (nan where not known)."""
-    case, targets = read_case(case_json, "outlets.bc"), read_json(targets_json, ("bc", "mean", "covariance"))
-    outlets = {outlet["bc"]: outlet for outlet in case["outlets"]}
-    for bc in targets["bc"]:
+def _read_targets(targets_json: str | Path, case_json: str | Path) -> tuple[TargetFlows, list[CaseOutlet], np.ndarray]:
+    """Targets, the case's outlets in their order, and territory volumes (N,) in cm3."""
+    targets = read_perfusion_targets(targets_json)
+    outlets = {outlet.bc: outlet for outlet in read_case(case_json).outlets}
+    for bc in targets.bc:
         if bc not in outlets:
             raise InputError(targets_json, "bc", bc, "no such outlet in the case; gather the perfusion stage again")
-    mean, covariance = np.array(targets["mean"], dtype=float), np.array(targets["covariance"], dtype=float)
-    if len(mean) < 2:
-        raise InputError(targets_json, "bc", targets["bc"], "expected at least two outlets that perfuse the LV")
-    if mean.shape != (len(targets["bc"]),) or covariance.shape != (len(mean), len(mean)):
-        raise InputError(targets_json, "covariance", covariance.shape, f"expected {len(mean)} by {len(mean)}")
-    if not np.all(mean > 0):
-        raise InputError(targets_json, "mean", float(mean.min()), "target flows must be positive")
-    volume = np.array(targets.get("volume", np.full(len(mean), np.nan)), dtype=float)
-    names = list(targets["bc"])
-    return TargetFlows(names, mean, covariance, targets_json), [outlets[bc] for bc in names], volume
+    if len(targets.bc) < 2:
+        raise InputError(targets_json, "bc", targets.bc, "expected at least two outlets that perfuse the LV")
+    flows = TargetFlows(targets.bc, targets.mean, targets.covariance, targets_json)
+    return flows, [outlets[bc] for bc in targets.bc], targets.volume

@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from coronaryuq.case.case_json import CaseSummary, read_case
 from coronaryuq.core import provenance
 from coronaryuq.core.io.atomic import read_json, write_text
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.estimation.results import RowReport, read_estimates
+from coronaryuq.perfusion.targets import PerfusionTargets, read_perfusion_targets
 from coronaryuq.posterior.results import Summary, read_summary
 from coronaryuq.report import coarse_level, discrepancy, wanted
 from coronaryuq.report.costs import costs
@@ -71,7 +73,8 @@ def write_report(
     searches
         Answers, figures and true effects of searches for missing effects; see `report.discrepancy.write_page`.
     """
-    case, targets, summary = read_json(files["case"]), read_json(files["targets"]), read_summary(files["summary"])
+    case, targets = read_case(files["case"]), read_perfusion_targets(files["targets"])
+    summary = read_summary(files["summary"])
     failures, estimates = read_json(files["failures"]), read_estimates(files["estimates"])
     rows = estimates.rows
     notes, mesh = Notes(), MeshError(files["mesh"], files.get("mesh_study"))
@@ -82,7 +85,7 @@ def write_report(
         "threshold": f"{configuration['estimation']['ffr_threshold']:.2f}",
         "level": f"{100 * configuration['estimation']['level']:.0f} %",
         "counts": _counts(failures, rows),
-        "vessels": [vessel_card(stenosis, rows, _outlet_names(case), mesh) for stenosis in case["stenoses"]],
+        "vessels": [vessel_card(stenosis.name, rows, _outlet_names(case), mesh) for stenosis in case.stenoses],
         "table": [table_row(row, notes) | {"mesh": mesh.of(row.column_3d)} for row in rows],
         "notes": notes.texts,
         "coarse_level": coarse_level.sentence(estimates.rows, estimates.coarse),
@@ -100,9 +103,9 @@ def write_report(
     write_text(out, discrepancy.environment().get_template("template.html").render(context))
 
 
-def _outlet_names(case: dict) -> dict[str, str]:
+def _outlet_names(case: CaseSummary) -> dict[str, str]:
     """Return the label of each input of the posterior."""
-    names = {outlet["bc"]: f"{outlet['label']} ({outlet['name']})" for outlet in case["outlets"]}
+    names = {outlet.bc: f"{outlet.label} ({outlet.name})" for outlet in case.outlets}
     return names | {"R_cor_scaling": "total coronary resistance"}
 
 
@@ -139,19 +142,19 @@ def _matched(fit, summary: Summary) -> dict:
     }
 
 
-def _noise(targets: dict) -> list[dict]:
+def _noise(targets: PerfusionTargets) -> list[dict]:
     lines = []
-    for name, model in targets["models"].items():
-        correlation = np.array(model["correlation"], dtype=float)
+    for name, model in targets.models.items():
+        correlation = model.correlation
         pairs = correlation[np.triu_indices(len(correlation), 1)]
-        spread = 100 * np.array(model["relative_sd"])
+        spread = 100 * model.relative_sd
         lines.append(
             {
                 "name": name,
                 "sd": f"{spread.min():.1f} to {spread.max():.1f}",
                 "lowest": number(pairs.min(), 2),
                 "highest": number(pairs.max(), 2),
-                "used": "for its correlations" if name == targets["use"] else "",
+                "used": "for its correlations" if name == targets.use else "",
             }
         )
     return lines

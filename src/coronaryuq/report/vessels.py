@@ -15,13 +15,13 @@ LIKELY = 0.9
 """Probability, over its whole interval, above which the page states a verdict."""
 
 
-def vessel_card(stenosis: dict, rows: list[RowReport], outlets: Mapping[str, str], mesh: MeshError) -> dict:
+def vessel_card(artery: str, rows: list[RowReport], outlets: Mapping[str, str], mesh: MeshError) -> dict:
     """Return what the template shows of one stenosis.
 
     Parameters
     ----------
-    stenosis
-        Entry of `case.json`.
+    artery
+        Name of the stenosed artery: LAD, LCx or RCA.
     rows
         Rows of `estimates.json`.
     outlets
@@ -29,13 +29,13 @@ def vessel_card(stenosis: dict, rows: list[RowReport], outlets: Mapping[str, str
     mesh
         Error of mesh and time step.
     """
-    branch = stenosis["name"].lower()
+    branch = artery.lower()
     of_quantity = {q: _recommended(rows, f"{q}_{branch}") for q in QUANTITIES}
     ffr_row, ffr = of_quantity["ffr"]
     beyond = ffr_row.beyond_the_mean
     probability = beyond.probability_at_or_below
     return {
-        "name": stenosis["name"],
+        "name": artery,
         "ffr": _quantity(ffr, FFR_DECIMALS) | {"mesh": mesh.of(f"ffr_{branch}")},
         "draws": _draws(beyond.quantiles or {}),
         "rare": _rare(beyond.quantiles or {}),

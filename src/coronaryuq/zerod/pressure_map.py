@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from coronaryuq.case.anatomy.tree import Stenosis, read_tree
+from coronaryuq.case.anatomy.tree import placed_stenoses, read_tree
 from coronaryuq.case.case_json import read_case
 from coronaryuq.case.network.build import segments
 from coronaryuq.core.io.tables import read_csv, write_csv
@@ -24,16 +24,15 @@ def write_map(
     """
     network, case, tree = (
         read_network(network_json),
-        read_case(case_json, "aorta.pressure", "stenoses.name"),
+        read_case(case_json),
         read_tree(tree_vtp),
     )
     draws = read_csv(draws_csv)
     theta = {bed: np.array([draws[bed].mean()]) for bed in beds(network) if bed in draws.columns}
-    stenoses = [Stenosis(s["name"], s["vessel"], s["start"], s["end"]) for s in case["stenoses"] if "start" in s]
-    parts = segments(tree, stenoses)
+    parts = segments(tree, placed_stenoses(case.stenoses))
     engine = Engine(network)
     ends = _ends(engine.unknowns)
-    aorta = f"mean_pressure:{case['aorta']['pressure']}"
+    aorta = f"mean_pressure:{case.aorta.pressure}"
     wanted = {place for part in parts for place in ends.get(part.name, ())}
     quantities = [f"mean_{kind}:{place}" for place in sorted(wanted) for kind in ("pressure", "flow")]
     result = engine.run(theta_changes(network, theta), [aorta, *quantities])

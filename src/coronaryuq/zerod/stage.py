@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from coronaryuq.case.case_json import read_case
+from coronaryuq.case.case_json import CaseSummary, read_case
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import replacing
 from coronaryuq.core.records import FAILED, OK
@@ -36,8 +36,7 @@ def run_chunk(
     every sample starts from the network's own periodic state. A failed sample is a row without values.
     """
     network = read_network(network_path)
-    needs = ("name", "vessel", "root", "flow", "ffr", "outlet")
-    case = read_case(case_path, "aorta.pressure", "outlets.bc", "outlets.perfuses", *(f"stenoses.{n}" for n in needs))
+    case = read_case(case_path)
     theta = read_theta(samples_csv, first, count, network, network_path)
     solver = choose.make(settings.backend, network, network_path)
     places, ratios = locations(case, solver.unknowns, case_path), ffr_locations(case)
@@ -53,7 +52,7 @@ def run_chunk(
         "threads": settings.threads,
     }
     start = solver.run({}, **options).state[0] if settings.periodic else None
-    aorta = f"mean_pressure:{case['aorta']['pressure']}"
+    aorta = f"mean_pressure:{case.aorta.pressure}"
     frames = []
     for begin in range(0, count, settings.batch):
         part = theta.iloc[begin : begin + settings.batch]
@@ -81,21 +80,20 @@ def run_chunk(
         pd.concat(frames, ignore_index=True).to_parquet(beside, index=False)
 
 
-def ffr_locations(case: dict) -> dict[str, str]:
+def ffr_locations(case: CaseSummary) -> dict[str, str]:
     """`ffr_lad` and the like → 0D location distal to the stenosis, whose mean pressure over the aorta's is FFR."""
-    return {f"ffr_{stenosis['name'].lower()}": stenosis["ffr"] for stenosis in case["stenoses"]}
+    return {f"ffr_{stenosis.name.lower()}": stenosis.ffr for stenosis in case.stenoses}
 
 
-def locations(case: dict, unknowns: list[str], file: str | Path = "case.json") -> list[str]:
+def locations(case: CaseSummary, unknowns: list[str], file: str | Path = "case.json") -> list[str]:
     """0D locations "A:B" whose flow and pressure are measured, each once; `InputError` for one that is not there."""
     known = [name.removeprefix("flow:") for name in unknowns if name.startswith("flow:")]
-    found = [case["aorta"]["pressure"]]
-    for stenosis in case["stenoses"]:
-        vessel = stenosis["vessel"]
-        found += [stenosis["root"], stenosis["flow"], stenosis["ffr"]]
-        found += [at for at in known if vessel in at.split(":")]
-        found += [at for at in known if at.split(":")[1] == stenosis["outlet"]]
-    perfusing = {outlet["bc"] for outlet in case["outlets"] if outlet["perfuses"] == "LV"}
+    found = [case.aorta.pressure]
+    for stenosis in case.stenoses:
+        found += [stenosis.root, stenosis.flow, stenosis.ffr]
+        found += [at for at in known if stenosis.vessel in at.split(":")]
+        found += [at for at in known if at.split(":")[1] == stenosis.outlet]
+    perfusing = {outlet.bc for outlet in case.lv_outlets}
     found += [at for at in known if at.split(":")[1] in perfusing]
     for at in found:
         if at not in known:

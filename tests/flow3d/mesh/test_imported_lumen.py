@@ -9,12 +9,13 @@ import pyvista as pv
 from coronaryuq.case.anatomy.surface import surface_of
 from coronaryuq.case.anatomy.tree import write_tree
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.atomic import read_json, write_json
+from coronaryuq.core.io.atomic import write_json
 from coronaryuq.flow3d.mesh.domain import read_domain
 from coronaryuq.flow3d.mesh.generation import folder
 from coronaryuq.flow3d.mesh.imported_lumen import adopt_folder, mesh_closed_surface
 from coronaryuq.flow3d.mesh.settings import Settings
 from coronaryuq.flow3d.mesh.stage import make_mesh, mesh_tree
+from support.case_files import write_case_json
 from support.random_trees import network_of, random_tree
 
 
@@ -64,7 +65,7 @@ def case_in_mm(forked, tmp_path_factory):
     given, _, tree, stenoses, network, _ = forked
     here = tmp_path_factory.mktemp("case")
     entries = [{"name": s.name, "vessel": s.vessel, "start": s.start, "end": s.end} for s in stenoses]
-    write_json(here / "case.json", {"stenoses": entries, "anatomy": {"kind": "surface", "unit": "mm"}})
+    write_case_json(here / "case.json", stenoses=entries, anatomy={"kind": "surface", "unit": "mm"})
     write_tree(here / "tree.vtp", tree)
     write_json(here / "network.json", network)
     mesh = folder.read(given)
@@ -95,7 +96,6 @@ def test_the_rule_takes_a_mesh_folder_in_the_unit_of_the_case(forked, case_in_mm
 def test_a_case_without_lumen_or_anatomy_is_rejected(case_in_mm, tmp_path):
     with pytest.raises(InputError, match="anatomy: domain `lumen` needs a surface"):
         rule(case_in_mm, tmp_path / "out")
-    case = read_json(case_in_mm / "case.json") | {"schematic": True}
-    write_json(tmp_path / "case.json", case)
+    write_case_json(tmp_path / "case.json", anatomy=None)
     with pytest.raises(InputError, match="a schematic 0D network"):
         make_mesh(tmp_path / "case.json", case_in_mm / "tree.vtp", case_in_mm / "network.json", Settings(), tmp_path)

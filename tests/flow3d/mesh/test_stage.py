@@ -17,6 +17,7 @@ from coronaryuq.flow3d.mesh.stage import make_mesh, mesh_tree
 from coronaryuq.zerod.network.numbering import Model
 from coronaryuq.zerod.network.read import check_network, copy_of
 from coronaryuq.zerod.solver.engine import Engine
+from support.case_files import write_case_json
 from support.random_trees import network_of, random_tree, tube
 
 
@@ -221,7 +222,7 @@ def test_a_network_with_other_names_is_rejected(stenosed):
 
 @pytest.mark.parametrize("domain", ["segments", "trees"])
 def test_a_case_without_stenosis_is_rejected_before_anything_runs(stenosed, tmp_path, domain):
-    (tmp_path / "case.json").write_text('{"stenoses": []}')
+    write_case_json(tmp_path / "case.json")
     write_tree(tmp_path / "t.vtp", stenosed[2])
     settings = Settings(domain=domain)
     with pytest.raises(
@@ -236,7 +237,7 @@ def test_an_anatomy_that_cannot_be_meshed_is_reported_on_one_line(stenosed, coar
     write_tree(tmp_path / "tree.vtp", tree)
     write_json(tmp_path / "network.json", network)
     entries = [{"name": s.name, "vessel": s.vessel, "start": s.start, "end": s.end} for s in stenoses]
-    write_json(tmp_path / "case.json", {"stenoses": entries})
+    write_case_json(tmp_path / "case.json", stenoses=entries)
     given = (tmp_path / f"{name}" for name in ("case.json", "tree.vtp", "network.json"))
     short = coarse.model_copy(update={"time_limit": 0.01, "attempts": 1})
     with pytest.raises(

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from coronaryuq.case.case_json import read_case
 from coronaryuq.cli.main import main
 from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.core.io.tables import read_csv
@@ -38,8 +39,8 @@ def test_the_network_that_it_writes_meets_the_fractions(campaign, tmp_path, caps
     flows = table(tmp_path / "flows.csv", columns)
     assert main(["fit", str(campaign[1]), flows, "--out", str(tmp_path / "out"), "--json"]) == 0
     said, found = json.loads(capsys.readouterr().out), read_csv(tmp_path / "out" / "fractions.csv")
-    outlets = read_json(campaign[0])["outlets"]
-    fitted = BedFlows(tmp_path / "out" / "fitted.json", outlets[:5], tolerance=1e-6, steps_per_cycle=None)
+    vessels = {outlet.bc: outlet.vessel for outlet in read_case(campaign[0]).outlets[:5]}
+    fitted = BedFlows(tmp_path / "out" / "fitted.json", vessels, tolerance=1e-6, steps_per_cycle=None)
     anew = fitted.flows(np.ones((1, 5)))[0]
     assert np.allclose(anew / anew.sum(), wanted, rtol=1e-4)
     assert list(found["bc"]) == [f"BC_{i}" for i in range(5)]

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from coronaryuq.case.case_json import CaseStenosis
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.vtk import read_vtk, write_vtk
 
@@ -76,6 +77,11 @@ class Stenosis:
     vessel: str
     start: float
     end: float
+
+
+def placed_stenoses(stenoses: Iterable[CaseStenosis]) -> list[Stenosis]:
+    """Return the stenoses of `case.json` that have an extent along a vessel of the tree, in the same order."""
+    return [Stenosis(s.name, s.vessel, s.start, s.end) for s in stenoses if s.start is not None and s.end is not None]
 
 
 class Tree:

@@ -5,17 +5,16 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from coronaryuq.case.case_json import Branch, Point
 from coronaryuq.case.description.yaml_file import read_yaml
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import BLOOD_DENSITY, BLOOD_VISCOSITY, FLOWS, LENGTHS, TISSUE_DENSITY, perfusions
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]{0,63}$")]
-Point = tuple[float, float, float]
 LengthUnit = Literal[tuple(LENGTHS)]
 PerfusionUnit = Literal[tuple(perfusions())]
 FlowUnit = Literal[tuple(FLOWS)]
 TerritoryUnit = Literal[(*FLOWS, "fraction", *perfusions(), "volume")]
-Branch = Literal["LAD", "LCx", "RCA"]
 
 
 class _Model(BaseModel):

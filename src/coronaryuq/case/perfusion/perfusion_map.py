@@ -1,10 +1,12 @@
 """The map of myocardial blood flow: read in the user's units, cut to the wall, checked, mended, in CGS."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from coronaryuq.case.case_json import CaseOutlet
 from coronaryuq.case.description.fields import Perfusion
 from coronaryuq.case.perfusion.cells import turnable
 from coronaryuq.case.perfusion.images import IMAGE_SUFFIXES, Invalid, as_cells, read_image, register
@@ -68,15 +70,15 @@ def read_wall(file: str | Path, map_: Perfusion, folder: Path, tissue_density: f
     return Wall(grid, notes)
 
 
-def distances_to_outlets(wall: Wall, outlets: list[dict]) -> np.ndarray:
+def distances_to_outlets(wall: Wall, outlets: Sequence[CaseOutlet]) -> np.ndarray:
     """Distance (n,) in cm from each LV-perfusing outlet to the wall."""
     from scipy.spatial import cKDTree
 
-    points = [outlet["point"] for outlet in outlets if outlet["perfuses"] == "LV"]
+    points = [outlet.point for outlet in outlets if outlet.perfuses == "LV"]
     return cKDTree(np.asarray(wall.mesh.points, dtype=float)).query(np.array(points, dtype=float))[0]
 
 
-def check_place(file: str | Path, map_: Perfusion, wall: Wall, outlets: list[dict]) -> tuple[str, ...]:
+def check_place(file: str | Path, map_: Perfusion, wall: Wall, outlets: Sequence[CaseOutlet]) -> tuple[str, ...]:
     """A note where the outlets lie far from the wall; InputError where the map is in another space than they are."""
     away = float(np.median(distances_to_outlets(wall, outlets)))
     found = f"the wall lies {away:.2g} cm (median) from the outlets that perfuse it"

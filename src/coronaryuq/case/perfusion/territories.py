@@ -1,14 +1,19 @@
 """A ventricle made of measured territories: one cell per LV-perfusing outlet, where the map itself is not at hand."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from coronaryuq.case.case_json import CaseOutlet
 from coronaryuq.case.perfusion.perfusion_map import Wall
 
 TYPICAL_FLOW = 2.0 / 60.0
 """mL/s/g under hyperaemia; only where no territory volume is given."""
 
 
-def wall_of_territories(outlets: list[dict], flows: dict[str, tuple[float, float]], tissue_density: float) -> Wall:
+def wall_of_territories(
+    outlets: Sequence[CaseOutlet], flows: dict[str, tuple[float, float]], tissue_density: float
+) -> Wall:
     """One vertex cell per LV-perfusing outlet with its measured volume (cm3) and the flow per mass that gives its flow.
 
     flows: outlet → (flow mL/s, volume cm3 or NaN). Each cell lies at its outlet, so that the nearest outlet is its own
@@ -16,15 +21,15 @@ def wall_of_territories(outlets: list[dict], flows: dict[str, tuple[float, float
     """
     import pyvista as pv
 
-    feeding = [outlet for outlet in outlets if outlet["perfuses"] == "LV"]
+    feeding = [outlet for outlet in outlets if outlet.perfuses == "LV"]
     notes = ["territory flows as measured, one cell per outlet; no perfusion map"]
-    flow = np.array([flows[outlet["name"]][0] for outlet in feeding])
-    volume = np.array([flows[outlet["name"]][1] for outlet in feeding])
+    flow = np.array([flows[outlet.name][0] for outlet in feeding])
+    volume = np.array([flows[outlet.name][1] for outlet in feeding])
     unknown = ~np.isfinite(volume)
     volume[unknown] = flow[unknown] / (TYPICAL_FLOW * tissue_density)
     if unknown.any():
         notes.append("territory volumes not given; taken as if perfused at 2 mL/min/g")
-    points = np.array([outlet["point"] for outlet in feeding], dtype=float)
+    points = np.array([outlet.point for outlet in feeding], dtype=float)
     cells = np.arange(len(points))[:, None]
     grid = pv.UnstructuredGrid({pv.CellType.VERTEX: cells}, points)
     grid.cell_data["Volume"] = volume

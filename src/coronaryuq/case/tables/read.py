@@ -9,7 +9,8 @@ from typing import get_args
 
 import numpy as np
 
-from coronaryuq.case.description.fields import Branch, TerritoryFlows
+from coronaryuq.case.case_json import Branch, TargetValue, Tissue
+from coronaryuq.case.description.fields import TerritoryFlows
 from coronaryuq.case.description.yaml_file import read_yaml
 from coronaryuq.case.perfusion.perfusion_map import PLAUSIBLE_FLOW, PLAUSIBLE_VOLUME
 from coronaryuq.case.tables.targets import BY_NAME, checked
@@ -17,8 +18,8 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import line_number, read_csv, read_table_text
 from coronaryuq.core.units import FLOWS, MBF_PER_MIN_PER_G, TISSUE_DENSITY, perfusions
 
-BRANCHES = get_args(Branch)
-PERFUSES = ("LV", "RV", "septum")
+BRANCHES: tuple[Branch, ...] = get_args(Branch)
+TISSUES: tuple[Tissue, ...] = get_args(Tissue)
 MOST_OUTLETS = 500
 LARGEST_TABLE = 10_000_000
 """Bytes."""
@@ -69,7 +70,7 @@ def _outlet(path: Path, number: int, record: dict) -> OutletRow:
     if name is None or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_.-]{0,63}", name):
         raise InputError(path, f"row {number}, name", name, "wanted letters, digits, _ . - with a letter first")
     bc = text("bc", f"BC_{name}")
-    for column, allowed in (("perfuses", PERFUSES), ("branch", BRANCHES)):
+    for column, allowed in (("perfuses", TISSUES), ("branch", BRANCHES)):
         if text(column) not in allowed:
             raise InputError(path, f"row {number}, {column}", text(column), f"allowed: {', '.join(allowed)}")
     given = [record.get(axis) is not None for axis in "xyz"]
@@ -164,8 +165,8 @@ def _plausible(file: str | Path, flows: TerritoryFlows, flow: float, volume: flo
         )  # fmt: skip
 
 
-def read_case_targets(path: Path) -> dict[str, dict]:
-    """Clinical targets as `case.json` holds them: name → description, value or None, unit; plausible ones (`checked`).
+def read_case_targets(path: Path) -> dict[str, TargetValue]:
+    """Read clinical targets by name, checked for plausibility (`checked`).
 
     A CSV is read as by `csv_targets`; YAML is `NAME: value` or `NAME: {value, unit, description}`.
     Without a unit, pressures are dyn/cm2 if the largest in the file is 1000 or more, else mmHg: no body has both.
@@ -182,7 +183,7 @@ def read_case_targets(path: Path) -> dict[str, dict]:
         target = BY_NAME.get(name)
         unit = unit or (pressure if _is_pressure(name) else target and target.unit)
         description = description or (target and target.description)
-        targets[name] = {"description": description, "value": value, "unit": unit}
+        targets[name] = TargetValue(description=description, value=value, unit=unit)
     checked(targets, path)
     return targets
 

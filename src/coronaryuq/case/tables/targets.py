@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from coronaryuq.case.case_json import TargetValue
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import PRESSURES, RATIOS, VOLUMES
 
@@ -66,7 +67,7 @@ tuned."""
 BY_NAME = {target.name: target for target in TARGETS}
 
 
-def checked(given: Mapping[str, Mapping], file: str | Path) -> dict[str, float]:
+def checked(given: Mapping[str, TargetValue], file: str | Path) -> dict[str, float]:
     """Targets in their own units from {NAME: {value, unit}}, a unit of None being their own; those without a value are
     left out.
 
@@ -74,14 +75,13 @@ def checked(given: Mapping[str, Mapping], file: str | Path) -> dict[str, float]:
     """
     found = {}
     for name, entry in given.items():
-        value, unit = entry.get("value"), entry.get("unit")
+        value, unit = entry.value, entry.unit
         if name not in BY_NAME:
             raise InputError(file, name, value, f"unknown target; known: {', '.join(BY_NAME)}")
-        number = _number(value)
-        if number is None:
+        if value is None:
             continue
         target = BY_NAME[name]
-        number *= _into(target, unit, file)
+        number = value * _into(target, unit, file)
         low, high = target.plausible
         if not low <= number <= high:
             unit = "" if target.unit == "1" else f" {target.unit}"
@@ -104,12 +104,3 @@ def _into(target: Target, unit: str | None, file: str | Path) -> float:
     if not isinstance(unit, str) or unit not in table:
         raise InputError(file, f"{target.name}.unit", unit, f"wanted one of {', '.join(table)}")
     return table[unit] / table[target.unit]
-
-
-def _number(value) -> float | None:
-    if value is None or (isinstance(value, str) and value.lower() in ("none", "nan", "")):
-        return None
-    try:
-        return float(value)
-    except ValueError:
-        return float("nan")

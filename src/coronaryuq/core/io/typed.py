@@ -22,13 +22,13 @@ def plain(result: Any) -> Any:
     return [plain(value) for value in result] if isinstance(result, list) else result
 
 
-def checked(kind: type[Result], value: Any, path: str | Path) -> Result:
-    """Return plain values as the dataclass (or list of dataclasses) `kind`.
+def checked(kind: type[Result], value: Any, path: str | Path, remedy: str = "recreate it") -> Result:
+    """Return plain values as `kind`, a dataclass, pydantic model or list of them.
 
     Raises
     ------
     InputError
-        If a field is missing or of another type; it names `path` and the field.
+        If a field is missing or of another type; it names `path`, the field and the remedy.
     """
     from pydantic import TypeAdapter, ValidationError
 
@@ -36,6 +36,8 @@ def checked(kind: type[Result], value: Any, path: str | Path) -> Result:
         return TypeAdapter(kind).validate_python(value)
     except ValidationError as errors:
         first = errors.errors(include_url=False)[0]
-        field = ".".join(map(str, first["loc"]))
+        field = ".".join(map(str, first["loc"])) or None
+        if first["type"] == "missing":
+            raise InputError(path, field, None, f"missing; {remedy}") from None
         message = first["msg"][0].lower() + first["msg"][1:]
-        raise InputError(path, field, None, f"{message}; recreate it") from None
+        raise InputError(path, field, first["input"], f"{message}; {remedy}") from None

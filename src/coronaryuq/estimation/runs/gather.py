@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from coronaryuq.case.case_json import read_case
+from coronaryuq.case.case_json import CaseSummary, read_case
 from coronaryuq.core import records
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json, write_json
@@ -124,8 +124,7 @@ def gather(
     bounds = {name: limits.get(name, limits["r"]) for name in columns}
     ends = (("min", 0), ("max", 1))
     write_json(out / "param_limits.json", {end: {name: bounds[name][k] for name in columns} for end, k in ends})
-    case = read_case(inputs.case, "stenoses.name", "stenoses.outlet")
-    write_csv(out / "rows.csv", rows(case, list(zerod.outputs.columns)))
+    write_csv(out / "rows.csv", rows(read_case(inputs.case), list(zerod.outputs.columns)))
     write_json(out / "failures.json", _failures(fine, (zerod, zerod_beyond, zerod_more), coarse))
 
 
@@ -185,14 +184,14 @@ def _failed(runs: list[records.Record]) -> list[dict[str, Any]]:
     return [{"sample": r.sample, "reason": r.reason, "inputs": r.inputs} for r in runs if not r.ok]
 
 
-def rows(case: dict[str, Any], columns_0d: Sequence[str]) -> pd.DataFrame:
+def rows(case: CaseSummary, columns_0d: Sequence[str]) -> pd.DataFrame:
     """The paper's table for this case: one row per quantity and stenosis, in its order."""
     lines = []
     for name, qoi_3d, qoi_0d, column_3d, column_0d in ROWS:
-        for stenosis in case["stenoses"]:
-            branch = stenosis["name"].lower()
-            outlet = next((c.split(":", 1)[1] for c in columns_0d if c.endswith(f":{stenosis['outlet']}")), None)
-            line = {"row": f"{name}_{branch}", "qoi_3d": qoi_3d, "qoi_0d": qoi_0d, "branch": stenosis["name"]}
+        for stenosis in case.stenoses:
+            branch = stenosis.name.lower()
+            outlet = next((c.split(":", 1)[1] for c in columns_0d if c.endswith(f":{stenosis.outlet}")), None)
+            line = {"row": f"{name}_{branch}", "qoi_3d": qoi_3d, "qoi_0d": qoi_0d, "branch": stenosis.name}
             line |= {"column_3d": column_3d.format(branch), "column_0d": column_0d.format(branch, outlet=outlet)}
             lines.append(line)
     return pd.DataFrame(lines)

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from coronaryuq.case.anatomy.stenosis_detection import example
 from coronaryuq.case.anatomy.surface import read_surface
-from coronaryuq.case.anatomy.tree import Stenosis, Tree, read_tree
+from coronaryuq.case.anatomy.tree import Stenosis, Tree, placed_stenoses, read_tree
 from coronaryuq.case.case_json import read_case
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.atomic import read_json, write_json
+from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.units import LENGTHS
 from coronaryuq.flow3d.mesh import imported_lumen
 from coronaryuq.flow3d.mesh.describe import describe
@@ -59,15 +59,19 @@ def make_mesh(
 def _make_mesh(
     case: Path, tree: Path, network: Path, settings: Settings, out: Path, lumen: Path | None
 ) -> MeshDescription:
-    content = read_json(case)
-    if content.get("schematic"):
+    content = read_case(case)
+    if content.anatomy is None:
         raise InputError(
             case,
             "anatomy",
             None,
             "the case is a schematic 0D network; give centrelines, a surface or a mesh",
         )
-    stenoses, whole = read_stenoses(case), read_tree(tree)
+    stenoses, whole = placed_stenoses(content.stenoses), read_tree(tree)
+    unplaced = [stenosis.name for stenosis in content.stenoses if stenosis.start is None]
+    if unplaced:
+        remedy = "known only as 0D blocks; give vessel, start and end, or a point, in case.yaml"
+        raise InputError(case, "stenoses", unplaced, remedy)
     if not stenoses:
         # Refused here rather than after all runs, when there is nothing to estimate.
         remedy = (
@@ -82,7 +86,7 @@ def _make_mesh(
         raise InputError(
             case, "anatomy", None, "domain `lumen` needs a surface or a mesh-complete folder; choose `trees`"
         )
-    scale = LENGTHS[content["anatomy"]["unit"]]
+    scale = LENGTHS[content.anatomy.unit]
     if lumen.is_dir():
         mesh, description = imported_lumen.adopt_folder(lumen, whole, stenoses, loop, settings, scale)
     else:
@@ -90,12 +94,6 @@ def _make_mesh(
         mesh, description = imported_lumen.mesh_closed_surface(surface, whole, stenoses, loop, settings, lumen)
     write_mesh(out, mesh, description)
     return description
-
-
-def read_stenoses(case: Path) -> list[Stenosis]:
-    """Read the stenoses of a `case.json`, in its order."""
-    stenoses = read_case(case, *(f"stenoses.{name}" for name in ("name", "vessel", "start", "end")))["stenoses"]
-    return [Stenosis(s["name"], s["vessel"], float(s["start"]), float(s["end"])) for s in stenoses]
 
 
 def mesh_tree(

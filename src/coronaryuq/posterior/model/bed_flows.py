@@ -1,6 +1,6 @@
 """Mean flow into each LV-perfusing bed, from the 0D engine."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -30,8 +30,8 @@ class BedFlows:
     ----------
     network_json
         The loop, svZeroDSolver JSON.
-    outlets
-        Outlets of `case.json` that perfuse the LV, in the order of the targets.
+    vessels
+        Bed (boundary condition) → vessel that ends in it, of the beds that perfuse the LV, in the order of the targets.
     tolerance
         Relative cycle-to-cycle error of a periodic run (1).
     steps_per_cycle
@@ -48,13 +48,13 @@ class BedFlows:
     """
 
     def __init__(
-        self, network_json: str | Path, outlets: Sequence[dict], *, tolerance: float, steps_per_cycle: int | None,
+        self, network_json: str | Path, vessels: Mapping[str, str], *, tolerance: float, steps_per_cycle: int | None,
         threads: int = 1, network: Network | None = None,
     ):  # fmt: skip
         self.network = read_network(network_json) if network is None else network
         self.engine = Engine(self.network, network_json)
-        self.beds = [outlet["bc"] for outlet in outlets]
-        self.quantities = [f"mean_flow:{outlet['vessel']}:{outlet['bc']}" for outlet in outlets]
+        self.beds = list(vessels)
+        self.quantities = [f"mean_flow:{vessel}:{bed}" for bed, vessel in vessels.items()]
         self.tolerance, self.steps_per_cycle, self.threads = tolerance, steps_per_cycle, threads
         totals = distal_resistances(self.network)
         for bed in self.beds:

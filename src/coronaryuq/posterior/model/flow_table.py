@@ -48,8 +48,8 @@ def fit_table(
         raise InputError("--hyperaemia", None, hyperaemia, "expected a positive factor")
     network = with_resistances(network, network_json, hyperaemia=hyperaemia)
     names, wanted = _proportions(flows_csv, beds(network))
-    outlets = [{"bc": name, "vessel": _vessel_of(network, name, network_json)} for name in names]
-    model = BedFlows(network_json, outlets, tolerance=1e-4, steps_per_cycle=None, network=network)
+    vessels = {name: _vessel_of(network, name, network_json) for name in names}
+    model = BedFlows(network_json, vessels, tolerance=1e-4, steps_per_cycle=None, network=network)
     fit = fit_fractions(model.flows, model.weights, wanted)
     first, fitted = (flows / flows.sum() for flows in (fit.flows_at_r_hat, fit.flows))
     table = pd.DataFrame(

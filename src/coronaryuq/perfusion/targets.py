@@ -1,0 +1,94 @@
+"""`targets.json`: the mean flow and noise covariance of every LV-perfusing outlet, for calibration and posterior."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, BeforeValidator, ConfigDict
+
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.atomic import read_json
+from coronaryuq.core.io.typed import checked
+from coronaryuq.perfusion.settings import NoiseModel
+
+REMEDY = "gather the perfusion stage again"
+
+Array = Annotated[np.ndarray, BeforeValidator(lambda values: np.asarray(values, dtype=float))]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, arbitrary_types_allowed=True)
+
+
+class NoiseStatistics(_Part):
+    """Statistics over realisations of one noise model; flows in mL/s, volumes in cm3, N outlets.
+
+    `bias` (N,) is mean / baseline - 1, `relative_sd` (N,) is relative to the baseline, `correlation_min` and
+    `correlation_max` are those of pairs of outlets, and `total_sd` is that of the whole LV's flow, relative.
+    """
+
+    noise: NoiseModel
+    mean: Array
+    bias: Array
+    covariance: Array
+    relative_sd: Array
+    correlation: Array
+    correlation_min: float
+    correlation_max: float
+    total_sd: float
+    volume_mean: Array
+    volume_sd: Array
+
+
+class VentricleTotals(_Part):
+    """The whole left ventricle: volume (cm3), mass (g), tissue density (g/mL), flow (mL/s), number of points."""
+
+    volume: float
+    mass: float
+    tissue_density: float
+    flow: float
+    points: int
+
+
+class PerfusionTargets(_Part):
+    """Target flows of the N outlets that perfuse the LV.
+
+    `outlets` and `bc` name the outlets and their boundary conditions. `mean` (N,) mL/s and `covariance` (N, N)
+    mL2/s2 are what calibration and posterior use: those of the noise model `use`, scaled to the relative standard
+    deviation `branch_sd` if it is given. `volume` (N,) cm3 and `baseline` (N,) mL/s belong to the noise-free
+    territories.
+    """
+
+    outlets: list[str]
+    bc: list[str]
+    mean: Array
+    covariance: Array
+    volume: Array
+    baseline: Array
+    use: str
+    branch_sd: float | None
+    relative_sd: Array
+    realisations: int
+    models: dict[str, NoiseStatistics]
+    lv: VentricleTotals
+    provenance: dict[str, Any]
+
+
+def read_perfusion_targets(path: str | Path) -> PerfusionTargets:
+    """Read `targets.json`.
+
+    Raises
+    ------
+    InputError
+        If a field is missing, its size differs from the number of outlets, or a mean flow is not positive.
+    """
+    targets = checked(PerfusionTargets, read_json(path), path, REMEDY)
+    n = len(targets.bc)
+    for name, shape in (("mean", (n,)), ("covariance", (n, n)), ("volume", (n,))):
+        found = getattr(targets, name).shape
+        if found != shape:
+            raise InputError(path, name, found, f"wanted {' by '.join(map(str, shape))} numbers; {REMEDY}")
+    for bc, flow in zip(targets.bc, targets.mean.tolist(), strict=True):
+        if not flow > 0.0:
+            raise InputError(path, f"mean of {bc}", flow, "wanted a positive flow")
+    return targets

@@ -1,0 +1,22 @@
+"""Clinical targets are converted to their own units and checked."""
+
+import pytest
+
+from coronaryuq.case.case_json import TargetValue
+from coronaryuq.case.tables.targets import checked
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.units import MMHG
+
+
+def test_targets_are_converted_to_their_own_units_and_unmeasured_ones_left_out():
+    given = {
+        "PaoMean": TargetValue(value=90.0 * MMHG, unit="dyn/cm2"),
+        "EFLV": TargetValue(value=68.0, unit="%"),
+        "PraMean": TargetValue(value=None, unit="mmHg"),
+    }
+    assert checked(given, "case.json") == pytest.approx({"PaoMean": 90.0, "EFLV": 0.68})
+
+
+def test_a_volume_in_mmhg_is_refused():
+    with pytest.raises(InputError, match=r"AbsQin\.unit"):
+        checked({"AbsQin": TargetValue(value=66.0, unit="mmHg")}, "case.json")
