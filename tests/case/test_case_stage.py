@@ -128,7 +128,7 @@ def test_a_ready_network_needs_no_anatomy(shared, tmp_path):
     [
         (
             "{name: LCx, block: branch20_seg0}, {name: RCA, block: branch20_seg0}",
-            "case.yaml: stenoses of LCx and RCA are one 0D vessel, branch20_seg0; name the block of each",
+            "case.yaml: stenoses of LCx and RCA share the 0D vessel branch20_seg0; give each its own block",
         ),
         (
             "{name: RCA, block: branch20_seg0}",
@@ -164,7 +164,7 @@ def test_a_ready_network_in_mmhg_is_the_same_case(shared, tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "expected"),
     [
-        ("lca1,LV,LAD", "lca99,LV,LAD", "bc = 'BC_lca99': no coronary bed of network.json"),
+        ("lca1,LV,LAD", "lca99,LV,LAD", "bc = 'BC_lca99': network.json has no such coronary bed"),
         ("lca1,LV,LAD", "lca1,LV,RCA", "branch of lca1 = 'RCA': BC_lca1 is a left bed"),
         ("lca1,LV,LAD\n", "", "bc = 'BC_lca1': missing; network.json has this coronary bed"),
     ],

@@ -23,10 +23,10 @@ def test_a_sound_case_has_no_findings_and_says_what_it_holds(small_tree, tmp_pat
 
 
 MISTAKES = {
-    "unknown field": ({"heartrate": "60"}, "heartrate = 60: unknown field; known here: name, description"),
+    "unknown field": ({"heartrate": "60"}, "heartrate = 60: unknown field; known fields: name, description"),
     "unknown field inside": (
         {"perfusion": "{file: lv.vtu, unit: mL/min/g, length_unit: cm, colour: red}"},
-        "perfusion.colour = 'red': unknown field; known here: file, array",
+        "perfusion.colour = 'red': unknown field; known fields: file, array",
     ),
     "unit": (
         {"perfusion": "{file: lv.vtu, array: MBF, unit: litres, length_unit: cm}"},
@@ -47,15 +47,15 @@ MISTAKES = {
             "stenoses": "[{name: LAD, vessel: lca1, start: 1, end: 2},"
             " {name: LAD, vessel: lca2, start: 1, end: 2}]"
         },
-        "stenoses names LAD twice",
+        "stenoses has LAD twice",
     ),
     "stenoses in a word": (
         {"stenoses": "none"},
-        "stenoses = 'none': wanted auto, or a list such as [{name: LAD, vessel: LAD, start: 2.0, end: 3.0}], or []",
+        "stenoses = 'none': wanted auto, a list such as [{name: LAD, vessel: LAD, start: 2.0, end: 3.0}], or []",
     ),
     "stenosis on no vessel": (
         {"stenoses": "[{name: LAD, vessel: lad9, start: 1, end: 2}]"},
-        "stenoses.LAD.vessel = 'lad9': no vessel of the tree; it has aorta, branch1, lca1",
+        "stenoses.LAD.vessel = 'lad9': no such vessel; the tree has aorta, branch1, lca1",
     ),
     "stenosis beyond the end": (
         {"stenoses": "[{name: LAD, vessel: lca1, start: 1, end: 5}]"},
@@ -71,7 +71,7 @@ MISTAKES = {
     ),
     "stenosis half given": (
         {"stenoses": "[{name: LAD, vessel: lca1, start: 1}]"},
-        "start and end (cm along the vessel) go with vessel",
+        "give start and end (cm along the vessel) with vessel",
     ),
     "map and flows": (
         {"territory_flows": "{file: flows.csv, unit: mL/s}"},
@@ -83,22 +83,22 @@ MISTAKES = {
     ),
     "wrong perfusion unit": (
         {"perfusion": "{file: lv.vtu, array: MBF, unit: mL/min/100g, length_unit: cm}"},
-        "perfusion.unit = 'mL/min/100g': makes the median flow 0.02 mL/min/g, outside 0.1 to 10.0; "
-        "the values would fit mL/min/g or mL/min/mL",
+        "perfusion.unit = 'mL/min/100g': gives a median flow of 0.02 mL/min/g, outside 0.1 to 10.0; "
+        "the values would be plausible in mL/min/g or mL/min/mL",
     ),
     "wrong length unit": (
         {"perfusion": "{file: lv.vtu, array: MBF, unit: mL/min/g, length_unit: mm}"},
-        "perfusion.length_unit = 'mm': makes the wall 0.7 cm long; its points look like cm",
+        "perfusion.length_unit = 'mm': makes the wall 0.7 cm long; its points seem to be in cm",
     ),
     "map in another space": (
         {"perfusion": "{file: lv.vtu, array: MBF, unit: mL/min/g, length_unit: cm, "
                       "affine: [[1, 0, 0, 20], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}"},
-        "from the outlets that perfuse it: the map is not in the anatomy's space; check the affine",
+        "from the outlets that perfuse it: map and anatomy are not aligned; check the affine",
     ),
     "affine to mm": (
         {"perfusion": "{file: lv.vtu, array: MBF, unit: mL/min/g, length_unit: cm, "
                       "affine: [[10, 0, 0, 0], [0, 10, 0, 0], [0, 0, 10, 0], [0, 0, 0, 1]]}"},
-        "perfusion.affine: makes the wall 70 cm long; the affine must lead to cm",
+        "perfusion.affine: makes the wall 70 cm long; the affine must map to cm",
     ),
 }  # fmt: skip
 
@@ -119,7 +119,7 @@ def test_a_mistake_is_one_line_with_file_field_value_and_remedy(small_tree, tmp_
         ("name: [unclosed", "not valid YAML"),
         ("just text", "wanted a mapping of fields"),
         ("name: a\nname: b\n", "name is given twice"),
-        ("a: &x [1]\nb: *x\n", "aliases (*name) are not used here"),
+        ("a: &x [1]\nb: *x\n", "aliases (*name) are not supported"),
         ("name: !!python/object/apply:os.system ['true']\n", "not valid YAML"),
         ("\x00", "not valid YAML"),
     ],
@@ -132,13 +132,16 @@ def test_yaml_that_is_no_description_is_refused(tmp_path, text, expected):
 
 
 TABLES = {
-    "unknown end": ("lca9,lca9,LV,LAD", "vessel of lca9 = 'lca9': no end of the tree; ends: lca1, lca2, rca1"),
+    "unknown end": (
+        "lca9,lca9,LV,LAD",
+        "vessel of lca9 = 'lca9': not an end of the tree; its ends are lca1, lca2, rca1",
+    ),
     "perfuses": ("lca1,lca1,left,LAD", "row 1, perfuses = 'left': allowed: LV, RV, septum"),
     "branch": ("lca1,lca1,LV,LM", "row 1, branch = 'LM': allowed: LAD, LCx, RCA"),
     "twice": ("lca1,lca1,LV,LAD\nlca1,lca2,LV,LCx", "name = 'lca1': occurs twice"),
-    "same end": ("a,lca1,LV,LAD\nb,lca1,LV,LCx", "b = 'lca1': another outlet has this end"),
+    "same end": ("a,lca1,LV,LAD\nb,lca1,LV,LCx", "b = 'lca1': another outlet is already at this end"),
     "none for the LV": ("lca1,lca1,RV,LAD", "no outlet perfuses the LV"),
-    "name": ("1x,lca1,LV,LAD", "row 1, name = '1x': wanted letters"),
+    "name": ("1x,lca1,LV,LAD", "row 1, name = '1x': wanted a letter"),
 }
 
 
@@ -155,7 +158,7 @@ def test_ends_without_an_outlet_are_named_when_the_aortic_outlet_is_given(small_
     path = write_case(tmp_path, small_tree, systemic_outlets="[{name: BC_RCR1, vessel: aorta_outlet}]")
     (tmp_path / "outlets.csv").write_text("name,vessel,perfuses,branch\nlca1,lca1,LV,LAD\nrca1,rca1,LV,RCA\n")
     findings, _ = check_case(path)
-    assert "vessel = 'lca2': ends of the tree without an outlet" in findings[0]
+    assert "vessel = 'lca2': these ends of the tree have no outlet" in findings[0]
 
 
 def test_outlets_may_be_given_by_points_in_the_anatomys_unit(small_tree, tmp_path):
@@ -171,19 +174,19 @@ def test_outlets_may_be_given_by_points_in_the_anatomys_unit(small_tree, tmp_pat
     assert check_case(path)[0] == []
     far = (tmp_path / "outlets.csv").read_text().replace(f"{ends[0][0] + 0.05}", "9.0")
     (tmp_path / "outlets.csv").write_text(far)
-    assert "cm from the nearest end of the tree" in check_case(path)[0][0]
+    assert "the nearest end of the tree" in check_case(path)[0][0]
 
 
 TARGETS = {
-    "unknown": ("PaoMedian,x,90", "PaoMedian = 90.0: unknown target; known: PaoMin, PaoMax"),
+    "unknown": ("PaoMedian,x,90", "PaoMedian = 90.0: unknown target; known targets: PaoMin, PaoMax"),
     "not a number": ("PaoMean,x,ninety", "PaoMean = 'ninety': wanted a number or none"),
     "twice": ("PaoMean,x,90\nPaoMean,x,91", "PaoMean = '91': given twice"),
     "columns": ("PaoMean,90", "line 1 = 'PaoMean,90': wanted name, description, value"),
     "sign": ("PaoMin,x,-69", "PaoMin = -69.0: implausible: -69 mmHg, wanted 25 to 200 mmHg"),
-    "order": ("PaoMin,x,140\nPaoMax,x,120", "PaoMin = 140.0: not below PaoMax, 120"),
+    "order": ("PaoMin,x,140\nPaoMax,x,120", "PaoMin = 140.0: must be below PaoMax, 120"),
     "per cent": (
         "PaoMean,x,93\nEFLV,x,61",
-        "EFLV = 61.0: implausible: 61, wanted 0.05 to 0.95; a fraction, not per cent",
+        "EFLV = 61.0: implausible: 61, wanted 0.05 to 0.95; give a fraction, not per cent",
     ),
     "volume": ("AbsQin,x,-3", "AbsQin = -3.0: implausible: -3 mL, wanted 5 to 300 mL"),
 }
@@ -239,7 +242,7 @@ def test_the_description_of_the_small_case(small_tree, tmp_path):
 
 def test_a_case_without_stenoses_says_what_that_leaves_out(small_tree, tmp_path):
     findings, summary = check_case(write_case(tmp_path, small_tree, stenoses="[]"))
-    (told,) = [line for line in summary if line.startswith("stenoses: none, so nothing to be run in 3D")]
+    (told,) = [line for line in summary if line.startswith("stenoses: none, so no 3D runs")]
     proposed = re.search(r"such as stenoses: (\[.*\])$", told)[1]
     assert proposed == "[{name: RCA, vessel: rca1, start: 3.20, end: 4.20}]"
     assert check_case(write_case(tmp_path, small_tree, stenoses=proposed))[0] == []
@@ -258,8 +261,9 @@ def test_a_wrong_length_unit_shows_in_the_arteries(small_tree, tmp_path):
     }
     path = write_case(tmp_path / "m", small_tree, **territories)
     (path.parent / "flows.csv").write_text("name,flow\nlca1,90\nlca2,90\nrca1,90\n")
-    assert "anatomy.unit = 'm': makes the coronary arteries end 12 cm in radius" in check_case(path)[0][0]
+    assert "anatomy.unit = 'm': gives the coronary ends a median radius of 12 cm" in check_case(path)[0][0]
     territories["anatomy"] = "{centrelines: tree.vtp, unit: mm}"
     path = write_case(tmp_path / "mm", small_tree, **territories)
     (path.parent / "flows.csv").write_text("name,flow\nlca1,90\nlca2,90\nrca1,90\n")
-    assert "note: anatomy: in mm the coronary arteries end 0.12 mm in radius; check anatomy.unit" in check_case(path)[1]
+    note = "note: anatomy: in mm, the median radius of the coronary ends is 0.12 mm; check anatomy.unit"
+    assert note in check_case(path)[1]

@@ -25,7 +25,7 @@ def wall():
 
 def read(folder, most_cells=10**7, **fields):
     given = {"file": "map.vtu", "unit": "mL/min/g", "length_unit": "cm"} | fields
-    return read_wall("case.yaml", Perfusion(**given), folder, TISSUE_DENSITY, most_cells)
+    return read_wall(folder / "case.yaml", Perfusion(**given), TISSUE_DENSITY, most_cells)
 
 
 def total_flow(mesh):
@@ -73,7 +73,7 @@ def test_missing_and_negative_values_take_their_nearest_neighbours_and_are_count
     mesh.save(tmp_path / "map.vtu")
     found = read(tmp_path)
     assert found.notes == (
-        f"40 missing and 20 negative of {mesh.n_cells} cells took their nearest valid value",
+        f"40 missing and 20 negative of {mesh.n_cells} cells were filled with the nearest valid value",
     )  # fmt: skip
     assert found.volume == pytest.approx(np.asarray(mesh.compute_cell_sizes()["Volume"]).sum(), rel=1e-9)
     assert found.flow(TISSUE_DENSITY) == pytest.approx(total_flow(wall), rel=1e-3)
@@ -85,7 +85,7 @@ def test_a_map_that_is_mostly_invalid_is_refused(wall, tmp_path):
     values[: mesh.n_cells // 3] = np.nan
     mesh.cell_data["MBF"] = values
     mesh.save(tmp_path / "map.vtu")
-    with pytest.raises(InputError, match="more than 20% invalid"):
+    with pytest.raises(InputError, match="more than 20% are invalid"):
         read(tmp_path)
 
 
@@ -117,10 +117,10 @@ def test_a_surface_has_no_volume_to_integrate_over(tmp_path):
 @pytest.mark.parametrize(
     ("fields", "expected"),
     [
-        ({"unit": "mL/min/100mL"}, r"makes the median flow 0.0\d+ mL/min/g, .*; the values would fit mL/min/g"),
-        ({"length_unit": "mm"}, "makes the wall 0.79 cm long; its points look like cm"),
-        ({"length_unit": "m"}, "makes the wall 7.. cm long; its points look like cm"),
-        ({"file": "map.csv"}, "unknown kind of file; known: .vtu"),
+        ({"unit": "mL/min/100mL"}, r"gives a median flow of 0.0\d+ mL/min/g, .*; the values would be plausible in mL"),
+        ({"length_unit": "mm"}, "makes the wall 0.79 cm long; its points seem to be in cm"),
+        ({"length_unit": "m"}, "makes the wall 7.. cm long; its points seem to be in cm"),
+        ({"file": "map.csv"}, "unknown file type; known types: .vtu"),
         ({"file": "none.vtu"}, "no such file"),
         ({"affine": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1]]}, "the matrix invertible"),
     ],
@@ -270,7 +270,9 @@ def test_voxels_without_a_value_are_counted_and_filled(images, wall, tmp_path, s
     found = read(tmp_path, file=f"map{suffix}", length_unit="mm", **cut)
     assert found.flow(TISSUE_DENSITY) == pytest.approx(total_flow(wall), rel=0.015)
     if by == "label":
-        assert found.notes == (f"400 missing and 200 negative of {inside.sum()} voxels took their nearest valid value",)
+        assert found.notes == (
+            f"400 missing and 200 negative of {inside.sum()} voxels were filled with the nearest valid value",
+        )
     else:
         assert found.volume == pytest.approx(Ventricle().wall_volume, rel=0.015)
 
@@ -282,12 +284,14 @@ def test_a_threshold_leaves_no_holes_in_a_vtk_map(wall, tmp_path):
     mesh.cell_data["MBF"] = values
     mesh.save(tmp_path / "map.vtu")
     found = read(tmp_path, threshold=0.5)
-    assert found.notes == (f"60 missing and 0 negative of {mesh.n_cells} cells took their nearest valid value",)
+    assert found.notes == (
+        f"60 missing and 0 negative of {mesh.n_cells} cells were filled with the nearest valid value",
+    )
     assert found.flow(TISSUE_DENSITY) == pytest.approx(total_flow(wall), rel=1e-3)
 
 
 def test_a_label_mostly_off_the_map_is_refused(images, tmp_path):
     sitk.WriteImage(images[0], str(tmp_path / "map.nii"))
     sitk.WriteImage(sitk.BinaryDilate(images[1], [2, 2, 2]), str(tmp_path / "label.nii"))
-    with pytest.raises(InputError, match="more than 20% invalid"):
+    with pytest.raises(InputError, match="more than 20% are invalid"):
         read(tmp_path, file="map.nii", length_unit="mm", label={"file": "label.nii", "values": [1]})

@@ -177,8 +177,8 @@ def test_a_faulty_surface_is_mended_and_the_mending_noted(tmp_path):
     corners += 1e-7 * random.normal(size=corners.shape)
     pv.PolyData.from_regular_faces(corners, np.arange(len(corners)).reshape(-1, 3)).save(tmp_path / "faulty.vtp")
     again = read_surface(tmp_path / "faulty.vtp")
-    assert any("left out 2 triangles given twice or standing off" in note for note in again.notes)
-    assert any(f"turned {len(turned)} triangles round" in note for note in again.notes)
+    assert any("removed 2 triangles that are duplicates or stand off" in note for note in again.notes)
+    assert any(f"flipped {len(turned)} triangles" in note for note in again.notes)
     assert again.polydata().volume == pytest.approx(whole.polydata().volume, rel=1e-6)
     assert len(again.caps) == len(whole.caps)
     for a, b in zip(whole.caps, again.caps, strict=True):
@@ -187,7 +187,7 @@ def test_a_faulty_surface_is_mended_and_the_mending_noted(tmp_path):
 
 def test_a_ball_is_no_lumen(tmp_path):
     pv.Sphere(radius=1.0).save(tmp_path / "ball.stl")
-    with pytest.raises(InputError, match="ball.stl: caps = 0: flat ends found; wanted the aortic inlet"):
+    with pytest.raises(InputError, match="ball.stl: caps = 0: flat ends found; wanted at least the aortic inlet"):
         read_surface(tmp_path / "ball.stl")
 
 
@@ -204,9 +204,9 @@ def test_a_case_with_a_surface_names_the_caps_that_it_lacks_points_for(tmp_path)
     assert [outlet.vessel for outlet in case.summary.outlets] == [row[0] for row in rows]
     assert case.summary.systemic == ["BC_RCR1"]
     (tmp_path / "outlets.csv").write_text(table.replace(f",{rows[0][1]},", ",500,"))
-    assert "no free cap of the surface there; caps: (" in check_case(path)[0][0]
+    assert "the surface has no unassigned cap there; unassigned caps: (" in check_case(path)[0][0]
     (tmp_path / "outlets.csv").write_text("".join(line for line in table.splitlines(True) if rows[0][0] not in line))
-    assert "a cap as small as the coronary ones is no row's; add it" in check_case(path)[0][0]
+    assert "no row of the table matches this coronary-sized cap; add one" in check_case(path)[0][0]
 
 
 def test_the_real_aortic_root_becomes_a_case(shared, tmp_path):
@@ -272,9 +272,11 @@ def test_contours_belong_to_the_path_that_they_name_and_lie_in_its_order(project
 def test_a_path_without_contours_is_left_out_and_named(project):
     (project / "Segmentations" / "c3.ctgr").unlink()
     tree, notes = read_project(project, 0.1)
-    assert notes == ("paths without two contours, left out: c3",) and "c3" not in tree
+    assert notes == ("left out paths with fewer than two contours: c3",) and "c3" not in tree
     (project / "Segmentations" / "LCx.ctgr").unlink()
-    with pytest.raises(InputError, match="radii off the nearest.*; paths without two contours, left out: LCx, c3"):
+    with pytest.raises(
+        InputError, match="radii from the nearest.*; left out paths with fewer than two contours: LCx, c3"
+    ):
         read_project(project, 0.1)
 
 
@@ -283,7 +285,7 @@ def test_a_contour_that_encloses_nothing_is_named(project):
     text = group.read_text()
     contour = re.findall("<contour .*?</contour>", text, flags=re.DOTALL)[4]
     group.write_text(text.replace(contour, re.sub('([xyz])="[^"]*"', r'\1="0"', contour)))
-    with pytest.raises(InputError, match="LAD.ctgr: contour 4: encloses nothing; draw it again"):
+    with pytest.raises(InputError, match="LAD.ctgr: contour 4: has no area; redraw it"):
         read_project(project, 0.1)
 
 
@@ -304,7 +306,7 @@ def test_contours_without_an_aorta_become_a_case_with_one(shared, small_tree, tm
     (tmp_path / "outlets.csv").write_text("name,vessel,perfuses,branch\n" + rows)
     (tmp_path / "flows.csv").write_text("name,flow\n" + "".join(f"{name},30\n" for name in names))
     case = assemble(path, Settings(narrowing=0.99))
-    assert any("holds no aorta" in note for note in case.summary.notes)
+    assert any("has no aorta" in note for note in case.summary.notes)
     assert case.summary.systemic == ["BC_RCR1"] and len(case.summary.outlets) == 7
     first = next(v for v in case.tree if case.tree.ostial(v))
     assert case.tree.emergence(first.name) == pytest.approx(1.3, rel=0.02)

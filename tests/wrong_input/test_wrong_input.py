@@ -212,7 +212,7 @@ WRONG = [
     (case, "case.yaml", text("a: &a [*a]\n"), "aliases"),
     (case, "case.yaml", replaced("outlets.csv", "'; rm -rf .csv'"), "; rm -rf .csv: no such file"),
     (case, "case.yaml", replaced("unit: cm}", "unit: inch}"), "anatomy.unit = 'inch'"),
-    (case, "case.yaml", replaced("start: 1.0", "start: 9.0"), "end must be more than start"),
+    (case, "case.yaml", replaced("start: 1.0", "start: 9.0"), "end must be greater than start"),
     (case, "case.yaml", replaced("vessel: lca1", "vessel: lca9"), "lca9"),
     (case, "tree.vtp", gone, "no such file"),
     (case, "tree.vtp", text(""), "empty or truncated"),

@@ -1,4 +1,4 @@
-"""A whole case from its description: every file read, every name matched, the 0D network made or taken as given."""
+"""Assemble a case from its description: read every file, match all names, build or adopt the 0D network."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -27,12 +27,12 @@ AORTIC_PRESSURE_WITHOUT_TARGET = 93.0 * MMHG
 DEFAULT_PERIOD = 1.0
 """s."""
 MAIN_LABELS = {"LAD": ("LAD",), "LCx": ("LCx",), "RCA": ("RCA", "PDA")}
-"""Labels of the outlet in which each artery itself ends; a dominant right coronary ends as its PDA."""
+"""Labels of the outlet at each artery's own end; a dominant right coronary artery ends as its PDA."""
 
 
 @dataclass(frozen=True)
-class Case:
-    """A checked case. Without anatomy the tree is a drawing of the given network, and stenoses is empty."""
+class AssembledCase:
+    """A checked case. Without an anatomy, the tree is a schematic of the given network and `stenoses` is empty."""
 
     description: Description
     tree: Tree
@@ -43,8 +43,14 @@ class Case:
     wall: Wall
 
 
-def assemble(case_yaml: str | Path, settings: Settings) -> Case:
-    """Read a case. Raises InputError (file, field, value, what is allowed) at the first thing that is wrong."""
+def assemble(case_yaml: str | Path, settings: Settings) -> AssembledCase:
+    """Read a case and everything that it names.
+
+    Raises
+    ------
+    InputError
+        At the first fault.
+    """
     path = Path(case_yaml)
     description = read_description(path)
     folder = path.parent
@@ -53,35 +59,39 @@ def assemble(case_yaml: str | Path, settings: Settings) -> Case:
     given = _given_network(folder, description)
     period = description.period or (given[1].period if given else DEFAULT_PERIOD)
     notes: tuple[str, ...] = ()
-    tree, placed, stenoses = None, None, []
-    if description.anatomy is not None:
-        tree, notes = read_anatomy(path, folder, description, rows, settings)
-        tree, placed = place_outlets(path, folder, description, tree, rows)
+    tree: Tree | None = None
+    placed: Placed | None = None
+    stenoses: list[Stenosis] = []
+    anatomy = description.anatomy
+    if anatomy is not None:
+        tree, notes = read_anatomy(path, description, anatomy, rows, settings)
+        tree, placed = place_outlets(path, description, tree, rows)
         stenoses, found = place_stenoses(path, description, tree, settings)
         notes += placed.notes + found
     if given is None:
+        assert tree is not None and placed is not None  # a description has an anatomy, a network, or both
         physics = _physics(description, settings, targets, period)
-        network = _made(path, tree, placed, stenoses, physics)
+        network = _built_network(path, tree, placed, stenoses, physics)
         graph = graph_of(network, path)
     else:
         network, graph, unit = given
         network["closed_loop_blocks"][0]["cardiac_cycle_period"] = period
-        _match(path, folder, description, rows, graph)
+        _match(path, folder / description.outlets, description, rows, graph)
         if tree is None:
-            _no_map_without_places(path, folder, description, rows)
+            if description.perfusion is not None:
+                _require_points(folder / description.outlets, rows)
             tree = schematic_tree(graph, description.density, {row.bc: row.branch for row in rows})
-            notes = ("no anatomy: tree.vtp is a drawing of the network, true in lengths and radii only",)
+            notes = ("no anatomy: tree.vtp is a schematic of the network; only its lengths and radii are real",)
         if unit != "cgs":
             notes += (f"{description.network}: pressures in {unit}, converted to dyn/cm2",)
-    entries = _outlets(rows, placed, tree, graph)
+    outlets = _outlets(rows, placed, tree, graph)
     if description.perfusion is not None:
-        wall = read_wall(path, description.perfusion, folder, description.tissue_density, settings.wall_cells)
-        notes += check_place(path, description.perfusion, wall, entries)
-    else:
+        wall = read_wall(path, description.perfusion, description.tissue_density, settings.wall_cells)
+        notes += check_place(path, description.perfusion, wall, outlets)
+    elif description.territory_flows is not None:
         lv = {row.name: row.bc for row in rows if row.perfuses == "LV"}
-        flows = read_territory_flows(path, description.territory_flows, folder, lv, description.tissue_density)
-        wall = wall_of_territories(entries, flows, description.tissue_density)
-    anatomy = description.anatomy
+        flows = read_territory_flows(path, description.territory_flows, lv, description.tissue_density)
+        wall = wall_of_territories(outlets, flows, description.tissue_density)
     summary = CaseSummary(
         name=description.name,
         description=description.description,
@@ -94,17 +104,17 @@ def assemble(case_yaml: str | Path, settings: Settings) -> Case:
         schematic=anatomy is None,
         anatomy=None if anatomy is None else AnatomySource(kind=anatomy.kind, unit=anatomy.unit),
         aorta=Aorta(pressure=graph.inlet(graph.root)),
-        outlets=entries,
+        outlets=outlets,
         systemic=[bc for bc in graph.bc.values() if graph.types[bc] == SYSTEMIC],
-        stenoses=_stenoses(path, description, tree, stenoses, graph, entries),
+        stenoses=_stenoses(path, description, tree, stenoses, graph, outlets),
         targets=targets,
         notes=[*notes, *wall.notes],
     )
-    return Case(description, tree, stenoses, network, graph, summary, wall)
+    return AssembledCase(description, tree, stenoses, network, graph, summary, wall)
 
 
 def _given_network(folder: Path, description: Description) -> tuple[dict, Graph, str] | None:
-    """The network that the case came with, in CGS, and the unit of pressure that it was in."""
+    """Return the case's own network in CGS, its topology, and its original pressure unit."""
     if description.network is None:
         return None
     path = folder / description.network
@@ -137,7 +147,7 @@ def _physics(
     )
 
 
-def _made(path: Path, tree: Tree, placed: Placed, stenoses: list[Stenosis], physics: Physics) -> dict:
+def _built_network(path: Path, tree: Tree, placed: Placed, stenoses: list[Stenosis], physics: Physics) -> dict:
     beds = [Bed(row.bc, placed.vessels[row.name], row.branch == "RCA") for row in placed.rows]
     try:
         return network_from_tree(tree, beds, placed.systemic, stenoses, physics)
@@ -145,31 +155,30 @@ def _made(path: Path, tree: Tree, placed: Placed, stenoses: list[Stenosis], phys
         raise InputError(path, "anatomy", None, str(error)) from None
 
 
-def _match(path: Path, folder: Path, description: Description, rows: list[OutletRow], graph: Graph) -> None:
-    """Outlets table and given network must speak of the same coronary beds."""
-    table, network = folder / description.outlets, folder / description.network
+def _match(path: Path, table: Path, description: Description, rows: list[OutletRow], graph: Graph) -> None:
+    """Check that the outlets table and the given network have the same coronary beds."""
+    network = description.network
     coronary = {bc: CORONARY[graph.types[bc]] for bc in graph.bc.values() if graph.types[bc] in CORONARY}
     for row in rows:
         if row.bc not in coronary:
-            raise InputError(table, "bc", row.bc, f"no coronary bed of {network.name}; it has {', '.join(coronary)}")
+            raise InputError(table, "bc", row.bc, f"{network} has no such coronary bed; it has {', '.join(coronary)}")
         if coronary[row.bc] != (row.branch == "RCA"):
             side = "right" if coronary[row.bc] else "left"
-            raise InputError(table, f"branch of {row.name}", row.branch, f"{row.bc} is a {side} bed in {network.name}")
+            raise InputError(table, f"branch of {row.name}", row.branch, f"{row.bc} is a {side} bed in {network}")
     for bc in coronary:
         if bc not in {row.bc for row in rows}:
-            raise InputError(table, "bc", bc, f"missing; {network.name} has this coronary bed")
+            raise InputError(table, "bc", bc, f"missing; {network} has this coronary bed")
     for outlet in description.systemic_outlets:
         if graph.types.get(outlet.name) != SYSTEMIC:
-            raise InputError(path, "systemic_outlets.name", outlet.name, f"no {SYSTEMIC} of {network.name}")
+            raise InputError(path, "systemic_outlets.name", outlet.name, f"{network} has no {SYSTEMIC} of this name")
 
 
-def _no_map_without_places(path: Path, folder: Path, description: Description, rows: list[OutletRow]) -> None:
-    if description.perfusion is None:
-        return
+def _require_points(table: Path, rows: list[OutletRow]) -> None:
     for row in rows:
         if row.perfuses == "LV" and row.point is None:
-            table = folder / description.outlets
-            raise InputError(table, f"x y z of {row.name}", None, "needed to find its territory in the perfusion map")
+            raise InputError(
+                table, f"x y z of {row.name}", None, "missing; needed to find its territory in the perfusion map"
+            )
 
 
 def _outlets(rows: list[OutletRow], placed: Placed | None, tree: Tree, graph: Graph) -> list[CaseOutlet]:
@@ -202,17 +211,16 @@ def _stenoses(
     graph: Graph,
     outlets: list[CaseOutlet],
 ) -> list[CaseStenosis]:
-    if description.network is None:
-        narrow = {part.stenosis: part.name for part in segments(tree, stenoses) if part.stenosis}
-    else:
-        narrow = {}
+    built = {} if description.network is not None else {p.stenosis: p.name for p in segments(tree, stenoses)}
     by_name = {s.name: s for s in stenoses}
     blocks = {s.name: s.block for s in description.stenoses if s.block} if description.stenoses != "auto" else {}
     result = []
-    for name in [*by_name, *(n for n in blocks if n not in by_name)]:
-        block = narrow.get(name) or blocks.get(name)
+    for name in BRANCHES:
+        if name not in by_name and name not in blocks:
+            continue
+        block = built.get(name) or blocks.get(name)
         if block is None or block not in graph.children:
-            raise InputError(path, f"stenoses.{name}.block", block, "wanted a vessel of the given network")
+            raise InputError(path, f"stenoses.{name}.block", block, "not a vessel of the given network")
         fed = {outlet.branch for outlet in outlets if outlet.bc in graph.beds(block)}
         if name not in fed:
             remedy = f"feeds {', '.join(sorted(fed)) or 'no coronary outlet'}; wanted a vessel towards the {name}"
@@ -239,11 +247,11 @@ def _stenoses(
                 outlet=_main_outlet(graph, block, name, outlets),
             )
         )
-    return sorted(result, key=lambda stenosis: BRANCHES.index(stenosis.name))
+    return result
 
 
 def _area_ratio(graph: Graph, block: str, density: float, loss: float = 1.52) -> float | None:
-    """A_s/A_0 of a 0D vessel, from its stenosis coefficient and the area that its inertance implies."""
+    """Return A_s/A_0 of a 0D vessel, from its stenosis coefficient and the area that its inertance implies."""
     radius = radius_from_inertance(graph, block, density)
     coefficient = float(graph.values[block].get("stenosis_coefficient") or 0.0)
     if coefficient <= 0 or radius is None:

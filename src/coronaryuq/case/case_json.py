@@ -10,6 +10,7 @@ from coronaryuq.core.io.typed import checked
 
 Branch = Literal["LAD", "LCx", "RCA"]
 Tissue = Literal["LV", "RV", "septum"]
+AnatomyKind = Literal["centrelines", "surface", "simvascular", "mesh"]
 Positive = Annotated[float, Field(gt=0)]
 Point = tuple[float, float, float]
 
@@ -21,7 +22,7 @@ class _Part(BaseModel):
 class AnatomySource(_Part):
     """Kind of files that the vessels were read from, and the length unit of these files."""
 
-    kind: Literal["centrelines", "surface", "simvascular", "mesh"]
+    kind: AnatomyKind
     unit: str
 
 

@@ -1,11 +1,11 @@
-"""`coronaryuq check CASE`: read a case and all that it names, say what is wrong with it or what it holds."""
+"""`coronaryuq check CASE`: read a case and all files that it names; report the first fault or a summary."""
 
 from collections import Counter
 from pathlib import Path
 
 from coronaryuq.case.anatomy.stenosis_detection import example
 from coronaryuq.case.anatomy.tree import AORTA
-from coronaryuq.case.assembly import Case, assemble
+from coronaryuq.case.assembly import AssembledCase, assemble
 from coronaryuq.case.perfusion.perfusion_map import distances_to_outlets
 from coronaryuq.case.settings import Settings
 from coronaryuq.case.tables.targets import BY_NAME, checked
@@ -14,7 +14,7 @@ from coronaryuq.core.units import MBF_PER_MIN_PER_G, ML_PER_MIN
 
 
 def check_case(case_yaml: str | Path, settings: Settings | None = None) -> tuple[list[str], list[str]]:
-    """Findings (one line each; none means that the case is sound) and a summary to read."""
+    """Return the faults of a case, one line each, and a summary for the user if there are none."""
     try:
         case = assemble(case_yaml, settings or Settings())
     except InputError as error:
@@ -22,7 +22,7 @@ def check_case(case_yaml: str | Path, settings: Settings | None = None) -> tuple
     return [], _summary(case)
 
 
-def _summary(case: Case) -> list[str]:
+def _summary(case: AssembledCase) -> list[str]:
     summary, wall = case.summary, case.wall
     flow = wall.flow(summary.tissue_density)
     mass = wall.volume * summary.tissue_density
@@ -52,11 +52,11 @@ def _summary(case: Case) -> list[str]:
         extent = "" if start is None else f", {start:.2f} to {stenosis.end:.2f} cm"
         lines.append(f"stenosis {stenosis.name}: vessel {stenosis.vessel}{extent}{narrowing}")
     if case.description.anatomy is None:
-        lines.append("no anatomy, so nothing to be run in 3D: a campaign goes as far as its target posterior")
+        lines.append("no anatomy, so no 3D runs: the campaign ends at its target posterior")
     elif not summary.stenoses:
         lines.append(
-            "stenoses: none, so nothing to be run in 3D: a campaign goes as far as its target posterior; for FFR and "
-            f"wall shear name a stretch of an artery, narrow or not, such as stenoses: [{example(case.tree)}]"
+            "stenoses: none, so no 3D runs: the campaign ends at its target posterior; for FFR and wall shear, name a "
+            f"stretch of an artery, stenosed or not, such as stenoses: [{example(case.tree)}]"
         )
     given = checked(summary.targets, case.description.targets or "targets")
     sizes = [f"{name} {value:.4g} {BY_NAME[name].unit}".removesuffix(" 1") for name, value in given.items()]

@@ -42,8 +42,8 @@ class FieldGrid:
         weights = np.stack([1.0 - t, t], axis=2)
         variance = (1.0 - t) ** 2 + t**2 + 2.0 * t * (1.0 - t) * neighbours
         weights /= np.sqrt(variance)[:, :, None]
-        shape = tuple(int(n) for n in cell.max(axis=0) + 2 + 2 * reach)
-        return cls(shape, kernel.astype(np.float32), cell, weights.astype(np.float32))
+        nx, ny, nz = (int(n) for n in cell.max(axis=0) + 2 + 2 * reach)
+        return cls((nx, ny, nz), kernel.astype(np.float32), cell, weights.astype(np.float32))
 
     def draw(self, random: np.random.Generator, fields: int) -> np.ndarray:
         """Node values (nx, ny, nz, fields), float32, of independent fields; interpolate with `interpolate`."""

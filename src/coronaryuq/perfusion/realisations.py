@@ -75,7 +75,7 @@ class Study:
         else:
             nodes = self.grid.draw(random, self.outlets + 1)
             cell, weights = self.grid.cell, self.grid.weights
-        result = {}
+        result: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         for noise, names in self.alike.items():
             candidates, distance = self.candidates[noise], dict(noise)
             mbf = [self.models[name].mbf for name in names]

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -37,7 +38,7 @@ def run_chunk(
     nearest(distances, ventricle.volumes, outlets, case_json)
     study = Study(ventricle, distances, settings.models, settings.correlation_length, seed)
     realisations = [study.flows(index) for index in range(first, first + count)]
-    arrays = {"first": np.int64(first), "seed": np.int64(seed)}
+    arrays: dict[str, Any] = {"first": np.int64(first), "seed": np.int64(seed)}
     for name in settings.models:
         arrays[f"flow_{name}"] = np.array([r[name][0] for r in realisations])
         arrays[f"volume_{name}"] = np.array([r[name][1] for r in realisations])

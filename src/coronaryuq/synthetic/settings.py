@@ -1,8 +1,10 @@
 """Settings of the bundled patient."""
 
-from typing import Literal
-
 from pydantic import BaseModel, ConfigDict, Field
+
+from coronaryuq.case.case_json import Branch
+
+MICROVASCULAR: dict[Branch, float] = {"LAD": 0.85, "LCx": 1.0, "RCA": 0.92}
 
 
 class Settings(BaseModel):
@@ -19,8 +21,8 @@ class Settings(BaseModel):
     mean_pressure: float = Field(94.0, gt=40, lt=160, description="Mean aortic pressure at rest, mmHg.")
     stroke_volume: float = Field(68.0, gt=20, lt=160, description="Stroke volume at rest, mL.")
     mbf: float = Field(2.35, gt=0.3, lt=6.0, description="Mean hyperaemic myocardial blood flow, mL/min/g.")
-    microvascular: dict[Literal["LAD", "LCx", "RCA"], float] = Field(
-        default_factory=lambda: {"LAD": 0.85, "LCx": 1.0, "RCA": 0.92},
+    microvascular: dict[Branch, float] = Field(
+        default_factory=lambda: dict(MICROVASCULAR),
         description="Relative conductance per gram of each artery's beds: disease of the small vessels.",
     )
     bed_spread: float = Field(

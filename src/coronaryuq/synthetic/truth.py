@@ -3,6 +3,7 @@
 import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,9 +16,13 @@ from coronaryuq.synthetic.settings import Settings
 from coronaryuq.zerod.cardiac_function import measure, waveform_names
 from coronaryuq.zerod.network.beds import resistance_changes
 from coronaryuq.zerod.network.changes import with_changes
+from coronaryuq.zerod.network.read import Network
 from coronaryuq.zerod.solver.blood_volume import BloodVolume
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.solver.result import Result
+
+if TYPE_CHECKING:
+    import pyvista
 
 SYSTEMIC = "BC_RCR1"
 RIGHT_ATRIUM = "V_RA:CLH"
@@ -59,7 +64,7 @@ class Patient:
     """Anatomy, wall (pyvista grid with cell data MBF in mL/min/g), and what is true of it."""
 
     anatomy: Anatomy
-    wall: object
+    wall: "pyvista.UnstructuredGrid"
     rest: State
     hyperaemia: State
     masses: dict[str, float]
@@ -160,11 +165,11 @@ class _Loop:
         return self.blood.of(result.state, bed_values(network))
 
     def _measures(self, result: Result) -> dict[str, float]:
-        waves = {role: sum(result.waveforms[name] for name in names) for role, names in self.roles.items()}
+        waves = {role: np.asarray(sum(result.waveforms[name] for name in names)) for role, names in self.roles.items()}
         return {name: float(value[0]) for name, value in measure(result.time, waves).items()}
 
-    def _state(self, network: Mapping, result: Result) -> State:
-        network = copy.deepcopy(dict(network))
+    def _state(self, network: Network, result: Result) -> State:
+        network = copy.deepcopy(network)
         network["initial_condition"] = {
             name: float(value) for name, value in zip(self.engine.unknowns, result.state[0], strict=False)
         }
@@ -191,7 +196,8 @@ def _network(anatomy: Anatomy, masses: Mapping[str, float], settings: Settings, 
     network = network_from_tree(anatomy.tree, beds, {SYSTEMIC: "aorta_outlet"}, anatomy.stenoses, physics)
     by_radius = murray_shares([anatomy.tree[outlet.vessel].radii[-1] for outlet in anatomy.outlets])
     chance = np.exp(settings.bed_spread * seeds.generator(seed, "patient", "beds").standard_normal(len(names)))
-    disease = [settings.microvascular.get(outlet.branch, 1.0) for outlet in anatomy.outlets]
+    microvascular: Mapping[str, float] = {str(artery): value for artery, value in settings.microvascular.items()}
+    disease = [microvascular.get(outlet.branch, 1.0) for outlet in anatomy.outlets]
     weights = {name: masses.get(name, 0.0) * c * d for name, c, d in zip(names, chance, disease, strict=True)}
     together = sum(share for name, share in zip(names, by_radius, strict=True) if name in masses)
     total = physics.pressure / (physics.cardiac_output * physics.coronary_share)
@@ -225,9 +231,10 @@ def _scale(network: dict, systemic: float, coronary: float) -> None:
                 values[member] /= coronary
 
 
-def hyperaemic(network: Mapping, scale: float) -> dict:
+def hyperaemic(network: Network, scale: float) -> Network:
     """A copy with Ra and Ram of every coronary bed times `scale` (paper, section 2.2)."""
-    return with_changes(network, resistance_changes(network, hyperaemia=scale))
+    changes = resistance_changes(network, hyperaemia=scale)
+    return with_changes(network, {name: float(value) for name, value in changes.items()})
 
 
 def bed_values(network: Mapping) -> dict[str, float]:

@@ -13,7 +13,7 @@ from coronaryuq.case.anatomy.tree import AORTA, Tree, Vessel
 from coronaryuq.core.errors import InputError
 
 MOST_POINTS = 60_000
-"""Surface points that the medial axis is made of; more are thinned evenly."""
+"""Largest number of surface points for the medial axis; more are thinned evenly."""
 COST_POWER = 2.0
 """Cost of a step is its length over radius to this power: paths keep to the middle."""
 SPACING = 0.25
@@ -21,9 +21,9 @@ SPACING = 0.25
 SMOOTHING = 0.7
 """Standard deviation of the smoothing along a vessel, in local radii."""
 REACH = 1.8
-"""How far a cross-section counts to a vessel, in radii of the ball inscribed in the lumen."""
+"""Extent of a vessel's cross-section, in radii of the ball inscribed in the lumen."""
 MERGE = 1.0
-"""A vessel between two bifurcations shorter than this many radii is none: its ends are one junction."""
+"""A vessel between two bifurcations shorter than this many radii is merged: its ends become one junction."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ def _node_at(file, axis: MedialAxis, kd: cKDTree, cap: Cap) -> int:
     inner = cap.centre - 0.8 * cap.radius * cap.normal
     near = np.array(kd.query_ball_point(inner, 0.8 * cap.radius), dtype=int)
     if len(near) == 0:
-        raise InputError(file, "cap", str(cap), "has no lumen behind it; the surface is too coarse there, refine it")
+        raise InputError(file, "cap", str(cap), "found no lumen behind it; the surface is too coarse there, refine it")
     return int(near[np.argmax(axis.radius[near])])
 
 
@@ -203,8 +203,8 @@ def _tree(surface: Surface, axis: MedialAxis, pieces: list[_Piece], inlet: Cap, 
         if k in caps:
             points, radius = _up_to(points, radius, caps[k], first=False)
         lines.append(_smoothed(points, radius))
-    inscribed = -signed_distance(surface, np.concatenate([points for points, _ in lines]))
-    inscribed = np.split(inscribed, np.cumsum([len(points) for points, _ in lines])[:-1])
+    depth = -signed_distance(surface, np.concatenate([points for points, _ in lines]))
+    inscribed = np.split(depth, np.cumsum([len(points) for points, _ in lines])[:-1])
     cut = _Slicer(surface)
     vessels = []
     for k, (points, ball) in enumerate(zip([p for p, _ in lines], inscribed, strict=True)):

@@ -43,8 +43,10 @@ def read_project(folder: str | Path, scale: float) -> tuple[Tree, tuple[str, ...
     found = [c for c in contoured.values() if c is not None]
     lines = [_line(c.name, c.points * scale, c.radii * scale) for c in found]
     if not lines:
-        raise InputError(folder, "Segmentations", None, "no path has a contour group of its name with two contours")
-    notes = (f"paths without two contours, left out: {', '.join(left_out)}",) if left_out else ()
+        raise InputError(
+            folder, "Segmentations", None, "no path has a contour group of the same name with two or more contours"
+        )
+    notes = (f"left out paths with fewer than two contours: {', '.join(left_out)}",) if left_out else ()
     return joined(folder, lines, notes), notes
 
 
@@ -72,8 +74,8 @@ def joined(folder: Path, lines: list[Vessel], notes: tuple[str, ...] = ()) -> Tr
     attempts = [_attached(first, lines) for first in lines]
     reached, place, worst, (line, other) = min(attempts, key=lambda attempt: attempt[2])
     if worst > ATTACH:
-        told = f"starts {worst:.1f} radii off the nearest vessel, {other}; wanted at most {ATTACH}"
-        raise InputError(folder, line, None, "; ".join([told, *notes]))
+        remedy = f"starts {worst:.1f} radii from the nearest vessel, {other}; wanted at most {ATTACH}"
+        raise InputError(folder, line, None, "; ".join([remedy, *notes]))
     return _cut(reached, place)
 
 
@@ -146,7 +148,7 @@ def _contoured(path: Path, groups: dict[str, Path]) -> Contoured | None:
         centre = rim.mean(axis=0)
         area = 0.5 * np.linalg.norm(np.cross(rim - centre, np.roll(rim, -1, axis=0) - centre).sum(axis=0))
         if area <= 0.0:
-            raise InputError(group, f"contour {contour.get('id')}", None, "encloses nothing; draw it again")
+            raise InputError(group, f"contour {contour.get('id')}", None, "has no area; redraw it")
         centres.append(centre)
         radii.append(np.sqrt(area / np.pi))
     if len(centres) < 2:
@@ -167,10 +169,10 @@ def _place(contour: ElementTree.Element) -> int:
 
 def _xml(path: Path) -> ElementTree.Element:
     if path.stat().st_size > LARGEST:
-        raise InputError(path, None, f"{path.stat().st_size} bytes", f"more than {LARGEST}")
+        raise InputError(path, None, f"{path.stat().st_size} bytes", f"more than {LARGEST} bytes")
     text = path.read_text(encoding="utf-8", errors="replace")
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise InputError(path, None, None, "holds a document type definition, which SimVascular does not write")
+        raise InputError(path, None, None, "has a document type definition; SimVascular writes none")
     # SimVascular writes a `format` element before the root: two roots, which XML does not allow.
     body = text[text.index("?>") + 2 :] if text.lstrip().startswith("<?xml") and "?>" in text else text
     try:
@@ -183,7 +185,7 @@ def _points(path: Path, element: ElementTree.Element, where: str) -> np.ndarray:
     try:
         points = np.array([[float(p.attrib[k]) for k in "xyz"] for p in element.findall(where)], dtype=float)
     except (KeyError, ValueError) as error:
-        raise InputError(path, where, None, f"a point without proper x, y and z ({error})") from None
+        raise InputError(path, where, None, f"a point lacks x, y or z ({error})") from None
     if not np.isfinite(points).all():
-        raise InputError(path, where, None, "a point that is not finite")
+        raise InputError(path, where, None, "a point is not finite")
     return points.reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""A closed lumen surface (STL, VTP, PLY): read, made whole, and its flat caps found."""
+"""Read a lumen surface (STL, VTP, PLY), close it, and find its flat caps."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,17 +12,17 @@ from coronaryuq.core.errors import InputError
 SUFFIXES = (".stl", ".vtp", ".ply", ".obj", ".vtk")
 MOST_TRIANGLES = 5_000_000
 FLAT = np.cos(np.radians(10.0))
-"""Area of a cap's projection along its normal over its area, at least."""
+"""Smallest ratio of a cap's area projected along its normal to its area."""
 SHARP = (40.0, 25.0, 15.0)
-"""Degrees between the normals of neighbours at which the surface is cut, in turn."""
+"""Degrees between the normals of neighbours at which the surface is cut, one after the other."""
 SLIVER = 1e-3
 """Area over longest edge squared."""
 FEWEST = 4
 """Triangles of a cap."""
 SPURIOUS_RIM = 4
-"""A hole with fewer rim points is a fault of the file, not a cap."""
+"""A hole with fewer rim points is a defect of the file, not an open end."""
 WELD = 1e-6
-"""Of the surface's extent: nearer points are one."""
+"""Distance, relative to the surface's extent, below which points are merged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,10 +56,20 @@ class Surface:
 
 
 def read_surface(path: str | Path, scale: float = 1.0) -> Surface:
-    """Read a surface, close its open ends with flat caps, keep its largest piece, find all caps.
+    """Read a surface, keep its largest piece, close its open ends with flat caps, find all caps.
 
-    scale: the file's length unit in cm. Raises InputError for a missing, foreign or empty file, for a surface that is
-    not two-dimensional everywhere, and for one with fewer than three caps.
+    Parameters
+    ----------
+    path
+        STL, VTP, PLY, OBJ or VTK file.
+    scale
+        The file's length unit in cm.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or holds no surface, edges are shared by more than two triangles, or there are fewer
+        than three caps.
     """
     import pyvista as pv
 
@@ -67,7 +77,7 @@ def read_surface(path: str | Path, scale: float = 1.0) -> Surface:
     if not path.is_file():
         raise InputError(path, None, None, "no such file")
     if path.suffix.lower() not in SUFFIXES:
-        raise InputError(path, None, path.suffix, f"unknown kind of surface; known: {', '.join(SUFFIXES)}")
+        raise InputError(path, None, path.suffix, f"unknown file type; known types: {', '.join(SUFFIXES)}")
     try:
         mesh = pv.read(path)
     except Exception as error:
@@ -83,7 +93,7 @@ def read_surface(path: str | Path, scale: float = 1.0) -> Surface:
 
 
 def surface_of(points: np.ndarray, triangles: np.ndarray, path: str | Path = "surface") -> Surface:
-    """The same from arrays: points (n, 3) cm, triangles (m, 3)."""
+    """Return the closed surface of points (n, 3) cm and triangles (m, 3), as `read_surface` does."""
     notes: list[str] = []
     triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
     triangles, pieces = _largest_piece(points, triangles)
@@ -91,13 +101,13 @@ def surface_of(points: np.ndarray, triangles: np.ndarray, path: str | Path = "su
         notes.append(f"surface: kept the largest of {pieces} pieces")
     triangles, superfluous = _without_fins(triangles)
     if superfluous:
-        notes.append(f"surface: left out {superfluous} triangles given twice or standing off the surface")
+        notes.append(f"surface: removed {superfluous} triangles that are duplicates or stand off the surface")
     edges, count = np.unique(np.sort(_edges(triangles), axis=1), axis=0, return_counts=True)
     if (count > 2).any():
         raise InputError(path, "edges", int((count > 2).sum()), "shared by more than two triangles; repair the surface")
-    triangles, turned = _turned_alike(points, triangles)
+    triangles, turned = _oriented(points, triangles)
     if turned:
-        notes.append(f"surface: turned {turned} triangles round, so that all face the same way")
+        notes.append(f"surface: flipped {turned} triangles for a consistent orientation")
     points, triangles, closed = _close(path, points, triangles, edges[count == 1])
     notes += closed
     used, renumbered = np.unique(triangles, return_inverse=True)
@@ -107,8 +117,8 @@ def surface_of(points: np.ndarray, triangles: np.ndarray, path: str | Path = "su
     caps = find_caps(points, triangles)
     if len(caps) < 3:
         raise InputError(
-            path, "caps", len(caps), "flat ends found; wanted the aortic inlet, its outlet and at least one coronary "
-            "outlet, cut flat with a sharp rim",
+            path, "caps", len(caps), "flat ends found; wanted at least the aortic inlet, its outlet and one "
+            "coronary outlet, cut flat with a sharp rim",
         )  # fmt: skip
     return Surface(points, triangles, caps, tuple(notes))
 
@@ -153,7 +163,7 @@ def find_caps(points: np.ndarray, triangles: np.ndarray) -> list[Cap]:
 
 
 def _with_a_vessel_behind(points: np.ndarray, triangles: np.ndarray, caps: list[Cap], ways: int = 16) -> list[Cap]:
-    """Without flat facets of a vessel's side: there the lumen goes on sideways, behind a cap it does not."""
+    """Drop flat facets of a vessel's side wall: the lumen extends sideways behind these, but not behind a cap."""
     import pyvista as pv
 
     if not caps:
@@ -171,7 +181,7 @@ def _with_a_vessel_behind(points: np.ndarray, triangles: np.ndarray, caps: list[
 
 
 def _without_slivers(points, triangles, normals, areas, pairs, edges, passes: int = 20) -> np.ndarray:
-    """Normals in which a sliver, whose own means nothing, has that of its neighbour across its longest edge."""
+    """Replace the meaningless normal of each sliver by that of its neighbour across the longest edge."""
     corners = points[triangles]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     sliver = areas < SLIVER * longest**2
@@ -239,9 +249,9 @@ def _largest_piece(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarra
 
 
 def _without_fins(triangles: np.ndarray) -> tuple[np.ndarray, int]:
-    """Triangles without those given twice and those that stand off the surface, and how many went.
+    """Remove duplicate triangles and fins; also return the number removed.
 
-    One that stands off shares an edge with two others of the surface and has an edge that it shares with none.
+    A fin shares one edge with two other triangles and has an edge that it shares with none.
     """
     before = len(triangles)
     _, first = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)
@@ -255,8 +265,8 @@ def _without_fins(triangles: np.ndarray) -> tuple[np.ndarray, int]:
         triangles = triangles[~fin]
 
 
-def _turned_alike(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, int]:
-    """Triangles that all face the same way, most of them as they did, and how many were turned."""
+def _oriented(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, int]:
+    """Orient triangles consistently, as most of them are; also return the number flipped."""
     import pyvista as pv
 
     if len(np.unique(_edges(triangles), axis=0)) == 3 * len(triangles):
@@ -277,7 +287,7 @@ def _sides(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def _close(path, points: np.ndarray, triangles: np.ndarray, open_edges: np.ndarray):
-    """Close every hole by a fan around its centre; a hole of fewer than four points by as few triangles, and noted."""
+    """Close every hole by a fan around its centre, a spurious one by a single triangle; also return notes."""
     notes = []
     for rim in _loops(path, open_edges, triangles):
         if len(rim) < SPURIOUS_RIM:
@@ -295,7 +305,7 @@ def _close(path, points: np.ndarray, triangles: np.ndarray, open_edges: np.ndarr
 
 
 def _loops(path, open_edges: np.ndarray, triangles: np.ndarray) -> list[np.ndarray]:
-    """Rims of holes, each in the direction in which the surface's triangles run along it."""
+    """Return the rims of holes, each in the direction of the triangles along it."""
     if len(open_edges) == 0:
         return []
     wanted = {tuple(edge) for edge in open_edges.tolist()}
@@ -313,7 +323,9 @@ def _loops(path, open_edges: np.ndarray, triangles: np.ndarray) -> list[np.ndarr
         while here != first:
             loop.append(here)
             if here not in after:
-                raise InputError(path, "edges", None, "a hole's rim does not close; repair the surface's orientation")
+                raise InputError(
+                    path, "edges", None, "the rim of a hole is not closed; repair the surface's orientation"
+                )
             here = after.pop(here)
         loops.append(np.array(loop))
     return loops

@@ -1,4 +1,4 @@
-"""An aorta for coronary arteries that come without one, so that the 0D loop is whole; only domain `whole` meshes it."""
+"""A synthetic aorta for coronary trees without one, which the 0D loop needs; only the domain `whole` meshes it."""
 
 from dataclasses import replace
 
@@ -14,14 +14,14 @@ NAMES = ("aorta", "aorta_outlet")
 
 
 def with_aorta(tree: Tree) -> Tree:
-    """The tree on the side of a straight aorta: its root starts where it did, on the aorta's wall.
+    """Return the tree attached to the side of a straight aorta, with its former root on the aortic wall.
 
-    As every ostial vessel the root then begins on the aorta's axis, so that its arc length grows by `RADIUS`. Raises
-    ValueError when a vessel has an aortic name already.
+    Like every ostial vessel, that vessel then starts on the aortic axis, so its arc length grows by `RADIUS`. Raises
+    ValueError if a vessel already has an aortic name.
     """
     for name in NAMES:
         if name in tree:
-            raise ValueError(f"vessel {name}: the name is wanted for the aorta that is added")
+            raise ValueError(f"vessel {name}: rename it; the name is reserved for the added aorta")
     root = tree.root
     away = root.tangent_at(0.0)
     centre = root.points[0] - RADIUS * away

@@ -4,12 +4,16 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from coronaryuq.case.case_json import CaseStenosis
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.vtk import read_vtk, write_vtk
+
+if TYPE_CHECKING:
+    import pyvista
 
 AORTA = "aorta"
 TRUNK = "coronary"
@@ -171,7 +175,8 @@ class Tree:
         vessel = self[name]
         if not self.ostial(vessel):
             return 0.0
-        aorta = [self[vessel.parent], *(v for v in self.children(vessel.parent) if v.branch == AORTA)]
+        parent = str(vessel.parent)
+        aorta = [self[parent], *(v for v in self.children(parent) if v.branch == AORTA)]
         arc = np.linspace(0.0, vessel.length, max(50, int(vessel.length / 0.02)))
         depth = np.min([distance_to(part, vessel.position_at(arc)) for part in aorta], axis=0)
         outside = np.flatnonzero(depth >= 0)
@@ -278,7 +283,7 @@ def read_tree(path: str | Path, scale: float = 1.0) -> Tree:
         raise InputError(path, "cells", mesh.n_cells, f"{mesh.n_lines} of them are lines; keep the polylines only")
     points, radii = np.asarray(mesh.points, dtype=float) * scale, np.asarray(mesh["Radius"], dtype=float) * scale
     cells = [np.asarray(cell) for cell in _polylines(mesh.lines)]
-    names = [str(n) for n in mesh.cell_data.get("VesselName", [f"branch{i}" for i in range(len(cells))])]
+    names = [str(n) for n in _cell_data(mesh, "VesselName", [f"branch{i}" for i in range(len(cells))])]
     if len(set(names)) != len(names):
         twice = next(n for n in names if names.count(n) > 1)
         raise InputError(path, "VesselName", twice, "occurs twice; every vessel needs its own name")
@@ -286,7 +291,7 @@ def read_tree(path: str | Path, scale: float = 1.0) -> Tree:
         parents = [str(p) or None for p in mesh.cell_data["Parent"]]
     else:
         parents = _join_by_ends(path, [points[c] for c in cells], names)
-    branches = [str(b) for b in mesh.cell_data.get("Branch", [AORTA] * len(cells))]
+    branches = [str(b) for b in _cell_data(mesh, "Branch", [AORTA] * len(cells))]
     order = _parents_first(path, names, parents)
     try:
         return Tree(
@@ -294,6 +299,11 @@ def read_tree(path: str | Path, scale: float = 1.0) -> Tree:
         )  # fmt: skip
     except ValueError as error:
         raise InputError(path, None, None, str(error)) from None
+
+
+def _cell_data(mesh: "pyvista.DataSet", name: str, default: list[str]) -> Iterable[str]:
+    values = mesh.cell_data.get(name)
+    return default if values is None else values
 
 
 def _polylines(lines: np.ndarray) -> Iterator[np.ndarray]:
@@ -309,7 +319,7 @@ def _join_by_ends(path, polylines: list[np.ndarray], names: list[str]) -> list[s
     span = max(float(np.ptp(np.concatenate(polylines), axis=0).max()), 1e-9)
     parents: list[str | None] = []
     for i, line in enumerate(polylines):
-        gaps = [np.linalg.norm(other[-1] - line[0]) if j != i else np.inf for j, other in enumerate(polylines)]
+        gaps = [float(np.linalg.norm(other[-1] - line[0])) if j != i else np.inf for j, other in enumerate(polylines)]
         parents.append(names[int(np.argmin(gaps))] if min(gaps, default=np.inf) < 1e-4 * span else None)
     roots = [n for n, p in zip(names, parents, strict=True) if p is None]
     if len(roots) != 1:

@@ -15,7 +15,7 @@ from coronaryuq.case.description.fields import (
     TerritoryFlows,
 )
 
-BLOCKS = {
+BLOCKS: dict[str, type[BaseModel]] = {
     "case.yaml": Description,
     "anatomy": Anatomy,
     "perfusion": Perfusion,

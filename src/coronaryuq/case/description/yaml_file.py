@@ -1,4 +1,4 @@
-"""Small YAML files, read safely: no objects, no anchors that multiply, no key given twice, a sane size."""
+"""Safe reading of small YAML files: no objects, no aliases, no repeated keys, a size limit."""
 
 from pathlib import Path
 from typing import Any
@@ -16,25 +16,38 @@ class _Loader(yaml.SafeLoader):
 
     def compose_node(self, parent, index):
         if self.check_event(yaml.events.AliasEvent):
-            raise yaml.YAMLError(f"line {self.peek_event().start_mark.line + 1}: aliases (*name) are not used here")
+            raise yaml.YAMLError(f"line {self.peek_event().start_mark.line + 1}: aliases (*name) are not supported")
         return super().compose_node(parent, index)
 
     def construct_mapping(self, node, deep=False):
         keys = [self.construct_object(key, deep=True) for key, _ in node.value]
         for key in keys:
             if not isinstance(key, str):
-                raise yaml.YAMLError(f"line {node.start_mark.line + 1}: key {key!r} is not text; put it in quotes")
+                raise yaml.YAMLError(f"line {node.start_mark.line + 1}: key {key!r} is not text; quote it")
             if keys.count(key) > 1:
                 raise yaml.YAMLError(f"line {node.start_mark.line + 1}: {key} is given twice")
         return super().construct_mapping(node, deep)
 
 
 def read_yaml(path: str | Path, wanted: str = "wanted a mapping of fields") -> dict[str, Any]:
-    """Read a YAML mapping; anything else is an `InputError` on one line that says what was `wanted`."""
+    """Read a YAML mapping.
+
+    Parameters
+    ----------
+    path
+        The YAML file.
+    wanted
+        What the error says if the file does not hold a mapping.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, too large, not valid YAML or not a mapping.
+    """
     try:
         size = Path(path).stat().st_size
         if size > LARGEST:
-            raise InputError(path, None, f"{size} bytes", f"more than {LARGEST}; this is not a description")
+            raise InputError(path, None, f"{size} bytes", f"more than {LARGEST} bytes; wanted a short text file")
         given = yaml.load(Path(path).read_text(encoding="utf-8"), Loader=_Loader)
     except FileNotFoundError:
         raise InputError(path, None, None, "no such file") from None

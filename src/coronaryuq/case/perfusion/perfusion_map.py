@@ -1,55 +1,60 @@
-"""The map of myocardial blood flow: read in the user's units, cut to the wall, checked, mended, in CGS."""
+"""Read the map of myocardial blood flow: convert it to CGS, cut out the wall, check it, fill invalid values."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from coronaryuq.case.case_json import CaseOutlet
-from coronaryuq.case.description.fields import Perfusion
+from coronaryuq.case.description.fields import Label, Perfusion
 from coronaryuq.case.perfusion.cells import turnable
 from coronaryuq.case.perfusion.images import IMAGE_SUFFIXES, Invalid, as_cells, read_image, register
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import LENGTHS, MBF_PER_MIN_PER_G, perfusions
 
+if TYPE_CHECKING:
+    import pyvista
+
 VTK_SUFFIXES = (".vtu", ".vtk", ".vti", ".vtp", ".vts", ".vtr")
 PLAUSIBLE_FLOW = (0.1, 10.0)
-"""mL/min/g: median of a wall at rest or stress; outside it the unit is wrong."""
+"""mL/min/g: plausible median over the wall at rest or stress; outside it, the unit is wrong."""
 PLAUSIBLE_EXTENT = (2.5, 20.0)
 """cm: longest side of the wall's bounding box, from a small animal's heart to a dilated human one."""
 PLAUSIBLE_VOLUME = (5.0, 800.0)
 """cm3 of wall."""
 DOUBTFUL, FARTHEST = 2.0, 5.0
-"""cm: median distance of LV-perfusing outlets to the wall from which map and anatomy may be, or are, in two spaces."""
+"""cm: median distance of LV-perfusing outlets to the wall above which map and anatomy may be, or are, misaligned."""
 MOST_INVALID = 0.2
-"""Share of the wall without a valid value above which filling would be invention."""
+"""Largest share of the wall whose invalid values are filled from their neighbours."""
 
 
 @dataclass(frozen=True)
 class Wall:
-    """The left ventricular wall: a pyvista grid, cell data Volume (cm3) and MBF (mL/s per g); what was mended."""
+    """The left ventricular wall: grid with cell data Volume (cm3) and MBF (mL/s per g); notes for the user."""
 
-    mesh: object
+    mesh: "pyvista.DataSet"
     notes: tuple[str, ...]
 
     @property
     def volume(self) -> float:
-        """cm3."""
+        """Volume of the wall, cm3."""
         return float(np.sum(self.mesh.cell_data["Volume"]))
 
     def flow(self, tissue_density: float) -> float:
-        """Of the whole wall, mL/s."""
+        """Return the flow of the whole wall, mL/s."""
         return float(np.sum(self.mesh.cell_data["Volume"] * self.mesh.cell_data["MBF"]) * tissue_density)
 
 
-def read_wall(file: str | Path, map_: Perfusion, folder: Path, tissue_density: float, most_cells: int) -> Wall:
-    """Read the map named in `case.yaml` (`file`, which errors name) with paths relative to `folder`.
+def read_wall(file: Path, map_: Perfusion, tissue_density: float, most_cells: int) -> Wall:
+    """Read the perfusion map of the case `file`.
 
     Cells whose value is missing (NaN, infinite; in an image also exactly zero) or negative keep their volume and get
-    the value of the nearest valid cell; their number is noted. Raises InputError for wrong units (range checks on
-    median flow, extent and volume), for an empty wall and for a wall of which more than a fifth has no valid value.
+    the value of the nearest valid cell; a note states their number. Raises InputError for wrong units (implausible
+    median flow, extent or volume), an empty wall, or a wall with more than a fifth of invalid values.
     """
+    folder = file.parent
     path = folder / map_.file
     if not path.is_file():
         raise InputError(file, "perfusion.file", map_.file, "no such file")
@@ -62,7 +67,7 @@ def read_wall(file: str | Path, map_: Perfusion, folder: Path, tissue_density: f
         raise InputError(path, "cells", grid.n_cells, "no cell has a volume; wanted tetrahedra, hexahedra or voxels")
     values = np.asarray(grid.cell_data["value"], dtype=float)
     _check_lengths(file, map_, grid, volumes)
-    values, notes = _mended(path, values, np.asarray(grid.cell_centers().points, dtype=float), invalid)
+    values, notes = _filled(path, values, np.asarray(grid.cell_centers().points, dtype=float), invalid)
     _check_unit(file, map_, values, volumes, tissue_density)
     grid.clear_data()
     grid.cell_data["Volume"] = volumes
@@ -71,7 +76,7 @@ def read_wall(file: str | Path, map_: Perfusion, folder: Path, tissue_density: f
 
 
 def distances_to_outlets(wall: Wall, outlets: Sequence[CaseOutlet]) -> np.ndarray:
-    """Distance (n,) in cm from each LV-perfusing outlet to the wall."""
+    """Return the distance (n,), cm, of each LV-perfusing outlet from the wall."""
     from scipy.spatial import cKDTree
 
     points = [outlet.point for outlet in outlets if outlet.perfuses == "LV"]
@@ -79,23 +84,23 @@ def distances_to_outlets(wall: Wall, outlets: Sequence[CaseOutlet]) -> np.ndarra
 
 
 def check_place(file: str | Path, map_: Perfusion, wall: Wall, outlets: Sequence[CaseOutlet]) -> tuple[str, ...]:
-    """A note where the outlets lie far from the wall; InputError where the map is in another space than they are."""
-    away = float(np.median(distances_to_outlets(wall, outlets)))
-    found = f"the wall lies {away:.2g} cm (median) from the outlets that perfuse it"
-    if away > FARTHEST:
+    """Return a note if the outlets lie far from the wall; raise InputError if the map is clearly misaligned."""
+    distance = float(np.median(distances_to_outlets(wall, outlets)))
+    finding = f"the wall lies {distance:.2g} cm (median) from the outlets that perfuse it"
+    if distance > FARTHEST:
         way = "affine" if map_.affine is not None else "registration" if map_.registration is not None else None
-        remedy = f"check the {way}" if way else "bring it there with affine or registration"
+        remedy = f"check the {way}" if way else "align it with affine or registration"
         raise InputError(
             file, f"perfusion.{way or 'file'}", None if way else map_.file,
-            f"{found}: the map is not in the anatomy's space; {remedy}",
+            f"{finding}: map and anatomy are not aligned; {remedy}",
         )  # fmt: skip
-    return (f"{found}: see that map and anatomy are in one space",) if away > DOUBTFUL else ()
+    return (f"{finding}: check that map and anatomy are aligned",) if distance > DOUBTFUL else ()
 
 
 def _cells(file, path: Path, map_: Perfusion, folder: Path, most_cells: int):
-    """The wall as an unstructured grid, and what is invalid in it.
+    """Return the wall as a grid, and the count of its invalid values.
 
-    Cell data `value` in the map's unit, points in the map's length unit.
+    Cell data `value` is in the map's unit, points are in the map's length unit.
     """
     name = path.name.lower()
     if name.endswith(IMAGE_SUFFIXES):
@@ -104,13 +109,13 @@ def _cells(file, path: Path, map_: Perfusion, folder: Path, most_cells: int):
         if map_.label is not None:
             if map_.label.file is None:
                 raise InputError(
-                    file, "perfusion.label.file", None, "an image map needs its label in a file of its own"
+                    file, "perfusion.label.file", None, "missing; an image map needs its labels in a separate file"
                 )
             label = np.isin(read_image(folder / map_.label.file, like=image, path_like=path).values, map_.label.values)
         return as_cells(file, image, label, map_.threshold, most_cells)
     if not name.endswith(VTK_SUFFIXES):
         known = ", ".join((*VTK_SUFFIXES, *IMAGE_SUFFIXES))
-        raise InputError(file, "perfusion.file", map_.file, f"unknown kind of file; known: {known}")
+        raise InputError(file, "perfusion.file", map_.file, f"unknown file type; known types: {known}")
     return _from_vtk(file, path, map_)
 
 
@@ -128,7 +133,12 @@ def _from_vtk(file, path: Path, map_: Perfusion):
     if array is None:
         left = [a for a in arrays if map_.label is None or a != map_.label.array]
         if len(left) != 1:
-            raise InputError(file, "perfusion.array", None, f"name it; the map has {', '.join(arrays) or 'no array'}")
+            raise InputError(
+                file,
+                "perfusion.array",
+                None,
+                f"missing; choose among the map's arrays: {', '.join(arrays) or 'no array'}",
+            )
         array = left[0]
     values = _on_cells(file, "perfusion.array", mesh, array, arrays)
     valid = np.isfinite(values) & (values >= 0)
@@ -136,15 +146,15 @@ def _from_vtk(file, path: Path, map_: Perfusion):
     if map_.label is not None:
         if map_.label.array is None:
             raise InputError(
-                file, "perfusion.label.array", None, f"name the label array; the map has {', '.join(arrays)}"
+                file, "perfusion.label.array", None, f"missing; choose among the map's arrays: {', '.join(arrays)}"
             )
-        keep = _label_on_cells(file, mesh, map_, arrays)
+        keep = _label_on_cells(file, mesh, map_.label, arrays)
     if map_.threshold is not None:
         keep = _largest_above(mesh, valid & (values > map_.threshold), ~valid)
     if not keep.any():
         field = "perfusion.label" if map_.label is not None else "perfusion.threshold"
         raise InputError(file, field, map_.threshold, "selects no cell of the map")
-    grid = pv.UnstructuredGrid(mesh.extract_cells(np.flatnonzero(keep)))
+    grid = pv.UnstructuredGrid(mesh.extract_cells(np.flatnonzero(keep).astype(int)))
     grid.clear_data()
     grid.cell_data["value"] = values[keep]
     negative = int(np.count_nonzero(values[keep] < 0))
@@ -152,9 +162,9 @@ def _from_vtk(file, path: Path, map_: Perfusion):
 
 
 def _largest_above(mesh, above: np.ndarray, invalid: np.ndarray) -> np.ndarray:
-    """Largest connected part of the cells `above` the threshold, with the invalid ones that lie in it.
+    """Select the largest connected part of the cells `above` the threshold, and the invalid cells inside it.
 
-    In it lies an invalid cell of whose six nearest valid cells four or more belong to that part.
+    An invalid cell is inside if four or more of its six nearest valid cells belong to that part.
     """
     from scipy.spatial import cKDTree
 
@@ -173,7 +183,7 @@ def _largest_above(mesh, above: np.ndarray, invalid: np.ndarray) -> np.ndarray:
 
 
 def _on_cells(file, field: str, mesh, array: str, arrays: list[str]) -> np.ndarray:
-    """A cell value for every cell; from points by the mean over its valid points."""
+    """Return the array as cell values; point values are averaged over a cell's valid points."""
     if array in mesh.cell_data:
         values = np.asarray(mesh.cell_data[array], dtype=float)
     elif array in mesh.point_data:
@@ -194,12 +204,13 @@ def _on_cells(file, field: str, mesh, array: str, arrays: list[str]) -> np.ndarr
     return values
 
 
-def _label_on_cells(file, mesh, map_: Perfusion, arrays: list[str]) -> np.ndarray:
-    name = map_.label.array
+def _label_on_cells(file, mesh, label: Label, arrays: list[str]) -> np.ndarray:
+    """Select the cells whose label, or that of at least half of whose points, is one of the wall's."""
+    name = label.array
     if name in mesh.cell_data:
-        return np.isin(np.asarray(mesh.cell_data[name]), map_.label.values)
+        return np.isin(np.asarray(mesh.cell_data[name]), label.values)
     if name in mesh.point_data:
-        inside = np.isin(np.asarray(mesh.point_data[name]), map_.label.values)
+        inside = np.isin(np.asarray(mesh.point_data[name]), label.values)
         work = mesh.copy(deep=False)
         work.clear_data()
         work.point_data["share"] = inside.astype(float)
@@ -217,7 +228,7 @@ def _to_anatomy(file, points: np.ndarray, path: Path, map_: Perfusion, folder: P
         matrix = np.array(map_.affine, dtype=float)
         if not np.allclose(matrix[3], [0, 0, 0, 1]) or abs(np.linalg.det(matrix[:3, :3])) < 1e-12:
             raise InputError(
-                file, "perfusion.affine", map_.affine, "last row must be 0 0 0 1 and the matrix invertible"
+                file, "perfusion.affine", map_.affine, "the last row must be 0 0 0 1 and the matrix invertible"
             )
         return points @ matrix[:3, :3].T + matrix[:3, 3]
     return points * scale
@@ -229,8 +240,8 @@ def _check_lengths(file, map_: Perfusion, grid, volumes: np.ndarray) -> None:
     if not low <= extent <= high:
         used = LENGTHS[map_.length_unit]
         fits = [u for u, s in LENGTHS.items() if low <= extent / used * s <= high]
-        hint = f"; its points look like {fits[0]}" if len(fits) == 1 else ""
-        hint = "; the affine must lead to cm" if map_.affine is not None else hint
+        hint = f"; its points seem to be in {fits[0]}" if len(fits) == 1 else ""
+        hint = "; the affine must map to cm" if map_.affine is not None else hint
         raise InputError(
             file, "perfusion.length_unit" if map_.affine is None else "perfusion.affine",
             map_.length_unit if map_.affine is None else None, f"makes the wall {extent:.3g} cm long{hint}",
@@ -238,7 +249,7 @@ def _check_lengths(file, map_: Perfusion, grid, volumes: np.ndarray) -> None:
     total = float(volumes.sum())
     if not PLAUSIBLE_VOLUME[0] <= total <= PLAUSIBLE_VOLUME[1]:
         raise InputError(
-            file, "perfusion", f"{total:.3g} cm3", "is no plausible wall volume; check label, threshold and length_unit"
+            file, "perfusion", f"{total:.3g} cm3", "implausible wall volume; check label, threshold and length_unit"
         )
 
 
@@ -253,17 +264,17 @@ def _check_unit(file, map_: Perfusion, values: np.ndarray, volumes: np.ndarray, 
 
     if not plausible(map_.unit):
         fits = [unit for unit in units if plausible(unit)]
-        hint = f"; the values would fit {' or '.join(fits)}" if fits else ""
+        hint = f"; the values would be plausible in {' or '.join(fits)}" if fits else ""
         shown = median * units[map_.unit] / MBF_PER_MIN_PER_G
         raise InputError(
             file,
             "perfusion.unit",
             map_.unit,
-            f"makes the median flow {shown:.3g} mL/min/g, outside {low} to {high}{hint}",
+            f"gives a median flow of {shown:.3g} mL/min/g, outside {low} to {high}{hint}",
         )
 
 
-def _mended(
+def _filled(
     path: Path, values: np.ndarray, centres: np.ndarray, invalid: Invalid
 ) -> tuple[np.ndarray, tuple[str, ...]]:
     from scipy.spatial import cKDTree
@@ -272,11 +283,14 @@ def _mended(
         return values, ()
     if invalid.missing + invalid.negative > MOST_INVALID * invalid.among:
         raise InputError(
-            path, "values", str(invalid), f"more than {MOST_INVALID:.0%} invalid; repair the map or cut it to the wall"
+            path,
+            "values",
+            str(invalid),
+            f"more than {MOST_INVALID:.0%} are invalid; repair the map or restrict it to the wall",
         )
     empty = ~np.isfinite(values) | (values < 0)
     if empty.any():
         _, nearest = cKDTree(centres[~empty]).query(centres[empty])
         values = values.copy()
         values[empty] = values[~empty][nearest]
-    return values, (f"{invalid} took their nearest valid value",)
+    return values, (f"{invalid} were filled with the nearest valid value",)

@@ -1,4 +1,4 @@
-"""A ventricle made of measured territories: one cell per LV-perfusing outlet, where the map itself is not at hand."""
+"""A ventricle made of measured territories, one cell per LV-perfusing outlet, for cases without a perfusion map."""
 
 from collections.abc import Sequence
 
@@ -8,27 +8,27 @@ from coronaryuq.case.case_json import CaseOutlet
 from coronaryuq.case.perfusion.perfusion_map import Wall
 
 TYPICAL_FLOW = 2.0 / 60.0
-"""mL/s/g under hyperaemia; only where no territory volume is given."""
+"""mL/s/g under hyperaemia; used only if no territory volume is given."""
 
 
 def wall_of_territories(
     outlets: Sequence[CaseOutlet], flows: dict[str, tuple[float, float]], tissue_density: float
 ) -> Wall:
-    """One vertex cell per LV-perfusing outlet with its measured volume (cm3) and the flow per mass that gives its flow.
+    """Return a wall of one vertex cell per LV-perfusing outlet, with its measured volume (cm3) and flow per mass.
 
-    flows: outlet → (flow mL/s, volume cm3 or NaN). Each cell lies at its outlet, so that the nearest outlet is its own
+    flows: outlet → (flow mL/s, volume cm3 or NaN). Each cell lies at its outlet, so that its nearest outlet is its own
     and integrating over territories returns the measured flows.
     """
     import pyvista as pv
 
     feeding = [outlet for outlet in outlets if outlet.perfuses == "LV"]
-    notes = ["territory flows as measured, one cell per outlet; no perfusion map"]
+    notes = ["no perfusion map: measured territory flows, one cell per outlet"]
     flow = np.array([flows[outlet.name][0] for outlet in feeding])
     volume = np.array([flows[outlet.name][1] for outlet in feeding])
     unknown = ~np.isfinite(volume)
     volume[unknown] = flow[unknown] / (TYPICAL_FLOW * tissue_density)
     if unknown.any():
-        notes.append("territory volumes not given; taken as if perfused at 2 mL/min/g")
+        notes.append("territory volumes are not given; assumed a perfusion of 2 mL/min/g")
     points = np.array([outlet.point for outlet in feeding], dtype=float)
     cells = np.arange(len(points))[:, None]
     grid = pv.UnstructuredGrid({pv.CellType.VERTEX: cells}, points)

@@ -1,15 +1,15 @@
-"""The tables that `case.yaml` names: outlets, measured territory flows, clinical targets."""
+"""Read the tables that `case.yaml` names: outlets, measured territory flows, clinical targets."""
 
 import csv
 import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import get_args
+from typing import Any, TypeVar, get_args
 
 import numpy as np
 
-from coronaryuq.case.case_json import Branch, TargetValue, Tissue
+from coronaryuq.case.case_json import Branch, Point, TargetValue, Tissue
 from coronaryuq.case.description.fields import TerritoryFlows
 from coronaryuq.case.description.yaml_file import read_yaml
 from coronaryuq.case.perfusion.perfusion_map import PLAUSIBLE_FLOW, PLAUSIBLE_VOLUME
@@ -17,6 +17,8 @@ from coronaryuq.case.tables.targets import BY_NAME, checked
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import line_number, read_csv, read_table_text
 from coronaryuq.core.units import FLOWS, MBF_PER_MIN_PER_G, TISSUE_DENSITY, perfusions
+
+Choice = TypeVar("Choice", bound=str)
 
 BRANCHES: tuple[Branch, ...] = get_args(Branch)
 TISSUES: tuple[Tissue, ...] = get_args(Tissue)
@@ -27,27 +29,27 @@ LARGEST_TABLE = 10_000_000
 
 @dataclass(frozen=True)
 class OutletRow:
-    """One row of the outlets table; `point` in the anatomy's length unit; vessel or point may be None."""
+    """One row of the outlets table; `point` is in the anatomy's length unit."""
 
     name: str
     bc: str
     vessel: str | None
     point: tuple[float, float, float] | None
-    perfuses: str
-    branch: str
+    perfuses: Tissue
+    branch: Branch
     label: str
 
 
 def read_outlets(path: Path) -> list[OutletRow]:
-    """Read the outlets table; a wrong cell is an `InputError` that names its row and column."""
-    _sane(path)
+    """Read the outlets table; raise InputError, with row and column, for a wrong cell."""
+    _check_size(path)
     frame = read_csv(path, ("name", "perfuses", "branch"))
     if not 1 <= len(frame) <= MOST_OUTLETS:
         raise InputError(path, "rows", len(frame), f"wanted 1 to {MOST_OUTLETS} outlets")
     known = {"name", "bc", "vessel", "x", "y", "z", "perfuses", "branch", "label"}
     for column in frame.columns:
         if column not in known:
-            raise InputError(path, str(column), None, f"unknown column; known: {', '.join(sorted(known))}")
+            raise InputError(path, str(column), None, f"unknown column; known columns: {', '.join(sorted(known))}")
     rows = []
     for number, record in enumerate(frame.astype(object).where(frame.notna(), None).to_dict("records"), start=1):
         rows.append(_outlet(path, number, record))
@@ -61,47 +63,62 @@ def read_outlets(path: Path) -> list[OutletRow]:
     return rows
 
 
-def _outlet(path: Path, number: int, record: dict) -> OutletRow:
-    def text(column: str, default: str | None = None) -> str | None:
-        value = record.get(column)
-        return default if value is None else str(value).strip()
+def _outlet(path: Path, number: int, record: dict[str, Any]) -> OutletRow:
+    cells = {column: str(value).strip() for column, value in record.items() if value is not None}
 
-    name = text("name")
+    def choice(column: str, allowed: tuple[Choice, ...]) -> Choice:
+        for value in allowed:
+            if cells.get(column) == value:
+                return value
+        raise InputError(path, f"row {number}, {column}", cells.get(column), f"allowed: {', '.join(allowed)}")
+
+    name = cells.get("name")
     if name is None or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_.-]{0,63}", name):
-        raise InputError(path, f"row {number}, name", name, "wanted letters, digits, _ . - with a letter first")
-    bc = text("bc", f"BC_{name}")
-    for column, allowed in (("perfuses", TISSUES), ("branch", BRANCHES)):
-        if text(column) not in allowed:
-            raise InputError(path, f"row {number}, {column}", text(column), f"allowed: {', '.join(allowed)}")
-    given = [record.get(axis) is not None for axis in "xyz"]
-    point = None
-    if any(given):
-        if not all(given):
-            raise InputError(path, f"row {number}, x y z", None, "give all three or none")
-        try:
-            point = tuple(float(record[axis]) for axis in "xyz")
-        except ValueError:
-            raise InputError(path, f"row {number}, x y z", [record[a] for a in "xyz"], "wanted numbers") from None
-        if not all(map(math.isfinite, point)):
-            raise InputError(path, f"row {number}, x y z", point, "wanted finite numbers")
-    return OutletRow(name, bc, text("vessel"), point, text("perfuses"), text("branch"), text("label", name))
+        raise InputError(path, f"row {number}, name", name, "wanted a letter, then letters, digits, _ . or -")
+    perfuses, branch = choice("perfuses", TISSUES), choice("branch", BRANCHES)
+    return OutletRow(
+        name,
+        cells.get("bc", f"BC_{name}"),
+        cells.get("vessel"),
+        _point(path, number, record),
+        perfuses,
+        branch,
+        cells.get("label", name),
+    )
+
+
+def _point(path: Path, number: int, record: dict[str, Any]) -> Point | None:
+    values = [record.get(axis) for axis in "xyz"]
+    if values == [None, None, None]:
+        return None
+    if None in values:
+        raise InputError(path, f"row {number}, x y z", None, "give all three or none")
+    try:
+        x, y, z = (float(str(value)) for value in values)
+    except ValueError:
+        raise InputError(path, f"row {number}, x y z", values, "wanted numbers") from None
+    if not all(map(math.isfinite, (x, y, z))):
+        raise InputError(path, f"row {number}, x y z", (x, y, z), "wanted finite numbers")
+    return x, y, z
 
 
 def read_territory_flows(
-    file: str | Path, flows: TerritoryFlows, folder: Path, lv: dict[str, str], tissue_density: float
-) -> dict[str, tuple]:
-    """Flow (mL/s) and territory volume (cm3, NaN where not given) of every LV-perfusing outlet.
+    file: Path, flows: TerritoryFlows, lv: dict[str, str], tissue_density: float
+) -> dict[str, tuple[float, float]]:
+    """Return flow (mL/s) and territory volume (cm3, NaN if not given) of every LV-perfusing outlet.
 
-    lv: outlet → boundary condition, of those that perfuse the LV; the table may use either name. Raises InputError for
-    an outlet without a row, a row without an outlet, and what is no plausible flow.
+    lv: outlet → boundary condition, of the outlets that perfuse the LV; the table may use either name. Raises
+    InputError for an outlet without a row, a row without an outlet, and an implausible flow.
     """
-    path = folder / flows.file
-    _sane(path)
-    measured = {"volume": (), "fraction": ("flow",)}.get(flows.unit, ("flow",) if flows.unit in FLOWS else ("mbf",))
-    needs_volume = measured != ("flow",)
-    frame = read_csv(path, ("name", *measured, *(("volume",) if needs_volume else ())))
+    path = file.parent / flows.file
+    _check_size(path)
+    if flows.unit == "volume":
+        measured = "volume"
+    else:
+        measured = "flow" if flows.unit == "fraction" or flows.unit in FLOWS else "mbf"
+    frame = read_csv(path, ("name", "mbf", "volume") if measured == "mbf" else ("name", measured))
     names = _outlet_names(path, frame, lv)
-    values = _positive(path, frame, names, *measured) if measured else None
+    values = _positive(path, frame, names, measured)
     volumes = _positive(path, frame, names, "volume") if "volume" in frame else np.full(len(names), np.nan)
     if flows.unit in FLOWS:
         flow = values * FLOWS[flows.unit]
@@ -110,7 +127,7 @@ def read_territory_flows(
             raise InputError(path, "flow", float(values.sum()), "fractions must add up to 1")
         flow = values
     elif flows.unit == "volume":
-        flow = volumes
+        flow = values
     else:
         flow = values * perfusions(tissue_density)[flows.unit] * volumes * tissue_density
     if flows.total is not None:
@@ -120,13 +137,13 @@ def read_territory_flows(
 
 
 def _outlet_names(path: Path, frame, lv: dict[str, str]) -> list[str]:
-    """Outlet of every row, all of `lv` exactly once."""
+    """Return the outlet of every row, all of `lv` exactly once."""
     by_bc = {bc: name for name, bc in lv.items()}
     names = []
     for given in (str(cell).strip() for cell in frame["name"]):
         name = given if given in lv else by_bc.get(given)
         if name is None:
-            raise InputError(path, "name", given, f"is no outlet that perfuses the LV; those are {', '.join(lv)}")
+            raise InputError(path, "name", given, f"not an outlet that perfuses the LV; those are {', '.join(lv)}")
         if name in names:
             raise InputError(path, "name", given, "occurs twice")
         names.append(name)
@@ -145,23 +162,25 @@ def _positive(path: Path, frame, names: list[str], column: str) -> np.ndarray:
 
 
 def _plausible(file: str | Path, flows: TerritoryFlows, flow: float, volume: float) -> None:
-    """Total flow (mL/s) and, where volumes are known, the wall and its perfusion must be those of a heart."""
+    """Check the total flow (mL/s) and, if volumes are known, the wall volume and its perfusion."""
     field, value = ("unit", flows.unit) if flows.total is None else ("total", f"{flows.total:g} {flows.total_unit}")
     if not 0.1 <= flow <= 60.0:
-        raise InputError(file, f"territory_flows.{field}", value, f"makes the LV flow {flow:.3g} mL/s; check the unit")
+        raise InputError(
+            file, f"territory_flows.{field}", value, f"gives an LV flow of {flow:.3g} mL/s; check the unit"
+        )
     if not np.isfinite(volume):
         return
     low, high = PLAUSIBLE_VOLUME
     if not low <= volume <= high:
         raise InputError(
-            file, "territory_flows.file", f"{volume:.3g} cm3", "is no plausible wall volume; volume is in cm3"
+            file, "territory_flows.file", f"{volume:.3g} cm3", "implausible wall volume; volume must be in cm3"
         )
     perfusion = flow / (volume * TISSUE_DENSITY) / MBF_PER_MIN_PER_G
     low, high = PLAUSIBLE_FLOW
     if not low <= perfusion <= high:
         raise InputError(
             file, f"territory_flows.{field}", value,
-            f"makes the mean flow {perfusion:.3g} mL/min/g, outside {low} to {high}; check its unit and volume (cm3)",
+            f"gives a mean flow of {perfusion:.3g} mL/min/g, outside {low} to {high}; check its unit and volume (cm3)",
         )  # fmt: skip
 
 
@@ -169,9 +188,9 @@ def read_case_targets(path: Path) -> dict[str, TargetValue]:
     """Read clinical targets by name, checked for plausibility (`checked`).
 
     A CSV is read as by `csv_targets`; YAML is `NAME: value` or `NAME: {value, unit, description}`.
-    Without a unit, pressures are dyn/cm2 if the largest in the file is 1000 or more, else mmHg: no body has both.
+    Without a unit, pressures are dyn/cm2 if the largest in the file is 1000 or more, else mmHg.
     """
-    _sane(path)
+    _check_size(path)
     if path.suffix.lower() in (".yaml", ".yml"):
         given = {name: _yaml_target(path, name, entry) for name, entry in read_yaml(path).items()}
     else:
@@ -181,8 +200,9 @@ def read_case_targets(path: Path) -> dict[str, TargetValue]:
     targets = {}
     for name, (description, value, unit) in given.items():
         target = BY_NAME.get(name)
-        unit = unit or (pressure if _is_pressure(name) else target and target.unit)
-        description = description or (target and target.description)
+        if target is not None:
+            unit = unit or (pressure if _is_pressure(name) else target.unit)
+            description = description or target.description
         targets[name] = TargetValue(description=description, value=value, unit=unit)
     checked(targets, path)
     return targets
@@ -193,11 +213,12 @@ def _is_pressure(name: str) -> bool:
 
 
 def csv_targets(path: Path) -> dict[str, tuple[str | None, float | None, str | None]]:
-    """Targets of a table: name → description, value or None, unit or None.
+    """Read a table of targets: name → description, value, unit; each may be None.
 
-    With a header: columns name and value, if wanted description and unit. Without: name, description, value.
+    With a header, the columns are name, value and, optionally, description and unit; without one, they are name,
+    description, value.
     """
-    given: dict[str, tuple] = {}
+    given: dict[str, tuple[str | None, float | None, str | None]] = {}
     text, separator = read_table_text(path)
     rows = list(enumerate(csv.reader(text.splitlines(), delimiter=separator), start=1))
     rows = [(number, [cell.strip() for cell in row]) for number, row in rows if any(cell.strip() for cell in row)]
@@ -219,16 +240,16 @@ def csv_targets(path: Path) -> dict[str, tuple[str | None, float | None, str | N
     return given
 
 
-def _yaml_target(path: Path, name: str, entry) -> tuple:
+def _yaml_target(path: Path, name: str, entry: Any) -> tuple[str | None, float | None, str | None]:
     if not isinstance(entry, dict):
         return None, _number(path, name, entry), None
     for key in entry:
         if key not in ("value", "unit", "description"):
-            raise InputError(path, f"{name}.{key}", None, "unknown field; known: value, unit, description")
+            raise InputError(path, f"{name}.{key}", None, "unknown field; known fields: value, unit, description")
     return entry.get("description"), _number(path, name, entry.get("value")), entry.get("unit")
 
 
-def _number(path: Path, name: str, value) -> float | None:
+def _number(path: Path, name: str, value: Any) -> float | None:
     if value is None or (isinstance(value, str) and value.lower() in ("none", "nan", "")):
         return None
     try:
@@ -238,7 +259,7 @@ def _number(path: Path, name: str, value) -> float | None:
     if isinstance(value, bool) or not math.isfinite(number):
         remedy = "wanted a number or none"
         if isinstance(value, str) and re.match(r"[-+]?[\d.]+\s*[A-Za-z%]", value):
-            remedy += "; a unit goes into a column `unit`, under a header"
+            remedy += "; put units into a column `unit`, with a header"
         raise InputError(path, name, value, remedy)
     return number
 
@@ -253,8 +274,8 @@ def _numbers(path: Path, frame, column: str) -> np.ndarray:
     return np.array(values)
 
 
-def _sane(path: Path) -> None:
+def _check_size(path: Path) -> None:
     if not path.is_file():
         raise InputError(path, None, None, "no such file")
     if path.stat().st_size > LARGEST_TABLE:
-        raise InputError(path, None, f"{path.stat().st_size} bytes", f"more than {LARGEST_TABLE}; this is not a table")
+        raise InputError(path, None, f"{path.stat().st_size} bytes", f"more than {LARGEST_TABLE} bytes; wanted a table")

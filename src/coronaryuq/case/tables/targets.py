@@ -1,4 +1,4 @@
-"""Clinical and literature targets of the closed loop: what each means, how closely to meet it, what is plausible."""
+"""Clinical and literature targets of the closed loop: meaning, tolerance and plausible range of each."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,11 +11,10 @@ from coronaryuq.core.units import PRESSURES, RATIOS, VOLUMES
 
 @dataclass(frozen=True)
 class Target:
-    """One target: misfit = (simulated - measured) / tolerance, `tolerance` in `unit` or, where `relative`, of the
-    value.
+    """One target: misfit = (simulated - measured) / tolerance.
 
-    `plausible`: range in `unit` outside which a given value is taken for a wrong unit or a slip.
-    `clinical`: measured on the patient; the others are population averages.
+    `tolerance` is in `unit` or, if `relative`, a fraction of the value. Values outside `plausible` (in `unit`) are
+    refused as a wrong unit or a slip. `clinical` targets are measured on the patient, others are population averages.
     """
 
     name: str
@@ -58,8 +57,8 @@ TARGETS = (
     Target("PaoMean_conv", "Change of mean aortic pressure from cycle to cycle", "mmHg", 1.0, (0.0, 10.0)),
     Target("AbsQin_conv", "Change of stroke volume from cycle to cycle", "mL", 1.0, (0.0, 10.0)),
 )  # fmt: skip
-"""Tolerances of what is measured on the patient are 2 % of the value, so that the tuned loop stays well within the 5
-% that the method asks for. Those of population averages are the standard deviations of the public svZeroDEstimator
+"""Tolerances of clinical targets are 2 % of the value, so that the tuned loop stays well within the 5 % that the method
+requires. Those of population averages are the standard deviations of the public svZeroDEstimator
 example (Tran et al. 2017), halved for the two coronary ratios whose published spread exceeds half their value. The
 `_conv` targets are met by construction, because the loop is run to its periodic state; they are reported, not
 tuned."""
@@ -68,39 +67,48 @@ BY_NAME = {target.name: target for target in TARGETS}
 
 
 def checked(given: Mapping[str, TargetValue], file: str | Path) -> dict[str, float]:
-    """Targets in their own units from {NAME: {value, unit}}, a unit of None being their own; those without a value are
-    left out.
+    """Return the targets that have a value, in their own units.
 
-    Raises `InputError` for an unknown name or unit, an implausible value, and values that contradict one another.
+    Parameters
+    ----------
+    given
+        Targets by name; a unit of None is the target's own.
+    file
+        The file named in errors.
+
+    Raises
+    ------
+    InputError
+        For an unknown name or unit, an implausible value, and values that contradict one another.
     """
-    found = {}
+    values: dict[str, float] = {}
     for name, entry in given.items():
         value, unit = entry.value, entry.unit
         if name not in BY_NAME:
-            raise InputError(file, name, value, f"unknown target; known: {', '.join(BY_NAME)}")
+            raise InputError(file, name, value, f"unknown target; known targets: {', '.join(BY_NAME)}")
         if value is None:
             continue
         target = BY_NAME[name]
-        number = value * _into(target, unit, file)
+        number = value * _factor(target, unit, file)
         low, high = target.plausible
         if not low <= number <= high:
             unit = "" if target.unit == "1" else f" {target.unit}"
             remedy = f"implausible: {number:.6g}{unit}, wanted {low:g} to {high:g}{unit}"
             if target.unit == "1" and low <= number / 100 <= high:
-                remedy += "; a fraction, not per cent"
+                remedy += "; give a fraction, not per cent"
             raise InputError(file, name, value, remedy)
-        found[name] = number
+        values[name] = number
     for smaller, larger in (("PaoMin", "PaoMean"), ("PaoMean", "PaoMax"), ("PaoMin", "PaoMax"), ("ESV", "EDV")):
-        if smaller in found and larger in found and found[smaller] >= found[larger]:
-            raise InputError(file, smaller, found[smaller], f"not below {larger}, {found[larger]:g}")
-    return found
+        if smaller in values and larger in values and values[smaller] >= values[larger]:
+            raise InputError(file, smaller, values[smaller], f"must be below {larger}, {values[larger]:g}")
+    return values
 
 
-def _into(target: Target, unit: str | None, file: str | Path) -> float:
-    """Factor from `unit` to the target's own."""
-    if unit in (None, target.unit):
+def _factor(target: Target, unit: str | None, file: str | Path) -> float:
+    """Return the factor from `unit` to the target's own unit."""
+    if unit is None or unit == target.unit:
         return 1.0
     table = next(table for table in (PRESSURES, VOLUMES, RATIOS) if target.unit in table)
-    if not isinstance(unit, str) or unit not in table:
+    if unit not in table:
         raise InputError(file, f"{target.name}.unit", unit, f"wanted one of {', '.join(table)}")
     return table[unit] / table[target.unit]
