@@ -19,7 +19,7 @@ def card(tmp_path):
             row(column_3d=f"{quantity}_lad", beyond_the_mean=BeyondTheMean(**beyond))
             for quantity in ("ffr", "tawss_min", "osi_max")
         ]
-        return vessel_card({"name": "LAD"}, rows, {"BC_b": "D1 (lca3)"}, MeshError(tmp_path / "mesh.json", None))
+        return vessel_card("LAD", rows, {"BC_b": "D1 (lca3)"}, MeshError(tmp_path / "mesh.json", None))
 
     return make
 
