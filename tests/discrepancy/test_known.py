@@ -20,7 +20,7 @@ class TwoModes:
     def corrected(self, acting, fit):
         return self, fit
 
-    def to_the_end(self, acting, fit):
+    def converge(self, acting, fit):
         return fit
 
     def calibrate_each(self, wanted):

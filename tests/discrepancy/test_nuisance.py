@@ -16,7 +16,7 @@ from coronaryuq.discrepancy.data.recordings import prepare
 from coronaryuq.discrepancy.hidden.make_case import hide
 from coronaryuq.discrepancy.inference.read_problem import make_problem
 from coronaryuq.discrepancy.search_case import search_case
-from coronaryuq.discrepancy.selection.candidates import STORES, all_candidates
+from coronaryuq.discrepancy.selection.candidates import COMPLIANCE, all_candidates
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.base import vessel_values
 from coronaryuq.zerod.effects.grafting import put_ahead
@@ -166,7 +166,7 @@ def test_a_vessel_of_a_declared_stenosis_is_given_no_compliance():
         ((Condition("rest"), Condition("mild", **clamped)), False),
     ):
         candidates = all_candidates(problem(left_coronary(), *conditions), assume())
-        places = {c.place for c in candidates if c.effect.name == STORES}
+        places = {c.place for c in candidates if c.effect.name == COMPLIANCE}
         assert "left_main" in places and ("lad" in places) == expected
 
 

@@ -5,8 +5,8 @@ import pytest
 
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
 from coronaryuq.discrepancy.inference.cross_validation import Gap
-from coronaryuq.discrepancy.inference.locate import Located, Strain
-from coronaryuq.discrepancy.inference.outliers import Spike
+from coronaryuq.discrepancy.inference.locate import Located, PriorConflict
+from coronaryuq.discrepancy.inference.outliers import Outlier
 from coronaryuq.discrepancy.result import summary_text
 from coronaryuq.discrepancy.selection.abstention import Gaps
 from coronaryuq.discrepancy.selection.candidates import Candidate
@@ -76,8 +76,8 @@ def test_the_measurement_that_distinguishes_a_class_is_named_only_if_it_is_infor
 
 
 def test_the_probability_of_a_class_is_separate_from_that_of_its_first_member():
-    first = Candidate(effect("bifurcation_loss"), "lad", 0.0, probability=0.4)
-    other = Candidate(effect("ostial_loss"), "lm", 0.0, probability=0.59)
+    first = Candidate(placed("bifurcation_loss", "lad"), 0.0, probability=0.4)
+    other = Candidate(placed("ostial_loss", "lm"), 0.0, probability=0.59)
     assert summary_text.class_probability_text([first]) == "probability 0.40"
     text = summary_text.class_probability_text([first, other])
     assert text.startswith("probability 0.99 for its class, 0.40 for this member; ")
@@ -85,7 +85,7 @@ def test_the_probability_of_a_class_is_separate_from_that_of_its_first_member():
 
 
 @pytest.mark.parametrize(
-    ("strains", "text"),
+    ("conflicts", "text"),
     [
         ([("a", 2.0, 0.5), ("b", -1.0, 0.9)], ""),
         (
@@ -104,9 +104,9 @@ def test_the_probability_of_a_class_is_separate_from_that_of_its_first_member():
     ],
     ids=["none", "the worst", "and one far outside", "many"],
 )
-def test_every_nuisance_parameter_far_outside_its_prior_is_listed(strains, text):
-    located = Located(1.0, {}, [], [Strain(name, sd, sd, p) for name, sd, p in strains])
-    nuisances = [Nuisance(name, 0.5) for name, _, _ in strains]
+def test_every_nuisance_parameter_far_outside_its_prior_is_listed(conflicts, text):
+    located = Located(1.0, {}, [], [PriorConflict(name, sd, sd, p) for name, sd, p in conflicts])
+    nuisances = [Nuisance(name, 0.5) for name, _, _ in conflicts]
     assert summary_text.conflict_text("It moves", summary_text.prior_conflicts(located, nuisances, LEVEL)) == text
 
 
@@ -154,7 +154,7 @@ def test_a_negative_delay_is_described_as_read_early(name, z, text):
 
 
 def test_outliers_are_listed_with_a_remedy():
-    outlier = Spike("flow", "AORTA:lad", "rest", 0.3125, -10.0)
+    outlier = Outlier("flow", "AORTA:lad", "rest", 0.3125, -10.0)
     assert summary_text.outlier_notes([]) == ""
     assert summary_text.outlier_notes([outlier]).startswith(
         "One sample is an outlier, the flow at AORTA:lad under rest at 0.3125 s (-10 "

@@ -33,7 +33,8 @@ from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.hidden import make_case
 from coronaryuq.discrepancy.inference.read_problem import read_problem
-from coronaryuq.discrepancy.selection.search import Discovery, discover
+from coronaryuq.discrepancy.selection.discovery import Discovery
+from coronaryuq.discrepancy.selection.search import discover
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Effect

@@ -7,10 +7,10 @@ from coronaryuq.discrepancy.hidden import make_case
 from coronaryuq.discrepancy.hidden.reference_gap import fit_known
 from coronaryuq.discrepancy.inference.cross_validation import gap, linearise
 from coronaryuq.discrepancy.result.write import named
-from coronaryuq.discrepancy.selection.search import Discovery
+from coronaryuq.discrepancy.selection.discovery import Discovery
 
 WORTHS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
-"""Thresholds of `abstention.WORTH` for which answers are counted; cases that never come to it stay as they are."""
+"""Values of `DecisionRule.gain_beside_flexible` for which answers are counted; other cases stay as they are."""
 
 
 def scored(truth: make_case.Truth, answer: Discovery) -> dict:
@@ -20,7 +20,7 @@ def scored(truth: make_case.Truth, answer: Discovery) -> dict:
     in posterior standard deviations: an interval that misses may owe it to the search or to the noise. first: an alarm
     with nothing named is "outside", whether or not the answer says so.
     """
-    problem = answer.plain
+    problem = answer.base_problem
     classes = [[(c.effect.name, c.place) for c in entry.members] for entry in answer.named]
     wanted = [(one.name, place) for one, place in truth.hypothesis]
     got = [any(name == e for members in classes for e, _ in members) for name, _ in wanted]
@@ -46,8 +46,8 @@ def scored(truth: make_case.Truth, answer: Discovery) -> dict:
         "remaining": answer.remaining.p,
         "noise_taken": {quantity: vars(one) for quantity, one in answer.noise.items()},
         "varying": max((one.log_odds for one in answer.verdict.constancies), default=None),
-        "foretold": answer.verdict.foretold,
-        "helped": None if answer.verdict.taken_back else answer.verdict.helped,
+        "foretold": answer.verdict.predictive_p,
+        "helped": None if answer.verdict.refused else answer.verdict.gain_beside_flexible,
     }
     rows = len(answer.gaps.before.residual)
     entry["held_out_lpd_gain"] = (

@@ -4,7 +4,7 @@ import numpy as np
 
 from coronaryuq.discrepancy.data.conditions import kept_out
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
-from coronaryuq.discrepancy.inference.cross_validation import Gap, folds, gap, linearise
+from coronaryuq.discrepancy.inference.cross_validation import Gap, folds_of, gap, linearise
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.search import recalibrate
@@ -20,12 +20,12 @@ def fit_known(problem: Problem, hypothesis: Hypothesis, sizes: np.ndarray, base:
     if not found:
         raise FloatingPointError("the model does not run with what was hidden")
     problem, fit = problem.corrected(hypothesis, max(found, key=lambda fit: fit.evidence))
-    return problem, problem.to_the_end(hypothesis, fit)
+    return problem, problem.converge(hypothesis, fit)
 
 
 def known_gap(problem: Problem, hypothesis: Hypothesis, sizes: np.ndarray, seed: int) -> Gap:
     """Held-out gap with what was hidden."""
     plain, base = recalibrate(problem)
     plain, fit = fit_known(plain, hypothesis, sizes, base)
-    parts = folds(plain, kept_out(plain.forward.conditions))
+    parts = folds_of(plain, kept_out(plain.forward.conditions))
     return gap(plain, linearise(plain, fit.z, hypothesis), parts, seed)

@@ -1,37 +1,60 @@
-"""How far the gap shrinks on measurements kept out of every fit."""
+"""Cross-validation: misfit and predictive density of models on held-out data."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.residual_tests import residual_tests
 
-BLOCKS = 4
-RESAMPLES = 400
+BLOCKS, RESAMPLES = 4, 400
+"""Blocks of a waveform that the bootstrap resamples, and its samples."""
+
+Folds = list[tuple[np.ndarray, np.ndarray]]
+"""(train, test) rows (N,) of each fold."""
 
 
 @dataclass(frozen=True)
 class Linear:
-    """A model linearised at its fit: residual (N,) and sensitivities (N, p) of all rows, whitened, at z (p,)."""
+    """A model linearised at its fit z (p,): whitened residual (N,) and sensitivities (N, p) of all data."""
 
     z: np.ndarray
     residual: np.ndarray
     jacobian: np.ndarray
 
     def extended(self, features: np.ndarray) -> "Linear":
-        """With further linear terms, weights standard normal a priori."""
+        """Add linear terms, whose weights are standard normal a priori."""
         return Linear(
             np.concatenate([self.z, np.zeros(features.shape[1])]), self.residual, np.hstack([self.jacobian, features])
         )
 
 
 def linearise(problem: Problem, z: np.ndarray, hypothesis: Hypothesis) -> Linear:
-    """At the fit z (p,), or, where the model does not run there under every condition, at the prior's mean with its
-    sizes. Raises FloatingPointError where it does not run there either.
+    """Linearise a model at its fit, or at the prior's mean with its sizes where it does not run there.
+
+    Parameters
+    ----------
+    problem
+        Measurements and model.
+    z
+        Parameters of the fit: (p,).
+    hypothesis
+        Effects of the model.
+
+    Returns
+    -------
+    Linear
+        Residual and sensitivities of all data, held-out ones included.
+
+    Raises
+    ------
+    FloatingPointError
+        If the model runs at neither point under every condition.
     """
     centred = hypothesis.at_prior_mean(z)
     for point in (z, centred):
@@ -42,7 +65,7 @@ def linearise(problem: Problem, z: np.ndarray, hypothesis: Hypothesis) -> Linear
 
 
 def predict(model: Linear, train: np.ndarray, test: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Whitened residual (m,) of the test rows after a fit to the train rows, and its covariance (m, m) with noise."""
+    """Return the whitened residual (m,) of the test rows after a fit to the train rows, and its covariance (m, m)."""
     at_zero = model.residual + model.jacobian @ model.z
     fitted = model.jacobian[train]
     factor = cho_factor(np.eye(len(model.z)) + fitted.T @ fitted)
@@ -53,11 +76,11 @@ def predict(model: Linear, train: np.ndarray, test: np.ndarray) -> tuple[np.ndar
 
 @dataclass(frozen=True)
 class Gap:
-    """Misfit of one model on held-out rows.
+    """Misfit of one model on held-out data.
 
-    misfit: root mean square of the residuals whitened by noise and predictive spread (noise floor 1), with a 90 %
-    interval; residual: those residuals, (m,) in the order of the folds;
-    rmse: per quantity, CGS; lpd: log predictive density per row, nats, CGS.
+    misfit: root mean square of the residuals whitened by noise and predictive spread, 1 by noise alone, with a 90 %
+    interval; residual: those residuals (m,) in the order of the folds; rmse: by quantity, CGS; lpd, total_lpd: log
+    predictive density per row and of all, nats.
     """
 
     misfit: float
@@ -68,6 +91,7 @@ class Gap:
     residual: np.ndarray
 
     def summary(self) -> dict:
+        """Return the entry of `discrepancy.json`."""
         return {
             "misfit": self.misfit,
             "interval_90": list(self.interval),
@@ -76,19 +100,35 @@ class Gap:
         }
 
 
-def gap(problem: Problem, model: Linear, folds: list[tuple[np.ndarray, np.ndarray]], seed: int) -> Gap:
-    """Gap over all folds (train rows, test rows), whose test rows do not overlap."""
-    residuals, raw, rows, density = [], [], [], 0.0
+def gap(problem: Problem, model: Linear, folds: Folds, seed: int) -> Gap:
+    """Compute the held-out misfit of a model over all folds.
+
+    Parameters
+    ----------
+    problem
+        Measurements.
+    model
+        The model, linearised.
+    folds
+        Rows of each fold; test rows do not overlap.
+    seed
+        Seed of the bootstrap interval.
+
+    Returns
+    -------
+    Gap
+        Misfit, its interval, and predictive density.
+    """
+    parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+    density = 0.0
     for train, test in folds:
         residual, covariance = predict(model, train, test)
         factor = cho_factor(covariance, lower=True)
         independent = solve_triangular(factor[0], residual, lower=True)
         density += -0.5 * float(independent @ independent) - float(np.log(np.diag(factor[0])).sum())
         density -= float(np.log(problem.sd[test]).sum()) + 0.5 * len(residual) * np.log(2 * np.pi)
-        raw.append(residual * problem.sd[test])
-        residuals.append(independent)
-        rows.append(np.flatnonzero(test))
-    residual, raw, rows = np.concatenate(residuals), np.concatenate(raw), np.concatenate(rows)
+        parts.append((independent, residual * problem.sd[test], np.flatnonzero(test)))
+    residual, raw, rows = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     quantities = np.array([s.quantity for s in problem.forward.measured])[problem.owner[rows]]
     rmse = {q: float(np.sqrt(np.mean(raw[quantities == q] ** 2))) for q in dict.fromkeys(quantities)}
     return Gap(
@@ -101,36 +141,36 @@ def gap(problem: Problem, model: Linear, folds: list[tuple[np.ndarray, np.ndarra
     )
 
 
-def better(one: Gap, other: Gap) -> bool:
-    """Whether held-out density is higher by 3 nats and by half a standard error, rows grouped in eights."""
-    difference = 0.5 * (other.residual**2 - one.residual**2)
+def predicts_better(model: Gap, other: Gap) -> bool:
+    """Return whether a model's held-out density is clearly higher, standard errors by rows grouped in eights."""
+    difference = 0.5 * (other.residual**2 - model.residual**2)
     blocks = np.array([part.sum() for part in np.array_split(difference, max(2, len(difference) // 8))])
     error = np.sqrt(len(blocks) * blocks.var(ddof=1))
-    return one.total_lpd - other.total_lpd > max(3.0, 0.5 * error)
+    return model.total_lpd - other.total_lpd > max(RULE.better_prediction, RULE.better_prediction_errors * error)
 
 
-def foretold(problem: Problem, model: Linear, folds: list[tuple[np.ndarray, np.ndarray]]) -> float:
-    """p-value of held-out residuals as the model foretells them, with the spread that a fit to the other rows leaves.
+def predictive_p(problem: Problem, model: Linear, folds: Folds) -> float:
+    """Return the p-value of held-out residuals under a model's predictions.
 
-    The least of the tests of `residual_tests` over all folds (train rows, test rows), times their number (Bonferroni).
+    Predictions have the spread that a fit to the other rows leaves. The least of the tests of `residual_tests` over all
+    folds, times their number (Bonferroni).
     """
-    found = []
+    p_values: list[float] = []
     for train, test in folds:
         residual, covariance = predict(model, train, test)
         factor = cho_factor(covariance)
         score = cho_solve(factor, residual)
-        tests = residual_tests(problem, test, residual @ score, score, lambda v, of=factor: cho_solve(of, v))
-        found += tests.values()
-    return min(1.0, len(found) * min(found))
+        tests = residual_tests(problem, test, residual @ score, score, partial(cho_solve, factor))
+        p_values += tests.values()
+    return min(1.0, len(p_values) * min(p_values))
 
 
 def _interval(problem: Problem, residual: np.ndarray, rows: np.ndarray, seed: int) -> tuple[float, float]:
-    """Percentile interval (90 %) of the misfit by resampling blocks: quarters of a waveform, single other rows."""
+    """Return the 90 % percentile interval of the misfit by bootstrap of blocks: quarters of a waveform, other rows."""
     block, offset = np.zeros(len(rows), dtype=int), 0
     for owner in np.unique(problem.owner[rows]):
-        mine = np.flatnonzero(problem.owner[rows] == owner)
-        parts = np.array_split(mine, min(BLOCKS, len(mine)))
-        for part in parts:
+        own = np.flatnonzero(problem.owner[rows] == owner)
+        for part in np.array_split(own, min(BLOCKS, len(own))):
             block[part] = offset
             offset += 1
     sums = np.bincount(block, residual**2, minlength=offset)
@@ -141,17 +181,29 @@ def _interval(problem: Problem, residual: np.ndarray, rows: np.ndarray, seed: in
     return float(low), float(high)
 
 
-def folds(problem: Problem, held_out: list[str]) -> list[tuple[np.ndarray, np.ndarray]]:
-    """The declared held-out conditions as one fold; without any, each condition in turn.
+def folds_of(problem: Problem, held_out: list[str]) -> Folds:
+    """Return the declared held-out conditions as one fold; without any, each condition in turn.
 
-    Mean values of a held-out condition that lists a free parameter set that parameter and are no test.
+    Means of a held-out condition that lists a free parameter set that parameter, and are not tested.
+
+    Parameters
+    ----------
+    problem
+        Measurements.
+    held_out
+        Names of the held-out conditions.
+
+    Returns
+    -------
+    list of (train, test)
+        Rows (N,) of each fold that tests anything.
     """
     conditions = problem.forward.conditions
     means = np.array([s.statistic == "mean" for s in problem.forward.measured])[problem.owner]
     groups = [held_out] if held_out else [[name] for name in dict.fromkeys(problem.condition)]
-    found = []
+    folds = []
     for group in groups:
         outside = np.isin(problem.condition, group)
         anchored = np.isin(problem.condition, [name for name in group if conditions[name].anchored]) & means
-        found.append((~outside | anchored, outside & ~anchored))
-    return [(train, test) for train, test in found if test.any()]
+        folds.append((~outside | anchored, outside & ~anchored))
+    return [(train, test) for train, test in folds if test.any()]

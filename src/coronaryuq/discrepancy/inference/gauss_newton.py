@@ -1,4 +1,4 @@
-"""Gaussian calibration: maximum a posteriori by Gauss-Newton, marginal likelihood by Laplace, all in whitened numbers.
+"""Gauss-Newton: maximum a posteriori, and marginal likelihood by Laplace, all in whitened numbers.
 
 Data y (N,) with standard deviations sd; a model f(z) with z standard normal a priori. Whitened, the residual is
 e = (y - f) / sd and the sensitivity is G = (df/dz) / sd, so that for a linear model, with M = I + G'G and e0 the
@@ -6,13 +6,14 @@ residual at z = 0, the marginal precision of the data is P = I - G M^-1 G' and
 
     log Z = -1/2 (e0' P e0) - 1/2 log det M + const,
 
-where e0' P e0 is the least value of |e|^2 + |z|^2 (Rasmussen & Williams 2006, appendix A.3; MacKay 2003, chapter 27).
+where e0' P e0 is the minimum of |e|^2 + |z|^2 (Rasmussen & Williams 2006, appendix A.3; MacKay 2003, chapter 27).
 The constant, -1/2 N log(2 pi) - sum log sd, is common to all models of the same data and is left out.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Generic, TypeVar
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -23,9 +24,14 @@ STEP = 0.1
 
 @dataclass
 class Fit:
-    """Maximum a posteriori of one model: z (p,), residual (N,) and sensitivities `jacobian` (N, p), whitened.
+    """Maximum a posteriori of one model.
 
-    renewed: z at which all sensitivities were last recomputed; None where some are another model's.
+    Attributes
+    ----------
+    z, residual, jacobian
+        Parameters (p,), whitened residual (N,) and sensitivities (N, p).
+    renewed
+        z at which all sensitivities were last recomputed; None where some are another model's.
     """
 
     z: np.ndarray
@@ -48,16 +54,17 @@ class Fit:
 
     @cached_property
     def evidence(self) -> float:
+        """Log marginal likelihood in the Laplace approximation, less what is common to all models of the data."""
         return -0.5 * self.objective - 0.5 * float(np.linalg.slogdet(self.precision)[1])
 
     @property
     def projection(self) -> Callable[[np.ndarray], np.ndarray]:
-        """v → P v for vectors (N,) or (N, k): what recalibration within the prior cannot explain of them."""
+        """The map v → P v of vectors (N,) or (N, k): what recalibration within the prior cannot explain of them."""
         factor = cho_factor(self.precision)
         return lambda vectors: vectors - self.jacobian @ cho_solve(factor, self.jacobian.T @ vectors)
 
     def project(self, vectors: np.ndarray) -> np.ndarray:
-        """P v, as `projection`; where many are asked for, that is faster."""
+        """Return P v once; `projection` is faster for many."""
         return self.projection(vectors)
 
     @property
@@ -67,21 +74,24 @@ class Fit:
         return self.project(linear)
 
 
-@dataclass
-class Search:
-    """One maximisation under way: where it is, which sensitivities it recomputes, and what it found.
+Label = TypeVar("Label")
+"""What `evaluate` needs to know of a model, its hypothesis say."""
 
-    label: what `evaluate` needs to know of the model; fresh: columns of z whose sensitivities are recomputed;
-    renewed: z at which they were last (None: they have to be at the start); stale: whether they have to be now; exact:
-    columns whose sensitivities are always the same, and those, (N, k); central: sensitivities by differences to both
-    sides, twice the runs and without the curvature's share.
+
+@dataclass
+class Search(Generic[Label]):
+    """State of one maximisation: point, sensitivities and which of them are recomputed.
+
+    fresh: columns of z whose sensitivities are recomputed; renewed: z at which they were last (None: they have to be at
+    the start); stale: whether they have to be now; exact: columns whose sensitivities are constant, and these (N, k);
+    central: differences to both sides, with twice the runs and without the share of the curvature.
     """
 
-    label: object
+    label: Label
     z: np.ndarray
     fresh: list[int]
     jacobian: np.ndarray | None = None
-    residual: np.ndarray | None = None
+    residual: np.ndarray = field(default_factory=lambda: np.zeros(0))
     renewed: np.ndarray | None = None
     stale: bool = True
     failed: bool = False
@@ -96,7 +106,12 @@ class Search:
     @property
     def fit(self) -> Fit:
         whole = len({*self.fresh, *self.linear}) == len(self.z)
-        return Fit(self.z, self.residual, self.jacobian, self.renewed if whole else None)
+        return Fit(self.z, self.residual, self.slopes, self.renewed if whole else None)
+
+    @property
+    def slopes(self) -> np.ndarray:
+        """The sensitivities (N, p); zero until they are first computed."""
+        return np.zeros((self.residual.size, len(self.z))) if self.jacobian is None else self.jacobian
 
     @property
     def linear(self) -> list[int]:
@@ -105,15 +120,15 @@ class Search:
 
     @cached_property
     def _linear_precision(self) -> tuple:
-        columns, values = self.exact
+        columns, values = self.exact or ([], np.zeros((self.residual.size, 0)))
         return cho_factor(np.eye(len(columns)) + values.T @ values)
 
     def settled(self, z: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """A point and its residual with what that is linear in where it is best beside the others."""
-        if not self.linear or not np.isfinite(residual).all():
+        """Return a point and its residual with the linear parameters at their optimum beside the others."""
+        if self.exact is None or not self.linear or not np.isfinite(residual).all():
             return z, residual
         columns, values = self.exact
-        # A row among others may be strided, and products of it be rounded in another way than those of it alone.
+        # A row among others may be strided, and its products rounded differently than those of the row alone.
         residual = np.ascontiguousarray(residual)
         step = cho_solve(self._linear_precision, values.T @ residual - z[columns])
         z = z.copy()
@@ -126,40 +141,57 @@ class Search:
 
     @property
     def moved(self) -> np.ndarray:
-        """From where sensitivities were recomputed; they do not hang on what the residual is linear in."""
-        return (self.z - self.renewed)[self.others]
+        """Distance from where sensitivities were recomputed; they do not depend on the linear parameters."""
+        return (self.z - (self.z if self.renewed is None else self.renewed))[self.others]
 
 
-Evaluate = Callable[[list[tuple[np.ndarray, object]]], np.ndarray]
+Evaluate = Callable[[list[tuple[np.ndarray, Label]]], np.ndarray]
 """Rows (z, label) → whitened residuals (n, N), NaN where a run failed."""
 
 
 LENGTHS = (1.0, 0.4, 0.1)
 """Shares of the Gauss-Newton step that are tried side by side."""
 GOOD_STEP = 0.7
-"""Share of the gain that the linear model promised, above which its sensitivities serve for the next step too."""
+"""Share of the predicted gain above which the sensitivities are used for the next step too."""
 FARTHEST = 3.0
-"""Prior standard deviations of any parameter beyond which the linear model is not to be believed."""
+"""Step of any parameter, in prior standard deviations, beyond which the linear model is not trusted."""
 MOVED = 0.3
 """Distance, in prior standard deviations, from where they were recomputed at which sensitivities still hold."""
 TOLERANCE = 0.02
-"""Gain of the objective below which a fit ends: 0.01 of log evidence."""
+"""Gain of the objective below which a fit ends: 0.01 nats of log evidence."""
 SHARE = 1e-3
-"""Gain, as a share of the objective, below which a fit ends too: far from the data many steps gain little."""
+"""Gain as a share of the objective below which a fit ends too: far from the data many steps gain little."""
 
 
 def maximise(
-    evaluate: Evaluate, searches: list[Search], iterations: int, tolerance: float = TOLERANCE, share: float = SHARE
-) -> list[Search]:
-    """Gauss-Newton with a step search, all `searches` in lockstep so that their runs share batches.
+    evaluate: Evaluate[Label],
+    searches: list[Search[Label]],
+    iterations: int,
+    tolerance: float = TOLERANCE,
+    share: float = SHARE,
+) -> list[Search[Label]]:
+    """Maximise by Gauss-Newton with a step search, all searches in lockstep so that their runs share batches.
 
-    What the residual is linear in stands at its best at every point that is tried (variable projection; Golub & Pereyra
-    1973): points are compared by what the others make of them.
+    Linear parameters are at their optimum at every point that is tried (variable projection; Golub & Pereyra 1973).
+    Sensitivities in `fresh` are recomputed where a step gains less than predicted, or ends `FARTHEST` from where they
+    were last; the others start as given; all are updated by the steps taken.
 
-    Sensitivities in `fresh` are recomputed where a step gains less than the linear model promised, or ends `FARTHEST`
-    from where they were last, the others start as given; steps taken update all of them. A search is done when its
-    objective falls by less than `tolerance`, or by less than a `share` of itself, with sensitivities that were
-    recomputed close by.
+    Parameters
+    ----------
+    evaluate
+        Rows (z, label) → whitened residuals (n, N), NaN where a run failed.
+    searches
+        Starting points; changed in place.
+    iterations
+        Steps, at most.
+    tolerance, share
+        A search ends when its objective falls by less than `tolerance`, or by less than a `share` of itself, with
+        sensitivities that were recomputed close by.
+
+    Returns
+    -------
+    list of Search
+        The searches, `failed` where the model did not run at the start.
     """
     if not searches:
         return []
@@ -178,38 +210,37 @@ def maximise(
         ]
         values = evaluate([(z, search.label) for search, z in trials])
         for number, search in enumerate(active):
-            mine = slice(number * len(LENGTHS), (number + 1) * len(LENGTHS))
-            _advance(search, [z for _, z in trials[mine]], values[mine], tolerance, share)
+            rows = slice(number * len(LENGTHS), (number + 1) * len(LENGTHS))
+            _advance(search, [z for _, z in trials[rows]], values[rows], tolerance, share)
     return searches
 
 
-def _differentiate(evaluate: Evaluate, stale: list[Search]) -> None:
-    rows = []
+def _differentiate(evaluate: Evaluate[Label], stale: list[Search[Label]]) -> None:
+    rows: list[tuple[np.ndarray, Label]] = []
     for search in stale:
         for column in search.fresh:
             for side in search.sides:
                 moved = search.z.copy()
                 moved[column] += side * STEP
                 rows.append((moved, search.label))
-    found = iter(evaluate(rows) if rows else [])
+    residuals = iter(evaluate(rows) if rows else ())
     for search in stale:
-        if search.jacobian is None:
-            search.jacobian = np.zeros((search.residual.size, len(search.z)))
+        search.jacobian = jacobian = search.slopes
         for column in search.fresh:
-            slopes = [-side * (next(found) - search.residual) / STEP for side in search.sides]
+            slopes = [-side * (next(residuals) - search.residual) / STEP for side in search.sides]
             known = [slope for slope in slopes if np.isfinite(slope).all()]
             if known:
-                search.jacobian[:, column] = sum(known) / len(known)
+                jacobian[:, column] = sum(known) / len(known)
         if search.exact is not None:
             columns, values = search.exact
-            search.jacobian[:, columns] = values
+            jacobian[:, columns] = values
         search.renewed, search.stale = search.z, False
 
 
 def _step(search: Search) -> np.ndarray:
-    """Gauss-Newton's step, shortened beyond `FARTHEST`; what the residual is linear in follows the rest in full."""
-    hessian = np.eye(len(search.z)) + search.jacobian.T @ search.jacobian
-    gradient = search.jacobian.T @ search.residual - search.z
+    """Return the Gauss-Newton step, shortened beyond `FARTHEST`; the linear parameters follow the rest in full."""
+    hessian = np.eye(len(search.z)) + search.slopes.T @ search.slopes
+    gradient = search.slopes.T @ search.residual - search.z
     step = np.linalg.solve(hessian, gradient)
     linear, others = np.array(search.linear, dtype=int), search.others
     largest = np.abs(step[others]).max(initial=0.0)
@@ -221,22 +252,22 @@ def _step(search: Search) -> np.ndarray:
 
 
 def _update(search: Search, step: np.ndarray, change: np.ndarray) -> None:
-    """Broyden's update: sensitivities that are not recomputed learn what the step has shown of them.
+    """Update the sensitivities by what a step has shown of them (Broyden).
 
-    Of a step shorter than those of the finite differences it would be what runs do not settle to that they learn, and
-    what the residual is linear in has nothing to learn.
+    Not by a step shorter than the finite differences, which would show the tolerance of the runs, nor those of linear
+    parameters.
     """
     moved = np.zeros(len(step))
     moved[search.others] = step[search.others]
     if np.linalg.norm(moved) >= STEP:
-        missing = change - search.jacobian @ step
-        search.jacobian = search.jacobian + np.outer(missing, moved / (moved @ moved))
+        missing = change - search.slopes @ step
+        search.jacobian = search.slopes + np.outer(missing, moved / (moved @ moved))
 
 
 def _promised(search: Search, z: np.ndarray) -> float:
-    """By how much the objective falls on the way to z if the model is linear."""
+    """Return by how much the objective falls on the way to z if the model is linear."""
     step = z - search.z
-    residual = search.residual - search.jacobian @ step
+    residual = search.residual - search.slopes @ step
     return search.fit.objective - float(residual @ residual + z @ z)
 
 

@@ -1,4 +1,4 @@
-"""A flexible discrepancy: what the measurements ask for when no named effect will do, and a reference for all of them.
+"""Flexible discrepancy: a Gaussian process that stands for any missing effect, the reference for named ones.
 
 A Gaussian process over place, phase and condition (Kennedy & O'Hagan 2001), written as a linear model in its features:
 for each measured place and quantity a constant and Fourier waves of the cycle with variance falling as (1 + h^2)^-2,
@@ -17,20 +17,31 @@ AMPLITUDES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
 
 
 def features(problem: Problem) -> np.ndarray:
-    """Features (N, k) of unit amplitude in whitened numbers, all rows; weights are standard normal a priori."""
+    """Return features (N, k) of unit amplitude, whitened, of all data; their weights are standard normal a priori.
+
+    Parameters
+    ----------
+    problem
+        Measurements.
+
+    Returns
+    -------
+    ndarray
+        (N, k).
+    """
     forward = problem.forward
     each = [(s.quantity, s.location, s.statistic) for s in forward.measured]
     keys = list(dict.fromkeys(each))
     conditions = list(dict.fromkeys(s.condition for s in forward.measured))
     size: dict[tuple, float] = {}
-    # Held-out values say nothing of the amplitude, but where nothing else was measured.
+    # Held-out values do not set the amplitude unless nothing else was measured.
     for held_out in (False, True):
         known = set(size)
         for key, series in zip(each, forward.measured, strict=True):
             if forward.conditions[series.condition].held_out is held_out and key not in known:
                 size[key] = max(size.get(key, 0.0), float(np.abs(series.value).max()))
     waves = 2 * HARMONICS + 1
-    matrix = np.zeros((len(problem.y), len(keys), len(conditions) + 1, waves))
+    blocks = np.zeros((len(problem.y), len(keys), len(conditions) + 1, waves))
     first = 0
     for key, series in zip(each, forward.measured, strict=True):
         rows = slice(first, first + series.value.size)
@@ -43,24 +54,29 @@ def features(problem: Problem) -> np.ndarray:
                 columns[:, 2 * h - 1] = np.cos(angle) / (1 + h**2)
                 columns[:, 2 * h] = np.sin(angle) / (1 + h**2)
         scaled = columns * size[key] / problem.sd[rows, None] * np.sqrt(0.5)
-        matrix[rows, keys.index(key), 0] = scaled
-        matrix[rows, keys.index(key), 1 + conditions.index(series.condition)] = scaled
-    matrix = matrix.reshape(len(problem.y), -1)
+        blocks[rows, keys.index(key), 0] = scaled
+        blocks[rows, keys.index(key), 1 + conditions.index(series.condition)] = scaled
+    matrix = blocks.reshape(len(problem.y), -1)
     return matrix[:, np.abs(matrix).max(axis=0) > 0]
 
 
 def gain(fit: Fit, matrix: np.ndarray) -> tuple[float, float]:
-    """Log evidence of the flexible discrepancy over the model alone, and the most probable amplitude.
+    """Return the log evidence of the flexible discrepancy over the model alone, and the most probable amplitude.
 
-    matrix: features of the fitted rows, (N, k).
+    Parameters
+    ----------
+    fit
+        Fit of the model alone.
+    matrix
+        Features of the fitted rows: (N, k).
     """
     inner, along = matrix.T @ fit.project(matrix), matrix.T @ fit.score
     values, vectors = np.linalg.eigh(inner)
     along = vectors.T @ along
-    gains = []
+    by_amplitude = []
     for amplitude in AMPLITUDES:
         spread = 1.0 + amplitude**2 * np.maximum(values, 0.0)
-        gains.append(0.5 * np.sum(amplitude**2 * along**2 / spread - np.log(spread)))
-    gains = np.array(gains)
+        by_amplitude.append(0.5 * np.sum(amplitude**2 * along**2 / spread - np.log(spread)))
+    gains = np.array(by_amplitude)
     best = gains.max()
     return float(best + np.log(np.mean(np.exp(gains - best)))), AMPLITUDES[int(np.argmax(gains))]

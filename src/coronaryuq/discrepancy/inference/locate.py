@@ -1,18 +1,18 @@
-"""Where model and measurements disagree: whitened residuals by vessel, quantity, phase and condition."""
+"""Location of disagreements: whitened residuals by vessel, quantity, phase and condition, and conflicts with priors."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
 
+from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.nuisance import without_noise
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.residual_tests import phases, residual_tests
 
 BINS = 4
-LEAST_LEARNT = 0.01
-"""Share of a nuisance parameter's prior variance that the data must take away to test it against its prior."""
+"""Phases of the cycle."""
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,11 @@ class Disagreement:
 
 
 @dataclass(frozen=True)
-class Strain:
-    """A nuisance parameter against its prior. moved: prior standard deviations; score: over the spread that the prior
-    and the noise let it have; p: adjusted for the number of parameters (Bonferroni).
+class PriorConflict:
+    """A nuisance parameter against its prior.
+
+    moved: prior standard deviations; score: over the spread that prior and noise allow; p: adjusted for the number of
+    parameters (Bonferroni).
     """
 
     name: str
@@ -44,49 +46,51 @@ class Strain:
 
 @dataclass(frozen=True)
 class Located:
-    """Result of the first step: the global test, all groups and all nuisance parameters, most significant first."""
+    """The global test, all groups of measurements and all nuisance parameters, most significant first."""
 
     p: float
     tests: dict[str, float]
     groups: list[Disagreement]
-    strains: list[Strain]
+    conflicts: list[PriorConflict]
 
     def alarm(self, level: float) -> bool:
+        """Return whether the global test alarms at a significance level."""
         return self.p < level
 
     def with_test(self, name: str, p: float) -> "Located":
-        """With one more test in the global one: the least p-value times the number of tests."""
+        """Add a test to the global one: the least p-value times the number of tests."""
         tests = {**self.tests, name: min(1.0, float(p))}
         return replace(self, p=min(1.0, len(tests) * min(tests.values())), tests=tests)
 
 
 def locate(problem: Problem, fit: Fit) -> Located:
-    """Test the fitted rows of a problem against the recalibrated model.
+    """Test the fitted data against a model.
 
-    Under the model the score u = P e0 has covariance P (see `inference`), so W'u has covariance W'PW for any shapes W:
-    nuisance parameters that recalibration moved, and how far the prior lets them, are accounted for exactly in the
-    linear case. The global test takes the least of four p-values, times four: all residuals, their smooth part
-    (mean and three harmonics of each series), the worst single series and the worst nuisance parameter (Bonferroni);
-    `search.assess` adds those of the candidates.
+    Under the model the score u = P e0 has covariance P (see `gauss_newton`), so W'u has covariance W'PW for any shapes
+    W: what recalibration moved, as far as the prior lets it, is accounted for exactly in the linear case. The global
+    test takes the least of four p-values, times four: all residuals, their smooth part (mean and three harmonics of
+    each series), the worst single series and the worst nuisance parameter (Bonferroni); `search.assess` adds more.
     """
     score = fit.score
-    strains = _strains(problem, fit)
+    conflicts = _conflicts(problem, fit)
     tests = residual_tests(problem, problem.train, fit.objective, score, fit.project)
-    tests["worst nuisance parameter"] = min((one.p for one in strains), default=1.0)
-    return Located(min(1.0, len(tests) * min(tests.values())), tests, _groups(problem, fit, score), strains)
+    tests["worst nuisance parameter"] = min((conflict.p for conflict in conflicts), default=1.0)
+    return Located(min(1.0, len(tests) * min(tests.values())), tests, _groups(problem, fit, score), conflicts)
 
 
-def _strains(problem: Problem, fit: Fit) -> list[Strain]:
-    """Prior-data conflict (Evans & Moshonov 2006): under the model the most probable z has covariance I - C, C that of
-    the posterior."""
+def _conflicts(problem: Problem, fit: Fit) -> list[PriorConflict]:
+    """Test each nuisance parameter for prior-data conflict (Evans & Moshonov 2006).
+
+    Under the model the most probable z has covariance I - C, with C the posterior covariance.
+    """
     learnt = 1.0 - np.diag(fit.covariance)[: problem.count]
-    own = [k for k, n in enumerate(problem.forward.nuisances) if n.shape is None and learnt[k] > LEAST_LEARNT]
-    found = []
+    own = [k for k, n in enumerate(problem.forward.nuisances) if n.shape is None and learnt[k] > RULE.informed_nuisance]
+    conflicts = []
     for k in own:
         score = float(fit.z[k] / np.sqrt(learnt[k]))
         p = min(1.0, 2.0 * float(stats.norm.sf(abs(score))) * len(own))
-        found.append(Strain(problem.forward.nuisances[k].name, float(fit.z[k]), score, p))
-    return sorted(found, key=lambda one: -abs(one.score))
+        conflicts.append(PriorConflict(problem.forward.nuisances[k].name, float(fit.z[k]), score, p))
+    return sorted(conflicts, key=lambda conflict: -abs(conflict.score))
 
 
 def _groups(problem: Problem, fit: Fit, score: np.ndarray) -> list[Disagreement]:
@@ -94,13 +98,14 @@ def _groups(problem: Problem, fit: Fit, score: np.ndarray) -> list[Disagreement]
     noise = fit.z - without_noise(problem.forward.nuisances, fit.z)
     residual = (fit.residual + fit.jacobian @ noise) * sd
     keys, columns = [], []
-    for number, mine, phase in phases(problem, problem.train):
+    bins: list[tuple[tuple[float, float] | None, np.ndarray]]
+    for number, own, phase in phases(problem, problem.train):
         if phase is None:
-            bins = [(None, mine)]
+            bins = [(None, own)]
         else:
             edges = np.arange(BINS + 1) / BINS
             parts = [(float(a), float(b)) for a, b in zip(edges, edges[1:], strict=False)]
-            bins = [((a, b), mine[(phase >= a) & (phase < b)]) for a, b in parts]
+            bins = [((a, b), own[(phase >= a) & (phase < b)]) for a, b in parts]
         for part, rows in bins:
             if rows.size:
                 column = np.zeros(len(sd))
@@ -113,7 +118,7 @@ def _groups(problem: Problem, fit: Fit, score: np.ndarray) -> list[Disagreement]
     p = 2.0 * stats.norm.sf(np.abs(z))
     q = false_discovery(p)
     series = problem.forward.measured
-    found = [
+    groups = [
         Disagreement(
             series[i].location,
             series[i].quantity,
@@ -127,16 +132,16 @@ def _groups(problem: Problem, fit: Fit, score: np.ndarray) -> list[Disagreement]
         )
         for k, (i, part, mean) in enumerate(keys)
     ]
-    return sorted(found, key=lambda g: -abs(g.score))
+    return sorted(groups, key=lambda group: -abs(group.score))
 
 
 def false_discovery(p: np.ndarray) -> np.ndarray:
-    """p-values adjusted for the false-discovery rate (Benjamini & Yekutieli 2001, valid under any dependence)."""
+    """Return p-values adjusted for the false-discovery rate (Benjamini & Yekutieli 2001, for any dependence)."""
     p = np.asarray(p, dtype=float)
     m = p.size
     order = np.argsort(p)
     harmonic = np.sum(1.0 / np.arange(1, m + 1))
     adjusted = p[order] * m * harmonic / np.arange(1, m + 1)
-    found = np.empty(m)
-    found[order] = np.minimum(1.0, np.minimum.accumulate(adjusted[::-1])[::-1])
-    return found
+    q = np.empty(m)
+    q[order] = np.minimum(1.0, np.minimum.accumulate(adjusted[::-1])[::-1])
+    return q

@@ -1,10 +1,11 @@
-"""What waveforms say of their noise themselves: how large it is, and how long it lasts.
+"""Noise of waveforms, estimated from their scatter: its size, and its correlation time.
 
-With standard deviations that are too small, or noise that lasts from one sample to the next, every law looks wrong:
-what comes nearest does not foretell what was kept out, and nothing is named. Noise is told from what a model lacks by
-what it does beyond the first harmonics of the cycle.
+With standard deviations that are too small, or noise correlated in time, every hypothesis looks wrong: the best one
+does not predict the held-out data, and nothing is named. Noise is distinguished from missing effects by its part beyond
+the first harmonics of the cycle.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,23 +13,19 @@ from scipy import stats
 from scipy.optimize import brentq
 
 from coronaryuq.discrepancy.data.measurements import Measured
+from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.residual_tests import phases
 
 HARMONICS = 6
-"""Harmonics of the cycle, at most, that are taken out of each waveform before it counts as scatter."""
+"""Harmonics of the cycle that are removed from each waveform, at most; the rest is scatter."""
 TRIMMED = 0.1
-"""Share of the largest squares left out: valves that shut a sample too late are no noise."""
-LARGER, SMALLER = (1.2, 1e-4), (0.92, 0.01)
-"""Factors on the standard deviations between which noise is taken to be as it is said to be, and chances of such a
-scatter above which too. A search stands with other noise where held-out measurements bear it out; what comes and goes
-within the cycle looks like larger noise, but nothing like one that lasts.
-"""
+"""Share of the largest squares left out: a valve that shuts a sample late is not noise."""
 LONGEST = 10.0
-"""Longest time that noise may last, in cycles; the shortest is a thousandth of that between two samples."""
+"""Longest correlation time, in cycles; the shortest is a thousandth of the sampling interval."""
 SMOOTH = 2.0
-"""Variance of a shape of lasting noise, over that of the white rest, from which it has a weight of its own."""
+"""Variance of a shape of correlated noise, over that of the white rest, above which it gets a weight of its own."""
 
 _BOUND = float(stats.chi2.ppf(1.0 - TRIMMED, 1))
 _MEAN = float(stats.chi2.cdf(_BOUND, 3)) / (1.0 - TRIMMED)
@@ -40,27 +37,30 @@ _SPREAD = np.sqrt(3.0 * float(stats.chi2.cdf(_BOUND, 5)) + TRIMMED * _BOUND**2 -
 
 @dataclass(frozen=True)
 class Noise:
-    """Noise of one quantity's waveforms. scatter: from sample to sample, over the standard deviation that is said;
-    lasting: s in which it falls to 1/e, where its standard deviation is as said; 0: white, and as large as it scatters.
+    """Noise of the waveforms of one quantity.
+
+    scatter: from sample to sample, over the stated standard deviation; lasting: correlation time (s), with the stated
+    standard deviation; 0: white noise as large as its scatter.
     """
 
     scatter: float
     lasting: float = 0.0
 
 
-def told(noise: dict[str, Noise]) -> str:
-    """The noise of several quantities in words."""
-    said = []
-    for quantity, one in noise.items():
-        lasting = f", lasting {one.lasting:.2g} s" if one.lasting else ""
-        said.append(f"{quantity} {one.scatter:.2f} times{lasting}")
-    return "; ".join(said)
+def noise_text(noise: dict[str, Noise]) -> str:
+    """Return the noise of several quantities in words."""
+    parts = []
+    for quantity, entry in noise.items():
+        correlated = f", correlated over {entry.lasting:.2g} s" if entry.lasting else ""
+        parts.append(f"{quantity} {entry.scatter:.2f} times{correlated}")
+    return "; ".join(parts)
 
 
 @dataclass(frozen=True)
 class Scatter:
-    """Of one quantity's waveforms beyond the first harmonics: all of them together over the said standard deviation,
-    chances that the middle one scatters as much, and as little.
+    """Scatter of the waveforms of one quantity beyond the first harmonics.
+
+    factor: of all together, over the stated standard deviation; p_larger, p_smaller: of the median waveform.
     """
 
     factor: float
@@ -69,46 +69,47 @@ class Scatter:
 
 
 def estimated_noise(problem: Problem, fit: Fit) -> dict[str, Noise]:
-    """By quantity, the noise of waveforms that scatter more than their standard deviations say, or less.
+    """Return the noise of quantities whose waveforms scatter more than their standard deviations, or less.
 
-    Of noise that scatters less, that which lasts is the part that is not seen: its standard deviation is the one that
-    is said, its correlation exp(-|t| / lasting) (Ornstein-Uhlenbeck), which is what leaves that scatter.
+    Noise that scatters less is correlated: it has the stated standard deviation and the correlation exp(-|t| / lasting)
+    (Ornstein-Uhlenbeck) that leaves this scatter.
     """
-    found = {}
-    for quantity, one in scatter(problem, fit).items():
-        if one.factor > LARGER[0] and one.p_larger < LARGER[1]:
-            found[quantity] = Noise(one.factor)
-        elif one.factor < SMALLER[0] and one.p_smaller < SMALLER[1]:
-            found[quantity] = Noise(one.factor, _lasting(problem, quantity, one.factor))
-    return found
+    noise = {}
+    for quantity, seen in scatter(problem, fit).items():
+        if seen.factor > RULE.larger_noise and seen.p_larger < RULE.larger_noise_p:
+            noise[quantity] = Noise(seen.factor)
+        elif seen.factor < RULE.smaller_noise and seen.p_smaller < RULE.smaller_noise_p:
+            noise[quantity] = Noise(seen.factor, _correlation_time(problem, quantity, seen.factor))
+    return noise
 
 
 def scatter(problem: Problem, fit: Fit) -> dict[str, Scatter]:
-    """By quantity, of the fitted waveforms about a fit; standard deviations are taken with the model's floor and what
-    time steps add.
+    """Return the scatter of the fitted waveforms about a fit, by quantity.
 
-    Of each residual waveform (k samples) the mean and the first harmonics, as many as leave half of the samples, are
-    projected out, and each sample is divided by the share of its standard deviation that this leaves. Chances are those
-    of the median of the waveforms: what a model lacks is in some of them, noise in all.
+    Over standard deviations with the model's floor and the time-step allowance. Mean and first harmonics of each
+    residual waveform, as many as leave half of the samples, are projected out, and each sample is divided by the share
+    of its standard deviation that this leaves. p-values are those of the median waveform: missing effects are in some
+    waveforms, noise in all.
     """
-    found: dict[str, list[tuple[np.ndarray, int]]] = {}
+    squares_of: dict[str, list[tuple[np.ndarray, int]]] = {}
     for series, rows, phase in _waveforms(problem):
         left, kept, freedom = _beyond(phase)
         squares = (left @ fit.residual[rows])[kept > 0.0] ** 2 / kept[kept > 0.0]
-        found.setdefault(series.quantity, []).append((squares, freedom))
-    return {quantity: _scatter(*zip(*of, strict=True)) for quantity, of in found.items()}
+        squares_of.setdefault(series.quantity, []).append((squares, freedom))
+    return {quantity: _scatter(*zip(*parts, strict=True)) for quantity, parts in squares_of.items()}
 
 
-def _waveforms(problem: Problem):
-    """Each fitted waveform with the positions of its samples among the fitted rows, and their phases."""
+def _waveforms(problem: Problem) -> Iterator[tuple[Measured, np.ndarray, np.ndarray]]:
+    """Yield each fitted waveform, positions of its samples among the fitted rows, and their phases."""
     for number, rows, phase in phases(problem, problem.train):
         if phase is not None:
             yield problem.forward.measured[number], rows, phase
 
 
 def _beyond(phase: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
-    """Projection (k, k) on what the first harmonics cannot follow, the share of each sample's variance that it leaves
-    (0: none), and its rank.
+    """Return the projection (k, k) on what the first harmonics cannot follow, and its rank.
+
+    Between them the share (k,) of each sample's variance that it leaves, 0 if negligible.
     """
     count = min(HARMONICS, (phase.size // 2 - 1) // 2)
     angles = 2.0 * np.pi * np.outer(phase, np.arange(1, count + 1))
@@ -119,9 +120,9 @@ def _beyond(phase: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
 
 
 def _scatter(squares: tuple[np.ndarray, ...], freedom: tuple[int, ...]) -> Scatter:
-    """Of the squares of waveforms, each of so many degrees of freedom."""
-    middle = float(np.median([_share(one) for one in squares]))
-    # Of one or two the median is the mean, of more it varies more.
+    """Return the scatter from the squares of waveforms and the degrees of freedom of each."""
+    middle = float(np.median([_share(part) for part in squares]))
+    # The median of one or two is their mean; of more it varies more than the mean.
     spread = _SPREAD / np.sqrt(sum(freedom)) * (np.sqrt(np.pi / 2.0) if len(squares) > 2 else 1.0)
     z = (middle - 1.0) / spread
     factor = float(np.sqrt(_share(np.concatenate(squares))))
@@ -129,37 +130,45 @@ def _scatter(squares: tuple[np.ndarray, ...], freedom: tuple[int, ...]) -> Scatt
 
 
 def _share(squares: np.ndarray) -> float:
-    """Mean square with the largest left out, over that of standard normal numbers."""
+    """Return the mean square without the largest, over that of standard normal numbers."""
     return float(np.sort(squares)[: int(np.ceil((1.0 - TRIMMED) * squares.size))].mean()) / _MEAN
 
 
-def _lasting(problem: Problem, quantity: str, factor: float) -> float:
-    """Time (s) that noise lasts which scatters by that factor on its standard deviation."""
-    mine = [(series, *_beyond(phase)) for series, _, phase in _waveforms(problem) if series.quantity == quantity]
+def _correlation_time(problem: Problem, quantity: str, factor: float) -> float:
+    """Return the correlation time (s) of noise that scatters by a factor on its standard deviation."""
+    own = [(series, *_beyond(phase)) for series, _, phase in _waveforms(problem) if series.quantity == quantity]
 
     def excess(logarithm: float) -> float:
         shares = []
-        for series, left, kept, _ in mine:
+        for series, left, kept, _ in own:
             within = np.diag(left @ _correlation(series, np.exp(logarithm)) @ left)
             shares.append(within[kept > 0.0] / kept[kept > 0.0])
         return float(np.concatenate(shares).mean()) - factor**2
 
-    shortest = 1e-3 * min(np.diff(series.time).min() for series, *_ in mine)
+    shortest = 1e-3 * min(np.diff(_time(series)).min() for series, *_ in own)
     longest = LONGEST * max(series.period for series, *_ in _waveforms(problem))
     if excess(np.log(longest)) > 0.0:
         return longest
     return float(np.exp(brentq(excess, np.log(shortest), np.log(longest), xtol=1e-6)))
 
 
+def _time(series: Measured) -> np.ndarray:
+    if series.time is None:
+        raise ValueError(f"{series.quantity} at {series.location} is not a waveform")
+    return series.time
+
+
 def _correlation(series: Measured, lasting: float) -> np.ndarray:
-    """(k, k) between samples, the shorter way round the beat: where a beat is cut makes no difference."""
-    apart = np.abs(series.time[:, None] - series.time[None, :]) % series.period
+    """Return correlations (k, k) of samples, the shorter way round the beat: where it is cut makes no difference."""
+    time = _time(series)
+    apart = np.abs(time[:, None] - time[None, :]) % series.period
     return np.exp(-np.minimum(apart, series.period - apart) / lasting)
 
 
-def parts(series: Measured, noise: Noise) -> tuple[float, np.ndarray]:
-    """What noise of unit standard deviation is made of in one waveform (k samples): standard deviation of the white
-    part, and shapes (n, k) with standard normal weights.
+def white_and_correlated(series: Measured, noise: Noise) -> tuple[float, np.ndarray]:
+    """Decompose noise of unit standard deviation in one waveform (k samples).
+
+    Returns the standard deviation of its white part, and shapes (n, k) with standard normal weights.
     """
     if noise.lasting == 0.0:
         return noise.scatter, np.zeros((0, series.value.size))
@@ -172,7 +181,8 @@ def parts(series: Measured, noise: Noise) -> tuple[float, np.ndarray]:
 
 
 def with_lasting(problem: Problem) -> np.ndarray:
-    """Standard deviations (N,) of the measurements, with those of noise that lasts."""
-    lasting = [nuisance.shape for nuisance in problem.forward.nuisances if nuisance.noise]
-    shapes = problem.forward.shapes[lasting] if lasting else np.zeros((0, problem.sd.size))
+    """Return the standard deviations (N,) of the measurements, including correlated noise."""
+    rows = [n.shape for n in problem.forward.nuisances if n.noise and n.shape is not None]
+    all_shapes = problem.forward.shapes
+    shapes = np.zeros((0, problem.sd.size)) if all_shapes is None or not rows else all_shapes[rows]
     return np.sqrt(problem.sd**2 + np.sum(shapes**2, axis=0))

@@ -1,21 +1,16 @@
-"""Single samples of waveforms that stand out from their neighbours: artefacts of a recording, most likely."""
+"""Outliers: single samples of waveforms off the line between their neighbours, most likely artefacts."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.inference.problem import Problem
-
-STANDS_OUT = 6.0
-"""Standard deviations off the line between both neighbours: one in 5e8 samples of normal noise."""
-SAME_TIME, SEVERAL = 1.5, 2
-"""Samples apart within which series stand out at one time of the beat, and how many others have to, for the fault to be
-the model's and not theirs."""
 
 
 @dataclass(frozen=True)
-class Spike:
-    """A sample (time in s) and how far it is off its neighbours, standard deviations."""
+class Outlier:
+    """A sample (time in s), and how far it is off its neighbours in standard deviations."""
 
     quantity: str
     location: str
@@ -24,14 +19,14 @@ class Spike:
     off: float
 
 
-def spikes(problem: Problem, residual: np.ndarray) -> list[Spike]:
-    """Of the whitened residuals (N,) of all rows, held-out ones too, the worst first.
+def find_outliers(problem: Problem, residual: np.ndarray) -> list[Outlier]:
+    """Return the outliers among the whitened residuals (N,) of all data, the worst first.
 
-    A sample is taken off the line between its neighbours, over the standard deviation that this has of white noise
-    (Gasser, Sroka & Jennen-Steinmetz 1986); the worst is put there, and so on. Ends of a waveform have one neighbour
-    only and are not looked at. What stands out in three series at one time of the beat is no artefact.
+    A sample's distance from the line between its neighbours is taken over the standard deviation that white noise gives
+    it (Gasser, Sroka & Jennen-Steinmetz 1986); the worst is moved there, and so on. The ends of a waveform, with one
+    neighbour only, are not tested. What stands out in three series at one time of the beat is not an artefact.
     """
-    found, phases, apart = [], [], []
+    outliers, phases, origins = [], [], []
     for number, series in enumerate(problem.forward.measured):
         if series.time is None:
             continue
@@ -42,17 +37,17 @@ def spikes(problem: Problem, residual: np.ndarray) -> list[Spike]:
             line = (1.0 - after) * left[:-2] + after * left[2:]
             off = (left[1:-1] - line) / scale
             worst = int(np.argmax(np.abs(off)))
-            if not abs(off[worst]) > STANDS_OUT:
+            if not abs(off[worst]) > RULE.outlier:
                 break
             time = float(series.time[worst + 1])
-            found.append(Spike(series.quantity, series.location, series.condition, time, float(off[worst])))
+            outliers.append(Outlier(series.quantity, series.location, series.condition, time, float(off[worst])))
             phases.append(time / series.period)
-            apart.append((number, SAME_TIME / series.time.size))
+            origins.append((number, RULE.same_time / series.time.size))
             left[worst + 1] = line[worst]
-    places = list(zip(phases, apart, strict=True))
+    places = list(zip(phases, origins, strict=True))
     alone = []
-    for spike, (phase, (owner, near)) in zip(found, places, strict=True):
+    for outlier, (phase, (owner, near)) in zip(outliers, places, strict=True):
         others = {other for at, (other, _) in places if other != owner and abs(phase - at) < near}
-        if len(others) < SEVERAL:
-            alone.append(spike)
-    return sorted(alone, key=lambda spike: -abs(spike.off))
+        if len(others) < RULE.same_time_series:
+            alone.append(outlier)
+    return sorted(alone, key=lambda outlier: -abs(outlier.off))

@@ -1,39 +1,47 @@
-"""One discrepancy problem: the data, which of them may be fitted, and fits of models with and without effects."""
+"""A discrepancy problem: data, rows to fit, and fits of hypotheses, with the time-step error corrected."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.forward.predict import Forward
-from coronaryuq.discrepancy.inference.gauss_newton import STEP, Fit, Search, maximise
+from coronaryuq.discrepancy.inference.gauss_newton import STEP, Fit, Label, Search, maximise
 from coronaryuq.discrepancy.inference.time_step_error import FINER, TimeSteps, finer
 from coronaryuq.discrepancy.settings import Settings
 
 OTHER_STARTS = (-1.0, 1.0, -2.0, 2.0, 0.0)
 """Further starting points of an effect's sizes, in prior standard deviations."""
 RESTARTS = (0.0, 2.0, -1.0)
-"""Sizes of all effects, in prior standard deviations, from which a fit that left the prior is made again."""
+"""Sizes of all effects, in prior standard deviations, from which `multistart` starts."""
 SMALLER = -2.0
 """Starting point where a candidate's own does not run, in prior standard deviations."""
-DISTORTED = 3.0
-"""Prior standard deviations that recalibration moves a nuisance parameter by where something else is missing."""
-FAR_BEHIND = 40.0
-"""Log evidence behind the best after two iterations at which a candidate is not fitted further."""
-
-MISSED = 0.5
-"""Norm, in noise standard deviations, of what the time steps put wrong at a fit and are not allowed for, from which
-they are put right there: it moves no size by more than so many standard deviations of its posterior."""
 CORRECTIONS = 6
-"""Times at most that a fit is made again with what its own time steps change."""
+"""Iterations of the time-step correction, at most."""
 
 
 @dataclass
 class Problem:
-    """Data y (N,), standard deviations sd (N,) with the model's floor and its time steps' share, rows to be fitted.
+    """Measurements of a case, and the model to explain them.
 
-    Predictions are put right by what shorter time steps change of them on average.
+    Attributes
+    ----------
+    y, sd, change
+        Data, standard deviations (with the model's floor and the time-step allowance), and the time-step correction
+        that is added to predictions: (N,), CGS.
+    train
+        Rows to be fitted: (N,), bool.
+    owner, condition
+        Number of the measured series of each row, and its condition: (N,).
+    count
+        Number of nuisance parameters.
+    time_steps
+        Known error of the time steps.
+    shorter
+        The model with shorter time steps, once it was needed.
     """
 
     forward: Forward
@@ -41,9 +49,8 @@ class Problem:
     train: np.ndarray
     time_steps: TimeSteps | None = None
     shorter: Forward | None = None
-    """The same model with shorter time steps."""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         series = self.forward.measured
         self.y = np.concatenate([s.value for s in series])
         floor = [np.full(s.value.size, self.settings.model_floor * np.abs(s.value).max()) for s in series]
@@ -56,42 +63,42 @@ class Problem:
         self.count = len(self.forward.nuisances)
 
     def whitened(self, rows: list[tuple[np.ndarray, Hypothesis]]) -> np.ndarray:
-        """(y - f) / sd for rows (z, hypothesis): (n, N)."""
+        """Return (y - f) / sd of all data for rows (z, hypothesis): (n, N)."""
         return (self.y - self.change - self.forward.predict_rows(rows)) / self.sd
 
     def fitted(self, rows: list[tuple[np.ndarray, Hypothesis]], grafts: Sequence[PlacedEffect] = ()) -> np.ndarray:
-        """Whitened residuals of the fitted rows of the data alone, (n, M); other conditions are run only where an
-        effect on the measuring side may depend on them.
+        """Return whitened residuals (n, M) of the fitted data alone, for rows (z, hypothesis).
 
-        grafts: see `Forward.predict_rows`.
+        Other conditions are run only where a measurement error may depend on them. grafts: see `Forward.predict_rows`.
         """
         conditions = set(self.condition[self.train])
         predicted = self.forward.predict_rows(rows, conditions, grafts)
         return ((self.y - self.change - predicted) / self.sd)[:, self.train]
 
-    def shaped(self) -> tuple[list[int], np.ndarray]:
-        """Nuisance parameters that are weights of shapes, and the whitened sensitivities (N, k) to them of all rows."""
-        columns = self.forward.shaping
-        shapes = self.forward.shapes if columns else np.zeros((0, len(self.y)))
-        return columns, (shapes / self.sd).T
+    def shape_weights(self) -> tuple[list[int], np.ndarray]:
+        """Return the columns of z that are weights of shapes, and the whitened sensitivities (N, k) of all data."""
+        shapes = self.forward.shapes
+        if shapes is None or not self.forward.shaping:
+            return [], np.zeros((len(self.y), 0))
+        return self.forward.shaping, (shapes / self.sd).T
 
     def linear_part(self) -> tuple[list[int], np.ndarray]:
-        """Nuisance parameters in which predictions are linear, and sensitivities (M, k) of the fitted rows to them."""
-        columns, values = self.shaped()
+        """Return the columns of z in which predictions are linear, and the sensitivities (M, k) of the fitted data."""
+        columns, values = self.shape_weights()
         return columns, values[self.train]
 
     def calibrate(self, hypothesis: Hypothesis, start: np.ndarray | None = None) -> Fit:
-        """Fit nuisance parameters and sizes together, all sensitivities recomputed at every step (fitted rows only)."""
+        """Fit nuisance parameters and sizes together, from the prior's mean by default, all sensitivities recomputed.
+
+        Raises FloatingPointError if the model does not run at the start.
+        """
         (fit,) = self.calibrate_each([(hypothesis, start)])
         if fit is None:
             raise FloatingPointError("the model could not be run")
         return fit
 
     def calibrate_each(self, wanted: list[tuple[Hypothesis, np.ndarray | None]]) -> list[Fit | None]:
-        """Fits in full of several sets of effects from their starts (None: the prior's mean), side by side.
-
-        None where the model does not run at the start.
-        """
+        """Fit several hypotheses side by side, each as `calibrate`; None where the model does not run at the start."""
         searches = []
         for hypothesis, start in wanted:
             if start is None:
@@ -100,61 +107,63 @@ class Problem:
         maximise(self.fitted, searches, self.settings.iterations)
         return [None if search.failed else search.fit for search in searches]
 
-    def to_the_end(self, hypothesis: Hypothesis, fit: Fit) -> Fit:
-        """An earlier fit gone on with until it gains next to nothing, sensitivities by differences to both sides.
+    def converge(self, hypothesis: Hypothesis, fit: Fit) -> Fit:
+        """Continue a fit until it gains next to nothing, with central differences.
 
-        Other fits end within a thousandth of their objective, and where differences to one side promise nothing more:
-        little for the evidence of one effect against another's, but where residuals are larger than noise it moves a
-        size by a good part of its posterior's standard deviation, and that too.
+        Other fits end within a thousandth of their objective, and where one-sided differences promise no more: enough
+        to compare evidence, but where residuals exceed the noise it leaves sizes, and their posterior standard
+        deviations, off by a good part of these.
         """
         search = self._in_full(hypothesis, fit.z, jacobian=fit.jacobian.copy(), central=True)
         maximise(self.fitted, [search], self.settings.iterations, share=0.0)
         return fit if search.failed else search.fit
 
-    def _in_full(self, label: object, start: np.ndarray, **known) -> Search:
-        """A search that recomputes all sensitivities but those that are always the same; known: what it starts with."""
+    def _in_full(self, label: Label, start: np.ndarray, **known: Any) -> Search[Label]:
+        """Return a search that recomputes all sensitivities but the constant ones; known: what it starts with."""
         exact = self.linear_part()
         fresh = [column for column in range(len(start)) if column not in exact[0]]
         return Search(label, np.array(start, dtype=float), fresh, exact=exact, **known)
 
     def corrected(self, hypothesis: Hypothesis, fit: Fit) -> tuple["Problem", Fit]:
-        """The problem with what the time steps put wrong at a fit put right there, and the fit made again with that."""
+        """Apply the time-step correction at a fit and refit; returns the corrected problem and the fit."""
         return self.corrected_each([(hypothesis, fit)])[0]
 
     def corrected_each(self, fits: list[tuple[Hypothesis, Fit]]) -> list[tuple["Problem", Fit]]:
-        """For each fit the problem with what the time steps put wrong there put right, and that fit made again with
-        it; both as they are where it is little. The fits are made side by side.
+        """Correct problems and fits as `corrected`, side by side; where the error is small they stay as they are.
 
-        What they change is known for the model as it is, and how it varies with the nuisance parameters; an effect that
-        makes valves open or vessels ring in another way makes it another. It is taken at the fit again and again until
-        it no longer moves that (deferred correction; Pereyra 1968), and the allowances for its variation are kept.
+        The time-step error is known for the plain model, and how it varies with the nuisance parameters; an effect that
+        makes valves open or vessels ring differently changes it. It is evaluated at the fit repeatedly until the fit no
+        longer moves (deferred correction; Pereyra 1968), and the allowances for its variation are kept.
         """
-        found = [(self, fit) for _, fit in fits]
-        going = list(range(len(fits) if self.time_steps is not None else 0))
+        corrected = [(self, fit) for _, fit in fits]
+        time_steps = self.time_steps
+        if time_steps is None:
+            return corrected
+        moving = list(range(len(fits)))
         for _ in range(CORRECTIONS):
-            if not going:
+            if not moving:
                 break
-            changes = self._changed([(found[i][1].z, fits[i][0]) for i in going])
+            changes = self.time_step_change([(corrected[i][1].z, fits[i][0]) for i in moving])
             moved = {
-                i: replace(self, time_steps=replace(self.time_steps, change=change))
-                for i, change in zip(going, changes, strict=True)
-                if np.isfinite(change).all() and found[i][0].missed(change) >= MISSED
+                i: replace(self, time_steps=replace(time_steps, change=change))
+                for i, change in zip(moving, changes, strict=True)
+                if np.isfinite(change).all() and corrected[i][0].missed(change) >= RULE.time_step_error
             }
-            again = self._fitted_again([(other, fits[i][0], found[i][1]) for i, other in moved.items()])
+            again = self._refit([(other, fits[i][0], corrected[i][1]) for i, other in moved.items()])
             better = {i: (moved[i], fit) for i, fit in zip(moved, again, strict=True) if fit is not None}
-            going = list(better)
-            for i in going:
-                found[i] = better[i]
-        return found
+            moving = list(better)
+            for i in moving:
+                corrected[i] = better[i]
+        return corrected
 
-    def _fitted_again(self, wanted: list[tuple["Problem", Hypothesis, Fit]]) -> list[Fit | None]:
-        """Fits of problems that differ from this one in what is put right, from earlier ones: sensitivities hold."""
+    def _refit(self, wanted: list[tuple["Problem", Hypothesis, Fit]]) -> list[Fit | None]:
+        """Fit problems that differ from this one in their correction, from earlier fits, whose sensitivities hold."""
         searches = []
         for other, hypothesis, fit in wanted:
             label = hypothesis, other.change - self.change
             searches.append(self._in_full(label, fit.z, jacobian=fit.jacobian.copy(), renewed=fit.renewed))
 
-        def fitted(rows):
+        def fitted(rows: list[tuple[np.ndarray, tuple[Hypothesis, np.ndarray]]]) -> np.ndarray:
             without = self.fitted([(z, hypothesis) for z, (hypothesis, _) in rows])
             further = np.array([change for _, (_, change) in rows]) / self.sd
             return without - further[:, self.train]
@@ -162,94 +171,96 @@ class Problem:
         maximise(fitted, searches, self.settings.iterations)
         return [None if search.failed else search.fit for search in searches]
 
-    def _changed(self, rows: list[tuple[np.ndarray, Hypothesis]]) -> np.ndarray:
-        """What shorter time steps change of the predictions (n, N) of rows (z, hypothesis), CGS."""
-        # What is met here shall not serve other runs, whose last digits would then hang on it.
+    def time_step_change(self, rows: list[tuple[np.ndarray, Hypothesis]]) -> np.ndarray:
+        """Return the change (n, N) of predictions by shorter time steps for rows (z, hypothesis), CGS."""
+        # Use a copy of the states met so far: those stored here must not change other runs' results.
         own = replace(self.forward, simulation=self.forward.simulation.branched())
         if self.shorter is None:
             self.shorter = finer(own, FINER)
         return self.shorter.predict_rows(rows) - own.predict_rows(rows)
 
     def missed(self, change: np.ndarray) -> float:
-        """Norm, in noise standard deviations, of what the time steps' allowances leave of another change (N,)."""
-        missed, shapes = (change - self.change) / self.sd, self.forward.shapes / self.sd
+        """Return the norm, in noise sd, of what the time-step allowances leave of another correction (N,)."""
+        _, values = self.shape_weights()
+        missed, shapes = (change - self.change) / self.sd, values.T
         weights = np.linalg.solve(np.eye(len(shapes)) + shapes @ shapes.T, shapes @ missed)
         return float(np.sqrt(max(missed @ (missed - shapes.T @ weights), 0.0)))
 
-    def from_the_mean(self, hypothesis: Hypothesis) -> Fit | None:
-        """The best of the fits that start from the prior's mean with one size or another of all effects, each to its
-        end: halfway the best may be another one. None where the model runs at none."""
+    def multistart(self, hypothesis: Hypothesis) -> Fit | None:
+        """Return the best of several fits from the prior's mean, with different sizes of all effects.
+
+        Each is fitted to its end, as the leader may change on the way. None where the model runs at no start.
+        """
         sizes = len(hypothesis.parameters)
         starts = [np.concatenate([np.zeros(self.count), np.full(sizes, size)]) for size in RESTARTS]
-        found = [fit for fit in self.calibrate_each([(hypothesis, start) for start in starts]) if fit is not None]
-        return max(found, key=lambda one: one.evidence, default=None)
+        fits = [fit for fit in self.calibrate_each([(hypothesis, start) for start in starts]) if fit is not None]
+        return max(fits, key=lambda fit: fit.evidence, default=None)
 
     def distorted(self, fit: Fit) -> bool:
-        """Whether recalibration has left the prior, so that what is missing is better looked for from elsewhere."""
+        """Return whether recalibration has left the prior, so that candidates are better scored elsewhere."""
         moved = [z for z, nuisance in zip(fit.z, self.forward.nuisances, strict=False) if nuisance.shape is None]
-        return bool(np.abs(moved).max(initial=0.0) > DISTORTED)
+        return bool(np.abs(moved).max(initial=0.0) > RULE.distorted)
 
-    def vantage(self, fit: Fit, hypothesis: Hypothesis) -> Fit:
-        """Where candidates are looked at from: the fit, or, if it is distorted, the prior's mean with the fit's sizes.
+    def linearisation_point(self, fit: Fit, hypothesis: Hypothesis) -> Fit:
+        """Return where candidates are scored: the fit or, if it is distorted, the prior's mean with the fit's sizes.
 
-        With the right effect the nuisance parameters are within their prior, and about its mean that effect looks as
-        it is; about a distorted fit a neighbour that shares the distortion may look better.
+        With the right effect the nuisance parameters are within their prior, and about its mean that effect shows
+        undistorted; about a distorted fit a neighbour that shares the distortion may look better.
         """
         if not self.distorted(fit):
             return fit
         z = hypothesis.at_prior_mean(fit.z)
-        columns, values = self.shaped()
+        columns, values = self.shape_weights()
         others = np.setdiff1d(np.arange(len(z)), columns)
         rows = np.vstack([z, z + STEP * np.eye(len(z))[others]])
-        found = self.fitted([(row, hypothesis) for row in rows])
-        if not np.isfinite(found).all():
+        residuals = self.fitted([(row, hypothesis) for row in rows])
+        if not np.isfinite(residuals).all():
             return fit
-        jacobian = np.zeros((len(found[0]), len(z)))
-        jacobian[:, others], jacobian[:, columns] = -((found[1:] - found[0]) / STEP).T, values[self.train]
-        return Fit(z, found[0], jacobian)
+        jacobian = np.zeros((len(residuals[0]), len(z)))
+        jacobian[:, others], jacobian[:, columns] = -((residuals[1:] - residuals[0]) / STEP).T, values[self.train]
+        return Fit(z, residuals[0], jacobian)
 
     def fit_candidates(
         self, base: Fit, hypothesis: Hypothesis, candidates: list[PlacedEffect], guesses: list[np.ndarray]
     ) -> list[Fit | None]:
         """Fit one more effect each, as `fit_roughly`, those not far behind the best from other points too.
 
-        guesses: a starting point of the sizes for each. All take two iterations from there; those not far behind the
-        best go on to the end, also from `starts - 1` other points. Returns the best fit of each, None where no run
-        succeeded.
+        guesses: starting sizes of each. All take two iterations from there; those not far behind the best continue,
+        also from `starts - 1` other points. Returns the best fit of each, None where no run succeeded.
         """
-        found: list[Fit | None] = [None] * len(candidates)
+        best: list[Fit | None] = [None] * len(candidates)
 
-        def search(numbers, starts, iterations):
+        def search(numbers: Sequence[int], starts: Sequence[np.ndarray | Fit], iterations: int) -> None:
             fits = self.fit_roughly(base, hypothesis, [candidates[i] for i in numbers], starts, iterations, candidates)
             for number, fit in zip(numbers, fits, strict=True):
-                if fit is not None and (found[number] is None or fit.evidence > found[number].evidence):
-                    found[number] = fit
+                known = best[number]
+                if fit is not None and (known is None or fit.evidence > known.evidence):
+                    best[number] = fit
 
         search(range(len(candidates)), guesses, 2)
         # A size may be too much for the solver where a smaller one runs.
-        failed = [i for i, fit in enumerate(found) if fit is None]
+        failed = [i for i, fit in enumerate(best) if fit is None]
         search(failed, [np.full(len(guesses[i]), SMALLER) for i in failed], 2)
-        leading = max((fit.evidence for fit in found if fit is not None), default=0.0)
-        close = [i for i, fit in enumerate(found) if fit is not None and fit.evidence > leading - FAR_BEHIND]
+        leading = max((fit.evidence for fit in best if fit is not None), default=0.0)
+        close = {i: fit for i, fit in enumerate(best) if fit and fit.evidence > leading - RULE.far_behind}
         others = OTHER_STARTS[: self.settings.starts - 1]
         elsewhere = [np.full(len(guesses[i]), size) for size in others for i in close]
-        starts = [*(found[i] for i in close), *elsewhere]
-        search([*close, *(close * len(others))], starts, self.settings.iterations)
-        return found
+        search([*close, *(list(close) * len(others))], [*close.values(), *elsewhere], self.settings.iterations)
+        return best
 
     def fit_roughly(
         self,
         base: Fit,
         hypothesis: Hypothesis,
         candidates: list[PlacedEffect],
-        starts: list[np.ndarray | Fit],
+        starts: Sequence[np.ndarray | Fit],
         iterations: int | None = None,
         beside: Sequence[PlacedEffect] = (),
     ) -> list[Fit | None]:
-        """Fit one more effect each; sensitivities to what is already there stay those of `base`.
+        """Fit one more effect each, with the sensitivities to all else frozen at those of `base`.
 
-        starts: sizes of each, beside the point of `base`, or an earlier fit; iterations: at most, the settings' unless
-        given; beside: candidates whose networks these share. None where the model does not run at the start.
+        starts: sizes of each, beside the point of `base`, or an earlier fit; iterations: at most, by default those of
+        the settings; beside: candidates whose networks these share. None where the model does not run at the start.
         """
         searches = []
         for candidate, start in zip(candidates, starts, strict=True):
@@ -265,11 +276,11 @@ class Problem:
         return [None if search.failed else search.fit for search in searches]
 
     def sensitivity(self, z: np.ndarray, residual: np.ndarray, hypothesis: Hypothesis) -> np.ndarray:
-        """Whitened sensitivities (N, p) of all rows, held-out ones included, about z (p,) with its whitened residual.
+        """Return whitened sensitivities (N, p) of all data, held-out ones too, about z (p,) with its residual (N,).
 
-        Nought where the model runs to neither side.
+        Zero where the model runs on neither side.
         """
-        columns, values = self.shaped()
+        columns, values = self.shape_weights()
         others = np.setdiff1d(np.arange(len(z)), columns)
         steps = STEP * np.eye(len(z))[others]
         moved = -(self.whitened([(row, hypothesis) for row in z + steps]) - residual).T / STEP
@@ -277,6 +288,6 @@ class Problem:
         if failed.size:
             back = self.whitened([(row, hypothesis) for row in z - steps[failed]])
             moved[:, failed] = np.nan_to_num((back - residual).T / STEP)
-        found = np.zeros((len(residual), len(z)))
-        found[:, others], found[:, columns] = moved, values
-        return found
+        jacobian = np.zeros((len(residual), len(z)))
+        jacobian[:, others], jacobian[:, columns] = moved, values
+        return jacobian

@@ -13,8 +13,8 @@ from coronaryuq.discrepancy.forward.network_values import inner
 from coronaryuq.discrepancy.forward.nuisance import Nuisance, nuisances
 from coronaryuq.discrepancy.forward.predict import Forward, pressure_factor
 from coronaryuq.discrepancy.forward.simulation import LOOSE, TOLERANCE, Simulation
-from coronaryuq.discrepancy.inference.cross_validation import folds
-from coronaryuq.discrepancy.inference.noise import Noise, parts
+from coronaryuq.discrepancy.inference.cross_validation import folds_of
+from coronaryuq.discrepancy.inference.noise import Noise, white_and_correlated
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.time_step_error import time_steps
 from coronaryuq.discrepancy.settings import Settings
@@ -29,13 +29,14 @@ UNITS_APART = {"pressure": 6.0, "ratio": 20.0, "flow": 20.0, "volume": 20.0}
 MARKS = (":", "~", "<")
 """What stands between the blocks of a place."""
 KNOWN = 1.0
-"""Standard deviations by which a perfusion is above nought that may set a tissue mass."""
+"""Ratio of a perfusion to its standard deviation above which it may set a tissue mass."""
 LEAST_WHITE = 0.1
-"""Share of a standard deviation that is left to white noise, whatever the model's floor and time steps add."""
+"""Least share of a standard deviation that remains white noise, whatever floor and time steps add."""
 STEPS_WHERE_LASTING = 4
-"""How many times as short an open loop's time steps are where noise lasts. It leaves little noise to what is sharp, and
-there steps err: far from the data, where no correction at a fit can know the right one, their error would decide which
-effect comes nearest. In a closed loop some ringing goes on with shorter steps, and runs are dear."""
+"""Refinement of an open loop's time steps where noise is correlated in time: little noise is left to sharp features.
+
+There the steps err, and far from the data, where no correction at a fit is right, their error would decide which effect
+is best. In a closed loop some ringing persists with shorter steps, and runs are expensive."""
 
 
 def locations(network: dict) -> dict[str, list[str]]:
@@ -92,7 +93,7 @@ def read_problem(
     problem = make_problem(network, {name: conditions[name] for name in conditions if name in used}, measured, settings)
     _check_root(problem)
     _check_sizes(problem, measurements)
-    if not folds(problem, held):
+    if not folds_of(problem, held):
         remedy = "means of conditions with a free parameter set that parameter: nothing is left to verify on; add more"
         raise InputError(measurements, "condition", ", ".join(held or used), remedy)
     return with_time_steps(problem)
@@ -148,55 +149,90 @@ def _opposite(series: Measured, predicted: np.ndarray) -> bool:
 
 
 def with_time_steps(problem: Problem) -> Problem:
-    """The same with what its time steps do to predictions put right as far as it is known, the rest allowed for."""
-    found, forward = time_steps(problem.forward, problem.sd), problem.forward
-    weights = [Nuisance(f"time steps, shape {k + 1}", 1.0, shape=k) for k in range(len(found.shapes))]
-    shaped = replace(forward, nuisances=[*forward.nuisances, *weights], shapes=found.shapes)
-    return replace(problem, forward=shaped, time_steps=found)
+    """Return the problem with its time-step error corrected as far as it is known, and allowed for beyond."""
+    error, forward = time_steps(problem.forward, problem.sd), problem.forward
+    weights = [Nuisance(f"time steps, shape {k + 1}", 1.0, shape=k) for k in range(len(error.shapes))]
+    shaped = replace(forward, nuisances=[*forward.nuisances, *weights], shapes=error.shapes)
+    return replace(problem, forward=shaped, time_steps=error)
 
 
 def with_noise(problem: Problem, noise: dict[str, Noise]) -> Problem:
-    """The same with the waveforms of some quantities as noisy as is said of them here.
+    """Return the problem with estimated noise of the waveforms of some quantities.
 
-    Standard deviations with the model's floor and what time steps add are the measure of it. Shapes of noise that lasts
-    get weights, as those of the time steps have. Open loops are then run with `STEPS_WHERE_LASTING` times the steps.
+    Relative to standard deviations with the model's floor and the time-step allowance. Shapes of correlated noise get
+    weights, as those of the time steps have; open loops then run with `STEPS_WHERE_LASTING` times the steps.
+
+    Parameters
+    ----------
+    problem
+        The problem with the stated noise.
+    noise
+        Quantity → noise of its waveforms.
+
+    Returns
+    -------
+    Problem
+        A new problem on the same data.
     """
     forward = problem.forward
     starts = np.cumsum([0, *(series.value.size for series in forward.measured)])
-    measured, shapes, weights = [], [], []
+    measured: list[Measured] = []
+    shapes: list[np.ndarray] = []
+    names: list[str] = []
     for series, start in zip(forward.measured, starts, strict=False):
-        mine = slice(start, start + series.value.size)
+        rows = slice(start, start + series.value.size)
         if series.statistic == "waveform" and series.quantity in noise:
-            sd = problem.sd[mine]
-            white, lasting = parts(series, noise[series.quantity])
+            sd = problem.sd[rows]
+            white, correlated = white_and_correlated(series, noise[series.quantity])
             added = sd**2 - series.sd**2
             measured.append(
                 replace(series, sd=np.sqrt(np.maximum((white * sd) ** 2 - added, (LEAST_WHITE * series.sd) ** 2)))
             )
-            for shape in lasting:
+            for shape in correlated:
                 shapes.append(np.zeros(problem.sd.size))
-                shapes[-1][mine] = sd * shape
-            weights += [f"noise of the {series.quantity} at {series.location} under {series.condition}"] * len(lasting)
+                shapes[-1][rows] = sd * shape
+            name = f"noise of the {series.quantity} at {series.location} under {series.condition}"
+            names += [name] * len(correlated)
         else:
             measured.append(series)
     settings = problem.settings
     if shapes and not forward.anatomy.closed_loop:
         settings = settings.model_copy(update={"steps_per_cycle": STEPS_WHERE_LASTING * settings.steps_per_cycle})
-    found = with_time_steps(make_problem(forward.network, forward.conditions, measured, settings))
-    if not shapes:
-        return found
-    before = len(found.forward.shapes)
-    weights = [Nuisance(name, 1.0, shape=before + k, noise=True) for k, name in enumerate(weights)]
-    nuisances = [*found.forward.nuisances, *weights]
-    return replace(
-        found, forward=replace(found.forward, nuisances=nuisances, shapes=np.vstack([found.forward.shapes, *shapes]))
-    )
+    noisy = with_time_steps(make_problem(forward.network, forward.conditions, measured, settings))
+    of_steps = noisy.forward.shapes
+    if not shapes or of_steps is None:
+        return noisy
+    weights = [Nuisance(name, 1.0, shape=len(of_steps) + k, noise=True) for k, name in enumerate(names)]
+    nuisances = [*noisy.forward.nuisances, *weights]
+    return replace(noisy, forward=replace(noisy.forward, nuisances=nuisances, shapes=np.vstack([of_steps, *shapes])))
 
 
 def make_problem(
     network: dict, conditions: dict[str, Condition], measured: list[Measured], settings: Settings
 ) -> Problem:
-    """Join checked parts; runs the model once for the scales of the effects' priors."""
+    """Join checked parts, and run the model once for the scales of the effects' priors.
+
+    Parameters
+    ----------
+    network
+        svZeroDSolver JSON.
+    conditions
+        Name → condition, measured ones only.
+    measured
+        The measurements, CGS.
+    settings
+        Settings of the search.
+
+    Returns
+    -------
+    Problem
+        Without a time-step correction; `with_time_steps` adds it.
+
+    Raises
+    ------
+    InputError
+        If the model does not run.
+    """
     engine = Engine(network)
     anatomy = Anatomy(network)
     names = {vessel: f"mean_flow:{anatomy.inlet(vessel)}" for vessel in anatomy.vessels}
@@ -227,23 +263,23 @@ def make_problem(
 
 
 def _as_it_is(engine: Engine, quantities: list[str], steps_per_cycle: int) -> dict[str, float]:
-    """Quantities of the model as it is; settled as loosely as other runs may be where valves keep it from more."""
+    """Return quantities of the plain model, converged as loosely as other runs where valves prevent more."""
     for tolerance in (TOLERANCE, LOOSE):
         run = engine.run(quantities=quantities, periodic=True, steps_per_cycle=steps_per_cycle, tolerance=tolerance)
         if run.ok[0]:
-            return {name: float(found[0]) for name, found in run.values.items()}
-    raise InputError("model", None, None, f"the model does not run as it is: {run.status[0]}")
+            return {name: float(values[0]) for name, values in run.values.items()}
+    raise InputError("model", None, None, f"the unmodified model does not run: {run.status[0]}")
 
 
-def _mass(territory: str, conditions, measured, anatomy) -> float:
-    """Tissue mass (g) that makes the first measured perfusion right in the model as it is.
+def _mass(territory: str, conditions: dict[str, Condition], measured: list[Measured], anatomy: Anatomy) -> float:
+    """Return the tissue mass (g) with which the plain model has the first measured perfusion.
 
-    Of a condition that is fitted, if there is one: the prior's mean shall know nothing of what is held out. A reading
-    that is lost in its own noise says nothing of the mass; where all are, the best.
+    Of a fitted condition, if there is one: the prior's mean must not depend on held-out data. Readings below their own
+    noise are skipped, unless all are.
     """
-    mine = [s for s in measured if s.quantity == "perfusion" and s.location == territory]
-    mine = [s for s in mine if not conditions[s.condition].held_out] or mine
-    clear = {s.condition: float(s.value[0] / s.sd[0]) for s in mine}
-    first = next((s for s in mine if clear[s.condition] > KNOWN), max(mine, key=lambda s: clear[s.condition]))
+    own = [s for s in measured if s.quantity == "perfusion" and s.location == territory]
+    own = [s for s in own if not conditions[s.condition].held_out] or own
+    clear = {s.condition: float(s.value[0] / s.sd[0]) for s in own}
+    first = next((s for s in own if clear[s.condition] > KNOWN), max(own, key=lambda s: clear[s.condition]))
     flow = anatomy.flow_scale(anatomy.beds[territory]) / conditions[first.condition].coronary_resistance_scale
     return flow / max(float(first.value[0]), float(first.sd[0]), 1e-3 * units.MBF_PER_MIN_PER_G)

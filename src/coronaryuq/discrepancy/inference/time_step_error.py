@@ -1,4 +1,4 @@
-"""How far the model's own time steps put its predictions off, and how surely that is known."""
+"""Time-step error: how much the time steps change predictions, and how certain that is."""
 
 from dataclasses import dataclass, replace
 
@@ -8,22 +8,22 @@ from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.forward.predict import Forward
 
 FINER, FINEST = 8, 32
-"""How many times as short steps the model's are compared with; and those with, where they differ among points."""
+"""Refinements of the time steps that the model's are compared with, and those where points differ."""
 DRAWS, MORE, FEW, SPREAD = 16, 32, 2, 0.5
-"""Points at which steps are compared, the model as it is and draws of the nuisance parameters about it: so many, and,
-where the change differs from one to the next, so many, and so few with the shortest steps."""
+"""Points at which steps are compared (the plain model, and draws of the nuisance parameters with standard deviation
+`SPREAD`); as many in all, and with the finest steps, where the change differs between points."""
 SHAPED = 0.3
-"""Norm, in noise standard deviations, from which what differs from point to point is a shape of its own."""
+"""Norm, in noise standard deviations, above which a difference between points is a shape of its own."""
 OWN = 3
-"""Shapes at most that each series has besides, for what the common ones leave of it."""
+"""Further shapes of each series, at most, for what the common ones leave of it."""
 
 
 @dataclass(frozen=True)
 class TimeSteps:
-    """What steps `FINER` times as short change of every prediction, CGS.
+    """Change of predictions by steps `FINER` times as short, CGS.
 
-    change: mean (N,); shapes: what differs most from point to point, of all rows and then of single series, (k, N),
-    with standard normal weights; sd: of the rest (N,), for every row by itself.
+    change: mean (N,); shapes: largest differences between points, of all rows and then of single series, (k, N), with
+    standard normal weights; sd: of the rest (N,), independent between rows.
     """
 
     change: np.ndarray
@@ -32,22 +32,34 @@ class TimeSteps:
 
 
 def time_steps(forward: Forward, noise: np.ndarray) -> TimeSteps:
-    """Compare steps at some points of the prior. noise: standard deviations of the data (N,).
+    """Estimate the time-step error by comparing steps at points of the prior.
 
-    A valve opens and shuts between two steps, and vessels that store blood ring afterwards: what the steps make of that
-    is no disagreement with the measurements. What is alike from one point to the next is put right. What is not is no
-    noise of each row on its own, but has few shapes, that of an effect perhaps, such as a valve that damps the ringing:
-    those get weights, and so have the shapes of what still shorter steps change. The rest is what other points would
-    leave: the worst shapes of each series get weights too, and each row of the series, as noise, the root mean square
-    along the worst shape that is left. Where the change is alike at all points, the shorter steps' own error is, to
-    first order, the share of it that they are of the others.
+    A valve opens and shuts between two steps, and vessels that store blood ring afterwards: the steps' error there is
+    no disagreement with the data. What is common to all points is corrected. What differs is not independent noise
+    of each row but has few shapes, perhaps those of an effect, such as a valve that damps the ringing: these get
+    weights, as do the shapes of what still shorter steps change. For the rest, what other points would leave, the worst
+    shapes of each series get weights too, and each row of it the root mean square along the worst remaining shape, as
+    noise. Where the change is the same at all points, the error of the shorter steps is, to first order, the same share
+    of it as their length.
+
+    Parameters
+    ----------
+    forward
+        The model.
+    noise
+        Standard deviations of the data: (N,), CGS.
+
+    Returns
+    -------
+    TimeSteps
+        Correction, shapes and remaining standard deviations.
     """
     points = SPREAD * generator(0, "discrepancy", "time steps").standard_normal((MORE, len(forward.nuisances)))
     points[0] = 0.0
     compare = _Steps(forward, noise)
     change = compare.change(points[:DRAWS], 1, FINER)
     if len(change) < 3:
-        # Where next to nothing runs, all that is known of the change is its size.
+        # Where the model hardly runs, only the size of the change is known.
         return TimeSteps(np.zeros(forward.size), np.zeros((0, forward.size)), noise * np.abs(change).sum(axis=0))
     further, left = change.mean(axis=0)[None, :] / FINER, np.zeros((0, forward.size))
     differs = _shapes(change - change.mean(axis=0))[0].max() > SHAPED
@@ -68,19 +80,19 @@ def time_steps(forward: Forward, noise: np.ndarray) -> TimeSteps:
 
 
 def finer(forward: Forward, times: int) -> Forward:
-    """The same model with so many times as many time steps a cycle."""
+    """Return the model with more time steps per cycle by a factor."""
     steps = times * forward.simulation.steps_per_cycle
     return replace(forward, simulation=forward.simulation.changed(steps_per_cycle=steps))
 
 
 class _Steps:
-    """Predictions, in noise standard deviations, by steps so many times as short as the model's."""
+    """Predictions, in noise standard deviations, with refined time steps."""
 
-    def __init__(self, forward: Forward, noise: np.ndarray):
+    def __init__(self, forward: Forward, noise: np.ndarray) -> None:
         self.forwards, self.noise = {1: forward}, noise
 
     def change(self, points: np.ndarray, steps: int, finer: int) -> np.ndarray:
-        """From ones to others, (n, N), at those of the points (n, p) where both run."""
+        """Return the change (n, N) from one refinement to another, at those of the points (n, p) where both run."""
         change = self._predicted(points, finer) - self._predicted(points, steps)
         return change[np.isfinite(change).all(axis=1)] / self.noise
 
@@ -91,7 +103,7 @@ class _Steps:
 
 
 def _each_series(forward: Forward, rest: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """Worst shapes (k, N) of each series' columns of (n, N), and the standard deviations (N,) that hold the others."""
+    """Return the worst shapes (k, N) of each series in (n, N), and standard deviations (N,) that cover the others."""
     own, sd, first = [], np.zeros(forward.size), 0
     for block in forward.split(rest):
         rows = slice(first, first + block.shape[1])
@@ -104,18 +116,18 @@ def _each_series(forward: Forward, rest: np.ndarray, most: int) -> tuple[np.ndar
 
 
 def _shapes(deviations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lengths (k,) and shapes (k, N), so long, of the root mean square of the rows of (n, N)."""
+    """Return lengths (k,) and shapes (k, N) of these lengths: principal components of the rows of (n, N)."""
     _, lengths, directions = np.linalg.svd(deviations / np.sqrt(len(deviations)), full_matrices=False)
     return lengths, lengths[:, None] * directions
 
 
 def _left_by_others(change: np.ndarray) -> np.ndarray:
-    """What each row of (n, N) has that the mean and the shapes of the others do not give, over the root of n."""
+    """Return what mean and shapes of the others do not explain of each row of (n, N), over the root of n."""
     left = []
-    for number, one in enumerate(change):
+    for number, row in enumerate(change):
         others = np.delete(change, number, axis=0)
         shapes = (others - others.mean(axis=0)) / np.sqrt(len(others) - 1)
-        missing = one - others.mean(axis=0)
+        missing = row - others.mean(axis=0)
         weights = np.linalg.solve(np.eye(len(shapes)) + shapes @ shapes.T, shapes @ missing)
         left.append(missing - weights @ shapes)
     return np.array(left) / np.sqrt(len(left))

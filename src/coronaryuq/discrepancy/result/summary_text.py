@@ -5,17 +5,16 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
+from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
-from coronaryuq.discrepancy.inference.locate import Located, Strain
+from coronaryuq.discrepancy.inference.locate import Located, PriorConflict
 from coronaryuq.discrepancy.inference.noise import Noise
-from coronaryuq.discrepancy.inference.outliers import Spike
-from coronaryuq.discrepancy.inference.problem import DISTORTED
-from coronaryuq.discrepancy.selection.abstention import FAR_OUT, LEAST_FORETOLD, Gaps
-from coronaryuq.discrepancy.selection.candidates import Candidate
+from coronaryuq.discrepancy.inference.outliers import Outlier
+from coronaryuq.discrepancy.selection.abstention import Gaps
+from coronaryuq.discrepancy.selection.candidates import Candidate, Round
+from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.flow_conservation import PROBE
-from coronaryuq.discrepancy.selection.forward_step import Round
-from coronaryuq.discrepancy.selection.search import CENTRAL_99, Discovery
 from coronaryuq.discrepancy.selection.size_constancy import Constancy
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Parameter
@@ -42,14 +41,14 @@ def paragraph(
     count = len(discovery.base.residual)
     located, level = discovery.located, discovery.problem.settings.alarm_level
     nuisances = discovery.problem.forward.nuisances
-    data_notes = noise_notes(discovery.noise) + outlier_notes(discovery.spikes)
+    data_notes = noise_notes(discovery.noise) + outlier_notes(discovery.outliers)
     if not discovery.alarm:
         text = data_notes + (
             f"After recalibration within its priors, the model agrees with the {count} fitted measurements "
             f"(global test {p_text(located.p)}): there is nothing to explain. "
             f"On {_held_out_text(held_out)} its misfit is {discovery.gaps.before.misfit:.2f} ({EXPECTED_MISFIT})."
         )
-        return text + _overstated_sd(discovery) + prediction_warning(discovery.verdict.foretold, held_out)
+        return text + _overstated_sd(discovery) + prediction_warning(discovery.verdict.predictive_p, held_out)
     worst = located.groups[0]
     text = data_notes + (
         f"The model disagrees with the {count} fitted measurements beyond what recalibration can explain "
@@ -112,24 +111,24 @@ def _outside_library(discovery: Discovery, held_out: list[str]) -> str:
             f"(log predictive density per row {gaps.after.lpd:.3f}, with recalibration alone {gaps.before.lpd:.3f}). "
             "No effect is named."
         )
-    elif discovery.far_out:
+    elif discovery.implausible:
         implausible = listed(
             [
                 f"{_label(placed)} ({size_text(placed, discovery.sizes(placed), anatomy)})"
-                for placed in discovery.far_out
+                for placed in discovery.implausible
             ]
         )
         reason = (
             f"{candidate} {'is' if one else 'are'} {best}, but with an implausibly large size, more than "
-            f"{FAR_OUT:.0f} standard "
+            f"{RULE.implausible:.0f} standard "
             f"deviations of its prior: {implausible}. No effect is named. {change}"
         )
     elif verdict.varying:
         reason = f"{varying_text(discovery.hypothesis, verdict.varying, anatomy)}. No effect is named. {change}"
-    elif verdict.unforeseen:
+    elif verdict.unpredicted:
         reason = (
             f"{candidate} for the fitted measurements, {best}, {'does' if one else 'do'} not predict the held-out data "
-            f"({p_text(verdict.foretold)}). No effect is named. {change}"
+            f"({p_text(verdict.predictive_p)}). No effect is named. {change}"
         )
     else:
         reason = (
@@ -149,7 +148,7 @@ def _named_effect(discovery: Discovery, entry: Round, next_measurements: list[di
     text += next_measurement_text(next_measurements)
     text += effect.assumption(anatomy, [c.covariates for c in discovery.problem.forward.conditions.values()])
     for parameter in discovery.beyond_prior(placed):
-        bounds = (float(parameter.from_standard(k * CENTRAL_99)) for k in (-1, 1))
+        bounds = (float(parameter.from_standard(k * RULE.prior_bound)) for k in (-1, 1))
         low, high = sorted(effect.describe(parameter, bound, anatomy)[1] for bound in bounds)
         text += (
             f"Its {_size_label(placed, parameter, anatomy)} lies outside the central 99 % of its prior "
@@ -161,18 +160,17 @@ def _named_effect(discovery: Discovery, entry: Round, next_measurements: list[di
             f"({sizes_by_condition(varying, anatomy)}): "
             f"it may change between conditions, or {STAND_IN.removeprefix('it may ')}"
         )
-    if entry.held_out is not None and entry.held_out < 0.0:
-        text += (
-            f"The held-out data are predicted better without it (by {-entry.held_out:.2g} nats in total): {STAND_IN}"
-        )
+    if entry.held_out_gain is not None and entry.held_out_gain < 0.0:
+        loss = f"{-entry.held_out_gain:.2g} nats in total"
+        text += f"The held-out data are predicted better without it (by {loss}): {STAND_IN}"
     return text
 
 
 def _not_confirmed(discovery: Discovery) -> str:
     """List effects that the fitted measurements ask for and the held-out data do not confirm."""
-    if not (discovery.named and discovery.not_borne_out):
+    if not (discovery.named and discovery.unconfirmed):
         return ""
-    effects = [_label(placed) for placed in discovery.not_borne_out]
+    effects = [_label(placed) for placed in discovery.unconfirmed]
     them = "it" if len(effects) == 1 else "them"
     return f"The fitted measurements also suggest {listed(effects)}, but the held-out data do not confirm {them}. "
 
@@ -192,8 +190,10 @@ def _remaining(discovery: Discovery, held_out: list[str]) -> str:
             "predictive "
             f"density per row {gaps.after.lpd:.2f}, {gaps.before.lpd:.2f}). "
         )
-    if named and discovery.verdict.unforeseen:
-        text += f"The named effects do not predict all of the held-out data ({p_text(discovery.verdict.foretold)}). "
+    if named and discovery.verdict.unpredicted:
+        text += (
+            f"The named effects do not predict all of the held-out data ({p_text(discovery.verdict.predictive_p)}). "
+        )
     if remaining.alarm(level):
         text += f"Something remains unexplained ({p_text(remaining.p)}){flexible_text(gaps, named)}. "
     else:
@@ -222,7 +222,7 @@ def noise_notes(noise: dict[str, Noise]) -> str:
     return text
 
 
-def outlier_notes(outliers: list[Spike]) -> str:
+def outlier_notes(outliers: list[Outlier]) -> str:
     """Report single samples that lie far from both neighbours."""
     if not outliers:
         return ""
@@ -252,7 +252,7 @@ def _overstated_sd(discovery: Discovery) -> str:
     )
 
 
-def _nearest(rounds: list[Round]) -> str:
+def _nearest(rounds: Sequence[Round]) -> str:
     """Name the most probable candidate of the first round if it is more probable than no effect."""
     tried = [entry for entry in rounds[:1] if entry.shortlist]
     if not tried:
@@ -265,7 +265,7 @@ def _nearest(rounds: list[Round]) -> str:
 
 def prediction_warning(p: float, held_out: list[str]) -> str:
     """Warn that a model which agrees with the fitted data does not predict the held-out data, if so."""
-    if p >= LEAST_FORETOLD:
+    if p >= RULE.unpredicted:
         return ""
     remedy = "check these conditions in the conditions file"
     if held_out:
@@ -359,16 +359,16 @@ def flexible_text(gaps: Gaps, named: bool) -> str:
     return f"{text} (log predictive density per row {', '.join(f'{density:.2f}' for density in densities)})"
 
 
-def prior_conflicts(located: Located, nuisances: list[Nuisance], level: float) -> list[tuple[Strain, float]]:
+def prior_conflicts(located: Located, nuisances: list[Nuisance], level: float) -> list[tuple[PriorConflict, float]]:
     """Return nuisance parameters in conflict with their prior at `level` or far outside it, with their factors."""
     sd = {nuisance.name: nuisance.sd for nuisance in nuisances}
-    conflicts = [one for one in located.strains if one.p < level or abs(one.moved) > DISTORTED]
+    conflicts = [one for one in located.conflicts if one.p < level or abs(one.moved) > RULE.distorted]
     return [(one, float(np.exp(sd[one.name] * one.moved))) for one in conflicts]
 
 
-def conflict_text(intro: str, conflicts: list[tuple[Strain, float]]) -> str:
+def conflict_text(intro: str, conflicts: list[tuple[PriorConflict, float]]) -> str:
     """List the nuisance parameter in the worst conflict with its prior, and all far outside theirs."""
-    shown = [one for n, one in enumerate(conflicts) if n == 0 or abs(one[0].moved) > DISTORTED]
+    shown = [one for n, one in enumerate(conflicts) if n == 0 or abs(one[0].moved) > RULE.distorted]
     if not shown:
         return ""
     (first, factor), *others = [*shown[:1], *sorted(shown[1:], key=lambda one: -abs(one[0].moved))][:MOST_LISTED]

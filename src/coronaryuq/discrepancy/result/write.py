@@ -1,6 +1,6 @@
 """What a search leaves behind: one JSON for the command line, tables for figures, the repaired model."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,16 +9,16 @@ import pandas as pd
 from coronaryuq.core.io.atomic import write_json, write_text
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.discrepancy.data.conditions import drives_of, kept_out
+from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, PlacedEffect
 from coronaryuq.discrepancy.forward.nuisance import without_noise
 from coronaryuq.discrepancy.inference.cross_validation import Gap
 from coronaryuq.discrepancy.inference.noise import with_lasting
 from coronaryuq.discrepancy.result.repair import repaired
 from coronaryuq.discrepancy.result.summary_text import Z_90, paragraph, prior_conflicts
-from coronaryuq.discrepancy.selection.candidates import Candidate
-from coronaryuq.discrepancy.selection.forward_step import Round
-from coronaryuq.discrepancy.selection.next_measurement import separating
-from coronaryuq.discrepancy.selection.search import Discovery
+from coronaryuq.discrepancy.selection.candidates import Candidate, Round
+from coronaryuq.discrepancy.selection.discovery import Discovery
+from coronaryuq.discrepancy.selection.next_measurement import next_measurements
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.beds import ALL
 
@@ -34,7 +34,7 @@ def summary(found: Discovery) -> dict:
     ]
     return {
         "alarm": found.alarm,
-        "spikes": [vars(one) for one in found.spikes],
+        "spikes": [vars(one) for one in found.outliers],
         "noise": {quantity: vars(one) for quantity, one in found.noise.items()},
         "global_test": {"p": found.located.p, **found.located.tests},
         "strained": conflicts[0],
@@ -54,9 +54,9 @@ def summary(found: Discovery) -> dict:
         ],
         "outside_library": found.outside_library,
         "not_borne_out": [
-            {"effect": entry.taken_back.effect.name, "place": entry.taken_back.place, "log_evidence": _adds(entry)}
+            {"effect": entry.refuted.effect.name, "place": entry.refuted.place, "log_evidence": _adds(entry)}
             for entry in found.rounds
-            if entry.taken_back is not None
+            if entry.refuted is not None
         ],
         "mistakes": [{"mistake": one.name, "place": place} for one, place in found.verdict.mistaken],
         "gap_before": found.gaps.before.misfit,
@@ -69,10 +69,11 @@ def summary(found: Discovery) -> dict:
             "after": found.gaps.after.summary(),
             "flexible": found.gaps.flexible.summary(),
             "both": found.gaps.both.summary(),
-            "p_of_foretold": found.verdict.foretold,
+            "p_of_foretold": found.verdict.predictive_p,
         },
         "remaining": {"p": found.remaining.p, **found.remaining.tests},
         "candidates_tested": found.candidates_tested,
+        "decision_rule": asdict(RULE),
         "paragraph": paragraph(found, held_out, {(one["effect"], one["place"]): one["separate_by"] for one in told}),
     }
 
@@ -80,7 +81,7 @@ def summary(found: Discovery) -> dict:
 def named(found: Discovery) -> list[dict]:
     """The named effects with probability, class, sizes and, for a class, the measurements that would split it."""
     forward = found.problem.forward
-    rounds = {entry.accepted.placed: entry for entry in found.named}
+    rounds = {entry.named.placed: entry for entry in found.named}
     result = []
     for placed in found.hypothesis:
         effect, place = placed
@@ -96,7 +97,7 @@ def named(found: Discovery) -> list[dict]:
             {
                 "effect": effect.name,
                 "place": place,
-                "probability": entry.accepted.probability,
+                "probability": entry.named.probability,
                 "class": [_member(c) for c in entry.members],
                 "class_probability": float(sum(c.probability for c in entry.members)),
                 "log_evidence": _adds(entry),
@@ -108,10 +109,10 @@ def named(found: Discovery) -> list[dict]:
                 "looks_like": effect.signature,
                 "source": effect.source,
                 "written_as": effect.native,
-                "separate_by": separating(found, entry),
+                "separate_by": next_measurements(found, entry),
             }
         )
-    order = [entry.accepted.placed for entry in found.named]
+    order = [entry.named.placed for entry in found.named]
     return sorted(result, key=lambda one: [(e.name, p) for e, p in order].index((one["effect"], one["place"])))
 
 
@@ -120,9 +121,9 @@ def _adds(entry: Round) -> dict | None:
 
     Nats are null where the model does not run without it.
     """
-    if entry.held_out is None:
+    if entry.held_out_gain is None:
         return None
-    nats = {"fitted": entry.worth, "held_out": entry.held_out}
+    nats = {"fitted": entry.evidence_gain, "held_out": entry.held_out_gain}
     return {name: value if np.isfinite(value) else None for name, value in nats.items()}
 
 
@@ -175,7 +176,7 @@ def write(found: Discovery, folder: Path) -> dict:
     mended = (
         None
         if found.outside_library
-        else repaired(replace(found.problem.forward, measured=found.given), found.hypothesis, found.fit)
+        else repaired(replace(found.problem.forward, measured=found.measured), found.hypothesis, found.fit)
     )
     tables = {
         "located.csv": pd.DataFrame([vars(group) for group in found.located.groups]),
@@ -200,7 +201,7 @@ def _residuals(found: Discovery) -> pd.DataFrame:
     problem = found.problem
     series = [problem.forward.measured[i] for i in problem.owner]
     parameters = problem.forward.nuisances
-    (plain,) = found.plain.whitened([(without_noise(parameters, found.base.z), PLAIN)])
+    (plain,) = found.base_problem.whitened([(without_noise(parameters, found.base.z), PLAIN)])
     (repaired,) = problem.whitened([(without_noise(parameters, found.fit.z), found.hypothesis)])
     times = np.concatenate([np.full(1, np.nan) if s.time is None else s.time for s in problem.forward.measured])
     return pd.DataFrame(
@@ -226,8 +227,9 @@ def _ranking(found: Discovery) -> pd.DataFrame:
     for number, entry in enumerate(found.rounds, start=1):
         rows.append((number, "none", "", entry.probabilities["none"], 0.0, False))
         rows.append((number, "outside the library", "", entry.probabilities["outside"], 0.0, False))
+        accepted = None if entry.accepted is None else entry.accepted.placed
         for c in entry.shortlist:
-            rows.append((number, c.effect.name, c.place, c.probability, c.z_score, c is entry.accepted))
+            rows.append((number, c.effect.name, c.place, c.probability, c.z_score, c.placed == accepted))
     return pd.DataFrame(rows, columns=["round", "effect", "place", "probability", "score", "accepted"])
 
 
@@ -268,7 +270,7 @@ def _tree(found: Discovery) -> pd.DataFrame:
             worst.get(name, np.nan),
             "; ".join(
                 f"{effect.name} at {place}"
-                for effect, place in (entry.accepted.placed for entry in found.named)
+                for effect, place in (entry.named.placed for entry in found.named)
                 if name in vessels_of(place, anatomy)
             ),
         )

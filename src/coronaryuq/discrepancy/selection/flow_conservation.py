@@ -1,43 +1,48 @@
-"""Flow gains whose changes cancel: probes err apart from each other, blood that goes elsewhere is missed somewhere.
+"""Flow conservation: gains of several flow probes that together conserve flow are blood on another path.
 
-Blood that leaves one branch for another, through outlets that were swapped or wired wrongly, reads like gains of two
-probes off in opposite directions by the same flow. No effect of the library says so, thus it is outside.
+Blood that takes another branch, as through exchanged or wrongly connected outlets, resembles errors of two flow probes
+by the same flow in opposite directions. No effect of the library describes that.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 
+from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
-from coronaryuq.discrepancy.selection.candidates import PRIOR_NAMED
 
 PROBE = "flow_gain"
+"""The effect of a flow probe that reads too much or too little."""
 
 
-def redistribution(problem: Problem, fit: Fit, hypothesis: Hypothesis, priors: list[float], effects: int) -> float:
-    """Log odds that blood goes elsewhere than modelled against gains of several probes; -inf without such gains.
+def redistribution(
+    problem: Problem, fit: Fit, hypothesis: Hypothesis, log_priors: Sequence[float], effects: int
+) -> float:
+    """Return the log odds of blood on another path against gains of several probes; -inf without such gains.
 
-    The gains g of probes of which none lies upstream of another are conserved flow where the change D = sum g Q of what
-    they read is nought. The Bayes factor of that against free gains is the density of D at nought after the data over
-    that before (Savage and Dickey; Dickey 1971). As one cause that the library lacks, it has the prior of one of
-    `effects` effects, and the gains the product of theirs (priors: their logarithms, one for each of `hypothesis`).
+    The gains g of probes of which none lies upstream of another conserve flow where the change D = sum g Q of their
+    readings is zero. The Bayes factor of that against free gains is the posterior density of D at zero over its prior
+    density (Savage and Dickey; Dickey 1971). As one cause that the library lacks it has the prior of one of `effects`
+    effects, and the gains have the product of theirs (log_priors: one per effect of the hypothesis).
     """
     probes = [
         (hypothesis.columns(fit.z, placed).start, placed.effect.parameters[0].spread, placed.place, prior)
-        for placed, prior in zip(hypothesis, priors, strict=True)
+        for placed, prior in zip(hypothesis, log_priors, strict=True)
         if placed.effect.name == PROBE
     ]
-    probes = [one for one in probes if not any(_feeds(problem, one[2], other[2]) for other in probes)]
+    probes = [probe for probe in probes if not any(_feeds(problem, probe[2], other[2]) for other in probes)]
     if len(probes) < 2:
         return -np.inf
-    columns = [one[0] for one in probes]
+    columns = [column for column, *_ in probes]
     gains = np.array([spread * fit.z[k] for k, spread, _, _ in probes])
     flows = np.array([_read(problem, fit, place) for _, _, place, _ in probes]) / (1.0 + gains)
     weight = flows * np.array([spread for _, spread, _, _ in probes])
     before = float(np.sqrt(weight @ weight))
     after = float(np.sqrt(weight @ fit.covariance[np.ix_(columns, columns)] @ weight))
     factor = np.log(before / after) - 0.5 * (float(gains @ flows) / after) ** 2
-    return float(factor + np.log(PRIOR_NAMED / effects) - sum(prior for *_, prior in probes))
+    return float(factor + np.log(RULE.prior_named / effects) - sum(prior for *_, prior in probes))
 
 
 def _feeds(problem: Problem, place: str, other: str) -> bool:
@@ -49,9 +54,9 @@ def _feeds(problem: Problem, place: str, other: str) -> bool:
 
 
 def _read(problem: Problem, fit: Fit, place: str) -> float:
-    """Mean flow that the fit predicts a probe to read."""
+    """Return the mean flow that the fit predicts a probe to read."""
     series = problem.forward.measured
-    mine = [i for i, s in enumerate(series) if (s.quantity, s.location) == ("flow", place)]
-    rows = np.isin(problem.owner[problem.train], mine)
+    own = [i for i, s in enumerate(series) if (s.quantity, s.location) == ("flow", place)]
+    rows = np.isin(problem.owner[problem.train], own)
     read = problem.y[problem.train] - fit.residual * problem.sd[problem.train]
     return float(read[rows].mean())

@@ -1,190 +1,185 @@
-"""One round of naming: the best candidates fitted, looked at again about the best of them, and one accepted or none."""
+"""Forward step: fit the best candidates, look again about the best of them, and accept one or none."""
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis
+from coronaryuq.discrepancy.decision_rule import RULE
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.inference import gp_discrepancy
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.candidates import (
-    CONTENDER,
     Candidate,
+    Round,
     best_of_effects,
-    fit_shortlist,
+    class_log_weight,
     indistinguishable,
     least_weight,
     likely,
-    of_class,
-    posterior,
     preferred,
     shortlist,
+    updated,
+    with_probabilities,
 )
 from coronaryuq.discrepancy.selection.refit import (
-    LIKELIEST,
-    RIVALS,
-    around,
-    by_own_steps,
     exact,
     fit_each,
-    may_be_alike,
+    fit_shortlist,
+    may_be_in_class,
+    point_without,
+    quick_fits,
+    with_own_time_steps,
 )
 from coronaryuq.discrepancy.selection.score_test import screen
 
-SECOND_LOOKS = 3
-WORTH_FITTING = 0.5
-"""Log evidence by which an estimate must beat a candidate's own fit to have it fitted again."""
 
+@dataclass(frozen=True)
+class Pool:
+    """All candidates of a round by effect and place, and which of them are on its shortlist."""
 
-@dataclass
-class Round:
-    """One round of naming: everything on the shortlist, and what was accepted (None: nothing helped enough)."""
-
-    shortlist: list[Candidate]
-    probabilities: dict[str, float]
-    accepted: Candidate | None
-    members: list[Candidate] = field(default_factory=list)
-    """Accepted one and those that the data cannot tell from it."""
-    screened: list[Candidate] = field(default_factory=list)
-    """Every candidate of the round."""
-    beside: Hypothesis = PLAIN
-    """Other effects in the fits of the shortlist; a candidate's own sizes stand last in them."""
-    worth: float = np.inf
-    """Log evidence that the accepted effect adds to all the others."""
-    held_out: float | None = None
-    """Log predictive density that it adds to them on held-out measurements, nats; None: it is the only one."""
-    taken_back: Candidate | None = None
-    """What was accepted and is not borne out by measurements kept out of the fits."""
-    outside_evidence: float = -np.inf
-    """Log evidence of a flexible discrepancy in place of any of them."""
+    candidates: dict[PlacedEffect, Candidate]
+    chosen: tuple[PlacedEffect, ...] = ()
 
     @property
-    def class_log_prior(self) -> float:
-        """Log prior that the accepted effect would have if it stood for all of its class."""
-        return of_class(self.accepted, self.members) - self.accepted.fit.evidence
+    def shortlist(self) -> list[Candidate]:
+        return [self.candidates[placed] for placed in self.chosen]
 
-    def take_back(self) -> None:
-        """The accepted effect is not borne out."""
-        self.accepted, self.taken_back = None, self.accepted
+    @property
+    def best(self) -> Candidate:
+        return max(self.shortlist, key=lambda c: c.log_weight)
+
+    def with_states(self, candidates: Iterable[Candidate]) -> "Pool":
+        """Replace candidates by other states of them."""
+        return replace(self, candidates=self.candidates | {c.placed: c for c in candidates})
+
+    def choosing(self, candidates: Iterable[Candidate]) -> "Pool":
+        """Replace candidates and put them on the shortlist."""
+        candidates = list(candidates)
+        chosen = dict.fromkeys((*self.chosen, *(c.placed for c in candidates)))
+        return replace(self.with_states(candidates), chosen=tuple(chosen))
+
+    def without_unfitted(self) -> "Pool":
+        return replace(self, chosen=tuple(c.placed for c in self.shortlist if c.fit is not None))
 
 
-def name_one(
+def forward_step(
     problem: Problem,
     fit: Fit,
     hypothesis: Hypothesis,
     features: np.ndarray,
-    everything: list[Candidate],
-    vantage: Fit,
+    candidates: list[Candidate],
+    point: Fit,
 ) -> Round:
-    """One round: fit the shortlist of scored candidates, weigh, accept the best where the odds of its class suffice."""
-    chosen = shortlist(everything, problem.settings.shortlist)
-    fit_shortlist(problem, fit, hypothesis, chosen, vantage)
-    if hypothesis and vantage is not fit:
-        chosen += [c for c in _seen_from(problem, fit, hypothesis, everything) if c not in chosen]
-    chosen = [c for c in chosen if c.fit is not None]
-    for _ in range(SECOND_LOOKS if chosen else 0):
-        before = max(chosen, key=lambda c: c.log_weight)
-        near = look_again(problem, fit, before, hypothesis, chosen, everything)
-        if before is max(chosen, key=lambda c: c.log_weight):
-            fit_alike(problem, before, hypothesis, chosen, near, everything)
-            break
-    chosen.sort(key=lambda c: -c.log_weight)
-    worth_naming = _worth_naming(problem, fit, chosen)
-    if not worth_naming:
-        by_own_steps(problem, hypothesis, best_of_effects(chosen, LIKELIEST))
-        chosen.sort(key=lambda c: -c.log_weight)
-        worth_naming = _worth_naming(problem, fit, chosen)
-    outside_evidence = fit.evidence + gp_discrepancy.gain(fit, features[problem.train])[0]
-    probabilities = posterior(fit.evidence, chosen, outside_evidence)
-    if not worth_naming:
-        return Round(chosen, probabilities, None, beside=hypothesis, outside_evidence=outside_evidence)
-    accepted = preferred(worth_naming)
-    members = indistinguishable(accepted, chosen)
-    return Round(chosen, probabilities, accepted, members, everything, hypothesis, outside_evidence=outside_evidence)
+    """Fit the shortlist of scored candidates, weigh it, and accept the best if its class has the odds.
 
-
-def _worth_naming(problem: Problem, fit: Fit, chosen: list[Candidate]) -> list[Candidate]:
-    """Those whose class has the odds over the present model that are asked for."""
-    return [c for c in chosen if of_class(c, chosen) - fit.evidence >= problem.settings.least_log_odds]
-
-
-def _seen_from(problem: Problem, fit: Fit, hypothesis: Hypothesis, everything: list[Candidate]) -> list[Candidate]:
-    """Candidates of the shortlist as they look from a distorted fit, with their fits from there where those are better.
-
-    From the prior's mean, where they were looked at, what is named already hides those that explain less than
-    recalibration beside it does.
+    fit: of the present hypothesis; point: where the candidates were scored; features (N, k): of a flexible discrepancy.
     """
-    here = [replace(c, fit=None) for c in everything]
-    screen(problem, fit, hypothesis, here)
-    known = {c.placed: c for c in everything}
-    chosen = shortlist(here, problem.settings.shortlist)
-    fit_shortlist(problem, fit, hypothesis, chosen, fit)
-    for candidate in chosen:
-        one = known[candidate.placed]
-        one.z_score, one.from_the_mean = max(one.z_score, candidate.z_score), candidate.from_the_mean
-        if candidate.estimate > one.estimate:
-            one.estimate, one.guess = candidate.estimate, candidate.guess
-        if candidate.log_weight > one.log_weight:
-            one.fit = candidate.fit
-    return [known[candidate.placed] for candidate in chosen]
+    chosen = shortlist(candidates, problem.settings.shortlist)
+    pool = Pool({c.placed: c for c in candidates}).choosing(fit_shortlist(problem, fit, hypothesis, chosen, point))
+    if hypothesis and point is not fit:
+        pool = _seen_from_fit(problem, fit, hypothesis, pool)
+    pool = pool.without_unfitted()
+    for _ in range(RULE.second_looks if pool.chosen else 0):
+        before = pool.best
+        pool, near = look_again(problem, fit, before, hypothesis, pool)
+        if pool.best.placed == before.placed:
+            pool = fit_class(problem, pool.best, hypothesis, pool, near)
+            break
+    tried = sorted(pool.shortlist, key=lambda c: -c.log_weight)
+    worth = _worth_naming(problem, fit, tried)
+    if not worth:
+        corrected = with_own_time_steps(problem, hypothesis, best_of_effects(tried, RULE.likeliest_effects))
+        tried = sorted(updated(tried, corrected), key=lambda c: -c.log_weight)
+        worth = _worth_naming(problem, fit, tried)
+    outside_evidence = fit.evidence + gp_discrepancy.gain(fit, features[problem.train])[0]
+    tried, probabilities = with_probabilities(fit.evidence, tried, outside_evidence)
+    if not worth:
+        return Round(tried, probabilities, None, others=hypothesis, outside_evidence=outside_evidence)
+    (accepted,) = updated([preferred(worth)], tried)
+    return Round(
+        tried,
+        probabilities,
+        accepted,
+        members=indistinguishable(accepted, tried),
+        scored=list(pool.candidates.values()),
+        others=hypothesis,
+        outside_evidence=outside_evidence,
+    )
+
+
+def _worth_naming(problem: Problem, fit: Fit, candidates: list[Candidate]) -> list[Candidate]:
+    """Return those whose class has the required odds over the present model."""
+    least = problem.settings.least_log_odds
+    return [c for c in candidates if class_log_weight(c, candidates) - fit.evidence >= least]
+
+
+def _seen_from_fit(problem: Problem, fit: Fit, hypothesis: Hypothesis, pool: Pool) -> Pool:
+    """Score and shortlist all candidates from a distorted fit too, and keep what looks better from there.
+
+    From the prior's mean, where they were scored, the effects named already hide candidates that explain less than
+    recalibration does beside them.
+    """
+    here = screen(problem, fit, hypothesis, [replace(c, fit=None) for c in pool.candidates.values()])
+    chosen = fit_shortlist(problem, fit, hypothesis, shortlist(here, problem.settings.shortlist), fit)
+    return pool.choosing(_better_of(pool.candidates[c.placed], c) for c in chosen)
+
+
+def _better_of(candidate: Candidate, here: Candidate) -> Candidate:
+    estimated = here if here.estimate > candidate.estimate else candidate
+    return replace(
+        candidate,
+        z_score=max(candidate.z_score, here.z_score),
+        estimate=estimated.estimate,
+        guess=estimated.guess,
+        fit=here.fit if here.log_weight > candidate.log_weight else candidate.fit,
+        multistart=here.multistart,
+    )
 
 
 def look_again(
-    problem: Problem,
-    fit: Fit,
-    best: Candidate,
-    hypothesis: Hypothesis,
-    chosen: list[Candidate],
-    everything: list[Candidate],
-) -> list[Candidate]:
-    """Screen all candidates in the place of the best one, about its fit; add to `chosen` those that now look as good.
+    problem: Problem, fit: Fit, best: Candidate, hypothesis: Hypothesis, pool: Pool
+) -> tuple[Pool, list[Candidate]]:
+    """Screen candidates about the fit of the best one, and shortlist those that now look as good.
 
     Recalibration without the right effect distorts the nuisance parameters, and about such a point a neighbour of the
-    right place may look best. About the best fit so far they are nearly as they should be, if it has left them within
-    their prior. fit: of the present model. Returns the candidates as they look from there, those far behind left out.
+    right place may look best. About the best fit so far they are nearly right, if it has left them within their prior.
+    fit: of the present model. Returns also the candidates as seen from there, those far behind left out.
     """
-    if problem.distorted(best.fit):
-        return []
-    about = around(best)
-    known = {c.placed: c for c in everything}
-    fresh = [replace(c, fit=None) for c in likely(everything)]
-    screen(problem, about, hypothesis, fresh)
-    near = sorted((c for c in fresh if c.promise > best.log_weight - CONTENDER), key=lambda c: -c.promise)
-    waiting = [c for c in near if c.promise > known[c.placed].log_weight + WORTH_FITTING][:RIVALS]
-    found = fit_each(problem, hypothesis, waiting, about, least_weight(best, fit), fit.evidence)
-    for candidate, its in zip(waiting, found, strict=True):
-        one = known[candidate.placed]
-        one.from_the_mean = candidate.from_the_mean
-        if its is not None and its.evidence + one.log_prior > one.log_weight:
-            one.fit = its
-            if one not in chosen:
-                chosen.append(one)
-    return near
+    if problem.distorted(best.fitted):
+        return pool, []
+    point = point_without(best)
+    likely_ones = [replace(c, fit=None) for c in likely(pool.candidates.values())]
+    fresh = screen(problem, point, hypothesis, likely_ones)
+    near = sorted((c for c in fresh if c.promise > best.log_weight - RULE.contender_gap), key=lambda c: -c.promise)
+    waiting = [c for c in near if c.promise > pool.candidates[c.placed].log_weight + RULE.second_look_gain]
+    waiting = waiting[: RULE.rivals]
+    for refitted in fit_each(problem, hypothesis, waiting, point, least_weight(best, fit), fit.evidence):
+        known = replace(pool.candidates[refitted.placed], multistart=refitted.multistart)
+        if refitted.log_weight > known.log_weight:
+            pool = pool.choosing([replace(known, fit=refitted.fit)])
+        else:
+            pool = pool.with_states([known])
+    return pool, near
 
 
-def fit_alike(
-    problem: Problem,
-    best: Candidate,
-    hypothesis: Hypothesis,
-    chosen: list[Candidate],
-    near: list[Candidate],
-    everything: list[Candidate],
-) -> None:
-    """Fit all that may be of the best one's class, as they look about its fit (`near`), and add them to `chosen`.
+def fit_class(problem: Problem, best: Candidate, hypothesis: Hypothesis, pool: Pool, near: list[Candidate]) -> Pool:
+    """Fit and shortlist all candidates that may be of the best one's class, as seen from its fit (`near`).
 
-    Many more may be than a look again fits in full: each segment of one vessel, say. Sensitivities to all but their own
-    sizes stay those of the best fit, of which theirs hardly differ; one that goes ahead is fitted in full.
+    There may be many more than a second look fits in full: each segment of one vessel, say. Sensitivities to all but
+    their own sizes stay those of the best fit, from which theirs hardly differ; one that takes the lead is fitted in
+    full.
     """
-    known = {c.placed: c for c in everything}
-    waiting = [c for c in near if known[c.placed].fit is None and may_be_alike(c, best)]
+    waiting = [c for c in near if pool.candidates[c.placed].fit is None and may_be_in_class(c, best)]
     if not waiting:
-        return
-    found = problem.fit_roughly(around(best), hypothesis, [c.placed for c in waiting], [c.guess for c in waiting])
-    for candidate, fit in zip(waiting, found, strict=True):
-        if fit is not None:
-            known[candidate.placed].fit = fit
-            chosen.append(known[candidate.placed])
-    ahead = max(chosen, key=lambda c: c.log_weight)
-    if ahead is not best:
-        ahead.fit = exact(problem, hypothesis.with_(ahead.placed), ahead.fit.z) or ahead.fit
+        return pool
+    fits = quick_fits(problem, hypothesis, waiting, point_without(best))
+    pool = pool.choosing(
+        replace(pool.candidates[c.placed], fit=found) for c, found in zip(waiting, fits, strict=True) if found
+    )
+    ahead = pool.best
+    if ahead.placed == best.placed:
+        return pool
+    full = exact(problem, hypothesis.with_(ahead.placed), ahead.fitted.z)
+    return pool.with_states([replace(ahead, fit=full or ahead.fit)])

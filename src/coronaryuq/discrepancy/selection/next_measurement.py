@@ -1,4 +1,4 @@
-"""The measurement that would tell candidates of one class apart, chosen from a list of feasible ones."""
+"""The next measurement: which feasible one would best distinguish the candidates of a class."""
 
 from dataclasses import replace
 
@@ -8,35 +8,54 @@ from scipy.special import logsumexp
 from coronaryuq.core import units
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
-from coronaryuq.discrepancy.selection.forward_step import Round
-from coronaryuq.discrepancy.selection.search import Discovery
+from coronaryuq.discrepancy.forward.predict import Forward
+from coronaryuq.discrepancy.selection.candidates import Round
+from coronaryuq.discrepancy.selection.discovery import Discovery
 
 SD_PRESSURE = 2.0 * units.MMHG
 """Standard deviation of a pressure wire's mean (drift included)."""
 SD_FLOW = 0.1
 """Relative standard deviation of a mean flow (Doppler wire, phase-contrast MRI, perfusion map)."""
 LEAST_FLOW = 1e-6
-"""mL/s below which a flow is none."""
+"""mL/s, at least, of which a flow's standard deviation is a share."""
 BEST = 3
+"""Measurements that are returned."""
 NODES = 40
-"""Of the quadrature over what may be read."""
+"""Nodes of the quadrature over the reading."""
 
 
-def separating(found: Discovery, entry: Round) -> list[dict]:
-    """Mean pressures and flows ranked by the expected information (nats) on which of a class is true.
+def next_measurements(discovery: Discovery, entry: Round) -> list[dict]:
+    """Rank mean pressures and flows by the expected information on which candidate of a class is true.
 
-    Each member at its own best fit, with the noise of the new measurement alone: what a reading can tell at most. The
-    new one is by another instrument, which does not share an error of those in use. Empty for a class of one.
+    Each candidate is at its best fit, with the noise of the new measurement alone: an upper bound. The new measurement
+    is by another instrument, which does not share an error of those in use.
+
+    Parameters
+    ----------
+    discovery
+        Answer of a search.
+    entry
+        The round that named the class.
+
+    Returns
+    -------
+    list of dict
+        Best first: `quantity`, `location`, `condition`, `statistic`, `already_measured` and
+        `expected_information_nats`; empty for a class of one.
     """
     members = [c for c in entry.members if c.fit is not None]
     if len(members) < 2:
         return []
-    forward = found.problem.forward
+    forward = discovery.problem.forward
     feasible = _feasible(forward)
     asked = replace(forward, measured=feasible, shapes=None)
     count = len(forward.nuisances)
-    rows = [(c.fit.z, entry.beside.with_(c.placed)) for c in members]
-    usable = [_of_the_patient(z, hypothesis) for z, hypothesis in rows if len(z) == count + len(hypothesis.parameters)]
+    rows = [(c.fitted.z, entry.others.with_(c.placed)) for c in members]
+    usable = [
+        without_measurement_errors(z, hypothesis)
+        for z, hypothesis in rows
+        if len(z) == count + len(hypothesis.parameters)
+    ]
     if len(usable) < 2:
         return []
     predicted = asked.predict_rows(usable)
@@ -60,28 +79,30 @@ def separating(found: Discovery, entry: Round) -> list[dict]:
 
 
 def information(predicted: np.ndarray) -> np.ndarray:
-    """Expected information (nats) of Gaussian measurements with unit noise on which of m equally likely predictions
-    (m, n) is true, (n,): log m at most, (a - b)^2 / 8 for two close ones (Lindley 1956). By Gauss-Hermite quadrature.
+    """Return the expected information (nats, (n,)) on which of m equally likely predictions (m, n) is true.
+
+    Of Gaussian measurements with unit noise: log m at most, (a - b)^2 / 8 for two close ones (Lindley 1956). By
+    Gauss-Hermite quadrature.
     """
     nodes, weights = np.polynomial.hermite_e.hermegauss(NODES)
-    found = np.zeros(predicted.shape[1])
-    for mine in predicted:
-        read = mine + nodes[:, None]
+    gained = np.zeros(predicted.shape[1])
+    for true in predicted:
+        read = true + nodes[:, None]
         behind = 0.5 * (nodes[:, None] ** 2 - (read[None] - predicted[:, None, :]) ** 2)
-        found += weights @ (np.log(len(predicted)) - logsumexp(behind, axis=0))
-    return found / len(predicted) / weights.sum()
+        gained += weights @ (np.log(len(predicted)) - logsumexp(behind, axis=0))
+    return gained / len(predicted) / weights.sum()
 
 
-def _of_the_patient(z: np.ndarray, hypothesis: Hypothesis) -> tuple[np.ndarray, Hypothesis]:
-    """A row without the effects on the measuring side."""
+def without_measurement_errors(z: np.ndarray, hypothesis: Hypothesis) -> tuple[np.ndarray, Hypothesis]:
+    """Return parameters and hypothesis of the patient alone, as another instrument would see them."""
     for placed in hypothesis:
         if placed.effect.side == "measurement":
             z, hypothesis = hypothesis.drop(z, placed), hypothesis.without(placed)
     return z, hypothesis
 
 
-def _feasible(forward) -> list[Measured]:
-    """Mean flow and pressure at the start and end of every vessel under study, in every condition."""
+def _feasible(forward: Forward) -> list[Measured]:
+    """Return mean flow and pressure at both ends of every vessel under study, in every condition."""
     anatomy = forward.anatomy
     places = [f(v) for v in anatomy.coronary_vessels for f in (anatomy.inlet, anatomy.outlet)]
     one = np.ones(1)

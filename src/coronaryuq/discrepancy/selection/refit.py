@@ -1,68 +1,124 @@
-"""Fits of candidates beside other effects: roughly first, in full where they compete, with time steps of their own."""
+"""Fits of candidates beside other effects: approximate first, in full where they compete, again where they diverged."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
+from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
-from coronaryuq.discrepancy.selection.candidates import LARGEST_CLASS_ODDS, Candidate, lost, refit
-
-RIVALS = 5
-"""Candidates that a look back, or a second look about a better point, fits in full."""
-LIKELIEST = 3
-"""Effects whose best candidates are fitted, or fitted again, where no test sees anything or none is worth naming."""
-ALIKE = LARGEST_CLASS_ODDS + 2.0
-"""Log odds, or log Bayes factor, by which an estimate about the best fit may fall behind it and be of its class."""
+from coronaryuq.discrepancy.selection.candidates import Candidate, best_of_effects, least_weight, updated
 
 
-def by_own_steps(problem: Problem, hypothesis: Hypothesis, candidates: list[Candidate]) -> None:
-    """Fit candidates beside other effects again, each with the time steps put right about itself."""
-    found = problem.corrected_each([(hypothesis.with_(c.placed), c.fit) for c in candidates])
-    for candidate, (_, fit) in zip(candidates, found, strict=True):
-        candidate.fit = fit
+def fit_shortlist(
+    problem: Problem, base: Fit, hypothesis: Hypothesis, candidates: list[Candidate], point: Fit
+) -> list[Candidate]:
+    """Fit candidates from a point with its sensitivities frozen, then the best of them in full.
 
-
-def may_be_alike(candidate: Candidate, best: Candidate) -> bool:
-    """Whether a candidate may be of the class of the best one, as it looks about its fit."""
-    return min(best.log_weight - candidate.promise, best.fit.evidence - candidate.estimate) < ALIKE
-
-
-def around(best: Candidate) -> Fit:
-    """The point of a candidate's fit without its own sizes."""
-    return less(best.fit, Hypothesis((best.placed,)).columns(best.fit.z, best.placed))
-
-
-def less(fit: Fit, columns: slice) -> Fit:
-    """The point of a fit without these of its parameters."""
-    return Fit(np.delete(fit.z, columns), fit.residual, np.delete(fit.jacobian, columns, axis=1))
-
-
-def exact(problem: Problem, hypothesis: Hypothesis, start: np.ndarray | None = None) -> Fit | None:
-    """A fit in full, None where the model does not run at its start."""
-    return problem.calibrate_each([(hypothesis, start)])[0]
+    Where even the best leaves the prior, so much is still missing that a fit may have ended anywhere: contenders are
+    then fitted from other starting points too, as are promising candidates whose fit diverged.
+    """
+    fits = problem.fit_candidates(point, hypothesis, [c.placed for c in candidates], [c.start for c in candidates])
+    candidates = _with_fits(candidates, fits)
+    contenders = _contenders(candidates, base)
+    candidates = updated(candidates, _with_fits(contenders, _in_full(problem, hypothesis, contenders)))
+    contenders = _contenders(candidates, base)
+    again = contenders if contenders and problem.distorted(contenders[0].fitted) else []
+    least = contenders[0].log_weight - RULE.contender_gap if contenders else -np.inf
+    again = list({c.placed: c for c in (*again, *diverged(candidates, least, base.evidence))}.values())
+    return updated(candidates, from_other_starts(problem, hypothesis, again))
 
 
 def fit_each(
     problem: Problem,
     hypothesis: Hypothesis,
     candidates: list[Candidate],
-    about: Fit,
+    point: Fit,
     least: float = -np.inf,
     without: float = -np.inf,
-) -> list[Fit | None]:
-    """Fits of candidates beside other effects, from a point and their own guesses: with the sensitivities there, and
-    then, where they weigh more than `least`, in full; without: log evidence of the other effects alone, by which those
-    that went astray are known and fitted from other points."""
-    found = problem.fit_roughly(about, hypothesis, [c.placed for c in candidates], [c.guess for c in candidates])
-    weights = [-np.inf if fit is None else fit.evidence + c.log_prior for c, fit in zip(candidates, found, strict=True)]
-    close = [i for i, weight in enumerate(weights) if weight > least]
-    fully = problem.calibrate_each([(hypothesis.with_(candidates[i].placed), found[i].z) for i in close])
-    for i, fit in zip(close, fully, strict=True):
-        found[i] = fit or found[i]
-    tried = [replace(candidate, fit=fit) for candidate, fit in zip(candidates, found, strict=True)]
-    refit(problem, hypothesis, lost(tried, least, without))
-    for candidate, one in zip(candidates, tried, strict=True):
-        candidate.from_the_mean = one.from_the_mean
-    return [candidate.fit for candidate in tried]
+) -> list[Candidate]:
+    """Fit candidates from a point with its sensitivities frozen, in full those that weigh more than `least`.
+
+    without: log evidence of the other effects alone, below which a fit has diverged and is made from other points.
+    """
+    candidates = _with_fits(candidates, quick_fits(problem, hypothesis, candidates, point))
+    close = [c for c in candidates if c.log_weight > least]
+    full = [fit or c.fit for c, fit in zip(close, _in_full(problem, hypothesis, close), strict=True)]
+    candidates = updated(candidates, _with_fits(close, full))
+    again = diverged(candidates, least, without)
+    return updated(candidates, from_other_starts(problem, hypothesis, again))
+
+
+def diverged(candidates: Iterable[Candidate], least: float, without: float) -> list[Candidate]:
+    """Return those that promise more than `least` but whose fit is worse than without any effect.
+
+    A size near zero would do better, so the fit diverged, perhaps because other sizes make up for what this effect
+    explains. Only the best place of each effect, as a look about its fit finds the others.
+    """
+    worse = [
+        c
+        for c in candidates
+        if c.promise > least and c.fit is not None and c.fit.evidence < without - RULE.diverged_gap
+    ]
+    return best_of_effects(sorted(worse, key=lambda c: -c.promise), RULE.diverged_refits)
+
+
+def from_other_starts(problem: Problem, hypothesis: Hypothesis, candidates: list[Candidate]) -> list[Candidate]:
+    """Give candidates the best of their fits and of those that start from the prior's mean."""
+    refitted = []
+    for candidate in candidates:
+        other = candidate.multistart or problem.multistart(hypothesis.with_(candidate.placed))
+        better = other is not None and other.evidence > candidate.fitted.evidence
+        refitted.append(replace(candidate, multistart=other, fit=other if better else candidate.fit))
+    return refitted
+
+
+def with_own_time_steps(problem: Problem, hypothesis: Hypothesis, candidates: list[Candidate]) -> list[Candidate]:
+    """Fit candidates again, each with the time-step error corrected at its own fit."""
+    corrected = problem.corrected_each([(hypothesis.with_(c.placed), c.fitted) for c in candidates])
+    return _with_fits(candidates, [fit for _, fit in corrected])
+
+
+def quick_fits(problem: Problem, hypothesis: Hypothesis, candidates: list[Candidate], point: Fit) -> list[Fit | None]:
+    """Fit candidates from a point and their guesses, sensitivities to all else frozen."""
+    return problem.fit_roughly(point, hypothesis, [c.placed for c in candidates], [c.start for c in candidates])
+
+
+def exact(problem: Problem, hypothesis: Hypothesis, start: np.ndarray | None = None) -> Fit | None:
+    """Fit a hypothesis in full; None where the model does not run at the start."""
+    return problem.calibrate_each([(hypothesis, start)])[0]
+
+
+def may_be_in_class(candidate: Candidate, best: Candidate) -> bool:
+    """Return whether a candidate's estimate about the best one's fit may put it in the same class."""
+    gap = min(best.log_weight - candidate.promise, best.fitted.evidence - candidate.estimate)
+    return gap < RULE.class_odds + RULE.class_margin
+
+
+def point_without(candidate: Candidate) -> Fit:
+    """Return the point of a candidate's fit without its own sizes."""
+    fit = candidate.fitted
+    return drop(fit, Hypothesis((candidate.placed,)).columns(fit.z, candidate.placed))
+
+
+def drop(fit: Fit, columns: slice) -> Fit:
+    """Return the point of a fit without some of its parameters."""
+    return Fit(np.delete(fit.z, columns), fit.residual, np.delete(fit.jacobian, columns, axis=1))
+
+
+def _in_full(problem: Problem, hypothesis: Hypothesis, candidates: list[Candidate]) -> list[Fit | None]:
+    return problem.calibrate_each([(hypothesis.with_(c.placed), c.fitted.z) for c in candidates])
+
+
+def _with_fits(candidates: list[Candidate], fits: list[Fit | None]) -> list[Candidate]:
+    return [replace(candidate, fit=fit) for candidate, fit in zip(candidates, fits, strict=True)]
+
+
+def _contenders(candidates: list[Candidate], base: Fit) -> list[Candidate]:
+    """Return the best of those that were fitted, a limited number and none too far behind the first."""
+    ranked = sorted((c for c in candidates if c.fit is not None), key=lambda c: -c.log_weight)
+    if not ranked:
+        return []
+    return [c for c in ranked[: RULE.full_fits] if c.log_weight > least_weight(ranked[0], base)]

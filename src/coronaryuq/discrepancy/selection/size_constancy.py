@@ -1,7 +1,7 @@
-"""Whether a named effect has the same size under all conditions: what drifts, opens or shuts is not what it is called.
+"""Size constancy: whether an effect has the same size under all conditions.
 
-A vessel whose resistance drifts looks like a narrowing that differs from one condition to the next. No effect of the
-library does that: each acts with one size, and its formula says what that means under each condition.
+A vessel whose resistance drifts resembles a narrowing that differs between conditions. No effect of the library does
+so: each has one size, and its formula says what that means under each condition.
 """
 
 from dataclasses import dataclass
@@ -9,23 +9,21 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import null_space
 
+from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 
 FLAT = 1e3
-"""Standard deviations of its prior that a common size may be off by here."""
-KNOWN = np.sqrt(0.5)
-"""Standard deviation, in units of the prior's, above which a condition does not tell its size: its own data take away
-less than half of the prior's variance. Without any of its own it is above 1, whatever the other conditions tell."""
+"""Factor on the prior standard deviation of a common size: any size may be common to all conditions."""
 
 
 @dataclass(frozen=True)
 class Constancy:
-    """One named effect. log_odds: of sizes that differ between conditions, by the spread of the prior, over one size.
+    """Evidence that the size of an effect differs between conditions.
 
-    sizes: the first size z under every condition fitted as a whole (under all, where that is one), mean and standard
-    deviation in units of the prior's.
+    log_odds: of sizes that differ, by the spread of the prior, against one size. sizes: condition → mean and standard
+    deviation of the first size z, for every condition fitted as a whole (for all, where that is one).
     """
 
     placed: PlacedEffect
@@ -34,52 +32,57 @@ class Constancy:
 
     @property
     def known(self) -> dict[str, tuple[float, float]]:
-        """The sizes under conditions whose own data tell of them; of two at least, as there is no difference of one."""
+        """Sizes under conditions whose own data inform them; at least two, as one alone cannot differ.
+
+        Without data of its own a condition's standard deviation is above 1, whatever the others say.
+        """
         second = sorted(sd for _, sd in self.sizes.values())[:2][-1]
-        return {name: size for name, size in self.sizes.items() if size[1] <= max(KNOWN, second)}
+        return {name: size for name, size in self.sizes.items() if size[1] <= max(RULE.informed_size, second)}
 
 
 def constancy(problem: Problem, fit: Fit, hypothesis: Hypothesis) -> list[Constancy]:
-    """That of each effect in turn, in the linear model about the fit.
+    """Return the constancy of each effect in turn, in the linear model about the fit.
 
-    Conditions are runs of their own, so the rows of a condition depend on that condition's size alone: sensitivities to
-    it are those to the common size, nought in all other rows. The odds are a Bayes factor with equal priors, of what
-    tells the conditions apart alone, and common sizes may be any: one far out in its prior is no sign that it differs.
+    Conditions are separate runs, so the rows of a condition depend on that condition's size alone: sensitivities to it
+    are those to the common size, and zero in all other rows. The odds are a Bayes factor with equal priors of the
+    contrasts between conditions; common sizes may be any, as a common size far out in its prior does not differ.
     """
     conditions = problem.condition[problem.train]
     names = [str(name) for name in dict.fromkeys(conditions)]
     whole = [name for name in names if problem.train[problem.condition == name].all()]
     contrasts = null_space(np.ones((1, len(names))))
-    found, free = [], _free(fit, hypothesis)
+    constancies, free = [], _free(fit, hypothesis)
     for placed in hypothesis:
         columns, count = hypothesis.columns(fit.z, placed), len(placed.effect.parameters)
         own = fit.jacobian[:, columns]
-        apart = np.hstack([own * (conditions == name)[:, None] for name in names])
-        differing = apart @ np.kron(contrasts, np.eye(count))
+        by_condition = np.hstack([own * (conditions == name)[:, None] for name in names])
+        differing = by_condition @ np.kron(contrasts, np.eye(count))
         precision = np.eye(differing.shape[1]) + differing.T @ free.project(differing)
         along = differing.T @ free.score
         log_odds = 0.5 * along @ np.linalg.solve(precision, along) - 0.5 * np.linalg.slogdet(precision)[1]
-        sizes = _sizes(fit, apart, columns.start, count, names)
-        told = whole if len(whole) > 1 else names
-        found.append(Constancy(placed, float(log_odds), {name: sizes[name] for name in told}))
-    return found
+        sizes = _sizes(fit, by_condition, columns.start, count, names)
+        shown = whole if len(whole) > 1 else names
+        constancies.append(Constancy(placed, float(log_odds), {name: sizes[name] for name in shown}))
+    return constancies
 
 
 def _free(fit: Fit, hypothesis: Hypothesis) -> Fit:
-    """The same with a prior of the sizes so wide that it says nothing."""
+    """Return the fit with an uninformative prior of the sizes."""
     wide = np.ones(len(fit.z))
     hypothesis.all_sizes(wide)[:] = FLAT
     return Fit(fit.z / wide, fit.residual, fit.jacobian * wide)
 
 
-def _sizes(fit: Fit, apart: np.ndarray, column: int, count: int, names: list[str]) -> dict[str, tuple[float, float]]:
-    """First size under each condition, the common one plus its own, with everything else free."""
-    sensitivities = np.hstack([fit.jacobian, apart])
+def _sizes(
+    fit: Fit, by_condition: np.ndarray, column: int, count: int, names: list[str]
+) -> dict[str, tuple[float, float]]:
+    """Return the first size under each condition, the common one plus its own, with everything else free."""
+    sensitivities = np.hstack([fit.jacobian, by_condition])
     covariance = np.linalg.inv(np.eye(sensitivities.shape[1]) + sensitivities.T @ sensitivities)
     mean = covariance @ (sensitivities.T @ (fit.residual + fit.jacobian @ fit.z))
-    found = {}
+    sizes = {}
     for number, name in enumerate(names):
         pick = np.zeros(len(mean))
         pick[[column, len(fit.z) + number * count]] = 1.0
-        found[name] = float(pick @ mean), float(np.sqrt(pick @ covariance @ pick))
-    return found
+        sizes[name] = float(pick @ mean), float(np.sqrt(pick @ covariance @ pick))
+    return sizes

@@ -1,6 +1,4 @@
-"""One size under all conditions, or another under each: exact in the linear case, and on a vessel that drifts."""
-
-from types import SimpleNamespace
+"""One size under all conditions, or a different one under each: exact if linear, and for a drifting vessel."""
 
 import numpy as np
 import pytest
@@ -13,11 +11,11 @@ from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.result.summary_text import paragraph
 from coronaryuq.discrepancy.selection.size_constancy import FLAT, Constancy, constancy
 from support.hypotheses import assume
-from support.linear_problem import made_up
+from support.linear_problem import linear_problem, made_up
 
 CONDITIONS = np.repeat(["rest", "hyperaemia", "pacing"], 20)
 NUISANCES = 2
-ACTING = assume((made_up("made up"), "here"))
+HYPOTHESIS = assume((made_up("made up"), "here"))
 
 
 def case(random, sizes=None):
@@ -30,8 +28,8 @@ def case(random, sizes=None):
 
 def judged(g, y):
     z = np.linalg.solve(np.eye(g.shape[1]) + g.T @ g, g.T @ y)
-    problem = SimpleNamespace(condition=CONDITIONS, train=np.ones(60, bool), count=NUISANCES)
-    return constancy(problem, Fit(z, y - g @ z, g), ACTING)[0]
+    problem = linear_problem(np.zeros((60, NUISANCES)), {}, y, CONDITIONS)
+    return constancy(problem, Fit(z, y - g @ z, g), HYPOTHESIS)[0]
 
 
 def apart(g):
@@ -59,7 +57,7 @@ def test_sizes_are_those_of_the_wider_model():
         assert sd == pytest.approx(np.sqrt(covariance[np.ix_(both, both)].sum()))
 
 
-def test_one_size_is_rarely_taken_for_many():
+def test_one_size_rarely_seems_to_vary():
     """A Bayes factor exceeds e^3 with a chance of e^-3 at most where one size is true; and four standard errors."""
     trials, odds = 1000, 3.0
     random = generator(3, "test", "constancy")
@@ -68,7 +66,7 @@ def test_one_size_is_rarely_taken_for_many():
     assert often <= trials * bound + 4.0 * np.sqrt(trials * bound)
 
 
-def test_a_size_far_out_in_its_prior_does_not_differ():
+def test_a_size_far_out_in_its_prior_does_not_seem_to_vary():
     """Its mean over the conditions says nothing of their differences."""
     random = generator(5, "test", "constancy")
     assert not any(judged(*case(random, (9.0, 9.0, 9.0))).log_odds > 3.0 for _ in range(50))
@@ -79,7 +77,7 @@ def test_sizes_that_differ_are_seen():
     assert all(judged(*case(random, (0.0, 1.5, 3.0))).log_odds > 3.0 for _ in range(50))
 
 
-def test_a_drifting_vessel_is_no_narrowing(tmp_path):
+def test_a_drifting_vessel_is_not_named_as_a_narrowing(tmp_path):
     """Its resistance differs between conditions, which a flexible discrepancy alone does not predict better here."""
     hide(Case((), "medium", "nominal", 701, "drifting_vessel"), open_loop(), tmp_path)
     found = analyse(tmp_path)
@@ -93,10 +91,10 @@ def test_a_drifting_vessel_is_no_narrowing(tmp_path):
 def test_a_narrowing_has_one_size(tmp_path):
     hide(Case(("diffuse_narrowing",), "medium", "nominal", 701), open_loop(), tmp_path)
     found = analyse(tmp_path)
-    assert [one.accepted.effect.name for one in found.named] == ["diffuse_narrowing"] and not found.verdict.varying
+    assert [entry.named.effect.name for entry in found.named] == ["diffuse_narrowing"] and not found.verdict.varying
 
 
-def test_conditions_that_say_nothing_of_a_size_are_not_told():
+def test_uninformed_conditions_are_left_out():
     """Without sensitivity under one condition its size is the prior's, wider than any that data tell of."""
     g, y = case(generator(5, "test", "constancy"), (2.0, 0.0, -2.0))
     g[CONDITIONS == "pacing", -1] = 0.0
@@ -106,11 +104,12 @@ def test_conditions_that_say_nothing_of_a_size_are_not_told():
     assert list(Constancy(None, 5.0, {"a": (0.0, 0.9), "b": (9.0, 0.8), "c": (1.0, 1.2)}).known) == ["a", "b"]
 
 
-def test_a_condition_of_which_means_alone_were_fitted_is_not_fitted_by_itself():
+def test_a_condition_with_only_means_fitted_has_no_size_of_its_own():
     g, y = case(generator(6, "test", "constancy"))
     z = np.linalg.solve(np.eye(g.shape[1]) + g.T @ g, g.T @ y)
     for held, told in ((["pacing"], ["rest", "hyperaemia"]), (["pacing", "hyperaemia"], None)):
         conditions, train = [*CONDITIONS, *held], np.append(np.ones(60, bool), np.zeros(len(held), bool))
-        problem = SimpleNamespace(condition=np.array(conditions), train=train, count=NUISANCES)
-        (found,) = constancy(problem, Fit(z, y - g @ z, g), ACTING)
+        problem = linear_problem(np.zeros((len(train), NUISANCES)), {}, np.zeros(len(train)), None)
+        problem.condition, problem.train = np.array(conditions), train
+        (found,) = constancy(problem, Fit(z, y - g @ z, g), HYPOTHESIS)
         assert list(found.sizes) == (told or ["rest", "hyperaemia", "pacing"])

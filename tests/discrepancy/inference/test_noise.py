@@ -1,7 +1,6 @@
-"""Noise as the waveforms have it: how large, how long it lasts, and searches where it is not what is said."""
+"""Noise estimated from waveforms: its size, its correlation time, and searches where it differs from what is stated."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -13,13 +12,20 @@ from coronaryuq.bench.discrepancy.benchmark import Case, hide
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.discrepancy.data.conditions import read_conditions
-from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
-from coronaryuq.discrepancy.inference.noise import HARMONICS, Noise, estimated_noise, parts, scatter, with_lasting
+from coronaryuq.discrepancy.inference.noise import (
+    HARMONICS,
+    Noise,
+    estimated_noise,
+    scatter,
+    white_and_correlated,
+    with_lasting,
+)
 from coronaryuq.discrepancy.inference.read_problem import read_problem
 from coronaryuq.discrepancy.result.summary_text import paragraph
 from coronaryuq.discrepancy.selection.search import discover
 from coronaryuq.discrepancy.settings import Settings
+from support.series_problem import series_problem, waveform
 
 SAMPLES, SERIES, PERIOD = 40, 6, 0.8
 
@@ -27,17 +33,13 @@ SAMPLES, SERIES, PERIOD = 40, 6, 0.8
 def series(seed=0, quantity="flow"):
     jitter = np.random.default_rng(seed).uniform(-0.3, 0.3, SAMPLES)
     time = (np.arange(SAMPLES) + 0.5 + jitter) / SAMPLES * PERIOD
-    return Measured("rest", quantity, "AORTA:lad", "waveform", time, PERIOD, np.zeros(SAMPLES), np.ones(SAMPLES))
+    return waveform(time, PERIOD, quantity=quantity)
 
 
 def case(residual):
     """A problem of six waveforms whose fit leaves these whitened residuals (6, 40)."""
-    measured = [series(number) for number in range(SERIES)]
-    owner = np.repeat(np.arange(SERIES), SAMPLES)
-    problem = SimpleNamespace(
-        forward=SimpleNamespace(measured=measured), owner=owner, train=np.ones(owner.size, dtype=bool)
-    )
-    return problem, Fit(np.zeros(1), residual.ravel(), np.zeros((owner.size, 1)))
+    problem = series_problem([series(number) for number in range(SERIES)])
+    return problem, Fit(np.zeros(1), residual.ravel(), np.zeros((residual.size, 1)))
 
 
 def correlation(time, lasting):
@@ -50,7 +52,7 @@ def lasting_noise(random, time, lasting):
     return np.linalg.cholesky(correlation(time, lasting)) @ random.standard_normal(time.size)
 
 
-def test_white_noise_scatters_as_it_is_said_to():
+def test_white_noise_has_the_stated_scatter():
     """400 trials: the mean share and the chances that are given, within four standard errors."""
     random, trials = np.random.default_rng(1), 400
     found = [scatter(*case(random.standard_normal((SERIES, SAMPLES))))["flow"] for _ in range(trials)]
@@ -62,7 +64,7 @@ def test_white_noise_scatters_as_it_is_said_to():
 
 
 @given(st.lists(st.floats(-50.0, 50.0), min_size=2 * HARMONICS + 1, max_size=2 * HARMONICS + 1), st.integers(0, 99))
-def test_what_a_model_lacks_in_the_first_harmonics_is_no_noise(weights, seed):
+def test_missing_first_harmonics_are_not_noise(weights, seed):
     noise = np.random.default_rng(seed).standard_normal((SERIES, SAMPLES))
     lacks = []
     for number in range(SERIES):
@@ -72,7 +74,7 @@ def test_what_a_model_lacks_in_the_first_harmonics_is_no_noise(weights, seed):
     assert more.factor == pytest.approx(plain.factor, rel=1e-9)
 
 
-def test_noise_that_is_larger_than_said_has_its_size():
+def test_the_size_of_larger_noise_is_estimated():
     random = np.random.default_rng(2)
     found = [estimated_noise(*case(2.0 * random.standard_normal((SERIES, SAMPLES))))["flow"] for _ in range(50)]
     factors = np.array([one.scatter for one in found])
@@ -81,7 +83,7 @@ def test_noise_that_is_larger_than_said_has_its_size():
 
 
 @pytest.mark.parametrize("lasting", [0.05, 0.1])
-def test_how_long_noise_lasts_is_found(lasting):
+def test_the_correlation_time_is_estimated(lasting):
     """Of the standard deviation that is said: the mean logarithm of 50 trials within four standard errors."""
     random, found = np.random.default_rng(3), []
     for _ in range(50):
@@ -92,10 +94,10 @@ def test_how_long_noise_lasts_is_found(lasting):
 
 
 @given(st.floats(0.005, 2.0))
-def test_parts_of_lasting_noise_make_its_covariance(lasting):
+def test_the_parts_of_correlated_noise_make_up_its_covariance(lasting):
     """The variance in all exactly, and no direction off by more than the shapes without weights differ."""
     one = series()
-    white, shapes = parts(one, Noise(0.5, lasting))
+    white, shapes = white_and_correlated(one, Noise(0.5, lasting))
     made = white**2 * np.eye(SAMPLES) + shapes.T @ shapes
     true = correlation(one.time, lasting)
     assert np.trace(made) == pytest.approx(SAMPLES)
@@ -103,18 +105,18 @@ def test_parts_of_lasting_noise_make_its_covariance(lasting):
 
 
 @given(st.floats(0.0, 1.0), st.floats(0.01, 0.5))
-def test_where_a_beat_is_cut_makes_no_difference_to_its_noise(cut, lasting):
+def test_correlated_noise_does_not_depend_on_where_a_beat_is_cut(cut, lasting):
     one = series()
     moved = replace(one, time=(one.time + cut * PERIOD) % PERIOD)
     covariances = []
     for each in (one, moved):
-        white, shapes = parts(each, Noise(0.5, lasting))
+        white, shapes = white_and_correlated(each, Noise(0.5, lasting))
         covariances.append(white**2 * np.eye(SAMPLES) + shapes.T @ shapes)
     np.testing.assert_allclose(covariances[1], covariances[0], atol=1e-6)
 
 
 def test_larger_noise_has_no_shapes():
-    white, shapes = parts(series(), Noise(1.7))
+    white, shapes = white_and_correlated(series(), Noise(1.7))
     assert white == 1.7 and len(shapes) == 0
 
 
@@ -126,10 +128,10 @@ def searched(folder, settings=None):
 
 
 def named(found):
-    return [entry.accepted.placed for entry in found.named]
+    return [entry.named.placed for entry in found.named]
 
 
-def test_standard_deviations_that_are_too_small_hide_no_stenosis(tmp_path):
+def test_understated_standard_deviations_hide_no_stenosis(tmp_path):
     truth, _ = hide(Case(("quadratic_stenosis",), "medium", "understated", 100), open_loop(), tmp_path)
     found = searched(tmp_path)
     assert named(found) == list(truth.hypothesis)
@@ -138,24 +140,24 @@ def test_standard_deviations_that_are_too_small_hide_no_stenosis(tmp_path):
     )
     assert "scaled accordingly" in paragraph(found, ["half dilated"])
     table = pd.read_csv(tmp_path / "measurements.csv")
-    assert found.given[0].sd[0] == pytest.approx(table.sd[0])
+    assert found.measured[0].sd[0] == pytest.approx(table.sd[0])
     said = searched(tmp_path, Settings(noise="stated"))
     assert not said.noise and said.outside_library
 
 
-def test_noise_that_lasts_is_nothing_to_explain(tmp_path):
+def test_correlated_noise_raises_no_alarm(tmp_path):
     hide(Case((), "none", "lasting", 101), open_loop(), tmp_path)
     found = searched(tmp_path)
     assert not found.alarm and all(one.lasting > 0.0 for one in found.noise.values())
     assert set(found.noise) == {"flow", "pressure"}
-    said, made = np.concatenate([one.sd for one in found.given]), with_lasting(found.problem)
+    said, made = np.concatenate([one.sd for one in found.measured]), with_lasting(found.problem)
     assert np.sqrt(np.mean((made / said) ** 2)) == pytest.approx(1.0, abs=0.05)
     assert "correlated in time" in paragraph(found, ["half dilated"])
     said = searched(tmp_path, Settings(noise="stated"))
     assert said.alarm and said.problem.settings.steps_per_cycle < found.problem.settings.steps_per_cycle
 
 
-def test_a_stenosis_under_noise_that_lasts_is_named(tmp_path):
+def test_a_stenosis_under_correlated_noise_is_named(tmp_path):
     truth, _ = hide(Case(("quadratic_stenosis",), "medium", "lasting", 100), open_loop(), tmp_path)
     found = searched(tmp_path)
     assert named(found) == list(truth.hypothesis) and not found.remaining.alarm(0.01)

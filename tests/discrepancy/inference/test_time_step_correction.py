@@ -1,4 +1,4 @@
-"""Where an effect makes the time steps put other things wrong than the model as it is does, a fit puts those right."""
+"""The time-step correction at a fit: an effect may change what the time steps do to predictions."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ from coronaryuq.bench.discrepancy.benchmark import Case, hide
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.discrepancy.data.conditions import read_conditions
-from coronaryuq.discrepancy.inference.problem import MISSED
+from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.inference.read_problem import read_problem, with_time_steps
 from coronaryuq.discrepancy.inference.time_step_error import FINER
 from coronaryuq.discrepancy.settings import Settings
@@ -46,25 +46,25 @@ def with_store(folder):
     return replace(coarse, forward=replace(coarse.forward, measured=measured)), truth[-1]
 
 
-def test_a_size_that_coarse_steps_shifted_is_right_with_its_own_correction(folder):
+def test_a_size_biased_by_coarse_steps_is_right_after_the_correction(folder):
     """To within what may be missed; the data have no noise, so that nothing else keeps a fit from them."""
     coarse, size = with_store(folder)
     fit = coarse.calibrate(STORE)
     corrected, better = coarse.corrected(STORE, fit)
     before, after = (abs(one.z[-1] - size) / np.sqrt(one.covariance[-1, -1]) for one in (fit, better))
-    assert before > 4.0 * MISSED and after < MISSED
+    assert before > 4.0 * RULE.time_step_error and after < RULE.time_step_error
     assert np.linalg.norm(better.residual) < 0.1 * np.linalg.norm(fit.residual)
     assert better.z[:-1] == pytest.approx(fit.z[:-1], abs=0.3) and corrected.sd == pytest.approx(coarse.sd, rel=0)
 
 
-def test_what_the_allowances_hold_is_left_as_it_is(folder):
+def test_an_error_within_the_allowances_is_not_corrected(folder):
     fine = problem(folder, Settings().steps_per_cycle)
     fit = fine.calibrate(assume())
     same, kept = fine.corrected(assume(), fit)
     assert same is fine and kept is fit
 
 
-def test_several_fits_are_put_right_as_each_is_alone(folder):
+def test_several_fits_are_corrected_as_each_is_alone(folder):
     coarse, _ = with_store(folder)
     fits = [(acting, coarse.calibrate(acting)) for acting in (STORE, assume(), assume(("inertance", "lad")))]
     for one, (own, fit) in zip(fits, coarse.corrected_each(fits), strict=True):
@@ -73,9 +73,9 @@ def test_several_fits_are_put_right_as_each_is_alone(folder):
     assert coarse.corrected_each([]) == []
 
 
-def test_looking_at_shorter_steps_changes_no_digit_of_later_runs():
+def test_runs_with_shorter_steps_change_no_digit_of_later_runs():
     """A closed loop starts where it settled before: what is met while looking must not serve."""
     looked, other = with_time_steps(fresh()), with_time_steps(fresh())
     z = 0.4 * np.ones(looked.count)
-    assert np.isfinite(looked._changed([(z, assume())])).all()
+    assert np.isfinite(looked.time_step_change([(z, assume())])).all()
     assert (looked.whitened([(z, assume())]) == other.whitened([(z, assume())])).all()

@@ -1,13 +1,12 @@
-"""Single samples that stand out: found where they are put, and nothing else."""
-
-from types import SimpleNamespace
+"""Outliers are found where they are put, and nowhere else."""
 
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from coronaryuq.discrepancy.data.measurements import Measured
-from coronaryuq.discrepancy.inference.outliers import spikes
+from coronaryuq.discrepancy.inference.outliers import find_outliers
+from support.series_problem import series_problem, waveform
 
 SAMPLES, PERIOD = 40, 0.8
 CONDITIONS = ("rest", "pacing", "hyperaemia", "drug")
@@ -16,24 +15,24 @@ CONDITIONS = ("rest", "pacing", "hyperaemia", "drug")
 def series(condition, seed):
     jitter = np.random.default_rng(seed).uniform(-0.3, 0.3, SAMPLES)
     time = (np.arange(SAMPLES) + 0.5 + jitter) / SAMPLES * PERIOD
-    return Measured(condition, "flow", "AORTA:lad", "waveform", time, PERIOD, np.zeros(SAMPLES), np.ones(SAMPLES))
+    return waveform(time, PERIOD, condition)
 
 
 MEASURED = [series(condition, number) for number, condition in enumerate(CONDITIONS)]
 PERFUSION = Measured("rest", "perfusion", "BC_lad", "mean", None, PERIOD, np.zeros(1), np.ones(1))
-OWNER = np.append(np.repeat(np.arange(len(CONDITIONS)), SAMPLES), len(CONDITIONS))
-PROBLEM = SimpleNamespace(forward=SimpleNamespace(measured=[*MEASURED, PERFUSION]), owner=OWNER)
+PROBLEM = series_problem([*MEASURED, PERFUSION])
+ROWS = len(PROBLEM.owner)
 
 
 def found(residual):
-    return {(one.condition, one.time, np.sign(one.off)) for one in spikes(PROBLEM, residual)}
+    return {(one.condition, one.time, np.sign(one.off)) for one in find_outliers(PROBLEM, residual)}
 
 
 def noise(seed):
-    return np.random.default_rng(seed).standard_normal(OWNER.size)
+    return np.random.default_rng(seed).standard_normal(ROWS)
 
 
-def test_noise_and_what_is_smooth_stand_out_nowhere():
+def test_noise_and_smooth_residuals_have_no_outliers():
     """20,000 waveforms: one sample in 5e8 is expected."""
     phase = np.concatenate([one.time / PERIOD for one in MEASURED] + [np.zeros(1)])
     for seed in range(5000):
@@ -42,20 +41,20 @@ def test_noise_and_what_is_smooth_stand_out_nowhere():
 
 @given(st.integers(0, 3), st.integers(1, SAMPLES - 2), st.sampled_from((-1.0, 1.0)), st.integers(0, 99))
 @settings(max_examples=100)
-def test_one_that_is_put_there_is_found(number, sample, sign, seed):
+def test_an_added_outlier_is_found(number, sample, sign, seed):
     residual = noise(seed)
     residual[number * SAMPLES + sample] += 15.0 * sign
     assert found(residual) == {(CONDITIONS[number], MEASURED[number].time[sample], sign)}
 
 
-def test_a_step_is_none():
-    """What lasts is no artefact."""
-    residual = np.zeros(OWNER.size)
+def test_a_step_is_not_an_outlier():
+    """What lasts is not an artefact."""
+    residual = np.zeros(ROWS)
     residual[20:40] = 6.0
     assert not found(residual)
 
 
-def test_what_stands_out_everywhere_at_one_time_is_the_models():
+def test_simultaneous_outliers_of_several_series_are_attributed_to_the_model():
     residual = noise(1)
     residual[[12, SAMPLES + 12, 2 * SAMPLES + 12]] += 20.0
     assert not found(residual)
@@ -63,7 +62,7 @@ def test_what_stands_out_everywhere_at_one_time_is_the_models():
     assert len(found(residual)) == 2
 
 
-def test_a_mean_that_is_off_is_no_sample():
-    residual = np.zeros(OWNER.size)
+def test_a_mean_is_not_a_sample():
+    residual = np.zeros(ROWS)
     residual[-1] = 50.0
     assert not found(residual)

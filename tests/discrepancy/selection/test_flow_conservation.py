@@ -1,16 +1,15 @@
-"""Two probes off by the same flow in opposite directions are blood that goes elsewhere; any other two are probes."""
+"""Errors of two flow probes by the same flow in opposite directions are blood on another path; others are not."""
 
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from coronaryuq.bench.discrepancy.open_loop_tree import left_coronary
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.selection.flow_conservation import redistribution
-from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.library import effect
 from support.hypotheses import assume
+from support.series_problem import series_problem, waveform
 
 PLACES = {"AORTA:left_main": 2.1, "J0:lad_proximal": 1.4, "lcx:BC_lcx": 0.7, "lad_proximal:J1": 1.4}
 GAIN = effect("flow_gain")
@@ -21,20 +20,14 @@ ACCURACY = 0.02
 
 def odds(gains: dict[str, float]) -> float:
     """Of probes read to an accuracy of 2 % each, with these gains."""
-    acting = assume(*((GAIN, place) for place in gains))
+    hypothesis = assume(*((GAIN, place) for place in gains))
     read = np.repeat([flow * (1.0 + gains.get(place, 0.0)) for place, flow in PLACES.items()], 10)
-    series = [SimpleNamespace(quantity="flow", location=place) for place in PLACES]
-    problem = SimpleNamespace(
-        count=0,
-        forward=SimpleNamespace(anatomy=Anatomy(left_coronary()), measured=series),
-        owner=np.repeat(np.arange(len(PLACES)), 10),
-        train=np.ones(len(read), bool),
-        y=read,
-        sd=np.ones(len(read)),
-    )
+    time = np.arange(10) / 10
+    problem = series_problem([replace(waveform(time, 1.0, location=place), value=np.full(10, 1.0)) for place in PLACES])
+    problem.y = read
     z = np.array(list(gains.values())) / SPREAD
     fit = Fit(z, np.zeros(len(read)), np.eye(len(read))[:, : len(z)] * SPREAD / ACCURACY)
-    return redistribution(problem, fit, acting, [PRIOR] * len(acting), EFFECTS)
+    return redistribution(problem, fit, hypothesis, [PRIOR] * len(hypothesis), EFFECTS)
 
 
 def test_gains_that_cancel_are_a_redistribution():
@@ -53,12 +46,12 @@ def test_gains_that_cancel_are_a_redistribution():
     ],
     ids=["same sign", "other size", "one", "one behind the other", "ends of one vessel", "those the other way"],
 )
-def test_other_gains_are_probes(gains):
+def test_other_gains_are_errors_of_probes(gains):
     assert odds(gains) < 0.0
 
 
 def test_the_odds_are_those_of_savage_and_dickey():
-    """Density of the change of flow at nought, after over before, times the prior of one cause over that of two."""
+    """Density of the change of flow at zero, posterior over prior, times the prior of one cause over that of two."""
     flows, free = np.array([1.4, 0.7]), 1.0 / np.sqrt(1.0 + (SPREAD / ACCURACY) ** 2)
     before = SPREAD * np.linalg.norm(flows)
     assert odds({"J0:lad_proximal": 0.2, "lcx:BC_lcx": -0.4}) == pytest.approx(

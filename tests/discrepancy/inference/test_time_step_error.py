@@ -1,65 +1,63 @@
-"""Errors of time steps: what is alike is put right, what differs in a few shapes gets weights, the rest is held."""
+"""Time-step error: the common part is corrected, a few shapes get weights, the rest is covered by the noise."""
 
-from types import SimpleNamespace
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 from coronaryuq.core.seeds import generator
-from coronaryuq.discrepancy.inference import time_step_error
+from coronaryuq.discrepancy.forward.nuisance import Nuisance
+from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.discrepancy.inference.time_step_error import DRAWS, FINER, time_steps
+from support.series_problem import series_problem, waveform
 
 ROWS, SERIES = 80, 2
 PHASE = 2.0 * np.pi * np.arange(ROWS) / (ROWS // SERIES)
+COARSE = 300
 
 
-class Ringing:
-    """Predictions whose coarse steps leave out a mean and a ringing of two shapes, which hangs on the parameters."""
+@dataclass
+class Ringing(Forward):
+    """Predictions whose coarse steps omit a mean and a ringing of two shapes, which depends on the parameters."""
 
-    def __init__(self, mean, ringing, failing=False):
-        self.mean, self.ringing, self.failing = mean, ringing, failing
-        self.nuisances, self.size = [None] * 5, ROWS
-        self.simulation = SimpleNamespace(steps_per_cycle=300, changed=lambda steps_per_cycle: steps_per_cycle)
-
-    def split(self, values):
-        return np.split(values, SERIES, axis=1)
+    mean: np.ndarray | float = 0.0
+    ringing: float = 0.0
+    failing: bool = False
 
     def missing(self, z):
         return self.mean + self.ringing * (np.outer(z[:, 0], np.sin(9 * PHASE)) + np.outer(z[:, 1], np.cos(9 * PHASE)))
 
     def predict(self, z):
-        found = np.tile(10.0 + z[:, 2:3], ROWS)
+        predicted = np.tile(10.0 + z[:, 2:3], ROWS)
         if self.failing:
-            found[1:] = np.nan
-        return found + self.missing(z) if isinstance(self.simulation, int) else found
+            predicted[1:] = np.nan
+        return predicted + self.missing(z) if self.simulation.steps_per_cycle > COARSE else predicted
 
 
 class Drifting(Ringing):
-    """The same with a ringing whose phase, and not only its size, hangs on the parameters."""
+    """A ringing whose phase, and not only its size, depends on the parameters."""
 
     def missing(self, z):
         return self.mean + self.ringing * np.sin(9 * PHASE + 3.0 * np.sin(PHASE) * z[:, :1] + z[:, 1:2])
 
 
-@pytest.fixture(autouse=True)
-def copies(monkeypatch):
-    def replace(forward, simulation):
-        other = type(forward)(forward.mean, forward.ringing, forward.failing)
-        other.simulation = simulation
-        return other
-
-    monkeypatch.setattr(time_step_error, "replace", replace)
+def ringing(mean, size, failing=False, kind=Ringing):
+    time = np.arange(ROWS // SERIES) / (ROWS // SERIES)
+    nuisances = [Nuisance(f"nuisance {number}", 1.0) for number in range(5)]
+    plain = series_problem([waveform(time, 1.0) for _ in range(SERIES)], nuisances).forward
+    assert plain.simulation.steps_per_cycle == COARSE
+    return kind(plain.simulation, plain.measured, nuisances, 1.0, mean=mean, ringing=size, failing=failing)
 
 
-def test_what_is_alike_is_put_right():
-    found = time_steps(Ringing(np.sin(PHASE), 0.0), np.full(ROWS, 0.5))
+def test_the_common_part_of_the_error_is_corrected():
+    found = time_steps(ringing(np.sin(PHASE), 0.0), np.full(ROWS, 0.5))
     assert found.change == pytest.approx(np.sin(PHASE)) and not len(found.shapes)
     assert found.sd == pytest.approx(np.linalg.norm(np.sin(PHASE[: ROWS // SERIES])) / 0.5 * 0.5 / FINER)
 
 
-def test_what_differs_in_two_shapes_gets_two_weights():
+def test_an_error_of_two_shapes_gets_two_weights():
     """Which explain the ringing at another point, to within what each weight's prior holds back."""
-    forward, noise = Ringing(np.zeros(ROWS), 5.0), np.full(ROWS, 0.5)
+    forward, noise = ringing(np.zeros(ROWS), 5.0), np.full(ROWS, 0.5)
     found = time_steps(forward, noise)
     assert len(found.shapes) == 2
     z = 0.5 * generator(1, "test", "numerics").standard_normal((1, 5))
@@ -70,24 +68,28 @@ def test_what_differs_in_two_shapes_gets_two_weights():
     assert np.linalg.norm(left) < 3.0 * (found.sd / noise).max()
 
 
-def test_little_ringing_is_held_as_noise_along_any_shape():
+def test_little_ringing_is_covered_by_noise():
     """The variance that the rows are given along the ringing itself is that of the ringing, to within two standard
     errors of a variance from `DRAWS` points."""
-    ringing, noise = 0.02, np.ones(ROWS)
-    found = time_steps(Ringing(np.zeros(ROWS), ringing), noise)
+    size, noise = 0.02, np.ones(ROWS)
+    found = time_steps(ringing(np.zeros(ROWS), size), noise)
     assert not len(found.shapes)
     shape = np.sin(9 * PHASE[: ROWS // SERIES])
     along = shape / np.linalg.norm(shape)
     given = np.sum(along**2 * found.sd[: ROWS // SERIES] ** 2)
-    true, error = (0.5 * ringing * np.linalg.norm(shape)) ** 2, np.sqrt(2.0 / (DRAWS - 1))
+    true, error = (0.5 * size * np.linalg.norm(shape)) ** 2, np.sqrt(2.0 / (DRAWS - 1))
     assert 1.0 - 2.0 * error < given / true < 1.0 + 2.0 * error
 
 
-def test_what_the_shapes_leave_is_held_along_any_shape_of_a_series():
+def test_the_rest_of_the_error_is_covered_along_any_shape_of_a_series():
     """A ringing whose phase hangs on the parameters, 22 noise sd in each series, has more shapes than weights. At fresh
     points what is left is below the noise along any shape, and at most twice as large as it is said to be: the worst
     shapes are known from the points that they were found at."""
-    forward, noise, random = Drifting(np.zeros(ROWS), 5.0), np.ones(ROWS), generator(2, "test", "numerics")
+    forward, noise, random = (
+        ringing(np.zeros(ROWS), 5.0, kind=Drifting),
+        np.ones(ROWS),
+        generator(2, "test", "numerics"),
+    )
     found = time_steps(forward, noise)
     fresh = 0.5 * random.standard_normal((400, 5))
     missing = forward.missing(fresh) - found.change
@@ -98,6 +100,6 @@ def test_what_the_shapes_leave_is_held_along_any_shape_of_a_series():
         assert 0.5 * sd < worst < min(1.0, 2.0 * sd)
 
 
-def test_where_one_point_runs_all_is_held():
-    found = time_steps(Ringing(np.sin(PHASE), 0.0, failing=True), np.ones(ROWS))
+def test_the_whole_error_is_covered_where_only_one_point_runs():
+    found = time_steps(ringing(np.sin(PHASE), 0.0, failing=True), np.ones(ROWS))
     assert not found.change.any() and found.sd == pytest.approx(np.abs(np.sin(PHASE)))

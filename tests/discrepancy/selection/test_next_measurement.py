@@ -1,14 +1,14 @@
-"""Expected information of a measurement on which of a class is true, against what is known of it."""
+"""Expected information of a measurement on which candidate of a class is true, against its known limits."""
 
 import numpy as np
 import pytest
 
 from coronaryuq.core.seeds import generator
-from coronaryuq.discrepancy.selection.next_measurement import _of_the_patient, information
+from coronaryuq.discrepancy.selection.next_measurement import information, without_measurement_errors
 from support.hypotheses import assume
 
 
-def test_far_apart_it_is_all_there_is_to_know_and_close_by_an_eighth_of_the_square():
+def test_information_has_its_known_limits_for_distant_and_for_close_predictions():
     predicted = np.array([[0.0, 0.0, 0.0], [100.0, 0.0, 0.1], [200.0, 100.0, 0.1]])
     far, two_alike, _ = information(predicted)
     assert far == pytest.approx(np.log(3.0))
@@ -17,7 +17,7 @@ def test_far_apart_it_is_all_there_is_to_know_and_close_by_an_eighth_of_the_squa
     assert close == pytest.approx(0.1**2 / 8.0, rel=0.01)
 
 
-def test_in_between_it_is_what_sampling_says():
+def test_information_in_between_agrees_with_sampling():
     random, predicted = generator(1, "test", "information"), np.array([-1.0, 0.4, 2.0])
     true = random.integers(0, 3, 400_000)
     read = predicted[true] + random.standard_normal(len(true))
@@ -27,10 +27,10 @@ def test_in_between_it_is_what_sampling_says():
     assert information(predicted[:, None])[0] == pytest.approx(gained.mean(), abs=4.0 * error)
 
 
-def test_another_instrument_does_not_share_an_error():
-    """Of what a member says only the patient's part is what a new reading would show."""
+def test_another_instrument_does_not_share_a_measurement_error():
+    """A new reading shows only the part of a hypothesis that concerns the patient."""
     offset, loss = ("pressure_offset", "a:b"), ("stenosis_with_friction", "a")
-    z, hypothesis = _of_the_patient(np.arange(5.0), assume(offset, loss))
+    z, hypothesis = without_measurement_errors(np.arange(5.0), assume(offset, loss))
     assert z.tolist() == [0.0, 1.0, 3.0, 4.0] and hypothesis == assume(loss)
-    z, hypothesis = _of_the_patient(np.arange(3.0), assume(offset))
+    z, hypothesis = without_measurement_errors(np.arange(3.0), assume(offset))
     assert z.tolist() == [0.0, 1.0] and hypothesis == assume()

@@ -1,0 +1,153 @@
+"""The decision rule: every threshold by which the search for a missing effect tests, compares, accepts and abstains.
+
+Values were set by looking at the benchmark's cases and at two animals' recordings; docs/discrepancy-method.md has the
+table, and what other values answer. Numerical constants such as finite-difference steps stay with their code.
+"""
+
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+
+def _threshold(value: Any, unit: str, description: str) -> Any:
+    return field(default=value, metadata={"unit": unit, "description": description})
+
+
+@dataclass(frozen=True)
+class DecisionRule:
+    """Thresholds of the search, each with unit and reason; see `table`."""
+
+    prior_none: float = _threshold(0.45, "1", "Prior probability that nothing is missing.")
+    prior_named: float = _threshold(
+        0.45, "1", "Prior probability that an effect of the library is missing, shared equally by effects, then places."
+    )
+    prior_outside: float = _threshold(0.10, "1", "Prior probability that something outside the library is missing.")
+    shortlist_score: float = _threshold(
+        2.0,
+        "sd",
+        "Score-test statistic above which a candidate may be shortlisted, run larger or reconsidered.",
+    )
+    shortlist_effect_score: float = _threshold(
+        3.0, "sd", "Score-test statistic above which the best place of an effect is shortlisted whatever its rank."
+    )
+    full_fits: int = _threshold(5, "candidates", "Shortlisted candidates fitted in full, at most.")
+    contender_gap: float = _threshold(
+        15.0, "nats", "Log weight behind the best within which a candidate still competes and is fitted in full."
+    )
+    contender_share: float = _threshold(
+        0.2,
+        "1",
+        "Share of the best candidate's gain added to that gap: frozen sensitivities err more, the farther a fit moved.",
+    )
+    diverged_gap: float = _threshold(
+        10.0, "nats", "Log evidence below the model without the effect at which a candidate's fit has diverged."
+    )
+    diverged_refits: int = _threshold(
+        5, "effects", "Diverged effects refitted from other starting points, at most; each takes three full fits."
+    )
+    reconsidered: int = _threshold(40, "candidates", "Candidates screened again about a better fit, at most.")
+    second_looks: int = _threshold(3, "times", "Repetitions of that screening per round, at most.")
+    second_look_gain: float = _threshold(
+        0.5, "nats", "Gain of a new estimate over a candidate's fit above which the candidate is fitted again."
+    )
+    rivals: int = _threshold(5, "candidates", "Rivals fitted in full in a backward step or a second look, at most.")
+    likeliest_effects: int = _threshold(
+        3, "effects", "Effects whose best candidate is fitted where no test alarms or no candidate is worth naming."
+    )
+    class_odds: float = _threshold(
+        3.0, "nats", "Log odds, or log Bayes factor, below which data cannot distinguish two candidates: 20 to 1."
+    )
+    class_margin: float = _threshold(
+        2.0, "nats", "Margin added to it for estimates that are not full fits, to decide which candidates to fit."
+    )
+    time_step_refit: float = _threshold(
+        3.0, "noise sd", "Size of the time-step correction above which a round's candidates are compared again with it."
+    )
+    time_step_error: float = _threshold(
+        0.5,
+        "noise sd",
+        "Time-step error beyond its allowance above which it is corrected: no size moves by more posterior sd.",
+    )
+    visible_response: float = _threshold(
+        0.3, "noise sd", "Whitened response at `visible_size` below which data cannot show an effect."
+    )
+    visible_size: float = _threshold(2.0, "prior sd", "Size at which the response has to exceed that.")
+    larger_sizes: int = _threshold(
+        40, "candidates", "Candidates run at larger sizes, of visible small responses and of others, at most each."
+    )
+    rerun: int = _threshold(150, "candidates", "Candidates with a known response that are run again, at most.")
+    rerun_per_effect: int = _threshold(5, "candidates", "Candidates of every effect that are run again in any case.")
+    distorted: float = _threshold(
+        3.0, "prior sd", "Move of a nuisance parameter above which recalibration has left its prior."
+    )
+    far_behind: float = _threshold(
+        40.0, "nats", "Log evidence behind the best after two iterations at which a candidate is fitted no further."
+    )
+    further_searches: int = _threshold(2, "times", "Continuations of a search after the held-out check, at most.")
+    better_prediction: float = _threshold(
+        3.0, "nats", "Gain of held-out log predictive density above which a model predicts better."
+    )
+    better_prediction_errors: float = _threshold(
+        0.5, "standard errors", "The same, in standard errors of that gain; the larger of both applies."
+    )
+    unpredicted: float = _threshold(
+        0.001,
+        "1",
+        "p-value of held-out data below which named effects do not predict them; 1 in 1000 right names is doubted.",
+    )
+    implausible: float = _threshold(
+        4.0, "prior sd", "Size beyond which no effect is believed; none named in the benchmark's searches lies there."
+    )
+    prior_bound: float = _threshold(
+        2.5758293035489004, "prior sd", "Bound of the central 99 % of a prior, beyond which a size is reported."
+    )
+    gain_beside_flexible: float = _threshold(
+        0.2,
+        "nats per row",
+        "Held-out density that doubtful effects must add to a flexible discrepancy to be named beside it.",
+    )
+    share_of_flexible: float = _threshold(
+        0.9, "1", "Share of a flexible discrepancy's held-out gain that doubtful effects must reach by themselves."
+    )
+    informed_size: float = _threshold(
+        0.5**0.5,
+        "prior sd",
+        "Posterior sd up to which a condition's data inform a size: they take away half of the prior's variance.",
+    )
+    informed_nuisance: float = _threshold(
+        0.01, "1", "Share of a nuisance parameter's prior variance that data must take away for it to be tested."
+    )
+    larger_noise: float = _threshold(1.2, "1", "Scatter over the stated sd above which noise is larger than stated.")
+    larger_noise_p: float = _threshold(1e-4, "1", "p-value of such a scatter below which noise is estimated.")
+    smaller_noise: float = _threshold(0.92, "1", "Scatter over the stated sd below which noise is correlated in time.")
+    smaller_noise_p: float = _threshold(0.01, "1", "p-value of such a scatter below which noise is estimated.")
+    outlier: float = _threshold(
+        6.0, "sd", "Distance of a sample from the line between its neighbours: 1 in 5e8 samples of normal noise."
+    )
+    same_time: float = _threshold(1.5, "samples", "Distance within which outliers of several series are simultaneous.")
+    same_time_series: int = _threshold(
+        2, "series", "Other series with simultaneous outliers at which the model, not the recording, is at fault."
+    )
+
+
+RULE = DecisionRule()
+"""The thresholds in use."""
+
+
+def table(rule: DecisionRule = RULE) -> str:
+    """Return the thresholds as a Markdown table, for docs/discrepancy-method.md.
+
+    Parameters
+    ----------
+    rule
+        Thresholds; those in use by default.
+
+    Returns
+    -------
+    str
+        One row per threshold: name, value, unit, meaning.
+    """
+    rows = ["| threshold | value | unit | meaning |", "| --- | --- | --- | --- |"]
+    for entry in fields(rule):
+        value = f"{getattr(rule, entry.name):.4g}"
+        rows.append(f"| `{entry.name}` | {value} | {entry.metadata['unit']} | {entry.metadata['description']} |")
+    return "\n".join(rows)

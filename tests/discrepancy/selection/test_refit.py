@@ -1,0 +1,95 @@
+"""Refits: fits that ended worse than without the effect are made again, from other starting points."""
+
+import numpy as np
+import pytest
+
+from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.decision_rule import RULE
+from coronaryuq.discrepancy.forward.hypothesis import PLAIN, PlacedEffect
+from coronaryuq.discrepancy.inference.gauss_newton import Fit
+from coronaryuq.discrepancy.inference.problem import RESTARTS, Problem
+from coronaryuq.discrepancy.selection.candidates import Candidate
+from coronaryuq.discrepancy.selection.refit import diverged, fit_shortlist, from_other_starts
+from support.hypotheses import assume
+from support.linear_problem import LinearProblem, here, linear_problem
+from support.two_valleys import two_valleys
+
+ROWS, PRIOR = 120, -3.0
+RIGHT, WRONG = here("right"), here("wrong")
+
+
+class Diverging(LinearProblem):
+    """The first effect is the hidden one, but its fit from its own guess ends far away."""
+
+    def far(self, hypothesis):
+        exact = self._exact(hypothesis)
+        if RIGHT not in hypothesis:
+            return exact
+        z = np.append(np.zeros(len(exact.z) - 1), -4.0)
+        return Fit(z, self.y - exact.jacobian @ z, exact.jacobian)
+
+    def fit_candidates(self, base, hypothesis, candidates, guesses):
+        return [self.far(hypothesis.with_(placed)) for placed in candidates]
+
+    def calibrate_each(self, wanted):
+        return [self.far(hypothesis) for hypothesis, _ in wanted]
+
+    def multistart(self, hypothesis):
+        return self._exact(hypothesis)
+
+
+@pytest.fixture
+def problem():
+    random = generator(9, "test", "astray")
+    nuisance = random.standard_normal((ROWS, 2))
+    right, own = random.standard_normal((2, ROWS))
+    y = 2.0 * right + random.standard_normal(ROWS)
+    return linear_problem(nuisance, {RIGHT: right, WRONG: 0.4 * right + own}, y, kind=Diverging)
+
+
+def test_a_fit_worse_than_without_the_effect_has_diverged(problem):
+    base = problem.calibrate(PLAIN)
+    fits = [problem.far(assume(RIGHT)), base, None]
+    right, kept, unfitted = (Candidate(here(str(i)), PRIOR, estimate=1e3, fit=fit) for i, fit in enumerate(fits))
+    assert right.fit.evidence < base.evidence - RULE.diverged_gap
+    assert diverged([right, kept, unfitted], 0.0, base.evidence) == [right]
+    assert diverged([right], 1e6, base.evidence) == [], "what does not promise to compete is left"
+
+
+def test_the_best_place_of_the_most_promising_diverged_effects_is_fitted_again(problem):
+    base, far = problem.calibrate(PLAIN), problem.far(assume(RIGHT))
+    effects = [here(str(number)).effect for number in range(RULE.diverged_refits + 3)]
+    candidates = [
+        Candidate(PlacedEffect(effect, place), PRIOR, estimate=1e3 + 10.0 * number + better, fit=far)
+        for number, effect in enumerate(effects)
+        for place, better in (("there", 0.0), ("here", 1.0))
+    ]
+    again = diverged(candidates, 0.0, base.evidence)
+    assert [c.place for c in again] == ["here"] * RULE.diverged_refits
+    assert [c.effect for c in again] == effects[: -RULE.diverged_refits - 1 : -1]
+
+
+def test_the_right_effect_leads_although_its_first_fit_diverged(problem):
+    base = problem.calibrate(PLAIN)
+    candidates = [Candidate(placed, PRIOR, estimate=base.evidence + 100.0, guess=1.0) for placed in (RIGHT, WRONG)]
+    right, wrong = fit_shortlist(problem, base, PLAIN, candidates, base)
+    assert right.fit.evidence == pytest.approx(problem.multistart(assume(RIGHT)).evidence)
+    assert right.log_weight > wrong.log_weight
+
+
+def test_the_better_of_two_fits_is_kept_and_other_starts_are_tried_once():
+    runs = []
+
+    class Counting(Problem):
+        def calibrate_each(self, wanted):
+            runs.extend(wanted)
+            return super().calibrate_each(wanted)
+
+    problem, placed = two_valleys(Counting)
+    better = problem.calibrate(assume(placed), np.array([1.0, 2.0]))
+    candidate = Candidate(placed, -1.0, fit=better)
+    for _ in range(2):
+        (candidate,) = from_other_starts(problem, PLAIN, [candidate])
+        assert candidate.fit.evidence >= better.evidence
+        assert candidate.fit.z == pytest.approx(better.z, abs=0.05)
+        assert len(runs) == 1 + len(RESTARTS)

@@ -1,0 +1,111 @@
+"""The search as a whole: tests of evidence, time steps, and a second search without a confounder."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.decision_rule import RULE
+from coronaryuq.discrepancy.forward.hypothesis import PLAIN
+from coronaryuq.discrepancy.selection.candidates import Candidate
+from coronaryuq.discrepancy.selection.search import evidence_p_value, recalibrate, search_without_confounder
+from support.discoveries import discovery
+from support.hypotheses import assume
+from support.linear_problem import LinearProblem, here, linear_problem, made_up
+
+ROWS, NUISANCES, EFFECTS = 60, 3, 12
+
+
+class Many:
+    """Twelve effects; data are drawn from the model without any, or with the first at so many standard deviations."""
+
+    log_prior = np.log(RULE.prior_named / EFFECTS)
+
+    def __init__(self):
+        random = generator(3, "test", "evidence")
+        self.design = random.standard_normal((ROWS, NUISANCES))
+        self.responses = {here(f"effect {number}"): 2.0 * random.standard_normal(ROWS) for number in range(EFFECTS)}
+        self.problem = linear_problem(self.design, self.responses, np.zeros(ROWS))
+
+    def p_value(self, random, size=0.0):
+        spread = random.standard_normal(NUISANCES)
+        hidden = size * next(iter(self.responses.values()))
+        self.problem.y = self.design @ spread + hidden + random.standard_normal(ROWS)
+        candidates = [
+            Candidate(
+                placed, np.log(RULE.prior_named / EFFECTS), estimate=self.problem.calibrate(assume(placed)).evidence
+            )
+            for placed in self.responses
+        ]
+        return evidence_p_value(self.problem, self.problem.calibrate(PLAIN), PLAIN, candidates)
+
+
+def test_the_evidence_p_value_is_one_where_nothing_is_missing():
+    """It is smaller than p with a probability of p at most, and not always 1."""
+    many, random, trials = Many(), generator(4, "test", "evidence"), 1000
+    p_values = np.array([many.p_value(random) for _ in range(trials)])
+    for level in (0.3, 0.1, 0.03):
+        assert np.sum(p_values <= level) <= stats.binom.ppf(0.999, trials, level)
+    assert p_values.min() < 1.0
+
+
+def test_the_evidence_for_an_effect_that_is_there_is_overwhelming():
+    assert Many().p_value(generator(5, "test", "evidence"), size=0.6) < 1e-4
+    assert RULE.likeliest_effects < EFFECTS
+
+
+@pytest.mark.parametrize(("moved", "corrected"), [(1.0, True), (9.0, False)])
+def test_recalibration_corrects_time_steps_where_it_stays_within_the_prior(moved, corrected):
+    class Ringing(LinearProblem):
+        def corrected(self, hypothesis, fit):
+            other = replace(self)
+            other.change = 5.0 * np.eye(ROWS)[1]
+            return other, other.calibrate(hypothesis)
+
+    problem = linear_problem(10.0 * np.eye(ROWS)[:, :1], {}, 10.0 * moved * np.eye(ROWS)[0], kind=Ringing)
+    chosen, fit = recalibrate(problem)
+    assert (chosen is not problem) == corrected
+    assert fit.z == pytest.approx(chosen.calibrate(PLAIN).z)
+
+
+DRIVE, PROBE, LOSS = made_up("drive_gain"), made_up("flow_gain", is_measurement_error=True), made_up("loss")
+LIBRARY = (DRIVE, PROBE, LOSS)
+
+
+def searched(first, second):
+    """What stands of a search that finds `first`, and `second` without an effect; and which effect that was."""
+    left_out = []
+
+    def search(problem, seed, library, report):
+        gone = set(LIBRARY) - set(library)
+        left_out.extend(effect.name for effect in gone)
+        return second if gone else first
+
+    return search_without_confounder(search, first.problem, 1, LIBRARY, lambda line: None), left_out
+
+
+@pytest.mark.parametrize("likelier", [True, False])
+@pytest.mark.parametrize(
+    ("sizes", "without"), [({LOSS: 1.0, DRIVE: 1.0}, "drive_gain"), ({LOSS: 1.0, PROBE: 5.0}, "flow_gain")]
+)
+def test_the_likelier_search_stands(sizes, without, likelier):
+    first = discovery(sizes, evidence=-10.0)
+    second = discovery({LOSS: 1.0}, evidence=-5.0 if likelier else -50.0)
+    stands, left_out = searched(first, second)
+    assert left_out == [without] and stands is (second if likelier else first)
+
+
+@pytest.mark.parametrize("sizes", [{LOSS: 1.0, PROBE: 1.0}, {LOSS: 5.0}, {}])
+def test_other_effects_need_no_second_search(sizes):
+    first = discovery(sizes, evidence=-10.0)
+    stands, left_out = searched(first, discovery({LOSS: 1.0}, evidence=-1.0))
+    assert stands is first and not left_out
+
+
+@pytest.mark.parametrize(("held_out", "more"), [(True, 4.0), (False, 0.0)])
+def test_the_weight_of_an_answer_counts_no_data_twice(held_out, more):
+    """Log evidence, the class's share of the prior, and the density of held-out data, if any are."""
+    answer = discovery({LOSS: 0.0}, evidence=-10.0, log_prior=-2.0, held_out=held_out, held_out_lpd=4.0)
+    assert answer.log_weight == pytest.approx(-10.0 - 2.0 + more)
