@@ -3,9 +3,10 @@
 import numpy as np
 
 from coronaryuq.core.jit import numba as nb
+from coronaryuq.core.simd import absolute, fma, store
 from coronaryuq.flow3d.fem.cross_section import section_weights
 from coronaryuq.flow3d.fem.discretisation import Discretisation
-from coronaryuq.flow3d.fem.lanes import LANES, absolute, fma, load, splat, store
+from coronaryuq.flow3d.fem.lanes import LANES, load, splat
 from coronaryuq.flow3d.fem.time_step import Stepper
 from coronaryuq.flow3d.fem.wall_shear import WallShear
 from coronaryuq.flow3d.mesh.domain import Domain

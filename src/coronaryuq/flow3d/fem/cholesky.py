@@ -5,7 +5,8 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from coronaryuq.core.jit import numba as nb
-from coronaryuq.flow3d.fem.lanes import LANES, fma, load, splat, store
+from coronaryuq.core.simd import fma, store
+from coronaryuq.flow3d.fem.lanes import LANES, load, splat
 
 
 @nb.njit(cache=True, error_model="numpy")

@@ -7,7 +7,8 @@ operations is part of the result: it must be the same for all samples and in bot
 import numpy as np
 
 from coronaryuq.core.jit import numba as nb
-from coronaryuq.flow3d.fem.lanes import fma, load
+from coronaryuq.core.simd import fma
+from coronaryuq.flow3d.fem.lanes import load
 
 
 @nb.njit(inline="always", error_model="numpy")

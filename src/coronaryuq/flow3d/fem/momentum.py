@@ -7,8 +7,9 @@ precision; A is kept in single precision, since δ is of the order of the time s
 import numpy as np
 
 from coronaryuq.core.jit import numba as nb
+from coronaryuq.core.simd import absolute, fma, square_root, store
 from coronaryuq.flow3d.fem.element_kernels import average, centre, corners, dot, gradient, hats, part, vector
-from coronaryuq.flow3d.fem.lanes import LANES, absolute, fma, load, splat, square_root, store
+from coronaryuq.flow3d.fem.lanes import LANES, load, splat
 
 
 @nb.njit(cache=True, error_model="numpy")

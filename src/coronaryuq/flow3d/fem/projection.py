@@ -3,7 +3,8 @@
 import numpy as np
 
 from coronaryuq.core.jit import numba as nb
-from coronaryuq.flow3d.fem.lanes import fma, load, splat, store
+from coronaryuq.core.simd import fma, store
+from coronaryuq.flow3d.fem.lanes import load, splat
 
 
 @nb.njit(cache=True, error_model="numpy")

@@ -13,10 +13,11 @@ from typing import Protocol
 import numpy as np
 
 from coronaryuq.core.jit import numba as nb
+from coronaryuq.core.simd import fma, store
 from coronaryuq.flow3d.fem import momentum, projection
 from coronaryuq.flow3d.fem.discretisation import Discretisation
 from coronaryuq.flow3d.fem.inlet import InletProfile
-from coronaryuq.flow3d.fem.lanes import LANES, fma, load, splat, store
+from coronaryuq.flow3d.fem.lanes import LANES, load, splat
 
 
 class Coupling(Protocol):

@@ -14,11 +14,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from coronaryuq.core.jit import numba as nb
+from coronaryuq.core.simd import fma, square_root, store
 from coronaryuq.flow3d.fem.arrays import Elements
 from coronaryuq.flow3d.fem.discretisation import Discretisation
 from coronaryuq.flow3d.fem.element_kernels import centre, corners, dot, gradient, hats, part, vector
 from coronaryuq.flow3d.fem.elements import face_vectors
-from coronaryuq.flow3d.fem.lanes import LANES, fma, load, splat, square_root, store
+from coronaryuq.flow3d.fem.lanes import LANES, load, splat
 
 
 @nb.njit(cache=True, error_model="numpy")

@@ -11,19 +11,18 @@ from typing import NamedTuple
 import numpy as np
 
 from coronaryuq.core.jit import numba
-from coronaryuq.zerod.solver.lanes import (
+from coronaryuq.core.simd import (
+    absolute,
     any_lane,
     both,
     choose,
     less,
     less_equal,
-    load,
-    magnitude,
     nearest,
     power_of_two,
-    spread,
     store,
 )
+from coronaryuq.zerod.solver.lanes import load, splat
 
 
 class Structure(NamedTuple):
@@ -137,7 +136,7 @@ class Scheme(NamedTuple):
 @numba.njit(inline="always")
 def _exponential(x):
     """exp(x) to about one unit in the last place: 2^k exp(r), |r| ≤ ln 2 / 2, by Taylor's series."""
-    x = choose(less(x, spread(-700.0)), spread(-700.0), choose(less(spread(700.0), x), spread(700.0), x))
+    x = choose(less(x, splat(-700.0)), splat(-700.0), choose(less(splat(700.0), x), splat(700.0), x))
     k = nearest(x * 1.4426950408889634)
     r = x - k * 0.6931471803691238
     r = r - k * 1.9082149292705877e-10
@@ -185,15 +184,15 @@ def _predict(s, v, w, state, scheme, time, times):
         for j in range(s.constant_first[k], s.constant_first[k + 1]):
             sum_ = sum_ + load(v.constant_time, j) * load(v.shapes, s.constant_shape[j] * times + time)
         store(w.constant, row, sum_)
-    largest, poison = spread(0.0), spread(0.0)
+    largest, poison = splat(0.0), splat(0.0)
     for p in range(n):
-        sum_ = spread(0.0) - load(w.constant, s.pivots[p, 0])
+        sum_ = splat(0.0) - load(w.constant, s.pivots[p, 0])
         for k in range(s.terms_first[p], s.terms_first[p + 1]):
             sum_ = sum_ - load(v.terms, k) * load(state, s.terms[k])
         if p < interior:
             # Maxima forget NaN; nought times the value does not.
             poison = poison + sum_ * 0.0
-            size = magnitude(sum_)
+            size = absolute(sum_)
             largest = choose(less(largest, size), size, largest)
         else:
             store(w.residual, p - interior, sum_)
@@ -228,8 +227,8 @@ def _subtract_solution_dependent(s, v, w, state, scheme, time, times):
         down = load(state, s.valve[k, 1]) + load(w.total, s.valve[k, 1]) * to_y
         old = load(state, s.valve[k, 2])
         flow = old + (load(w.flow, k) - old) * scheme.alpha_f
-        shut = both(less_equal(up, down), less_equal(flow, spread(0.0)))
-        store(w.open, k, choose(shut, spread(0.0), spread(1.0)))
+        shut = both(less_equal(up, down), less_equal(flow, splat(0.0)))
+        store(w.open, k, choose(shut, splat(0.0), splat(1.0)))
     for k in range(s.valve_term.shape[0]):
         row, valve = s.valve_term[k, 0], s.valve_term[k, 4]
         old = load(state, s.valve_term[k, 1])
@@ -241,7 +240,7 @@ def _subtract_solution_dependent(s, v, w, state, scheme, time, times):
     for k in range(s.square.shape[0]):
         row, column = s.square[k, 0], s.square[k, 1]
         y = load(state, column) + load(w.total, column) * to_y
-        product = load(v.square, k) * magnitude(y)
+        product = load(v.square, k) * absolute(y)
         store(w.residual, row, load(w.residual, row) - product * y)
         store(w.slope, slope, product * 2.0 * to_y)
         slope += 1
@@ -250,9 +249,9 @@ def _subtract_solution_dependent(s, v, w, state, scheme, time, times):
         y = load(state, column) + load(w.total, column) * to_y
         rate = load(state, n + column) * to_rate + load(w.total, column) * scheme.alpha_m
         coefficient = load(v.square_rate, k)
-        store(w.residual, row, load(w.residual, row) - coefficient * magnitude(y) * rate)
-        sign = choose(less(y, spread(0.0)), spread(-1.0), spread(1.0))
-        store(w.slope, slope, coefficient * (sign * rate * to_y + magnitude(y) * scheme.alpha_m))
+        store(w.residual, row, load(w.residual, row) - coefficient * absolute(y) * rate)
+        sign = choose(less(y, splat(0.0)), splat(-1.0), splat(1.0))
+        store(w.slope, slope, coefficient * (sign * rate * to_y + absolute(y) * scheme.alpha_m))
         slope += 1
     for k in range(s.exponential.shape[0]):
         row, column = s.exponential[k, 0], s.exponential[k, 1]
@@ -291,7 +290,7 @@ def _factorise(s, w, which, everywhere):
     slope = _put_slopes(s.exponential, w, slope, which, everywhere)
     for p in range(w.inverse.shape[0]):
         upper, lower, end = (s.factor_first[p, 0], s.factor_first[p, 1], s.factor_first[p + 1, 0])
-        reciprocal = spread(0.0)
+        reciprocal = splat(0.0)
         for k in range(upper, end):
             sum_ = load(w.matrix, s.factor[k, 0])
             for j in range(s.pairs_first[k], s.pairs_first[k + 1]):
@@ -320,7 +319,7 @@ def _solve_border(s, w, interior, going):
         for k in range(s.border_backward_first[place], s.border_backward_first[place + 1]):
             sum_ = sum_ - load(w.matrix, s.border_backward[k, 0]) * load(w.increment, s.border_backward[k, 1])
         column = s.pivots[interior + p, 1]
-        increment = choose(going, sum_ * load(w.inverse, p), spread(0.0))
+        increment = choose(going, sum_ * load(w.inverse, p), splat(0.0))
         store(w.increment, column, increment)
         store(w.total, column, load(w.total, column) + increment)
 
@@ -336,7 +335,7 @@ def _finish(s, v, w, state, scheme, moving):
         for k in range(s.backward_first[place], s.backward_first[place + 1]):
             sum_ = sum_ - load(v.matrix, s.backward[k, 0]) * load(w.total, s.backward[k, 1])
         column = s.pivots[p, 1]
-        store(w.total, column, choose(moving, sum_ * load(v.inverse, p), spread(0.0)))
+        store(w.total, column, choose(moving, sum_ * load(v.inverse, p), splat(0.0)))
     for column in range(n):
         increment = load(w.total, column)
         store(state, column, load(state, column) + increment * to_y)
@@ -353,26 +352,26 @@ def _step(s, v, w, state, scheme, time, times, sound):
     to_y = load(v.step, 0)
     largest = _predict(s, v, w, state, scheme, time, times)
     for p in range(interior, n):
-        store(w.total, s.pivots[p, 1], spread(0.0))
+        store(w.total, s.pivots[p, 1], splat(0.0))
     for k in range(s.lagged.shape[0]):
-        store(w.total, n + k, spread(0.0))
+        store(w.total, n + k, splat(0.0))
     for k in range(s.valve.shape[0]):
         store(w.flow, k, load(state, s.valve[k, 2]))
     for p in range(size):
         store(w.linear, p, load(w.residual, p))
     _subtract_solution_dependent(s, v, w, state, scheme, time, times)
-    poison = spread(0.0)
+    poison = splat(0.0)
     for p in range(size):
         # The residual before the interior is eliminated decides whether to move at all.
         value, without = load(w.residual, p), load(w.linear, p)
         poison = poison + value * 0.0
-        size_ = magnitude(value)
+        size_ = absolute(value)
         largest = choose(less(largest, size_), size_, largest)
         reduced = load(w.reduced, interior + p)
         store(w.linear, p, reduced)
         store(w.residual, p, reduced + (value - without))
-    settled = choose(less(largest + poison, spread(scheme.tolerance)), spread(0.0), spread(1.0))
-    going = less(spread(0.5), choose(sound, settled, spread(0.0)))
+    settled = choose(less(largest + poison, splat(scheme.tolerance)), splat(0.0), splat(1.0))
+    going = less(splat(0.5), choose(sound, settled, splat(0.0)))
     moving = going
     solves = 0
     while solves < scheme.iterations - 1 and any_lane(going):
@@ -381,11 +380,11 @@ def _step(s, v, w, state, scheme, time, times, sound):
             for k in range(s.valve.shape[0]):
                 store(w.factored, k, load(w.open, k))
         else:
-            moved = spread(0.0)
+            moved = splat(0.0)
             for k in range(s.valve.shape[0]):
-                moved = moved + magnitude(load(w.open, k) - load(w.factored, k))
-            late = spread(1.0) if solves >= _PATIENCE else moved
-            which = both(less(spread(0.5), late), going)
+                moved = moved + absolute(load(w.open, k) - load(w.factored, k))
+            late = splat(1.0) if solves >= _PATIENCE else moved
+            which = both(less(splat(0.5), late), going)
             if any_lane(which):
                 _factorise(s, w, which, False)
                 for k in range(s.valve.shape[0]):
@@ -393,8 +392,8 @@ def _step(s, v, w, state, scheme, time, times, sound):
         _solve_border(s, w, interior, going)
         solves += 1
         for k in range(s.valve.shape[0]):
-            shut = both(less(load(w.open, k), spread(0.5)), going)
-            flow = choose(shut, spread(0.0), load(w.flow, k))
+            shut = both(less(load(w.open, k), splat(0.5)), going)
+            flow = choose(shut, splat(0.0), load(w.flow, k))
             store(w.flow, k, flow + load(w.increment, s.valve[k, 2]) * to_y)
         for p in range(size):
             sum_ = load(w.linear, p)
@@ -403,20 +402,20 @@ def _step(s, v, w, state, scheme, time, times, sound):
             store(w.linear, p, sum_)
             store(w.residual, p, sum_)
         _subtract_solution_dependent(s, v, w, state, scheme, time, times)
-        largest, poison = spread(0.0), spread(0.0)
+        largest, poison = splat(0.0), splat(0.0)
         for p in range(size):
             value = load(w.residual, p)
             poison = poison + value * 0.0
-            value = magnitude(value)
+            value = absolute(value)
             largest = choose(less(largest, value), value, largest)
         for k in range(s.lagged.shape[0]):
             increment = load(w.increment, s.lagged[k])
-            value = magnitude(load(v.lagged, k) * increment)
+            value = absolute(load(v.lagged, k) * increment)
             largest = choose(less(largest, value), value, largest)
             seen = load(w.total, s.lagged[k]) - increment
             store(w.total, n + k, choose(going, seen, load(w.total, n + k)))
-        settled = choose(less(largest + poison, spread(scheme.tolerance)), spread(0.0), spread(1.0))
-        going = less(spread(0.5), choose(going, settled, spread(0.0)))
+        settled = choose(less(largest + poison, splat(scheme.tolerance)), splat(0.0), splat(1.0))
+        going = less(splat(0.5), choose(going, settled, splat(0.0)))
         for k in range(s.lagged_border.shape[0]):
             row = s.lagged_border[k, 1]
             seen = load(w.increment, s.lagged[s.lagged_border[k, 2]])
@@ -448,11 +447,11 @@ def march(s, v, w, state, scheme, steps, times, failed, record, counts):
         store(record.floor, k, load(state, k))
         store(record.ceiling, k, load(state, k))
     for step in range(steps):
-        sound = less_equal(load(failed, 0), spread(0.0))
+        sound = less_equal(load(failed, 0), splat(0.0))
         solves, astray = _step(s, v, w, state, scheme, step % times, times, sound)
         counts[0] += solves
         if any_lane(astray):
-            store(failed, 0, choose(astray, spread(step + 1.0), load(failed, 0)))
+            store(failed, 0, choose(astray, splat(step + 1.0), load(failed, 0)))
         weight = share if step < steps - 1 else 0.5 * share
         for k in range(record.unknowns.shape[0]):
             value = load(state, record.unknowns[k])
