@@ -6,7 +6,6 @@ import pytest
 from coronaryuq.bench.discrepancy import benchmark, hidden_3d
 from coronaryuq.bench.discrepancy.hidden_3d import NARROWED, PLACES, SHAPES, STENOSES, Shape
 from coronaryuq.case.network.build import Physics
-from coronaryuq.zerod.effects.base import vessel_values
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.label)
@@ -21,7 +20,7 @@ def test_the_healthy_tube_is_the_vessel_of_the_analysts_model():
     network, _, plan = hidden_3d.loop()
     physics = Physics()
     for place in PLACES:
-        values, radius = vessel_values(network, place), hidden_3d._healthy(network, place)
+        values, radius = network.vessel_values(place), hidden_3d._healthy(network, place)
         exact = 8 * physics.viscosity * hidden_3d.LENGTH / (np.pi * radius**4)
         assert values["R_poiseuille"] == pytest.approx(exact, rel=1e-6) and values["stenosis_coefficient"] == 0.0
         assert values["L"] == pytest.approx(physics.density * hidden_3d.LENGTH / (np.pi * radius**2), rel=1e-6)
@@ -34,7 +33,7 @@ def test_3d_runs_begin_from_the_loss_of_the_published_rules():
     physics = Physics()
     for place in PLACES:
         area = np.pi * hidden_3d._healthy(network, place) ** 2
-        near = vessel_values(hidden_3d._near(Shape(place, "moderate"), network), place)
+        near = hidden_3d._near(Shape(place, "moderate"), network).vessel_values(place)
         exact = 9.0 * physics.stenosis_loss * physics.density / (2.0 * area**2)
         assert near["stenosis_coefficient"] == pytest.approx(exact, rel=1e-6)
 

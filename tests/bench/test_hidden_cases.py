@@ -8,16 +8,16 @@ import pytest
 from coronaryuq.bench.discrepancy.benchmark import run
 from coronaryuq.bench.discrepancy.hidden_cases import OUTSIDE_LOOP, outside
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.atomic import read_json
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.grafting import add_vessel, attach, open_end
+from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.solver.engine import Engine
 
 
 @pytest.mark.parametrize("arteries", [2, 1])
 @pytest.mark.parametrize("name", OUTSIDE_LOOP)
 def test_effects_outside_the_library_in_a_loop_of_one_bed_per_artery(shared, name, arteries):
-    network = read_json(shared / "data" / "svzerod-cases" / "closedLoopHeart_withCoronaries.json")
+    network = read_network(shared / "data" / "svzerod-cases" / "closedLoopHeart_withCoronaries.json")
     if arteries == 1:
         bed = next(block for block in network["boundary_conditions"] if block["bc_name"] == "RCA")
         systemic = next(b for b in network["boundary_conditions"] if b["bc_type"] == "ClosedLoopRCR")
@@ -50,7 +50,7 @@ def forked(network):
 )
 def test_what_comes_and_goes_is_there_under_one_condition_only(shared, name, there, gone):
     """Mean flows into the coronary vessels change under one and stay as they are under another, over the largest."""
-    network = forked(read_json(shared / "data" / "svzerod-cases" / "closedLoopHeart_withCoronaries.json"))
+    network = forked(read_network(shared / "data" / "svzerod-cases" / "closedLoopHeart_withCoronaries.json"))
     alter = outside(name, network, np.random.default_rng(3))
     anatomy = Anatomy(network)
     names = [f"mean_flow:{anatomy.inlet(vessel)}" for vessel in anatomy.coronary_vessels]

@@ -6,7 +6,7 @@ import pytest
 
 from coronaryuq.bench import zerod
 from coronaryuq.bench.coronary_tree import synthetic_loop
-from coronaryuq.case.network.topology import graph_of
+from coronaryuq.case.network.topology import closed_loop_tree
 from coronaryuq.cli.main import main
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.svzerodsolver import program
@@ -20,9 +20,9 @@ KEYS = {
 
 def test_the_synthetic_loop_has_the_size_of_the_real_one_and_physiological_pressure():
     network = synthetic_loop()
-    graph = graph_of(network, "synthetic loop")
+    graph = closed_loop_tree(network, "synthetic loop")
     assert len(network["vessels"]) == 50
-    assert sum("Coronary" in kind for kind in graph.types.values()) == 22
+    assert sum("Coronary" in kind for kind in map(graph.kind, graph.blocks)) == 22
     assert sum(v["zero_d_element_values"]["stenosis_coefficient"] > 0 for v in network["vessels"]) == 3
     pressure = "mean_pressure:J_heart_outlet:aorta"
     result = Engine(network).run(quantities=[pressure], cycles=12, steps_per_cycle=200)

@@ -15,7 +15,7 @@ from coronaryuq.case.network.build import (
     segments,
     stenosis_coefficient,
 )
-from coronaryuq.case.network.topology import graph_of
+from coronaryuq.case.network.topology import closed_loop_tree
 from coronaryuq.core.units import MMHG
 from coronaryuq.synthetic.anatomy import narrowed
 from support.case_files import straight
@@ -79,12 +79,14 @@ def test_a_stenosis_off_its_vessel_in_the_aorta_or_over_another_is_refused(small
 
 def test_the_network_is_one_tree_from_the_heart_to_every_bed(small_tree, small_stenoses):
     network = network_from_tree(small_tree, BEDS, {"BC_RCR1": "aorta_outlet"}, small_stenoses)
-    graph = graph_of(network, "network.json")
-    assert graph.root == "aorta"
+    graph = closed_loop_tree(network, "network.json")
+    assert graph.roots == ["aorta"]
     assert graph.inlet("aorta") == "J_heart_outlet:aorta"
     assert graph.outlet("lca1") == "lca1:BC_lca1"
-    assert set(graph.beds("aorta")) == {"BC_lca1", "BC_lca2", "BC_rca1", "BC_RCR1"}
-    assert graph.beds("branch1_seg0") == ["BC_lca1", "BC_lca2"] or set(graph.beds("branch1_seg0")) == {
+    assert set(graph.outlets_below("aorta")) == {"BC_lca1", "BC_lca2", "BC_rca1", "BC_RCR1"}
+    assert graph.outlets_below("branch1_seg0") == ["BC_lca1", "BC_lca2"] or set(
+        graph.outlets_below("branch1_seg0")
+    ) == {
         "BC_lca1",
         "BC_lca2",
     }

@@ -9,7 +9,8 @@ import pyvista as pv
 
 from coronaryuq.case.anatomy.tree import read_tree
 from coronaryuq.case.check import check_case
-from coronaryuq.case.network.topology import graph_of
+from coronaryuq.case.network.network import Network
+from coronaryuq.case.network.topology import closed_loop_tree
 from coronaryuq.case.network.units import rescaled
 from coronaryuq.case.settings import Settings
 from coronaryuq.case.stage import prepare_case
@@ -24,11 +25,11 @@ def test_the_four_files_agree_with_one_another(small_tree, tmp_path):
     network = json.loads((tmp_path / "case/network.json").read_text())
     tree = read_tree(tmp_path / "case/tree.vtp")
     wall = pv.read(tmp_path / "case/lv.vtu")
-    graph = graph_of(network, "network.json")
-    assert case["period"] == graph.period == 0.8
+    graph = closed_loop_tree(network, "network.json")
+    assert case["period"] == graph.network.heart["cardiac_cycle_period"] == 0.8
     assert case["aorta"] == {"pressure": "J_heart_outlet:aorta"}
     for outlet in case["outlets"]:
-        assert graph.bc[outlet["block"]] == outlet["bc"]
+        assert graph.outlet_bc[outlet["block"]] == outlet["bc"]
         assert tree[outlet["vessel"]].points[-1].tolist() == outlet["point"]
         assert tree[outlet["vessel"]].radii[-1] == outlet["radius"]
     (stenosis,) = case["stenoses"]
@@ -86,12 +87,12 @@ def closed_loop_22(shared, folder):
     data = shared / "data/closed-loop-22"
     shutil.copy(data / "svzerod_tuning_cgs.json", folder / "network.json")
     shutil.copy(data / "coronary_cgs.csv", folder / "targets.csv")
-    graph = graph_of(json.loads((folder / "network.json").read_text()), "network.json")
+    graph = closed_loop_tree(json.loads((folder / "network.json").read_text()), "network.json")
     rows = []
-    for vessel, bc in graph.bc.items():
-        if "Coronary" in graph.types[bc]:
+    for vessel, bc in graph.outlet_bc.items():
+        if "Coronary" in graph.kind(bc):
             left = "LAD" if "branch8_seg0" in graph.path(vessel) else "LCx"
-            rows.append((vessel, "RCA" if graph.types[bc].endswith("Right") else left))
+            rows.append((vessel, "RCA" if graph.kind(bc).endswith("Right") else left))
     outside = {"rca1", "rca2", "rca3", "rca4", "rca10"}
     (folder / "outlets.csv").write_text(
         "name,perfuses,branch\n" + "".join(f"{n},{'RV' if n in outside else 'LV'},{b}\n" for n, b in rows)
@@ -149,7 +150,7 @@ def test_a_block_that_cannot_be_that_stenosis_is_one_line(shared, tmp_path, sten
 
 def test_a_ready_network_in_mmhg_is_the_same_case(shared, tmp_path):
     path = closed_loop_22(shared, tmp_path / "mmhg")
-    network = json.loads((tmp_path / "mmhg/network.json").read_text())
+    network = Network(json.loads((tmp_path / "mmhg/network.json").read_text()))
     (tmp_path / "mmhg/network.json").write_text(json.dumps(rescaled(network, 1.0 / MMHG)))
     prepare_case(path, Settings(), tmp_path / "mmhg/case")
     prepare_case(closed_loop_22(shared, tmp_path / "cgs"), Settings(), tmp_path / "cgs/case")

@@ -9,7 +9,6 @@ from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.forward.feedback import MOST_ROUNDS, SETTLED, Feedback
 from coronaryuq.discrepancy.inference.read_problem import make_problem
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.zerod.effects.base import bed_values
 from coronaryuq.zerod.effects.library import effect
 from support.hypotheses import assume
 
@@ -37,7 +36,7 @@ def test_resistances_are_those_of_the_pressures_that_they_lead_to(stenosis):
         pressures = dict(zip(("BC_lad", "BC_diagonal", "BC_lcx"), found[4 * number : 4 * number + 3], strict=True))
         changes, network = model.condition_changes(condition, z, assume(LOSS, GAIN))
         for bed, pressure in pressures.items():
-            wanted = bed_values(network, bed)["Ra1"] * (pressure / model.pressure_factor / model.resting[bed]) ** gain
+            wanted = network.bed_values(bed)["Ra1"] * (pressure / model.pressure_factor / model.resting[bed]) ** gain
             assert changes[f"{bed}.Ra1"] == pytest.approx(wanted, rel=3.0 * SETTLED), (condition, bed)
     lad, other = found[4] / model.pressure_factor, model.resting["BC_lad"]
     assert lad / other < (0.8 if stenosis == 0.0 else 0.55), "the stenosis matters"

@@ -7,13 +7,13 @@ import pytest
 
 from coronaryuq.bench.discrepancy.benchmark import Case, hide
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
-from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.provenance import sources
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.forward import predict
 from coronaryuq.discrepancy.inference.read_problem import read_problem
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.library import effect
+from coronaryuq.zerod.network.read import read_network
 from support.hypotheses import assume, placed
 
 
@@ -22,7 +22,7 @@ def problem(tmp_path_factory):
     folder = tmp_path_factory.mktemp("case")
     hide(Case((), "none", "nominal", 5), open_loop(), folder)
     conditions = read_conditions(folder / "conditions.yaml")
-    return read_problem(read_json(folder / "model.json"), folder / "measurements.csv", conditions, "c", Settings())
+    return read_problem(read_network(folder / "model.json"), folder / "measurements.csv", conditions, "c", Settings())
 
 
 LEAKS = [placed("side_branch_leak", place) for place in ("lad", "lcx", "lad_proximal")]

@@ -15,7 +15,7 @@ from coronaryuq.bench.discrepancy.open_loop_tree import left_coronary, pressures
 from coronaryuq.bench.discrepancy.score import wilson
 from coronaryuq.cli import main
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.atomic import read_json, write_json, write_text
+from coronaryuq.core.io.atomic import write_json, write_text
 from coronaryuq.core.units import MMHG
 from coronaryuq.discrepancy import command, search_case
 from coronaryuq.discrepancy.data.conditions import Condition, read_conditions, under, write_drive
@@ -29,6 +29,7 @@ from coronaryuq.discrepancy.table_model.search import discover_pairs
 from coronaryuq.discrepancy.table_model.tables import Branch, branches, read_pairs
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.library import effect
+from coronaryuq.zerod.network.read import read_network
 from support.hypotheses import assume
 
 
@@ -159,7 +160,7 @@ def test_a_ratio_has_no_waveform(spoiled):
 
 def test_a_network_in_another_unit_than_is_guessed(hidden_stenosis, tmp_path, capsys):
     folder = hidden_stenosis[0]
-    network = read_json(folder / "model.json")
+    network = read_network(folder / "model.json")
     for block in network["boundary_conditions"]:
         for name in ("P", "Pim", "P_v", "Pd"):
             if name in block["bc_values"]:
@@ -208,7 +209,7 @@ def test_what_may_be_measured_is_taken(hidden_stenosis, tmp_path, change):
     folder = hidden_stenosis[0]
     change(pd.read_csv(folder / "measurements.csv")).to_csv(tmp_path / "m.csv", index=False)
     conditions = read_conditions(folder / "conditions.yaml")
-    problem = read_problem(read_json(folder / "model.json"), tmp_path / "m.csv", conditions, "c", Settings())
+    problem = read_problem(read_network(folder / "model.json"), tmp_path / "m.csv", conditions, "c", Settings())
     assert np.isfinite(problem.y).all()
 
 
@@ -222,7 +223,7 @@ def test_means_that_set_a_free_parameter_leave_nothing_to_verify_on(hidden_steno
     (tmp_path / "c.yaml").write_text(yaml.safe_dump(content))
     with pytest.raises(InputError, match="nothing is left to verify on"):
         read_problem(
-            read_json(folder / "model.json"),
+            read_network(folder / "model.json"),
             tmp_path / "m.csv",
             read_conditions(tmp_path / "c.yaml"),
             tmp_path / "c.yaml",
@@ -378,7 +379,7 @@ def test_repaired_files_give_the_fitted_predictions(hidden_stenosis, tmp_path):
     folder, truth = hidden_stenosis
     conditions = read_conditions(folder / "conditions.yaml")
     table = folder / "measurements.csv"
-    problem = read_problem(read_json(folder / "model.json"), table, conditions, "c", Settings())
+    problem = read_problem(read_network(folder / "model.json"), table, conditions, "c", Settings())
     forward = problem.forward
     for acting in (
         truth.hypothesis,
@@ -559,7 +560,7 @@ def read_again(folder, tmp_path, change):
         table = table.to_csv(index=False)
     (tmp_path / "measurements.csv").write_text(table)
     conditions = read_conditions(folder / "conditions.yaml")
-    network = read_json(folder / "model.json")
+    network = read_network(folder / "model.json")
     return read_problem(network, tmp_path / "measurements.csv", conditions, "c", Settings())
 
 

@@ -6,7 +6,6 @@ import pytest
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.bench.discrepancy.open_loop_tree import left_coronary
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.units import MBF_PER_MIN_PER_G
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.forward.network_values import carried_over, sampled
@@ -16,6 +15,7 @@ from coronaryuq.discrepancy.stage import loop_conditions
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import WAVE_POINTS
 from coronaryuq.zerod.effects.intramyocardial import waveform
+from coronaryuq.zerod.network.read import read_network
 
 NAMES = ["pressure:A:v", "flow:A:v", "pressure:v:BED", "flow:v:BED", "other"]
 STATE = np.array([90.0, 4.0, 80.0, 3.0, 7.0])
@@ -97,7 +97,7 @@ def test_a_perfusion_lost_in_its_noise_sets_no_tissue_mass(rest, hyperaemia, exp
 
 def test_every_location_that_is_offered_can_be_measured(shared):
     """Heart and beds have unknowns of their own, and the heart's junctions are places as others are."""
-    network = read_json(shared / "data" / "svzerod-cases" / "closedLoopHeart_withCoronaries.json")
+    network = read_network(shared / "data" / "svzerod-cases" / "closedLoopHeart_withCoronaries.json")
     conditions = {one.name: one for one in loop_conditions()[:1]}
     offered = locations(network)
     assert any(name.endswith(":CLH") for name in offered["flow"])

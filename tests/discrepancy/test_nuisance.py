@@ -8,7 +8,7 @@ import pytest
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.bench.discrepancy.open_loop_tree import left_coronary
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.atomic import read_json, write_json
+from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.data.conditions import BED_SHAPE, RESISTANCE, Condition, under
 from coronaryuq.discrepancy.data.measurements import Measured
@@ -18,8 +18,8 @@ from coronaryuq.discrepancy.inference.read_problem import make_problem
 from coronaryuq.discrepancy.search_case import search_case
 from coronaryuq.discrepancy.selection.candidates import COMPLIANCE, all_candidates
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.zerod.effects.base import vessel_values
 from coronaryuq.zerod.effects.grafting import put_ahead
+from coronaryuq.zerod.network.read import read_network
 from support.hypotheses import assume
 
 LOSS = 4e4
@@ -48,7 +48,7 @@ def test_the_shape_of_beds_is_free_where_a_condition_says_so():
 
 def with_a_place_for_a_loss():
     network = put_ahead(left_coronary(), "lad", "loss")
-    vessel_values(network, "lad_loss")["stenosis_coefficient"] = 0.0
+    network.vessel_values("lad_loss")["stenosis_coefficient"] = 0.0
     return network
 
 
@@ -83,7 +83,7 @@ def test_an_effect_beside_a_stenosis_has_one_size_under_all_conditions():
         z = np.zeros(len(forward.nuisances) + len(acting))
         z[column] = severity
         table, network = forward.condition_changes(condition, z, assume(*acting))
-        return table.get(key, vessel_values(network, "lad_loss")["stenosis_coefficient"])
+        return table.get(key, network.vessel_values("lad_loss")["stenosis_coefficient"])
 
     added = [loss(name, severity, acting) - loss(name, severity) for name in ("rest", "mild") for severity in (0, 1)]
     assert min(added) > 0.0 and added == pytest.approx([added[0]] * 4)
@@ -127,7 +127,7 @@ def test_recordings_with_a_free_bed_name_each_stenosis_once(tmp_path):
         frame.to_csv(tmp_path / f"X_{name}.csv", index=False)
     for free_bed in (False, True):
         prepare(tmp_path, "X", tmp_path / "case", free_bed=free_bed)
-        vessels = [v["vessel_name"] for v in read_json(tmp_path / "case" / "model.json")["vessels"]]
+        vessels = [v["vessel_name"] for v in read_network(tmp_path / "case" / "model.json")["vessels"]]
         assert ("lad_loss" in vessels) == free_bed
     text = (tmp_path / "case" / "conditions.yaml").read_text()
     assert text.count("lad_loss: mild_sten\n") == 2 and text.count("bed_shape") == 3

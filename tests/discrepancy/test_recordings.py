@@ -5,12 +5,12 @@ import pandas as pd
 import pytest
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.units import MMHG
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.data.recordings import prepare
 from coronaryuq.discrepancy.inference.read_problem import read_problem
 from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.zerod.network.read import read_network
 
 
 def recording(folder, name, flow, count=80, period=0.6):
@@ -34,7 +34,7 @@ def test_recordings_of_an_animal_become_a_case(tmp_path, flow, unit):
     assert [name for name, c in conditions.items() if c.held_out] == ["rest_dob"]
     table = pd.read_csv(tmp_path / "case" / "measurements.csv")
     assert set(table.unit) == {unit}
-    network = read_json(tmp_path / "case" / "model.json")
+    network = read_network(tmp_path / "case" / "model.json")
     read_problem(network, tmp_path / "case" / "measurements.csv", conditions, "c", Settings())
 
 
@@ -70,7 +70,7 @@ def test_recordings_of_another_artery_in_other_units(tmp_path):
     one, two = (pd.read_csv(tmp_path / folder / "measurements.csv") for folder in ("one", "two"))
     assert set(two.location) == {"AORTA:lcx"}
     pd.testing.assert_frame_equal(one.drop(columns="location"), two.drop(columns="location"), rtol=1e-12)
-    one, two = (read_json(tmp_path / folder / "model.json") for folder in ("one", "two"))
+    one, two = (read_network(tmp_path / folder / "model.json") for folder in ("one", "two"))
     one, two = (network["boundary_conditions"][0]["bc_values"]["P"] for network in (one, two))
     assert two == pytest.approx(one, rel=1e-12)
 
@@ -151,7 +151,7 @@ def test_a_condition_called_na(tmp_path):
         recording(tmp_path, f"X1_{condition}", 30.0)
     prepare(tmp_path, "X1", tmp_path / "case")
     conditions = read_conditions(tmp_path / "case" / "conditions.yaml")
-    network = read_json(tmp_path / "case" / "model.json")
+    network = read_network(tmp_path / "case" / "model.json")
     problem = read_problem(network, tmp_path / "case" / "measurements.csv", conditions, "c", Settings())
     assert set(problem.condition) == {"baseline", "NA"}
 
@@ -200,7 +200,9 @@ def test_names_of_conditions_do_not_decide_what_the_model_is(tmp_path):
         prepare(tmp_path, animal, tmp_path / animal)
     recording(tmp_path, "X2_baseline", flows["a"])
     prepare(tmp_path, "X2", tmp_path / "X3")
-    one, two, three = (read_json(tmp_path / name / "model.json")["boundary_conditions"] for name in ("X1", "X2", "X3"))
+    one, two, three = (
+        read_network(tmp_path / name / "model.json")["boundary_conditions"] for name in ("X1", "X2", "X3")
+    )
     assert one == two
     assert one[1]["bc_values"]["Ra1"] / three[1]["bc_values"]["Ra1"] == pytest.approx(flows["a"] / flows["c"], rel=1e-3)
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
-from coronaryuq.core.io.atomic import read_json
 from coronaryuq.discrepancy.data.conditions import period_of, read_conditions, under
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
@@ -14,11 +13,12 @@ from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.stage import loop_conditions
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.library import effect
+from coronaryuq.zerod.network.read import read_network
 from support.hypotheses import assume
 
 
 def test_a_leaking_aortic_valve_is_written_and_read_back(shared, tmp_path):
-    network = read_json(shared / "data" / "svzerod-cases" / "closedLoopHeart_withCoronaries.json")
+    network = read_network(shared / "data" / "svzerod-cases" / "closedLoopHeart_withCoronaries.json")
     anatomy = Anatomy(network)
     place = anatomy.inlet(anatomy.roots[0])
     conditions = {one.name: one for one in loop_conditions()[:2]}
@@ -28,7 +28,7 @@ def test_a_leaking_aortic_valve_is_written_and_read_back(shared, tmp_path):
     z = np.append(np.zeros(len(forward.nuisances)), 1.0)
     repaired(forward, [leak], Fit(z, np.zeros(1), np.zeros((1, len(z))))).write(tmp_path)
     assert "CLH.Gao_leak: added, " in (tmp_path / "difference.txt").read_text()
-    again = read_json(tmp_path / "repaired.json")
+    again = read_network(tmp_path / "repaired.json")
     written = read_conditions(tmp_path / "conditions.yaml")
     read = make_problem(again, written, measured, Settings(steps_per_cycle=100)).forward
     expected = forward.predict(z, [leak])[0]
@@ -68,7 +68,7 @@ def test_measurements_go_with_the_repaired_network(tmp_path):
     assert all(f"\n  {old} -> {new}\n" in told for old, new in names.items())
     written = read_conditions(tmp_path / "conditions.yaml")
     files = tmp_path / "measurements.csv", written, tmp_path / "conditions.yaml"
-    again = read_problem(read_json(tmp_path / "repaired.json"), *files, Settings())
+    again = read_problem(read_network(tmp_path / "repaired.json"), *files, Settings())
     series = [(one.condition, one.quantity, names.get(one.location, one.location)) for one in measured]
     assert [(one.condition, one.quantity, one.location) for one in again.forward.measured] == series
     assert again.y == pytest.approx(expected, rel=1e-12)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
-from coronaryuq.core.io.atomic import read_json
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.hidden.detectability import least_trace
 from coronaryuq.discrepancy.hidden.make_case import hide
@@ -12,6 +11,7 @@ from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.read_problem import make_problem, read_problem
 from coronaryuq.discrepancy.inference.time_step_error import time_steps
 from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.zerod.network.read import read_network
 from support.hypotheses import assume
 
 
@@ -20,7 +20,7 @@ def problem(tmp_path_factory):
     """The open loop's problem with nothing hidden, nuisance parameters as in the model."""
     folder = tmp_path_factory.mktemp("nothing")
     hide(*open_loop(), assume(), np.zeros(0), 1.0, 1, folder, nuisance_spread=0.0)
-    conditions, network = read_conditions(folder / "conditions.yaml"), read_json(folder / "model.json")
+    conditions, network = read_conditions(folder / "conditions.yaml"), read_network(folder / "model.json")
     read = read_problem(network, folder / "measurements.csv", conditions, folder / "conditions.yaml", Settings())
     return make_problem(network, conditions, read.forward.measured, Settings())
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.core.units import BLOOD_DENSITY as DENSITY
 from coronaryuq.core.units import BLOOD_VISCOSITY as VISCOSITY
 from coronaryuq.flow3d.adapter import FlowModel
@@ -16,7 +17,7 @@ RESISTANCE = 8 * VISCOSITY * LENGTH / (np.pi * RADIUS**4)
 INERTANCE = DENSITY * LENGTH / (np.pi * RADIUS**2)
 
 
-def network(mean=1.5, swing=0.6) -> dict:
+def network(mean=1.5, swing=0.6) -> Network:
     times = np.linspace(0, PERIOD, 51)
     flow = mean + swing * np.sin(2 * np.pi * times / PERIOD)
 
@@ -35,23 +36,25 @@ def network(mean=1.5, swing=0.6) -> dict:
         return {"junction_name": f"J{number}", "junction_type": "NORMAL_JUNCTION", **ends}
 
     windkessel = {"Rp": 2000.0, "C": 1e-5, "Rd": 30000.0, "Pd": 0.0}
-    return {
-        "simulation_parameters": {
-            "number_of_cardiac_cycles": 3,
-            "number_of_time_pts_per_cardiac_cycle": 201,
-            "steady_initial": False,
-        },
-        "boundary_conditions": [
-            {"bc_name": "IN", "bc_type": "FLOW", "bc_values": {"t": times.tolist(), "Q": flow.tolist()}},
-            {"bc_name": "OUT", "bc_type": "RCR", "bc_values": windkessel},
-        ],
-        "vessels": [
-            vessel(0, "A", 10.0, 0.0, inlet="IN"),
-            vessel(1, "B", RESISTANCE, INERTANCE),
-            vessel(2, "C", 10.0, 0.0, outlet="OUT"),
-        ],
-        "junctions": [junction(0, 0, 1), junction(1, 1, 2)],
-    }
+    return Network(
+        {
+            "simulation_parameters": {
+                "number_of_cardiac_cycles": 3,
+                "number_of_time_pts_per_cardiac_cycle": 201,
+                "steady_initial": False,
+            },
+            "boundary_conditions": [
+                {"bc_name": "IN", "bc_type": "FLOW", "bc_values": {"t": times.tolist(), "Q": flow.tolist()}},
+                {"bc_name": "OUT", "bc_type": "RCR", "bc_values": windkessel},
+            ],
+            "vessels": [
+                vessel(0, "A", 10.0, 0.0, inlet="IN"),
+                vessel(1, "B", RESISTANCE, INERTANCE),
+                vessel(2, "C", 10.0, 0.0, outlet="OUT"),
+            ],
+            "junctions": [junction(0, 0, 1), junction(1, 1, 2)],
+        }
+    )
 
 
 def domain(rings=3, radius=RADIUS) -> Domain:

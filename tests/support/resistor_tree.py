@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from coronaryuq.case.network.network import Network
+
 
 @dataclass(frozen=True)
 class ResistorTree:
@@ -40,7 +42,7 @@ def targets_of(tree: ResistorTree, relative_sd: float = 0.2, seed: int = 1) -> t
     return mean, correlation * np.outer(deviation, deviation)
 
 
-def network_of(tree: ResistorTree) -> dict:
+def network_of(tree: ResistorTree) -> Network:
     """The same tree as a 0D network, with beds of capacitors that a steady flow fills and forgets."""
     beds = [
         {
@@ -61,7 +63,7 @@ def network_of(tree: ResistorTree) -> dict:
         }  # fmt: skip
 
     branches = [vessel(i + 1, f"v{i}", r, outlet=f"BC_{i}") for i, r in enumerate(tree.epicardial)]
-    return {
+    return Network({
         "simulation_parameters": {
             "number_of_cardiac_cycles": 5, "number_of_time_pts_per_cardiac_cycle": 21, "absolute_tolerance": 1e-9,
         },
@@ -71,4 +73,4 @@ def network_of(tree: ResistorTree) -> dict:
             "inlet_vessels": [0], "outlet_vessels": list(range(1, len(branches) + 1)),
         }],
         "vessels": [vessel(0, "root", tree.shared, inlet="AORTA"), *branches],
-    }  # fmt: skip
+    })  # fmt: skip

@@ -3,6 +3,7 @@
 import numpy as np
 
 from coronaryuq.case.network.build import HEART
+from coronaryuq.case.network.network import Network
 from coronaryuq.core.units import MMHG
 from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.data.measurements import Measured
@@ -32,41 +33,43 @@ def loop():
     """Heart, aorta, one systemic bed and two coronary beds behind vessels that store blood."""
     systemic = {"Rp": 0.1 * MMHG, "Rd": 1.1 * MMHG, "C": 0.6 / MMHG, "closed_loop_outlet": True}
     full = {"V_RA:CLH": 38.0, "V_RV:CLH": 96.0, "V_LA:CLH": 38.0, "V_LV:CLH": 96.0, "P_pul:CLH": 8.0 * MMHG}
-    return {
-        "simulation_parameters": {
-            "number_of_cardiac_cycles": 6,
-            "number_of_time_pts_per_cardiac_cycle": 401,
-            "steady_initial": False,
-        },
-        "vessels": [
-            vessel(0, "aorta", R_poiseuille=1.0, C=0.1 / MMHG),
-            vessel(1, "outlet", "BC_RCR1", R_poiseuille=1.0),
-            vessel(2, "lca1", "BC_lca1", R_poiseuille=500.0, C=1e-7),
-            vessel(3, "lca2", "BC_lca2", R_poiseuille=500.0, C=1e-7),
-        ],
-        "junctions": [
-            {
-                "junction_name": "J0",
-                "junction_type": "NORMAL_JUNCTION",
-                "inlet_vessels": [0],
-                "outlet_vessels": [1, 2, 3],
-            }
-        ],
-        "boundary_conditions": [
-            {"bc_name": "BC_RCR1", "bc_type": "ClosedLoopRCR", "bc_values": systemic},
-            bed("BC_lca1", 0.6),
-            bed("BC_lca2", 0.4),
-        ],
-        "closed_loop_blocks": [
-            {
-                "outlet_blocks": ["aorta"],
-                "closed_loop_type": "ClosedLoopHeartAndPulmonary",
-                "cardiac_cycle_period": 1.0,
-                "parameters": dict(HEART),
-            }
-        ],
-        "initial_condition": full | {"pressure_all": 70.0 * MMHG},
-    }
+    return Network(
+        {
+            "simulation_parameters": {
+                "number_of_cardiac_cycles": 6,
+                "number_of_time_pts_per_cardiac_cycle": 401,
+                "steady_initial": False,
+            },
+            "vessels": [
+                vessel(0, "aorta", R_poiseuille=1.0, C=0.1 / MMHG),
+                vessel(1, "outlet", "BC_RCR1", R_poiseuille=1.0),
+                vessel(2, "lca1", "BC_lca1", R_poiseuille=500.0, C=1e-7),
+                vessel(3, "lca2", "BC_lca2", R_poiseuille=500.0, C=1e-7),
+            ],
+            "junctions": [
+                {
+                    "junction_name": "J0",
+                    "junction_type": "NORMAL_JUNCTION",
+                    "inlet_vessels": [0],
+                    "outlet_vessels": [1, 2, 3],
+                }
+            ],
+            "boundary_conditions": [
+                {"bc_name": "BC_RCR1", "bc_type": "ClosedLoopRCR", "bc_values": systemic},
+                bed("BC_lca1", 0.6),
+                bed("BC_lca2", 0.4),
+            ],
+            "closed_loop_blocks": [
+                {
+                    "outlet_blocks": ["aorta"],
+                    "closed_loop_type": "ClosedLoopHeartAndPulmonary",
+                    "cardiac_cycle_period": 1.0,
+                    "parameters": dict(HEART),
+                }
+            ],
+            "initial_condition": full | {"pressure_all": 70.0 * MMHG},
+        }
+    )
 
 
 STENOSIS = placed("quadratic_stenosis", "lca1")

@@ -2,6 +2,8 @@
 
 import copy
 
+from coronaryuq.case.network.network import Network
+
 MMHG = 1333.22
 
 
@@ -16,16 +18,16 @@ def boundary(name: str, kind: str, **values):
 
 
 def network(vessels, boundaries, junctions=(), steps=100, cycles=5, **simulation):
-    return {
-        "simulation_parameters": {
+    return Network(
+        simulation_parameters={
             "number_of_cardiac_cycles": cycles,
             "number_of_time_pts_per_cardiac_cycle": steps + 1,
             **simulation,
         },
-        "vessels": list(vessels),
-        "boundary_conditions": list(boundaries),
-        "junctions": list(junctions),
-    }
+        vessels=list(vessels),
+        boundary_conditions=list(boundaries),
+        junctions=list(junctions),
+    )
 
 
 def pulse(mean: float = 5.0, amplitude: float = 2.0, points: int = 41) -> dict[str, list[float]]:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from coronaryuq.zerod.cardiac_function import MEASURES, measure, open_interval, turning_points, waveform_names
+from coronaryuq.zerod.network.read import read_network
 
 PERIOD = 0.8
 TIME = np.linspace(0.0, PERIOD, 801)
@@ -145,9 +146,8 @@ def test_ripples_below_the_prominence_do_not_count():
 
 
 def test_names_follow_the_network(shared):
-    import json
 
-    network = json.loads((shared / "data/closed-loop-22/svzerod_tuning_cgs.json").read_text())
+    network = read_network(shared / "data/closed-loop-22/svzerod_tuning_cgs.json")
     roles = waveform_names(network)
     assert len(roles["left_coronary"]) == 12 and len(roles["right_coronary"]) == 10 and len(roles["systemic"]) == 5
     assert roles["aortic_pressure"] == ["pressure:J_heart_outlet:aorta"]

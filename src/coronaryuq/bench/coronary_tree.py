@@ -4,7 +4,7 @@ import numpy as np
 
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel
 from coronaryuq.case.network.build import MURRAY_EXPONENT, Bed, Physics, network_from_tree
-from coronaryuq.zerod.network.read import Network
+from coronaryuq.case.network.network import Network
 
 LEFT, RIGHT = 12, 10
 """Outlets of the left and of the right coronary artery."""

@@ -12,11 +12,12 @@ from pathlib import Path
 import numpy as np
 
 from coronaryuq.bench.coronary_tree import synthetic_loop
+from coronaryuq.case.network.network import Network
 from coronaryuq.core import seeds
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.units import MMHG
 from coronaryuq.zerod.network.beds import beds, resistance_changes
-from coronaryuq.zerod.network.read import Network, check_network, copy_of, read_network, write_network
+from coronaryuq.zerod.network.read import check_network, read_network, write_network
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.solver.lanes import LANES
 from coronaryuq.zerod.svzerodsolver import program
@@ -68,7 +69,7 @@ def run(
     return {
         "network": name,
         "quick": quick,
-        "vessels": len(loop.get("vessels", [])),
+        "vessels": len(loop.vessels),
         "unknowns": len(engine.unknowns),
         "samples": samples,
         "steps_per_cycle": steps,
@@ -98,9 +99,9 @@ def _network(path: str | None) -> tuple[str, Network]:
     tree, heart = _SHARED / "closed-loop-22", _SHARED / "svzerod-cases" / "closedLoopHeart_withCoronaries.json"
     if not (tree.is_dir() and heart.exists()):
         return "synthetic loop with 22 coronary outlets", synthetic_loop()
-    network = read_json(tree / "svzerod_tuning_cgs.json")
-    published = read_network(heart)["closed_loop_blocks"][0]["parameters"]
-    network["closed_loop_blocks"][0]["parameters"] = {
+    network = Network(read_json(tree / "svzerod_tuning_cgs.json"))
+    published = read_network(heart).heart["parameters"]
+    network.heart["parameters"] = {
         name: _in_cgs(name, value) for name, value in published.items() if not name.startswith("_")
     }
     check_network(network, tree)
@@ -118,7 +119,7 @@ def _against_svzerod(engine: Engine, network: Network, cycles: int, steps: int, 
     """Return CPU time of svZeroDSolver for a sample, its ratio at periodic accuracy, and the largest difference."""
     if program.installed() is None:
         return None, None, None
-    brief = copy_of(network)
+    brief = network.deep_copy()
     brief["simulation_parameters"] |= {
         "number_of_cardiac_cycles": cycles,
         "number_of_time_pts_per_cardiac_cycle": steps + 1,

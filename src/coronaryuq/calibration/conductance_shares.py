@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from coronaryuq.case.case_json import CaseOutlet
 from coronaryuq.case.network.build import murray_shares
+from coronaryuq.case.network.network import Network
 
 RESISTANCES = ("Ra", "Ram", "Rv")
 COMPLIANCES = ("Ca", "Cim")
@@ -25,14 +26,14 @@ def shares(outlets: Sequence[CaseOutlet], flows: Mapping[str, float]) -> dict[st
     }
 
 
-def share_out(network: Mapping, wanted: Mapping[str, float]) -> None:
+def share_out(network: Network, wanted: Mapping[str, float]) -> None:
     """Change the coronary beds of `network` in place to the wanted shares of conductance (boundary condition → share).
 
     The parallel resistance of all beds and the total of each compliance are preserved, and so are, within a bed, the
     proportions of Ra, Ram and Rv; compliances are proportional to conductance, so that every bed has the same time
     constants.
     """
-    beds = {bc["bc_name"]: bc["bc_values"] for bc in network["boundary_conditions"] if bc["bc_name"] in wanted}
+    beds = {bc["bc_name"]: bc["bc_values"] for bc in network.boundary_conditions if bc["bc_name"] in wanted}
     totals = {name: sum(values[member] for member in RESISTANCES) for name, values in beds.items()}
     conductance = sum(1.0 / total for total in totals.values())
     compliances = {member: sum(values[member] for values in beds.values()) for member in COMPLIANCES}

@@ -6,8 +6,8 @@ import numpy as np
 
 from coronaryuq.calibration import parameters
 from coronaryuq.calibration.loop import Loop
+from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.network.beds import beds
-from coronaryuq.zerod.network.read import Network
 
 ARTERIAL, VENOUS = parameters.NAMES.index("R_cor"), parameters.NAMES.index("Rv_cor")
 STEP = 0.05

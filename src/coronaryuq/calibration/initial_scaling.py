@@ -4,8 +4,8 @@ import copy
 from collections.abc import Mapping
 
 from coronaryuq.calibration.parameters import BY_NAME, CORONARY, LEFT, RIGHT, SYSTEMIC
+from coronaryuq.case.network.network import Network
 from coronaryuq.core.units import MMHG
-from coronaryuq.zerod.network.read import Network
 
 RIGHT_ATRIAL_PRESSURE = 5.0
 """mmHg, if no target gives it."""
@@ -32,7 +32,7 @@ def scaled(network: Network, targets: Mapping[str, float], period: float) -> Net
     _scale_resistance(network, (SYSTEMIC,), ("Rp", "Rd"), drop / (output * (1.0 - split)))
     _scale_resistance(network, CORONARY, ("Ra", "Ram", "Rv"), drop / (output * split))
     pulse = (targets["PaoMax"] - targets["PaoMin"]) * MMHG if {"PaoMax", "PaoMin"} <= targets.keys() else 0.5 * drop
-    vessels = sum(vessel["zero_d_element_values"].get("C", 0.0) for vessel in network["vessels"])
+    vessels = sum(vessel["zero_d_element_values"].get("C", 0.0) for vessel in network.vessels)
     total = 0.9 * targets["AbsQin"] / pulse
     aorta = BY_NAME["Cpa"].initial / MMHG
     _scale_compliance(network, (SYSTEMIC,), "C", max(total - vessels - aorta, PERIPHERAL_SHARE * total))
@@ -57,7 +57,7 @@ def _initial_condition(targets: Mapping[str, float]) -> dict[str, float]:
 
 
 def _beds(network: Network, kinds: tuple[str, ...]) -> list[dict]:
-    return [bc["bc_values"] for bc in network["boundary_conditions"] if bc["bc_type"] in kinds]
+    return [bc["bc_values"] for bc in network.boundary_conditions if bc["bc_type"] in kinds]
 
 
 def _parallel(beds: list[dict], members: tuple[str, ...]) -> float:

@@ -7,8 +7,9 @@ import numpy as np
 
 from coronaryuq.calibration import parameters
 from coronaryuq.calibration.targets import in_own_units
+from coronaryuq.case.network.network import Network
+from coronaryuq.case.network.topology import Topology
 from coronaryuq.zerod.cardiac_function import measure, waveform_names
-from coronaryuq.zerod.network.read import Network
 from coronaryuq.zerod.solver.blood_volume import BloodVolume
 from coronaryuq.zerod.solver.engine import Engine
 
@@ -61,7 +62,7 @@ class Loop:
 
     def bed_flows(self, beds: Sequence[str]) -> list[str]:
         """Return the 0D names of the flow into each bed."""
-        feeding = {v.get("boundary_conditions", {}).get("outlet"): v["vessel_name"] for v in self.network["vessels"]}
+        feeding = Topology(self.network).vessel_of
         return [f"flow:{feeding[bed]}:{bed}" for bed in beds]
 
     def evaluate(

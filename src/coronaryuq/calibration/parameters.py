@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from coronaryuq.case.network.network import HEART, Network
 from coronaryuq.core.units import MMHG
-from coronaryuq.zerod.network.read import HEART, Network
 
 FACTORS = {
     "1": 1.0,
@@ -147,7 +147,7 @@ def changes(points: np.ndarray, network: Network) -> dict[str, np.ndarray]:
         if parameter.heart is not None:
             changed[f"{HEART}.{parameter.heart}"] = by_name[parameter.name] * FACTORS[parameter.unit]
         for member, kinds in parameter.beds:
-            for bc in network["boundary_conditions"]:
+            for bc in network.boundary_conditions:
                 if bc["bc_type"] in kinds:
                     changed[f"{bc['bc_name']}.{member}"] = by_name[parameter.name] * bc["bc_values"][member]
     return changed

@@ -9,13 +9,14 @@ from coronaryuq.calibration.settings import Settings
 from coronaryuq.calibration.targets import read_targets
 from coronaryuq.calibration.tuning import Goal, Tuned, tune_loop
 from coronaryuq.case.case_json import CaseSummary, read_case
+from coronaryuq.case.network.network import Network
 from coronaryuq.case.network.units import to_cgs
 from coronaryuq.case.tables.targets import checked
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.perfusion.targets import PerfusionTargets, read_perfusion_targets
 from coronaryuq.zerod.network.beds import HYPERAEMIA, beds
-from coronaryuq.zerod.network.read import Network, read_network, write_network
+from coronaryuq.zerod.network.read import read_network, write_network
 
 NEEDED = ("PaoMean", "AbsQin")
 

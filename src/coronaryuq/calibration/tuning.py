@@ -13,9 +13,9 @@ from coronaryuq.calibration.loop import Evaluation, Loop
 from coronaryuq.calibration.search import Report, Search, Start
 from coronaryuq.calibration.settings import Settings
 from coronaryuq.calibration.targets import TARGETS, misfits
+from coronaryuq.case.network.network import Network
 from coronaryuq.core.units import ML_PER_MIN
 from coronaryuq.zerod.network.changes import with_changes
-from coronaryuq.zerod.network.read import Network
 
 RESERVE_TOLERANCE = 0.05
 """Relative; of the hyperaemic total, for its misfit in fit.csv."""
@@ -52,7 +52,7 @@ def tune_loop(
 ) -> Tuned:
     """Tune a CGS network. Results depend on the seed, not on `threads`; `report` gets lines of progress."""
     targets, reserve = goal.targets, goal.reserve
-    period = network["closed_loop_blocks"][0]["cardiac_cycle_period"]
+    period = network.heart["cardiac_cycle_period"]
     network = scaled(network, targets, period)
     if goal.shares is not None:
         conductance_shares.share_out(network, goal.shares)

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -12,8 +11,9 @@ from coronaryuq.case.anatomy.tree import Stenosis, Tree, area_ratio
 from coronaryuq.case.case_json import AnatomySource, Aorta, CaseOutlet, CaseStenosis, CaseSummary, TargetValue
 from coronaryuq.case.description.fields import Description, read_description
 from coronaryuq.case.network.build import Bed, Physics, network_from_tree, segments
+from coronaryuq.case.network.network import Network
 from coronaryuq.case.network.schematic import radius_from_inertance, schematic_tree
-from coronaryuq.case.network.topology import CORONARY, SYSTEMIC, Graph, graph_of
+from coronaryuq.case.network.topology import CORONARY, SYSTEMIC, Topology, closed_loop_tree
 from coronaryuq.case.network.units import to_cgs
 from coronaryuq.case.perfusion.perfusion_map import Wall, check_place, read_wall
 from coronaryuq.case.perfusion.territories import wall_of_territories
@@ -37,8 +37,8 @@ class AssembledCase:
     description: Description
     tree: Tree
     stenoses: list[Stenosis]
-    network: dict[str, Any]
-    graph: Graph
+    network: Network
+    topology: Topology
     summary: CaseSummary
     wall: Wall
 
@@ -57,7 +57,7 @@ def assemble(case_yaml: str | Path, settings: Settings) -> AssembledCase:
     rows = read_outlets(folder / description.outlets)
     targets = read_case_targets(folder / description.targets) if description.targets else {}
     given = _given_network(folder, description)
-    period = description.period or (given[1].period if given else DEFAULT_PERIOD)
+    period = description.period or (_period(given[0]) if given else DEFAULT_PERIOD)
     notes: tuple[str, ...] = ()
     tree: Tree | None = None
     placed: Placed | None = None
@@ -72,19 +72,19 @@ def assemble(case_yaml: str | Path, settings: Settings) -> AssembledCase:
         assert tree is not None and placed is not None  # a description has an anatomy, a network, or both
         physics = _physics(description, settings, targets, period)
         network = _built_network(path, tree, placed, stenoses, physics)
-        graph = graph_of(network, path)
+        topology = closed_loop_tree(network, path)
     else:
-        network, graph, unit = given
-        network["closed_loop_blocks"][0]["cardiac_cycle_period"] = period
-        _match(path, folder / description.outlets, description, rows, graph)
+        network, topology, unit = given
+        network.heart["cardiac_cycle_period"] = period
+        _match(path, folder / description.outlets, description, rows, topology)
         if tree is None:
             if description.perfusion is not None:
                 _require_points(folder / description.outlets, rows)
-            tree = schematic_tree(graph, description.density, {row.bc: row.branch for row in rows})
+            tree = schematic_tree(topology, description.density, {row.bc: row.branch for row in rows})
             notes = ("no anatomy: tree.vtp is a schematic of the network; only its lengths and radii are real",)
         if unit != "cgs":
             notes += (f"{description.network}: pressures in {unit}, converted to dyn/cm2",)
-    outlets = _outlets(rows, placed, tree, graph)
+    outlets = _outlets(rows, placed, tree, topology)
     if description.perfusion is not None:
         wall = read_wall(path, description.perfusion, description.tissue_density, settings.wall_cells)
         notes += check_place(path, description.perfusion, wall, outlets)
@@ -103,25 +103,29 @@ def assemble(case_yaml: str | Path, settings: Settings) -> AssembledCase:
         tissue_density=description.tissue_density,
         schematic=anatomy is None,
         anatomy=None if anatomy is None else AnatomySource(kind=anatomy.kind, unit=anatomy.unit),
-        aorta=Aorta(pressure=graph.inlet(graph.root)),
+        aorta=Aorta(pressure=topology.inlet(topology.roots[0])),
         outlets=outlets,
-        systemic=[bc for bc in graph.bc.values() if graph.types[bc] == SYSTEMIC],
-        stenoses=_stenoses(path, description, tree, stenoses, graph, outlets),
+        systemic=[bc for bc in topology.vessel_of if topology.kind(bc) == SYSTEMIC],
+        stenoses=_stenoses(path, description, tree, stenoses, topology, outlets),
         targets=targets,
         notes=[*notes, *wall.notes],
     )
-    return AssembledCase(description, tree, stenoses, network, graph, summary, wall)
+    return AssembledCase(description, tree, stenoses, network, topology, summary, wall)
 
 
-def _given_network(folder: Path, description: Description) -> tuple[dict, Graph, str] | None:
+def _given_network(folder: Path, description: Description) -> tuple[Network, Topology, str] | None:
     """Return the case's own network in CGS, its topology, and its original pressure unit."""
     if description.network is None:
         return None
     path = folder / description.network
     given = read_json(path)
-    graph_of(given, path)
-    network, unit = to_cgs(given, description.network_units, path)
-    return network, graph_of(network, path), unit
+    closed_loop_tree(given, path)
+    network, unit = to_cgs(Network(given), description.network_units, path)
+    return network, closed_loop_tree(network, path), unit
+
+
+def _period(network: Network) -> float:
+    return float(network.heart.get("cardiac_cycle_period") or 1.0)
 
 
 def _physics(
@@ -147,7 +151,7 @@ def _physics(
     )
 
 
-def _built_network(path: Path, tree: Tree, placed: Placed, stenoses: list[Stenosis], physics: Physics) -> dict:
+def _built_network(path: Path, tree: Tree, placed: Placed, stenoses: list[Stenosis], physics: Physics) -> Network:
     beds = [Bed(row.bc, placed.vessels[row.name], row.branch == "RCA") for row in placed.rows]
     try:
         return network_from_tree(tree, beds, placed.systemic, stenoses, physics)
@@ -155,10 +159,10 @@ def _built_network(path: Path, tree: Tree, placed: Placed, stenoses: list[Stenos
         raise InputError(path, "anatomy", None, str(error)) from None
 
 
-def _match(path: Path, table: Path, description: Description, rows: list[OutletRow], graph: Graph) -> None:
+def _match(path: Path, table: Path, description: Description, rows: list[OutletRow], topology: Topology) -> None:
     """Check that the outlets table and the given network have the same coronary beds."""
     network = description.network
-    coronary = {bc: CORONARY[graph.types[bc]] for bc in graph.bc.values() if graph.types[bc] in CORONARY}
+    coronary = {bc: CORONARY[topology.kind(bc)] for bc in topology.vessel_of if topology.kind(bc) in CORONARY}
     for row in rows:
         if row.bc not in coronary:
             raise InputError(table, "bc", row.bc, f"{network} has no such coronary bed; it has {', '.join(coronary)}")
@@ -169,7 +173,7 @@ def _match(path: Path, table: Path, description: Description, rows: list[OutletR
         if bc not in {row.bc for row in rows}:
             raise InputError(table, "bc", bc, f"missing; {network} has this coronary bed")
     for outlet in description.systemic_outlets:
-        if graph.types.get(outlet.name) != SYSTEMIC:
+        if outlet.name not in topology.blocks or topology.kind(outlet.name) != SYSTEMIC:
             raise InputError(path, "systemic_outlets.name", outlet.name, f"{network} has no {SYSTEMIC} of this name")
 
 
@@ -181,10 +185,10 @@ def _require_points(table: Path, rows: list[OutletRow]) -> None:
             )
 
 
-def _outlets(rows: list[OutletRow], placed: Placed | None, tree: Tree, graph: Graph) -> list[CaseOutlet]:
+def _outlets(rows: list[OutletRow], placed: Placed | None, tree: Tree, topology: Topology) -> list[CaseOutlet]:
     entries = []
     for row in rows:
-        block = graph.at(row.bc)
+        block = topology.vessel_of[row.bc]
         vessel = tree[block if placed is None else placed.vessels[row.name]]
         end = vessel.points[-1] if placed is not None or row.point is None else row.point
         entries.append(
@@ -208,7 +212,7 @@ def _stenoses(
     description: Description,
     tree: Tree,
     stenoses: list[Stenosis],
-    graph: Graph,
+    topology: Topology,
     outlets: list[CaseOutlet],
 ) -> list[CaseStenosis]:
     built = {} if description.network is not None else {p.stenosis: p.name for p in segments(tree, stenoses)}
@@ -219,16 +223,16 @@ def _stenoses(
         if name not in by_name and name not in blocks:
             continue
         block = built.get(name) or blocks.get(name)
-        if block is None or block not in graph.children:
+        if block is None or block not in topology.vessels:
             raise InputError(path, f"stenoses.{name}.block", block, "not a vessel of the given network")
-        fed = {outlet.branch for outlet in outlets if outlet.bc in graph.beds(block)}
+        fed = {outlet.branch for outlet in outlets if outlet.bc in topology.outlets_below(block)}
         if name not in fed:
             remedy = f"feeds {', '.join(sorted(fed)) or 'no coronary outlet'}; wanted a vessel towards the {name}"
             raise InputError(path, f"stenoses.{name}.block", block, remedy)
-        children = graph.children[block]
+        parents, children = topology.parents(block), topology.children(block)
         stenosis = by_name.get(name)
         if stenosis is None:
-            ratio = _area_ratio(graph, block, description.density)
+            ratio = _area_ratio(topology, block, description.density)
         else:
             ratio = area_ratio(tree, stenosis)
         result.append(
@@ -236,43 +240,43 @@ def _stenoses(
                 name=name,
                 vessel=stenosis.vessel if stenosis else block,
                 segment=block,
-                proximal=graph.parent[block],
+                proximal=parents[0] if parents else None,
                 distal=children[0] if children else None,
                 area_ratio=ratio,
                 start=stenosis.start if stenosis else None,
                 end=stenosis.end if stenosis else None,
-                ffr=graph.outlet(block),
-                flow=graph.inlet(block),
-                root=graph.inlet(_branch_root(graph, block, name, outlets)),
-                outlet=_main_outlet(graph, block, name, outlets),
+                ffr=topology.outlet(block),
+                flow=topology.inlet(block),
+                root=topology.inlet(_branch_root(topology, block, name, outlets)),
+                outlet=_main_outlet(topology, block, name, outlets),
             )
         )
     return result
 
 
-def _area_ratio(graph: Graph, block: str, density: float, loss: float = 1.52) -> float | None:
+def _area_ratio(topology: Topology, block: str, density: float, loss: float = 1.52) -> float | None:
     """Return A_s/A_0 of a 0D vessel, from its stenosis coefficient and the area that its inertance implies."""
-    radius = radius_from_inertance(graph, block, density)
-    coefficient = float(graph.values[block].get("stenosis_coefficient") or 0.0)
+    radius = radius_from_inertance(topology, block, density)
+    coefficient = float(topology.network.vessel_values(block).get("stenosis_coefficient") or 0.0)
     if coefficient <= 0 or radius is None:
         return None
     area = np.pi * radius**2
     return float(1 / (1 + np.sqrt(2 * coefficient * area**2 / (loss * density))))
 
 
-def _branch_root(graph: Graph, block: str, branch: str, outlets: list[CaseOutlet]) -> str:
+def _branch_root(topology: Topology, block: str, branch: str, outlets: list[CaseOutlet]) -> str:
     """Return the first vessel towards `block` that feeds only outlets of that branch."""
     of_branch = {outlet.bc for outlet in outlets if outlet.branch == branch}
-    return next((v for v in graph.path(block) if set(graph.beds(v)) <= of_branch), block)
+    return next((v for v in topology.path(block) if set(topology.outlets_below(v)) <= of_branch), block)
 
 
-def _main_outlet(graph: Graph, block: str, branch: str, outlets: list[CaseOutlet]) -> str:
+def _main_outlet(topology: Topology, block: str, branch: str, outlets: list[CaseOutlet]) -> str:
     """Return the artery's own end behind the stenosis: the one labelled as the artery, else the farthest."""
-    fed = [outlet for outlet in outlets if outlet.bc in graph.beds(block)]
+    fed = [outlet for outlet in outlets if outlet.bc in topology.outlets_below(block)]
     candidates = [outlet for outlet in fed if outlet.perfuses == "LV"] or fed
 
     def distance(outlet: CaseOutlet) -> float:
-        path = graph.path(outlet.block)
-        return sum(graph.lengths[v] for v in path[path.index(block) :])
+        path = topology.path(outlet.block)
+        return sum(topology.length(v) for v in path[path.index(block) :])
 
     return max(candidates, key=lambda outlet: (outlet.label in MAIN_LABELS[branch], distance(outlet))).bc

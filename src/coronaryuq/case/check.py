@@ -29,7 +29,7 @@ def _summary(case: AssembledCase) -> list[str]:
     perfuses = Counter(outlet.perfuses for outlet in summary.outlets)
     lines = [
         f"case {summary.name}: period {summary.period:.3g} s, blood {summary.density:g} g/cm3, {summary.viscosity:g} P",
-        f"network: {len(case.graph.children)} vessels, {len(summary.outlets)} coronary outlets ("
+        f"network: {len(case.network.vessels)} vessels, {len(summary.outlets)} coronary outlets ("
         + ", ".join(f"{n} {kind}" for kind, n in sorted(perfuses.items()))
         + f"), {len(summary.systemic)} systemic",
         f"left ventricle: {wall.mesh.n_cells} cells, {wall.volume:.1f} mL of wall, {flow / ML_PER_MIN:.0f} mL/min, "

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.core.io.tables import read_csv, write_csv
@@ -71,7 +72,7 @@ def loop_conditions() -> list[Condition]:
     ]
 
 
-def plan_of(network: dict) -> make_case.Plan:
+def plan_of(network: Network) -> make_case.Plan:
     """What a catheter laboratory and a perfusion scan would measure on any network."""
     anatomy = Anatomy(network)
     beds = anatomy.beds

@@ -94,7 +94,7 @@ def truth(patient: Patient) -> dict:
     return {
         "name": patient.settings.name,
         "settings": patient.settings.model_dump(),
-        "heart": rest.network["closed_loop_blocks"][0]["parameters"],
+        "heart": rest.network.heart["parameters"],
         "distal_resistance": distal_resistances(hyperaemia.network),
         "territory_mass": patient.masses,
         "lv_beds": [bed_name(o.vessel) for o in patient.anatomy.outlets if o.perfuses == "LV"],

@@ -1,6 +1,5 @@
 """The bundled patient's ground truth: a closed loop at rest and under hyperaemia, and the perfusion that it makes."""
 
-import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -8,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from coronaryuq.case.network.build import Bed, Physics, murray_shares, network_from_tree, segments
+from coronaryuq.case.network.network import Network
+from coronaryuq.case.network.topology import Topology
 from coronaryuq.core import seeds
 from coronaryuq.core.units import MBF_PER_MIN_PER_G, MMHG, TISSUE_DENSITY
 from coronaryuq.synthetic.anatomy import Anatomy, patient_anatomy
@@ -16,7 +17,6 @@ from coronaryuq.synthetic.settings import Settings
 from coronaryuq.zerod.cardiac_function import measure, waveform_names
 from coronaryuq.zerod.network.beds import resistance_changes
 from coronaryuq.zerod.network.changes import with_changes
-from coronaryuq.zerod.network.read import Network
 from coronaryuq.zerod.solver.blood_volume import BloodVolume
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.solver.result import Result
@@ -53,7 +53,7 @@ STEPS, PERIODIC = 500, 1e-4
 class State:
     """The loop in one condition: network (periodic initial state), mean flow per bed, FFR, measures; all CGS."""
 
-    network: dict
+    network: Network
     flows: dict[str, float]
     ffr: dict[str, float]
     measures: dict[str, float]
@@ -105,11 +105,8 @@ class _Loop:
         self.blood = BloodVolume(self.engine.model)
         self.right_atrium = self.engine.model.index[RIGHT_ATRIUM]
         self.roles = waveform_names(self.network)
-        self.beds = {
-            vessel["boundary_conditions"]["outlet"]: vessel["vessel_name"]
-            for vessel in self.network["vessels"]
-            if vessel.get("boundary_conditions", {}).get("outlet", SYSTEMIC) != SYSTEMIC
-        }
+        ends = Topology(self.network).vessel_of
+        self.beds = {bed: vessel for bed, vessel in ends.items() if bed != SYSTEMIC}
         narrow = {part.stenosis: part.name for part in segments(anatomy.tree, anatomy.stenoses) if part.stenosis}
         self.distal = {
             artery: next(name for name in self.engine.unknowns if name.startswith(f"pressure:{vessel}:"))
@@ -139,7 +136,7 @@ class _Loop:
             rest.state[:, self.right_atrium] -= FILLING * np.log(stroke)
         raise RuntimeError("the bundled patient's loop does not settle; its settings contradict one another")
 
-    def _run(self, network: Mapping, before: Result | None) -> Result:
+    def _run(self, network: Network, before: Result | None) -> Result:
         waves = [name for names in self.roles.values() for name in names]
         means = [f"mean_{name}" for name in [*self._flow_names().values(), *self.distal.values()]]
         result = self.engine.run(
@@ -161,7 +158,7 @@ class _Loop:
     def _flow(self, result: Result, bed: str) -> float:
         return float(result.values[f"mean_{self._flow_names()[bed]}"][0])
 
-    def _blood(self, network: Mapping, result: Result) -> np.ndarray:
+    def _blood(self, network: Network, result: Result) -> np.ndarray:
         return self.blood.of(result.state, bed_values(network))
 
     def _measures(self, result: Result) -> dict[str, float]:
@@ -169,7 +166,7 @@ class _Loop:
         return {name: float(value[0]) for name, value in measure(result.time, waves).items()}
 
     def _state(self, network: Network, result: Result) -> State:
-        network = copy.deepcopy(network)
+        network = network.deep_copy()
         network["initial_condition"] = {
             name: float(value) for name, value in zip(self.engine.unknowns, result.state[0], strict=False)
         }
@@ -201,7 +198,7 @@ def _network(anatomy: Anatomy, masses: Mapping[str, float], settings: Settings, 
     weights = {name: masses.get(name, 0.0) * c * d for name, c, d in zip(names, chance, disease, strict=True)}
     together = sum(share for name, share in zip(names, by_radius, strict=True) if name in masses)
     total = physics.pressure / (physics.cardiac_output * physics.coronary_share)
-    for bc in network["boundary_conditions"]:
+    for bc in network.boundary_conditions:
         values = bc["bc_values"]
         if bc["bc_name"] == SYSTEMIC:
             values["C"] = SYSTEMIC_COMPLIANCE
@@ -218,9 +215,9 @@ def _network(anatomy: Anatomy, masses: Mapping[str, float], settings: Settings, 
     return network
 
 
-def _scale(network: dict, systemic: float, coronary: float) -> None:
+def _scale(network: Network, systemic: float, coronary: float) -> None:
     """Multiply total resistances in place; a coronary bed keeps its time constants."""
-    for bc in network["boundary_conditions"]:
+    for bc in network.boundary_conditions:
         values = bc["bc_values"]
         if bc["bc_name"] == SYSTEMIC:
             values["Rp"], values["Rd"] = values["Rp"] * systemic, values["Rd"] * systemic
@@ -237,11 +234,11 @@ def hyperaemic(network: Network, scale: float) -> Network:
     return with_changes(network, {name: float(value) for name, value in changes.items()})
 
 
-def bed_values(network: Mapping) -> dict[str, float]:
+def bed_values(network: Network) -> dict[str, float]:
     """All bed parameters as engine changes."""
     return {
         f"{bc['bc_name']}.{member}": value
-        for bc in network["boundary_conditions"]
+        for bc in network.boundary_conditions
         for member, value in bc["bc_values"].items()
         if not isinstance(value, bool)
     }

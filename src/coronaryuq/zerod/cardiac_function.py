@@ -12,6 +12,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from coronaryuq.case.network.network import Network
+from coronaryuq.case.network.topology import Topology
+
 VALVE_OPEN = 0.01
 """A valve counts as open while its flow exceeds this fraction of its peak."""
 
@@ -34,7 +37,7 @@ MEASURES = (
 )  # fmt: skip
 
 
-def waveform_names(network: Mapping) -> dict[str, list[str]]:
+def waveform_names(network: Network) -> dict[str, list[str]]:
     """0D names that each role needs, as svZeroDSolver writes them; a role's waveform is the sum over its names.
 
     Roles: `aortic_pressure`, `aortic_flow`, `right_atrial_pressure`, `pulmonary_pressure`, `lv_volume`, `aortic_valve`,
@@ -42,7 +45,7 @@ def waveform_names(network: Mapping) -> dict[str, list[str]]:
     flow that enters the beds of that type (ClosedLoopCoronaryLeft, ClosedLoopCoronaryRight), `systemic` that of the
     closed-loop RCRs.
     """
-    outlets = network["closed_loop_blocks"][0]["outlet_blocks"]
+    topology, outlets = Topology(network), network.heart["outlet_blocks"]
     roles = {
         "aortic_pressure": [f"pressure:J_heart_outlet:{outlets[0]}"],
         "aortic_flow": [f"flow:J_heart_outlet:{outlet}" for outlet in outlets],
@@ -53,12 +56,10 @@ def waveform_names(network: Mapping) -> dict[str, list[str]]:
         "mitral_valve": ["Q_LA:CLH"],
         "pulmonary_valve": ["Q_RV:CLH"],
     }
-    kinds = {bc["bc_name"]: bc["bc_type"] for bc in network["boundary_conditions"]}
-    feeding = {vessel["boundary_conditions"]["outlet"]: vessel["vessel_name"]
-               for vessel in network["vessels"] if "outlet" in vessel.get("boundary_conditions", {})}  # fmt: skip
     for role, kind in (("left_coronary", "ClosedLoopCoronaryLeft"), ("right_coronary", "ClosedLoopCoronaryRight"),
                        ("systemic", "ClosedLoopRCR")):  # fmt: skip
-        roles[role] = [f"flow:{feeding[bc]}:{bc}" for bc in kinds if kinds[bc] == kind and bc in feeding]
+        ends = [topology.vessel_of.get(bed) for bed in topology.blocks if topology.kind(bed) == kind]
+        roles[role] = [f"flow:{topology.outlet(vessel)}" for vessel in ends if vessel is not None]
     return roles
 
 

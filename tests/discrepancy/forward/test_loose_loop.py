@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from coronaryuq.core.io.atomic import read_json
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.inference.read_problem import make_problem
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.stage import loop_conditions
 from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.solver.engine import Engine
 
 
 def test_a_loop_that_settles_loosely_is_examined(shared):
-    network = read_json(shared / "data" / "svzerod-cases" / "closedLoopHeart_withCoronaries.json")
+    network = read_network(shared / "data" / "svzerod-cases" / "closedLoopHeart_withCoronaries.json")
     network["closed_loop_blocks"][0]["parameters"]["tpwave"] *= 1.1217391304347826
     anatomy = Anatomy(network)
     place = anatomy.inlet(anatomy.roots[0])
@@ -32,6 +32,6 @@ def test_a_loop_that_settles_loosely_is_examined(shared):
 
 
 def test_patience_changes_no_run_that_settles(shared):
-    engine = Engine(read_json(shared / "data" / "svzerod-cases" / "closedLoopHeart_withCoronaries.json"))
+    engine = Engine(read_network(shared / "data" / "svzerod-cases" / "closedLoopHeart_withCoronaries.json"))
     plain, patient = (engine.run(periodic=True, steps_per_cycle=100, patience=n) for n in (None, 6))
     assert plain.ok[0] and patient.cycles[0] == plain.cycles[0] and (patient.state == plain.state).all()

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from coronaryuq.bench.discrepancy.benchmark import Case, hide
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
-from coronaryuq.core.io.atomic import read_json
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.noise import (
@@ -25,6 +24,7 @@ from coronaryuq.discrepancy.inference.read_problem import read_problem
 from coronaryuq.discrepancy.result.summary_text import paragraph
 from coronaryuq.discrepancy.selection.search import discover
 from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.zerod.network.read import read_network
 from support.series_problem import series_problem, waveform
 
 SAMPLES, SERIES, PERIOD = 40, 6, 0.8
@@ -122,7 +122,7 @@ def test_larger_noise_has_no_shapes():
 
 def searched(folder, settings=None):
     conditions = read_conditions(folder / "conditions.yaml")
-    files = read_json(folder / "model.json"), folder / "measurements.csv"
+    files = read_network(folder / "model.json"), folder / "measurements.csv"
     problem = read_problem(*files, conditions, folder / "conditions.yaml", settings or Settings())
     return discover(problem, 1)
 

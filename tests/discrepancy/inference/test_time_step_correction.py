@@ -7,12 +7,12 @@ import pytest
 
 from coronaryuq.bench.discrepancy.benchmark import Case, hide
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
-from coronaryuq.core.io.atomic import read_json
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.inference.read_problem import read_problem, with_time_steps
 from coronaryuq.discrepancy.inference.time_step_error import FINER
 from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.zerod.network.read import read_network
 from support.hypotheses import assume
 from support.small_loop import fresh
 
@@ -31,7 +31,7 @@ def folder(tmp_path_factory):
 def problem(folder, steps):
     conditions = read_conditions(folder / "conditions.yaml")
     settings = Settings(steps_per_cycle=steps)
-    return read_problem(read_json(folder / "model.json"), folder / "measurements.csv", conditions, "c", settings)
+    return read_problem(read_network(folder / "model.json"), folder / "measurements.csv", conditions, "c", settings)
 
 
 def with_store(folder):

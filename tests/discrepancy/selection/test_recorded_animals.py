@@ -5,12 +5,12 @@ from pathlib import Path
 import pytest
 import yaml
 
-from coronaryuq.core.io.atomic import read_json
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.data.recordings import prepare
 from coronaryuq.discrepancy.inference.read_problem import read_problem
 from coronaryuq.discrepancy.selection.search import discover
 from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.zerod.network.read import read_network
 
 RECORDINGS = Path(__file__).parents[3] / "shared" / "data" / "perfused-heart"
 pytestmark = pytest.mark.skipif(not RECORDINGS.is_dir(), reason=f"{RECORDINGS} is not there")
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(not RECORDINGS.is_dir(), reason=f"{RECORDINGS} i
 
 def searched(folder):
     conditions = folder / "conditions.yaml"
-    files = read_json(folder / "model.json"), folder / "measurements.csv"
+    files = read_network(folder / "model.json"), folder / "measurements.csv"
     return discover(read_problem(*files, read_conditions(conditions), conditions, Settings()), 1)
 
 

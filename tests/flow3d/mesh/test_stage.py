@@ -15,7 +15,7 @@ from coronaryuq.flow3d.mesh.geometry import paths
 from coronaryuq.flow3d.mesh.settings import Settings
 from coronaryuq.flow3d.mesh.stage import make_mesh, mesh_tree
 from coronaryuq.zerod.network.numbering import Model
-from coronaryuq.zerod.network.read import check_network, copy_of
+from coronaryuq.zerod.network.read import check_network
 from coronaryuq.zerod.solver.engine import Engine
 from support.case_files import write_case_json
 from support.random_trees import network_of, random_tree, tube
@@ -213,7 +213,7 @@ def _inside(network, mesh) -> dict:
 
 def test_a_network_with_other_names_is_rejected(stenosed):
     _, _, tree, stenoses, network = stenosed
-    other = copy_of(network)
+    other = network.deep_copy()
     for vessel in other["vessels"]:
         vessel["vessel_name"] += "_x"
     with pytest.raises(InputError, match="same names"):

@@ -20,7 +20,6 @@ from coronaryuq.flow3d.simvascular.program import RunFailed, execute
 from coronaryuq.flow3d.simvascular.svmultiphysics import SvMultiPhysics
 from coronaryuq.flow3d.simvascular.svsolver import SvSolver
 from coronaryuq.flow3d.stage import run_batch
-from coronaryuq.zerod.network.read import copy_of
 from support.sv_case import batch_of, make_case
 
 SAMPLE = Sample("s1", 0, {"R_cor_scaling": 1.0})
@@ -77,7 +76,7 @@ def test_a_missing_program_gives_a_failed_record(case, tmp_path):
 
 
 def test_a_sample_without_a_periodic_state_gives_a_failed_record(case, tmp_path):
-    network = copy_of(case.network)
+    network = case.network.deep_copy()
     network["closed_loop_blocks"][0]["parameters"]["Elv_s"] = -1e9
     record = SvSolver(replace(case, network=network)).run_sample(SAMPLE, tmp_path / "run")
     assert not record.ok

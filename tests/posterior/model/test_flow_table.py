@@ -7,7 +7,7 @@ import pytest
 
 from coronaryuq.case.case_json import read_case
 from coronaryuq.cli.main import main
-from coronaryuq.core.io.atomic import read_json, write_json
+from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.posterior.model.bed_flows import BedFlows
 from coronaryuq.zerod.network.beds import distal_resistances
@@ -61,7 +61,7 @@ def test_hyperaemia_comes_first(campaign, tmp_path, capsys):
 
 
 def test_a_negative_resistance_is_taken_with_a_note(campaign, tmp_path, capsys):
-    network = read_json(campaign[1])
+    network = read_network(campaign[1])
     bed = next(block for block in network["boundary_conditions"] if block["bc_name"] == "BC_1")
     bed["bc_values"]["Ra1"] = -5.0
     write_json(tmp_path / "loop.json", network)

@@ -2,6 +2,7 @@
 
 import pytest
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.grafting import open_end
 from coronaryuq.zerod.effects.library import effect
@@ -21,27 +22,29 @@ def network():
     """A flow that a junction with a resistance for each outlet shares between two vessels."""
     beds = (("OUT1", 100.0), ("OUT2", 1000.0))
     values = {"R_poiseuille": [100.0, 200.0], "L": [0.0, 0.0], "stenosis_coefficient": [0.0, 0.0]}
-    return {
-        "simulation_parameters": {"number_of_cardiac_cycles": 2, "number_of_time_pts_per_cardiac_cycle": 11},
-        "boundary_conditions": [
-            {"bc_name": "INFLOW", "bc_type": "FLOW", "bc_values": {"Q": [INFLOW, INFLOW], "t": [0.0, 1.0]}},
-            *({"bc_name": n, "bc_type": "RESISTANCE", "bc_values": {"R": r, "Pd": 0.0}} for n, r in beds),
-        ],
-        "vessels": [
-            vessel(0, "parent", 300.0, inlet="INFLOW"),
-            vessel(1, "one", 300.0, outlet="OUT1"),
-            vessel(2, "two", 300.0, outlet="OUT2"),
-        ],
-        "junctions": [
-            {
-                "junction_name": "J0",
-                "junction_type": "BloodVesselJunction",
-                "junction_values": values,
-                "inlet_vessels": [0],
-                "outlet_vessels": [1, 2],
-            }
-        ],
-    }
+    return Network(
+        {
+            "simulation_parameters": {"number_of_cardiac_cycles": 2, "number_of_time_pts_per_cardiac_cycle": 11},
+            "boundary_conditions": [
+                {"bc_name": "INFLOW", "bc_type": "FLOW", "bc_values": {"Q": [INFLOW, INFLOW], "t": [0.0, 1.0]}},
+                *({"bc_name": n, "bc_type": "RESISTANCE", "bc_values": {"R": r, "Pd": 0.0}} for n, r in beds),
+            ],
+            "vessels": [
+                vessel(0, "parent", 300.0, inlet="INFLOW"),
+                vessel(1, "one", 300.0, outlet="OUT1"),
+                vessel(2, "two", 300.0, outlet="OUT2"),
+            ],
+            "junctions": [
+                {
+                    "junction_name": "J0",
+                    "junction_type": "BloodVesselJunction",
+                    "junction_values": values,
+                    "inlet_vessels": [0],
+                    "outlet_vessels": [1, 2],
+                }
+            ],
+        }
+    )
 
 
 def means(network, *names):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from coronaryuq.bench.discrepancy.open_loop_tree import left_coronary
+from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState, Series
 from coronaryuq.zerod.effects.library import SEARCHED, effect
@@ -278,7 +279,7 @@ def test_intramyocardial_pressure_is_described_as_a_factor_in_a_closed_loop(tree
     assert "its shape is assumed to be the model's intramyocardial pressure" in one.assumption(
         anatomy, [{"LV": None}, {}]
     )
-    loop = Anatomy({"vessels": [], "closed_loop_blocks": [{}]})
+    loop = Anatomy(Network({"vessels": [], "closed_loop_blocks": [{}]}))
     assert (
         one.describe(one.parameters[0], 0.4, loop)[1] == pytest.approx(np.exp(0.4)) and one.assumption(loop, [{}]) == ""
     )

@@ -27,7 +27,7 @@ from coronaryuq.bench.discrepancy.tables import OPEN_LOOP
 from coronaryuq.core import provenance
 from coronaryuq.core.command_line import non_negative_int, positive_int
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.atomic import read_json, write_text
+from coronaryuq.core.io.atomic import write_text
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
@@ -309,7 +309,7 @@ def _searched(truth: make_case.Truth, folder: Path, threads: int) -> dict:
 def analyse(folder: Path, threads: int = 1) -> Discovery:
     """The analyst's side: reads the three files and nothing else."""
     read = read_conditions(folder / "conditions.yaml")
-    model, settings = read_json(folder / "model.json"), Settings(threads=threads)
+    model, settings = read_network(folder / "model.json"), Settings(threads=threads)
     problem = read_problem(model, folder / "measurements.csv", read, folder / "conditions.yaml", settings)
     return discover(problem, seed=1)
 

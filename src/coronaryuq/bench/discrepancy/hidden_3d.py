@@ -9,6 +9,7 @@ import numpy as np
 
 from coronaryuq.bench.coronary_tree import LENGTH, synthetic_loop
 from coronaryuq.case.network.build import Physics, stenosis_coefficient
+from coronaryuq.case.network.network import Network
 from coronaryuq.core import units
 from coronaryuq.discrepancy.data.conditions import Condition, under
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect
@@ -23,7 +24,6 @@ from coronaryuq.flow3d.mesh.domain import Domain
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.flow3d.verification.tube import tube
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import vessel_values
 from coronaryuq.zerod.effects.library import effect
 from coronaryuq.zerod.solver.engine import Engine
 
@@ -113,7 +113,7 @@ def hide(shape: Shape, seeds: Sequence[int], folders: Sequence[Path]) -> list[ma
 
 
 def _run(
-    shape: Shape, network: dict, conditions: dict[str, Condition], cases: list[make_case.Unmeasured]
+    shape: Shape, network: Network, conditions: dict[str, Condition], cases: list[make_case.Unmeasured]
 ) -> list[dict]:
     """Waveforms of each case, condition → unknown → (steps + 1,)."""
     tables, starts = [], []
@@ -146,25 +146,25 @@ def _run(
     ]
 
 
-def _healthy(network: dict, place: str) -> float:
+def _healthy(network: Network, place: str) -> float:
     """Radius (cm) of the tube that has the 0D vessel's resistance and inertance."""
-    values = vessel_values(network, place)
+    values = network.vessel_values(place)
     physics = Physics()
     # R / L = 8 mu / (rho r^2).
     return float(np.sqrt(8 * physics.viscosity / physics.density * values["L"] / values["R_poiseuille"]))
 
 
-def _near(shape: Shape, network: dict) -> dict:
+def _near(shape: Shape, network: Network) -> Network:
     """The network with the shape in 0D: where the 3D runs begin, so that few cycles will do."""
     network, healthy = copy.deepcopy(network), _healthy(network, shape.place)
-    values = vessel_values(network, shape.place)
+    values = network.vessel_values(shape.place)
     values["R_poiseuille"] *= float(np.mean(shape.radius(np.linspace(0.0, 1.0, 401)) ** -4.0))
     if shape.kind in STENOSES:
         values["stenosis_coefficient"] = stenosis_coefficient(STENOSES[shape.kind] ** 2, healthy, Physics())
     return network
 
 
-def _domain(shape: Shape, network: dict) -> Domain:
+def _domain(shape: Shape, network: Network) -> Domain:
     anatomy, radius = Anatomy(network), _healthy(network, shape.place)
     points, tets, faces = tube(LENGTH, lambda z: radius * shape.radius(z / LENGTH), RINGS, LEVELS)
     caps = []
@@ -179,7 +179,7 @@ def _domain(shape: Shape, network: dict) -> Domain:
     return Domain(points, tets, {n: faces[n] for n in ("inlet", "outlet")}, ["inlet"], {}, {}, description)
 
 
-def _drop(shape: Shape, network: dict) -> tuple[str, str, str]:
+def _drop(shape: Shape, network: Network) -> tuple[str, str, str]:
     """Unknowns before and behind the 3D vessel, and its flow."""
     anatomy = Anatomy(network)
     before, behind = anatomy.inlet(shape.place), anatomy.outlet(shape.place)
@@ -204,7 +204,7 @@ def _nearest(shape: Shape, case: make_case.Unmeasured, waveforms: dict[str, dict
     hypothesis = Hypothesis(tuple(PlacedEffect(effect(name), shape.place) for name in shape.effects))
     if not hypothesis:
         return hypothesis, np.zeros(0)
-    friction = (resistance - vessel_values(network, shape.place)["R_poiseuille"]) * scale
+    friction = (resistance - network.vessel_values(shape.place)["R_poiseuille"]) * scale
     sizes = (square * scale**2 / anatomy.pressure, friction / (square * scale**2))
     if shape.kind not in STENOSES:
         sizes = (friction / anatomy.pressure,)

@@ -7,19 +7,19 @@ from typing import NamedTuple
 import numpy as np
 
 from coronaryuq.bench.discrepancy import open_loop_tree
+from coronaryuq.case.network.network import Network
 from coronaryuq.core import units
 from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.hidden import make_case
 from coronaryuq.discrepancy.stage import loop_conditions, plan_of
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import bed_values, vessel_values
 from coronaryuq.zerod.effects.grafting import add_vessel, attach
 from coronaryuq.zerod.effects.leak import SideBranchLeak
 from coronaryuq.zerod.solver.engine import Engine
 
 
 class _Parts(NamedTuple):
-    network: dict
+    network: Network
     conditions: dict[str, Condition]
     plan: make_case.Plan
 
@@ -63,7 +63,7 @@ def open_loop() -> Made:
     return Made(open_loop_tree.left_coronary(), {c.name: c for c in conditions}, make_case.Plan(tuple(entries)))
 
 
-def closed_loop(network: dict) -> Made:
+def closed_loop(network: Network) -> Made:
     """Conditions and measurements of a closed loop: those of the campaign's own hidden case."""
     return Made(network, {c.name: c for c in loop_conditions()}, plan_of(network))
 
@@ -89,11 +89,11 @@ def known_stenosis(made: Made) -> Made:
     chosen = min(anatomy.below(artery), key=lambda vessel: abs(len(anatomy.beds_below(vessel)) - half))
     scales = _scales(network, [chosen])
     loss = KNOWN_LOSS * scales.pressure / scales.flow[chosen] ** 2
-    vessel_values(network, chosen).update({"stenosis_coefficient": loss, "C": 0.0})
+    network.vessel_values(chosen).update({"stenosis_coefficient": loss, "C": 0.0})
     return Made(network, conditions, plan)
 
 
-def _scales(network: dict, vessels: list[str]) -> Anatomy:
+def _scales(network: Network, vessels: list[str]) -> Anatomy:
     """Anatomy with the mean pressure at the root and the mean flow of some vessels, of a run of the model as it is."""
     anatomy = Anatomy(network)
     names = [f"mean_pressure:{anatomy.inlet(anatomy.roots[0])}", *(f"mean_flow:{anatomy.inlet(v)}" for v in vessels)]
@@ -101,7 +101,7 @@ def _scales(network: dict, vessels: list[str]) -> Anatomy:
     return Anatomy(network, pressure, dict(zip(vessels, flows, strict=True)))
 
 
-def outside(name: str, network: dict, random: np.random.Generator):
+def outside(name: str, network: Network, random: np.random.Generator):
     """A change of a condition's network that no effect of the library expresses; in a closed loop at a random place.
 
     None where the loop has no place for it: no second bed to be swapped with.
@@ -124,18 +124,14 @@ def outside(name: str, network: dict, random: np.random.Generator):
     order = {"rest": 0.0, "hyperaemia": 1.0, "pacing": 2.0, "half dilated": 1.5}
 
     def scale(network, names, factor):
-        for block in network["boundary_conditions"]:
-            if block["bc_name"] == names:
-                for key in ("Ra1", "Ra2", "Rv1", "Ra", "Ram", "Rv"):
-                    if key in block["bc_values"]:
-                        block["bc_values"][key] *= factor
-        for vessel in network["vessels"]:
-            if vessel["vessel_name"] == names:
-                vessel["zero_d_element_values"]["R_poiseuille"] *= factor
+        for _, name, _, values in network.elements():
+            for key in ("R_poiseuille", "Ra1", "Ra2", "Rv1", "Ra", "Ram", "Rv"):
+                if name == names and key in values:
+                    values[key] *= factor
         return network
 
     def miswired(network, condition):
-        blocks = [next(b for b in network["boundary_conditions"] if b["bc_name"] == name) for name in swapped]
+        blocks = [network.bed(name) for name in swapped]
         values = [block["bc_values"] for block in blocks]
         for block, other in zip(blocks, [values[-1], *values[:-1]], strict=True):
             block["bc_values"] = other
@@ -143,15 +139,14 @@ def outside(name: str, network: dict, random: np.random.Generator):
 
     def pump(network, condition):
         """Intramyocardial pressure of the LAD's bed turned upside down: an aneurysm that bulges in systole."""
-        for block in network["boundary_conditions"]:
-            if block["bc_name"] == "BC_lad":
-                pressure = np.asarray(block["bc_values"]["Pim"])
-                block["bc_values"]["Pim"] = (pressure.max() + pressure.min() - pressure).tolist()
+        values = network.bed_values("BC_lad")
+        pressure = np.asarray(values["Pim"])
+        values["Pim"] = (pressure.max() + pressure.min() - pressure).tolist()
         return network
 
     def thrombosed(network, condition):
         """A side vessel behind the left main's first branch that lets blood through in late diastole only."""
-        aorta = next(b["bc_values"] for b in network["boundary_conditions"] if b["bc_name"] == "AORTA")
+        aorta = network.bed_values("AORTA")
         open_late = np.arange(len(aorta["t"])) > 0.55 * len(aorta["t"])
         beyond = np.where(open_late, 5.0 * units.MMHG, aorta["P"])
         block = {"bc_name": "CLOT", "bc_type": "PRESSURE", "bc_values": {"t": list(aorta["t"]), "P": beyond.tolist()}}
@@ -169,7 +164,7 @@ def outside(name: str, network: dict, random: np.random.Generator):
     }[name]
 
 
-def _coming_and_going(name: str, network: dict, vessel: str, vessels: list[str], random: np.random.Generator):
+def _coming_and_going(name: str, network: Network, vessel: str, vessels: list[str], random: np.random.Generator):
     """What is there under some conditions of a loop only; None where it wants a junction, or two, that are not there.
 
     vessels: among which a second one is chosen, with other beds.
@@ -185,7 +180,7 @@ def _coming_and_going(name: str, network: dict, vessel: str, vessels: list[str],
     def spasm(network, condition):
         """A vessel that narrows while the heart is paced, and at no other time."""
         if condition == "pacing":
-            vessel_values(network, vessel)["R_poiseuille"] += 0.1 * scales.pressure / scales.flow[vessel]
+            network.vessel_values(vessel)["R_poiseuille"] += 0.1 * scales.pressure / scales.flow[vessel]
         return network
 
     def clot(network, condition):
@@ -194,7 +189,7 @@ def _coming_and_going(name: str, network: dict, vessel: str, vessels: list[str],
         leak = SideBranchLeak()
         network = leak.insert(network, vessel, scales)
         values = leak.changes(network, vessel, {"share": share}, scales, None)
-        bed_values(network, f"BC_leak_{vessel}").update({key.split(".")[1]: value for key, value in values.items()})
+        network.bed_values(f"BC_leak_{vessel}").update({key.split(".")[1]: value for key, value in values.items()})
         return network
 
     def recruited(network, condition):

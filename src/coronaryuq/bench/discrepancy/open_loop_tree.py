@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.core import units
 
 PERIOD = 0.85
@@ -27,7 +28,7 @@ def pressures(points: int = POINTS, period: float = PERIOD) -> tuple[np.ndarray,
     return phase * period, aortic * units.MMHG, ventricular * units.MMHG
 
 
-def left_coronary(compressed: bool = True) -> dict:
+def left_coronary(compressed: bool = True) -> Network:
     """Left main, LAD with a diagonal, circumflex; three beds with (or without) intramyocardial pressure; CGS.
 
     Resistances give 2.1 mL/s at rest in all; shares of a bed's resistance follow Kim et al., Ann. Biomed. Eng. 38
@@ -57,12 +58,14 @@ def left_coronary(compressed: bool = True) -> dict:
         "absolute_tolerance": 1e-8,
         "steady_initial": True,
     }
-    return {
-        "simulation_parameters": simulation,
-        "boundary_conditions": blocks,
-        "vessels": vessels,
-        "junctions": junctions,
-    }
+    return Network(
+        {
+            "simulation_parameters": simulation,
+            "boundary_conditions": blocks,
+            "vessels": vessels,
+            "junctions": junctions,
+        }
+    )
 
 
 def _vessel(number: int, name: str, resistance: float, inertance: float, compliance: float, **ends: str) -> dict:

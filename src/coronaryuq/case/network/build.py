@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel, area_ratio
+from coronaryuq.case.network.network import HEART_TYPE, Network
 from coronaryuq.core.units import BLOOD_DENSITY, BLOOD_VISCOSITY, MMHG
 
 STENOSIS_LOSS = 1.52
@@ -157,7 +158,7 @@ def network_from_tree(
     systemic: Mapping[str, str],
     stenoses: Sequence[Stenosis] = (),
     physics: Physics | None = None,
-) -> dict:
+) -> Network:
     """The closed loop: heart `CLH`, vessels, junctions, coronary beds and systemic Windkessels, as svZeroDSolver JSON.
 
     beds: one per coronary end of the tree. systemic: boundary condition name → aortic end of the tree.
@@ -194,7 +195,7 @@ def network_from_tree(
             block["boundary_conditions"] = {"outlet": at_end[part.vessel]}
         vessels.append(block)
     mean = physics.pressure
-    return {
+    network = {
         "simulation_parameters": {
             "number_of_cardiac_cycles": 6,
             "number_of_time_pts_per_cardiac_cycle": 1000,
@@ -207,7 +208,7 @@ def network_from_tree(
         "junctions": _junctions(tree, parts, number),
         "closed_loop_blocks": [
             {
-                "closed_loop_type": "ClosedLoopHeartAndPulmonary",
+                "closed_loop_type": HEART_TYPE,
                 "outlet_blocks": [parts[0].name],
                 "cardiac_cycle_period": physics.period,
                 "parameters": dict(physics.heart),
@@ -222,6 +223,7 @@ def network_from_tree(
             "pressure_all": 0.75 * mean,
         },
     }
+    return Network(network)
 
 
 def _is_last(parts: Sequence[Segment], part: Segment) -> bool:
@@ -229,7 +231,7 @@ def _is_last(parts: Sequence[Segment], part: Segment) -> bool:
 
 
 def _junctions(tree: Tree, parts: Sequence[Segment], number: Mapping[str, int]) -> list[dict]:
-    junctions = []
+    junctions: list[dict] = []
     for k, part in enumerate(parts):
         if k + 1 < len(parts) and parts[k + 1].vessel == part.vessel:
             after = [parts[k + 1].name]

@@ -1,149 +1,192 @@
 """Who feeds whom in a 0D network, and what svZeroDSolver calls the places in it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import Any
 
+import networkx as nx
+
+from coronaryuq.case.network.network import AFTER_HEART, HEART_TYPE, Entry, Network
 from coronaryuq.core.errors import InputError
 
 CORONARY = {"ClosedLoopCoronaryLeft": False, "ClosedLoopCoronaryRight": True}
 """Closed-loop coronary beds → whether right."""
 SYSTEMIC = "ClosedLoopRCR"
-HEART = "ClosedLoopHeartAndPulmonary"
-AFTER_HEART = "J_heart_outlet"
-"""Junction that svZeroDSolver puts between the heart and the vessels that it feeds."""
 
 
-@dataclass(frozen=True)
-class Graph:
-    """Vessels of a closed-loop network by name: values, parent, children, boundary condition, junctions at its ends."""
+class Topology:
+    """The vessels of a network as a directed graph, and the blocks at their ends.
 
-    values: dict[str, Mapping[str, Any]]
-    lengths: dict[str, float]
-    parent: dict[str, str | None]
-    children: dict[str, list[str]]
-    bc: dict[str, str]
-    types: dict[str, str]
-    before: dict[str, str]
-    after: dict[str, str]
-    root: str
-    period: float
+    Attributes
+    ----------
+    vessels, blocks : dict of str to dict
+        Vessels and boundary conditions by name, in the network's order.
+    graph : networkx.DiGraph
+        One node per vessel, an edge to each vessel that it feeds through a junction.
+    upstream, downstream : dict of str to str
+        Vessel → block before and behind it: a junction, a boundary condition, or the heart's outlet.
+    inlet_bc, outlet_bc : dict of str to str
+        Vessel → boundary condition at its start or end, where there is one.
+    """
 
-    def inlet(self, vessel: str) -> str:
-        """Location of a vessel's inlet, such as `J3:branch4_seg0`."""
-        return f"{self.before[vessel]}:{vessel}"
+    def __init__(self, content: Mapping[str, Any]):
+        self.network = network = content if isinstance(content, Network) else Network(content)
+        self.vessels = {vessel["vessel_name"]: vessel for vessel in network.vessels}
+        self.blocks = {block["bc_name"]: block for block in network.boundary_conditions}
+        self.graph = nx.DiGraph()
+        self.graph.add_nodes_from(self.vessels)
+        self.upstream: dict[str, str] = {}
+        self.downstream: dict[str, str] = {}
+        for junction in network.junctions:
+            feeding, fed = (
+                [name for name in side if name in self.vessels] for side in network.junction_sides(junction)
+            )
+            self.downstream |= dict.fromkeys(feeding, junction["junction_name"])
+            self.upstream |= dict.fromkeys(fed, junction["junction_name"])
+            self.graph.add_edges_from(product(feeding, fed))
+        self.inlet_bc, self.outlet_bc = (
+            {name: ends[side] for name, vessel in self.vessels.items() if side in (ends := _ends(vessel))}
+            for side in ("inlet", "outlet")
+        )
+        self.upstream |= self.inlet_bc
+        self.downstream |= self.outlet_bc
+        for name in network.heart.get("outlet_blocks", []) if network.closed_loop else []:
+            self.upstream.setdefault(name, AFTER_HEART)
 
-    def outlet(self, vessel: str) -> str:
-        """Location of a vessel's outlet, such as `branch4_seg0:J4` or `lca1:BC_lca1`."""
-        return f"{vessel}:{self.after[vessel]}"
+    @property
+    def closed_loop(self) -> bool:
+        return self.network.closed_loop
+
+    @cached_property
+    def roots(self) -> list[str]:
+        """Vessels that no other vessel feeds."""
+        return [name for name in self.vessels if not self.graph.pred[name]]
+
+    @cached_property
+    def vessel_of(self) -> dict[str, str]:
+        """Boundary condition → vessel that ends in it."""
+        return {bed: vessel for vessel, bed in self.outlet_bc.items()}
+
+    def parents(self, vessel: str) -> list[str]:
+        return list(self.graph.pred[vessel])
+
+    def children(self, vessel: str) -> list[str]:
+        return list(self.graph.succ[vessel])
 
     def path(self, vessel: str) -> list[str]:
-        """Vessels from the heart to `vessel`, both included."""
-        path = [vessel]
-        while self.parent[path[0]] is not None:
-            path.insert(0, self.parent[path[0]])
-        return path
+        """Return the vessels from the first root to `vessel`, both included."""
+        return nx.shortest_path(self.graph, self.roots[0], vessel)
 
-    def downstream(self, vessel: str) -> list[str]:
-        """`vessel` and every vessel fed through it."""
-        inside = [vessel]
-        for name in inside:
-            inside.extend(self.children[name])
-        return inside
+    def subtree(self, vessel: str) -> list[str]:
+        """Return `vessel` and every vessel that it feeds, the nearest first."""
+        return [vessel, *(fed for _, fed in nx.bfs_edges(self.graph, vessel))]
 
-    def beds(self, vessel: str) -> list[str]:
-        """Boundary conditions fed through `vessel`."""
-        return [self.bc[name] for name in self.downstream(vessel) if name in self.bc]
+    def outlets_below(self, vessel: str) -> list[str]:
+        """Return the boundary conditions that `vessel` feeds."""
+        return [self.outlet_bc[name] for name in self.subtree(vessel) if name in self.outlet_bc]
 
-    def at(self, bc: str) -> str:
-        """The vessel that ends in boundary condition `bc`."""
-        return next(name for name, at in self.bc.items() if at == bc)
+    def kind(self, bed: str) -> str:
+        """Return the type of a boundary condition."""
+        return self.blocks[bed]["bc_type"]
+
+    def length(self, vessel: str) -> float:
+        """Return a vessel's length (cm), 0 where the network does not give it."""
+        return float(self.vessels[vessel].get("vessel_length") or 0.0)
+
+    def inlet(self, vessel: str) -> str:
+        """Return the location of a vessel's start, such as `J3:branch4_seg0`."""
+        return f"{self.upstream[vessel]}:{vessel}"
+
+    def outlet(self, vessel: str) -> str:
+        """Return the location of a vessel's end, such as `branch4_seg0:J4` or `lca1:BC_lca1`."""
+        return f"{vessel}:{self.downstream[vessel]}"
 
 
-def graph_of(network: Mapping[str, Any], path: str | Path) -> Graph:
-    """Read who feeds whom from svZeroDSolver JSON; what is missing or dangling is an `InputError` that names the block.
+def closed_loop_tree(network: Mapping[str, Any], path: str | Path) -> Topology:
+    """Read a network whose vessels form one tree from the heart to closed-loop beds.
 
-    Only the structure is checked here: a tree of vessels from the heart to closed-loop beds. What an element may hold
-    is the solver's to say.
+    Only the structure is checked; `zerod.network.read` checks what an element may hold.
+
+    Parameters
+    ----------
+    network : mapping
+        svZeroDSolver JSON, unchecked.
+    path : str or Path
+        File for error messages.
+
+    Returns
+    -------
+    Topology
+        With one root, the vessel that leaves the heart.
+
+    Raises
+    ------
+    InputError
+        Where something is missing, dangling or connected twice; names the block.
     """
-    vessels, bcs, junctions, loops = (
+    vessels, beds, junctions, loops = (
         _blocks(network, key, path) for key in ("vessels", "boundary_conditions", "junctions", "closed_loop_blocks")
     )
-    if len(loops) != 1 or loops[0].get("closed_loop_type") != HEART:
-        raise InputError(path, "closed_loop_blocks", None, f"wanted one block of type {HEART}")
+    if len(loops) != 1 or loops[0].get("closed_loop_type") != HEART_TYPE:
+        raise InputError(path, "closed_loop_blocks", None, f"wanted one block of type {HEART_TYPE}")
+    roots = _get(loops[0], "outlet_blocks", "closed_loop_blocks", path)
     names = {_get(v, "vessel_id", "vessels", path): str(_get(v, "vessel_name", "vessels", path)) for v in vessels}
     if len(set(names.values())) != len(vessels):
         raise InputError(path, "vessels", None, "two vessels share a name or an id")
-    types = {
-        _get(b, "bc_name", "boundary_conditions", path): _get(b, "bc_type", "boundary_conditions", path) for b in bcs
-    }
-    bc = {}
+    known = {_get(bed, key, "boundary_conditions", path) for key in ("bc_type", "bc_name") for bed in beds}
+    ends_at: dict[str, str] = {}
     for vessel in vessels:
-        ends = vessel.get("boundary_conditions") or {}
+        name, ends = names[vessel["vessel_id"]], _ends(vessel)
         if "inlet" in ends:
-            raise InputError(
-                path, vessel["vessel_name"], ends["inlet"], "an inlet condition in a closed loop; remove it"
-            )
+            raise InputError(path, name, ends["inlet"], "an inlet condition in a closed loop; remove it")
         if "outlet" in ends:
-            if ends["outlet"] not in types:
-                raise InputError(path, vessel["vessel_name"], ends["outlet"], "no such boundary condition")
-            bc[str(vessel["vessel_name"])] = ends["outlet"]
-    parent: dict[str, str | None] = dict.fromkeys(names.values())
-    before: dict[str, str] = {}
-    after: dict[str, str] = dict(bc)
-    children: dict[str, list[str]] = {name: [] for name in names.values()}
+            if ends["outlet"] not in known:
+                raise InputError(path, name, ends["outlet"], "no such boundary condition")
+            ends_at[name] = ends["outlet"]
+    fed = set()
     for junction in junctions:
         label = _get(junction, "junction_name", "junctions", path)
-        ends = [_get(junction, key, f"junction {label}", path) for key in ("inlet_vessels", "outlet_vessels")]
-        for number in (*ends[0], *ends[1]):
+        inlets, outlets = (_get(junction, f"{side}_vessels", f"junction {label}", path) for side in ("inlet", "outlet"))
+        for number in (*inlets, *outlets):
             if number not in names:
                 raise InputError(path, f"junction {label}", number, "no vessel has this id")
-        if len(ends[0]) != 1:
-            raise InputError(path, f"junction {label}", len(ends[0]), "inlet vessels; wanted one, vessels form a tree")
-        feeder = names[ends[0][0]]
-        if feeder in after:
-            raise InputError(path, f"junction {label}", feeder, f"already ends at {after[feeder]}")
-        after[feeder] = label
-        for number in ends[1]:
-            if parent[names[number]] is not None:
-                raise InputError(path, f"junction {label}", names[number], "is fed twice; vessels form a tree")
-            parent[names[number]], before[names[number]] = feeder, label
-            children[feeder].append(names[number])
-    roots = [str(name) for name in _get(loops[0], "outlet_blocks", "closed_loop_blocks", path)]
-    if len(roots) != 1 or roots[0] not in children:
+        if len(inlets) != 1:
+            raise InputError(path, f"junction {label}", len(inlets), "inlet vessels; wanted one, vessels form a tree")
+        feeder = names[inlets[0]]
+        if feeder in ends_at:
+            raise InputError(path, f"junction {label}", feeder, f"already ends at {ends_at[feeder]}")
+        ends_at[feeder] = label
+        for name in (names[number] for number in outlets):
+            if name in fed:
+                raise InputError(path, f"junction {label}", name, "is fed twice; vessels form a tree")
+            fed.add(name)
+    if len(roots) != 1 or roots[0] not in names.values():
         raise InputError(path, "outlet_blocks", roots, "wanted the one vessel that leaves the heart")
-    before[roots[0]] = AFTER_HEART
     for name in names.values():
-        if name not in before:
+        if name not in fed and name != roots[0]:
             raise InputError(path, f"vessel {name}", None, "nothing feeds it")
-        if name not in after:
+        if name not in ends_at:
             raise InputError(path, f"vessel {name}", None, "ends nowhere; give it a boundary condition or a junction")
-    graph = Graph(
-        values={str(v["vessel_name"]): v.get("zero_d_element_values") or {} for v in vessels},
-        lengths={str(v["vessel_name"]): float(v.get("vessel_length") or 0.0) for v in vessels},
-        parent=parent,
-        children=children,
-        bc=bc,
-        types=types,
-        before=before,
-        after=after,
-        root=roots[0],
-        period=float(loops[0].get("cardiac_cycle_period") or 1.0),
-    )
-    if set(graph.downstream(graph.root)) != set(names.values()):
-        raise InputError(path, "vessels", None, f"some are not fed by {graph.root}; vessels form one tree")
-    return graph
+    topology = Topology(network)
+    if topology.roots != roots or len(topology.subtree(roots[0])) < len(vessels):
+        raise InputError(path, "vessels", None, f"some are not fed by {roots[0]}; vessels form one tree")
+    return topology
 
 
-def _blocks(network: Mapping[str, Any], key: str, path) -> list[dict]:
+def _ends(vessel: Entry) -> dict[str, str]:
+    return vessel.get("boundary_conditions") or {}
+
+
+def _blocks(network: Mapping[str, Any], key: str, path: str | Path) -> list[Entry]:
     blocks = network.get(key) if isinstance(network, Mapping) else None
     if not isinstance(blocks, list) or not all(isinstance(block, dict) for block in blocks):
         raise InputError(path, key, None, "missing; wanted a closed-loop network as svZeroDSolver writes it")
     return blocks
 
 
-def _get(block: Mapping[str, Any], key: str, where: str, path) -> Any:
+def _get(block: Entry, key: str, where: str, path: str | Path) -> Any:
     if key not in block:
         raise InputError(path, f"{where}.{key}", None, "missing")
     return block[key]

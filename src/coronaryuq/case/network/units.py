@@ -1,10 +1,8 @@
 """Networks that are not in CGS: which unit of pressure a network is in, and the same network in CGS."""
 
-import copy
-from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import MMHG
 
@@ -45,9 +43,9 @@ SYSTEMIC_RESISTANCE = {"mmHg": (0.05, 25.0), "cgs": (65.0, 33e3)}
 """Total systemic resistance that a person of any size at rest or exercise can have: mmHg s/mL and dyn s/cm5."""
 
 
-def detect(network: Mapping, file: str | Path) -> str:
+def detect(network: Network, file: str | Path) -> str:
     """`mmHg` or `cgs`, by the parallel resistance of the closed-loop RCR beds; `InputError` where that is neither."""
-    beds = [bc["bc_values"] for bc in network["boundary_conditions"] if bc["bc_type"] == "ClosedLoopRCR"]
+    beds = [bc["bc_values"] for bc in network.boundary_conditions if bc["bc_type"] == "ClosedLoopRCR"]
     if not beds:
         raise InputError(
             file, "boundary_conditions", None, "no ClosedLoopRCR bed; tuning needs the systemic circulation"
@@ -63,19 +61,19 @@ def detect(network: Mapping, file: str | Path) -> str:
     )  # fmt: skip
 
 
-def to_cgs(network: Mapping, system: str, file: str | Path = "network") -> tuple[dict, str]:
+def to_cgs(network: Network, system: str, file: str | Path = "network") -> tuple[Network, str]:
     """A copy of a network in CGS, and the units that it was in; `system`: `cgs`, `mmHg` or `auto` (see `detect`)."""
     if system == "auto":
         system = detect(network, file)
     return rescaled(network, {"cgs": 1.0, "mmHg": MMHG}[system], file), system
 
 
-def rescaled(network: Mapping, pressure: float, file: str | Path = "network") -> dict:
+def rescaled(network: Network, pressure: float, file: str | Path = "network") -> Network:
     """A copy of a network whose unit of pressure is 1 / `pressure` of the given one's; volumes and times stay."""
-    network = copy.deepcopy(dict(network))
+    network = network.deep_copy()
     if pressure == 1.0:
         return network
-    for kind, values in _blocks(network):
+    for _, _, kind, values in network.elements():
         if kind not in PRESSURE_PER:
             raise InputError(file, kind, None, "no conversion from mmHg for this element; give the network in CGS")
         for name in PRESSURE_PER[kind]:
@@ -90,19 +88,6 @@ def rescaled(network: Mapping, pressure: float, file: str | Path = "network") ->
             if name.split(":", 1)[0].lower().startswith(("pressure", "p_")):
                 condition[name] *= pressure
     return network
-
-
-def _blocks(network: Mapping) -> Iterator[tuple[str, dict[str, Any]]]:
-    for vessel in network.get("vessels", []):
-        yield vessel["zero_d_element_type"], vessel["zero_d_element_values"]
-    for bc in network["boundary_conditions"]:
-        yield bc["bc_type"], bc["bc_values"]
-    for junction in network.get("junctions", []):
-        yield junction["junction_type"], junction.get("junction_values", {})
-    for block in network.get("external_solver_coupling_blocks", []):
-        yield block["type"], block["values"]
-    for block in network.get("closed_loop_blocks", []):
-        yield block["closed_loop_type"], block["parameters"]
 
 
 def _times(value, factor: float):

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from coronaryuq.case.description.yaml_file import read_yaml
+from coronaryuq.case.network.network import Network
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import read_csv, write_csv
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.beds import arteriolar
 from coronaryuq.zerod.effects.drive import DRIVES
-from coronaryuq.zerod.network.read import HEART, copy_of
 
 SERIES = DRIVES | {"CORONARY": "Pim", "CORONARY_VAR_RES": "Pim"}
 """The waveform that a drive replaces in each kind of boundary condition."""
@@ -212,29 +212,30 @@ def write_drive(path: Path, time: np.ndarray, value: np.ndarray) -> None:
     write_csv(path, pd.DataFrame({"t": time, "value": value}))
 
 
-def period_of(network: dict, default: float = 1.0) -> float:
+def period_of(network: Network, default: float = 1.0) -> float:
     """Cardiac period (s): the heart's, or that of the first waveform."""
-    for heart in network.get("closed_loop_blocks", []):
-        return float(heart["cardiac_cycle_period"])
-    pulsing = [b["bc_values"] for b in network["boundary_conditions"] if b["bc_type"] in SERIES]
+    if network.closed_loop:
+        return float(network.heart["cardiac_cycle_period"])
+    pulsing = [b["bc_values"] for b in network.boundary_conditions if b["bc_type"] in SERIES]
     for values in sorted((v for v in pulsing if len(v["t"]) > 1), key=lambda v: -len(v["t"])):
         return float(values["t"][-1] - values["t"][0])
     return float(network["simulation_parameters"].get("cardiac_period", default))
 
 
-def under(network: dict, condition: Condition, file: str | Path = "conditions") -> dict:
+def under(network: Network, condition: Condition, file: str | Path = "conditions") -> Network:
     """The network under a condition; `file` names the conditions file in error messages."""
-    network = copy_of(network)
+    network = network.deep_copy()
     anatomy = Anatomy(network)
     period = period_of(network)
-    vessels = {v["vessel_name"]: v["zero_d_element_values"] for v in network["vessels"]}
+    vessels = {name: vessel["zero_d_element_values"] for name, vessel in anatomy.vessels.items()}
+    elements = {name: values for part, name, _, values in network.elements() if part != "junctions"}
     factor = condition.coronary_resistance_scale
     for bed in anatomy.beds:
         anatomy.blocks[bed]["bc_values"].update({k: v * factor for k, v in arteriolar(network, bed).items()})
     for key, combine in (("scale", lambda old, new: old * new), ("set", lambda old, new: new)):
         for block, entry in getattr(condition, key).items():
             for parameter, value in entry.items():
-                values = _values(network, block)
+                values = elements.get(block)
                 if values is None:
                     near = difflib.get_close_matches(block, [*vessels, *anatomy.blocks], n=3, cutoff=0.3)
                     remedy = "the network has no such block" + (f"; near: {', '.join(near)}" if near else "")
@@ -305,10 +306,10 @@ def _own_period(condition: Condition, period: float, file: str | Path) -> float:
     return target
 
 
-def _set_period(network: dict, period: float) -> None:
-    for heart in network.get("closed_loop_blocks", []):
-        heart["cardiac_cycle_period"] = period
-    for block in network["boundary_conditions"]:
+def _set_period(network: Network, period: float) -> None:
+    if network.closed_loop:
+        network.heart["cardiac_cycle_period"] = period
+    for block in network.boundary_conditions:
         if block["bc_type"] in SERIES:
             time = np.asarray(block["bc_values"]["t"], dtype=float)
             if len(time) > 1:
@@ -317,15 +318,3 @@ def _set_period(network: dict, period: float) -> None:
                 block["bc_values"]["t"] = time.tolist()
     if "cardiac_period" in network["simulation_parameters"]:
         network["simulation_parameters"]["cardiac_period"] = period
-
-
-def _values(network: dict, block: str) -> dict | None:
-    if block == HEART and network.get("closed_loop_blocks"):
-        return network["closed_loop_blocks"][0]["parameters"]
-    for vessel in network["vessels"]:
-        if vessel["vessel_name"] == block:
-            return vessel["zero_d_element_values"]
-    for condition in network["boundary_conditions"]:
-        if condition["bc_name"] == block:
-            return condition["bc_values"]
-    return None

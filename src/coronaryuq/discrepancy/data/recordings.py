@@ -10,13 +10,13 @@ import numpy as np
 import pandas as pd
 import yaml
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.core import units
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_json, write_text
 from coronaryuq.core.io.tables import line_number, read_csv, write_csv
 from coronaryuq.discrepancy.data.conditions import BED_SHAPE, LOSS, RESISTANCE, check_name
 from coronaryuq.discrepancy.data.measurements import AORTIC, LEAST_POINTS, WIDEST_GAP
-from coronaryuq.zerod.effects.base import vessel_values
 from coronaryuq.zerod.effects.grafting import put_ahead
 from coronaryuq.zerod.effects.quadratic import TAG
 
@@ -119,7 +119,7 @@ def prepare(
     if stenosed:
         # An element of its own, as losses of vessels that store blood are everywhere.
         network = put_ahead(network, artery, TAG)
-        vessel_values(network, narrow)[LOSS] = 0.0
+        network.vessel_values(narrow)[LOSS] = 0.0
     write_json(out / "model.json", network)
 
 
@@ -267,7 +267,7 @@ def _closed(values: np.ndarray) -> np.ndarray:
     return values - np.linspace(0.0, values[-1] - values[0], len(values))
 
 
-def _network(time: np.ndarray, pressure: np.ndarray, flow: float, artery: str) -> dict:
+def _network(time: np.ndarray, pressure: np.ndarray, flow: float, artery: str) -> Network:
     """A vessel and a bed: 0.32, 0.52 and 0.16 of the resistance as in Kim et al., Ann. Biomed. Eng. 38 (2010) 3195."""
     total = (float(np.trapezoid(pressure, time) / time[-1]) - VENOUS) / flow
     bed = {"Ra1": 0.31 * total, "Ra2": 0.52 * total, "Rv1": 0.16 * total, "Ca": 2e-6 * flow, "Cc": 2e-5 * flow}
@@ -280,17 +280,19 @@ def _network(time: np.ndarray, pressure: np.ndarray, flow: float, artery: str) -
         "zero_d_element_type": "BloodVessel",
         "zero_d_element_values": {"R_poiseuille": 0.01 * total, "L": 20.0, "C": 1e-7},
     }
-    return {
-        "simulation_parameters": {
-            "number_of_cardiac_cycles": 10,
-            "number_of_time_pts_per_cardiac_cycle": 401,
-            "absolute_tolerance": 1e-8,
-            "steady_initial": True,
-        },
-        "boundary_conditions": [
-            {"bc_name": "AORTA", "bc_type": "PRESSURE", "bc_values": {"t": time.tolist(), "P": pressure.tolist()}},
-            {"bc_name": f"BC_{artery}", "bc_type": "CORONARY", "bc_values": bed},
-        ],
-        "vessels": [vessel],
-        "junctions": [],
-    }
+    return Network(
+        {
+            "simulation_parameters": {
+                "number_of_cardiac_cycles": 10,
+                "number_of_time_pts_per_cardiac_cycle": 401,
+                "absolute_tolerance": 1e-8,
+                "steady_initial": True,
+            },
+            "boundary_conditions": [
+                {"bc_name": "AORTA", "bc_type": "PRESSURE", "bc_values": {"t": time.tolist(), "P": pressure.tolist()}},
+                {"bc_name": f"BC_{artery}", "bc_type": "CORONARY", "bc_values": bed},
+            ],
+            "vessels": [vessel],
+            "junctions": [],
+        }
+    )

@@ -2,32 +2,28 @@
 
 import numpy as np
 
+from coronaryuq.case.network.network import HEART, Network
 from coronaryuq.discrepancy.data.conditions import ELEMENTS, SERIES, is_number, period_of
 from coronaryuq.zerod.effects.base import sampled
 from coronaryuq.zerod.network.numbering import PERIOD
-from coronaryuq.zerod.network.read import HEART
 
 
-def scalars(network: dict) -> dict[str, float]:
+def scalars(network: Network) -> dict[str, float]:
     """ "BLOCK.parameter" → value of every vessel, boundary condition and heart."""
     found: dict[str, float] = {}
-    for vessel in network["vessels"]:
-        values = dict.fromkeys(ELEMENTS, 0.0) | vessel["zero_d_element_values"]
-        found |= {f"{vessel['vessel_name']}.{name}": value for name, value in values.items()}
-    for block in network["boundary_conditions"]:
-        found |= {f"{block['bc_name']}.{name}": value for name, value in block["bc_values"].items()}
-    for heart in network.get("closed_loop_blocks", []):
-        found |= {f"{HEART}.{name}": value for name, value in heart["parameters"].items()}
+    for part, block, _, values in network.elements():
+        defaults = dict.fromkeys(ELEMENTS, 0.0) if part == "vessels" else {}
+        found |= {f"{block}.{name}": value for name, value in (defaults | values).items()}
     return {name: float(value) for name, value in found.items() if is_number(value)}
 
 
-def differences(own: dict, other: dict) -> dict[str, float | np.ndarray]:
+def differences(own: Network, other: Network) -> dict[str, float | np.ndarray]:
     """Engine changes that turn `own` into `other`, a network of the same structure; waveforms (WAVE_POINTS,)."""
     ours, theirs = scalars(own), scalars(other)
     found: dict[str, float | np.ndarray] = {name: value for name, value in theirs.items() if ours[name] != value}
     if period_of(own) != period_of(other):
         found[PERIOD] = period_of(other)
-    for block in own["boundary_conditions"]:
+    for block in own.boundary_conditions:
         if block["bc_type"] in SERIES:
             name = f"{block['bc_name']}.{SERIES[block['bc_type']]}"
             ours, theirs = sampled(own, name), sampled(other, name)
@@ -41,7 +37,7 @@ def inner(unknowns: list[str]) -> list[str]:
     return [name for name in unknowns if not name.startswith(("flow:", "pressure:"))]
 
 
-def with_values(network: dict, table: dict) -> dict:
+def with_values(network: Network, table: dict) -> Network:
     """The network with other numbers and waveforms, "BLOCK.parameter" → value; waveforms are on an even grid over the
     cycle. What does not change is shared with `network`.
     """
@@ -49,7 +45,7 @@ def with_values(network: dict, table: dict) -> dict:
     for name, value in table.items():
         block, _, parameter = name.rpartition(".")
         changed.setdefault(block, {})[parameter] = value
-    found = dict(network)
+    found = Network(network)
     for part, key, values in (
         ("vessels", "vessel_name", "zero_d_element_values"),
         ("boundary_conditions", "bc_name", "bc_values"),
@@ -65,7 +61,7 @@ def with_values(network: dict, table: dict) -> dict:
     return found
 
 
-def _with(values: dict, changed: dict, network: dict) -> dict:
+def _with(values: dict, changed: dict, network: Network) -> dict:
     found = dict(values)
     for parameter, value in changed.items():
         if np.ndim(value) == 0:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.discrepancy.data.conditions import BED_SHAPE, LOSS, RESISTANCE, Condition
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.settings import Settings
@@ -50,7 +51,7 @@ def without_noise(parameters: list[Nuisance], z: np.ndarray) -> np.ndarray:
 
 
 def nuisances(
-    network: dict, conditions: dict[str, Condition], measured: list[Measured], settings: Settings
+    network: Network, conditions: dict[str, Condition], measured: list[Measured], settings: Settings
 ) -> list[Nuisance]:
     """The nuisance parameters of a network and its measurements.
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.discrepancy.data.conditions import Condition, under
 from coronaryuq.discrepancy.forward.fast_settling import Settling
 from coronaryuq.discrepancy.forward.hypothesis import PlacedEffect
@@ -36,7 +37,7 @@ class Simulation:
     were made.
     """
 
-    network: dict
+    network: Network
     conditions: dict[str, Condition]
     anatomy: Anatomy
     steps_per_cycle: int

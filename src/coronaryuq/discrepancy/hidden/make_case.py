@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import yaml
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.core.io.atomic import write_json, write_text
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.core.seeds import generator
@@ -59,7 +60,7 @@ class Truth:
 
 
 def hide(
-    network: dict,
+    network: Network,
     conditions: dict[str, Condition],
     plan: Plan,
     hypothesis: Hypothesis,
@@ -128,7 +129,7 @@ class Unmeasured:
         return Truth(hypothesis, sizes, self.nuisance, visible)
 
 
-def prepare(network: dict, conditions: dict[str, Condition], plan: Plan, seed: int) -> Unmeasured:
+def prepare(network: Network, conditions: dict[str, Condition], plan: Plan, seed: int) -> Unmeasured:
     """What `hide` draws, for data that are run elsewhere."""
     random = generator(seed, "discrepancy", "hidden")
     problem = make_problem(network, conditions, _blank(network, conditions, plan, random), Settings())
@@ -159,7 +160,7 @@ class Traces:
     noise: multiple of the plan's noise.
     """
 
-    def __init__(self, network: dict, conditions: dict[str, Condition], plan: Plan, noise: float):
+    def __init__(self, network: Network, conditions: dict[str, Condition], plan: Plan, noise: float):
         blank = _blank(network, conditions, plan, generator(0, "discrepancy", "traces"))
         self._problem = problem = make_problem(network, conditions, blank, Settings())
         nothing = np.zeros(problem.count)

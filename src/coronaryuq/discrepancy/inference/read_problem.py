@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.core import units
 from coronaryuq.core.errors import InputError
 from coronaryuq.discrepancy.data.conditions import Condition, kept_out, period_of, under
@@ -39,7 +40,7 @@ There the steps err, and far from the data, where no correction at a fit is righ
 is best. In a closed loop some ringing persists with shorter steps, and runs are expensive."""
 
 
-def locations(network: dict) -> dict[str, list[str]]:
+def locations(network: Network) -> dict[str, list[str]]:
     """Names that measurements may use, per quantity."""
     unknowns = Engine(network).unknowns
     places = [name.split(":", 1)[1] for name in unknowns if name.startswith("flow:")]
@@ -53,17 +54,17 @@ def locations(network: dict) -> dict[str, list[str]]:
     }
 
 
-def check_searchable(network: dict, file: str | Path) -> None:
+def check_searchable(network: Network, file: str | Path) -> None:
     """Raise `InputError` for what a network may be and a search has no use of; `file` for messages.
 
     Places are written BLOCK:BLOCK, BED~BED and BED<BED, so that no name may hold these marks.
     """
-    if not network.get("vessels"):
+    if not network.vessels:
         raise InputError(file, "vessels", None, "missing; there is no vessel or bed that an effect could act on")
-    for block in network.get("external_solver_coupling_blocks", []):
+    for block in network.couplings:
         remedy = "driven by another solver, of which a search knows nothing; put a boundary condition in its place"
         raise InputError(file, f"external_solver_coupling_blocks.{block['name']}", None, remedy)
-    for vessel in network["vessels"]:
+    for vessel in network.vessels:
         if vessel["zero_d_element_type"] == "BloodVesselRC":
             remedy = "no effect is written for it; want BloodVessel, or BloodVesselCRL with R_poiseuille and C"
             raise InputError(file, vessel["vessel_name"], "BloodVesselRC", remedy)
@@ -74,7 +75,7 @@ def check_searchable(network: dict, file: str | Path) -> None:
 
 
 def read_problem(
-    network: dict, measurements: str | Path, conditions: dict[str, Condition], file: str | Path, settings: Settings
+    network: Network, measurements: str | Path, conditions: dict[str, Condition], file: str | Path, settings: Settings
 ) -> Problem:
     """Check measurements and conditions against the network and join them. `file`: the conditions file, for messages.
 
@@ -208,7 +209,7 @@ def with_noise(problem: Problem, noise: dict[str, Noise]) -> Problem:
 
 
 def make_problem(
-    network: dict, conditions: dict[str, Condition], measured: list[Measured], settings: Settings
+    network: Network, conditions: dict[str, Condition], measured: list[Measured], settings: Settings
 ) -> Problem:
     """Join checked parts, and run the model once for the scales of the effects' priors.
 

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import yaml
 
+from coronaryuq.case.network.network import HEART, Network
 from coronaryuq.core import units
 from coronaryuq.core.io.atomic import write_json, write_text
 from coronaryuq.core.io.tables import write_csv
@@ -18,7 +19,6 @@ from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.forward.network_values import scalars, with_values
 from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
-from coronaryuq.zerod.network.read import HEART
 
 SAME = 1e-9
 WRITTEN_IN = {"flow": "mL/s", "pressure": "mmHg", "volume": "mL", "perfusion": "mL/min/g", "ratio": "1"}
@@ -143,7 +143,7 @@ def _told(value: float | list) -> str:
 class Repaired:
     """What is written of a repaired model, made whole before any of it is: what cannot be made leaves nothing."""
 
-    network: dict
+    network: Network
     measurements: pd.DataFrame
     conditions: dict[str, dict]
     drives: dict[str, tuple[np.ndarray, np.ndarray]]

@@ -265,7 +265,7 @@ def _tree(found: Discovery) -> pd.DataFrame:
     rows = [
         (
             name,
-            anatomy.parents[name][0] if anatomy.parents[name] else "",
+            next(iter(anatomy.parents(name)), ""),
             anatomy.flow_scale(name),
             worst.get(name, np.nan),
             "; ".join(

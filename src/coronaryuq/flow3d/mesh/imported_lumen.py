@@ -8,6 +8,7 @@ import numpy as np
 
 from coronaryuq.case.anatomy.surface import Surface
 from coronaryuq.case.anatomy.tree import Stenosis, Tree
+from coronaryuq.case.network.network import Network
 from coronaryuq.core.errors import InputError
 from coronaryuq.flow3d.mesh.describe import describe
 from coronaryuq.flow3d.mesh.description import MeshDescription
@@ -20,7 +21,6 @@ from coronaryuq.flow3d.mesh.geometry.implicit import Implicit
 from coronaryuq.flow3d.mesh.geometry.lumen import simplified
 from coronaryuq.flow3d.mesh.geometry.paths import Cap, Size
 from coronaryuq.flow3d.mesh.settings import Settings
-from coronaryuq.zerod.network.read import Network
 
 SHORTEST = 0.01
 """Edges of a surface shorter than this fraction of the smallest radius are removed."""

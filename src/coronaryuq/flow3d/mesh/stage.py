@@ -8,6 +8,7 @@ from coronaryuq.case.anatomy.stenosis_detection import example
 from coronaryuq.case.anatomy.surface import read_surface
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, placed_stenoses, read_tree
 from coronaryuq.case.case_json import read_case
+from coronaryuq.case.network.network import Network
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.units import LENGTHS
@@ -18,7 +19,7 @@ from coronaryuq.flow3d.mesh.generation import folder
 from coronaryuq.flow3d.mesh.generation.build import build
 from coronaryuq.flow3d.mesh.geometry.errors import MeshError
 from coronaryuq.flow3d.mesh.settings import Settings
-from coronaryuq.zerod.network.read import Network, read_network
+from coronaryuq.zerod.network.read import read_network
 
 
 def make_mesh(

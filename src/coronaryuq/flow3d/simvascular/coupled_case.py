@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.io.vtk import write_vtk
@@ -16,7 +17,6 @@ from coronaryuq.flow3d.simvascular.program import RunFailed
 from coronaryuq.flow3d.simvascular_settings import SimVascularSettings
 from coronaryuq.zerod.network.beds import theta_changes
 from coronaryuq.zerod.network.numbering import Model
-from coronaryuq.zerod.network.read import Network, copy_of
 
 NETWORK = "svzerod_3d_coupling.json"
 MESH = "mesh-complete"
@@ -87,8 +87,8 @@ def begin(case: CoupledCase, sample: Sample, run: Path) -> None:
 
 def coupled_json(case: CoupledCase, changes: Mapping[str, np.ndarray], full: Mapping[str, float]) -> Network:
     """Return the 0D side for svZeroDSolver's library: this sample's resistances, starting from its periodic state."""
-    network = copy_of(case.coupled.network)
-    blocks = {block["bc_name"]: block["bc_values"] for block in network["boundary_conditions"]}
+    network = case.coupled.network.deep_copy()
+    blocks = {block["bc_name"]: block["bc_values"] for block in network.boundary_conditions}
     for name, value in changes.items():
         block, parameter = name.rsplit(".", 1)
         if block in blocks:

@@ -5,10 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.core.errors import InputError
 from coronaryuq.zerod.network.beds import distal_resistances, resistance_changes
 from coronaryuq.zerod.network.changes import with_changes
-from coronaryuq.zerod.network.read import Network, read_network
+from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.solver.result import Result
 

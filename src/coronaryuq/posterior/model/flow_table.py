@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from coronaryuq.case.network.network import Network
+from coronaryuq.case.network.topology import Topology
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.posterior.model.bed_flows import BedFlows, with_resistances
 from coronaryuq.posterior.model.fit_to_fractions import fit_fractions
 from coronaryuq.zerod.network.beds import Bed, beds
-from coronaryuq.zerod.network.read import Network
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -102,7 +103,7 @@ def _numbers(column: "pd.Series") -> np.ndarray:
 
 
 def _vessel_of(network: Network, bed: str, path: str | Path) -> str:
-    for vessel in network["vessels"]:
-        if vessel.get("boundary_conditions", {}).get("outlet") == bed:
-            return vessel["vessel_name"]
-    raise InputError(path, bed, None, "no vessel ends in this bed")
+    vessels = Topology(network).vessel_of
+    if bed not in vessels:
+        raise InputError(path, bed, None, "no vessel ends in this bed")
+    return vessels[bed]

@@ -8,8 +8,8 @@ from typing import ClassVar, Literal, TypeVar
 
 import numpy as np
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.network.read import copy_of
 
 Values = dict[str, np.ndarray]
 Number = TypeVar("Number", float, np.ndarray)
@@ -160,9 +160,9 @@ class Effect(ABC):
         """
         raise NotImplementedError
 
-    def insert(self, network: dict, place: str, anatomy: Anatomy) -> dict:
+    def insert(self, network: Network, place: str, anatomy: Anatomy) -> Network:
         """Return the network with the elements that the effect needs, in a state that does not disturb the flow."""
-        return copy_of(network)
+        return network.deep_copy()
 
     def inserts(self, place: str, anatomy: Anatomy) -> bool:
         """Whether `insert` adds anything at that place."""
@@ -172,7 +172,9 @@ class Effect(ABC):
         """Return old name → new name of every location that `insert` renames."""
         return {}
 
-    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
+    def changes(
+        self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
+    ) -> Values:
         """Return the solver parameters of the network with the effect.
 
         Parameters
@@ -218,20 +220,10 @@ class Effect(ABC):
         return dict(sizes)
 
 
-def bed_values(network: dict, bed: str) -> dict:
-    """Return the `bc_values` of one boundary condition."""
-    return next(b["bc_values"] for b in network["boundary_conditions"] if b["bc_name"] == bed)
-
-
-def vessel_values(network: dict, vessel: str) -> dict:
-    """Return the `zero_d_element_values` of one vessel."""
-    return next(v for v in network["vessels"] if v["vessel_name"] == vessel)["zero_d_element_values"]
-
-
-def sampled(network: dict, name: str) -> np.ndarray:
+def sampled(network: Network, name: str) -> np.ndarray:
     """Resample the waveform "BLOCK.parameter" on an even grid over its cycle, both ends included, (WAVE_POINTS,)."""
     block, _, parameter = name.rpartition(".")
-    values = bed_values(network, block)
+    values = network.bed_values(block)
     time = np.asarray(values["t"], dtype=float)
     if len(values[parameter]) == 1:
         return np.full(WAVE_POINTS, float(values[parameter][0]))

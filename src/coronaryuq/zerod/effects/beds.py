@@ -4,8 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.effects.anatomy import ARTERIOLAR, Anatomy
-from coronaryuq.zerod.effects.base import ConditionState, Effect, Parameter, Series, Values, bed_values
+from coronaryuq.zerod.effects.base import ConditionState, Effect, Parameter, Series, Values
 
 ALL = "all beds"
 
@@ -40,8 +41,10 @@ class BackPressure(Effect):
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return [] if anatomy.closed_loop else _groups(anatomy)
 
-    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
-        beds = {bed: bed_values(network, bed) for bed in _beds_of(place, anatomy)}
+    def changes(
+        self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
+    ) -> Values:
+        beds = {bed: network.bed_values(bed) for bed in _beds_of(place, anatomy)}
         return {
             f"{bed}.{name}": values[name] + sizes["pressure"] * anatomy.pressure
             for bed, values in beds.items()
@@ -69,7 +72,9 @@ class Autoregulation(Effect):
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return _groups(anatomy)
 
-    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
+    def changes(
+        self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
+    ) -> Values:
         changes: Values = {}
         for bed in _beds_of(place, anatomy):
             ratio = np.maximum(condition.bed_pressure[bed] / condition.reference_pressure[bed], 0.05)
@@ -94,7 +99,9 @@ class IncompleteHyperaemia(Effect):
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return _groups(anatomy)
 
-    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
+    def changes(
+        self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
+    ) -> Values:
         nominal = condition.resistance_scale
         if nominal >= 1.0:
             return {}
@@ -121,21 +128,23 @@ class CompressedResistance(Effect):
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return [ALL] if self._open_loop_beds(anatomy) else []
 
-    def insert(self, network: dict, place: str, anatomy: Anatomy) -> dict:
+    def insert(self, network: Network, place: str, anatomy: Anatomy) -> Network:
         network = super().insert(network, place, anatomy)
         for bed in self._open_loop_beds(anatomy):
-            block = next(b for b in network["boundary_conditions"] if b["bc_name"] == bed)
+            block = network.bed(bed)
             block["bc_type"] = "CORONARY_VAR_RES"
             values = block["bc_values"]
             values["Ra2_min"] = values["Ra2_max"] = values.pop("Ra2")
             values["T_vc"], values["T_vr"] = self.contraction * anatomy.period, self.relaxation * anatomy.period
         return network
 
-    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
+    def changes(
+        self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
+    ) -> Values:
         changes: Values = {}
         rise = np.asarray(sizes["rise"], dtype=float)
         for bed in self._open_loop_beds(anatomy):
-            changes[f"{bed}.Ra2_max"] = bed_values(network, bed)["Ra2_min"] * (1.0 + rise)
+            changes[f"{bed}.Ra2_max"] = network.bed_values(bed)["Ra2_min"] * (1.0 + rise)
             changes[f"{bed}.T_vc"] = np.full(rise.shape, self.contraction * condition.period)
             changes[f"{bed}.T_vr"] = np.full(rise.shape, self.relaxation * condition.period)
         return changes
@@ -145,8 +154,8 @@ class CompressedResistance(Effect):
         return [bed for bed in anatomy.beds if anatomy.blocks[bed]["bc_type"] == "CORONARY"]
 
 
-def arteriolar(network: dict, bed: str) -> dict[str, float]:
+def arteriolar(network: Network, bed: str) -> dict[str, float]:
     """Return the resistances of a bed that its smooth muscle controls, by name; both of an RCR or RESISTANCE."""
-    values = bed_values(network, bed)
+    values = network.bed_values(bed)
     names = [name for name in ARTERIOLAR if name in values] or [name for name in ("Rp", "Rd", "R") if name in values]
     return {name: values[name] for name in names}

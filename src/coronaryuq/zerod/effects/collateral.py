@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from itertools import combinations
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState, Effect, Number, Parameter, Series, Values
 from coronaryuq.zerod.effects.grafting import add_vessel, attach, locations_renamed, open_end
@@ -22,7 +23,7 @@ class Collateral(Effect):
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return [f"{a}~{b}" for a, b in combinations(anatomy.beds.values(), 2)]
 
-    def insert(self, network: dict, place: str, anatomy: Anatomy) -> dict:
+    def insert(self, network: Network, place: str, anatomy: Anatomy) -> Network:
         source, sink = place.split("~")
         network, upper, _ = open_end(network, source, "col")
         network, lower, _ = open_end(network, sink, "col")
@@ -36,7 +37,9 @@ class Collateral(Effect):
         source, sink = place.split("~")
         return locations_renamed(anatomy, source, "col") | locations_renamed(anatomy, sink, "col")
 
-    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
+    def changes(
+        self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
+    ) -> Values:
         return {f"{self._vessel(place)}.R_poiseuille": self._resistance(place, sizes["conductance"], anatomy)}
 
     def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState, Effect, Parameter, Series, Values, sampled
 
@@ -26,6 +27,8 @@ class DriveGain(Effect):
         inlets = dict.fromkeys(anatomy.inlet_bc[root] for root in anatomy.roots if root in anatomy.inlet_bc)
         return [inlet for inlet in inlets if anatomy.blocks[inlet]["bc_type"] in DRIVES]
 
-    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
+    def changes(
+        self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
+    ) -> Values:
         name = f"{place}.{DRIVES[anatomy.blocks[place]['bc_type']]}"
         return {name: (1.0 + np.asarray(sizes["gain"], dtype=float))[:, None] * sampled(network, name)}

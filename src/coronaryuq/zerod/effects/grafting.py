@@ -1,10 +1,10 @@
 """Vessels and junctions added to a 0D network without disturbing the flow through it."""
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.network.read import copy_of
 
 
-def open_end(network: dict, vessel: str, tag: str) -> tuple[dict, str, dict[str, str]]:
+def open_end(network: Network, vessel: str, tag: str) -> tuple[Network, str, dict[str, str]]:
     """Give the end of a vessel a junction to which vessels can be attached.
 
     A vessel that ends in a plain junction keeps it. One that ends in a bed gets a junction and a lossless stub
@@ -17,13 +17,13 @@ def open_end(network: dict, vessel: str, tag: str) -> tuple[dict, str, dict[str,
     network, junction, renamed
         The new network, the name of the junction, and old → new names of locations.
     """
-    network = copy_of(network)
+    network = network.deep_copy()
     anatomy = Anatomy(network)
     renamed = locations_renamed(anatomy, vessel, tag)
     if not renamed:
         return network, anatomy.downstream[vessel], {}
     stub, junction = f"{vessel}_{tag}", f"J_{vessel}_{tag}"
-    parent = next(v for v in network["vessels"] if v["vessel_name"] == vessel)
+    parent = network.vessel(vessel)
     if vessel in anatomy.outlet_bc:
         del parent["boundary_conditions"]["outlet"]
         if not parent["boundary_conditions"]:
@@ -31,7 +31,7 @@ def open_end(network: dict, vessel: str, tag: str) -> tuple[dict, str, dict[str,
         number = add_vessel(network, stub, {"R_poiseuille": 0.0}, outlet=anatomy.outlet_bc[vessel])
     else:
         number = add_vessel(network, stub, {"R_poiseuille": 0.0})
-        _reconnect(_junction(network, anatomy.downstream[vessel]), "inlet", parent, number, stub)
+        _reconnect(network.junction(anatomy.downstream[vessel]), "inlet", parent, number, stub)
     _add_junction(network, junction, parent["vessel_id"], number)
     return network, junction, renamed
 
@@ -41,32 +41,28 @@ def locations_renamed(anatomy: Anatomy, vessel: str, tag: str) -> dict[str, str]
     end = anatomy.downstream[vessel]
     if vessel in anatomy.outlet_bc:
         return {f"{vessel}:{end}": f"{vessel}_{tag}:{end}"}
-    if "junction_values" in _junction(anatomy.network, end):
+    if "junction_values" in anatomy.network.junction(end):
         return {f"{vessel}:{end}": f"{vessel}:J_{vessel}_{tag}"}
     return {}
 
 
-def put_ahead(network: dict, vessel: str, tag: str) -> dict:
+def put_ahead(network: Network, vessel: str, tag: str) -> Network:
     """Return the network with a lossless vessel `VESSEL_TAG` between a vessel and what feeds it.
 
     The location where the vessel began, `FEEDER:VESSEL`, becomes `FEEDER:VESSEL_TAG`.
     """
-    network = copy_of(network)
+    network = network.deep_copy()
     stub, junction = f"{vessel}_{tag}", f"J_{vessel}_{tag}"
-    below = next(v for v in network["vessels"] if v["vessel_name"] == vessel)
+    below = network.vessel(vessel)
     inlet = below.get("boundary_conditions", {}).pop("inlet", None)
     number = add_vessel(network, stub, {"R_poiseuille": 0.0}, **({"inlet": inlet} if inlet else {}))
-    for feeder in [*network.get("junctions", []), *network.get("closed_loop_blocks", [])]:
+    for feeder in [*network.junctions, *network.get("closed_loop_blocks", [])]:
         _reconnect(feeder, "outlet", below, number, stub)
     _add_junction(network, junction, number, below["vessel_id"])
     return network
 
 
-def _junction(network: dict, name: str) -> dict:
-    return next(j for j in network["junctions"] if j["junction_name"] == name)
-
-
-def _add_junction(network: dict, name: str, inlet: int, outlet: int) -> None:
+def _add_junction(network: Network, name: str, inlet: int, outlet: int) -> None:
     network.setdefault("junctions", []).append(
         {
             "junction_name": name,
@@ -87,9 +83,9 @@ def _reconnect(block: dict, side: str, vessel: dict, number: int, name: str) -> 
             block[key] = [new if entry == old else entry for entry in block[key]]
 
 
-def add_vessel(network: dict, name: str, values: dict[str, float], **ends: str) -> int:
+def add_vessel(network: Network, name: str, values: dict[str, float], **ends: str) -> int:
     """Append a vessel with the element `values` and boundary conditions `inlet=`, `outlet=`; return its id."""
-    number = 1 + max(v["vessel_id"] for v in network["vessels"])
+    number = 1 + max(network.vessel_names)
     vessel = {
         "vessel_id": number,
         "vessel_name": name,
@@ -103,15 +99,13 @@ def add_vessel(network: dict, name: str, values: dict[str, float], **ends: str) 
     return number
 
 
-def attach(network: dict, junction: str, side: str, vessel_id: int) -> None:
+def attach(network: Network, junction: str, side: str, vessel_id: int) -> None:
     """Connect a vessel to a junction, on the side "inlet" if it brings flow, "outlet" if it takes flow away.
 
     A junction written by block names gets the name instead of the number.
     """
-    block = _junction(network, junction)
+    block = network.junction(junction)
     if f"{side}_blocks" in block:
-        block[f"{side}_blocks"].append(
-            next(v["vessel_name"] for v in network["vessels"] if v["vessel_id"] == vessel_id)
-        )
+        block[f"{side}_blocks"].append(network.vessel_names[vessel_id])
     else:
         block[f"{side}_vessels"].append(vessel_id)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import WAVE_POINTS, ConditionState, Effect, Parameter, Series, Values, sampled
 from coronaryuq.zerod.effects.beds import ALL
@@ -36,11 +37,13 @@ class IntramyocardialPressure(Effect):
             ]
         return [ALL] if _open_beds(anatomy) else []
 
-    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
+    def changes(
+        self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
+    ) -> Values:
         share = np.asarray(sizes["share"], dtype=float)
         if anatomy.closed_loop:
             name = "iml" if place == "left" else "imr"
-            return {f"CLH.{name}": network["closed_loop_blocks"][0]["parameters"][name] * np.exp(share)}
+            return {f"CLH.{name}": network.heart["parameters"][name] * np.exp(share)}
         changes: Values = {}
         for bed in _open_beds(anatomy):
             time, present = waveform(network, bed, condition.period)
@@ -84,7 +87,9 @@ class IntramyocardialDelay(Effect):
         pulses = [np.ptp(anatomy.blocks[bed]["bc_values"]["Pim"]) for bed in _open_beds(anatomy)]
         return [ALL] if any(pulse > PULSING * anatomy.pressure for pulse in pulses) else []
 
-    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
+    def changes(
+        self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
+    ) -> Values:
         changes: Values = {}
         for bed in _open_beds(anatomy):
             time, present = waveform(network, bed, condition.period)
@@ -97,7 +102,7 @@ def _open_beds(anatomy: Anatomy) -> list[str]:
     return [bed for bed in anatomy.beds if "Pim" in anatomy.blocks[bed]["bc_values"]]
 
 
-def waveform(network: dict, bed: str, period: float) -> tuple[np.ndarray, np.ndarray]:
+def waveform(network: Network, bed: str, period: float) -> tuple[np.ndarray, np.ndarray]:
     """Return times and intramyocardial pressure of a bed over one cycle, (WAVE_POINTS,) each."""
     return np.linspace(0.0, period, WAVE_POINTS), sampled(network, f"{bed}.Pim")
 

@@ -20,10 +20,10 @@ class BifurcationLoss(QuadraticLoss):
 
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         inside = set(anatomy.coronary_vessels)
-        return [name for name in anatomy.coronary_vessels if len(inside.intersection(anatomy.children[name])) > 1]
+        return [name for name in anatomy.coronary_vessels if len(inside.intersection(anatomy.children(name))) > 1]
 
     def vessels(self, place: str, anatomy: Anatomy) -> list[str]:
-        return anatomy.children[place]
+        return anatomy.children(place)
 
 
 class OstialLoss(QuadraticLoss):

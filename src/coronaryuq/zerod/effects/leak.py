@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState, Effect, Number, Parameter, Series, Values
 from coronaryuq.zerod.effects.grafting import add_vessel, attach, locations_renamed, open_end
@@ -21,7 +22,7 @@ class SideBranchLeak(Effect):
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return anatomy.coronary_vessels
 
-    def insert(self, network: dict, place: str, anatomy: Anatomy) -> dict:
+    def insert(self, network: Network, place: str, anatomy: Anatomy) -> Network:
         network, junction, _ = open_end(network, place, "leak")
         weak = 1e9 * anatomy.pressure / anatomy.flow_scale(place)
         bed = f"BC_leak_{place}"
@@ -37,7 +38,9 @@ class SideBranchLeak(Effect):
     def aliases(self, place: str, anatomy: Anatomy) -> dict[str, str]:
         return locations_renamed(anatomy, place, "leak")
 
-    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
+    def changes(
+        self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
+    ) -> Values:
         resistance, bed = self._resistance(place, sizes["share"], anatomy), f"BC_leak_{place}"
         if anatomy.closed_loop:
             return {f"{bed}.Rp": 0.1 * resistance, f"{bed}.Rd": 0.9 * resistance}

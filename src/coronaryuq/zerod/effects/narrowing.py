@@ -4,8 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import ConditionState, Effect, Number, Parameter, Series, Values, vessel_values
+from coronaryuq.zerod.effects.base import ConditionState, Effect, Number, Parameter, Series, Values
 
 
 class DiffuseNarrowing(Effect):
@@ -32,8 +33,10 @@ class DiffuseNarrowing(Effect):
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return anatomy.coronary_vessels
 
-    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
-        element = vessel_values(network, place)
+    def changes(
+        self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
+    ) -> Values:
+        element = network.vessel_values(place)
         present = element.get("R_poiseuille", 0.0)
         added = self._resistance(place, sizes["loss"], anatomy)
         changes: Values = {f"{place}.R_poiseuille": present + added}

@@ -2,8 +2,9 @@
 
 from typing import ClassVar
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import ConditionState, Effect, Number, Parameter, Values, vessel_values
+from coronaryuq.zerod.effects.base import ConditionState, Effect, Number, Parameter, Values
 from coronaryuq.zerod.effects.grafting import put_ahead
 
 TAG = "loss"
@@ -30,7 +31,7 @@ class QuadraticLoss(Effect):
     def inserts(self, place: str, anatomy: Anatomy) -> bool:
         return any(_stores(anatomy.network, vessel) for vessel in self.vessels(place, anatomy))
 
-    def insert(self, network: dict, place: str, anatomy: Anatomy) -> dict:
+    def insert(self, network: Network, place: str, anatomy: Anatomy) -> Network:
         network = super().insert(network, place, anatomy)
         for vessel in self._without_stub(network, place, anatomy):
             network = put_ahead(network, vessel, TAG)
@@ -40,12 +41,14 @@ class QuadraticLoss(Effect):
         vessels = self._without_stub(anatomy.network, place, anatomy)
         return {anatomy.inlet(v): f"{anatomy.upstream[v]}:{v}_{TAG}" for v in vessels}
 
-    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
+    def changes(
+        self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
+    ) -> Values:
         changes: Values = {}
         for vessel in self.vessels(place, anatomy):
             ahead = f"{vessel}_{TAG}"
             name = ahead if _has(network, ahead) else vessel
-            present = vessel_values(network, name).get("stenosis_coefficient", 0.0)
+            present = network.vessel_values(name).get("stenosis_coefficient", 0.0)
             changes[f"{name}.stenosis_coefficient"] = present + self._coefficient(vessel, sizes["loss"], anatomy)
         return changes
 
@@ -57,7 +60,7 @@ class QuadraticLoss(Effect):
             for v in vessels
         }
 
-    def _without_stub(self, network: dict, place: str, anatomy: Anatomy) -> list[str]:
+    def _without_stub(self, network: Network, place: str, anatomy: Anatomy) -> list[str]:
         """Return the vessels that still need a vessel ahead; another effect may have added it."""
         return [
             vessel
@@ -70,9 +73,9 @@ class QuadraticLoss(Effect):
         return loss * anatomy.pressure / anatomy.flow_scale(vessel) ** 2
 
 
-def _has(network: dict, vessel: str) -> bool:
-    return any(entry["vessel_name"] == vessel for entry in network["vessels"])
+def _has(network: Network, vessel: str) -> bool:
+    return any(entry["vessel_name"] == vessel for entry in network.vessels)
 
 
-def _stores(network: dict, vessel: str) -> bool:
-    return vessel_values(network, vessel).get("C", 0.0) > 0.0
+def _stores(network: Network, vessel: str) -> bool:
+    return network.vessel_values(vessel).get("C", 0.0) > 0.0

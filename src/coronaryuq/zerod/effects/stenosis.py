@@ -2,8 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import ConditionState, Number, Parameter, Series, Values, vessel_values
+from coronaryuq.zerod.effects.base import ConditionState, Number, Parameter, Series, Values
 from coronaryuq.zerod.effects.quadratic import QuadraticLoss
 
 
@@ -40,10 +41,12 @@ class StenosisWithFriction(QuadraticStenosis):
         Parameter("friction", "1", "lognormal", 1.0, 1.0, "loss to friction over loss to turbulence at mean flow"),
     )
 
-    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
+    def changes(
+        self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
+    ) -> Values:
         changes = super().changes(network, place, sizes, anatomy, condition)
         for name in [key.removesuffix(".stenosis_coefficient") for key in changes]:
-            present = vessel_values(network, name).get("R_poiseuille", 0.0)
+            present = network.vessel_values(name).get("R_poiseuille", 0.0)
             changes[f"{name}.R_poiseuille"] = present + self._friction(place, sizes, anatomy)
         return changes
 

@@ -2,8 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import ConditionState, Effect, Number, Parameter, Series, Values, vessel_values
+from coronaryuq.zerod.effects.base import ConditionState, Effect, Number, Parameter, Series, Values
 
 
 class EpicardialCompliance(Effect):
@@ -29,8 +30,10 @@ class EpicardialCompliance(Effect):
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return anatomy.coronary_vessels
 
-    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
-        present = vessel_values(network, place).get(self.element, 0.0)
+    def changes(
+        self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
+    ) -> Values:
+        present = network.vessel_values(place).get(self.element, 0.0)
         return {f"{place}.{self.element}": present + self._added(place, sizes, anatomy)}
 
     def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState, Effect, Parameter, Series, Values
 
@@ -24,8 +25,10 @@ class AorticStenosis(Effect):
         hearts = anatomy.network.get("closed_loop_blocks", [])
         return ["aortic valve"] if any("Rlv_ao" in heart.get("parameters", {}) for heart in hearts) else []
 
-    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
-        return {"CLH.Rlv_ao": network["closed_loop_blocks"][0]["parameters"]["Rlv_ao"] * (1.0 + sizes["rise"])}
+    def changes(
+        self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
+    ) -> Values:
+        return {"CLH.Rlv_ao": network.heart["parameters"]["Rlv_ao"] * (1.0 + sizes["rise"])}
 
 
 class AorticRegurgitation(Effect):
@@ -43,8 +46,10 @@ class AorticRegurgitation(Effect):
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return ["aortic valve"] if anatomy.closed_loop else []
 
-    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
-        present = network["closed_loop_blocks"][0]["parameters"].get("Gao_leak", 0.0)
+    def changes(
+        self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
+    ) -> Values:
+        present = network.heart["parameters"].get("Gao_leak", 0.0)
         return {"CLH.Gao_leak": present + self._conductance(sizes["share"], anatomy)}
 
     def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:

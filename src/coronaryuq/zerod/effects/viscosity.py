@@ -4,8 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.effects.anatomy import RESISTANCES, Anatomy
-from coronaryuq.zerod.effects.base import ConditionState, Effect, Parameter, Series, Values, bed_values, vessel_values
+from coronaryuq.zerod.effects.base import ConditionState, Effect, Parameter, Series, Values
 
 
 class Haematocrit(Effect):
@@ -23,15 +24,17 @@ class Haematocrit(Effect):
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return ["everywhere"]
 
-    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
+    def changes(
+        self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
+    ) -> Values:
         factor = np.exp(np.asarray(sizes["log_viscosity"]))
         changes: Values = {}
         for vessel in anatomy.vessels:
-            present = vessel_values(network, vessel).get("R_poiseuille", 0.0)
+            present = network.vessel_values(vessel).get("R_poiseuille", 0.0)
             if present > 0.0:
                 changes[f"{vessel}.R_poiseuille"] = present * factor
         for bed in anatomy.blocks:
-            values = bed_values(network, bed)
+            values = network.bed_values(bed)
             changes |= {f"{bed}.{name}": values[name] * factor for name in RESISTANCES if name in values}
         return changes
 

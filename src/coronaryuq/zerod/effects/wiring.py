@@ -5,8 +5,9 @@ from itertools import combinations
 
 import numpy as np
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import ConditionState, Effect, Parameter, Series, Values, bed_values
+from coronaryuq.zerod.effects.base import ConditionState, Effect, Parameter, Series, Values
 
 
 class ExchangedOutlets(Effect):
@@ -26,18 +27,20 @@ class ExchangedOutlets(Effect):
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return [f"{a}~{b}" for a, b in combinations(anatomy.beds, 2) if _ratios(anatomy.network, a, b)]
 
-    def changes(self, network: dict, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState) -> Values:
+    def changes(
+        self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
+    ) -> Values:
         first, second = place.split("~")
         share, changes = np.asarray(sizes["share"], dtype=float), {}
         for name, ratio in _ratios(network, first, second).items():
-            changes[f"{first}.{name}"] = bed_values(network, first)[name] * ratio**share
-            changes[f"{second}.{name}"] = bed_values(network, second)[name] * ratio**-share
+            changes[f"{first}.{name}"] = network.bed_values(first)[name] * ratio**share
+            changes[f"{second}.{name}"] = network.bed_values(second)[name] * ratio**-share
         return changes
 
 
-def _ratios(network: dict, first: str, second: str) -> dict[str, float]:
+def _ratios(network: Network, first: str, second: str) -> dict[str, float]:
     """Return the ratio, second over first, of every positive value that both beds have and that differs."""
-    one, other = bed_values(network, first), bed_values(network, second)
+    one, other = network.bed_values(first), network.bed_values(second)
     both = [name for name in one if name in other and _positive(one[name]) and _positive(other[name])]
     return {name: other[name] / one[name] for name in both if other[name] != one[name]}
 

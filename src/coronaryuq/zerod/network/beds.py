@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import read_csv
-from coronaryuq.zerod.network.read import Network
 
 SCALING = "R_cor_scaling"
 """Name of s in tables of θ."""
@@ -44,18 +44,18 @@ def beds(network: Network) -> dict[str, Bed]:
     """Coronary beds by the name of their boundary condition, in the network's order."""
     return {
         block["bc_name"]: Bed(block["bc_name"], *_NAMES[block["bc_type"]])
-        for block in network["boundary_conditions"]
+        for block in network.boundary_conditions
         if block["bc_type"] in _NAMES
     }
 
 
 def distal_resistances(network: Network) -> dict[str, float]:
     """Ra + Ram + Rv of each bed, in the network's unit; a varying Ram counts with its least value."""
-    values = {block["bc_name"]: block["bc_values"] for block in network["boundary_conditions"]}
-    return {
-        name: float(values[name][bed.arterial] + values[name][bed.myocardial[0]] + values[name][bed.venous])
-        for name, bed in beds(network).items()
-    }
+    totals = {}
+    for name, bed in beds(network).items():
+        values = network.bed_values(name)
+        totals[name] = float(values[bed.arterial] + values[bed.myocardial[0]] + values[bed.venous])
+    return totals
 
 
 def resistance_changes(
@@ -77,13 +77,12 @@ def resistance_changes(
     for name, factor in {**multipliers, SCALING: scaling, "hyperaemia": hyperaemia}.items():
         if not np.all(np.asarray(factor, float) > 0.0):
             raise InputError("network", name, "not positive", "want positive factors")
-    values = {block["bc_name"]: block["bc_values"] for block in network["boundary_conditions"]}
     changes = {}
     for name, bed in found.items():
         whole = np.asarray(multipliers.get(name, 1.0), float) * np.asarray(scaling, float)
         for key in bed.resistances:
             factor = whole if key == bed.venous else whole * np.asarray(hyperaemia, float)
-            changes[f"{name}.{key}"] = values[name][key] * factor
+            changes[f"{name}.{key}"] = network.bed_values(name)[key] * factor
     return changes
 
 

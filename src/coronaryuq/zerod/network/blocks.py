@@ -21,7 +21,7 @@ def _is_list_of(kind: type) -> Callable[[Any], bool]:
     return lambda value: isinstance(value, list) and all(type(entry) is kind for entry in value)
 
 
-_SHAPES = {
+_SHAPES: dict[str, dict[str, tuple[Callable[[Any], bool], str]]] = {
     "vessels": {
         "zero_d_element_type": (_is_text, "text"),
         "boundary_conditions": (lambda v: _is_object(v) and all(map(_is_text, v.values())), "an object of names"),

@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.core.errors import InputError
 from coronaryuq.zerod.network.numbering import PERIOD
-from coronaryuq.zerod.network.read import HEART, Network, copy_of
 
 
 def with_changes(network: Network, changes: Mapping[str, float], file: str | Path = "network") -> Network:
@@ -13,8 +13,8 @@ def with_changes(network: Network, changes: Mapping[str, float], file: str | Pat
 
     A changed period stretches the waveforms with it.
     """
-    changed = copy_of(network)
-    values = _values(changed)
+    changed = network.deep_copy()
+    values = {element.name: element.values for element in changed.elements()}
     for name, value in changes.items():
         if name == PERIOD:
             _set_period(changed, float(value))
@@ -30,23 +30,13 @@ def with_changes(network: Network, changes: Mapping[str, float], file: str | Pat
     return changed
 
 
-def _values(network: Network) -> dict[str, dict]:
-    found = {vessel["vessel_name"]: vessel["zero_d_element_values"] for vessel in network.get("vessels", [])}
-    found |= {block["bc_name"]: block["bc_values"] for block in network["boundary_conditions"]}
-    found |= {block["name"]: block["values"] for block in network.get("external_solver_coupling_blocks", [])}
-    found |= {block["junction_name"]: block.get("junction_values", {}) for block in network.get("junctions", [])}
-    for block in network.get("closed_loop_blocks", []):
-        found[HEART] = block["parameters"]
-    return found
-
-
 def _set_period(network: Network, period: float) -> None:
-    for block in network.get("closed_loop_blocks", []):
-        block["cardiac_cycle_period"] = period
-    for values in _values(network).values():
-        times = values.get("t", [])
+    if network.closed_loop:
+        network.heart["cardiac_cycle_period"] = period
+    for element in network.elements():
+        values, times = element.values, element.values.get("t", [])
         if len(times) > 1:
             stretch = period / (times[-1] - times[0])
             values["t"] = [times[0] * stretch, *(time * stretch for time in times[1:-1]), times[0] * stretch + period]
-    if network["simulation_parameters"].get("cardiac_period", -1.0) >= 0 or not network.get("closed_loop_blocks"):
+    if network["simulation_parameters"].get("cardiac_period", -1.0) >= 0 or not network.closed_loop:
         network["simulation_parameters"]["cardiac_period"] = period

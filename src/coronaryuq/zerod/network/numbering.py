@@ -1,5 +1,6 @@
 """A network as blocks, nodes and unknowns, numbered and named as svZeroDSolver does it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -7,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from coronaryuq.case.network.network import AFTER_HEART, BEFORE_HEART, HEART, HEART_TYPE
 from coronaryuq.core.errors import InputError
 from coronaryuq.zerod.network.parameters import BOUNDARIES, CLOSED_LOOP, JUNCTIONS, VESSELS
-from coronaryuq.zerod.network.read import HEART, Network, check_network, junction_sides, vessel_names
+from coronaryuq.zerod.network.read import check_network
 
 INTERNAL = {
     "RCR": ("pressure_c",),
@@ -82,10 +84,9 @@ class Model:
     period: cardiac period (s). Raises `InputError` when periods disagree or the blocks do not close the system.
     """
 
-    def __init__(self, network: Network, file: str | Path = "network"):
-        check_network(network, file)
-        self.network, self.file = network, file
-        self.simulation: dict[str, Any] = network["simulation_parameters"]
+    def __init__(self, network: Mapping[str, Any], file: str | Path = "network"):
+        self.network, self.file = check_network(network, file), file
+        self.simulation: dict[str, Any] = self.network["simulation_parameters"]
         self.blocks: dict[str, Block] = {}
         self.variables: list[str] = []
         self.equations: list[str] = []
@@ -118,13 +119,13 @@ class Model:
     def _consistent_period(self) -> float:
         """The one period that parameters, waveforms and heart agree on; 1 s when none says any."""
         found: dict[str, float] = {}
-        for block in self.network["boundary_conditions"]:
+        for block in self.network.boundary_conditions:
             found |= _series_period(block["bc_name"], block["bc_values"], BOUNDARIES[block["bc_type"]])
-        for block in self.network.get("external_solver_coupling_blocks", []):
+        for block in self.network.couplings:
             if block.get("periodic", True):
                 found |= _series_period(block["name"], block["values"], BOUNDARIES[block["type"]])
-        for block in self.network.get("closed_loop_blocks", []):
-            found[f"{HEART}.cardiac_cycle_period"] = block["cardiac_cycle_period"]
+        if self.network.closed_loop:
+            found[PERIOD] = self.network.heart["cardiac_cycle_period"]
         if self.simulation.get("cardiac_period", -1.0) >= 0:
             found["simulation_parameters.cardiac_period"] = self.simulation["cardiac_period"]
         if not found:
@@ -137,8 +138,7 @@ class Model:
 
     def _add_blocks(self) -> list[tuple[str, str]]:
         network, connections = self.network, []
-        ids = vessel_names(network)
-        for vessel in network.get("vessels", []):
+        for vessel in network.vessels:
             kind, name = vessel["zero_d_element_type"], vessel["vessel_name"]
             self._add(name, kind, vessel["zero_d_element_values"], VESSELS[kind])
             ends = vessel.get("boundary_conditions", {})
@@ -146,38 +146,37 @@ class Model:
                 connections.append((ends["inlet"], name))
             if "outlet" in ends:
                 connections.append((name, ends["outlet"]))
-        for block in network.get("external_solver_coupling_blocks", []):
+        for block in network.couplings:
             periodic = block.get("periodic", True)
             self._add(block["name"], block["type"], block["values"], BOUNDARIES[block["type"]], periodic)
             if block["location"] == "inlet":
                 connections.append((block["name"], block["connected_block"]))
-            elif block["connected_block"] != "ClosedLoopHeartAndPulmonary":
+            elif block["connected_block"] != HEART_TYPE:
                 connections.append((block["connected_block"], block["name"]))
         to_heart = []
-        for block in network["boundary_conditions"]:
+        for block in network.boundary_conditions:
             kind, name = block["bc_type"], block["bc_name"]
             self._add(name, kind, block["bc_values"], BOUNDARIES[kind])
             if kind.startswith("ClosedLoopCoronary") or (
                 kind == "ClosedLoopRCR" and block["bc_values"].get("closed_loop_outlet", False)
             ):
                 to_heart.append(name)
-        for block in network.get("junctions", []):
+        for block in network.junctions:
             name, kind = block["junction_name"], block["junction_type"]
-            inlets, outlets = junction_sides(block, ids)
+            inlets, outlets = network.junction_sides(block)
             values = {
                 f"{key}[{i}]": value for key in JUNCTIONS[kind] for i, value in enumerate(block["junction_values"][key])
             }
             self.blocks[name] = Block(name, kind, values)
             connections += [(inlet, name) for inlet in inlets] + [(name, outlet) for outlet in outlets]
-        for block in network.get("closed_loop_blocks", []):
-            kind = block["closed_loop_type"]
-            self._add(HEART, kind, block["parameters"], CLOSED_LOOP[kind])
-            for name in ("J_heart_inlet", "J_heart_outlet"):
+        if network.closed_loop:
+            self._add(HEART, HEART_TYPE, network.heart["parameters"], CLOSED_LOOP[HEART_TYPE])
+            for name in (BEFORE_HEART, AFTER_HEART):
                 self.blocks[name] = Block(name, "NORMAL_JUNCTION")
-            connections.append(("J_heart_inlet", HEART))
-            connections += [(name, "J_heart_inlet") for name in to_heart]
-            connections.append((HEART, "J_heart_outlet"))
-            connections += [("J_heart_outlet", name) for name in block["outlet_blocks"]]
+            connections.append((BEFORE_HEART, HEART))
+            connections += [(name, BEFORE_HEART) for name in to_heart]
+            connections.append((HEART, AFTER_HEART))
+            connections += [(AFTER_HEART, name) for name in network.heart["outlet_blocks"]]
         return connections
 
     def _add(self, name: str, kind: str, values: dict, parameters: dict, periodic: bool = True) -> None:
@@ -230,7 +229,7 @@ class Model:
 
     def _cap_unknowns(self) -> list[tuple[int, int]]:
         caps = []
-        for vessel in self.network.get("vessels", []):
+        for vessel in self.network.vessels:
             ends = vessel.get("boundary_conditions", {})
             block = self.blocks[vessel["vessel_name"]]
             # With both ends at a boundary svZeroDSolver looks at the outlet.

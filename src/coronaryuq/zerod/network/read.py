@@ -8,15 +8,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from coronaryuq.case.network.network import AFTER_HEART, BEFORE_HEART, HEART, HEART_TYPE, Network
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.zerod.network.blocks import check_keys, check_shapes, check_values, finite, named, register
 from coronaryuq.zerod.network.parameters import BOUNDARIES, CLOSED_LOOP, COUPLINGS, JUNCTIONS, VESSELS
-
-Network = dict[str, Any]
-
-HEART = "CLH"
-"""Name that svZeroDSolver gives the closed-loop heart block."""
 
 _TOP = {
     "description",
@@ -65,9 +61,7 @@ _COUPLING = {"name", "type", "location", "connected_block", "periodic", "values"
 
 def read_network(path: str | Path) -> Network:
     """Read an svZeroDSolver JSON file and check it; `InputError` names file, block, key and value."""
-    network = read_json(path)
-    check_network(network, path)
-    return network
+    return check_network(read_json(path), path)
 
 
 def write_network(path: str | Path, network: Network) -> None:
@@ -76,10 +70,29 @@ def write_network(path: str | Path, network: Network) -> None:
     write_json(path, network)
 
 
-def check_network(network: Network, file: str | Path = "network") -> None:
-    """Raise `InputError` unless every block, key and value is one that the engine knows and the blocks fit together."""
-    if not isinstance(network, dict):
+def check_network(content: Any, file: str | Path = "network") -> Network:
+    """Check that the engine knows every block, key and value, and that the blocks fit together.
+
+    Parameters
+    ----------
+    content : dict
+        svZeroDSolver JSON.
+    file : str or Path
+        Name for error messages.
+
+    Returns
+    -------
+    Network
+        `content` itself if it is one already.
+
+    Raises
+    ------
+    InputError
+        At the first fault; names block, key and value.
+    """
+    if not isinstance(content, dict):
         raise InputError(file, None, None, "want a JSON object with simulation_parameters, vessels, ...")
+    network = content if isinstance(content, Network) else Network(content)
     check_keys(network, _TOP, file, "")
     for unsupported in ("valves", "chambers"):
         if network.get(unsupported):
@@ -103,31 +116,21 @@ def check_network(network: Network, file: str | Path = "network") -> None:
         _check_coupling(block, names, file)
     for block in named(network, "boundary_conditions", "bc_name", file):
         _check_boundary(block, names, file)
-    ids = {vessel["vessel_id"]: vessel["vessel_name"] for vessel in network.get("vessels", [])}
-    if len(ids) < len(network.get("vessels", [])):
+    if len(network.vessel_names) < len(network.vessels):
         raise InputError(file, "vessels", None, "two vessels share a vessel_id; number them apart")
     for junction in named(network, "junctions", "junction_name", file):
-        _check_junction(junction, names, ids, file)
+        _check_junction(junction, names, network, file)
     _check_closed_loop(network, names, file)
     _check_references(network, names, file)
-
-
-_VALUES = (
-    ("vessels", "vessel_name", "zero_d_element_values"),
-    ("boundary_conditions", "bc_name", "bc_values"),
-    ("junctions", "junction_name", "junction_values"),
-    ("closed_loop_blocks", "", "parameters"),
-)
-"""Parts of a network, and where their blocks have name and parameters."""
+    return network
 
 
 def note_negative_resistances(network: Network, file: str | Path) -> None:
-    """One line on standard error where a checked network has any: svZeroDSolver takes them, so that is no error."""
+    """Print one line on standard error if a checked network has negative resistances, which svZeroDSolver accepts."""
     found = [
-        f"{block.get(name, HEART)}.{key} = {value:g}"
-        for part, name, values in _VALUES
-        for block in network.get(part, [])
-        for key, given in block.get(values, {}).items()
+        f"{name}.{key} = {value:g}"
+        for _, name, _, values in network.elements()
+        for key, given in values.items()
         if key.startswith("R")  # every such parameter is a resistance, and no other is
         for value in (given if isinstance(given, list) else [given])
         if value < 0
@@ -135,25 +138,6 @@ def note_negative_resistances(network: Network, file: str | Path) -> None:
     if found:
         more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
         print(f"note: {file}: {found[0]}: negative resistance{more}", file=sys.stderr)
-
-
-def vessel_names(network: Network) -> dict[int, str]:
-    """Vessel id → vessel name."""
-    return {vessel["vessel_id"]: vessel["vessel_name"] for vessel in network.get("vessels", [])}
-
-
-def copy_of(network: Network) -> Network:
-    """A deep copy, so that a changed network never changes the one it came from."""
-    return _copied(network)
-
-
-def _copied(value: Any) -> Any:
-    """Of what stands in a JSON file; many times as fast as `copy.deepcopy`, which has to expect anything."""
-    if isinstance(value, dict):
-        return {key: _copied(entry) for key, entry in value.items()}
-    if isinstance(value, list):
-        return [_copied(entry) for entry in value]
-    return value
 
 
 def _check_simulation(block: dict, file) -> None:
@@ -171,9 +155,9 @@ def _check_simulation(block: dict, file) -> None:
         }[kind]
         if not fits:
             raise InputError(file, f"{where}.{key}", value, f"want a {kind.__name__}")
-    needed = ("number_of_cardiac_cycles", "number_of_time_pts_per_cardiac_cycle")
+    needed = ["number_of_cardiac_cycles", "number_of_time_pts_per_cardiac_cycle"]
     if block.get("coupled_simulation", False):
-        needed = ("number_of_time_pts",)
+        needed = ["number_of_time_pts"]
     for key in needed:
         if key not in block:
             raise InputError(file, f"{where}.{key}", None, "missing")
@@ -215,14 +199,14 @@ def _check_coupling(block: dict, names: dict[str, str], file) -> None:
         raise InputError(file, f"{where}.connected_block", block.get("connected_block"), "want a block's name")
 
 
-def _check_junction(block: dict, names: dict[str, str], ids: dict[int, str], file) -> None:
+def _check_junction(block: dict, names: dict[str, str], network: Network, file) -> None:
     name = register(block, "junction_name", "junction_type", JUNCTIONS, names, file, "junctions")
     where = f"junctions.{name}"
     check_keys(block, _JUNCTION, file, where)
     for side in ("inlet", "outlet"):
         if f"{side}_vessels" in block:
             for number in block[f"{side}_vessels"]:
-                if number not in ids:
+                if number not in network.vessel_names:
                     raise InputError(file, f"{where}.{side}_vessels", number, "no vessel has this vessel_id")
         elif f"{side}_blocks" not in block:
             raise InputError(file, f"{where}.{side}_vessels", None, "missing")
@@ -231,7 +215,7 @@ def _check_junction(block: dict, names: dict[str, str], ids: dict[int, str], fil
         if block.get("junction_values"):
             check_keys(block["junction_values"], set(), file, f"{where}.junction_values")
         return
-    inlets, outlets = junction_sides(block, ids)
+    inlets, outlets = network.junction_sides(block)
     if block["junction_type"] == "BloodVesselJunction" and len(inlets) != 1:
         raise InputError(file, f"{where}.inlet_vessels", inlets, "a BloodVesselJunction has one inlet")
     values = block.get("junction_values", {})
@@ -267,26 +251,26 @@ def _check_closed_loop(network: Network, names: dict[str, str], file) -> None:
             raise InputError(file, f"{where}.cardiac_cycle_period", period, "want a positive time in s")
         if not isinstance(block.get("outlet_blocks"), list) or not block["outlet_blocks"]:
             raise InputError(file, f"{where}.outlet_blocks", block.get("outlet_blocks"), "want a list of block names")
-        for name in (HEART, "J_heart_inlet", "J_heart_outlet"):
+        for name in (HEART, BEFORE_HEART, AFTER_HEART):
             if name in names:
                 raise InputError(
                     file, names[name], name, "this name belongs to the closed-loop heart; rename the block"
                 )
             names[name] = where
     if not blocks:
-        for block in network["boundary_conditions"]:
+        for block in network.boundary_conditions:
             if block["bc_type"].startswith("ClosedLoop"):
                 where = f"boundary_conditions.{block['bc_name']}.bc_type"
                 raise InputError(file, where, block["bc_type"], "needs a ClosedLoopHeartAndPulmonary block")
 
 
 def _check_references(network: Network, names: dict[str, str], file) -> None:
-    for vessel in network.get("vessels", []):
+    for vessel in network.vessels:
         for side, target in vessel.get("boundary_conditions", {}).items():
             if target not in names:
                 where = f"vessels.{vessel['vessel_name']}.boundary_conditions.{side}"
                 raise InputError(file, where, target, "no block has this name")
-    for junction in network.get("junctions", []):
+    for junction in network.junctions:
         for side in ("inlet_blocks", "outlet_blocks"):
             for target in junction.get(side, []):
                 if target not in names:
@@ -297,19 +281,12 @@ def _check_references(network: Network, names: dict[str, str], file) -> None:
         for target in block["outlet_blocks"]:
             if target not in names:
                 raise InputError(file, f"closed_loop_blocks.{HEART}.outlet_blocks", target, "no block has this name")
-    for block in network.get("external_solver_coupling_blocks", []):
+    for block in network.couplings:
         target = block["connected_block"]
-        if target not in names and target != "ClosedLoopHeartAndPulmonary":
+        if target not in names and target != HEART_TYPE:
             where = f"external_solver_coupling_blocks.{block['name']}.connected_block"
             raise InputError(file, where, target, "no block has this name")
     for part in ("initial_condition", "initial_condition_d"):
         for key, value in network.get(part, {}).items():
             if not key.startswith("_") and not finite(value):
                 raise InputError(file, f"{part}.{key}", value, "want a number")
-
-
-def junction_sides(block: dict, ids: dict[int, str]) -> tuple[list[str], list[str]]:
-    """Names of the blocks at a junction's inlets and outlets, from vessel ids or block names."""
-    if "inlet_vessels" in block and "outlet_vessels" in block:
-        return [ids[i] for i in block["inlet_vessels"]], [ids[i] for i in block["outlet_vessels"]]
-    return list(block.get("inlet_blocks", [])), list(block.get("outlet_blocks", []))

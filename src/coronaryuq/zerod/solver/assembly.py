@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from coronaryuq.case.network.network import HEART
 from coronaryuq.zerod.network.numbering import PERIOD, Block, Model
-from coronaryuq.zerod.network.read import HEART
 
 # Fourier modes (cos, sin) of the ventricles' normalised elastance, as in svZeroDSolver.
 _ELASTANCE = np.array(

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.core.errors import InputError
 from coronaryuq.zerod.network.numbering import Block
-from coronaryuq.zerod.network.read import Network, copy_of
 from coronaryuq.zerod.solver.assembly import Assembly, Context
 from coronaryuq.zerod.solver.elements import ELEMENTS
 from coronaryuq.zerod.solver.engine import Engine
@@ -57,7 +57,7 @@ class CoupledNetwork:
         steps_per_cycle: int,
         file: str | Path = "network",
     ):
-        network = copy_of(network)
+        network = network.deep_copy()
         simulation = network["simulation_parameters"]
         simulation["coupled_simulation"] = False
         simulation.setdefault("number_of_cardiac_cycles", 1)

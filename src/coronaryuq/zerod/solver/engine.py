@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.core.errors import InputError
 from coronaryuq.zerod.network import output_names as named
 from coronaryuq.zerod.network.numbering import Model
-from coronaryuq.zerod.network.read import Network
 from coronaryuq.zerod.solver.assembly import Context
 from coronaryuq.zerod.solver.batch import Batch
 from coronaryuq.zerod.solver.elements import coronary_offset

@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import Protocol
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.core.errors import InputError
-from coronaryuq.zerod.network.read import Network
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.solver.result import Result
 from coronaryuq.zerod.svzerodsolver.program import SvZeroD, installed

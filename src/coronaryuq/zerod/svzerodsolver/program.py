@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.core.errors import InputError
 from coronaryuq.zerod.network import output_names as named
 from coronaryuq.zerod.network.changes import with_changes
 from coronaryuq.zerod.network.numbering import Model
-from coronaryuq.zerod.network.read import Network, copy_of
 from coronaryuq.zerod.solver.result import OK, Result
 
 COMMAND = "svzerodsolver"
@@ -114,7 +114,7 @@ class SvZeroD:
         return result
 
     def _march(self, changes: dict, cycles: int, steps: int, start) -> tuple[np.ndarray, np.ndarray]:
-        network = with_changes(copy_of(self.model.network), changes, self.model.file)
+        network = with_changes(self.model.network.deep_copy(), changes, self.model.file)
         simulation = network["simulation_parameters"]
         simulation |= {
             "number_of_cardiac_cycles": cycles,

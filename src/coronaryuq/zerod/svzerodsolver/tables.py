@@ -6,8 +6,8 @@ from itertools import islice
 import numpy as np
 import pandas as pd
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.network.numbering import Model
-from coronaryuq.zerod.network.read import Network
 from coronaryuq.zerod.solver.engine import Engine
 
 _VESSELS = ("BloodVessel", "BloodVesselCRL")

@@ -3,17 +3,18 @@
 Needs the centreline tree; runs when the mesh is made. `cut_network` applies the result to a network.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from coronaryuq.case.anatomy.tree import Stenosis, Tree
 from coronaryuq.case.network.build import Physics, Segment, elements
 from coronaryuq.case.network.build import segments as network_segments
+from coronaryuq.case.network.network import Network
+from coronaryuq.case.network.topology import Topology
 from coronaryuq.core.errors import InputError
 from coronaryuq.flow3d.mesh.description import Couples, Remainder
 from coronaryuq.flow3d.mesh.geometry.extent import Kept
 from coronaryuq.flow3d.mesh.geometry.paths import Cap
-from coronaryuq.zerod.network.read import Network, junction_sides, vessel_names
 
 TOLERANCE = 1e-6
 """cm; a cap nearer than this to the end of a 0D vessel cuts its connection rather than the vessel."""
@@ -32,7 +33,7 @@ def vessels_along(tree: Tree, stenoses: Sequence[Stenosis], network: Network, fi
 
     Raises `InputError` if the network has neither.
     """
-    known = {vessel["vessel_name"] for vessel in network["vessels"]}
+    known = set(network.vessel_names.values())
     made = network_segments(tree, stenoses)
     if {segment.name for segment in made} <= known:
         return made
@@ -43,32 +44,19 @@ def vessels_along(tree: Tree, stenoses: Sequence[Stenosis], network: Network, fi
 
 
 def upstream_block(network: Network, vessel: str) -> str:
-    """Return the block before a vessel, by its svZeroDSolver name: junction, boundary condition or heart outlet."""
-    ids = vessel_names(network)
-    for junction in network.get("junctions", []):
-        if vessel in junction_sides(junction, ids)[1]:
-            return junction["junction_name"]
-    for loop in network.get("closed_loop_blocks", []):
-        if vessel in loop["outlet_blocks"]:
-            return "J_heart_outlet"
-    return _boundary(network, vessel, "inlet")
+    """Return the block before a vessel: a junction, a boundary condition or the heart's outlet."""
+    return _beside(Topology(network).upstream, vessel, "inlet")
 
 
 def downstream_block(network: Network, vessel: str) -> str:
-    """Return the block behind a vessel: junction or boundary condition."""
-    ids = vessel_names(network)
-    for junction in network.get("junctions", []):
-        if vessel in junction_sides(junction, ids)[0]:
-            return junction["junction_name"]
-    return _boundary(network, vessel, "outlet")
+    """Return the block behind a vessel: a junction or a boundary condition."""
+    return _beside(Topology(network).downstream, vessel, "outlet")
 
 
-def _boundary(network: Network, vessel: str, side: str) -> str:
-    block = next(v for v in network["vessels"] if v["vessel_name"] == vessel)
-    try:
-        return block["boundary_conditions"][side]
-    except KeyError:
-        raise InputError("network", f"vessels.{vessel}", None, f"nothing is connected to its {side}") from None
+def _beside(blocks: Mapping[str, str], vessel: str, side: str) -> str:
+    if vessel not in blocks:
+        raise InputError("network", f"vessels.{vessel}", None, f"nothing is connected to its {side}")
+    return blocks[vessel]
 
 
 def connect_caps(

@@ -5,11 +5,11 @@ The full network's periodic state is where a coupled run starts from, and its na
 
 from dataclasses import dataclass
 
+from coronaryuq.case.network.network import AFTER_HEART, HEART_TYPE, Network
+from coronaryuq.case.network.topology import Topology
 from coronaryuq.core.errors import InputError
-from coronaryuq.flow3d.mesh.coupling.cap_connections import downstream_block, upstream_block
 from coronaryuq.flow3d.mesh.coupling.network_without_mesh import remaining_network
 from coronaryuq.flow3d.mesh.description import MeshDescription
-from coronaryuq.zerod.network.read import Network
 
 WeightedSum = list[tuple[float, str]]
 """Weights and unknowns of the full network."""
@@ -65,20 +65,19 @@ class CutNetwork:
 
 def cut_network(network: Network, mesh: MeshDescription, file: str = "mesh.json") -> CutNetwork:
     """Take a meshed domain out of a network; raise `InputError` if the network lacks a vessel that it replaces."""
-    known = {vessel["vessel_name"] for vessel in network["vessels"]}
+    known = set(network.vessel_names.values())
     for name in [*mesh.replaces, *mesh.cut]:
         if name not in known:
             raise InputError(file, "replaces", name, "the network has no such vessel; mesh the case again")
-    left = remaining_network(network, mesh)
-    blocks = {block["name"]: block["connected_block"] for block in left["external_solver_coupling_blocks"]}
+    left, topology = remaining_network(network, mesh), Topology(network)
+    blocks = {block["name"]: block["connected_block"] for block in left.couplings}
     connection, place, pressures, flows = {}, {}, {}, {}
     for cap, couples in mesh.caps.items():
-        beside = "J_heart_outlet" if blocks[cap] == "ClosedLoopHeartAndPulmonary" else blocks[cap]
+        beside = AFTER_HEART if blocks[cap] == HEART_TYPE else blocks[cap]
         place[cap] = f"{beside}:{cap}" if couples.enters else f"{cap}:{beside}"
         if couples.cuts_vessel:
             vessel = couples.upstream
-            before = f"{upstream_block(network, vessel)}:{vessel}"
-            after = f"{vessel}:{downstream_block(network, vessel)}"
+            before, after = topology.inlet(vessel), topology.outlet(vessel)
             outside = mesh.cut[vessel].upstream if couples.enters else mesh.cut[vessel].downstream
             if outside is None:
                 raise InputError(file, f"cut.{vessel}", None, f"lacks the side of cap {cap}; mesh the case again")

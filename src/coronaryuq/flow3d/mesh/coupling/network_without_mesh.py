@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 
+from coronaryuq.case.network.network import AFTER_HEART, HEART_TYPE, Network
 from coronaryuq.flow3d.mesh.description import Couples, MeshDescription
-from coronaryuq.zerod.network.read import Network, copy_of, junction_sides, vessel_names
 
 STUB = {"R_poiseuille": 0.0, "L": 0.0, "C": 0.0, "stenosis_coefficient": 0.0}
 """A vessel without resistance: svZeroDSolver couples to vessels and beds, but not to junctions."""
@@ -16,20 +16,19 @@ def remaining_network(network: Network, mesh: MeshDescription) -> Network:
     at the "outlet" of the block before it. A cut vessel keeps its name for the part that stays; where both parts stay,
     the downstream one is called NAME_downstream.
     """
-    left = copy_of(network)
-    names = vessel_names(network)
-    number = {name: index for index, name in names.items()}
+    left = network.deep_copy()
+    number = {name: index for index, name in network.vessel_names.items()}
     vessels, renamed = _vessels(network, mesh)
     stubs: dict[str, dict] = {}
     couplings = [_coupling(left, cap, couples, number, renamed, stubs) for cap, couples in mesh.caps.items()]
     left["vessels"] = vessels + list(stubs.values())
-    left["junctions"] = _junctions(network, mesh, names, number, renamed, stubs)
+    left["junctions"] = _junctions(network, mesh, number, renamed, stubs)
     used = {v for vessel in left["vessels"] for v in vessel.get("boundary_conditions", {}).values()}
     used |= {block["connected_block"] for block in couplings}
     left["boundary_conditions"] = [block for block in left["boundary_conditions"] if block["bc_name"] in used]
-    at_heart = {c.downstream: cap for cap, c in mesh.caps.items() if c.upstream == "J_heart_outlet"}
-    for loop in left.get("closed_loop_blocks", []):
-        loop["outlet_blocks"] = [at_heart.get(name, name) for name in loop["outlet_blocks"]]
+    at_heart = {c.downstream: cap for cap, c in mesh.caps.items() if c.upstream == AFTER_HEART}
+    if left.closed_loop:
+        left.heart["outlet_blocks"] = [at_heart.get(name, name) for name in left.heart["outlet_blocks"]]
     left["external_solver_coupling_blocks"] = couplings
     return left
 
@@ -37,8 +36,8 @@ def remaining_network(network: Network, mesh: MeshDescription) -> Network:
 def _vessels(network: Network, mesh: MeshDescription) -> tuple[list[dict], dict[str, tuple[str, int]]]:
     """Return the vessels that stay, and name and id of the downstream part of vessels of which both parts stay."""
     kept, renamed = [], {}
-    free = max(vessel["vessel_id"] for vessel in network["vessels"]) + 1
-    for vessel in copy_of(network)["vessels"]:
+    free = max(network.vessel_names) + 1
+    for vessel in network.deep_copy().vessels:
         name = vessel["vessel_name"]
         if name in mesh.replaces:
             continue
@@ -73,9 +72,9 @@ def _coupling(
     block = couples.upstream if couples.enters else couples.downstream
     if couples.cuts_vessel:
         connected = block if couples.enters else renamed.get(block, (block,))[0]
-    elif block == "J_heart_outlet":
-        connected = "ClosedLoopHeartAndPulmonary"
-    elif not couples.enters and block in {bc["bc_name"] for bc in left["boundary_conditions"]}:
+    elif block == AFTER_HEART:
+        connected = HEART_TYPE
+    elif not couples.enters and block in {bc["bc_name"] for bc in left.boundary_conditions}:
         connected = block
     else:
         stubs[cap] = _stub(left, cap, block, couples.enters, max(number.values()) + 1 + len(number) + len(stubs))
@@ -97,20 +96,20 @@ def _stub(left: Network, cap: str, block: str, enters: bool, number: int) -> dic
         "zero_d_element_type": "BloodVessel",
         "zero_d_element_values": dict(STUB),
     }
-    if block in {bc["bc_name"] for bc in left["boundary_conditions"]}:
+    if block in {bc["bc_name"] for bc in left.boundary_conditions}:
         stub["boundary_conditions"] = {"inlet" if enters else "outlet": block}
     return stub
 
 
 def _junctions(
-    network: Network, mesh: MeshDescription, names: dict[int, str], number: Mapping, renamed: Mapping, stubs: Mapping
+    network: Network, mesh: MeshDescription, number: Mapping, renamed: Mapping, stubs: Mapping
 ) -> list[dict]:
     """Return the junctions that stay, with the vessels that stay; a cap at a junction joins it through its stub."""
     no_inlet = {name for name, parts in mesh.cut.items() if parts.downstream is None} | set(mesh.replaces)
     no_outlet = {name for name, parts in mesh.cut.items() if parts.upstream is None} | set(mesh.replaces)
     kept = []
-    for junction in copy_of(network).get("junctions", []):
-        inlets, outlets = junction_sides(junction, names)
+    for junction in network.deep_copy().junctions:
+        inlets, outlets = network.junction_sides(junction)
         inlet_ids = [renamed[n][1] if n in renamed else number[n] for n in inlets if n not in no_inlet]
         outlet_ids = [number[n] for n in outlets if n not in no_outlet]
         for cap, stub in stubs.items():
