@@ -44,7 +44,7 @@ def test_resistances_are_those_of_the_pressures_that_they_lead_to(stenosis):
 
 def test_a_run_does_not_depend_on_those_beside_it():
     model, nothing = forward()
-    rows = [(np.append(nothing, size), [GAIN]) for size in (0.5, 2.0, -1.0)]
+    rows = [(np.append(nothing, size), assume(GAIN)) for size in (0.5, 2.0, -1.0)]
     together = model.predict_rows(rows)
     for row, its in zip(rows, together, strict=True):
         assert np.array_equal(forward()[0].predict_rows([row])[0], its)

@@ -333,7 +333,7 @@ def test_hidden_stenosis_is_named_placed_and_mended(hidden_stenosis, tmp_path, c
     folder, truth = hidden_stenosis
     assert command.main(case_arguments(folder, tmp_path)) == 0
     said = capsys.readouterr()
-    assert "\nnearest: quadratic_stenosis at " in said.err and "verifying on" in said.err.splitlines()[-1]
+    assert "\nbest: quadratic_stenosis at " in said.err and "checking on the held-out data" in said.err.splitlines()[-1]
     answer = json.loads(said.out)
     one, place = truth.hypothesis.effects[0]
     assert answer["alarm"] and not answer["outside_library"]

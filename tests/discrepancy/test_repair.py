@@ -26,12 +26,12 @@ def test_a_leaking_aortic_valve_is_written_and_read_back(shared, tmp_path):
     forward = make_problem(network, conditions, measured, Settings(steps_per_cycle=100)).forward
     leak = (effect("aortic_regurgitation"), "aortic valve")
     z = np.append(np.zeros(len(forward.nuisances)), 1.0)
-    repaired(forward, [leak], Fit(z, np.zeros(1), np.zeros((1, len(z))))).write(tmp_path)
+    repaired(forward, assume(leak), Fit(z, np.zeros(1), np.zeros((1, len(z))))).write(tmp_path)
     assert "CLH.Gao_leak: added, " in (tmp_path / "difference.txt").read_text()
     again = read_network(tmp_path / "repaired.json")
     written = read_conditions(tmp_path / "conditions.yaml")
     read = make_problem(again, written, measured, Settings(steps_per_cycle=100)).forward
-    expected = forward.predict(z, [leak])[0]
+    expected = forward.predict(z, assume(leak))[0]
     assert read.predict(np.zeros(len(read.nuisances)))[0] == pytest.approx(expected, rel=2e-3)
     assert np.abs(expected / forward.predict(z[:-1])[0] - 1.0).max() > 0.005
 
