@@ -48,7 +48,7 @@ def test_only_inputs_whose_index_differs_from_zero_are_named_as_drivers(card):
 def test_quantiles_with_few_runs_beyond_them_carry_a_warning(card):
     few = "only about 5 of 100 runs lie beyond it"
     quantiles = {end: value(0.8, warning=few) for end in ("0.95", "0.05")}
-    assert card(quantiles=quantiles | {"0.50": value(0.8)})["rare"] == f"5 % and 95 % quantile: {few}."
+    assert card(quantiles=quantiles | {"0.50": value(0.8)})["rare"] == f"5 % and 95 % quantiles: {few}."
     assert card(quantiles={"0.50": value(0.8)})["rare"] == ""
 
 

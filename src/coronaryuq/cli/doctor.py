@@ -120,13 +120,13 @@ def _mpi(ranks: int = 2) -> Finding:
     return Finding("MPI", failure is None, f"{launcher} {detail} {ranks} ranks{f': {failure}' if failure else ''}")
 
 
-def _space(wanted: float = 5e9) -> Finding:
+def _space(required: float = 5e9) -> Finding:
     free = shutil.disk_usage(".").free
-    shortage = "" if free >= wanted else "; a campaign needs 5 GB"
-    return Finding("disk", free >= wanted, f"{free / 1e9:.0f} GB free here{shortage}")
+    shortage = "" if free >= required else "; a campaign needs 5 GB"
+    return Finding("disk", free >= required, f"{free / 1e9:.0f} GB free here{shortage}")
 
 
-def _scratch(wanted: float = 2e9) -> Finding:
+def _scratch(required: float = 2e9) -> Finding:
     """Check the folder of temporary files: `TMPDIR`, else the system's."""
     folder = tempfile.gettempdir()
     try:
@@ -135,8 +135,8 @@ def _scratch(wanted: float = 2e9) -> Finding:
     except OSError as error:
         return Finding("scratch", False, f"{folder} is not writable ({error.strerror}); set TMPDIR")
     free = shutil.disk_usage(folder).free
-    shortage = "" if free >= wanted else "; jobs need 2 GB, set TMPDIR"
-    return Finding("scratch", free >= wanted, f"{free / 1e9:.0f} GB free in {folder}{shortage}")
+    shortage = "" if free >= required else "; jobs need 2 GB, set TMPDIR"
+    return Finding("scratch", free >= required, f"{free / 1e9:.0f} GB free in {folder}{shortage}")
 
 
 def _locks() -> Finding:

@@ -68,8 +68,9 @@ def _rare(quantiles: Mapping[str, Value]) -> str:
     warned = [end for end in sorted(quantiles, key=float) if quantiles[end].warning]
     if not warned:
         return ""
-    shares = " and ".join(f"{100 * float(end):.0f} %" for end in warned)
-    return f"{shares} quantile: {quantiles[warned[0]].warning}."
+    *others, last = (f"{100 * float(end):.0f} %" for end in warned)
+    shares = f"{', '.join(others)} and {last} quantiles" if others else f"{last} quantile"
+    return f"{shares}: {quantiles[warned[0]].warning}."
 
 
 def _drivers(sobol: Mapping[str, Value], outlets: Mapping[str, str], shown: int = 3) -> str:
@@ -103,4 +104,4 @@ def _verdict(probability: Probability | None) -> dict:
         return {"class": "bad", "verdict": "Very likely flow-limiting."}
     if probability.high < 1 - LIKELY:
         return {"class": "good", "verdict": "Very likely not flow-limiting."}
-    return {"class": "warn", "verdict": "The data do not decide whether it limits flow."}
+    return {"class": "warn", "verdict": "Uncertain whether it limits flow."}
