@@ -11,7 +11,7 @@ import yaml
 from coronaryuq import config as configuration
 from coronaryuq.cli import explain
 from coronaryuq.core import provenance
-from coronaryuq.core.io.atomic import write_text
+from coronaryuq.core.io.atomic import read_json, write_text
 from coronaryuq.case.description.fields import read_description
 from coronaryuq.case.description.dependencies import files_named, lumen
 from coronaryuq.core.io.mtime import reset_future_times

@@ -12,7 +12,7 @@ COARSE_TABLES = ("params_coarse", "outputs_3d_coarse", "outputs_0d_coarse") if C
 
 def decision(number):
     """What round `number` of a growing campaign decided; Snakemake runs the round first."""
-    return files.read_json(checkpoints.allocation.get(r=number).output.round)
+    return read_json(checkpoints.allocation.get(r=number).output.round)
 
 
 def last_round():
