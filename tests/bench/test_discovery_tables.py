@@ -64,7 +64,7 @@ def test_runs_of_two_networks_become_tables_a_figure_and_a_page(tmp_path):
     assert named[named["network"] == "loop"]["named"].tolist() == ["side_branch_leak", "none", "outside"]
     assert pd.isna(read_csv(tables[1]).set_index("effect").loc["collateral", "cpu_s"])
     paths = dict(zip(("shares", "cells", "answers"), map(str, tables), strict=True))
-    draw("discovery", {name: paths[name] for name in ("shares", "answers")}, str(tmp_path / "figure.png"))
+    draw("hidden_effects", {name: paths[name] for name in ("shares", "answers")}, str(tmp_path / "figure.png"))
     write_page(**paths, figure=tmp_path / "figure.png", settings={"seeds": 1}, out=tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text()
     assert "<td>outside: spasm</td>" in page and "outside (1)" in page

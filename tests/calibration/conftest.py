@@ -1,10 +1,9 @@
 """A small closed loop: heart, aorta, one systemic bed, two left coronary beds and one right, in CGS."""
 
-import copy
-
 import pytest
 
 from coronaryuq.case.network.build import HEART
+from coronaryuq.case.network.network import Network
 from coronaryuq.core.units import MMHG
 
 
@@ -41,66 +40,68 @@ def coronary(name, side, share):
 
 @pytest.fixture(scope="session")
 def loop_network():
-    return {
-        "simulation_parameters": {
-            "number_of_cardiac_cycles": 6,
-            "number_of_time_pts_per_cardiac_cycle": 1000,
-            "steady_initial": False,
-            "output_all_cycles": False,
-        },
-        "vessels": [
-            vessel(0, "aorta", resistance=1.0, compliance=0.1 / MMHG),
-            vessel(1, "outlet", "BC_RCR1", resistance=1.0),
-            vessel(2, "lca1", "BC_lca1", resistance=500.0),
-            vessel(3, "lca2", "BC_lca2", resistance=500.0),
-            vessel(4, "rca1", "BC_rca1", resistance=500.0),
-        ],
-        "junctions": [
-            {
-                "junction_name": "J0",
-                "junction_type": "NORMAL_JUNCTION",
-                "inlet_vessels": [0],
-                "outlet_vessels": [1, 2, 3, 4],
-            }
-        ],
-        "boundary_conditions": [
-            {
-                "bc_name": "BC_RCR1",
-                "bc_type": "ClosedLoopRCR",
-                "bc_values": {
-                    "Rp": 0.1 * MMHG,
-                    "Rd": 1.1 * MMHG,
-                    "C": 0.6 / MMHG,
-                    "closed_loop_outlet": True,
-                },
+    return Network(
+        {
+            "simulation_parameters": {
+                "number_of_cardiac_cycles": 6,
+                "number_of_time_pts_per_cardiac_cycle": 1000,
+                "steady_initial": False,
+                "output_all_cycles": False,
             },
-            coronary("BC_lca1", "Left", 0.4),
-            coronary("BC_lca2", "Left", 0.2),
-            coronary("BC_rca1", "Right", 0.4),
-        ],
-        "closed_loop_blocks": [
-            {
-                "outlet_blocks": ["aorta"],
-                "closed_loop_type": "ClosedLoopHeartAndPulmonary",
-                "cardiac_cycle_period": 1.0,
-                "parameters": dict(HEART),
-            }
-        ],
-        "initial_condition": {
-            "V_RA:CLH": 38.0,
-            "V_RV:CLH": 96.0,
-            "V_LA:CLH": 38.0,
-            "V_LV:CLH": 96.0,
-            "P_pul:CLH": 8.0 * MMHG,
-            "pressure_all": 70.0 * MMHG,
-        },
-    }
+            "vessels": [
+                vessel(0, "aorta", resistance=1.0, compliance=0.1 / MMHG),
+                vessel(1, "outlet", "BC_RCR1", resistance=1.0),
+                vessel(2, "lca1", "BC_lca1", resistance=500.0),
+                vessel(3, "lca2", "BC_lca2", resistance=500.0),
+                vessel(4, "rca1", "BC_rca1", resistance=500.0),
+            ],
+            "junctions": [
+                {
+                    "junction_name": "J0",
+                    "junction_type": "NORMAL_JUNCTION",
+                    "inlet_vessels": [0],
+                    "outlet_vessels": [1, 2, 3, 4],
+                }
+            ],
+            "boundary_conditions": [
+                {
+                    "bc_name": "BC_RCR1",
+                    "bc_type": "ClosedLoopRCR",
+                    "bc_values": {
+                        "Rp": 0.1 * MMHG,
+                        "Rd": 1.1 * MMHG,
+                        "C": 0.6 / MMHG,
+                        "closed_loop_outlet": True,
+                    },
+                },
+                coronary("BC_lca1", "Left", 0.4),
+                coronary("BC_lca2", "Left", 0.2),
+                coronary("BC_rca1", "Right", 0.4),
+            ],
+            "closed_loop_blocks": [
+                {
+                    "outlet_blocks": ["aorta"],
+                    "closed_loop_type": "ClosedLoopHeartAndPulmonary",
+                    "cardiac_cycle_period": 1.0,
+                    "parameters": dict(HEART),
+                }
+            ],
+            "initial_condition": {
+                "V_RA:CLH": 38.0,
+                "V_RV:CLH": 96.0,
+                "V_LA:CLH": 38.0,
+                "V_LV:CLH": 96.0,
+                "P_pul:CLH": 8.0 * MMHG,
+                "pressure_all": 70.0 * MMHG,
+            },
+        }
+    )
 
 
 @pytest.fixture
 def small_loop(loop_network):
     """The test's own copy."""
-    return copy.deepcopy(loop_network)
+    return loop_network.deep_copy()
 
 
 @pytest.fixture(scope="session")

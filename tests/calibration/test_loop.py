@@ -7,6 +7,7 @@ from coronaryuq.calibration import parameters
 from coronaryuq.calibration.conductance_shares import share_out, shares
 from coronaryuq.calibration.initial_scaling import scaled
 from coronaryuq.calibration.loop import Loop
+from coronaryuq.case.case_json import CaseOutlet
 from coronaryuq.core.units import MMHG
 from coronaryuq.zerod.network.beds import distal_resistances
 
@@ -80,11 +81,20 @@ def test_measures_do_not_depend_on_the_batch(loop):
             assert np.array_equal(alone.measures[name][0], value[row], equal_nan=True), name
 
 
+def outlet(bed, tissue, radius):
+    name = bed.removeprefix("BC_")
+    branch = "RCA" if name.startswith("rca") else "LAD"
+    return CaseOutlet(
+        name=name, label=name, bc=bed, vessel=name, block=name, perfuses=tissue, branch=branch, point=(0, 0, 0),
+        radius=radius,
+    )  # fmt: skip
+
+
 def test_beds_share_as_perfusion_and_murray_say(small_loop):
     outlets = [
-        {"bc": "BC_lca1", "radius": 0.08, "perfuses": "LV"},
-        {"bc": "BC_lca2", "radius": 0.06, "perfuses": "LV"},
-        {"bc": "BC_rca1", "radius": 0.07, "perfuses": "RV"},
+        outlet("BC_lca1", "LV", 0.08),
+        outlet("BC_lca2", "LV", 0.06),
+        outlet("BC_rca1", "RV", 0.07),
     ]
     wanted = shares(outlets, {"BC_lca1": 1.5, "BC_lca2": 0.5})
     weights = np.array([0.08, 0.06, 0.07]) ** 2.6

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from coronaryuq.bench.discrepancy.benchmark import analyse
+from coronaryuq.case.network.network import Network
 from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.hidden import make_case
 from coronaryuq.discrepancy.result.repair import repaired_conditions, repaired_network
@@ -68,7 +69,9 @@ def examined(folder, wrong=lambda network: None, off=(), noise=1.0):
 
     named = {condition.name: condition for condition in conditions}
     probes = assume(*(("flow_gain", place) for place in off))
-    make_case.hide(aorta(), named, make_case.Plan(tuple(plan)), probes, np.ones(len(off)), noise, 3, folder, altered)
+    make_case.hide(
+        Network(aorta()), named, make_case.Plan(tuple(plan)), probes, np.ones(len(off)), noise, 3, folder, altered
+    )
     return analyse(folder)
 
 

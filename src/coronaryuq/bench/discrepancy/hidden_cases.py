@@ -86,7 +86,7 @@ def known_stenosis(made: Made) -> Made:
     anatomy = Anatomy(network)
     artery = max(anatomy.ostia, key=lambda vessel: len(anatomy.beds_below(vessel)))
     half = len(anatomy.beds_below(artery)) / 2
-    chosen = min(anatomy.below(artery), key=lambda vessel: abs(len(anatomy.beds_below(vessel)) - half))
+    chosen = min(anatomy.subtree(artery), key=lambda vessel: abs(len(anatomy.beds_below(vessel)) - half))
     scales = _scales(network, [chosen])
     loss = KNOWN_LOSS * scales.pressure / scales.flow[chosen] ** 2
     network.vessel_values(chosen).update({"stenosis_coefficient": loss, "C": 0.0})

@@ -50,7 +50,7 @@ def _feeds(problem: Problem, place: str, other: str) -> bool:
     above, below = anatomy.vessel_at(place), anatomy.vessel_at(other)
     if above is not None and above == below:
         return place == anatomy.inlet(above) != other
-    return above is not None and above != below and below in anatomy.below(above)
+    return above is not None and above != below and below in anatomy.subtree(above)
 
 
 def _read(problem: Problem, fit: Fit, place: str) -> float:

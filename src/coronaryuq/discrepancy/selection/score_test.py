@@ -50,7 +50,11 @@ def screen(problem: Problem, point: Fit, hypothesis: Hypothesis, candidates: lis
     ranked = sorted(
         (c for c in run if not c.effect.changes_shape and c.z_score > RULE.shortlist_score), key=lambda c: -c.z_score
     )
-    visible = {c.placed: linear.sees(response) for c, response in zip(run, responses, strict=True)}
+    visible = {
+        c.placed: linear.sees(response)
+        for c, response in zip(run, responses, strict=True)
+        if np.isfinite(response).all()
+    }
     clear = [c for c in ranked if visible[c.placed]][: RULE.larger_sizes]
     faint = [c for c in ranked if not visible[c.placed]][: RULE.larger_sizes]
     larger = [(c, size) for c in (*shape_changing, *clear, *faint) for size in _sizes(c)[1:]]
