@@ -19,8 +19,7 @@ def exchanged(network, condition):
 
 
 def test_two_exchanged_outlets_are_said_and_not_named(tmp_path):
-    network, conditions, plan = open_loop()
-    make_case.hide(network, conditions, plan, assume(), np.zeros(0), 1.0, 11, tmp_path, exchanged)
+    make_case.hide(open_loop(), assume(), np.zeros(0), make_case.Noise(), 11, tmp_path, exchanged)
     found = analyse(tmp_path)
     assert [place for _, place in found.verdict.mistaken] == ["BC_lad~BC_lcx"]
     assert found.outside_library and not found.named

@@ -32,7 +32,7 @@ def found(tmp_path_factory):
     return folder
 
 
-def test_the_search_comes_as_near_as_the_truth(found):
+def test_the_search_closes_the_same_gap_as_the_truth(found):
     """On held-out data the named effect closes the gap that the true one closes, where it is the true one."""
     gaps = read_csv(found / "known" / "gap.csv").set_index("model").misfit
     answer, truth = (read_json(found / name) for name in ("found/discrepancy.json", "case/truth.json"))
@@ -42,7 +42,7 @@ def test_the_search_comes_as_near_as_the_truth(found):
     assert read_json(found / "known" / "gap.json")["misfit"] == gaps["with the true effect"]
 
 
-def test_the_page_says_both(found, tmp_path):
+def test_the_page_compares_the_answer_with_the_truth(found, tmp_path):
     truths = [found / "case" / "truth.json", found / "known" / "gap.json"]
     write_page([found / "found" / "discrepancy.json"], [], "campaign", {}, tmp_path / "page.html", truths)
     page = (tmp_path / "page.html").read_text()
@@ -52,7 +52,7 @@ def test_the_page_says_both(found, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["pressure_offset", "mbf_underestimation", "ostial_loss", "incomplete_hyperaemia"])
-def test_what_is_hidden_is_where_a_search_looks(name, tmp_path):
+def test_an_effect_is_hidden_at_a_place_of_the_search(name, tmp_path):
     """Places before measured beds are chosen of those that the effect has; sensors have theirs by what is measured."""
     write_json(tmp_path / "rest.json", open_loop().network)
     hide_in_loop(tmp_path / "rest.json", Settings(hidden_effect=name), SEED, tmp_path)

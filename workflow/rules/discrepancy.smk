@@ -3,7 +3,7 @@
 # Cases: the files that the configuration names, pairs of simulated and measured outputs, recorded animals; where it
 # names none, an effect hidden in the campaign's own tuned loop.
 
-from coronaryuq.discrepancy.data.conditions import drives_of
+from coronaryuq.discrepancy.data.conditions import drive_paths
 from coronaryuq.discrepancy.settings import GIVEN
 
 DISCREPANCY = campaign.discrepancy
@@ -25,7 +25,7 @@ if DISCREPANCY.measurements:
         "model": DISCREPANCY.model or rules.calibration.output.rest,
         "measurements": DISCREPANCY.measurements,
         "conditions": DISCREPANCY.conditions,
-        "drives": drives_of(DISCREPANCY.conditions),
+        "drives": drive_paths(DISCREPANCY.conditions),
     }
 if not SEARCHED and not DISCREPANCY.pairs:
     SEARCHED["hidden"] = made("hidden")

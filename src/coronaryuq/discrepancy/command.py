@@ -8,8 +8,8 @@ from typing import get_args
 from coronaryuq.core.command_line import non_negative_int, positive_int
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import check_folder
-from coronaryuq.discrepancy.data.conditions import drives_of
-from coronaryuq.discrepancy.data.recordings import prepare
+from coronaryuq.discrepancy.data.conditions import drive_paths
+from coronaryuq.discrepancy.data.recordings import prepare_case
 from coronaryuq.discrepancy.result import write
 from coronaryuq.discrepancy.search_case import search_case
 from coronaryuq.discrepancy.settings import Settings
@@ -87,7 +87,7 @@ def _run(args: argparse.Namespace, out: Path) -> dict:
     settings = Settings(threads=args.threads, pressure_unit=args.pressure_unit, noise=args.noise)
     if args.recordings:
         folder, animal = args.recordings
-        prepare(folder, animal, out / "case", args.held_out, args.free_bed)
+        prepare_case(folder, animal, out / "case", args.held_out, args.free_bed)
         model, measurements, conditions = (
             out / "case" / name for name in ("model.json", "measurements.csv", "conditions.yaml")
         )
@@ -102,7 +102,7 @@ def _run(args: argparse.Namespace, out: Path) -> dict:
 def _check_overwriting(args: argparse.Namespace, out: Path) -> None:
     """Raise `InputError` if a result file would overwrite an input file."""
     inputs = [Path(path) for path in (args.model, args.measurements, args.conditions, *(args.pairs or ())) if path]
-    inputs += drives_of(args.conditions) if args.conditions else []
+    inputs += drive_paths(args.conditions) if args.conditions else []
     for path in inputs:
         is_drive = path.resolve().parent == (out / "drives").resolve()
         if is_drive or any(path.resolve() == (out / name).resolve() for name in write.WRITTEN):

@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from coronaryuq.discrepancy.data.conditions import read_conditions
-from coronaryuq.discrepancy.data.recordings import prepare
+from coronaryuq.discrepancy.data.recordings import prepare_case
 from coronaryuq.discrepancy.inference.read_problem import read_problem
 from coronaryuq.discrepancy.selection.search import discover
 from coronaryuq.discrepancy.settings import Settings
@@ -28,7 +28,7 @@ def named(found):
 
 
 def test_the_order_of_conditions_decides_nothing(tmp_path):
-    prepare(RECORDINGS, "DSEA10", tmp_path, None, False)
+    prepare_case(RECORDINGS, "DSEA10", tmp_path, None, False)
     as_written = named(searched(tmp_path))
     assert {"diffuse_narrowing", "intramyocardial_pressure"} <= set(as_written)
     entries = yaml.safe_load((tmp_path / "conditions.yaml").read_text())
@@ -42,7 +42,7 @@ def test_the_order_of_conditions_decides_nothing(tmp_path):
 
 
 def test_what_held_out_recordings_refuse_is_not_the_last_word(tmp_path):
-    prepare(RECORDINGS, "DSEA08", tmp_path, None, False)
+    prepare_case(RECORDINGS, "DSEA08", tmp_path, None, False)
     found = searched(tmp_path)
     assert [effect.name for effect, _ in found.not_borne_out] == ["flow_delay"]
     assert set(named(found)) == {"diffuse_narrowing", "intramyocardial_pressure", "inertance"}

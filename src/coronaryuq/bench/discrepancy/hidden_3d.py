@@ -1,4 +1,4 @@
-"""Cases whose measurements are taken from runs of the 3D ensemble solver: one vessel of a closed loop as a tube."""
+"""Cases whose measurements come from the 3D ensemble solver: one vessel of a closed loop as a tube."""
 
 import copy
 from collections.abc import Sequence
@@ -11,11 +11,12 @@ from coronaryuq.bench.coronary_tree import LENGTH, synthetic_loop
 from coronaryuq.case.network.build import Physics, stenosis_coefficient
 from coronaryuq.case.network.network import Network
 from coronaryuq.core import units
-from coronaryuq.discrepancy.data.conditions import Condition, under
+from coronaryuq.discrepancy.data.apply_condition import apply_condition
+from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.forward.network_values import differences
 from coronaryuq.discrepancy.hidden import make_case
-from coronaryuq.discrepancy.stage import HYPERAEMIA, plan_of
+from coronaryuq.discrepancy.hidden.experiment import HYPERAEMIA, Experiment, Plan, clinical_plan
 from coronaryuq.flow3d.adapter import FlowModel
 from coronaryuq.flow3d.ensemble.ensemble import Ensemble
 from coronaryuq.flow3d.fem.lanes import LANES
@@ -28,13 +29,13 @@ from coronaryuq.zerod.effects.library import effect
 from coronaryuq.zerod.solver.engine import Engine
 
 PLACES = ("lca0_seg0", "lca1")
-"""An inner and an ending vessel of the tree."""
+"""An inner and a terminal vessel of the tree."""
 STENOSES = {"mild": 0.6, "moderate": 0.5, "severe": 0.4}
-"""Least radius over the healthy one: 64, 75 and 84 % of the area gone."""
+"""Minimum radius over the healthy one: area reductions of 64, 75 and 84 %."""
 NARROWED = 0.75
 """Radius of a diffusely narrowed vessel over the healthy one."""
 TAPER = 0.1
-"""Share of a narrowed vessel's length over which its radius changes, at either end."""
+"""Fraction of a narrowed vessel's length over which its radius changes at either end."""
 RUN = Settings(steps_per_cycle=600, min_cycles=3, max_cycles=3, wall_samples_per_cycle=20, checkpoints=False, fields=0)
 RINGS, LEVELS = 4, 60
 """Cells from the axis to the wall, and along the vessel: 3,721 nodes."""
@@ -42,7 +43,7 @@ RINGS, LEVELS = 4, 60
 
 @dataclass(frozen=True)
 class Shape:
-    """What the 3D vessel looks like. kind: "healthy", "narrowed", or a degree of stenosis."""
+    """Shape of the 3D vessel. kind: "healthy", "narrowed", or a degree of stenosis."""
 
     place: str
     kind: str
@@ -53,11 +54,11 @@ class Shape:
 
     @property
     def effects(self) -> tuple[str, ...]:
-        """The library's effects that stand for it."""
+        """Effects of the library that represent it."""
         return {"healthy": (), "narrowed": ("diffuse_narrowing",)}.get(self.kind, ("stenosis_with_friction",))
 
     def radius(self, along: np.ndarray) -> np.ndarray:
-        """Over the healthy one, at shares of the length; a cosine stenosis takes the middle 40 % of it."""
+        """Return the relative radius at fractions of the length; a stenosis is a cosine over the middle 40 %."""
         if self.kind == "healthy":
             return np.ones_like(along)
         if self.kind == "narrowed":
@@ -70,11 +71,11 @@ class Shape:
 SHAPES = tuple(Shape(place, kind) for place in PLACES for kind in ("healthy", "narrowed", *STENOSES))
 
 
-def loop() -> tuple[dict, dict[str, Condition], make_case.Plan]:
-    """The analyst's 0D loop of healthy vessels, rest, hyperaemia, raised afterload, and half a dilatation held out.
+def loop_3d() -> Experiment:
+    """Return the experiment on the 0D loop of healthy vessels, with a partial dilatation held out.
 
-    All conditions have one heart rate, so that the 3D solver runs them side by side. Beside what is measured on any
-    loop, pressure behind both `PLACES` and flow through them.
+    All conditions have one heart rate, so that the 3D solver runs them in one batch. In addition to the measurements on
+    any loop, the pressure distal to both `PLACES` and the flow through them are measured.
     """
     network = synthetic_loop(left=3, right=2, end_radius=0.12, stenosed=False)
     conditions = [
@@ -84,42 +85,41 @@ def loop() -> tuple[dict, dict[str, Condition], make_case.Plan]:
         Condition("half dilated", coronary_resistance_scale=0.5, held_out=True),
     ]
     anatomy = Anatomy(network)
-    entries = list(plan_of(network).entries)
+    entries = list(clinical_plan(network).entries)
     for place in PLACES:
         for entry in (
             ("pressure", anatomy.outlet(place), "waveform", 0.02),
             ("flow", anatomy.inlet(place), "waveform", 0.05),
         ):
-            if entry[:3] not in [one[:3] for one in entries]:
+            if entry[:3] not in [present[:3] for present in entries]:
                 entries.append(entry)
-    return network, {one.name: one for one in conditions}, make_case.Plan(tuple(entries))
+    return Experiment(network, {condition.name: condition for condition in conditions}, Plan(tuple(entries)))
 
 
 def hide(shape: Shape, seeds: Sequence[int], folders: Sequence[Path]) -> list[make_case.Truth]:
-    """Run a vessel of this shape in 3D under all conditions and write one case for each seed into its folder.
+    """Run a vessel of this shape in 3D under all conditions and write a case for each seed into its folder.
 
-    Seeds differ in the nuisance parameters and in the noise; as many as fit run side by side.
+    Seeds differ in nuisance parameters and noise; as many as fill the lanes run in one batch.
     """
-    network, conditions, plan = loop()
-    cases = [make_case.prepare(network, conditions, plan, seed) for seed in seeds]
-    side_by_side = max(1, LANES // len(conditions))
+    experiment = loop_3d()
+    cases = [make_case.prepare_external(experiment, seed) for seed in seeds]
+    batch = max(1, LANES // len(experiment.conditions))
     truths = []
-    for first in range(0, len(cases), side_by_side):
-        block = cases[first : first + side_by_side]
-        found = _run(shape, network, conditions, block)
-        for number, case in enumerate(block):
-            truths.append(case.write(found[number], *_nearest(shape, case, found[number]), folders[first + number]))
+    for first in range(0, len(cases), batch):
+        block = cases[first : first + batch]
+        results = _run(shape, experiment, block)
+        for case, waveforms, folder in zip(block, results, folders[first : first + batch], strict=True):
+            truths.append(case.write(waveforms, *_nearest(shape, case, waveforms), folder))
     return truths
 
 
-def _run(
-    shape: Shape, network: Network, conditions: dict[str, Condition], cases: list[make_case.Unmeasured]
-) -> list[dict]:
+def _run(shape: Shape, experiment: Experiment, cases: list[make_case.ExternalCase]) -> list[dict]:
     """Waveforms of each case, condition → unknown → (steps + 1,)."""
+    network, conditions = experiment.network, experiment.conditions
     tables, starts = [], []
     for condition in conditions.values():
-        changed = under(network, condition)
-        # All runs of one condition hold the blood that the analyst's model holds under it.
+        changed = apply_condition(network, condition)
+        # All runs of a condition have the blood volume of the analyst's model under it.
         starts.append(Engine(changed).run(periodic=True, steps_per_cycle=300).state[0])
         for case in cases:
             table, _ = case.problem.forward.condition_changes(condition.name, case.nuisance, PLAIN)
@@ -133,7 +133,7 @@ def _run(
     places = dict.fromkeys(name for series in forward.measured for name in forward.variables(series, {}))
     names = list(places | dict.fromkeys(_drop(shape, network)))
     model = FlowModel(
-        _domain(shape, network), _near(shape, network), forward.root, units.BLOOD_DENSITY, units.BLOOD_VISCOSITY
+        _domain(shape, network), shape_in_0d(shape, network), forward.root, units.BLOOD_DENSITY, units.BLOOD_VISCOSITY
     )
     begin = np.repeat(starts, len(cases), axis=0)
     outcomes = Ensemble(model, RUN).run(changes, len(tables), waveforms=names, start=begin)
@@ -146,17 +146,17 @@ def _run(
     ]
 
 
-def _healthy(network: Network, place: str) -> float:
-    """Radius (cm) of the tube that has the 0D vessel's resistance and inertance."""
+def healthy_radius(network: Network, place: str) -> float:
+    """Radius (cm) of the tube with the resistance and inertance of the 0D vessel."""
     values = network.vessel_values(place)
     physics = Physics()
     # R / L = 8 mu / (rho r^2).
     return float(np.sqrt(8 * physics.viscosity / physics.density * values["L"] / values["R_poiseuille"]))
 
 
-def _near(shape: Shape, network: Network) -> Network:
-    """The network with the shape in 0D: where the 3D runs begin, so that few cycles will do."""
-    network, healthy = copy.deepcopy(network), _healthy(network, shape.place)
+def shape_in_0d(shape: Shape, network: Network) -> Network:
+    """Return the network with the shape in 0D, from which the 3D runs start to need few cycles."""
+    network, healthy = copy.deepcopy(network), healthy_radius(network, shape.place)
     values = network.vessel_values(shape.place)
     values["R_poiseuille"] *= float(np.mean(shape.radius(np.linspace(0.0, 1.0, 401)) ** -4.0))
     if shape.kind in STENOSES:
@@ -165,7 +165,7 @@ def _near(shape: Shape, network: Network) -> Network:
 
 
 def _domain(shape: Shape, network: Network) -> Domain:
-    anatomy, radius = Anatomy(network), _healthy(network, shape.place)
+    anatomy, radius = Anatomy(network), healthy_radius(network, shape.place)
     points, tets, faces = tube(LENGTH, lambda z: radius * shape.radius(z / LENGTH), RINGS, LEVELS)
     caps = []
     for name, location, flow in (
@@ -180,33 +180,33 @@ def _domain(shape: Shape, network: Network) -> Domain:
 
 
 def _drop(shape: Shape, network: Network) -> tuple[str, str, str]:
-    """Unknowns before and behind the 3D vessel, and its flow."""
+    """Unknowns of the pressures at both ends of the 3D vessel, and of its flow."""
     anatomy = Anatomy(network)
-    before, behind = anatomy.inlet(shape.place), anatomy.outlet(shape.place)
-    return f"pressure:{before}", f"pressure:{behind}", f"flow:{behind}"
+    proximal, distal = anatomy.inlet(shape.place), anatomy.outlet(shape.place)
+    return f"pressure:{proximal}", f"pressure:{distal}", f"flow:{distal}"
 
 
-def _nearest(shape: Shape, case: make_case.Unmeasured, waveforms: dict[str, dict]) -> tuple[Hypothesis, np.ndarray]:
-    """The effect of the library that stands for the shape, with the size z that the 3D drop of pressure has.
+def _nearest(shape: Shape, case: make_case.ExternalCase, waveforms: dict[str, dict]) -> tuple[Hypothesis, np.ndarray]:
+    """The effect of the library that represents the shape, with the sizes z of the 3D pressure drop.
 
-    Least squares of drop = R Q + S |Q| Q + L dQ/dt over all conditions: S, and R beyond the model's, of a
-    stenosis; that R alone of a narrowing.
+    Least squares of drop = R Q + S |Q| Q + L dQ/dt over all conditions: S, and R in excess of the model's, for a
+    stenosis; only that R for a narrowing.
     """
     anatomy, network = case.problem.forward.anatomy, case.problem.forward.network
     rows, drops = [], []
-    for of in waveforms.values():
-        before, behind, flow = (of[name][:-1] for name in _drop(shape, network))
+    for waves in waveforms.values():
+        proximal, distal, flow = (waves[name][:-1] for name in _drop(shape, network))
         rate = (np.roll(flow, -1) - np.roll(flow, 1)) * len(flow) / (2.0 * anatomy.period)
         rows.append(np.stack([flow, flow * np.abs(flow), rate], axis=1))
-        drops.append(before - behind)
+        drops.append(proximal - distal)
     resistance, square, _ = np.linalg.lstsq(np.concatenate(rows), np.concatenate(drops), rcond=None)[0]
     scale = anatomy.flow_scale(shape.place)
     hypothesis = Hypothesis(tuple(PlacedEffect(effect(name), shape.place) for name in shape.effects))
     if not hypothesis:
         return hypothesis, np.zeros(0)
     friction = (resistance - network.vessel_values(shape.place)["R_poiseuille"]) * scale
-    sizes = (square * scale**2 / anatomy.pressure, friction / (square * scale**2))
+    sizes: tuple[float, ...] = (square * scale**2 / anatomy.pressure, friction / (square * scale**2))
     if shape.kind not in STENOSES:
         sizes = (friction / anatomy.pressure,)
     parameters = hypothesis.effects[0].effect.parameters
-    return hypothesis, np.array([float(one.to_standard(size)) for one, size in zip(parameters, sizes, strict=True)])
+    return hypothesis, np.array([float(p.to_standard(size)) for p, size in zip(parameters, sizes, strict=True)])

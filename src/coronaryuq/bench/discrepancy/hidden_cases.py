@@ -1,8 +1,9 @@
-"""What the benchmark `discrepancy` hides effects in, and effects that the library does not have."""
+"""Networks in which the benchmark `discrepancy` hides effects, and effects outside the library."""
 
 import copy
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -10,40 +11,40 @@ from coronaryuq.bench.discrepancy import open_loop_tree
 from coronaryuq.case.network.network import Network
 from coronaryuq.core import units
 from coronaryuq.discrepancy.data.conditions import Condition
-from coronaryuq.discrepancy.hidden import make_case
-from coronaryuq.discrepancy.stage import loop_conditions, plan_of
+from coronaryuq.discrepancy.hidden.detectability import Traces
+from coronaryuq.discrepancy.hidden.experiment import Experiment, Plan, loop_experiment
 from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.base import ConditionState
 from coronaryuq.zerod.effects.grafting import add_vessel, attach
 from coronaryuq.zerod.effects.leak import SideBranchLeak
 from coronaryuq.zerod.solver.engine import Engine
 
-
-class _Parts(NamedTuple):
-    network: Network
-    conditions: dict[str, Condition]
-    plan: make_case.Plan
+Change = Callable[[Network, str], Network]
+"""Changes the network of a condition, given by name."""
 
 
-class Made(_Parts):
-    """A network, its conditions, and what is measured under each; and what many cases hidden in it have in common."""
+@dataclass(frozen=True)
+class BenchmarkExperiment(Experiment):
+    """An experiment with cached results that many cases hidden in it share."""
 
     @cached_property
-    def beside_a_stenosis(self) -> "Made":
+    def with_stenosis(self) -> "BenchmarkExperiment":
+        """The experiment with a known stenosis; see `known_stenosis`."""
         return known_stenosis(self)
 
     @cached_property
-    def _traces(self) -> dict[float, make_case.Traces]:
+    def _traces(self) -> dict[float, Traces]:
         return {}
 
-    def traces(self, noise: float) -> make_case.Traces:
-        """With so many times the plan's noise."""
+    def traces(self, noise: float) -> Traces:
+        """Return the traces of effects under a multiple of the plan's noise."""
         if noise not in self._traces:
-            self._traces[noise] = make_case.Traces(*self, noise)
+            self._traces[noise] = Traces(self, noise)
         return self._traces[noise]
 
 
-def open_loop() -> Made:
-    """Network, conditions and measurements of the bundled open-loop tree driven by aortic pressure."""
+def open_loop() -> BenchmarkExperiment:
+    """Return the experiment on the bundled open-loop tree driven by aortic pressure."""
     conditions = [
         Condition("rest"),
         Condition("hyperaemia", coronary_resistance_scale=0.3),
@@ -60,29 +61,29 @@ def open_loop() -> Made:
     ]
     entries = [(quantity, place, "waveform", sd) for quantity, place, sd in waveforms]
     entries += [("perfusion", f"BC_{bed}", "mean", 0.08) for bed in ("lad", "diagonal", "lcx")]
-    return Made(open_loop_tree.left_coronary(), {c.name: c for c in conditions}, make_case.Plan(tuple(entries)))
+    named = {condition.name: condition for condition in conditions}
+    return BenchmarkExperiment(open_loop_tree.left_coronary(), named, Plan(tuple(entries)))
 
 
-def closed_loop(network: Network) -> Made:
-    """Conditions and measurements of a closed loop: those of the campaign's own hidden case."""
-    return Made(network, {c.name: c for c in loop_conditions()}, plan_of(network))
+def closed_loop(network: Network) -> BenchmarkExperiment:
+    """Return the experiment on a closed loop, the same as that of a campaign."""
+    return BenchmarkExperiment(**vars(loop_experiment(network)))
 
 
-BESIDE_A_STENOSIS = ("collateral", "shifted_territory", "rotated_territories", "delayed_collateral")
-"""Effects that leave a trace only where beds differ: on closed loops hidden beside a stenosis that the model knows of,
-those of the library strong, at half the noise."""
+WITH_STENOSIS = ("collateral", "shifted_territory", "rotated_territories", "delayed_collateral")
+"""Effects that are detectable only if beds differ: in closed loops they are hidden together with a stenosis that the
+model has, those of the library strong, at half the noise."""
 KNOWN_LOSS = 0.5
-"""Mean pressure lost in the stenosis that the model knows of, at the model's own mean flow, over the mean pressure."""
+"""Pressure loss of the known stenosis at the model's mean flow, over the mean pressure."""
 
 
-def known_stenosis(made: Made) -> Made:
-    """The same with a stenosis in the model itself, in the vessel that feeds nearest half of the beds of an artery.
+def known_stenosis(experiment: BenchmarkExperiment) -> BenchmarkExperiment:
+    """Return the experiment with a stenosis in the model, in the vessel that feeds about half of an artery's beds.
 
-    Beds that differ neither in pressure nor in how they dilate can show neither a collateral between them nor a map of
-    territories that is off.
+    Beds that differ neither in pressure nor in dilatation reveal neither a collateral between them nor misplaced
+    territories.
     """
-    network, conditions, plan = made
-    network = copy.deepcopy(network)
+    network = copy.deepcopy(experiment.network)
     anatomy = Anatomy(network)
     artery = max(anatomy.ostia, key=lambda vessel: len(anatomy.beds_below(vessel)))
     half = len(anatomy.beds_below(artery)) / 2
@@ -90,66 +91,72 @@ def known_stenosis(made: Made) -> Made:
     scales = _scales(network, [chosen])
     loss = KNOWN_LOSS * scales.pressure / scales.flow[chosen] ** 2
     network.vessel_values(chosen).update({"stenosis_coefficient": loss, "C": 0.0})
-    return Made(network, conditions, plan)
+    return replace(experiment, network=network)
 
 
 def _scales(network: Network, vessels: list[str]) -> Anatomy:
-    """Anatomy with the mean pressure at the root and the mean flow of some vessels, of a run of the model as it is."""
+    """Anatomy with the mean root pressure and the mean flow of some vessels from a reference run."""
     anatomy = Anatomy(network)
     names = [f"mean_pressure:{anatomy.inlet(anatomy.roots[0])}", *(f"mean_flow:{anatomy.inlet(v)}" for v in vessels)]
     pressure, *flows = (float(v[0]) for v in Engine(network).run(quantities=names, periodic=True).values.values())
     return Anatomy(network, pressure, dict(zip(vessels, flows, strict=True)))
 
 
-def outside(name: str, network: Network, random: np.random.Generator):
-    """A change of a condition's network that no effect of the library expresses; in a closed loop at a random place.
+def outside(name: str, network: Network, random: np.random.Generator) -> Change | None:
+    """Return a change of a condition's network that no effect of the library expresses; None if it has no place.
 
-    None where the loop has no place for it: no second bed to be swapped with.
+    In a closed loop the place is random.
     """
     anatomy = Anatomy(network)
-    vessel, bed, swapped = "lad_proximal", "BC_lcx", ("BC_lad", "BC_diagonal", "BC_lcx")
+    vessel, bed = "lad_proximal", "BC_lcx"
+    swapped: tuple[str, ...] = ("BC_lad", "BC_diagonal", "BC_lcx")
     if anatomy.closed_loop:
         fed = {one: len(anatomy.beds_below(one)) for one in anatomy.coronary_vessels}
         shared = [one for one, beds in fed.items() if beds >= min(3, max(fed.values()))]
         vessel = shared[int(random.integers(len(shared)))]
         left, *others = (anatomy.beds_below(ostium) for ostium in anatomy.ostia)
         bed = left[int(random.integers(len(left)))]
-        # A second artery's, or, where one coronary feeds the heart, another one of its own.
-        right = others[0] if others else [one for one in left if one != bed]
+        # A bed of a second artery or, if a single artery feeds the heart, another one of its beds.
+        right = others[0] if others else [other for other in left if other != bed]
         if name == "miswired_outlets" and not right:
             return None
         swapped = (bed, right[int(random.integers(len(right)))]) if right else ()
-        if name in COMING_AND_GOING:
-            return _coming_and_going(name, network, vessel, shared, random)
+        if name in TRANSIENT:
+            return _transient(name, network, vessel, shared, random)
     order = {"rest": 0.0, "hyperaemia": 1.0, "pacing": 2.0, "half dilated": 1.5}
 
-    def scale(network, names, factor):
-        for _, name, _, values in network.elements():
-            for key in ("R_poiseuille", "Ra1", "Ra2", "Rv1", "Ra", "Ram", "Rv"):
-                if name == names and key in values:
-                    values[key] *= factor
+    def scale(network: Network, name: str, factor: float) -> Network:
+        for block in network["boundary_conditions"]:
+            if block["bc_name"] == name:
+                for key in ("Ra1", "Ra2", "Rv1", "Ra", "Ram", "Rv"):
+                    if key in block["bc_values"]:
+                        block["bc_values"][key] *= factor
+        for vessel in network["vessels"]:
+            if vessel["vessel_name"] == name:
+                vessel["zero_d_element_values"]["R_poiseuille"] *= factor
         return network
 
-    def miswired(network, condition):
-        blocks = [network.bed(name) for name in swapped]
+    def miswired(network: Network, condition: str) -> Network:
+        blocks = [next(b for b in network["boundary_conditions"] if b["bc_name"] == name) for name in swapped]
         values = [block["bc_values"] for block in blocks]
         for block, other in zip(blocks, [values[-1], *values[:-1]], strict=True):
             block["bc_values"] = other
         return network
 
-    def pump(network, condition):
-        """Intramyocardial pressure of the LAD's bed turned upside down: an aneurysm that bulges in systole."""
-        values = network.bed_values("BC_lad")
-        pressure = np.asarray(values["Pim"])
-        values["Pim"] = (pressure.max() + pressure.min() - pressure).tolist()
+    def bulging(network: Network, condition: str) -> Network:
+        """Invert the intramyocardial pressure of the LAD bed: an aneurysm that bulges in systole."""
+        for block in network["boundary_conditions"]:
+            if block["bc_name"] == "BC_lad":
+                pressure = np.asarray(block["bc_values"]["Pim"])
+                block["bc_values"]["Pim"] = (pressure.max() + pressure.min() - pressure).tolist()
         return network
 
-    def thrombosed(network, condition):
-        """A side vessel behind the left main's first branch that lets blood through in late diastole only."""
-        aorta = network.bed_values("AORTA")
+    def thrombosed(network: Network, condition: str) -> Network:
+        """Add a side vessel distal to the first bifurcation that carries blood only in late diastole."""
+        aorta = next(b["bc_values"] for b in network["boundary_conditions"] if b["bc_name"] == "AORTA")
         open_late = np.arange(len(aorta["t"])) > 0.55 * len(aorta["t"])
-        beyond = np.where(open_late, 5.0 * units.MMHG, aorta["P"])
-        block = {"bc_name": "CLOT", "bc_type": "PRESSURE", "bc_values": {"t": list(aorta["t"]), "P": beyond.tolist()}}
+        distal = np.where(open_late, 5.0 * units.MMHG, aorta["P"])
+        block = {"bc_name": "CLOT", "bc_type": "PRESSURE", "bc_values": {"t": list(aorta["t"]), "P": distal.tolist()}}
         network["boundary_conditions"].append(block)
         number = add_vessel(network, "side", {"R_poiseuille": 85.0 * units.MMHG / 0.8}, outlet="CLOT")
         attach(network, "J1", "outlet", number)
@@ -160,14 +167,16 @@ def outside(name: str, network: Network, random: np.random.Generator):
         "drifting_vessel": lambda n, c: scale(n, vessel, 1.0 + 12.0 * order[c]),
         "drifting_bed": lambda n, c: scale(n, bed, 1.0 + 0.5 * order[c]),
         "miswired_outlets": miswired,
-        "bulging_territory": pump,
+        "bulging_territory": bulging,
     }[name]
 
 
-def _coming_and_going(name: str, network: Network, vessel: str, vessels: list[str], random: np.random.Generator):
-    """What is there under some conditions of a loop only; None where it wants a junction, or two, that are not there.
+def _transient(
+    name: str, network: Network, vessel: str, vessels: list[str], random: np.random.Generator
+) -> Change | None:
+    """Return a change present under some conditions only; None if the loop lacks the junctions for it.
 
-    vessels: among which a second one is chosen, with other beds.
+    vessels: candidates for a second vessel with other beds.
     """
     anatomy = Anatomy(network)
     own = set(anatomy.beds_below(vessel))
@@ -177,23 +186,26 @@ def _coming_and_going(name: str, network: Network, vessel: str, vessels: list[st
     other = apart[int(random.integers(len(apart)))] if apart else vessel
     scales = _scales(network, list(dict.fromkeys([vessel, other])))
 
-    def spasm(network, condition):
-        """A vessel that narrows while the heart is paced, and at no other time."""
+    def spasm(network: Network, condition: str) -> Network:
+        """Narrow a vessel during pacing only."""
         if condition == "pacing":
             network.vessel_values(vessel)["R_poiseuille"] += 0.1 * scales.pressure / scales.flow[vessel]
         return network
 
-    def clot(network, condition):
-        """A side vessel that thromboses while one condition after the other is recorded."""
+    def clot(network: Network, condition: str) -> Network:
+        """Add a side vessel that closes progressively from one condition to the next."""
         share = {"rest": 0.4, "hyperaemia": 0.2, "half dilated": 0.1, "pacing": 1e-6}[condition]
         leak = SideBranchLeak()
         network = leak.insert(network, vessel, scales)
-        values = leak.changes(network, vessel, {"share": share}, scales, None)
-        network.bed_values(f"BC_leak_{vessel}").update({key.split(".")[1]: value for key, value in values.items()})
+        state = ConditionState(1.0, scales.period, {}, {}, {})
+        values = leak.changes(network, vessel, {"share": np.array(share)}, scales, state)
+        network.bed_values(f"BC_leak_{vessel}").update(
+            {key.split(".")[1]: float(value) for key, value in values.items()}
+        )
         return network
 
-    def recruited(network, condition):
-        """A collateral that opens only where the beds behind it dilate."""
+    def recruited(network: Network, condition: str) -> Network:
+        """Add a collateral that opens only if the distal beds dilate."""
         conductance = 0.5 if condition in ("hyperaemia", "half dilated") else 1e-6
         flow = min(scales.flow[vessel], scales.flow[other])
         number = add_vessel(network, "recruited", {"R_poiseuille": scales.pressure / (conductance * flow)})
@@ -205,7 +217,7 @@ def _coming_and_going(name: str, network: Network, vessel: str, vessels: list[st
 
 
 OUTSIDE = ("thrombosed_side_vessel", "drifting_vessel", "drifting_bed", "miswired_outlets", "bulging_territory")
-COMING_AND_GOING = ("spasm", "thrombosed_side_vessel", "delayed_collateral")
-"""Those of a closed loop that are there under some conditions only."""
-OUTSIDE_LOOP = ("drifting_vessel", "drifting_bed", "miswired_outlets", *COMING_AND_GOING)
-"""Those of a closed loop, which keeps its blood and whose beds are compressed by its own heart."""
+TRANSIENT = ("spasm", "thrombosed_side_vessel", "delayed_collateral")
+"""Effects in a closed loop that are present under some conditions only."""
+OUTSIDE_LOOP = ("drifting_vessel", "drifting_bed", "miswired_outlets", *TRANSIENT)
+"""Effects outside the library in a closed loop, which conserves its blood volume and has a heart of its own."""

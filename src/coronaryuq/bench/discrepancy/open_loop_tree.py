@@ -1,4 +1,4 @@
-"""A left coronary tree driven by aortic and left ventricular pressure: the bundled open-loop case of the benchmark."""
+"""Left coronary tree driven by aortic and left ventricular pressure: the open-loop case of the benchmark."""
 
 import numpy as np
 
@@ -10,10 +10,10 @@ POINTS = 171
 
 
 def pressures(points: int = POINTS, period: float = PERIOD) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Time (s), aortic and left ventricular pressure (dyn/cm2) of one beat: 120/78 mmHg, systole a third of the cycle.
+    """Return time (s), aortic and left ventricular pressure (dyn/cm2) of one beat: 120/78 mmHg, systole a third of it.
 
-    Shapes by hand after Westerhof, Stergiopulos & Noble, Snapshots of Hemodynamics (2010): a sine's rise and fall in
-    systole, an exponential run-off in diastole.
+    Shapes after Westerhof, Stergiopulos & Noble, Snapshots of Hemodynamics (2010): half a sine in systole, an
+    exponential run-off in diastole.
     """
     phase = np.linspace(0.0, 1.0, points)
     systole, lead = 0.36, 0.05
@@ -29,10 +29,9 @@ def pressures(points: int = POINTS, period: float = PERIOD) -> tuple[np.ndarray,
 
 
 def left_coronary(compressed: bool = True) -> Network:
-    """Left main, LAD with a diagonal, circumflex; three beds with (or without) intramyocardial pressure; CGS.
+    """Return left main, LAD with a diagonal, and circumflex; beds with or without intramyocardial pressure; CGS.
 
-    Resistances give 2.1 mL/s at rest in all; shares of a bed's resistance follow Kim et al., Ann. Biomed. Eng. 38
-    (2010).
+    The total flow at rest is 2.1 mL/s; shares of a bed's resistance follow Kim et al., Ann. Biomed. Eng. 38 (2010).
     """
     time, aortic, ventricular = pressures()
     pim = 0.85 * ventricular if compressed else np.full_like(ventricular, 0.0)

@@ -1,4 +1,7 @@
-"""Discoveries against what was hidden: one entry a case, cells, totals with intervals, confusion matrix."""
+"""Scores of searches: an entry per case, cells, totals with intervals, confusion matrix."""
+
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from scipy.stats import binomtest
@@ -14,20 +17,20 @@ WORTHS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 
 
 def scored(truth: make_case.Truth, answer: Discovery) -> dict:
-    """What one answer is worth, given what was hidden.
+    """Score one answer against the hidden truth.
 
-    oracle, oracle_z: held-out misfit with the true effect, fitted from its true size, and how far its size is off then,
-    in posterior standard deviations: an interval that misses may owe it to the search or to the noise. first: an alarm
-    with nothing named is "outside", whether or not the answer says so.
+    oracle, oracle_z: held-out misfit with the true effect, fitted from its true size, and the error of that size in
+    posterior standard deviations, which tells whether an interval misses due to the search or to the noise. first: an
+    alarm without a name is "outside".
     """
     problem = answer.base_problem
     classes = [[(c.effect.name, c.place) for c in entry.members] for entry in answer.named]
-    wanted = [(one.name, place) for one, place in truth.hypothesis]
+    wanted = [placed.key for placed in truth.hypothesis]
     got = [any(name == e for members in classes for e, _ in members) for name, _ in wanted]
     placed = [any(pair in members for members in classes) for pair in wanted]
     first = classes[0] if classes else []
     abstained = answer.outside_library or (answer.alarm and not classes)
-    entry = {
+    entry: dict[str, Any] = {
         "places": [place for _, place in wanted],
         "visible": truth.visible,
         "named": any(name == wanted[0][0] for name, _ in first) if len(wanted) == 1 else bool(wanted) and all(got),
@@ -39,12 +42,12 @@ def scored(truth: make_case.Truth, answer: Discovery) -> dict:
         "sizes": [
             one.parameters[0].from_standard(z) for (one, _), z in zip(truth.hypothesis, truth.firsts, strict=True)
         ],
-        "found": [_told(one) for one in named(answer)],
+        "found": [_short(effect) for effect in named(answer)],
         "before": answer.gaps.before.misfit,
         "after": answer.gaps.before.misfit if answer.outside_library else answer.gaps.after.misfit,
         "flexible": answer.gaps.flexible.misfit,
         "remaining": answer.remaining.p,
-        "noise_taken": {quantity: vars(one) for quantity, one in answer.noise.items()},
+        "noise_taken": {quantity: vars(noise) for quantity, noise in answer.noise.items()},
         "varying": max((one.log_odds for one in answer.verdict.constancies), default=None),
         "foretold": answer.verdict.predictive_p,
         "helped": None if answer.verdict.refused else answer.verdict.gain_beside_flexible,
@@ -53,7 +56,7 @@ def scored(truth: make_case.Truth, answer: Discovery) -> dict:
     entry["held_out_lpd_gain"] = (
         0.0 if answer.outside_library else answer.gaps.after.total_lpd - answer.gaps.before.total_lpd
     )
-    # The mean square of m whitened residuals varies by sqrt(2 / m) by chance alone.
+    # The mean square of m whitened residuals has a standard deviation of sqrt(2 / m).
     entry["worse"] = bool(entry["after"] ** 2 > answer.gaps.before.misfit**2 + 2.0 * np.sqrt(2.0 / rows))
     if wanted:
         problem, oracle = fit_known(problem, truth.hypothesis, truth.sizes, answer.base)
@@ -69,15 +72,15 @@ def scored(truth: make_case.Truth, answer: Discovery) -> dict:
     return entry
 
 
-def _told(one: dict) -> dict:
-    """A named effect in one line: place, probability of its class, its first size with its interval."""
-    name, size = next(iter(one["sizes"].items()))
-    told = {key: one[key] for key in ("effect", "place", "class_probability", "beyond_prior")}
-    return told | {name: [size["value"], *size["interval_90"]]}
+def _short(effect: dict) -> dict:
+    """A named effect: place, probability of its class, its first size with its interval."""
+    name, size = next(iter(effect["sizes"].items()))
+    short = {key: effect[key] for key in ("effect", "place", "class_probability", "beyond_prior")}
+    return short | {name: [size["value"], *size["interval_90"]]}
 
 
 def _covered(answer: Discovery, truth: make_case.Truth) -> bool | None:
-    """Whether the 90 % interval of the size holds the true one; None where the true effect was not the one added."""
+    """Whether the 90 % interval covers the true size; None if the true effect was not named."""
     if len(truth.hypothesis) != 1 or not answer.named:
         return None
     (one, place), size = truth.hypothesis.effects[0], truth.sizes[0]
@@ -90,15 +93,15 @@ def _covered(answer: Discovery, truth: make_case.Truth) -> bool | None:
 
 
 def wilson(successes: int, trials: int) -> dict:
-    """Share with its 95 % interval (Wilson 1927)."""
+    """Return a share with its 95 % interval (Wilson 1927)."""
     if trials == 0:
         return {"share": None, "low": None, "high": None, "trials": 0}
-    found = binomtest(successes, trials).proportion_ci(method="wilson")
-    return {"share": successes / trials, "low": float(found.low), "high": float(found.high), "trials": trials}
+    interval = binomtest(successes, trials).proportion_ci(method="wilson")
+    return {"share": successes / trials, "low": float(interval.low), "high": float(interval.high), "trials": trials}
 
 
 def score(found: list[dict]) -> dict:
-    """Cells, totals with Wilson intervals, confusion matrix, from scored cases."""
+    """Summarise scored cases: cells, totals with Wilson intervals, confusion matrix."""
     skipped = [e for e in found if e.get("skipped")]
     found = [e for e in found if not e.get("skipped")]
     single = [e for e in found if len(e["places"]) == 1]
@@ -109,7 +112,7 @@ def score(found: list[dict]) -> dict:
     covered = [e["covered"] for e in single if e["covered"] is not None]
     closed = [e["gap_closed_over_oracle"] for e in single + double if e["gap_closed_over_oracle"] is not None]
 
-    def share(entries, key):
+    def share(entries: list[dict], key: str) -> dict:
         return wilson(sum(bool(e[key]) for e in entries), len(entries))
 
     cells: dict[tuple, list[dict]] = {}
@@ -156,14 +159,14 @@ def score(found: list[dict]) -> dict:
 
 
 def names_something(case: dict) -> bool:
-    """Whether an answer names an effect: any other is recalibration itself, than which it cannot be worse."""
+    """Whether an answer names an effect; otherwise it equals recalibration."""
     return case["alarmed"] and not case["abstained"]
 
 
 def _with_worth(worth: float, single: list[dict], outside: list[dict]) -> dict:
-    """Names and abstentions if named effects had to add `worth` nats per row to a flexible discrepancy."""
+    """Abstentions if named effects had to add `worth` nats per row to a flexible discrepancy."""
 
-    def abstained(entry):
+    def abstained(entry: dict) -> bool:
         return entry["abstained"] if entry.get("helped") is None else entry["helped"] <= worth
 
     return {
@@ -173,6 +176,6 @@ def _with_worth(worth: float, single: list[dict], outside: list[dict]) -> dict:
     }
 
 
-def _mean(values) -> float | None:
+def _mean(values: Iterable[float | None]) -> float | None:
     known = [v for v in values if v is not None]
     return float(np.mean(known)) if known else None

@@ -1,73 +1,75 @@
-"""How runs of a closed loop settle in fewer cycles: by the slow modes of the model as it is, under each condition."""
+"""Faster settling of closed-loop runs by extrapolating the slow modes of the unmodified model."""
 
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from coronaryuq.discrepancy.forward.jobs import Job, Prepared, stacked
-from coronaryuq.discrepancy.forward.network_values import carried_over
+from coronaryuq.discrepancy.forward.jobs import Job, Prepared, stack
+from coronaryuq.discrepancy.forward.network_values import carry_over
 from coronaryuq.discrepancy.forward.warm_starts import Point
 from coronaryuq.zerod.solver.blood_volume import BloodVolume
 from coronaryuq.zerod.solver.periodic import Ahead
 from coronaryuq.zerod.solver.slow_modes import SlowModes, slow_modes
 
 MOST_STEPS = 300
-"""Time steps of the cycles behind slow modes: what lasts does not hang on finer ones."""
+"""Time steps per cycle for slow modes, which do not depend on finer steps."""
 
 
-class Settling:
-    """Slow modes of one network by condition, found when they are first asked for.
+class FastSettling:
+    """Slow modes of one network by condition, computed on first use.
 
-    They serve other parameters and added elements too: modes that are not quite a run's own settle it a cycle later.
+    They are used for other parameters and added elements as well: approximate modes cost a run one more cycle.
     """
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._modes: dict[str, SlowModes | None] = {}
         self._origins: WeakKeyDictionary[Prepared, np.ndarray] = WeakKeyDictionary()
 
     def ahead(
         self, plain: Prepared, prepared: Prepared, jobs: list[Job], changes: dict, steps_per_cycle: int
     ) -> Ahead | None:
-        """For a batch of runs, which keep the blood that they hold; None where no mode is slow.
+        """Return the extrapolation for a batch of runs, which conserves their blood volume; None if no mode is slow.
 
-        plain: the network without added elements. changes: of the runs, as the engine takes them.
+        plain: the network without added elements. changes: solver parameters of the runs.
         """
         conditions = list(dict.fromkeys(job.condition for job in jobs))
-        modes = [self._of(condition, plain, prepared, steps_per_cycle) for condition in conditions]
-        if all(of is None for of in modes):
+        modes = [self._modes_of(condition, plain, prepared, steps_per_cycle) for condition in conditions]
+        if all(mode is None for mode in modes):
             return None
         which = np.array([conditions.index(job.condition) for job in jobs])
         volume = BloodVolume(prepared.engine.model)
         numbers = {name: value for name, value in changes.items() if np.ndim(value) == 1}
 
         def ahead(who: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-            found = end.copy()
-            for number, of in enumerate(modes):
-                mine = which[who] == number
-                if of is not None and mine.any():
-                    found[mine] = of.ahead(start[mine], end[mine])
+            state = end.copy()
+            for number, mode in enumerate(modes):
+                rows = which[who] == number
+                if mode is not None and rows.any():
+                    state[rows] = mode.ahead(start[rows], end[rows])
             values = {name: value[who] for name, value in numbers.items()}
-            return volume.filled(found, volume.of(end, values) - volume.of(found, values))
+            return volume.filled(state, volume.of(end, values) - volume.of(state, values))
 
         return ahead
 
-    def _of(self, condition: str, plain: Prepared, prepared: Prepared, steps_per_cycle: int) -> SlowModes | None:
+    def _modes_of(self, condition: str, plain: Prepared, prepared: Prepared, steps_per_cycle: int) -> SlowModes | None:
         if condition not in self._modes:
-            changes = stacked(plain, [Job(Point(np.zeros(0), {}), condition)])
+            changes = stack(plain, [Job(Point(np.zeros(0), {}), condition)])
             steps = min(steps_per_cycle, MOST_STEPS)
-            self._modes[condition] = slow_modes(plain.engine, plain.start[condition], changes, steps)
-        found = self._modes[condition]
-        if found is None or prepared is plain:
-            return found
+            start = plain.start[condition]
+            assert start is not None, "fast settling needs a periodic state under every condition"
+            self._modes[condition] = slow_modes(plain.engine, start, changes, steps)
+        modes = self._modes[condition]
+        if modes is None or prepared is plain:
+            return modes
         if prepared not in self._origins:
             self._origins[prepared] = _origin(plain, prepared)
-        return found.moved(self._origins[prepared])
+        return modes.moved(self._origins[prepared])
 
 
 def _origin(plain: Prepared, prepared: Prepared) -> np.ndarray:
-    """Of each unknown of a network with added elements, and each rate, the number in the one without, or -1."""
+    """Return the number of each unknown and rate in the network without added elements, or -1 for new ones."""
     size = 2 * plain.engine.model.size
     numbers = np.arange(1.0, len(plain.engine.state_names) + 1.0)
-    found = carried_over(plain.engine.state_names, numbers, prepared.engine.state_names, prepared.renamed)
-    found = found[: 2 * prepared.engine.model.size].astype(int) - 1
-    return np.where(found < size, found, -1)
+    origin = carry_over(plain.engine.state_names, numbers, prepared.engine.state_names, prepared.renamed)
+    origin = origin[: 2 * prepared.engine.model.size].astype(int) - 1
+    return np.where(origin < size, origin, -1)

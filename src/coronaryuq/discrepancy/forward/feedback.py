@@ -1,52 +1,52 @@
-"""Mean pressures at the beds at which runs settle whose resistances follow those pressures, as under autoregulation."""
+"""Mean pressures at beds whose resistances depend on those pressures, as under autoregulation."""
 
 import numpy as np
 
 MOST_ROUNDS = 12
 SETTLED = 1e-3
-"""Relative change of every bed's pressure from one run to the next at which a run counts as settled."""
+"""Relative change of every bed's pressure from one run to the next below which a run is settled."""
 STEEPEST = 0.9
-"""Slope of the pressure that a run has by the one that its beds feel, above which a secant step would leap too far."""
+"""Largest slope of the resulting pressure by the assumed one in a secant step; a steeper one would overshoot."""
 
 
 class Feedback:
-    """What the beds of many runs feel, round after round; every run goes on by itself, whatever the others do.
+    """Fixed-point iteration of the bed pressures of many runs, each independent of the others.
 
-    The pressures that a run has are those that its beds feel at a fixed point, which secant steps find, bed by bed.
-    resting: pressures of the model as it is, where all begin. responds: (n,), runs whose resistances follow at all;
-    the others are done after one round.
+    At the fixed point the pressures that result from a run equal those assumed for its beds; secant steps find it, bed
+    by bed. reference: pressures of the unmodified model, where all runs start. responds: (n,), runs whose resistances
+    depend on pressure; the others are done after one round.
     """
 
-    def __init__(self, resting: dict[str, float], responds: list[bool]):
-        self.beds, self.responds = list(resting), np.array(responds, dtype=bool)
-        self.astray = np.zeros(len(responds), dtype=bool)
+    def __init__(self, reference: dict[str, float], responds: list[bool]):
+        self.beds, self.responds = list(reference), np.array(responds, dtype=bool)
+        self.failed = np.zeros(len(responds), dtype=bool)
         """Runs that have not settled in `MOST_ROUNDS`."""
-        self._felt = np.tile(np.array([*resting.values()], dtype=float), (len(responds), 1))
-        self._before = np.full((2, *self._felt.shape), np.nan)
-        """Of the round before, what was felt and what the run then had."""
+        self._assumed = np.tile(np.array([*reference.values()], dtype=float), (len(responds), 1))
+        self._previous = np.full((2, *self._assumed.shape), np.nan)
+        """Assumed and resulting pressures of the previous round."""
         self._rounds = 0
 
-    def felt(self, number: int) -> dict[str, float]:
-        """Bed → pressure that a run's beds feel."""
-        return dict(zip(self.beds, self._felt[number].tolist(), strict=True))
+    def assumed(self, number: int) -> dict[str, float]:
+        """Return bed → assumed pressure of a run."""
+        return dict(zip(self.beds, self._assumed[number].tolist(), strict=True))
 
-    def unsettled(self, numbers: np.ndarray, had: np.ndarray) -> np.ndarray:
-        """Of runs `numbers` (k,) that had these pressures (k, beds), those that have to be made again."""
+    def unsettled(self, numbers: np.ndarray, resulting: np.ndarray) -> np.ndarray:
+        """Update the assumed pressures of runs (k,) from the resulting ones (k, beds); return the runs to repeat."""
         self._rounds += 1
-        felt = self._felt[numbers]
+        assumed = self._assumed[numbers]
         with np.errstate(invalid="ignore"):
-            going = self.responds[numbers] & (np.abs(had - felt) > SETTLED * np.abs(felt)).any(axis=1)
+            going = self.responds[numbers] & (np.abs(resulting - assumed) > SETTLED * np.abs(assumed)).any(axis=1)
         left = numbers[going]
         if self._rounds == MOST_ROUNDS:
-            self.astray[left] = True
+            self.failed[left] = True
             return left[:0]
-        felt, had = felt[going], had[going]
-        earlier, then_had = self._before[0, left], self._before[1, left]
-        moved = felt - earlier
-        # Of a step much shorter than what counts as settled a slope would be noise.
-        known = np.abs(moved) > 0.1 * SETTLED * np.abs(felt)
-        slope = np.divide(had - then_had, moved, out=np.zeros_like(felt), where=known)
+        assumed, resulting = assumed[going], resulting[going]
+        earlier_assumed, earlier_resulting = self._previous[0, left], self._previous[1, left]
+        step = assumed - earlier_assumed
+        # The slope of a step much shorter than the tolerance would be noise.
+        known = np.abs(step) > 0.1 * SETTLED * np.abs(assumed)
+        slope = np.divide(resulting - earlier_resulting, step, out=np.zeros_like(assumed), where=known)
         slope = np.minimum(slope, STEEPEST)
-        self._before[0, left], self._before[1, left] = felt, had
-        self._felt[left] = (had - slope * felt) / (1.0 - slope)
+        self._previous[0, left], self._previous[1, left] = assumed, resulting
+        self._assumed[left] = (resulting - slope * assumed) / (1.0 - slope)
         return left

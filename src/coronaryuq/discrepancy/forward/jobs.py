@@ -1,29 +1,30 @@
-"""Single runs of a network: what each changes in it, and the changes of many runs as the engine takes them."""
+"""Single runs of a network, and the solver parameters of many runs stacked for one batch."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from coronaryuq.discrepancy.data.conditions import LOSS
+from coronaryuq.case.network.network import Network
+from coronaryuq.discrepancy.data.apply_condition import LOSS
 from coronaryuq.discrepancy.forward.network_values import differences, scalars
 from coronaryuq.discrepancy.forward.warm_starts import Point, Structure
 from coronaryuq.zerod.effects.base import WAVE_POINTS, sampled
 from coronaryuq.zerod.solver.engine import Engine
 
 Scaled = dict[str, list[int]]
-""" "BLOCK.parameter" → the factors that multiply its value, by number and in that order."""
+""" "BLOCK.parameter" → numbers of the factors that multiply its value, in that order."""
 
 
 class Prepared:
-    """One structure: an engine that serves every condition, what each condition changes in it, and where runs start.
+    """One network structure: an engine for all conditions, their changes, and their initial states.
 
     networks, values: the network under each condition and its numbers, "BLOCK.parameter" → value.
-    changes: of each condition against the engine's own network. start: periodic state (unknowns,) of each
-    condition's own values, where every sample starts, so that in a closed loop all hold the blood that the model as
-    it is holds.
+    changes: solver parameters of each condition that differ from the engine's network. start: periodic state
+    (unknowns,) of each condition without effects, where every sample starts, so that all runs of a closed loop have
+    the blood volume of the unmodified model.
     """
 
-    def __init__(self, networks: dict[str, dict], renamed: dict[str, str]):
+    def __init__(self, networks: dict[str, Network], renamed: dict[str, str]):
         own = next(iter(networks.values()))
         self.engine = Engine(own)
         self.networks, self.renamed = networks, renamed
@@ -36,7 +37,7 @@ class Prepared:
         return Structure(self.engine, self.renamed)
 
     def own(self, condition: str, name: str) -> np.ndarray | float:
-        """A number of the network under a condition, as the engine takes it, or a waveform (WAVE_POINTS,)."""
+        """Return a parameter of the network under a condition: a number or a waveform (WAVE_POINTS,)."""
         for numbers in (self.changes[condition], self.engine.parameters):
             if name in numbers:
                 return numbers[name]
@@ -45,10 +46,10 @@ class Prepared:
 
 @dataclass(frozen=True)
 class Job:
-    """One run: a point under one condition, with what it changes in the condition's network.
+    """One run: a point under one condition, with its changes of the condition's network.
 
-    effects: values that effects give, numbers or waveforms. factors: (k,) of recalibration. scaled: what they multiply,
-    the same for all jobs of a condition that run together.
+    effects: values set by effects, numbers or waveforms. factors: (k,) of recalibration. scaled: the values that they
+    multiply, the same for all jobs of a condition in one batch.
     """
 
     point: Point
@@ -59,72 +60,75 @@ class Job:
 
     @property
     def key(self) -> tuple:
-        """What tells two runs apart: tissue masses and other conditions' parameters need none of their own."""
+        """Identity of the run: tissue masses and parameters of other conditions do not need a run of their own."""
         effects = ((name, np.asarray(value).tobytes()) for name, value in self.effects.items())
         return self.condition, self.factors.tobytes(), *effects
 
     def table(self, prepared: Prepared) -> dict[str, np.ndarray | float]:
-        """Everything that the run changes, "BLOCK.parameter" → value."""
-        found = dict(self.effects)
+        """Return all changes of the run, "BLOCK.parameter" → value."""
+        values = dict(self.effects)
         for name, numbers in self.scaled.items():
             own = prepared.own(self.condition, name)
-            value = found.get(name, own)
-            beside = value - own if _adds(name) else 0.0
-            value = value - beside
+            value = values.get(name, own)
+            added = value - own if _adds(name) else 0.0
+            value = value - added
             for number in numbers:
                 value = value * self.factors[number]
-            found[name] = value + beside
-        return found
+            values[name] = value + added
+        return values
 
 
 def batches(prepared: Prepared, jobs: list[Job]) -> list[list[int]]:
-    """Jobs that switch on elements which are nought in the network go apart: their equations are harder to solve."""
-    nought = {name for name, value in prepared.engine.parameters.items() if value == 0.0}
+    """Group jobs: those that activate zero-valued elements, which are harder to solve, run in their own batch."""
+    zero = {name for name, value in prepared.engine.parameters.items() if value == 0.0}
     scaled = {job.condition: job.scaled for job in jobs}
-    everywhere = {condition: not nought.isdisjoint(names) for condition, names in scaled.items()}
-    apart = [everywhere[job.condition] or not nought.isdisjoint(job.effects) for job in jobs]
-    groups = [[i for i, other in enumerate(apart) if other is kind] for kind in (False, True)]
+    everywhere = {condition: not zero.isdisjoint(names) for condition, names in scaled.items()}
+    activates = [everywhere[job.condition] or not zero.isdisjoint(job.effects) for job in jobs]
+    groups = [[i for i, other in enumerate(activates) if other is kind] for kind in (False, True)]
     return [group for group in groups if group]
 
 
-def stacked(prepared: Prepared, jobs: list[Job]) -> dict[str, np.ndarray]:
-    """Engine changes of all jobs, (n,) or (n, points); where a job has none, the value under its condition."""
+def stack(prepared: Prepared, jobs: list[Job]) -> dict[str, np.ndarray]:
+    """Return the solver parameters of all jobs, (n,) or (n, points)."""
     nominal = prepared.engine.parameters
-    # Conditions that change nothing are samples too: one parameter says how many.
+    # Conditions without changes are samples too: one parameter sets their number.
     some = next(name for name, value in nominal.items() if value != 0.0)
-    found = {some: np.full(len(jobs), nominal[some])}
-    at: dict[str, list[int]] = {}
+    values = {some: np.full(len(jobs), nominal[some])}
+    by_condition: dict[str, list[int]] = {}
     for number, job in enumerate(jobs):
-        at.setdefault(job.condition, []).append(number)
-    scaled = {condition: jobs[numbers[0]].scaled for condition, numbers in at.items()}
-    names = dict.fromkeys(name for condition in at for name in (*prepared.changes[condition], *scaled[condition]))
+        by_condition.setdefault(job.condition, []).append(number)
+    scaled = {condition: jobs[numbers[0]].scaled for condition, numbers in by_condition.items()}
+    names = dict.fromkeys(
+        name for condition in by_condition for name in (*prepared.changes[condition], *scaled[condition])
+    )
     for name in names | dict.fromkeys(name for job in jobs for name in job.effects):
-        found[name] = np.empty(len(jobs) if name in nominal else (len(jobs), WAVE_POINTS))
-        for condition, numbers in at.items():
-            found[name][numbers] = prepared.own(condition, name)
+        values[name] = np.empty(len(jobs) if name in nominal else (len(jobs), WAVE_POINTS))
+        for condition, numbers in by_condition.items():
+            values[name][numbers] = prepared.own(condition, name)
     for number, job in enumerate(jobs):
         for name, value in job.effects.items():
-            found[name][number] = _even(value) if np.ndim(value) else value
-    for condition, numbers in at.items():
+            values[name][number] = _resample(value) if isinstance(value, np.ndarray) and value.ndim else value
+    for condition, numbers in by_condition.items():
         factors = np.array([jobs[number].factors for number in numbers])
         for name, columns in scaled[condition].items():
-            beside = found[name][numbers] - prepared.own(condition, name) if _adds(name) else 0.0
-            found[name][numbers] -= beside
+            added = values[name][numbers] - prepared.own(condition, name) if _adds(name) else 0.0
+            values[name][numbers] -= added
             for column in columns:
-                found[name][numbers] *= factors[:, column]
-            found[name][numbers] += beside
-    return found
+                values[name][numbers] *= factors[:, column]
+            values[name][numbers] += added
+    return values
 
 
 def _adds(name: str) -> bool:
-    """Whether recalibration scales the condition's own value alone, beside what effects add to it: the severity of a
-    stenosis is of one condition, an effect has one size under all.
+    """Whether recalibration scales only the condition's own value and not what effects add to it.
+
+    The severity of a known stenosis belongs to a condition, while an effect has one size under all conditions.
     """
     return name.endswith(f".{LOSS}")
 
 
-def _even(values: np.ndarray) -> np.ndarray:
-    """A waveform on an even grid, on the grid of `WAVE_POINTS` points."""
+def _resample(values: np.ndarray) -> np.ndarray:
+    """Resample a waveform on an even grid to `WAVE_POINTS` points."""
     values = np.asarray(values, dtype=float)
     if len(values) == WAVE_POINTS:
         return values

@@ -1,13 +1,13 @@
-"""Runs that several computations ask for, made side by side; each goes on when its own result is there.
+"""Computations that need solver runs, advanced together so that their runs execute in parallel.
 
-One fit asks for a handful of runs at a time, which fill no group of lanes and no second thread; fits of five rivals do.
+A single fit needs a handful of runs at a time, which fill neither a group of lanes nor a second thread; five fits do.
 """
 
 from collections.abc import Callable, Generator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.solver.result import Result
@@ -15,45 +15,46 @@ from coronaryuq.zerod.solver.result import Result
 
 @dataclass(frozen=True)
 class Run:
-    """One batch on an engine that a computation asks for. options: of `Engine.run`, but for its threads."""
+    """One batch on an engine that a computation needs. options: of `Engine.run`, except its threads."""
 
     engine: Engine
     changes: dict
-    options: dict
+    options: dict[str, Any]
 
-    def made(self, threads: int) -> Result:
+    def execute(self, threads: int) -> Result:
         return self.engine.run(self.changes, threads=threads, **self.options)
 
 
 T = TypeVar("T")
-Asking = Generator[Run, Result, T]
-"""A computation that yields a `Run`, is sent its `Result`, and so on, and returns what it is about."""
+Computation = Generator[Run, Result, T]
+"""A generator that yields each `Run` it needs, receives its `Result` and finally returns its value."""
 
 
-def side_by_side(computations: list[Asking[T]], threads: int) -> list[T]:
-    """What the computations return, in their order.
+def run_in_lockstep(computations: list[Computation[T]], threads: int) -> list[T]:
+    """Return the values of all computations, in their order.
 
-    Each goes as far as its next run, and then they take turns: one that has its result goes on to its next run while
-    those of others are made. They go on one by one, always in their order, so that states that they share do not
-    depend on `threads`.
+    Each advances to its next run; then they take turns: one continues with its result while the runs of the others
+    execute. They always continue one at a time and in order, so that shared state does not depend on `threads`.
     """
-    found: list[T | None] = [None] * len(computations)
-    with ThreadPoolExecutor(threads) as drivers:
-        beside = threads > 1 and len(computations) > 1
-        asked: dict[int, Callable[[], Result]] = {}
+    values: dict[int, T] = {}
+    with ThreadPoolExecutor(threads) as pool:
+        parallel = threads > 1 and len(computations) > 1
+        pending: dict[int, Callable[[], Result]] = {}
 
-        def go_on(number: int, result: Result | None) -> None:
+        def advance(number: int, continue_: Callable[[], Run]) -> None:
             try:
-                run = computations[number].send(result)
+                run = continue_()
             except StopIteration as end:
-                found[number] = end.value
+                values[number] = end.value
             else:
-                asked[number] = drivers.submit(run.made, threads).result if beside else partial(run.made, threads)
+                pending[number] = (
+                    pool.submit(run.execute, threads).result if parallel else partial(run.execute, threads)
+                )
 
-        for number in range(len(computations)):
-            go_on(number, None)
-        while asked:
-            turn, asked = asked, {}
+        for number, computation in enumerate(computations):
+            advance(number, partial(next, computation))
+        while pending:
+            turn, pending = pending, {}
             for number, result in turn.items():
-                go_on(number, result())
-    return found
+                advance(number, partial(computations[number].send, result()))
+    return [values[number] for number in range(len(computations))]

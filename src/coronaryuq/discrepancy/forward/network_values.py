@@ -1,16 +1,18 @@
-"""Numbers and waveforms of a network by name, how two networks of one structure differ, states carried between them."""
+"""Values of a network by name, differences between two networks of one structure, and states carried between them."""
+
+from typing import Any
 
 import numpy as np
 
 from coronaryuq.case.network.network import HEART, Network
-from coronaryuq.discrepancy.data.conditions import ELEMENTS, SERIES, is_number, period_of
+from coronaryuq.discrepancy.data.apply_condition import ELEMENTS, WAVEFORMS, is_number, period_of
 from coronaryuq.zerod.effects.base import sampled
 from coronaryuq.zerod.network.numbering import PERIOD
 
 
 def scalars(network: Network) -> dict[str, float]:
-    """ "BLOCK.parameter" → value of every vessel, boundary condition and heart."""
-    found: dict[str, float] = {}
+    """Return "BLOCK.parameter" → number of every vessel, boundary condition and heart."""
+    found: dict[str, Any] = {}
     for part, block, _, values in network.elements():
         defaults = dict.fromkeys(ELEMENTS, 0.0) if part == "vessels" else {}
         found |= {f"{block}.{name}": value for name, value in (defaults | values).items()}
@@ -18,28 +20,29 @@ def scalars(network: Network) -> dict[str, float]:
 
 
 def differences(own: Network, other: Network) -> dict[str, float | np.ndarray]:
-    """Engine changes that turn `own` into `other`, a network of the same structure; waveforms (WAVE_POINTS,)."""
+    """Return the solver parameters that turn `own` into `other` of the same structure; waveforms (WAVE_POINTS,)."""
     ours, theirs = scalars(own), scalars(other)
     found: dict[str, float | np.ndarray] = {name: value for name, value in theirs.items() if ours[name] != value}
     if period_of(own) != period_of(other):
         found[PERIOD] = period_of(other)
-    for block in own.boundary_conditions:
-        if block["bc_type"] in SERIES:
-            name = f"{block['bc_name']}.{SERIES[block['bc_type']]}"
-            ours, theirs = sampled(own, name), sampled(other, name)
-            if np.abs(ours - theirs).max() > 1e-9 * np.abs(ours).max():
-                found[name] = theirs
+    for block in own["boundary_conditions"]:
+        if block["bc_type"] in WAVEFORMS:
+            name = f"{block['bc_name']}.{WAVEFORMS[block['bc_type']]}"
+            before, after = sampled(own, name), sampled(other, name)
+            if np.abs(before - after).max() > 1e-9 * np.abs(before).max():
+                found[name] = after
     return found
 
 
-def inner(unknowns: list[str]) -> list[str]:
-    """Unknowns of the heart and of beds, which are measured by their own names: no flow or pressure between blocks."""
+def inner_unknowns(unknowns: list[str]) -> list[str]:
+    """Return the unknowns inside the heart and beds, which are not a flow or pressure between blocks."""
     return [name for name in unknowns if not name.startswith(("flow:", "pressure:"))]
 
 
 def with_values(network: Network, table: dict) -> Network:
-    """The network with other numbers and waveforms, "BLOCK.parameter" → value; waveforms are on an even grid over the
-    cycle. What does not change is shared with `network`.
+    """Return the network with new values, "BLOCK.parameter" → number or waveform on an even grid over the cycle.
+
+    Blocks without changes are shared with `network`.
     """
     changed: dict[str, dict] = {}
     for name, value in table.items():
@@ -73,37 +76,37 @@ def _with(values: dict, changed: dict, network: Network) -> dict:
     return found
 
 
-def carried_over(names: list[str], state: np.ndarray, wanted: list[str], renamed: dict[str, str]) -> np.ndarray:
-    """A state of one network for the same with added elements (`wanted`, renamed: old → new locations).
+def carry_over(names: list[str], state: np.ndarray, wanted: list[str], renamed: dict[str, str]) -> np.ndarray:
+    """Transfer a state to the same network with added elements.
 
-    names, state: of the network without the elements. An added vessel starts without flow, at the pressure of what it
-    was attached to; a vessel whose end was moved keeps its flow.
+    names, state: unknowns of the network without the elements. wanted: unknowns of the network with them. renamed:
+    old → new locations. An added vessel starts without flow, at the pressure of what it is attached to; a vessel whose
+    end was moved keeps its flow.
     """
     known = dict(zip(names, state, strict=True))
     before = {new: old for old, new in renamed.items()}
-    moved, stubs = {}, {}
+    moved: dict[str, str] = {}
+    stubs: dict[str, str] = {}
     for old, new in renamed.items():
         (feeder, fed), (stub, ahead) = old.split(":"), new.split(":")
-        # A vessel added behind takes over the end of the old one, a vessel added ahead its start.
+        # A vessel added distally takes over the end of the old one, a vessel added ahead its start.
         first, second = (feeder, stub) if fed == ahead else (ahead, fed)
         moved[first] = stubs[second] = old
     found: dict[str, float] = {}
     for name in wanted:
         kind, _, location = name.partition(":")
         first, _, second = location.partition(":")
-        old = before.get(location) or moved.get(first) or stubs.get(second)
-        for candidate in (name, f"{kind}:{old}"):
+        origin = before.get(location) or moved.get(first) or stubs.get(second)
+        for candidate in (name, f"{kind}:{origin}"):
             if candidate in known and name not in found:
                 found[name] = known[candidate]
     for kind in ("pressure", "d_pressure"):
-        _attached(found, [name for name in wanted if name.startswith(f"{kind}:")])
+        _fill_from_neighbours(found, [name for name in wanted if name.startswith(f"{kind}:")])
     return np.array([found.get(name, 0.0) for name in wanted])
 
 
-def _attached(found: dict[str, float], locations: list[str]) -> None:
-    """Give what is not in `found` of some locations, KIND:BLOCK:BLOCK, the value of the first there that shares a block
-    with it, until no more can be given.
-    """
+def _fill_from_neighbours(found: dict[str, float], locations: list[str]) -> None:
+    """Give missing locations, KIND:BLOCK:BLOCK, the value of the first known one that shares a block, repeatedly."""
     wanted = set(locations)
     known = [name for name in found if name in wanted]
     first: dict[str, int] = {}

@@ -1,11 +1,13 @@
-"""What recalibration may move: factors on groups of the network's parameters, each with a log-normal prior."""
+"""Nuisance parameters of the recalibration: factors on groups of network parameters with log-normal priors."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from coronaryuq.case.network.network import Network
-from coronaryuq.discrepancy.data.conditions import BED_SHAPE, LOSS, RESISTANCE, Condition
+from coronaryuq.discrepancy.data.apply_condition import LOSS
+from coronaryuq.discrepancy.data.conditions import BED_SHAPE, RESISTANCE, Condition
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import RESISTANCES, Anatomy
@@ -19,8 +21,9 @@ SD_MASS = 1.0
 class Nuisance:
     """A factor exp(sd z), z standard normal, on `targets` ("BLOCK.parameter") in some conditions, or in all (None).
 
-    `mass` names a territory whose tissue mass the factor scales instead: perfusion is flow over mass. `shape`: z times
-    a row of `Forward.shapes` is added to predictions instead; the network stays. `noise`: that is the measurement's.
+    mass: territory whose tissue mass the factor scales instead, as perfusion is flow over mass. shape: row of
+    `Forward.shapes` that is added to predictions, times z, instead. noise: whether that row is noise of the
+    measurements.
     """
 
     name: str
@@ -33,7 +36,7 @@ class Nuisance:
 
     @property
     def simulated(self) -> bool:
-        """Whether it changes what is run, not only what is made of it."""
+        """Whether it changes the runs and not only the readings."""
         return self.mass is None and self.shape is None
 
     def acts_under(self, condition: str) -> bool:
@@ -44,34 +47,34 @@ class Nuisance:
 
 
 def without_noise(parameters: list[Nuisance], z: np.ndarray) -> np.ndarray:
-    """z (p,), of which the first are of these, with what is the measurements' own and no part of the model left out."""
-    found = np.array(z, dtype=float)
-    found[[column for column, nuisance in enumerate(parameters) if nuisance.noise]] = 0.0
-    return found
+    """Return z (p,), which starts with these parameters, with the noise of the measurements set to zero."""
+    model_part = np.array(z, dtype=float)
+    model_part[[column for column, nuisance in enumerate(parameters) if nuisance.noise]] = 0.0
+    return model_part
 
 
 def nuisances(
     network: Network, conditions: dict[str, Condition], measured: list[Measured], settings: Settings
 ) -> list[Nuisance]:
-    """The nuisance parameters of a network and its measurements.
+    """Return the nuisance parameters of a network and its measurements.
 
-    Resistance and compliance of all coronary beds together and of each; in closed loops systemic resistance and
-    compliance and left ventricular elastance; one factor for every measured condition but the first, as its coronary
-    state is never known exactly; the tissue mass of each territory with measured perfusion. Where a condition lists it
-    as free, the shape of the beds as well; and each stenosis that conditions name, in all of them.
+    Resistance and compliance of all coronary beds together and of each; systemic resistance, systemic compliance and
+    left ventricular elastance in closed loops; a factor for every measured condition except the first, as its coronary
+    state is never known exactly; the tissue mass of each territory with measured perfusion; the shape of the beds if a
+    condition lists it as free; and each stenosis that conditions list.
     """
     anatomy = Anatomy(network)
     beds = list(anatomy.beds)
 
-    def of(bed, names):
+    def positive(bed: str, names: Iterable[str]) -> tuple[str, ...]:
         return tuple(f"{bed}.{name}" for name in names if anatomy.blocks[bed]["bc_values"].get(name, 0.0) > 0.0)
 
-    resistances = {bed: of(bed, RESISTANCES) for bed in beds}
+    resistances = {bed: positive(bed, RESISTANCES) for bed in beds}
     everywhere = tuple(key for keys in resistances.values() for key in keys)
     found = [Nuisance("coronary resistance", settings.sd_coronary, everywhere)]
     if len(beds) > 1:
         found += [Nuisance(f"resistance of {bed}", settings.sd_bed, keys) for bed, keys in resistances.items()]
-    storing = {bed: stores for bed in beds if (stores := of(bed, COMPLIANCES))}
+    storing = {bed: stores for bed in beds if (stores := positive(bed, COMPLIANCES))}
     if storing:
         everywhere = tuple(key for stores in storing.values() for key in stores)
         found.append(Nuisance("coronary compliance", settings.sd_compliance, everywhere))
@@ -83,9 +86,9 @@ def nuisances(
         found += _shape(anatomy, settings.sd_bed_shape)
     others = [bed for bed in anatomy.blocks if bed not in beds and bed in set(anatomy.outlet_bc.values())]
     if others:
-        systemic = tuple(key for bed in others for key in of(bed, ("Rp", "Rd", "R")))
+        systemic = tuple(key for bed in others for key in positive(bed, ("Rp", "Rd", "R")))
         found.append(Nuisance("systemic resistance", settings.sd_systemic, systemic))
-        stores = tuple(key for bed in others for key in of(bed, ("C",)))
+        stores = tuple(key for bed in others for key in positive(bed, ("C",)))
         if stores:
             found.append(Nuisance("systemic compliance", settings.sd_systemic, stores))
     if anatomy.closed_loop:
@@ -104,10 +107,9 @@ def nuisances(
 
 
 def _shape(anatomy: Anatomy, sd: float) -> list[Nuisance]:
-    """What a bed of the literature leaves open of a real one: how its resistance and compliance lie along it; and the
-    compliance of the vessels before it."""
+    """The distribution of resistance and compliance along the beds, and the compliance of the vessels."""
 
-    def of_beds(name):
+    def of_beds(name: str) -> list[str]:
         return [f"{bed}.{name}" for bed in anatomy.beds if anatomy.blocks[bed]["bc_values"].get(name, 0.0) > 0.0]
 
     vessels = [
@@ -124,7 +126,7 @@ def _shape(anatomy: Anatomy, sd: float) -> list[Nuisance]:
 
 
 def _stenoses(conditions: dict[str, Condition], sd: float) -> list[Nuisance]:
-    """One for each stenosis known to be there, however severe, on the loss that its vessel has under its conditions."""
+    """A factor on the loss of each stenosis of unknown severity, under its conditions."""
     named: dict[tuple[str, str], list[str]] = {}
     for condition in conditions.values():
         for vessel, name in condition.stenosis.items():

@@ -1,4 +1,4 @@
-"""Predictions of every measured series by a network with effects, under all conditions, in one batch of samples."""
+"""Predictions of all measured series by a network with effects, under all conditions."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
@@ -6,14 +6,15 @@ from functools import cached_property
 
 import numpy as np
 
+from coronaryuq.case.network.network import Network
 from coronaryuq.core import units
 from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.forward.feedback import Feedback
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.forward.jobs import Job, Prepared, Scaled
-from coronaryuq.discrepancy.forward.lockstep import Asking, side_by_side
-from coronaryuq.discrepancy.forward.network_values import inner, with_values
+from coronaryuq.discrepancy.forward.lockstep import Computation, run_in_lockstep
+from coronaryuq.discrepancy.forward.network_values import inner_unknowns, with_values
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
 from coronaryuq.discrepancy.forward.simulation import Simulation, elements
 from coronaryuq.discrepancy.forward.warm_starts import Point
@@ -21,16 +22,30 @@ from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState
 from coronaryuq.zerod.solver.engine import Engine
 
+Row = tuple[np.ndarray, Hypothesis]
+"""A point z (p,) with its hypothesis."""
+Waveforms = dict[str, dict[str, np.ndarray]]
+"""Condition → solver name → (n, steps + 1) over a cycle, both ends included."""
 MANY = 20
-"""Collaterals that share one network: all pairs of outlets would couple everything with everything."""
+"""Number of collaterals that share one network; all pairs of outlets would couple all vessels."""
 
 
 @dataclass
 class Forward:
-    """The analyst's model of one case: network, conditions, measured series, nuisance parameters.
+    """Forward model of one case: network, conditions, measured series, nuisance parameters.
 
-    `predict(z, hypothesis)` takes z (n, p), standard normal numbers as `Hypothesis` lays them out, and returns (n, N)
-    in CGS, series after series, NaN where a run failed.
+    Attributes
+    ----------
+    pressure_factor
+        dyn/cm2 per pressure unit of the network.
+    periods
+        Period of each condition, s.
+    reference_pressure
+        Mean pressure at each bed in the reference run, in the network's units.
+    masses
+        Nominal tissue mass of each territory, g.
+    shapes
+        Possible time-step errors of the predictions, (k, N) in CGS, weighted by the nuisance parameters `shape`.
     """
 
     simulation: Simulation
@@ -38,13 +53,12 @@ class Forward:
     nuisances: list[Nuisance]
     pressure_factor: float
     periods: dict[str, float] = field(default_factory=dict)
-    resting: dict[str, float] = field(default_factory=dict)
+    reference_pressure: dict[str, float] = field(default_factory=dict)
     masses: dict[str, float] = field(default_factory=dict)
     shapes: np.ndarray | None = None
-    """What the time steps may put predictions off by, (k, N) in CGS, with the nuisance parameters of that kind."""
 
     @property
-    def network(self) -> dict:
+    def network(self) -> Network:
         return self.simulation.network
 
     @property
@@ -60,7 +74,10 @@ class Forward:
         return sum(series.value.size for series in self.measured)
 
     def predict(self, z: np.ndarray, hypothesis: Hypothesis = PLAIN) -> np.ndarray:
-        """Predictions (n, N) at z (n, p), all with the same effects."""
+        """Return the predictions (n, N) in CGS at z (n, p), NaN if a run failed.
+
+        z: standard normal numbers in the layout of `Hypothesis`. N: all values, series after series.
+        """
         return self.predict_rows([(row, hypothesis) for row in np.atleast_2d(z)])
 
     def predict_rows(
@@ -69,90 +86,103 @@ class Forward:
         conditions: Collection[str] | None = None,
         grafts: Sequence[PlacedEffect] = (),
     ) -> np.ndarray:
-        """Predictions (n, N) at one point z (p,) each, every row with its own effects; NaN for other `conditions`, but
-        in rows with an effect on the measuring side, which may depend on all of them.
+        """Return predictions with different effects in every row.
 
-        Rows whose networks have the same elements share one batch, all conditions in it; the batches run side by side.
-        grafts: effects that share one network (of many collaterals: a few), shut but where a row acts on them, for the
-        rows that act on one of them.
+        Rows whose networks have the same elements share one batch of all conditions; the batches run in parallel.
+
+        Parameters
+        ----------
+        rows
+            Point z (p,) and hypothesis of each row.
+        conditions
+            Conditions to run, by default all. Rows with an effect on the measurements run all.
+        grafts
+            Effects that share one network (of many collaterals: a few), inactive except in the rows that have them.
+
+        Returns
+        -------
+        np.ndarray
+            (n, N) in CGS; NaN for conditions not run, and if a run failed.
         """
-        found = np.full((len(rows), self.size), np.nan)
+        predictions = np.full((len(rows), self.size), np.nan)
         groups: dict[tuple, tuple[list[PlacedEffect], dict[tuple, list[int]]]] = {}
         common = [placed for placed in rows[0][1] if all(placed in hypothesis for _, hypothesis in rows)]
-        shares = _shares([placed for placed in self.simulation.inserting(grafts) if placed not in common])
+        shares = shared_grafts([placed for placed in self.simulation.inserting(grafts) if placed not in common])
         for number, (z, hypothesis) in enumerate(rows):
-            # What a sensor or a map does to predictions may depend on all of them.
-            all_of_them = any(effect.side == "measurement" for effect, _ in hypothesis)
+            # Effects on the measurements may depend on all predictions.
+            all_conditions = any(effect.side == "measurement" for effect, _ in hypothesis)
             inserted = self.simulation.inserting(hypothesis)
             share = next((shares[placed] for placed in inserted if placed in shares), [])
             inserted = [*share, *(placed for placed in inserted if placed not in share)]
-            # Effects that feel pressures are run more than once.
-            feels = any(effect.feedback for effect, _ in hypothesis)
-            _, alike = groups.setdefault((*elements(inserted), feels, all_of_them), (inserted, {}))
-            alike.setdefault(self._simulated(z, hypothesis), []).append(number)
-        asking = []
-        for (*_, all_of_them), (inserted, alike) in groups.items():
-            wanted = [n for n in self.conditions if all_of_them or conditions is None or n in conditions]
-            asking.append(self._predict_group([rows[numbers[0]] for numbers in alike.values()], wanted, inserted))
-        together = side_by_side(asking, self.simulation.threads)
-        for predicted, (_, alike) in zip(together, groups.values(), strict=True):
-            for values, numbers in zip(predicted, alike.values(), strict=True):
-                found[numbers] = values
+            # Effects with feedback take several runs.
+            feedback = any(effect.feedback for effect, _ in hypothesis)
+            _, identical = groups.setdefault((*elements(inserted), feedback, all_conditions), (inserted, {}))
+            identical.setdefault(self._run_key(z, hypothesis), []).append(number)
+        computations = []
+        for (*_, all_conditions), (inserted, identical) in groups.items():
+            names = [n for n in self.conditions if all_conditions or conditions is None or n in conditions]
+            unique = [rows[numbers[0]] for numbers in identical.values()]
+            computations.append(self._predict_group(unique, names, inserted))
+        predicted = run_in_lockstep(computations, self.simulation.threads)
+        for group, (_, identical) in zip(predicted, groups.values(), strict=True):
+            for values, numbers in zip(group, identical.values(), strict=True):
+                predictions[numbers] = values
         for number, (z, hypothesis) in enumerate(rows):
             if any(effect.side == "measurement" for effect, _ in hypothesis):
-                found[number] = self._observe(found[number], z, hypothesis)
+                predictions[number] = self._observe(predictions[number], z, hypothesis)
             if self.shapes is not None:
-                found[number] += z[self.shaping] @ self.shapes
-        return found
+                predictions[number] += z[self.shape_columns] @ self.shapes
+        return predictions
 
     @property
-    def shaping(self) -> list[int]:
-        """Nuisance parameters that are weights of `shapes`."""
+    def shape_columns(self) -> list[int]:
+        """Columns of z that are weights of `shapes`."""
         return [column for column, nuisance in enumerate(self.nuisances) if nuisance.shape is not None]
 
-    def _simulated(self, z: np.ndarray, hypothesis: Hypothesis) -> tuple:
-        """What tells two readings of the network apart: most effects on the measuring side act on them afterwards."""
+    def _run_key(self, z: np.ndarray, hypothesis: Hypothesis) -> tuple:
+        """Identity of the readings before effects on the measurements, except delays, act on them."""
         sizes = hypothesis.physical_sizes(z)
         network = [
             (e.name, place, *v.values()) for (e, place), v in zip(hypothesis, sizes, strict=True) if e.side == "network"
         ]
-        return hypothesis.nuisances(z).tobytes(), *self._late(hypothesis, sizes), *network
+        return hypothesis.nuisances(z).tobytes(), *self._delays(hypothesis, sizes), *network
 
-    def _predict_group(self, rows, names: list[str], inserted: list[PlacedEffect]) -> Asking[np.ndarray]:
+    def _predict_group(
+        self, rows: list[Row], names: list[str], inserted: list[PlacedEffect]
+    ) -> Computation[np.ndarray]:
         sizes = [hypothesis.physical_sizes(z) for z, hypothesis in rows]
         z = np.array([hypothesis.nuisances(row) for row, hypothesis in rows])
         waveforms, renamed = yield from self._simulate(rows, sizes, names, inserted)
-        late = np.array([self._late(hypothesis, values) for (_, hypothesis), values in zip(rows, sizes, strict=True)])
-        return np.concatenate(self.readings(waveforms, z, renamed, late), axis=1)
+        delays = np.array([self._delays(hypothesis, s) for (_, hypothesis), s in zip(rows, sizes, strict=True)])
+        return np.concatenate(self.readings(waveforms, z, renamed, delays), axis=1)
 
-    def _late(self, hypothesis: Hypothesis, sizes: list[dict[str, float]]) -> list[float]:
-        """By how much each series is read late, s."""
-        late = np.zeros(len(self.measured))
+    def _delays(self, hypothesis: Hypothesis, sizes: list[dict[str, float]]) -> list[float]:
+        """Delay of each series, s."""
+        delays = np.zeros(len(self.measured))
         for (effect, place), values in zip(hypothesis, sizes, strict=True):
             if effect.side == "measurement":
                 arrays = {name: np.array([value]) for name, value in values.items()}
-                late += [effect.delay(place, arrays, series)[0] for series in self.measured]
-        return late.tolist()
+                delays += [effect.delay(place, arrays, series)[0] for series in self.measured]
+        return delays.tolist()
 
     def readings(
-        self, waveforms: dict[str, dict], z: np.ndarray, renamed: dict[str, str], late: np.ndarray | None = None
+        self, waveforms: Waveforms, z: np.ndarray, renamed: dict[str, str], delays: np.ndarray | None = None
     ) -> list[np.ndarray]:
-        """What is measured of waveforms, condition → engine name → (n, k + 1) over a cycle: (n, values) of each series.
+        """Return the values (n, values) of each series from simulated waveforms; NaN under conditions not given.
 
-        z: (n, p), for the tissue masses. renamed: old → new names of locations. late: (n, series), by how many
-        seconds each is read late. NaN under conditions not given.
+        z: (n, p), for the tissue masses. renamed: old → new names of locations. delays: (n, series), s.
         """
-        late = np.zeros((len(z), len(self.measured))) if late is None else late
+        delays = np.zeros((len(z), len(self.measured))) if delays is None else delays
         blocks = [np.full((len(z), series.value.size), np.nan) for series in self.measured]
         for i, series in enumerate(self.measured):
             if series.condition in waveforms:
                 used = [waveforms[series.condition][name] for name in self.variables(series, renamed)]
                 period = self.periods.get(series.condition, series.period)
-                blocks[i] = self._series(series, used, np.linspace(0.0, period, used[0].shape[1]), z, late[:, i])
+                blocks[i] = self._series(series, used, np.linspace(0.0, period, used[0].shape[1]), z, delays[:, i])
                 blocks[i][~np.isfinite(used[0]).all(axis=1)] = np.nan
         return blocks
 
-    def _observe(self, row: np.ndarray, z, hypothesis: Hypothesis) -> np.ndarray:
+    def _observe(self, row: np.ndarray, z: np.ndarray, hypothesis: Hypothesis) -> np.ndarray:
         blocks = self.split(row[None, :])
         for (effect, place), values in zip(hypothesis, hypothesis.physical_sizes(z), strict=True):
             if effect.side == "measurement":
@@ -160,14 +190,14 @@ class Forward:
         return np.concatenate(blocks, axis=1)[0]
 
     def split(self, values: np.ndarray) -> list[np.ndarray]:
-        """Columns of (n, N), series by series."""
+        """Split (n, N) into the columns of each series."""
         ends = np.cumsum([series.value.size for series in self.measured])
         return np.split(values, ends[:-1], axis=1)
 
     def _simulate(
-        self, rows, sizes, conditions: list[str], inserted: list[PlacedEffect]
-    ) -> Asking[tuple[dict, dict[str, str]]]:
-        """Waveforms, condition → engine name → (rows, steps + 1), of all rows; and renamed locations."""
+        self, rows: list[Row], sizes: list[list[dict[str, float]]], conditions: list[str], inserted: list[PlacedEffect]
+    ) -> Computation[tuple[Waveforms, dict[str, str]]]:
+        """Waveforms of all rows, and renamed locations."""
         prepared = self.simulation.prepared(inserted)
         renamed = prepared.renamed
         names = [
@@ -176,71 +206,79 @@ class Forward:
         beds = {bed: f"pressure:{renamed.get(f'{v}:{bed}', f'{v}:{bed}')}" for bed, v in self.anatomy.beds.items()}
         responds = [any(effect.feedback for effect, _ in hypothesis) for _, hypothesis in rows]
         names = list(dict.fromkeys(names + (list(beds.values()) if any(responds) else [])))
-        points = [self._point(z, hypothesis) for z, hypothesis in rows]
+        points = [self.point(z, hypothesis) for z, hypothesis in rows]
         z = np.array([hypothesis.nuisances(row) for row, hypothesis in rows])
-        factors = {name: self._factors(prepared, name, z) for name in conditions}
+        factors = {name: self.factors(prepared, name, z) for name in conditions}
         runs = [(name, i) for name in conditions for i in range(len(rows))]
-        feedback = Feedback(self.resting, [responds[i] for _, i in runs])
+        feedback = Feedback(self.reference_pressure, [responds[i] for _, i in runs])
 
         def job(number: int) -> Job:
             name, i = runs[number]
             each, scaled = factors[name]
-            effects = self._effects(prepared, name, rows[i][1], sizes[i], feedback.felt(number))
+            effects = self.effect_values(prepared, name, rows[i][1], sizes[i], feedback.assumed(number))
             return Job(points[i], name, effects, each[i], scaled)
 
-        left, waves = np.arange(len(runs)), {}
+        left = np.arange(len(runs))
+        waves: dict[str, np.ndarray] = {}
         while left.size:
-            found = yield from self.simulation.waveforms(prepared, [job(number) for number in left], names)
-            waves = waves or found
-            for key, wave in found.items():
+            new = yield from self.simulation.waveforms(prepared, [job(number) for number in left.tolist()], names)
+            waves = waves or new
+            for key, wave in new.items():
                 waves[key][left] = wave
             if not any(responds):
                 break
-            had = np.array([found[beds[bed]][:, :-1].mean(axis=1) for bed in feedback.beds]).T
-            left = feedback.unsettled(left, had)
+            resulting = np.array([new[beds[bed]][:, :-1].mean(axis=1) for bed in feedback.beds]).T
+            left = feedback.unsettled(left, resulting)
         for wave in waves.values():
-            wave[feedback.astray] = np.nan
+            wave[feedback.failed] = np.nan
         waveforms = {
             name: {key: wave[k * len(rows) : (k + 1) * len(rows)] for key, wave in waves.items()}
             for k, name in enumerate(conditions)
         }
         return waveforms, renamed
 
-    def condition_changes(self, name: str, z: np.ndarray, hypothesis: Hypothesis) -> tuple[dict, dict]:
-        """What a point z (p,) means under one condition: changes "BLOCK.parameter" → value, and the network changed.
+    def condition_changes(self, name: str, z: np.ndarray, hypothesis: Hypothesis) -> tuple[dict, Network]:
+        """Return the changes "BLOCK.parameter" → value at a point z (p,) under one condition, and the network changed.
 
-        Feedback effects see the pressures that the fitted model settles at.
+        Effects with feedback use the pressures that the model settles at.
         """
         prepared = self.simulation.prepared(hypothesis)
-        sizes, point = hypothesis.physical_sizes(z), self._point(z, hypothesis)
-        each, scaled = self._factors(prepared, name, hypothesis.nuisances(z)[None, :])
-        feedback = Feedback(self.resting, [any(effect.feedback for effect, _ in hypothesis)])
+        sizes, point = hypothesis.physical_sizes(z), self.point(z, hypothesis)
+        each, scaled = self.factors(prepared, name, hypothesis.nuisances(z)[None, :])
+        feedback = Feedback(self.reference_pressure, [any(effect.feedback for effect, _ in hypothesis)])
 
         def job() -> Job:
-            effects = self._effects(prepared, name, hypothesis, sizes, feedback.felt(0))
+            effects = self.effect_values(prepared, name, hypothesis, sizes, feedback.assumed(0))
             return Job(point, name, effects, each[0], scaled)
 
         places = [f"{self.anatomy.beds[bed]}:{bed}" for bed in feedback.beds]
-        at = [f"pressure:{prepared.renamed.get(place, place)}" for place in places]
+        names = [f"pressure:{prepared.renamed.get(place, place)}" for place in places]
         left = np.flatnonzero(feedback.responds)
         while left.size:
-            asking = self.simulation.waveforms(prepared, [job()], at)
-            (waves,) = side_by_side([asking], self.simulation.threads)
-            left = feedback.unsettled(left, np.array([[waves[place][0, :-1].mean() for place in at]]))
+            computation = self.simulation.waveforms(prepared, [job()], names)
+            (waves,) = run_in_lockstep([computation], self.simulation.threads)
+            left = feedback.unsettled(left, np.array([[waves[n][0, :-1].mean() for n in names]]))
         return job().table(prepared), prepared.networks[name]
 
-    def _effects(self, prepared: Prepared, name: str, hypothesis, sizes, pressure) -> dict[str, np.ndarray | float]:
-        """Values under a condition that all effects of one sample give.
+    def effect_values(
+        self,
+        prepared: Prepared,
+        name: str,
+        hypothesis: Hypothesis,
+        sizes: list[dict[str, float]],
+        bed_pressure: dict[str, float],
+    ) -> dict[str, np.ndarray | float]:
+        """Return the values that all effects of one sample set under a condition.
 
-        Each acts on the network as those before it have left it, in an order of their own, so that the order in which
-        they were named is of no matter.
+        Each acts on the network as changed by those before it, sorted by name, so that the order of the hypothesis does
+        not matter.
         """
         condition, network = self.conditions[name], prepared.networks[name]
         situation = ConditionState(
             condition.coronary_resistance_scale,
             self.periods.get(condition.name, self.anatomy.period),
-            {bed: np.array([value]) for bed, value in pressure.items()},
-            self.resting,
+            {bed: np.array([value]) for bed, value in bed_pressure.items()},
+            self.reference_pressure,
             condition.covariates,
         )
         changes: dict[str, np.ndarray | float] = {}
@@ -250,17 +288,17 @@ class Forward:
             if placed.effect.side == "network"
         ]
         for (effect, place), values in sorted(present_effects, key=lambda pair: pair[0].key):
-            values = {name: np.array([value]) for name, value in values.items()}
+            arrays = {name: np.array([value]) for name, value in values.items()}
             present = with_values(network, changes) if changes else network
-            found = effect.changes(present, place, values, self.anatomy, situation)
+            found = effect.changes(present, place, arrays, self.anatomy, situation)
             changes |= {key: np.asarray(value, dtype=float)[0] for key, value in found.items()}
         return changes
 
-    def _factors(self, prepared: Prepared, name: str, z: np.ndarray) -> tuple[np.ndarray, Scaled]:
-        """Factors (n, k) of recalibration at the nuisance parameters z (n, p) under a condition, and what they scale:
-        the values that effects give, or the condition's own.
-        """
-        own, scaled, used = prepared.values[name], {}, []
+    def factors(self, prepared: Prepared, name: str, z: np.ndarray) -> tuple[np.ndarray, Scaled]:
+        """Return factors (n, k) at the nuisance parameters z (n, p) under a condition, and the values they scale."""
+        own = prepared.values[name]
+        scaled: Scaled = {}
+        used: list[np.ndarray] = []
         for column, nuisance in enumerate(self.nuisances):
             if nuisance.targets and nuisance.acts_under(name):
                 for key in nuisance.targets:
@@ -270,19 +308,19 @@ class Forward:
                 used.append(nuisance.factor(z[:, column]))
         return np.array(used).reshape(-1, len(z)).T.copy(), scaled
 
-    def _point(self, z: np.ndarray, hypothesis: Hypothesis) -> Point:
-        """Where a run stands."""
+    def point(self, z: np.ndarray, hypothesis: Hypothesis) -> Point:
+        """Return the point of a run in the space of the warm starts."""
         run = [n.simulated for n in self.nuisances if n.shape is None]
         sizes = {placed.key: hypothesis.sizes(z, placed) for placed in hypothesis if placed.effect.side == "network"}
         return Point(np.where(run, z[: len(run)], 0.0), sizes)
 
     def variables(self, series: Measured, renamed: dict[str, str]) -> tuple[str, ...]:
-        """Engine names of the waveforms that a series is made of."""
+        """Return the solver names of the waveforms of a series."""
         location = renamed.get(series.location, series.location)
         if series.quantity == "perfusion":
             vessel = self.anatomy.beds[series.location]
-            at = f"{vessel}:{series.location}"
-            return (f"flow:{renamed.get(at, at)}",)
+            end = f"{vessel}:{series.location}"
+            return (f"flow:{renamed.get(end, end)}",)
         if series.quantity == "ratio":
             return f"pressure:{location}", f"pressure:{renamed.get(self.root, self.root)}"
         if location in self._inner:
@@ -291,15 +329,15 @@ class Forward:
 
     @cached_property
     def _inner(self) -> frozenset[str]:
-        return frozenset(inner(Engine(self.network).unknowns))
+        return frozenset(inner_unknowns(Engine(self.network).unknowns))
 
     @property
     def root(self) -> str:
-        """Location of the pressure that drives the network: the first root vessel's inlet."""
+        """Location of the driving pressure: the inlet of the first root vessel."""
         return self.anatomy.inlet(self.anatomy.roots[0])
 
     def _series(
-        self, series: Measured, waveforms: list[np.ndarray], time: np.ndarray, z: np.ndarray, late: np.ndarray
+        self, series: Measured, waveforms: list[np.ndarray], time: np.ndarray, z: np.ndarray, delay: np.ndarray
     ) -> np.ndarray:
         if series.quantity == "ratio":
             means = [values[:, :-1].mean(axis=1) for values in waveforms]
@@ -308,8 +346,8 @@ class Forward:
         if series.quantity == "perfusion":
             values = values / self._mass(series.location, z)[:, None]
         if series.statistic == "waveform":
-            at = (series.time - late[:, None]) % series.period
-            return np.array([np.interp(own, time, row) for own, row in zip(at, values, strict=True)])
+            read_at = (series.time - delay[:, None]) % series.period
+            return np.array([np.interp(own, time, row) for own, row in zip(read_at, values, strict=True)])
         reduce = {
             "mean": lambda v: v[:, :-1].mean(axis=1),
             "min": lambda v: v.min(axis=1),
@@ -322,8 +360,8 @@ class Forward:
         return self.masses[territory] * self.nuisances[column].factor(z[:, column])
 
 
-def _shares(grafts: list[PlacedEffect]) -> dict[PlacedEffect, list[PlacedEffect]]:
-    """Each graft with all that share its network."""
+def shared_grafts(grafts: list[PlacedEffect]) -> dict[PlacedEffect, list[PlacedEffect]]:
+    """Map each graft to all that share its network."""
     collaterals = [placed for placed in grafts if placed.effect.name == "collateral"]
     turn = {one: number // MANY for number, one in enumerate(collaterals)}
     shares: dict[int, list[PlacedEffect]] = {}
@@ -333,7 +371,7 @@ def _shares(grafts: list[PlacedEffect]) -> dict[PlacedEffect, list[PlacedEffect]
 
 
 def pressure_factor(unit: str, root_pressure: float) -> float:
-    """dyn/cm2 per pressure unit of the network; "auto" takes mmHg where the root's mean pressure is below 1000."""
+    """Return dyn/cm2 per pressure unit of the network; "auto" means mmHg if the mean root pressure is below 1000."""
     if unit == "auto":
         return units.MMHG if abs(root_pressure) < 1000.0 else 1.0
     return units.PRESSURES[unit]

@@ -1,4 +1,4 @@
-"""Runs of a network with effects put in, under all conditions: engines kept, starts near, failed runs tried again."""
+"""Runs of a network with effects under all conditions: cached engines, warm starts, retries of failed runs."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
@@ -6,35 +6,34 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from coronaryuq.case.network.network import Network
-from coronaryuq.discrepancy.data.conditions import Condition, under
-from coronaryuq.discrepancy.forward.fast_settling import Settling
+from coronaryuq.discrepancy.data.apply_condition import apply_condition
+from coronaryuq.discrepancy.data.conditions import Condition
+from coronaryuq.discrepancy.forward.fast_settling import FastSettling
 from coronaryuq.discrepancy.forward.hypothesis import PlacedEffect
-from coronaryuq.discrepancy.forward.jobs import Job, Prepared, batches, stacked
-from coronaryuq.discrepancy.forward.lockstep import Asking, Run
-from coronaryuq.discrepancy.forward.network_values import carried_over
-from coronaryuq.discrepancy.forward.warm_starts import Point, Starts
+from coronaryuq.discrepancy.forward.jobs import Job, Prepared, batches, stack
+from coronaryuq.discrepancy.forward.lockstep import Computation, Run
+from coronaryuq.discrepancy.forward.network_values import carry_over
+from coronaryuq.discrepancy.forward.warm_starts import Point, WarmStarts
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.solver.periodic import Ahead
 from coronaryuq.zerod.solver.result import Result
 
 MOST_ENGINES = 150
 TOLERANCE = 1e-4
-"""Cycle error of a run: well below the change that a finite difference of the sensitivities looks for."""
-
+"""Cycle error of a run, well below the changes in finite differences."""
 PATIENCE = 6
-"""Cycles without half the cycle error after which a run is taken not to settle any closer."""
+"""Cycles without halving the cycle error after which a run is considered stalled."""
 LOOSE, MOST_CYCLES = 5e-3, 25
-"""Cycle error that will do where valves that open a step earlier or later keep a run from settling to `TOLERANCE`."""
+"""Accepted cycle error if valves that open a step earlier or later keep a run from `TOLERANCE`."""
 NEAR_SETTLED = 0.2
-"""Cycle error below which a run that did not settle goes on from where it is."""
+"""Cycle error below which a run that did not settle is continued from its last state."""
 
 
 @dataclass
 class Simulation:
-    """A network and the conditions it runs under: `prepared` gives a structure of it, `waveforms` runs that.
+    """A network and its conditions; `prepared` returns the network with added elements, `waveforms` runs it.
 
-    alter: a further change of the network under a condition; hidden cases outside the library use it. runs: how many
-    were made.
+    alter: further change of the network under a condition, for hidden cases outside the library. runs: number of runs.
     """
 
     network: Network
@@ -42,27 +41,28 @@ class Simulation:
     anatomy: Anatomy
     steps_per_cycle: int
     threads: int = 1
-    alter: Callable[[dict, str], dict] | None = None
+    alter: Callable[[Network, str], Network] | None = None
     runs: int = 0
     _engines: dict = field(default_factory=dict)
-    _met: Starts = field(default_factory=Starts)
-    _settling: Settling = field(default_factory=Settling)
+    _known_states: WarmStarts = field(default_factory=WarmStarts)
+    _settling: FastSettling = field(default_factory=FastSettling)
 
     def changed(self, **fields) -> "Simulation":
-        """The same with other steps, or another change of the network: engines are made anew."""
+        """Return a copy with other settings and new engines."""
         return replace(self, **fields, runs=0, _engines={})
 
-    def branched(self) -> "Simulation":
-        """The same, as much as it has met so far; what the two meet from now on is each one's own."""
-        return replace(self, runs=0, _engines=dict(self._engines), _met=self._met.branched())
+    def fork(self) -> "Simulation":
+        """Return a copy with the known states so far; later ones are not shared."""
+        return replace(self, runs=0, _engines=dict(self._engines), _known_states=self._known_states.fork())
 
     def inserting(self, effects: Iterable[PlacedEffect]) -> list[PlacedEffect]:
-        """Those that add elements to the network."""
+        """Return the effects that add elements to the network."""
         return [placed for placed in effects if placed.effect.inserts(placed.place, self.anatomy)]
 
-    def structure(self, effects: Iterable[PlacedEffect]) -> tuple[dict, dict[str, str]]:
-        """The rest network with the elements of the effects, and old → new names of locations."""
-        network, renamed = self.network, {}
+    def structure(self, effects: Iterable[PlacedEffect]) -> tuple[Network, dict[str, str]]:
+        """Return the network with the elements of the effects, and old → new names of locations."""
+        network = self.network
+        renamed: dict[str, str] = {}
         for effect, place in effects:
             anatomy = Anatomy(network, self.anatomy.pressure, self.anatomy.flow, self.anatomy.period)
             fresh = effect.aliases(place, anatomy)
@@ -73,13 +73,14 @@ class Simulation:
         return network, renamed
 
     def prepared(self, effects: Iterable[PlacedEffect]) -> Prepared:
+        """Return the network with the elements of the effects, from the cache if possible."""
         inserted = self.inserting(effects)
         key = elements(inserted)
         if key not in self._engines:
             if len(self._engines) > MOST_ENGINES:
                 self._engines.clear()
             structure, renamed = self.structure(inserted)
-            networks = {name: under(structure, condition) for name, condition in self.conditions.items()}
+            networks = {name: apply_condition(structure, condition) for name, condition in self.conditions.items()}
             if self.alter is not None:
                 networks = {name: self.alter(network, name) for name, network in networks.items()}
             prepared = Prepared(networks, renamed)
@@ -88,18 +89,18 @@ class Simulation:
         return self._engines[key]
 
     def _starts(self, prepared: Prepared, inserted: list[PlacedEffect]) -> dict[str, np.ndarray | None]:
-        """Periodic states of the conditions' own values; a changed structure takes them over by name."""
+        """Periodic states of the conditions without effects; a changed structure takes them over by name."""
         if inserted and self.alter is None:
             plain = self.prepared([])
             return {
                 name: None
                 if state is None
-                else carried_over(plain.engine.state_names, state, prepared.engine.state_names, prepared.renamed)
+                else carry_over(plain.engine.state_names, state, prepared.engine.state_names, prepared.renamed)
                 for name, state in plain.start.items()
             }
         prepared.start = dict.fromkeys(prepared.networks)
         nominal = prepared.engine.run(
-            stacked(prepared, [Job(Point(np.zeros(0), {}), name) for name in prepared.networks]),
+            stack(prepared, [Job(Point(np.zeros(0), {}), name) for name in prepared.networks]),
             periodic=True,
             steps_per_cycle=self.steps_per_cycle,
             tolerance=TOLERANCE,
@@ -108,20 +109,20 @@ class Simulation:
         settled = nominal.cycle_error < LOOSE
         return {name: nominal.state[i] if settled[i] else None for i, name in enumerate(prepared.networks)}
 
-    def waveforms(self, prepared: Prepared, jobs: list[Job], names: list[str]) -> Asking[dict[str, np.ndarray]]:
-        """Waveforms name → (jobs, steps + 1), NaN where a run failed, by the runs that this asks for."""
+    def waveforms(self, prepared: Prepared, jobs: list[Job], names: list[str]) -> Computation[dict[str, np.ndarray]]:
+        """Return waveforms name → (jobs, steps + 1), NaN if a run failed; identical jobs share a run."""
         seat: dict[tuple, int] = {}
         seats = [seat.setdefault(job.key, len(seat)) for job in jobs]
         found = yield from self._run_each(prepared, [jobs[seats.index(k)] for k in range(len(seat))], names)
         return {name: waves[seats] for name, waves in found.items()}
 
-    def _run_each(self, prepared: Prepared, jobs: list[Job], names: list[str]) -> Asking[dict[str, np.ndarray]]:
+    def _run_each(self, prepared: Prepared, jobs: list[Job], names: list[str]) -> Computation[dict[str, np.ndarray]]:
         self.runs += len(jobs)
         found = {name: np.full((len(jobs), self.steps_per_cycle + 1), np.nan) for name in names}
         starts = [prepared.start[job.condition] for job in jobs]
         own = None if any(state is None for state in starts) else np.array(starts)
         for numbers in batches(prepared, jobs):
-            changes, left = stacked(prepared, [jobs[i] for i in numbers]), np.array(numbers)
+            changes, left = stack(prepared, [jobs[i] for i in numbers]), np.array(numbers)
             batch, start, ahead = [jobs[i] for i in numbers], None, None
             if own is not None:
                 start = self._start(prepared, batch, own[left], changes)
@@ -143,8 +144,8 @@ class Simulation:
                     found[name][left] = result.waveforms[name]
                 self._remember(prepared, [jobs[i] for i in left], result)
                 again = tolerance == LOOSE
-                start = None if own is None else own[left[~result.ok]] if again else _from_there(result, own[left])
-                # What does not settle so is tried again by acceleration alone.
+                start = None if own is None else own[left[~result.ok]] if again else _retry_states(result, own[left])
+                # Runs that do not settle are retried without extrapolation of the slow modes.
                 left, ahead = left[~result.ok], None
                 if not left.size:
                     break
@@ -152,7 +153,7 @@ class Simulation:
 
     @property
     def _keeps(self) -> bool:
-        """Whether states and modes that were met serve further runs: an open loop forgets where it starts."""
+        """Whether states and modes are reused in later runs; an open loop forgets its initial state."""
         return self.anatomy.closed_loop and self.alter is None
 
     def _ahead(self, prepared: Prepared, jobs: list[Job], changes: dict) -> Ahead | None:
@@ -161,26 +162,26 @@ class Simulation:
         return self._settling.ahead(self.prepared([]), prepared, jobs, changes, self.steps_per_cycle)
 
     def _start(self, prepared: Prepared, jobs: list[Job], own: np.ndarray, changes: dict) -> np.ndarray:
-        """Where the runs start: by the model as it is, or at the nearest state met before."""
+        """Initial states: those of the unmodified model, or the nearest known ones."""
         if not self._keeps:
             return own
         conditions, points = [job.condition for job in jobs], [job.point for job in jobs]
-        return self._met.near(conditions, points, prepared.structure, own, changes)
+        return self._known_states.near(conditions, points, prepared.structure, own, changes)
 
     def _remember(self, prepared: Prepared, jobs: list[Job], result: Result) -> None:
         if self._keeps:
             for job, ok, state in zip(jobs, result.ok, result.state, strict=True):
                 if ok:
-                    self._met.keep(job.condition, job.point, prepared.structure, state)
+                    self._known_states.keep(job.condition, job.point, prepared.structure, state)
 
 
 def elements(inserted: list[PlacedEffect]) -> tuple:
-    """What tells the structure of a network with these effects from that of another."""
+    """Return the key of the structure of a network with these effects."""
     return tuple((effect.name, place) for effect, place in inserted)
 
 
-def _from_there(result: Result, own: np.ndarray) -> np.ndarray:
-    """Starts of a second attempt of the runs that failed: where the first ended, if it was near to settling."""
+def _retry_states(result: Result, own: np.ndarray) -> np.ndarray:
+    """Initial states for retries: the last state if it was close to settling, else the unmodified model's."""
     failed = ~result.ok
     near = result.cycle_error[failed] < NEAR_SETTLED
     return np.where(near[:, None], result.state[failed], own[failed])

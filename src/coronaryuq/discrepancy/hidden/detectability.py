@@ -1,32 +1,52 @@
-"""What effects leave in the data once the model without them is recalibrated."""
+"""Detectability of effects: the trace that they leave in the data after recalibration without them."""
+
+import copy
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
-from coronaryuq.discrepancy.inference.gauss_newton import Search, maximise
+from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect
+from coronaryuq.discrepancy.hidden.experiment import Experiment
+from coronaryuq.discrepancy.inference.gauss_newton import Fit, Search, maximise
 from coronaryuq.discrepancy.inference.problem import Problem
+from coronaryuq.discrepancy.inference.read_problem import make_problem
 from coronaryuq.discrepancy.inference.time_step_error import time_steps
+from coronaryuq.discrepancy.settings import Settings
 
 Row = tuple[np.ndarray, Hypothesis]
 
 
 def least_trace(problem: Problem, without: list[Row], signals: list[np.ndarray], sd: np.ndarray) -> float:
-    """Least norm, in noise sd, of what the fitted data keep of an effect that neither recalibration within the prior,
-    about the true nuisance parameters, nor what the analyst's time steps may put wrong can take up; nought of nothing.
+    """Return the least norm of the trace of an effect in the fitted data, in noise standard deviations; 0 for none.
 
-    problem: without shapes among its nuisance parameters; without: the truth without each effect, as rows
-    (z, hypothesis); signals: what each effect adds to its row, all the data without noise (N,), CGS;
-    sd: of the noise (N,).
+    The trace is what neither recalibration within the prior, about the true nuisance parameters, nor the possible
+    time-step error of the analysis can absorb. The model without the effect is fitted in full: to first order, a
+    viscosity a quarter lower appears to leave half as much again, due to the curvature along the resistances.
 
-    The model without the effect is fitted in full: to first order, viscosity a quarter lower seems to leave half as
-    much again as it does, as some of that is the curvature along the resistances themselves.
+    Parameters
+    ----------
+    problem
+        Problem without shapes among its nuisance parameters.
+    without
+        Truth without each effect.
+    signals
+        What each effect adds to its row, all data without noise, (N,), CGS.
+    sd
+        Standard deviation of the noise, (N,).
+
+    Raises
+    ------
+    FloatingPointError
+        If the model does not run without one of the effects.
     """
     if not signals:
         return 0.0
     steps = time_steps(problem.forward, sd)
     sd = np.hypot(sd, steps.sd)[problem.train]
-    allowed = steps.shapes[:, problem.train] / sd
-    count, every = problem.count, problem.count + len(allowed)
+    absorbed = steps.shapes[:, problem.train] / sd
+    count, every = problem.count, problem.count + len(absorbed)
     conditions = set(problem.condition[problem.train])
 
     def predicted(rows: list[Row]) -> np.ndarray:
@@ -34,19 +54,60 @@ def least_trace(problem: Problem, without: list[Row], signals: list[np.ndarray],
 
     truth = predicted(without)
 
-    def left(rows: list[tuple[np.ndarray, int]]) -> np.ndarray:
+    def residual(rows: list[tuple[np.ndarray, Any]]) -> np.ndarray:
         moved = []
         for change, number in rows:
             z, hypothesis = without[number]
-            moved.append(
-                (np.concatenate([hypothesis.nuisances(z) + change[:count], hypothesis.all_sizes(z)]), hypothesis)
-            )
-        wanted = np.array([truth[number] + signals[number][problem.train] for _, number in rows])
-        return (wanted - predicted(moved)) / sd - np.array([change[count:] @ allowed for change, _ in rows])
+            nuisances = hypothesis.nuisances(z) + change[:count]
+            moved.append((np.concatenate([nuisances, hypothesis.all_sizes(z)]), hypothesis))
+        data = np.array([truth[number] + signals[number][problem.train] for _, number in rows])
+        return (data - predicted(moved)) / sd - np.array([change[count:] @ absorbed for change, _ in rows])
 
-    exact = list(range(count, every)), allowed.T
+    exact = list(range(count, every)), absorbed.T
     searches = [Search(number, np.zeros(every), list(range(count)), exact=exact) for number in range(len(without))]
-    maximise(left, searches, problem.settings.iterations)
+    maximise(residual, searches, problem.settings.iterations)
     if any(search.failed for search in searches):
         raise FloatingPointError("the hidden case does not run without one of its effects")
     return float(np.sqrt(min(search.fit.objective for search in searches)))
+
+
+class Traces:
+    """First-order traces of effects in the fitted data of an experiment, about the unmodified model.
+
+    noise: multiple of the plan's noise.
+    """
+
+    def __init__(self, experiment: Experiment, noise: float):
+        network, conditions, plan = experiment.network, experiment.conditions, experiment.plan
+        blank = plan.blank(network, conditions, generator(0, "discrepancy", "traces"))
+        self._problem = problem = make_problem(network, conditions, blank, Settings())
+        origin = np.zeros(problem.count)
+        plain = problem.forward.predict(origin)[0]
+        sd = plan.noise_sd(problem.forward.measured, problem.forward.split(plain[None, :]), noise)
+        problem.y, sizes = plain, [one.value.size for one in problem.forward.measured]
+        self._project = _recalibration(problem, origin, np.repeat(sd, sizes)).projection
+
+    def norms(self, choices: list[tuple[PlacedEffect, np.ndarray]]) -> np.ndarray:
+        """Return the norm (n,) of the trace of each placed effect with sizes z, in noise standard deviations.
+
+        Zero if the model does not run with the effect. Does not depend on earlier calls.
+        """
+        problem, origin = copy.copy(self._problem), np.zeros(self._problem.count)
+        problem.forward = replace(problem.forward, simulation=problem.forward.simulation.fork())
+        rows = [(np.concatenate([origin, z]), Hypothesis((placed,))) for placed, z in choices]
+        grafts = list(dict.fromkeys(placed for placed, _ in choices if placed.effect.grafted))
+        changes = problem.fitted(rows, grafts)
+        squares = [change @ self._project(change) if np.isfinite(change).all() else 0.0 for change in changes]
+        return np.sqrt(np.maximum(squares, 0.0))
+
+
+def _recalibration(problem: Problem, nuisance: np.ndarray, sd: np.ndarray) -> Fit:
+    """What absorbs a trace at that point: the nuisance parameters and the shapes of the time-step error.
+
+    sd: of the noise (N,); the problem gets it combined with the time-step error.
+    """
+    steps = time_steps(problem.forward, sd)
+    problem.sd = np.hypot(sd, steps.sd)
+    sensitivity = problem.sensitivity(nuisance, problem.whitened([(nuisance, PLAIN)])[0], PLAIN)
+    columns = np.hstack([sensitivity, (steps.shapes / problem.sd).T])[problem.train]
+    return Fit(np.zeros(columns.shape[1]), np.zeros(len(columns)), columns)

@@ -1,57 +1,72 @@
-"""Cases with a hidden effect: data made by other numerics than the analysis, nuisance parameters off as well."""
+"""Cases with hidden effects: synthetic measurements of a network with effects that the analysis does not know.
+
+The truth is simulated with finer time steps and another time integration than the analysis uses, and its nuisance
+parameters differ from their prior means.
+"""
 
 import copy
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import yaml
 
 from coronaryuq.case.network.network import Network
-from coronaryuq.core.io.atomic import write_json, write_text
+from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.core.seeds import generator
-from coronaryuq.discrepancy.data.conditions import Condition, as_entry, drive_files, period_of, under, write_drive
-from coronaryuq.discrepancy.data.measurements import Measured
-from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect
-from coronaryuq.discrepancy.forward.predict import Forward
-from coronaryuq.discrepancy.hidden.detectability import least_trace
-from coronaryuq.discrepancy.inference.gauss_newton import Fit
+from coronaryuq.discrepancy.data.conditions import as_entry, write_conditions
+from coronaryuq.discrepancy.data.measurements import COLUMNS, Measured
+from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis
+from coronaryuq.discrepancy.forward.predict import Forward, Waveforms
+from coronaryuq.discrepancy.hidden.detectability import Row, least_trace
+from coronaryuq.discrepancy.hidden.experiment import Experiment
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.read_problem import make_problem
-from coronaryuq.discrepancy.inference.time_step_error import time_steps
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.zerod.effects.base import Series
 
 UNIT = {"flow": "mL/s", "pressure": "dyn/cm2", "volume": "mL", "perfusion": "mL/s/g", "ratio": "1"}
 TRUTH_STEPS = 1500
-"""Time steps per cycle of the runs behind the data, against 300 of the analysis."""
+"""Time steps per cycle of the truth; the analysis uses 300."""
 NUISANCE_SPREAD, MASS_SPREAD = 0.6, 0.2
 """Standard deviation of the true nuisance parameters, and of the tissue masses, over the analyst's prior."""
 TRUTH_RHO = 0.8
-"""Spectral radius of the truth's time integration, against 0.5 of the analysis."""
+"""Spectral radius of the time integration of the truth; the analysis uses 0.5."""
 
 
 @dataclass(frozen=True)
-class Plan:
-    """What is measured in every condition: (quantity, location, statistic, noise as a share of the series' size)."""
+class Noise:
+    """Noise of the measurements.
 
-    entries: tuple[tuple[str, str, str, float], ...]
-    points: int = 40
+    scale: multiple of the plan's noise. stated: standard deviation in the table over the true one. correlation: of
+    successive samples of a waveform.
+    """
+
+    scale: float = 1.0
+    stated: float = 1.0
+    correlation: float = 0.0
+
+    def draw(self, count: int, random: np.random.Generator) -> np.ndarray:
+        """Draw noise of unit standard deviation, (count,)."""
+        noise = random.standard_normal(count)
+        for k in range(1, count if self.correlation else 0):
+            noise[k] = self.correlation * noise[k - 1] + np.sqrt(1.0 - self.correlation**2) * noise[k]
+        return noise
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What was hidden: effects with sizes in prior standard deviations, nuisance draws; for the scorer alone."""
+    """The hidden effects with sizes in prior standard deviations, and the nuisance parameters; for scoring only.
+
+    visible: norm of the trace of the effect in the fitted data, in noise standard deviations, after recalibration
+    without it (`least_trace`); the least of several effects.
+    """
 
     hypothesis: Hypothesis
     sizes: np.ndarray
     nuisance: np.ndarray
     visible: float
-    """Norm of what the fitted data keep of the effect, in noise sd, once the model without it is recalibrated; of
-    several the least. See `least_trace`."""
 
     @property
     def firsts(self) -> list[float]:
@@ -60,210 +75,129 @@ class Truth:
 
 
 def hide(
-    network: Network,
-    conditions: dict[str, Condition],
-    plan: Plan,
+    experiment: Experiment,
     hypothesis: Hypothesis,
     sizes: np.ndarray,
-    noise: float,
+    noise: Noise,
     seed: int,
     folder: Path,
-    outside: Callable[[dict, str], dict] | None = None,
+    outside: Callable[[Network, str], Network] | None = None,
     nuisance_spread: float = NUISANCE_SPREAD,
-    said: float = 1.0,
-    keeps: float = 0.0,
 ) -> Truth:
-    """Write `model.json`, `measurements.csv` and `conditions.yaml` of one case into `folder`; return what was hidden.
+    """Write `model.json`, `measurements.csv` and `conditions.yaml` of a case with hidden effects.
 
-    hypothesis, sizes: effects and their sizes z in prior standard deviations. noise: multiple of the plan's noise;
-    said: share of its standard deviation that the table says; keeps: share of it that lasts from sample to sample.
-    outside: a change of a condition's network that no effect of the library expresses. nuisance_spread: standard
-    deviation of the true nuisance parameters over the analyst's prior, but for tissue masses (`MASS_SPREAD`).
+    Parameters
+    ----------
+    experiment
+        Network without the effects, conditions and measurements.
+    hypothesis, sizes
+        Effects to hide, and their sizes z in prior standard deviations.
+    noise, seed
+        Noise of the measurements; seed of noise, times and nuisance parameters.
+    folder
+        Folder for the files.
+    outside
+        Change of a condition's network that no effect of the library expresses.
+    nuisance_spread
+        Standard deviation of the true nuisance parameters over the analyst's prior, except tissue masses.
+
+    Returns
+    -------
+    Truth
+        What was hidden.
+
+    Raises
+    ------
+    FloatingPointError
+        If the network does not run with the effects.
     """
-    network = copy.deepcopy(network)
     random = generator(seed, "discrepancy", "hidden")
-    settings = Settings(steps_per_cycle=TRUTH_STEPS)
-    truth_network = copy.deepcopy(network)
-    truth_network["simulation_parameters"]["rho_infty"] = TRUTH_RHO
-    blank = _blank(truth_network, conditions, plan, random)
-    problem = make_problem(truth_network, conditions, blank, settings)
+    network = copy.deepcopy(experiment.network)
+    network["simulation_parameters"]["rho_infty"] = TRUTH_RHO
+    blank = experiment.plan.blank(network, experiment.conditions, random)
+    problem = make_problem(network, experiment.conditions, blank, Settings(steps_per_cycle=TRUTH_STEPS))
     forward = problem.forward
     forward.simulation = forward.simulation.changed(alter=outside)
-    nuisance = _nuisance(forward, nuisance_spread, random)
-    rows = [(np.concatenate([nuisance, sizes]), hypothesis), *_each_left_out(nuisance, sizes, hypothesis)]
-    predicted, *unaffected = forward.predict_rows(rows)
+    nuisance = _draw_nuisance(forward, nuisance_spread, random)
+    without: list[Row] = [
+        (np.concatenate([nuisance, hypothesis.drop(sizes, placed)]), hypothesis.without(placed))
+        for placed in hypothesis
+    ]
+    predicted, *unaffected = forward.predict_rows([(np.concatenate([nuisance, sizes]), hypothesis), *without])
     if not np.isfinite(predicted).all():
         raise FloatingPointError("the hidden case does not run")
-    without = rows[1:]
     if outside is not None:
         forward.simulation = forward.simulation.changed(alter=None)
         without, unaffected = [(nuisance, PLAIN)], [forward.predict(nuisance)[0]]
-    errors = _Errors(noise, said, keeps, random)
-    sd = _write(network, conditions, plan, forward.measured, forward.split(predicted[None, :]), errors, folder)
+    sd = _write(experiment, forward.measured, forward.split(predicted[None, :]), noise, random, folder)
     forward.simulation = forward.simulation.changed(steps_per_cycle=Settings().steps_per_cycle)
     visible = least_trace(problem, without, [predicted - other for other in unaffected], sd)
     return Truth(hypothesis, np.asarray(sizes, dtype=float), nuisance, visible)
 
 
 @dataclass(frozen=True)
-class Unmeasured:
-    """A case whose data other runs than the 0D engine's make: its problem, true nuisance parameters, random numbers."""
+class ExternalCase:
+    """A case whose data come from another solver: its problem, true nuisance parameters and random numbers."""
 
+    experiment: Experiment
     problem: Problem
-    plan: Plan
     nuisance: np.ndarray
     random: np.random.Generator
 
     def write(self, waveforms: dict[str, dict], hypothesis: Hypothesis, sizes: np.ndarray, folder: Path) -> Truth:
-        """Measure waveforms, condition → unknown of the network → (k + 1,) over the cycle, and write the case's files.
+        """Write the files of the case from simulated waveforms.
 
-        hypothesis, sizes: the library's effects that come nearest to what was hidden, with sizes z.
+        waveforms: condition → unknown of the network → (k + 1,) over the cycle. hypothesis, sizes: the effects of the
+        library closest to the truth, with sizes z.
         """
         forward = self.problem.forward
-        rows = {condition: {name: wave[None, :] for name, wave in of.items()} for condition, of in waveforms.items()}
+        rows: Waveforms = {
+            condition: {name: wave[None, :] for name, wave in waves.items()} for condition, waves in waveforms.items()
+        }
         readings = forward.readings(rows, self.nuisance[None, :], {})
-        errors = _Errors(1.0, 1.0, 0.0, self.random)
-        sd = _write(forward.network, forward.conditions, self.plan, forward.measured, readings, errors, folder)
+        sd = _write(self.experiment, forward.measured, readings, Noise(), self.random, folder)
         change = np.concatenate(readings, axis=1)[0] - forward.predict(self.nuisance)[0]
         visible = least_trace(self.problem, [(self.nuisance, PLAIN)], [change], sd)
         return Truth(hypothesis, sizes, self.nuisance, visible)
 
 
-def prepare(network: Network, conditions: dict[str, Condition], plan: Plan, seed: int) -> Unmeasured:
-    """What `hide` draws, for data that are run elsewhere."""
+def prepare_external(experiment: Experiment, seed: int) -> ExternalCase:
+    """Draw the times and nuisance parameters of a case whose data come from another solver."""
     random = generator(seed, "discrepancy", "hidden")
-    problem = make_problem(network, conditions, _blank(network, conditions, plan, random), Settings())
-    return Unmeasured(problem, plan, _nuisance(problem.forward, NUISANCE_SPREAD, random), random)
+    blank = experiment.plan.blank(experiment.network, experiment.conditions, random)
+    problem = make_problem(experiment.network, experiment.conditions, blank, Settings())
+    return ExternalCase(experiment, problem, _draw_nuisance(problem.forward, NUISANCE_SPREAD, random), random)
 
 
-def _nuisance(forward: Forward, spread: float, random: np.random.Generator) -> np.ndarray:
-    """True nuisance parameters z (p,); tissue masses have a spread of their own."""
-    found = spread * random.standard_normal(len(forward.nuisances))
-    for column, entry in enumerate(forward.nuisances):
-        if entry.mass is not None:
-            found[column] = MASS_SPREAD * random.standard_normal()
-    return found
+def _draw_nuisance(forward: Forward, spread: float, random: np.random.Generator) -> np.ndarray:
+    """True nuisance parameters z (p,)."""
+    nuisance = spread * random.standard_normal(len(forward.nuisances))
+    for column, parameter in enumerate(forward.nuisances):
+        if parameter.mass is not None:
+            nuisance[column] = MASS_SPREAD * random.standard_normal()
+    return nuisance
 
 
-def series_of(plan: Plan, conditions: Iterable[Condition]) -> list[Series]:
-    """What the plan measures, as effects on the measuring side want to know it."""
-    return [
-        Series(condition.name, quantity, place, statistic, np.zeros(1) if statistic == "waveform" else None, 1.0)
-        for condition in conditions
-        for quantity, place, statistic, _ in plan.entries
-    ]
-
-
-class Traces:
-    """What effects would leave in the fitted data: as `Truth.visible`, about the model as it is and to first order.
-
-    noise: multiple of the plan's noise.
-    """
-
-    def __init__(self, network: Network, conditions: dict[str, Condition], plan: Plan, noise: float):
-        blank = _blank(network, conditions, plan, generator(0, "discrepancy", "traces"))
-        self._problem = problem = make_problem(network, conditions, blank, Settings())
-        nothing = np.zeros(problem.count)
-        plain = problem.forward.predict(nothing)[0]
-        shares = _deviations(plan, problem.forward.measured, problem.forward.split(plain[None, :]), noise)
-        problem.y, sizes = plain, [one.value.size for one in problem.forward.measured]
-        self._project = _absorbing(problem, nothing, np.repeat(shares, sizes)).projection
-
-    def of(self, choices: list[tuple[PlacedEffect, np.ndarray]]) -> np.ndarray:
-        """Of each choice, an effect at a place with its sizes z, by itself: (n,) in noise sd; nought where the model
-        does not run with it. Does not depend on what was asked before.
-        """
-        problem, nothing = copy.copy(self._problem), np.zeros(self._problem.count)
-        problem.forward = replace(problem.forward, simulation=problem.forward.simulation.branched())
-        rows = [(np.concatenate([nothing, z]), Hypothesis((placed,))) for placed, z in choices]
-        grafts = list(dict.fromkeys(placed for placed, _ in choices if placed.effect.grafted))
-        changes = problem.fitted(rows, grafts)
-        squares = [change @ self._project(change) if np.isfinite(change).all() else 0.0 for change in changes]
-        return np.sqrt(np.maximum(squares, 0.0))
-
-
-def _each_left_out(nuisance: np.ndarray, sizes: np.ndarray, hypothesis: Hypothesis) -> list[tuple]:
-    """The rows of the truth with all effects but one."""
-    return [
-        (np.concatenate([nuisance, hypothesis.drop(sizes, placed)]), hypothesis.without(placed))
-        for placed in hypothesis
-    ]
-
-
-def _absorbing(problem: Problem, nuisance: np.ndarray, sd: np.ndarray) -> Fit:
-    """What takes up a trace about that point: the nuisance parameters, and the shapes of the time steps' error.
-
-    sd: of the noise (N,); the problem gets it with the time steps' own share.
-    """
-    steps = time_steps(problem.forward, sd)
-    problem.sd = np.hypot(sd, steps.sd)
-    sensitivity = problem.sensitivity(nuisance, problem.whitened([(nuisance, PLAIN)])[0], PLAIN)
-    columns = np.hstack([sensitivity, (steps.shapes / problem.sd).T])[problem.train]
-    return Fit(np.zeros(columns.shape[1]), np.zeros(len(columns)), columns)
-
-
-def _blank(network, conditions, plan, random) -> list[Measured]:
-    found = []
-    for name, condition in conditions.items():
-        period = period_of(under(network, condition))
-        for quantity, location, statistic, _ in plan.entries:
-            time = None
-            count = 1
-            if statistic == "waveform":
-                # Another grid than the analysis has, unevenly spaced.
-                count = plan.points
-                jitter = random.uniform(-0.3, 0.3, count)
-                time = np.sort((np.arange(count) + 0.5 + jitter) / count * period)
-            unit = 1.0 if quantity != "perfusion" else 1.0 / 60.0
-            value = np.full(count, unit)
-            found.append(Measured(name, quantity, location, statistic, time, period, value, 0.1 * value))
-    return found
-
-
-def _deviations(plan: Plan, series: list[Measured], predicted: list[np.ndarray], noise: float) -> list[float]:
-    """Standard deviation of the noise of every series: the plan's share of its size where that is largest."""
-    shares = {entry[:3]: entry[3] for entry in plan.entries}
-    keys = [(one.quantity, one.location, one.statistic) for one in series]
-    sizes: dict[tuple, float] = {}
-    for key, values in zip(keys, predicted, strict=True):
-        sizes[key] = max(sizes.get(key, 0.0), float(np.abs(values).mean()))
-    return [noise * shares[key] * sizes[key] for key in keys]
-
-
-@dataclass(frozen=True)
-class _Errors:
-    """Noise of the measurements: see `hide`."""
-
-    noise: float
-    said: float
-    keeps: float
-    random: np.random.Generator
-
-    def of(self, count: int) -> np.ndarray:
-        """Of unit standard deviation, (count,)."""
-        found = self.random.standard_normal(count)
-        for k in range(1, count if self.keeps else 0):
-            found[k] = self.keeps * found[k - 1] + np.sqrt(1.0 - self.keeps**2) * found[k]
-        return found
-
-
-def _write(network, conditions, plan, series, predicted, errors: _Errors, folder) -> np.ndarray:
-    """Write the case's three files; returns the standard deviations (N,) of the measurements."""
+def _write(
+    experiment: Experiment,
+    series: list[Measured],
+    predicted: list[np.ndarray],
+    noise: Noise,
+    random: np.random.Generator,
+    folder: Path,
+) -> np.ndarray:
+    """Write the three files of the case; return the stated standard deviations (N,)."""
     rows = []
-    deviations = _deviations(plan, series, predicted, errors.noise)
+    deviations = experiment.plan.noise_sd(series, predicted, noise.scale)
     for one, values, sd in zip(series, predicted, deviations, strict=True):
-        read = values[0] + sd * errors.of(values.shape[1])
-        for i, value in enumerate(read):
+        readings = values[0] + sd * noise.draw(values.shape[1], random)
+        for i, value in enumerate(readings):
             time = "" if one.time is None else float(one.time[i])
-            key = (one.quantity, one.location, one.statistic)
-            rows.append((one.condition, *key, time, float(value), errors.said * sd, UNIT[one.quantity]))
-    columns = ["condition", "quantity", "location", "statistic", "time", "value", "sd", "unit"]
-    write_json(folder / "model.json", network)
-    write_csv(folder / "measurements.csv", pd.DataFrame(rows, columns=columns))
-    content = {name: as_entry(condition) for name, condition in conditions.items()}
-    at = drive_files((name, block) for name, condition in conditions.items() for block in condition.drive)
-    for (name, block), path in at.items():
-        write_drive(folder / path, *conditions[name].drive[block])
-        content[name].setdefault("drive", {})[block] = path
-    write_text(folder / "conditions.yaml", yaml.safe_dump(content, sort_keys=False))
+            key = (one.condition, one.quantity, one.location, one.statistic)
+            rows.append((*key, time, float(value), noise.stated * sd, UNIT[one.quantity]))
+    conditions = experiment.conditions
+    write_json(folder / "model.json", experiment.network)
+    write_csv(folder / "measurements.csv", pd.DataFrame(rows, columns=list(COLUMNS)))
+    drives = {(name, block): wave for name, condition in conditions.items() for block, wave in condition.drive.items()}
+    write_conditions(folder, {name: as_entry(condition) for name, condition in conditions.items()}, drives)
     return np.array([row[6] for row in rows])

@@ -78,9 +78,9 @@ class Problem:
     def shape_weights(self) -> tuple[list[int], np.ndarray]:
         """Return the columns of z that are weights of shapes, and the whitened sensitivities (N, k) of all data."""
         shapes = self.forward.shapes
-        if shapes is None or not self.forward.shaping:
+        if shapes is None or not self.forward.shape_columns:
             return [], np.zeros((len(self.y), 0))
-        return self.forward.shaping, (shapes / self.sd).T
+        return self.forward.shape_columns, (shapes / self.sd).T
 
     def linear_part(self) -> tuple[list[int], np.ndarray]:
         """Return the columns of z in which predictions are linear, and the sensitivities (M, k) of the fitted data."""
@@ -174,7 +174,7 @@ class Problem:
     def time_step_change(self, rows: list[tuple[np.ndarray, Hypothesis]]) -> np.ndarray:
         """Return the change (n, N) of predictions by shorter time steps for rows (z, hypothesis), CGS."""
         # Use a copy of the states met so far: those stored here must not change other runs' results.
-        own = replace(self.forward, simulation=self.forward.simulation.branched())
+        own = replace(self.forward, simulation=self.forward.simulation.fork())
         if self.shorter is None:
             self.shorter = finer(own, FINER)
         return self.shorter.predict_rows(rows) - own.predict_rows(rows)

@@ -8,9 +8,10 @@ import numpy as np
 from coronaryuq.case.network.network import Network
 from coronaryuq.core import units
 from coronaryuq.core.errors import InputError
-from coronaryuq.discrepancy.data.conditions import Condition, kept_out, period_of, under
+from coronaryuq.discrepancy.data.apply_condition import apply_condition, period_of
+from coronaryuq.discrepancy.data.conditions import Condition, held_out_names
 from coronaryuq.discrepancy.data.measurements import AORTIC, Measured, measured_conditions, read_measurements
-from coronaryuq.discrepancy.forward.network_values import inner
+from coronaryuq.discrepancy.forward.network_values import inner_unknowns
 from coronaryuq.discrepancy.forward.nuisance import Nuisance, nuisances
 from coronaryuq.discrepancy.forward.predict import Forward, pressure_factor
 from coronaryuq.discrepancy.forward.simulation import LOOSE, TOLERANCE, Simulation
@@ -44,7 +45,7 @@ def locations(network: Network) -> dict[str, list[str]]:
     """Names that measurements may use, per quantity."""
     unknowns = Engine(network).unknowns
     places = [name.split(":", 1)[1] for name in unknowns if name.startswith("flow:")]
-    internal = inner(unknowns)
+    internal = inner_unknowns(unknowns)
     return {
         "flow": places + [n for n in internal if n.startswith("Q_")],
         "pressure": places + [n for n in internal if n.startswith("P_")],
@@ -81,7 +82,7 @@ def read_problem(
 
     Raises `InputError`: see `read_measurements`; also when fewer than two conditions were measured.
     """
-    networks = {name: under(network, condition, file) for name, condition in conditions.items()}
+    networks = {name: apply_condition(network, condition, file) for name, condition in conditions.items()}
     periods = {name: period_of(changed) for name, changed in networks.items()}
     measured = read_measurements(measurements, conditions, locations(network), periods)
     used = measured_conditions(measured)
@@ -253,7 +254,7 @@ def make_problem(
         {bed: values[name] for bed, name in at_beds.items()},
     )
     forward.masses = {n.mass: _mass(n.mass, conditions, measured, anatomy) for n in parameters if n.mass is not None}
-    held = kept_out(conditions)
+    held = held_out_names(conditions)
     problem = Problem(forward, settings, np.ones(forward.size, dtype=bool))
     problem.train = ~np.isin(problem.condition, held)
     for name in held:

@@ -8,7 +8,7 @@ import pandas as pd
 
 from coronaryuq.core.io.atomic import write_json, write_text
 from coronaryuq.core.io.tables import write_csv
-from coronaryuq.discrepancy.data.conditions import drives_of, kept_out
+from coronaryuq.discrepancy.data.conditions import drive_paths, held_out_names
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, PlacedEffect
 from coronaryuq.discrepancy.forward.nuisance import without_noise
@@ -25,7 +25,7 @@ from coronaryuq.zerod.effects.beds import ALL
 
 def summary(found: Discovery) -> dict:
     """The object that `coronaryuq discrepancy --json` prints."""
-    held_out = kept_out(found.problem.forward.conditions)
+    held_out = held_out_names(found.problem.forward.conditions)
     level, told = found.problem.settings.false_discovery_rate, named(found)
     conflicts = [
         [vars(strain) | {"factor": factor} for strain, factor in prior_conflicts(located, nuisances, alarm_level)]
@@ -85,14 +85,14 @@ def named(found: Discovery) -> list[dict]:
     result = []
     for placed in found.hypothesis:
         effect, place = placed
-        sizes = {}
+        sizes, values = {}, {}
         for parameter, z, sd in found.sizes(placed):
             low, mid, high = (float(parameter.from_standard(z + k * sd)) for k in (-Z_90, 0.0, Z_90))
+            values[parameter.name] = mid
             sizes[parameter.name] = {"value": mid, "interval_90": [low, high], "unit": parameter.unit}
         entry = rounds.get(placed)
         if entry is None:
             continue
-        mid = {name: size["value"] for name, size in sizes.items()}
         result.append(
             {
                 "effect": effect.name,
@@ -104,7 +104,7 @@ def named(found: Discovery) -> list[dict]:
                 "sizes": sizes,
                 "by_condition": _by_condition(found, placed),
                 "beyond_prior": [parameter.name for parameter in found.beyond_prior(placed)],
-                "physical": effect.physical(place, mid, forward.anatomy),
+                "physical": effect.physical(place, values, forward.anatomy),
                 "formula": effect.formula,
                 "looks_like": effect.signature,
                 "source": effect.source,
@@ -160,7 +160,7 @@ def clear(folder: Path) -> None:
     """Remove what an earlier search left in `folder`: another answer has no repaired model, perhaps."""
     drives, repaired = [], (folder / "repaired.json").exists()
     if repaired and (folder / "conditions.yaml").exists():
-        drives = [path for path in drives_of(folder / "conditions.yaml") if path.parent == folder / "drives"]
+        drives = [path for path in drive_paths(folder / "conditions.yaml") if path.parent == folder / "drives"]
     ours = [folder / name for name in WRITTEN if repaired or name not in A_CASE]
     for path in (*ours, *drives):
         path.unlink(missing_ok=True)

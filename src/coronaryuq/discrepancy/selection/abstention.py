@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coronaryuq.discrepancy.data.conditions import kept_out
+from coronaryuq.discrepancy.data.conditions import held_out_names
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.inference.cross_validation import Gap, predicts_better
@@ -87,7 +87,7 @@ def judge(
     # What effects add to the log evidence of the fitted data, and to the log predictive density of the others, is their
     # log evidence from all data.
     odds = fit.evidence + sum(log_priors) - base.evidence + gaps.after.total_lpd - gaps.before.total_lpd
-    has_held_out = kept_out(problem.forward.conditions)
+    has_held_out = held_out_names(problem.forward.conditions)
     constancies = constancy(problem, fit, hypothesis)
     varying = [entry for entry in constancies if entry.log_odds > least]
     worse = unexplained and predicts_better(gaps.before, gaps.after)

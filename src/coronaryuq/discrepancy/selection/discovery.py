@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from coronaryuq.discrepancy.data.conditions import kept_out
+from coronaryuq.discrepancy.data.conditions import held_out_names
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
@@ -90,7 +90,7 @@ class Discovery:
         Without held-out conditions, that density would count the fitted data twice.
         """
         priors = {entry.named.placed: entry.class_log_prior for entry in self.rounds if entry.accepted is not None}
-        held_out = self.gaps.after.total_lpd if kept_out(self.problem.forward.conditions) else 0.0
+        held_out = self.gaps.after.total_lpd if held_out_names(self.problem.forward.conditions) else 0.0
         return self.fit.evidence + sum(priors[placed] for placed in self.hypothesis) + held_out
 
     @property

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from coronaryuq.discrepancy.data.conditions import kept_out
+from coronaryuq.discrepancy.data.conditions import held_out_names
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.inference.cross_validation import Folds, Gap, gap, linearise, predicts_better
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
@@ -23,7 +23,7 @@ def held_out_check(
     count them twice. Where something remains (`unexplained`), they must not be predicted better without it either: its
     evidence may then come from what remains. `abstention.judge` asks the same of all effects together.
     """
-    has_held_out = bool(kept_out(problem.forward.conditions))
+    has_held_out = bool(held_out_names(problem.forward.conditions))
     while len(hypothesis) > 1:
         present = gap(problem, linearise(problem, fit.z, hypothesis), folds, seed)
         others = [hypothesis.without(placed) for placed in hypothesis]

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from coronaryuq.discrepancy.data.conditions import kept_out
+from coronaryuq.discrepancy.data.conditions import held_out_names
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.inference import gp_discrepancy
@@ -115,7 +115,7 @@ def _search(problem: Problem, seed: int, library: Library, report: Report) -> Di
     measured = problem.forward.measured
     report(f"{np.count_nonzero(problem.train)} fitted measurements, {problem.count} nuisance parameters: recalibrating")
     base_problem, base = recalibrate(problem)
-    folds = folds_of(base_problem, kept_out(base_problem.forward.conditions))
+    folds = folds_of(base_problem, held_out_names(base_problem.forward.conditions))
     state = start = _State.assessed(base_problem, PLAIN, base, library)
     report(_progress(start))
     features = gp_discrepancy.features(base_problem)

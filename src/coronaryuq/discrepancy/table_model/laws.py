@@ -1,25 +1,31 @@
-"""Laws of pressure loss in a branch of a table model: what each predicts, its fit, and its sizes with intervals."""
+"""Pressure-loss laws in a branch of a table model: predictions, fits, and sizes with intervals."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
+from operator import itemgetter
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
 
 from coronaryuq.discrepancy.table_model.tables import Branch
 
+Terms = dict[str, Any]
+"""Term of the circuit → number, or (m, 1) for m sets of terms."""
 SD_RECALIBRATION = 0.25
 """Prior standard deviation of the logarithms of bed resistance and of the model's own loss: recalibration."""
 SD_OFFSET, SD_GAIN = 0.05, 0.05
-"""Prior standard deviations of a sensor's offset over the root's pressure, and of its gain."""
+"""Prior standard deviations of a sensor's offset over the root pressure, and of its gain."""
 FLOOR_FFR, FLOOR_FLOW, FLOOR_OUTLET = 0.003, 0.02, 0.01
-"""Errors (FFR, relative flow, outlet over root pressure) below which lumped losses are not to be believed."""
+"""Accuracy of lumped losses in FFR, relative flow, and outlet over root pressure."""
 SD_LOSS, MEDIAN_LOSS, MEDIAN_BEYOND = 1.2, 0.1, 0.01
-"""Log-normal prior of a loss over the root's pressure at the simulated flow, as in the library of effects."""
+"""Log-normal prior of a loss over the root pressure at the simulated flow, as in the library of effects."""
 
 
 @dataclass(frozen=True)
 class Law:
-    """Named effects and the terms that they bring into one branch's circuit."""
+    """Effects and the terms that they add to the circuit of one branch."""
 
     effects: tuple[str, ...]
     terms: tuple[str, ...]
@@ -38,30 +44,30 @@ LAWS = (
     Law(("diffuse_narrowing", "pressure_gain"), ("linear", "gain")),
     Law(("quadratic_stenosis", "pressure_gain"), ("quadratic", "gain")),
 )
-"""A stenosis may bring its throat's viscous loss, linear in flow, beside the quadratic one (Young & Tsai 1973)."""
+"""A stenosis may add a viscous loss, linear in flow, to the quadratic one (Young & Tsai 1973)."""
 ONE_EFFECT = tuple(law for law in LAWS if len(law.effects) < 2)
 LOSSES = ("linear", "quadratic")
 SENSORS = {"pressure_offset": "offset", "pressure_gain": "gain", "flow_gain": "flow"}
-"""Effects that are no losses, and their term."""
+"""Sensor errors and their term."""
 RECALIBRATION = ("bed", "own")
 BEYOND = "beyond"
-"""Loss behind the place where the distal pressure is taken: it lowers flow but is no part of the drop to that place."""
+"""Loss distal to the place of the distal pressure: it lowers flow but is not part of the drop to that place."""
 OWN_LOSS = (0.0, 4.0, 8.0)
-"""Factors of the model's own loss, in prior standard deviations of their logarithm, at which fits begin: recalibration
-of a model that lacks a stenosis ends far from its prior, or in a worse optimum."""
+"""Starting factors of the model's own loss, in prior standard deviations of their logarithm: recalibration of a model
+that lacks a stenosis ends far from its prior, or in a worse optimum."""
 NORMAL_90 = 1.6449
 CURVATURE_STEP = 3e-4
 SLOPE_STEP = float(np.sqrt(np.finfo(float).eps))
 ROOT = "root"
 MOST_EFFECTIVE = 100
-"""Samples that count at most: the error of one law is common to all samples and does not average out over them."""
+"""Effective sample size at most: the error of a law is common to all samples and does not average out."""
 
 
 @dataclass(frozen=True)
 class LawFit:
-    """Most probable terms of one law; evidence: Schwarz's approximation to the log marginal likelihood.
+    """Fit of one law: most probable terms, BIC approximation to the log evidence.
 
-    point: (k,) where the fit ended, in standard deviations of the priors.
+    point: (k,) the optimum in standard deviations of the priors.
     """
 
     law: Law
@@ -72,36 +78,36 @@ class LawFit:
 
     @property
     def own(self) -> float:
-        """How far recalibration has moved the model's own loss, in standard deviations of its prior."""
+        """Shift of the model's own loss by recalibration, in standard deviations of its prior."""
         return self.point[RECALIBRATION.index("own")]
 
 
 @dataclass(frozen=True)
 class Size:
-    """A number and its 90 % interval."""
+    """A value and its 90 % interval."""
 
     value: float
     low: float
     high: float
 
 
-def predict(branch: Branch, terms: dict[str, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """FFR, flow and outlet pressure over root pressure, (n,) each, of every sample from simulated outputs alone.
+def predict(branch: Branch, terms: Terms) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Predict FFR, flow, and outlet over root pressure, (n,) each, of every sample from the simulated outputs.
 
-    terms: numbers, or (m, 1) each for m sets side by side, which gives (m, n).
+    terms: numbers, or (m, 1) each for m sets of terms, which gives (m, n).
 
-    Solves P_root = z + (own D_0/Q_0 + R + R_end + bed R_bed) Q + S Q^2 per sample: D_0 the simulated drop to the distal
-    place, R_end the resistance from there to the outlet (the simulated one and what lies beyond), R_bed the bed's,
-    (P_outlet - z) / Q_0, z the zero-flow pressure. The root's is the simulated one times `ROOT`, its mean ratio, of all
-    samples unless given. A sensor's offset and gain act on the distal pressure and the flow that are read, and on the
-    outlet's pressure where that is the same.
+    Solves P_root = z + (own D_0/Q_0 + R + R_end + bed R_bed) Q + S Q^2 per sample, with D_0 the simulated drop to the
+    distal place, R_end the resistance from there to the outlet (the simulated one plus `BEYOND`), R_bed = (P_outlet -
+    z) / Q_0 the resistance of the bed and z the zero-flow pressure. The root pressure is the simulated one times
+    `ROOT`, by default the mean ratio of all samples. A sensor's offset and gain act on the readings of distal
+    pressure and flow, and on the outlet pressure if that is the same reading.
     """
     bed = terms.get("bed", 1.0) * (branch.outlet0 - branch.venous) / branch.flow0
     end = (branch.distal0 - branch.outlet0) / branch.flow0 + terms.get(BEYOND, 0.0)
     series = terms.get("own", 1.0) * branch.drop0 / branch.flow0 + terms.get("linear", 0.0) + end + bed
     root = branch.root0 * terms.get(ROOT, float(np.mean(branch.root3) / np.mean(branch.root0)))
     quadratic, head = terms.get("quadratic", 0.0), root - branch.venous
-    # The form without cancellation for a small quadratic loss.
+    # This form avoids cancellation for a small quadratic loss.
     flow = 2.0 * head / (series + np.sqrt(series**2 + 4.0 * quadratic * head))
     outlet = branch.venous + bed * flow
     distal = outlet + end * flow
@@ -112,32 +118,34 @@ def predict(branch: Branch, terms: dict[str, float]) -> tuple[np.ndarray, np.nda
 
 
 def fit_law(branch: Branch, law: Law, rows: np.ndarray) -> LawFit:
-    """Most probable terms on chosen samples, the noise of each output unknown, profiled out above its floor.
+    """Fit a law to the samples `rows` (n,) bool, with the noise of each output profiled out above its floor.
 
-    Objective: n/2 (log s^2 + mean square / s^2) of FFR, flow and outlet pressure, and the priors, n at most
-    `MOST_EFFECTIVE`; k/2 log n per term of the law and log 10 per effect are taken off for the evidence.
+    Minimises n/2 (log s^2 + mean square / s^2) of FFR, flow and outlet pressure plus the priors, with n at most
+    `MOST_EFFECTIVE`. The evidence is penalised by k/2 log n per term of the law and log 10 per effect.
     """
     terms, objectives = _posterior(branch, law, rows)
 
-    def with_slope(z):
+    def with_gradient(z: np.ndarray) -> tuple[float, np.ndarray]:
         steps = SLOPE_STEP * np.maximum(1.0, np.abs(z))
-        found = objectives(np.vstack([z, z + np.diag(steps)]))
-        return found[0], (found[1:] - found[0]) / steps
+        values = objectives(np.vstack([z, z + np.diag(steps)]))
+        return values[0], (values[1:] - values[0]) / steps
 
     none = np.zeros(len(law.terms))
     starts = [np.r_[0.0, own, 0.0, none] for own in OWN_LOSS]
     starts += [np.r_[0.0, 0.0, 0.0, none + k] for k in (-1.0, 1.0) if law.terms]
-    found = [minimize(with_slope, start, method="BFGS", jac=True) for start in starts]
-    best = min(found, key=lambda one: one.fun)
-    chosen = {name: float(value) for name, value in terms(best.x).items()}
-    rms = float(np.sqrt(np.mean((predict(branch, chosen)[0] - branch.distal3 / branch.root3)[rows] ** 2)))
+    optima = [minimize(with_gradient, start, method="BFGS", jac=True) for start in starts]
+    best = min(optima, key=lambda optimum: optimum.fun)
+    fitted: Terms = {name: float(value) for name, value in terms(best.x).items()}
+    rms = float(np.sqrt(np.mean((predict(branch, fitted)[0] - branch.distal3 / branch.root3)[rows] ** 2)))
     weight = min(int(rows.sum()), MOST_EFFECTIVE)
     evidence = -float(best.fun) - 0.5 * len(law.terms) * np.log(weight) - len(law.effects) * np.log(10.0)
-    return LawFit(law, chosen, evidence, rms, tuple(best.x))
+    return LawFit(law, fitted, evidence, rms, tuple(best.x))
 
 
-def _posterior(branch: Branch, law: Law, rows: np.ndarray):
-    """Terms of a point z of independent standard normal priors, and what a fit minimises at points (m, k), (m,)."""
+def _posterior(
+    branch: Branch, law: Law, rows: np.ndarray
+) -> tuple[Callable[[np.ndarray], Terms], Callable[[np.ndarray], np.ndarray]]:
+    """Return functions for the terms at a point z (k,) of standard normal priors, and the objectives (m,) at (m, k)."""
     ffr = branch.distal3 / branch.root3
     names = [*RECALIBRATION, BEYOND, *law.terms]
     root = float(branch.root3[rows].mean() / branch.root0[rows].mean())
@@ -151,8 +159,8 @@ def _posterior(branch: Branch, law: Law, rows: np.ndarray):
         "flow": SD_GAIN,
     }
 
-    def terms(z):
-        found = {ROOT: root}
+    def terms(z: np.ndarray) -> Terms:
+        found: Terms = {ROOT: root}
         for name, value in zip(names, z, strict=True):
             if name in RECALIBRATION:
                 found[name] = np.exp(SD_RECALIBRATION * value)
@@ -164,7 +172,7 @@ def _posterior(branch: Branch, law: Law, rows: np.ndarray):
                 found[name] = scale[name] * value
         return found
 
-    def objectives(points):
+    def objectives(points: np.ndarray) -> np.ndarray:
         predicted, flow, outlet = predict(branch, terms(points.T[:, :, None]))
         misfit = np.zeros(len(points))
         errors = (predicted - ffr, flow / branch.flow3 - 1.0, outlet - branch.outlet3 / branch.root3)
@@ -178,12 +186,11 @@ def _posterior(branch: Branch, law: Law, rows: np.ndarray):
 
 
 def sizes(branch: Branch, fit: LawFit, rows: np.ndarray) -> dict[str, Size]:
-    """Each term of a fitted law, and each of its effects over the root's mean pressure, with 90 % intervals.
+    """Return each term of a fitted law, and the dimensionless size of each of its effects, with 90 % intervals.
 
-    Laplace's: the curvature of what the fit minimises, at its optimum, and no wider than the prior; of a loss on the
-    scale of logarithms. The zero-flow pressure, which a fit takes as known, adds what it moves the optimum by. An
-    effect's size needs no unit: the share of the root's mean simulated pressure that a loss takes at the mean simulated
-    flow, or that an offset adds; of a gain itself.
+    Laplace approximation at the optimum, no wider than the prior, on a log scale for losses; the uncertainty of the
+    zero-flow pressure, which a fit takes as known, is propagated. The size of an effect is the fraction of the mean
+    simulated root pressure that a loss takes at the mean simulated flow or that an offset adds, or a gain itself.
     """
     terms, objectives = _posterior(branch, fit.law, rows)
     z = np.array(fit.point)
@@ -193,17 +200,17 @@ def sizes(branch: Branch, fit: LawFit, rows: np.ndarray) -> dict[str, Size]:
     values, vectors = np.linalg.eigh(mixed / (2.0 * CURVATURE_STEP) ** 2)
     covariance = vectors @ np.diag(1.0 / np.maximum(values, 1.0)) @ vectors.T
 
-    def slopes(venous):
-        _, of = _posterior(replace(branch, venous=venous), fit.law, rows)
-        return (of(z + steps) - of(z - steps)) / (2.0 * CURVATURE_STEP)
+    def gradient(venous: float) -> np.ndarray:
+        _, shifted = _posterior(replace(branch, venous=venous), fit.law, rows)
+        return (shifted(z + steps) - shifted(z - steps)) / (2.0 * CURVATURE_STEP)
 
-    moved = [slopes(branch.venous + s * branch.venous_sd) for s in (0.5, -0.5)]
-    shift = covariance @ (moved[0] - moved[1])
+    gradients = [gradient(branch.venous + s * branch.venous_sd) for s in (0.5, -0.5)]
+    shift = covariance @ (gradients[0] - gradients[1])
     covariance = covariance + np.outer(shift, shift)
 
-    def interval(of, positive):
-        def on_scale(point):
-            value = of(terms(point))
+    def interval(size: Callable[[Terms], Any], positive: bool) -> Size:
+        def on_scale(point: np.ndarray) -> float:
+            value = size(terms(point))
             return np.log(value) if positive else value
 
         slope = np.array([on_scale(z + step) - on_scale(z - step) for step in steps]) / (2.0 * CURVATURE_STEP)
@@ -211,19 +218,23 @@ def sizes(branch: Branch, fit: LawFit, rows: np.ndarray) -> dict[str, Size]:
         ends = (on_scale(z), on_scale(z) - half, on_scale(z) + half)
         return Size(*(float(np.exp(end) if positive else end) for end in ends))
 
-    found = {name: interval(lambda t, name=name: t[name], name in LOSSES) for name in fit.law.terms}
+    intervals = {name: interval(itemgetter(name), name in LOSSES) for name in fit.law.terms}
     flow, root = float(branch.flow0.mean()), float(branch.root0.mean())
     for name in fit.law.effects:
         if name not in SENSORS:
-            found[name] = interval(
+            intervals[name] = interval(
                 lambda t: (t.get("linear", 0.0) * flow + t.get("quadratic", 0.0) * flow**2) / root, True
             )
         else:
             over = root if SENSORS[name] == "offset" else 1.0
-            found[name] = interval(lambda t, name=name, over=over: t[SENSORS[name]] / over, False)
-    return found
+            intervals[name] = interval(partial(_ratio, term=SENSORS[name], over=over), False)
+    return intervals
+
+
+def _ratio(terms: Terms, term: str, over: float) -> Any:
+    return terms[term] / over
 
 
 def fit_laws(branch: Branch, rows: np.ndarray, laws: tuple[Law, ...] = LAWS) -> list[LawFit]:
-    """Laws on chosen samples (n,) bool, best first."""
+    """Fit laws to the samples `rows` (n,) bool, best first."""
     return sorted((fit_law(branch, law, rows) for law in laws), key=lambda fit: -fit.evidence)

@@ -1,4 +1,4 @@
-"""Table models: pairs of simulated and measured outputs without a network, joined and cut into branches."""
+"""Table models: tables of simulated and measured outputs without a network, joined and split into branches."""
 
 import re
 import sys
@@ -13,28 +13,34 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import read_csv
 
 SD_ZERO_FLOW, SD_BED, FLOOR_BED = 0.1, 0.25, 0.003
-"""Prior standard deviations of the zero-flow pressure over the root's and of the logarithm of a bed's resistance;
-relative error of an outlet's pressure and flow below which tables are not to be believed."""
+"""Prior standard deviations of the zero-flow pressure over the root pressure and of the log resistance of a bed;
+least relative error of the pressure and flow of an outlet."""
 EXACT, LARGEST_ROUNDING = 1e-6, 0.01
-"""Relative difference that two equal pressures may have, and the largest that rounding may add to it."""
+"""Relative tolerance for equal pressures, and the largest that rounding may add to it."""
 MOST_DIGITS = 12
 AS_NEAR = 2.0
-"""Standard errors of the mean difference of squares within which two columns are equally near."""
+"""Standard errors of the mean difference of squares within which two columns match equally well."""
 LEAST_SAMPLES = 20
 LARGEST_FFR = 1.5
 LARGEST_RATIO, LARGEST_FLOW_RATIO = 3.0, 20.0
-"""Of the root's mean pressure, and of a branch's flow, in both tables, beyond which they are not in one unit."""
+"""Ratios of the mean root pressure, and of the flow of a branch, above which the tables use different units."""
 SAME_PRESSURE = 1e-3
-"""Share of the root's pressure by which two columns of one pressure may differ: FFR is rounded."""
+"""Fraction of the root pressure by which two columns of one pressure may differ, as FFR is rounded."""
+
+
+Key = tuple[str, str]
+"""(statistic_quantity, downstream block), such as ("mean_flow", "BC_lad")."""
+Columns = dict[Key, tuple[str, str]]
+"""Column of the simulated and of the measured table for each key."""
 
 
 @dataclass(frozen=True)
 class Branch:
-    """One stenosed branch: pressures at root, behind the stenosis and at the outlet; simulated (0), measured (3).
+    """One stenosed branch: pressures at the root, distal to it and at the outlet; simulated (0), measured (3).
 
-    name: of the `ffr_NAME` column; place: 0D location of the distal pressure; all arrays (n,), the table's units.
+    name: NAME of the column `ffr_NAME`; place: 0D location of the distal pressure; arrays (n,) in the table's units.
     venous: zero-flow pressure of the beds, with its posterior standard deviation `venous_sd`.
-    flow_source: "measured", or how the measured flow was had from the pressures.
+    flow_source: "measured", or how the measured flow was derived.
     """
 
     name: str
@@ -53,7 +59,7 @@ class Branch:
 
     @property
     def one_sensor(self) -> bool:
-        """Whether what is read behind the stenosis is what is read at the outlet, errors and all."""
+        """Whether the distal pressure and the outlet pressure are the same reading."""
         return all(
             bool((np.abs(distal - outlet) <= SAME_PRESSURE * root).all())
             for distal, outlet, root in (
@@ -72,21 +78,24 @@ class Branch:
 
 
 def artery(name: str) -> str:
-    """A branch as one writes it: LAD, LCx, RCA."""
+    """Return the usual spelling of a branch: LAD, LCx, RCA."""
     return {"lcx": "LCx"}.get(name.lower(), name.upper())
 
 
 def read_pairs(simulated: str | Path, measured: str | Path) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Both tables, rows joined by `sample` and in one order. Raises `InputError` where no samples are common."""
+    """Read both tables, joined on `sample`; raise `InputError` if they have too few samples in common."""
     tables = [read_csv(path, ("sample",)).set_index("sample") for path in (simulated, measured)]
     for path, table in zip((simulated, measured), tables, strict=True):
         if table.index.has_duplicates:
-            raise InputError(path, "sample", str(table.index[table.index.duplicated()][0]), "given twice; keep one row")
+            raise InputError(
+                path, "sample", str(table.index[table.index.duplicated()][0]), "duplicate sample; keep one row"
+            )
         _check_ffr(path, table)
     common = [name for name in tables[0].index if name in tables[1].index]
     if len(common) < LEAST_SAMPLES:
-        ids = " and ".join(repr(table.index.tolist()[0]) for table in tables if len(table))
-        remedy = f"samples in common with {simulated}, whose names may differ ({ids}); need at least {LEAST_SAMPLES}"
+        first_samples = " and ".join(repr(table.index.tolist()[0]) for table in tables if len(table))
+        remedy = f"samples in common with {simulated}; need at least {LEAST_SAMPLES}; compare the sample names "
+        remedy += f"({first_samples})"
         raise InputError(measured, "sample", len(common), remedy)
     first, second = (table.loc[common].apply(pd.to_numeric, errors="coerce") for table in tables)
     return first, second
@@ -96,19 +105,18 @@ def _check_ffr(path: str | Path, table: pd.DataFrame) -> None:
     for column in (c for c in table.columns if str(c).startswith("ffr_")):
         middle = pd.to_numeric(table[column], errors="coerce").median()
         if not (np.isnan(middle) or 0.0 < middle <= LARGEST_FFR):
-            remedy = "as the middle of all; want distal over root pressure, 0 to 1 (not in %)"
+            remedy = "is the median; expected distal over root pressure, 0 to 1 (not in %)"
             raise InputError(path, column, float(f"{middle:.4g}"), remedy)
 
 
 def branches(
     simulated: pd.DataFrame, measured: pd.DataFrame, file: str | Path, measured_file: str | Path
 ) -> list[Branch]:
-    """The branches that both tables describe by `ffr_NAME`.
+    """Return the branches with a column `ffr_NAME` in both tables.
 
-    The root's pressure is the highest mean pressure that both have. The distal location is the simulated pressure that
-    equals FFR times root pressure. Its outlet is the one there, or the one whose pressure follows it best; the
-    measured flow is that of the outlet, or scales as it does. `venous` is the zero-flow pressure that the
-    outlets' pairs agree on.
+    The root pressure is the highest mean pressure that both tables have, and the distal location that of the simulated
+    pressure equal to FFR times the root pressure. The outlet is the one there, or the one whose pressure correlates
+    best with it; the measured flow is that of the outlet, or is scaled by it. `venous` is estimated from all outlets.
     """
     pairs = _pairs(simulated, measured)
     pressures = {key: pair for key, pair in pairs.items() if key[0] == "mean_pressure"}
@@ -117,9 +125,9 @@ def branches(
     if not names:
         raise _column_missing(simulated, file, measured_file, "ffr_NAME")
     for here, path, there in ((simulated, file, measured), (measured, measured_file, simulated)):
-        lonely = [c for c in here.columns if str(c).lower().startswith("ffr_") and c not in there.columns]
-        if lonely:
-            print(f"note: {path}: {', '.join(lonely)}: not in the other table, left out", file=sys.stderr)
+        unmatched = [c for c in here.columns if str(c).lower().startswith("ffr_") and c not in there.columns]
+        if unmatched:
+            print(f"note: {path}: {', '.join(unmatched)}: not in the other table, ignored", file=sys.stderr)
     for wanted, there in (("mean_pressure:A:B", pressures), ("mean_flow:A:B", flows)):
         if not there:
             raise _column_missing(simulated, file, measured_file, wanted)
@@ -130,9 +138,9 @@ def branches(
     root0, root3 = (table[c].to_numpy() for table, c in zip((simulated, measured), pressures[root], strict=True))
     ratio = float(root3.mean() / root0.mean())
     if not 1.0 / LARGEST_RATIO < ratio < LARGEST_RATIO:
-        remedy = f"the other table has {ratio:.4g} times its mean; give both in one unit of pressure"
+        remedy = f"the mean in the other table is {ratio:.4g} times as large; give both in one unit of pressure"
         raise InputError(file, pressures[root][0], float(f"{root0.mean():.4g}"), remedy)
-    venous, venous_sd = _zero_flow(simulated, measured, pressures, flows, root)
+    venous, venous_sd = zero_flow_pressure(simulated, measured, pressures, flows, root)
     outlets = {key: pair for key, pair in pressures.items() if key != root}
     found = []
     for name in names:
@@ -140,7 +148,7 @@ def branches(
         distal0 = simulated[f"mean_pressure:{place}"].to_numpy()
         distal3 = measured[f"ffr_{name}"].to_numpy() * root3
         if f"mean_flow:{place}" not in simulated.columns:
-            raise InputError(file, f"mean_flow:{place}", None, f"column missing: the flow at the stenosis of {name}")
+            raise InputError(file, f"mean_flow:{place}", None, f"missing column: flow at the stenosis of {name}")
         flow0 = simulated[f"mean_flow:{place}"].to_numpy()
         outlet = _outlet(file, simulated, outlets, flows, root0, distal0, place)
         (p0, p3), (q0, q3) = outlets["mean_pressure", outlet], flows["mean_flow", outlet]
@@ -156,110 +164,119 @@ def branches(
         parts = (root0, root3, distal0, distal3, *ends, flow0, flow3)
         times = float(np.median(flow3 / flow0))
         if not 1.0 / LARGEST_FLOW_RATIO < times < LARGEST_FLOW_RATIO:
-            remedy = f"the other table has {times:.4g} times its flow; give both in one unit of flow"
+            remedy = f"the flow in the other table is {times:.4g} times as large; give both in one unit of flow"
             raise InputError(file, q0, float(f"{np.median(flow0):.4g}"), remedy)
         found.append(Branch(name, place, *parts, venous, source, venous_sd))
     return found
 
 
 def _column_missing(simulated: pd.DataFrame, file: str | Path, measured_file: str | Path, wanted: str) -> InputError:
-    """That no column of that kind is common to both tables, with the file of the one that has none."""
+    """Error for a kind of column that the tables do not share, with the file that lacks it."""
     prefix = wanted.removesuffix("NAME").removesuffix("A:B")
     has = any(str(column).startswith(prefix) for column in simulated.columns)
-    return InputError(measured_file if has else file, wanted, None, "no such column that both tables have")
+    return InputError(measured_file if has else file, wanted, None, "no such column in both tables")
 
 
 def _check_whole(path: str | Path, table: pd.DataFrame, columns: list[str]) -> None:
     for column in columns:
         gaps = ~np.isfinite(table[column].to_numpy())
         if gaps.any():
-            remedy = f"no finite number in sample {table.index[int(np.argmax(gaps))]}; leave that row out"
+            remedy = f"no finite number in sample {table.index[int(np.argmax(gaps))]}; remove that row"
             raise InputError(path, column, None, remedy)
 
 
 def _check_forward(path: str | Path, table: pd.DataFrame, columns: list[str]) -> None:
-    """Raise `InputError` where blood does not flow downstream: laws of loss are fitted to relative flows."""
+    """Raise `InputError` unless all flows are positive, as laws are fitted to relative flows."""
     for column in columns:
         wrong = ~(table[column].to_numpy() > 0.0)
         if wrong.any():
             sample, value = table.index[int(np.argmax(wrong))], float(table[column].to_numpy()[wrong][0])
-            remedy = f"in sample {sample}; want a positive flow, downstream; leave that row out"
+            remedy = f"in sample {sample}; expected a positive (downstream) flow; remove that row"
             raise InputError(path, column, value, remedy)
 
 
-def _pairs(simulated, measured) -> dict[tuple[str, str], tuple[str, str]]:
-    """(statistic_quantity, block downstream) → columns of both tables that mean the same."""
+def _pairs(simulated: pd.DataFrame, measured: pd.DataFrame) -> Columns:
+    """Match the columns of both tables by statistic, quantity and downstream block."""
 
-    def key(column):
+    def key(column: str) -> Key | None:
         match = re.fullmatch(r"((?:mean|min|max)_(?:pressure|flow)):([^:]+):([^:]+)", column)
         return (match[1], re.sub(r"^(inlet_|outlet_)", "", match[3])) if match else None
 
-    first = {key(c): c for c in simulated.columns if key(c)}
-    second = {key(c): c for c in measured.columns if key(c)}
+    first, second = ({k: c for c in table.columns if (k := key(c))} for table in (simulated, measured))
     return {k: (first[k], second[k]) for k in first if k in second}
 
 
 def _same_pressure(simulated: pd.DataFrame, root: str, file: str | Path, name: str) -> str:
-    """Where the distal pressure of a branch is taken: `A:B` of the column that equals FFR times the root's pressure.
+    """Return the location "A:B" of the pressure column that equals FFR times the root pressure.
 
-    But for `EXACT` and for what the digits of the three columns leave open. Of columns within that the nearest, the
-    first of equal ones; an `InputError` where none is, or where another one is as near.
+    Tolerances are `EXACT` and the rounding of the three columns. Raises `InputError` if no column matches, or if two
+    different ones match equally well.
     """
     ffr, over = simulated[f"ffr_{name}"].to_numpy(), simulated[root].to_numpy()
     columns = [c for c in simulated.columns if c.startswith("mean_pressure:") and np.isfinite(simulated[c]).all()]
     wanted, squares = ffr * over, {}
     for column in columns:
         pressure = simulated[column].to_numpy()
-        open_ = over * _rounding(ffr) + ffr * _rounding(over) + _rounding(pressure)
-        allowed = EXACT + np.minimum(open_ / wanted, LARGEST_ROUNDING)
+        rounding = over * _rounding(ffr) + ffr * _rounding(over) + _rounding(pressure)
+        allowed = EXACT + np.minimum(rounding / wanted, LARGEST_ROUNDING)
         if (np.abs(pressure / wanted - 1.0) < allowed).all():
             squares[column] = (pressure / wanted - 1.0) ** 2
     if not squares:
-        raise InputError(file, f"ffr_{name}", None, "no mean_pressure column equals FFR times the root's pressure")
+        raise InputError(file, f"ffr_{name}", None, "no mean_pressure column equals FFR times the root pressure")
     best = min(squares, key=lambda c: squares[c].mean())
     for other in squares:
         same = np.abs(simulated[other] / simulated[best] - 1.0).max() < EXACT
         more = squares[other] - squares[best]
         if not same and more.mean() < AS_NEAR * more.std() / np.sqrt(len(more)):
-            remedy = f"times the root's pressure is {best} or {other}, as far as it is rounded; give more digits"
+            remedy = f"times the root pressure is {best} or {other} within rounding; give more digits"
             raise InputError(file, f"ffr_{name}", None, remedy)
     return best.split(":", 1)[1]
 
 
 def _rounding(values: np.ndarray) -> np.ndarray:
-    """Half a unit of each number's last digit, (n,), as all were written: to so many decimals, or so many digits."""
+    """Return half a unit of the last digit of each number, (n,), for common decimals or significant digits."""
     exponent = np.floor(np.log10(np.maximum(np.abs(values), np.finfo(float).tiny)))
     halves = np.zeros(len(values))
-    for of_first in (np.zeros(len(values)), exponent):
+    for leading in (np.zeros(len(values)), exponent):
         for digits in range(-3, MOST_DIGITS):
-            unit = 10.0 ** (of_first - digits)
+            unit = 10.0 ** (leading - digits)
             if np.allclose(np.round(values / unit) * unit, values, rtol=1e-14, atol=0.0):
                 halves = np.maximum(halves, 0.5 * unit)
                 break
     return halves
 
 
-def _outlet(file, simulated, outlets, flows, root0, distal0, place: str) -> str:
-    """The outlet at a place, or the one whose pressure over the root's follows that of the place best."""
+def _outlet(
+    file: str | Path,
+    simulated: pd.DataFrame,
+    outlets: Columns,
+    flows: Columns,
+    root0: np.ndarray,
+    distal0: np.ndarray,
+    place: str,
+) -> str:
+    """Return the outlet at a place, or the one whose relative pressure correlates best with that of the place."""
     shared = {block: pair for (_, block), pair in outlets.items() if ("mean_flow", block) in flows}
     if not shared:
-        remedy = "no outlet has both in both tables; want mean_pressure and mean_flow of one at least"
+        remedy = "no outlet has both in both tables; give mean_pressure and mean_flow of at least one"
         raise InputError(file, "mean_pressure:A:B, mean_flow:A:B", None, remedy)
     if place.split(":")[-1] in shared:
         return place.split(":")[-1]
-    follows = {
+    correlation = {
         block: abs(np.corrcoef(simulated[column] / root0, distal0 / root0)[0, 1])
         for block, (column, _) in shared.items()
     }
-    return max(follows, key=follows.get)
+    return max(correlation, key=lambda block: correlation[block])
 
 
-def _zero_flow(simulated, measured, pressures, flows, root) -> tuple[float, float]:
-    """Pressure at which beds carry no flow, from 0 to below the least at any outlet: most probable, and posterior sd.
+def zero_flow_pressure(
+    simulated: pd.DataFrame, measured: pd.DataFrame, pressures: Columns, flows: Columns, root: Key
+) -> tuple[float, float]:
+    """Estimate the zero-flow pressure of the beds, from 0 to below the least outlet pressure, with its posterior sd.
 
-    A bed keeps its resistance but for a factor k of its own: P3 - z = k (P0 - z) Q3 / Q0. What is left of that is
-    weighed by the variance that equal relative errors of P3 and Q3 give it (total least squares), its own size unknown
-    above `FLOOR_BED`; k and z have priors, so that beds whose flow does not change tell nothing and leave z near 0.
+    Each bed keeps its resistance up to a factor k: P3 - z = k (P0 - z) Q3 / Q0. Residuals are weighted by the variance
+    that equal relative errors of P3 and Q3 imply (total least squares), their size unknown above `FLOOR_BED`. k and z
+    have priors, so that beds whose flow does not change are uninformative and leave z near 0.
     """
     beds = []
     for key, (p0, p3) in pressures.items():
@@ -271,14 +288,14 @@ def _zero_flow(simulated, measured, pressures, flows, root) -> tuple[float, floa
         )
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = r / q
-            whole = np.isfinite(a * b * ratio) & (a > 0.0) & (b > 0.0) & (ratio > 0.0)
-        if whole.any():
-            beds.append((a[whole], b[whole], ratio[whole]))
+            valid = np.isfinite(a * b * ratio) & (a > 0.0) & (b > 0.0) & (ratio > 0.0)
+        if valid.any():
+            beds.append((a[valid], b[valid], ratio[valid]))
     if not beds:
         return 0.0, 0.0
     scale = SD_ZERO_FLOW * float(simulated[pressures[root][0]].mean())
 
-    def objective(z):
+    def objective(z: float) -> float:
         total = 0.5 * (z / scale) ** 2
         for a, b, ratio in beds:
             expected, weight = (a - z) * ratio, 1.0 / (b**2 + (b - z) ** 2)
@@ -292,7 +309,7 @@ def _zero_flow(simulated, measured, pressures, flows, root) -> tuple[float, floa
     best = int(np.argmin([objective(z) for z in grid]))
     bounds = (grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)])
     found = float(minimize_scalar(objective, bounds=bounds, method="bounded", options={"xatol": 1e-6 * least}).x)
-    # Beyond the least pressure a bed's factor would be negative.
+    # Above the least pressure the factor of a bed would be negative.
     step = min(0.01 * scale, 0.5 * (least - found))
     curvature = (objective(found + step) - 2.0 * objective(found) + objective(found - step)) / step**2
     return found, float(1.0 / np.sqrt(max(curvature, scale**-2)))

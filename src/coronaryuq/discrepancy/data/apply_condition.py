@@ -1,0 +1,176 @@
+"""The network under a condition: changed values, drives and period."""
+
+import difflib
+from pathlib import Path
+
+import numpy as np
+
+from coronaryuq.case.network.network import Network
+from coronaryuq.core.errors import InputError
+from coronaryuq.discrepancy.data.conditions import COVARIATES, Condition
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.beds import arteriolar
+from coronaryuq.zerod.effects.drive import DRIVES
+from coronaryuq.zerod.network.read import HEART
+
+WAVEFORMS = DRIVES | {"CORONARY": "Pim", "CORONARY_VAR_RES": "Pim"}
+"""Name of the waveform that a drive replaces in each kind of boundary condition."""
+LOSS = "stenosis_coefficient"
+ELEMENTS = ("R_poiseuille", "L", "C", LOSS)
+"""Values of a vessel; zero if the file omits them."""
+LARGEST_DRIVE = 6.0
+"""Largest mean pressure of a drive over the network's own; kPa and mmHg differ by 7.5."""
+SAME_BEAT = 0.02
+"""Relative tolerance of the length of a drive."""
+
+
+def period_of(network: Network, default: float = 1.0) -> float:
+    """Return the cardiac period (s): that of the heart, or of the waveform with the most points."""
+    for heart in network.get("closed_loop_blocks", []):
+        return float(heart["cardiac_cycle_period"])
+    pulsing = [b["bc_values"] for b in network["boundary_conditions"] if b["bc_type"] in WAVEFORMS]
+    for values in sorted((v for v in pulsing if len(v["t"]) > 1), key=lambda v: -len(v["t"])):
+        return float(values["t"][-1] - values["t"][0])
+    return float(network["simulation_parameters"].get("cardiac_period", default))
+
+
+def apply_condition(network: Network, condition: Condition, file: str | Path = "conditions") -> Network:
+    """Return the network under a condition.
+
+    Parameters
+    ----------
+    network
+        svZeroDSolver network.
+    condition
+        Condition to apply: resistance of the arterioles, `scale` and `set`, drives, then the period.
+    file
+        Conditions file named in error messages.
+
+    Raises
+    ------
+    InputError
+        If the condition names blocks, parameters or waveforms that the network lacks.
+    """
+    network = network.deep_copy()
+    anatomy = Anatomy(network)
+    period = period_of(network)
+    factor = condition.coronary_resistance_scale
+    for bed in anatomy.beds:
+        anatomy.blocks[bed]["bc_values"].update({k: v * factor for k, v in arteriolar(network, bed).items()})
+    _change_values(network, anatomy, condition, file)
+    _check_stenoses(anatomy, condition, file)
+    target = _drive(anatomy, condition, period, file)
+    _set_period(network, target)
+    return network
+
+
+def _change_values(network: Network, anatomy: Anatomy, condition: Condition, file: str | Path) -> None:
+    """Apply `scale` and `set`."""
+    for key, table in (("scale", condition.scale), ("set", condition.set)):
+        for block, entry in table.items():
+            values = _values(network, block)
+            if values is None:
+                near = difflib.get_close_matches(block, [*anatomy.vessels, *anatomy.blocks], n=3, cutoff=0.3)
+                remedy = "no such block in the network" + (f"; similar: {', '.join(near)}" if near else "")
+                raise InputError(file, f"{condition.name}.{key}.{block}", None, remedy)
+            for parameter, value in entry.items():
+                # If an effect has replaced CORONARY by CORONARY_VAR_RES, one Ra2 has become two.
+                split = [f"{parameter}_min", f"{parameter}_max"]
+                for name in split if parameter not in values and all(one in values for one in split) else [parameter]:
+                    if name in ELEMENTS and block in anatomy.vessels:
+                        values.setdefault(name, 0.0)
+                    if name not in values or not is_number(values[name]):
+                        known = ", ".join(k for k, v in values.items() if is_number(v))
+                        raise InputError(file, f"{condition.name}.{key}.{block}.{name}", None, f"known: {known}")
+                    values[name] = values[name] * value if key == "scale" else value
+
+
+def _check_stenoses(anatomy: Anatomy, condition: Condition, file: str | Path) -> None:
+    for vessel, name in condition.stenosis.items():
+        where = f"{condition.name}.stenosis.{vessel}"
+        if vessel not in anatomy.vessels:
+            raise InputError(file, where, name, f"no such vessel in the network; known: {', '.join(anatomy.vessels)}")
+        values = anatomy.vessels[vessel]["zero_d_element_values"]
+        if values.get("C", 0.0) > 0.0:
+            raise InputError(file, where, name, "the vessel has a C; add a vessel without C ahead of it for the loss")
+        if not values.get(LOSS, 0.0) > 0.0:
+            raise InputError(file, where, name, f"set {vessel}'s {LOSS} to an estimate under this condition")
+
+
+def _drive(anatomy: Anatomy, condition: Condition, period: float, file: str | Path) -> float:
+    """Apply the drives and return the condition's period (s)."""
+    for name in COVARIATES:
+        if name in condition.drive and name in {*anatomy.vessels, *anatomy.blocks}:
+            remedy = "both the left ventricular pressure of a drive and a block of the network; rename that block"
+            raise InputError(file, f"{condition.name}.drive.{name}", None, remedy)
+    target = _own_period(condition, period, file)
+    for name, (time, value) in condition.drive.items():
+        if name in COVARIATES:
+            continue
+        block = anatomy.blocks.get(name)
+        if block is None or block["bc_type"] not in WAVEFORMS:
+            known = ", ".join([b for b, v in anatomy.blocks.items() if v["bc_type"] in WAVEFORMS] + list(COVARIATES))
+            raise InputError(file, f"{condition.name}.drive.{name}", None, f"no block with a waveform; known: {known}")
+        if block["bc_type"] == "PRESSURE":
+            own, given = (float(np.abs(np.mean(values))) for values in (block["bc_values"]["P"], value))
+            if own > 0.0 and not 1.0 / LARGEST_DRIVE <= given / own <= LARGEST_DRIVE:
+                remedy = "times the network's own mean pressure; use the network's unit of pressure"
+                raise InputError(file, f"{condition.name}.drive.{name}", float(f"{given / own:.3g}"), remedy)
+        block["bc_values"]["t"], block["bc_values"][WAVEFORMS[block["bc_type"]]] = time.tolist(), value.tolist()
+    return target
+
+
+def _own_period(condition: Condition, period: float, file: str | Path) -> float:
+    """Return the condition's period (s): that of its drives, unless a `period_scale` is given.
+
+    In that case drives may last as long as the beat of the condition or that of the network, `period`, and are
+    rescaled. Covariates do not set the period; they have to agree with it.
+    """
+    target = period * condition.period_scale
+    lengths = {name: float(waveform[0][-1]) for name, waveform in condition.drive.items()}
+    driving = [length for name, length in lengths.items() if name not in COVARIATES]
+    if condition.period_scale == 1.0 and driving:
+        target = driving[0]
+    for name, length in lengths.items():
+        where = f"{condition.name}.drive.{name}"
+        if condition.period_scale == 1.0:
+            allowed = SAME_BEAT if name in COVARIATES else 1e-9
+            if abs(length - target) > allowed * target:
+                remedy = f"s long; expected {target:.4g}" + (", as the other drives" if driving else "")
+                raise InputError(file, where, length, remedy)
+        elif min(abs(length - beat) / beat for beat in (period, target)) > SAME_BEAT:
+            remedy = f"s long; with a period_scale, expected the network's beat ({period:.4g}) or this condition's "
+            remedy += f"({target:.4g})"
+            raise InputError(file, where, length, remedy)
+    return target
+
+
+def _set_period(network: Network, period: float) -> None:
+    for heart in network.get("closed_loop_blocks", []):
+        heart["cardiac_cycle_period"] = period
+    for block in network["boundary_conditions"]:
+        if block["bc_type"] in WAVEFORMS:
+            time = np.asarray(block["bc_values"]["t"], dtype=float)
+            if len(time) > 1:
+                time = (time - time[0]) / (time[-1] - time[0]) * period
+                time[-1] = period
+                block["bc_values"]["t"] = time.tolist()
+    if "cardiac_period" in network["simulation_parameters"]:
+        network["simulation_parameters"]["cardiac_period"] = period
+
+
+def is_number(value: object) -> bool:
+    """Whether a value of a network is a number rather than a waveform or a flag."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _values(network: Network, block: str) -> dict | None:
+    if block == HEART and network.get("closed_loop_blocks"):
+        return network["closed_loop_blocks"][0]["parameters"]
+    for vessel in network["vessels"]:
+        if vessel["vessel_name"] == block:
+            return vessel["zero_d_element_values"]
+    for condition in network["boundary_conditions"]:
+        if condition["bc_name"] == block:
+            return condition["bc_values"]
+    return None

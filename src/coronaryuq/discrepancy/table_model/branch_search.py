@@ -1,0 +1,142 @@
+"""Search of one branch: laws fitted on all samples and in each fold, and the held-out FFR of each model."""
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+
+from coronaryuq.discrepancy.table_model.law_selection import SHRUNK, Choice, choose
+from coronaryuq.discrepancy.table_model.laws import (
+    FLOOR_FFR,
+    LAWS,
+    ONE_EFFECT,
+    Law,
+    LawFit,
+    fit_law,
+    fit_laws,
+    predict,
+)
+from coronaryuq.discrepancy.table_model.tables import Branch
+
+FOLDS = 5
+LEAST_GAIN = 3.0
+"""Log evidence over that of no effect above which there is something to explain."""
+LEFT, LEFT_FLEXIBLE, LEFT_FLOORS = 0.1, 3.0, 2.0
+"""Held-out error of FFR that a law may leave: relative to the model's error, to that of a flexible discrepancy and to
+`FLOOR_FFR`. If it leaves more than all three, something outside the library is missing."""
+WORSE = 2.0
+"""Standard errors, of the paired difference of squares over held-out samples, by which a law must be worse than
+recalibration to be refuted: rescaling the model's own loss is a linear loss as well, and ties."""
+CONSTANT = 1e-9
+"""Relative spread below which an input is the same in all samples, such as a prescribed root pressure."""
+MOST_FLEXIBLE = 120
+"""Maximum number of samples that the Gaussian process is fitted to."""
+
+
+@dataclass(frozen=True)
+class BranchSearch:
+    """Laws fitted to one branch, those selected on all samples and in each fold, and FFR of every sample, (n,).
+
+    before: simulated; plain: recalibrated; after: with the law; flexible: Gaussian process; the last three held out.
+    """
+
+    branch: Branch
+    ranked: list[LawFit]
+    choice: Choice
+    in_folds: list[tuple[str, ...]]
+    measured: np.ndarray
+    before: np.ndarray
+    plain: np.ndarray
+    after: np.ndarray
+    flexible: np.ndarray
+
+    def rmse(self, values: np.ndarray) -> float:
+        """Root mean square error of an FFR (n,)."""
+        return float(np.sqrt(np.mean((values - self.measured) ** 2)))
+
+    @property
+    def recalibrated(self) -> LawFit:
+        """The law without any effect."""
+        return next(f for f in self.ranked if not f.law.terms)
+
+    @property
+    def alarm(self) -> bool:
+        """Whether a law is more probable, or recalibration scales the model's own loss beyond its prior."""
+        return self.ranked[0].evidence - self.recalibrated.evidence > LEAST_GAIN or self.recalibrated.own > -SHRUNK
+
+    @property
+    def misfits(self) -> bool:
+        """Whether a Gaussian process predicts clearly better, beyond the accuracy of lumped losses."""
+        left = self.rmse(self.after)
+        return left >= max(LEFT_FLEXIBLE * self.rmse(self.flexible), LEFT_FLOORS * FLOOR_FFR)
+
+    @property
+    def overstated(self) -> bool:
+        """Whether the measurements show much less loss than the model has: it has too much, nothing is missing."""
+        return self.choice.fit.own < SHRUNK and self.measured.mean() > self.before.mean()
+
+    @property
+    def outside(self) -> bool:
+        """Whether the law leaves too much, predicts worse than recalibration by `WORSE`, or removes the own loss."""
+        if self.overstated:
+            return True
+        if self.misfits and self.rmse(self.after) >= LEFT * self.rmse(self.before):
+            return True
+        worse = (self.after - self.measured) ** 2 - (self.plain - self.measured) ** 2
+        error = worse.std(ddof=1) / np.sqrt(len(worse))
+        return bool(self.alarm and self.choice.classes and worse.mean() > WORSE * error)
+
+    @property
+    def doubt(self) -> bool:
+        """Whether a law is named although its form is visibly wrong."""
+        return self.misfits and self.alarm and not self.outside
+
+
+def search_branch(branch: Branch, fold: np.ndarray) -> BranchSearch:
+    """Select laws for one branch. fold: (n,), the fold that each sample is held out in."""
+    flexible = np.empty(len(fold))
+    for k in range(FOLDS):
+        flexible[fold == k] = _gaussian_process(branch, fold != k, fold == k)
+    search = _search(branch, fold, flexible, LAWS)
+    if search.doubt and len(search.choice.fit.law.effects) > 1:
+        # If the form of the loss is wrong, a sensor's error takes up what it misses.
+        search = _search(branch, fold, flexible, ONE_EFFECT)
+    return search
+
+
+def _search(branch: Branch, fold: np.ndarray, flexible: np.ndarray, laws: tuple[Law, ...]) -> BranchSearch:
+    after, plain = np.empty(len(fold)), np.empty(len(fold))
+    in_folds = []
+    for k in range(FOLDS):
+        train, test = fold != k, fold == k
+        best = choose(fit_laws(branch, train, laws)).fit
+        in_folds.append(best.law.effects)
+        after[test] = predict(branch, best.terms)[0][test]
+        plain[test] = predict(branch, fit_law(branch, LAWS[0], train).terms)[0][test]
+    ranked = fit_laws(branch, np.ones(len(fold), dtype=bool), laws)
+    measured, before = branch.distal3 / branch.root3, branch.distal0 / branch.root0
+    return BranchSearch(branch, ranked, choose(ranked), in_folds, measured, before, plain, after, flexible)
+
+
+def _gaussian_process(branch: Branch, train: np.ndarray, test: np.ndarray) -> np.ndarray:
+    """Predict FFR from the simulated outputs by a Gaussian process, a reference for what the pairs can tell."""
+    from sklearn.exceptions import ConvergenceWarning
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
+
+    inputs = np.column_stack([branch.flow0, branch.distal0 / branch.root0, branch.root0])
+    inputs = inputs[:, inputs[train].std(axis=0) > CONSTANT * np.abs(inputs[train]).max(axis=0)]
+    target = branch.distal3 / branch.root3
+    if inputs.shape[1] == 0:
+        return np.full(int(test.sum()), target[train].mean())
+    inputs = (inputs - inputs[train].mean(axis=0)) / inputs[train].std(axis=0)
+    kernel = ConstantKernel(10.0, (1e-2, 1e8)) * RBF(np.full(inputs.shape[1], 5.0), (1e-1, 1e3)) + WhiteKernel(
+        1e-3, (1e-10, 1.0)
+    )
+    process = GaussianProcessRegressor(kernel, normalize_y=True)
+    some = np.flatnonzero(train)[:MOST_FLEXIBLE]
+    with warnings.catch_warnings():
+        # A bound reached or an early stop of the optimiser makes the reference only slightly worse.
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        process.fit(inputs[some], target[some])
+    return process.predict(inputs[test])

@@ -1,0 +1,160 @@
+"""Effects act on the network as the others left it, and on what is measured: by their formulas, in any order."""
+
+import copy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from coronaryuq.bench.discrepancy.open_loop_tree import PERIOD, left_coronary, pressures
+from coronaryuq.core import units
+from coronaryuq.discrepancy.data.apply_condition import apply_condition, period_of
+from coronaryuq.discrepancy.data.conditions import Condition
+from coronaryuq.discrepancy.data.measurements import Measured
+from coronaryuq.discrepancy.forward.network_values import with_values
+from coronaryuq.discrepancy.forward.predict import Forward
+from coronaryuq.discrepancy.inference.read_problem import make_problem
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.base import ConditionState
+from coronaryuq.zerod.effects.intramyocardial import ventricular_pressure
+from coronaryuq.zerod.effects.library import effect
+from support.hypotheses import assume
+
+REST = Condition("rest")
+HYPERAEMIA = Condition("hyperaemia", coronary_resistance_scale=0.3)
+PIM, DELAY = (effect("intramyocardial_pressure"), "all beds"), (effect("intramyocardial_delay"), "all beds")
+
+
+def waveform(condition, quantity, place, points=40):
+    time = (np.arange(points) + 0.5) / points * PERIOD
+    return Measured(condition.name, quantity, place, "waveform", time, PERIOD, np.ones(points), np.ones(points))
+
+
+def mean(condition, quantity, place, value=1.0):
+    return Measured(condition.name, quantity, place, "mean", None, PERIOD, np.array([value]), np.ones(1))
+
+
+def model(network=None, measured=None, second=HYPERAEMIA) -> Forward:
+    measured = measured or [waveform(one, "flow", "lad:BC_lad") for one in (REST, second)]
+    conditions = {one.name: one for one in (REST, second)}
+    return make_problem(network or left_coronary(), conditions, measured, Settings()).forward
+
+
+def predicted(forward, effects=(), *sizes):
+    return forward.predict(np.array([0.0] * len(forward.nuisances) + list(sizes)), assume(*effects))[0]
+
+
+def test_two_effects_on_one_waveform_both_act():
+    forward = model()
+    both = predicted(forward, [PIM, DELAY], -1.0, 1.0)
+    alone = predicted(forward, [PIM], -1.0), predicted(forward, [DELAY], 1.0)
+    assert all(np.abs(both - one).max() > 0.1 for one in alone)
+    assert predicted(forward, [DELAY, PIM], 1.0, -1.0) == pytest.approx(both, abs=1e-12)
+
+
+def test_the_second_effect_acts_on_the_network_changed_by_the_first():
+    forward = model()
+    table, network = forward.condition_changes("rest", np.array([0.0] * len(forward.nuisances) + [1.0]), assume(DELAY))
+    written = model(with_values(network, table))
+    both = predicted(forward, [PIM, DELAY], -1.0, 1.0)[:40]
+    assert both == pytest.approx(predicted(written, [PIM], -1.0)[:40], abs=2e-3)
+
+
+def test_two_additions_to_one_parameter_are_summed():
+    """Back pressure at all beds and at one bed; friction of a stenosis and of a narrowing."""
+    forward = model()
+
+    def change(effects, name, present):
+        z = np.zeros(len(forward.nuisances) + sum(len(one.parameters) for one, _ in effects))
+        return forward.condition_changes("rest", z, assume(*effects))[0].get(name, present) - present
+
+    back = [(effect("back_pressure"), place) for place in ("all beds", "BC_lad")]
+    friction = [(effect(name), "lad_proximal") for name in ("stenosis_with_friction", "diffuse_narrowing")]
+    vessel = next(v for v in forward.network["vessels"] if v["vessel_name"] == "lad_proximal")
+    vessel["zero_d_element_values"].pop("C", None)
+    forward = model(forward.network)
+    linear = vessel["zero_d_element_values"]["R_poiseuille"]
+    for both, name, present in (
+        (back, "BC_lad.P_v", 5.0 * units.MMHG),
+        (friction, "lad_proximal.R_poiseuille", linear),
+    ):
+        each = [change([one], name, present) for one in both]
+        assert min(each) > 0.0 and change(both, name, present) == pytest.approx(sum(each))
+
+
+def test_intramyocardial_pressure_does_not_depend_on_the_time_grid():
+    uneven = copy.deepcopy(left_coronary())
+    for block in uneven["boundary_conditions"]:
+        if block["bc_type"] == "CORONARY":
+            values = block["bc_values"]
+            time = np.asarray(values["t"])
+            other = time[-1] * np.linspace(0.0, 1.0, 400) ** 2
+            values["Pim"], values["t"] = np.interp(other, time, values["Pim"]).tolist(), other.tolist()
+    for size in (1e-6, 0.5):
+        even = predicted(model(), [PIM], size)
+        assert predicted(model(uneven), [PIM], size) == pytest.approx(even, abs=0.01 * np.abs(even).max())
+
+
+@pytest.mark.parametrize("recorded_over", [1.0, 0.7])
+def test_ventricular_pressure_is_stretched_to_the_period_of_the_condition(recorded_over):
+    """Whether the drives beside a `period_scale` are of the network's beat or, already, of the condition's."""
+    time, aortic, ventricular = pressures()
+    own = recorded_over * time
+    faster = Condition("pacing", period_scale=0.7, drive={"AORTA": (own, aortic), "LV": (own, ventricular)})
+    network = left_coronary()
+    period = period_of(apply_condition(network, faster))
+    situation = ConditionState(1.0, period, {}, {}, faster.covariates)
+    at = np.linspace(0.0, period, 50, endpoint=False)
+    assert period == pytest.approx(0.7 * PERIOD)
+    expected = np.interp(at / 0.7, time, ventricular)
+    assert ventricular_pressure(at, Anatomy(network), situation, np.zeros(50)) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("name", "quantity"), [("pressure_delay", "pressure"), ("flow_delay", "flow")])
+def test_a_delay_shifts_the_simulated_waveform_and_not_the_readings(name, quantity):
+    few = waveform(REST, quantity, "lad:BC_lad", 8)
+    late = replace(few, time=few.time - 0.05)
+    size = effect(name).parameters[0].to_standard(0.05)
+    delayed = predicted(model(measured=[few]), [(effect(name), "lad:BC_lad")], size)
+    assert delayed == pytest.approx(predicted(model(measured=[late])), rel=1e-9)
+    assert np.abs(delayed - predicted(model(measured=[few]))).max() > 0.02 * np.abs(delayed).max()
+
+
+def test_a_delay_in_seconds_does_not_depend_on_the_heart_rate():
+    pacing, shorter = Condition("pacing", period_scale=0.6), 0.6 * PERIOD
+    slow = waveform(REST, "flow", "lad:BC_lad")
+    fast = replace(slow, condition="pacing", time=0.6 * slow.time, period=shorter)
+    both = model(measured=[slow, fast], second=pacing)
+    late = [replace(one, time=(one.time - 0.05) % one.period) for one in (slow, fast)]
+    size = effect("flow_delay").parameters[0].to_standard(0.05)
+    delayed = predicted(both, [(effect("flow_delay"), "lad:BC_lad")], size)
+    assert delayed == pytest.approx(predicted(replace(both, measured=late)), rel=1e-9)
+
+
+def test_a_ratio_uses_the_root_pressure_after_the_root_was_renamed():
+    """A loss at the root, which stores blood, is put ahead of it: FFR is over the pressure before that loss."""
+    forward = model(measured=[mean(REST, "ratio", "lad:BC_lad")])
+    loss = (effect("ostial_loss"), "left_main")
+    plain, lost = predicted(forward), predicted(forward, [loss], 1.0)
+    share = float(effect("ostial_loss").parameters[0].from_standard(1.0))
+    assert 0.9 < plain[0] < 1.0 and plain[0] - lost[0] == pytest.approx(share, rel=0.6)
+
+
+def test_errors_of_a_pressure_wire_act_on_its_ratio():
+    forward = model(measured=[mean(one, "ratio", "lad:BC_lad") for one in (REST, HYPERAEMIA)])
+    plain = predicted(forward)
+    gain = effect("pressure_gain").parameters[0].to_standard(0.05)
+    assert predicted(forward, [(effect("pressure_gain"), "lad:BC_lad")], gain) == pytest.approx(1.05 * plain)
+    offset = predicted(forward, [(effect("pressure_offset"), "lad:BC_lad")], 1.0) - plain
+    assert offset[0] == pytest.approx(offset[1]) and offset[0] > 0.05
+
+
+def test_tissue_masses_do_not_depend_on_held_out_data():
+    hidden = Condition("hyperaemia", coronary_resistance_scale=0.3, held_out=True)
+    masses = []
+    for first in (2.0, 4.0):
+        measured = [mean(hidden, "perfusion", "BC_lad", first), mean(REST, "perfusion", "BC_lad", 1.0)]
+        problem = make_problem(left_coronary(), {"hyperaemia": hidden, "rest": REST}, measured, Settings())
+        masses.append(problem.forward.masses["BC_lad"])
+    assert masses[0] == masses[1]

@@ -1,0 +1,111 @@
+"""What a network may be, its numbers and waveforms, and a state carried over to one with added elements."""
+
+import numpy as np
+import pytest
+
+from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.bench.discrepancy.open_loop_tree import left_coronary
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.units import MBF_PER_MIN_PER_G
+from coronaryuq.discrepancy.data.measurements import Measured
+from coronaryuq.discrepancy.forward.network_values import carry_over, sampled
+from coronaryuq.discrepancy.hidden.experiment import loop_conditions
+from coronaryuq.discrepancy.inference.read_problem import _mass, check_searchable, locations, make_problem
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.base import WAVE_POINTS
+from coronaryuq.zerod.effects.intramyocardial import waveform
+from coronaryuq.zerod.network.read import read_network
+
+NAMES = ["pressure:A:v", "flow:A:v", "pressure:v:BED", "flow:v:BED", "other"]
+STATE = np.array([90.0, 4.0, 80.0, 3.0, 7.0])
+RENAMED = {"v:BED": "v_tag:BED"}
+"""A stub put behind the vessel v, ahead of its bed."""
+
+
+def test_known_values_are_kept_under_their_new_names():
+    found = carry_over(NAMES, STATE, ["flow:A:v", "pressure:v_tag:BED", "flow:v_tag:BED", "other"], RENAMED)
+    assert found.tolist() == [4.0, 80.0, 3.0, 7.0]
+
+
+def test_added_vessels_start_at_the_pressure_of_their_neighbours_without_flow():
+    # Asked for from the far end: x hangs on y, y on the junction J, J on the end of v.
+    wanted = ["pressure:x:END", "pressure:y:x", "pressure:J:y", "flow:J:y", "pressure:v:J", "pressure:A:v"]
+    found = carry_over(NAMES, STATE, [*wanted, "pressure:far:away"], RENAMED)
+    assert found.tolist() == [80.0, 80.0, 80.0, 0.0, 80.0, 90.0, 0.0]
+
+
+def _rename(network, part, key, name):
+    network[part][-1][key] = name
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda n: n.pop("vessels"), "vessels: missing"),
+        (
+            lambda n: _rename(n, "vessels", "vessel_name", "la:d"),
+            "vessels.vessel_name = 'la:d': want a name without : ~ <",
+        ),
+        (lambda n: _rename(n, "boundary_conditions", "bc_name", "BC<1"), "boundary_conditions.bc_name = 'BC<1'"),
+        (lambda n: _rename(n, "junctions", "junction_name", "J~1"), "junctions.junction_name = 'J~1'"),
+        (
+            lambda n: n["vessels"][2].update(
+                zero_d_element_type="BloodVesselRC", zero_d_element_values={"Rpd": 1, "Cp": 1}
+            ),
+            "lad = 'BloodVesselRC': no effect is written for it",
+        ),
+        (
+            lambda n: n.update(external_solver_coupling_blocks=[{"name": "IN"}]),
+            "external_solver_coupling_blocks.IN: driven by another solver",
+        ),
+    ],
+)
+def test_networks_that_cannot_be_searched_are_rejected(change, said):
+    network = left_coronary()
+    check_searchable(network, "n.json")
+    change(network)
+    with pytest.raises(InputError) as caught:
+        check_searchable(network, "n.json")
+    assert str(caught.value).startswith(f"n.json: {said}")
+
+
+def test_a_waveform_of_one_value_is_constant():
+    network = left_coronary()
+    network["boundary_conditions"][1]["bc_values"]["Pim"] = [12.0]
+    assert sampled(network, "BC_lad.Pim").tolist() == [12.0] * WAVE_POINTS
+    assert waveform(network, "BC_lad", 0.85)[1].tolist() == [12.0] * WAVE_POINTS
+
+
+@pytest.mark.parametrize(
+    ("rest", "hyperaemia", "expected"),
+    [((0.2, 0.3), (2.4, 0.3), "hyperaemia"), ((0.4, 0.3), (2.4, 0.3), "rest"), ((0.0, 0.3), (0.1, 0.5), "hyperaemia")],
+)
+def test_the_tissue_mass_is_set_by_the_perfusion_with_the_least_relative_noise(rest, hyperaemia, expected):
+    experiment = open_loop()
+    network, conditions = experiment.network, experiment.conditions
+    anatomy = Anatomy(network)
+    anatomy.flow = dict.fromkeys(anatomy.vessels, 1.0)
+    read = {"rest": rest, "hyperaemia": hyperaemia}
+    measured = [
+        Measured(name, "perfusion", "BC_lad", "mean", None, 0.85, *(np.array([x * MBF_PER_MIN_PER_G]) for x in pair))
+        for name, pair in read.items()
+    ]
+    flow = anatomy.flow_scale("lad") / conditions[expected].coronary_resistance_scale
+    found = _mass("BC_lad", conditions, measured, anatomy)
+    assert found == pytest.approx(flow / (max(read[expected]) * MBF_PER_MIN_PER_G))
+
+
+def test_every_known_location_can_be_measured(shared):
+    """Heart and beds have unknowns of their own, and the heart's junctions are places as others are."""
+    network = read_network(shared / "data" / "svzerod-cases" / "closedLoopHeart_withCoronaries.json")
+    conditions = {"rest": loop_conditions()["rest"]}
+    offered = locations(network)
+    assert any(name.endswith(":CLH") for name in offered["flow"])
+    measured = [
+        Measured("rest", quantity, place, "mean", None, 1.0, np.ones(1), np.ones(1))
+        for quantity in ("flow", "pressure", "volume")
+        for place in offered[quantity]
+    ]
+    forward = make_problem(network, conditions, measured, Settings(steps_per_cycle=100)).forward
+    assert np.isfinite(forward.predict(np.zeros(len(forward.nuisances)))).all()

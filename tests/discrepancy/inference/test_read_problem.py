@@ -1,0 +1,102 @@
+"""A problem is read from files; measurements that the model cannot explain at all are rejected."""
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+from coronaryuq.cli import main
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.atomic import write_json
+from coronaryuq.discrepancy.data.conditions import read_conditions
+from coronaryuq.discrepancy.inference.read_problem import read_problem
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.zerod.network.read import read_network
+
+
+def test_a_single_condition_is_rejected(error_of):
+    message = error_of(lambda t: t[t.condition == "rest"])
+    assert "one condition only" in message
+
+
+def test_an_absurd_value_is_rejected(error_of):
+    def change(table):
+        table.loc[7, "value"] = 1e30
+        return table
+
+    message = error_of(change)
+    assert "rest/flow/AORTA:left_main/waveform, t = " in message and "see the number and its unit" in message
+
+
+@pytest.mark.parametrize(
+    ("quantity", "factor", "times"), [("flow", 30.0, "30.4"), ("flow", 1 / 60, "0.01"), ("pressure", 7.5, "7.")]
+)
+def test_values_in_another_unit_than_stated_are_rejected(error_of, quantity, factor, times):
+    message = error_of(lambda t: t.assign(value=np.where(t.quantity == quantity, factor * t.value, t.value)))
+    assert f"{quantity}: value = {times}" in message and "see the units of both" in message
+
+
+def test_flows_of_opposite_sign_are_rejected(error_of):
+    def turned(table):
+        return table.assign(value=np.where(table.quantity == "flow", -table.value, table.value))
+
+    message = error_of(turned)
+    assert "flow: value = -" in message and "see their signs" in message
+
+
+def test_a_network_in_another_unit_than_detected_is_rejected(stenosis_case, tmp_path, capsys):
+    folder = stenosis_case[0]
+    network = read_network(folder / "model.json")
+    for block in network["boundary_conditions"]:
+        for name in ("P", "Pim", "P_v", "Pd"):
+            if name in block["bc_values"]:
+                block["bc_values"][name] = (np.asarray(block["bc_values"][name]) / 10.0).tolist()
+    write_json(tmp_path / "model.json", network)
+    words = ["--model", tmp_path / "model.json", "--measurements", folder / "measurements.csv"]
+    words += ["--conditions", folder / "conditions.yaml", "--out", tmp_path / "out"]
+    assert main.main(["discrepancy", *map(str, words)]) == InputError.EXIT_CODE
+    line = capsys.readouterr().err
+    assert (
+        f"{tmp_path / 'model.json'}: pressure_unit = " in line
+        and "if the network is in dyn/cm2" in line
+        and line.count("\n") == 1
+    )
+
+
+def _in_the_lcx(table):
+    return (table.quantity == "flow") & (table.location == "lcx:BC_lcx")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda t: t.assign(value=np.where(_in_the_lcx(t), 1e-3 * t.value, t.value)),
+        lambda t: t.assign(value=np.where((t.quantity == "perfusion") & (t.condition == "rest"), 0.0, t.value)),
+        lambda t: t.assign(value=np.where(t.quantity == "pressure", 0.22 * t.value, t.value)),
+    ],
+    ids=["a vessel all but closed", "a bed without perfusion at rest", "behind a tight stenosis"],
+)
+def test_extreme_but_possible_measurements_are_accepted(stenosis_case, tmp_path, change):
+    folder = stenosis_case[0]
+    change(pd.read_csv(folder / "measurements.csv")).to_csv(tmp_path / "m.csv", index=False)
+    conditions = read_conditions(folder / "conditions.yaml")
+    problem = read_problem(read_network(folder / "model.json"), tmp_path / "m.csv", conditions, "c", Settings())
+    assert np.isfinite(problem.y).all()
+
+
+def test_means_that_set_a_free_parameter_cannot_also_verify_it(stenosis_case, tmp_path):
+    folder = stenosis_case[0]
+    table = pd.read_csv(folder / "measurements.csv")
+    table[table.statistic == "mean"].to_csv(tmp_path / "m.csv", index=False)
+    content = yaml.safe_load((folder / "conditions.yaml").read_text())
+    for name, entry in content.items():
+        content[name] = entry | ({"free": ["coronary_resistance_scale"]} if entry.get("held_out") else {})
+    (tmp_path / "c.yaml").write_text(yaml.safe_dump(content))
+    with pytest.raises(InputError, match="nothing is left to verify on"):
+        read_problem(
+            read_network(folder / "model.json"),
+            tmp_path / "m.csv",
+            read_conditions(tmp_path / "c.yaml"),
+            tmp_path / "c.yaml",
+            Settings(),
+        )

@@ -1,0 +1,113 @@
+"""The repaired model reproduces the fit, can be searched as it is, and its changes are listed completely."""
+
+import numpy as np
+import pytest
+
+from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.discrepancy.data.apply_condition import apply_condition, period_of
+from coronaryuq.discrepancy.data.conditions import read_conditions, write_conditions
+from coronaryuq.discrepancy.data.measurements import Measured
+from coronaryuq.discrepancy.hidden.experiment import loop_conditions
+from coronaryuq.discrepancy.inference.gauss_newton import Fit
+from coronaryuq.discrepancy.inference.read_problem import make_problem, read_problem
+from coronaryuq.discrepancy.result.repair import repaired, repaired_conditions, repaired_network, value_changes
+from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.network.read import read_network
+from support.hypotheses import assume
+
+
+def test_a_regurgitant_aortic_valve_is_written_and_read(shared, tmp_path):
+    network = read_network(shared / "data" / "svzerod-cases" / "closedLoopHeart_withCoronaries.json")
+    anatomy = Anatomy(network)
+    place = anatomy.inlet(anatomy.roots[0])
+    conditions = dict(list(loop_conditions().items())[:2])
+    measured = [Measured(name, "pressure", place, "mean", None, 1.0, np.ones(1), np.ones(1)) for name in conditions]
+    forward = make_problem(network, conditions, measured, Settings(steps_per_cycle=100)).forward
+    leak = ("aortic_regurgitation", "aortic valve")
+    z = np.append(np.zeros(len(forward.nuisances)), 1.0)
+    repaired(forward, assume(leak), Fit(z, np.zeros(1), np.zeros((1, len(z))))).write(tmp_path)
+    assert "CLH.Gao_leak: added, " in (tmp_path / "difference.txt").read_text()
+    again = read_network(tmp_path / "repaired.json")
+    written = read_conditions(tmp_path / "conditions.yaml")
+    read = make_problem(again, written, measured, Settings(steps_per_cycle=100)).forward
+    expected = forward.predict(z, assume(leak))[0]
+    assert read.predict(np.zeros(len(read.nuisances)))[0] == pytest.approx(expected, rel=2e-3)
+    assert np.abs(expected / forward.predict(z[:-1])[0] - 1.0).max() > 0.005
+
+
+def test_measurements_have_the_locations_of_the_repaired_network(tmp_path):
+    """A loss ahead of a vessel that stores blood, and a leak before its bed, rename two locations."""
+    experiment = open_loop()
+    network, conditions = experiment.network, experiment.conditions
+    anatomy = Anatomy(network)
+    bed, vessel = next(iter(anatomy.beds.items()))
+    values = next(v for v in network["vessels"] if v["vessel_name"] == vessel)["zero_d_element_values"]
+    values["C"] = max(values.get("C", 0.0), 1e-7)
+    names = {anatomy.inlet(vessel): f"{anatomy.upstream[vessel]}:{vessel}_loss"}
+    names |= {f"{vessel}:{bed}": f"{vessel}_leak:{bed}"}
+    periods = {name: period_of(apply_condition(network, condition)) for name, condition in conditions.items()}
+    phase = (np.arange(20) + 0.3) / 20
+    measured = [
+        Measured(name, quantity, place, statistic, time, period, np.ones(k), np.full(k, 0.1))
+        for name, period in periods.items()
+        for place in names
+        for quantity, statistic, time, k in (("pressure", "waveform", phase * period, 20), ("flow", "mean", None, 1))
+    ]
+    measured += [
+        Measured(name, "perfusion", bed, "mean", None, t, np.ones(1), np.full(1, 0.1)) for name, t in periods.items()
+    ]
+    forward = make_problem(network, conditions, measured, Settings()).forward
+    acting = assume(("quadratic_stenosis", vessel), ("side_branch_leak", vessel))
+    z = np.append(np.zeros(len(forward.nuisances)), [0.5, 0.5])
+    expected = forward.predict(z, acting)[0]
+    for one, predicted in zip(forward.measured, forward.split(expected[None, :]), strict=True):
+        one.value[:] = predicted[0]
+    repaired(forward, acting, Fit(z, np.zeros(1), np.zeros((1, len(z))))).write(tmp_path)
+    difference = (tmp_path / "difference.txt").read_text()
+    assert "the network: dyn/cm2, mL, s)" in difference
+    assert all(f"\n  {old} -> {new}\n" in difference for old, new in names.items())
+    written = read_conditions(tmp_path / "conditions.yaml")
+    files = tmp_path / "measurements.csv", written, tmp_path / "conditions.yaml"
+    again = read_problem(read_network(tmp_path / "repaired.json"), *files, Settings())
+    series = [(one.condition, one.quantity, names.get(one.location, one.location)) for one in measured]
+    assert [(one.condition, one.quantity, one.location) for one in again.forward.measured] == series
+    assert again.y == pytest.approx(expected, rel=1e-12)
+    assert again.forward.predict(np.zeros(again.count))[0] == pytest.approx(expected, rel=2e-3)
+
+
+def test_added_and_removed_values_are_listed():
+    """As when CORONARY_VAR_RES replaces CORONARY."""
+    old = {"Ra1": 1.0, "Ra2": 3.0, "Pim": [0.0, 1.0], "t": [0.0, 1.0]}
+    new = {"Ra1": 2.0, "Ra2_min": 4.0, "Pim": [0.0, 1.5, 2.0], "t": [0.0, 1.0], "e": [1.0, 1.0]}
+    assert value_changes("BC", old, new) == [
+        "  BC.Ra1: 1 -> 2",
+        "  BC.Ra2_min: added, 4",
+        "  BC.Pim: waveform replaced",
+        "  BC.e: added, a waveform",
+        "  BC.Ra2: removed, was 3",
+    ]
+    assert value_changes("BC", old, dict(old)) == []
+
+
+def test_repaired_files_reproduce_the_fitted_predictions(stenosis_case, tmp_path):
+    """The repaired network under the repaired conditions, without effects, predicts what the fit predicts."""
+    folder, truth = stenosis_case
+    conditions = read_conditions(folder / "conditions.yaml")
+    table = folder / "measurements.csv"
+    problem = read_problem(read_network(folder / "model.json"), table, conditions, "c", Settings())
+    forward = problem.forward
+    for acting in (
+        truth.hypothesis,
+        assume(("intramyocardial_pressure", "all beds")),
+        assume(("autoregulation", "all beds")),
+    ):
+        z = np.full(problem.count + 1, 0.4)
+        z[[i for i, n in enumerate(forward.nuisances) if n.mass]] = 0.0
+        wanted = forward.predict(z, acting)[0]
+        network = repaired_network(forward, acting, z)
+        write_conditions(tmp_path, *repaired_conditions(forward, acting, z))
+        again = read_conditions(tmp_path / "conditions.yaml")
+        repaired = read_problem(network, table, again, "c", Settings())
+        repaired.forward.masses = forward.masses
+        assert repaired.forward.predict(np.zeros(repaired.count))[0] == pytest.approx(wanted, rel=3e-3)
