@@ -30,6 +30,7 @@ test: env
 
 lint: env
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/snakefmt --check Snakefile workflow && $(BIN)/lint-imports
+	@$(BIN)/snakemake --lint --configfile config/smoke.yaml
 
 dry-run: env
 	@for config in config/*.yaml; do echo "== $$config"; \

@@ -5,8 +5,8 @@
 #   snakemake paper_table --profile workflow/profiles/default --configfile config/laptop.yaml
 #   snakemake mesh_study --profile workflow/profiles/default --configfile config/laptop.yaml   error of its mesh
 #   snakemake paper_figures ...   figures 3, 4, 5 and 7 of the published runs, with paper_table
-#   snakemake paper_convergence_figure ...   their convergence study;   snakemake coverage ...   the intervals' coverage
-#   snakemake discrepancy --profile workflow/profiles/default --configfile config/laptop.yaml  what the model is missing
+#   snakemake paper_convergence_figure ...   their convergence study;   snakemake coverage ...   coverage of the intervals
+#   snakemake discrepancy --profile workflow/profiles/default --configfile config/laptop.yaml  what the model lacks
 #   snakemake discrepancy_benchmark ...   how often the search for it is right
 
 from snakemake.utils import min_version
@@ -24,6 +24,7 @@ include: "workflow/rules/zerod.smk"
 include: "workflow/rules/estimation.smk"
 include: "workflow/rules/discrepancy.smk"
 include: "workflow/rules/report.smk"
+include: "workflow/rules/paper.smk"
 
 
 localrules:

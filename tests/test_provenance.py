@@ -1,49 +1,57 @@
-"""A result's sources are all the files it could depend on, and no others."""
+"""The digest of the code behind a result covers all that computes, and nothing else."""
 
 import ast
 from pathlib import Path
 
 import pytest
 
-import coronaryuq
 from coronaryuq.core import provenance
 
-PACKAGE = Path(coronaryuq.__file__).parent
+ROOT = Path(provenance.__file__).parents[1]
 
 
-def names(*modules):
-    return {path.relative_to(PACKAGE).as_posix() for path in provenance.sources(*modules)}
+def test_the_closure_follows_imports_and_packages():
+    found = set(provenance.closure("coronaryuq.core.records"))
+    assert {"coronaryuq", "coronaryuq.core", "coronaryuq.core.records", "coronaryuq.core.errors"} <= found
+    assert "coronaryuq.core.seeds" not in found
 
 
-def test_sources_follow_imports_to_the_ground():
-    found = names("coronaryuq.core.records")
-    assert {"__init__.py", "core/records.py", "core/errors.py", "core/io/atomic.py"} <= found
+def test_imports_inside_functions_count_and_those_for_type_checking_do_not():
+    assert "coronaryuq.core.records" in provenance.closure("coronaryuq.cli.explain")
+    assert "coronaryuq.core.io.tables" not in provenance.closure("coronaryuq.core.units")
 
 
-def test_sources_leave_out_what_is_not_imported():
-    assert "core/seeds.py" not in names("coronaryuq.core.records")
-
-
-def test_imports_are_those_that_the_whole_file_parsed_gives():
-    files = sorted(PACKAGE.rglob("*.py"))
-    assert len(files) > 200
-    for path in files:
-        assert set(provenance._imported(path)) == set(provenance._names(ast.parse(path.read_text()))), path
+def test_a_module_that_does_not_exist_is_refused():
+    with pytest.raises(ValueError, match="no module coronaryuq.nowhere"):
+        provenance.closure("coronaryuq.nowhere")
 
 
 @pytest.mark.parametrize(
-    ("text", "found"),
+    ("text", "same"),
     [
-        ("from coronaryuq.a import (  # why (not)\n    b,\n)\n", {"coronaryuq.a", "coronaryuq.a.b"}),
-        ("def f():\n    import coronaryuq.a as x, coronaryuq.b\n", {"coronaryuq.a", "coronaryuq.b"}),
-        ("from coronaryuq import a, \\\n    b\n", {"coronaryuq", "coronaryuq.a", "coronaryuq.b"}),
-        ("from . import a\nimport numpy\n", set()),
+        ('"""Other words."""\n\n\ndef f(x):\n    # why\n    return x + 1\n', True),
+        ('def f(x):\n    """Return more."""\n\n    return (x + 1)\n', True),
+        ("def f(x):\n    return x + 2\n", False),
+        ("def f(x):\n    return 'x + 1'\n", False),
+        ("def f(x=1):\n    return x + 1\n", False),
     ],
 )
-def test_imports_written_in_other_ways(tmp_path, text, found):
-    path = tmp_path / "module.py"
-    path.write_text(text)
-    assert set(provenance._imported(path)) == found
+def test_only_what_computes_changes_the_digest(tmp_path, text, same):
+    first, second = tmp_path / "first.py", tmp_path / "second.py"
+    first.write_text('"""Words."""\n\ndef f(x):\n    """Return one more."""\n    return x + 1\n')
+    second.write_text(text)
+    assert (provenance.syntax_digest(first) == provenance.syntax_digest(second)) == same
+
+
+def test_the_digest_covers_templates_beside_the_modules():
+    templates = {path.name for path in provenance.data_files("coronaryuq.report.page")}
+    assert {"template.html", "style.css"} <= templates
+
+
+def test_every_module_can_be_digested():
+    for path in sorted(ROOT.rglob("*.py")):
+        ast.parse(path.read_text())
+        assert len(provenance.syntax_digest(path)) == 64
 
 
 def test_digest_does_not_depend_on_key_order():

@@ -40,6 +40,18 @@ class Samples(BaseModel):
     chunk_realisations: int = Field(500, ge=1, description="Noisy perfusion realisations per job.")
 
 
+class Report(BaseModel):
+    """What the report contains beside the campaign's own results."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    mesh_study: bool = Field(
+        False,
+        description="run the mesh study and quote its numerical errors in the report; it costs about three batches of "
+        "3D runs on a finer mesh",
+    )
+
+
 class Campaign(BaseModel):
     """One campaign: a patient, a seed, and a block of settings for each stage."""
 
@@ -74,6 +86,7 @@ class Campaign(BaseModel):
     discrepancy: DiscrepancySettings = Field(
         default_factory=DiscrepancySettings, description="Search for effects that the model is missing."
     )
+    report: Report = Field(default_factory=Report, description="contents of the report")
 
 
 def load(path: str | Path) -> Campaign:

@@ -1,4 +1,4 @@
-"""A copy of the workflow in a temporary folder, to ask what Snakemake would do there."""
+"""Copy of the workflow in a temporary folder, to ask what Snakemake would do there."""
 
 import os
 import re
@@ -13,31 +13,49 @@ import yaml
 ROOT = Path(__file__).parents[2]
 EMPTY_OUTPUTS = """
 import os, pathlib, sys
+rule = snakemake.rule if "snakemake" in globals() else sys.argv[sys.argv.index("--name") + 1]
 with open(os.environ["JOBS_THAT_RAN"], "a") as jobs:
-    jobs.write((snakemake.rule if "snakemake" in globals() else "posterior_chains") + chr(10))
+    jobs.write(rule + chr(10))
 if "snakemake" in globals():
     outputs = list(snakemake.output)
 else:
-    outputs = [word.split("=", 1)[1] for word in sys.argv if word.startswith("chains=")]
+    words = sys.argv[sys.argv.index("--output") + 1 : sys.argv.index("--params")]
+    outputs = [word.split("=", 1)[1] for word in words]
 for output in map(pathlib.Path, outputs):
     if output.suffix:
         output.write_text("")
     else:
         output.mkdir(exist_ok=True)
 """
+"""In place of stage.py: notes the rule and makes its outputs, empty."""
 
 
-def scripts_at_work(folder: Path, name: str) -> list[int]:
-    """Python processes that run a script for a campaign in a folder, MPI ranks and jobs of SLURM included."""
-    found = []
-    for process in Path("/proc").glob("[0-9]*"):
+def jobs_at_work(folder: Path, rule: str) -> list[int]:
+    """Return the Python processes that run jobs of a rule for a campaign in a folder, MPI ranks and SLURM jobs too."""
+    processes = {}
+    for path in Path("/proc").glob("[0-9]*"):
         try:
-            line = (process / "cmdline").read_bytes().decode(errors="replace")
-            python = Path(os.readlink(process / "exe")).name.startswith("python")
+            line = (path / "cmdline").read_bytes().decode(errors="replace").split("\0")
+            parent = int((path / "stat").read_text().rpartition(")")[2].split()[1])
+            python = Path(os.readlink(path / "exe")).name.startswith("python")
         except OSError:
             continue
-        if python and str(folder) in line and f"{name}.py" in line:
-            found.append(int(process.name))
+        processes[int(path.name)] = (parent, line, python)
+
+    def of_rule(pid: int) -> bool:
+        """Whether the process, or one that started it, was told to run the rule."""
+        while pid in processes:
+            parent, line, _ = processes[pid]
+            if rule in line or any(word.startswith(f"{rule}:") for word in line):
+                return True
+            pid = parent
+        return False
+
+    found = []
+    for pid, (_, line, python) in processes.items():
+        script = python and any(word.endswith("stage.py") for word in line) and str(folder) in " ".join(line)
+        if script and of_rule(pid):
+            found.append(pid)
     return sorted(found)
 
 
@@ -76,16 +94,22 @@ class Checkout:
         return Counter(re.findall(r"^(?:local)?(?:rule|checkpoint) (\w+):", done.stdout + done.stderr, re.MULTILINE))
 
     def pretend_done(self, own: dict[str, str] | None = None) -> Counter:
-        """Run the campaign with scripts that only make empty outputs, so that Snakemake's own records are real.
+        """Run the campaign with jobs that only make empty outputs, so that Snakemake's own records are real.
 
-        own: scripts that do something else. Returns the jobs that ran, per rule: those whose results came from a cache
-        are not among them.
+        own: scripts of rules that do something else. Returns the jobs that ran, per rule, without those whose results
+        came from a cache.
         """
-        for path in (self.folder / "workflow" / "scripts").glob("*.py"):
-            path.write_text((own or {}).get(path.name, EMPTY_OUTPUTS))
+        self.replace_jobs(own)
         done = self.run()
         assert done.returncode == 0, done.stdout + done.stderr
         return Counter((self.folder / "jobs_that_ran").read_text().split())
+
+    def replace_jobs(self, own: dict[str, str] | None = None) -> None:
+        """Replace the script of all jobs by one that makes empty outputs, or by that of `own` for some rules."""
+        script = EMPTY_OUTPUTS
+        for rule, text in (own or {}).items():
+            script += f"if rule == {rule!r}:\n    exec({text!r})\n"
+        (self.folder / "workflow" / "scripts" / "stage.py").write_text(script)
 
     def small_case(self) -> str:
         """Write a case of five vessels beside the workflow; its path, as the configuration names it."""
@@ -94,7 +118,7 @@ class Checkout:
         write_case(self.folder / "given", small_tree())
         return "given/case.yaml"
 
-    def edit(self, module: str) -> None:
-        """Add a harmless line to a source file."""
+    def edit(self, module: str, line: str = "EDITED = True") -> None:
+        """Add a line to a source file."""
         with open(self.folder / "src" / "coronaryuq" / module, "a") as file:
-            file.write("\nEDITED = True\n")
+            file.write(f"\n{line}\n")

@@ -1,4 +1,4 @@
-"""The paper's campaign at its full fan-out, with recorded results in the place of what computes: run by hand.
+"""The paper's campaign at its full fan-out, with recorded results in place of computations: run by hand.
 
     python -m support.rehearsal results/smoke FOLDER              all of it on this machine
     python -m support.rehearsal results/smoke FOLDER --slurm 20   up to 20 of its 3D jobs, on a SLURM of its own
@@ -43,11 +43,11 @@ SPENT = (
     "for p in $(grep -lsz ^SLURM_JOB_ID=$SLURM_JOB_ID$ /proc/[0-9]*/environ | cut -d/ -f3); do"
     " cat /proc/$p/stat; done > {record}/spent/$SLURM_JOB_ID 2> {record}/spent/lost || true; "
 )
-"""Takes down the CPU time of what SLURM has started for a job: both Snakemakes."""
+"""Records the CPU time of the processes that SLURM has started for a job: both Snakemakes."""
 
 
 def record(smoke: Path, settings: dict, folder: Path) -> None:
-    """Results of the campaign at its size, each of a finished smoke campaign's kind, under `folder`/results."""
+    """Write results of the campaign at its full size, copied from a finished smoke campaign, to `folder`/results."""
     home = folder / "results" / NAME
     shutil.copytree(smoke, home)
     shutil.copy(next(smoke.glob("provenance/flow3d_batch*.json")), folder / "note.json")
@@ -85,24 +85,32 @@ def _repeat(folder: Path, name: str, count: int, source: Path | None = None) -> 
 
 
 def copying(checkout: Checkout, folder: Path, slurm: bool) -> None:
-    """Put copies of the record in the place of what the rules run."""
-    for path in (checkout.folder / "workflow" / "rules").glob("*.smk"):
-        whole = path.read_text()
-        for script in re.findall(r'\n    script:\n        "../scripts/(\w+)\.py"\n', whole):
-            if script not in IN_EARNEST:
-                launch, spent = "", ""
-                if script == "flow3d_batch":
-                    launch = "{resources.mpi} -n {resources.tasks} true; "
-                    spent = SPENT.format(record=folder.as_posix()) if slurm else ""
-                text = COPY.format(record=folder.as_posix(), name=NAME, launch=launch, spent=spent)
-                whole = whole.replace(f'\n    script:\n        "../scripts/{script}.py"\n', text)
-        path.write_text(whole)
-    (checkout.folder / "workflow" / "scripts" / "posterior_chains.py").write_text(
+    """Replace what the rules run by copies of the record."""
+    workflow = checkout.folder / "workflow"
+    for path in (workflow / "rules").glob("*.smk"):
+        rules = re.split(r"^(?=(?:rule|checkpoint) \w+:)", path.read_text(), flags=re.MULTILINE)
+        path.write_text("".join(_copying(rule, folder, slurm) for rule in rules))
+    (workflow / "scripts" / "chains.py").write_text(
         "import os, shutil, sys\n"
-        "(to,) = [word[7:] for word in sys.argv if word.startswith('chains=')]\n"
+        "(to,) = [word.partition('=')[2] for word in sys.argv if word.startswith('out_npz=')]\n"
+        "(cost,) = [word.partition('=')[2] for word in sys.argv if word.startswith('cost=')]\n"
         "if os.environ.get('PMI_RANK', os.environ.get('SLURM_PROCID', '0')) == '0':\n"
-        f"    shutil.copy({folder.as_posix()!r} + '/' + to, to)\n"
+        f"    for file in (to, cost):\n        shutil.copy({folder.as_posix()!r} + '/' + file, file)\n"
     )
+
+
+def _copying(rule: str, folder: Path, slurm: bool) -> str:
+    """Return the text of a rule that copies its outputs from the record."""
+    name = rule.partition(":")[0].split()[-1] if rule.startswith(("rule", "checkpoint")) else ""
+    if name in IN_EARNEST:
+        return rule
+    launch, spent = "", ""
+    if name == "flow3d_batch":
+        launch = "{resources.mpi} -n {resources.tasks} true; "
+        spent = SPENT.format(record=folder.as_posix()) if slurm else ""
+    text = COPY.format(record=folder.as_posix(), name=NAME, launch=launch, spent=spent)
+    rule = rule.replace('"scripts", "stage.py"', '"scripts", "chains.py"')
+    return rule.replace('\n    script:\n        "../scripts/stage.py"\n', text)
 
 
 def rehearse(smoke: Path, folder: Path, slurm: int | None, cpus: int) -> dict:
@@ -144,7 +152,7 @@ def rehearse(smoke: Path, folder: Path, slurm: int | None, cpus: int) -> dict:
 
 
 def _queue(listed: str) -> dict:
-    """What SLURM says of its jobs: how many, how fast they came, how long they waited and ran."""
+    """Return what SLURM reports of its jobs: how many, how fast they were submitted, how long they waited and ran."""
     jobs = [dict(word.split("=", 1) for word in line.split() if "=" in word) for line in listed.splitlines()]
     jobs = [job for job in jobs if job["JobState"] == "COMPLETED"]
     submitted, started, ended = (
@@ -164,7 +172,7 @@ def _queue(listed: str) -> dict:
 
 
 def _spent(folder: Path) -> dict:
-    """CPU-seconds of what SLURM had started for a job when that came to its work."""
+    """Return the CPU time (s) of the processes that SLURM had started for a job when its work began."""
     spent = []
     for path in folder.glob("[0-9]*"):
         rows = [line.rpartition(")")[2].split() for line in path.read_text().splitlines()]
@@ -173,7 +181,7 @@ def _spent(folder: Path) -> dict:
 
 
 def _site(folder: Path) -> Path:
-    """The profile `slurm` with 96 tasks for a 3D job."""
+    """Write the profile `slurm` with 96 tasks per 3D job; return its folder."""
     profile = yaml.safe_load((ROOT / "workflow" / "profiles" / "slurm" / "config.yaml").read_text())
     profile["set-resources"]["flow3d_batch"] |= {"mpi": "srun", "tasks": 96}
     profile |= {"latency-wait": 20, "slurm-init-seconds-before-status-checks": 1}
@@ -183,7 +191,7 @@ def _site(folder: Path) -> Path:
 
 
 def _run(command: dict) -> dict:
-    """Run Snakemake; its wall time and the CPU time of its own process, jobs left out."""
+    """Run Snakemake; return its wall time and the CPU time of its own process, without its jobs."""
     started, own = time.monotonic(), 0.0
     with subprocess.Popen(**command, stdout=sys.stderr, stderr=sys.stderr) as process:
         while process.poll() is None:

@@ -22,7 +22,7 @@ MEASURED = ("budget.png",)
 """Figures that tell what runs have cost here, which is measured anew every time."""
 COSTS = {*MEASURED, "budget.json", "failures.json", "report.html", ".lock"}
 """Files that hold measured costs."""
-APART = {"logs", "provenance", "chains", "checkpoints"}
+APART = {"logs", "costs", "provenance", "chains", "checkpoints"}
 
 
 def command(folder: Path, *arguments: str, profile: Path | None = None, more: tuple[str, ...] = ()) -> list[str]:

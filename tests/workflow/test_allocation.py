@@ -26,7 +26,7 @@ def growing(tmp_path):
 def test_the_checkpoint_runs_rounds_until_it_is_done(growing):
     jobs = growing.dry_run()
     assert jobs["allocation"] == 1 and jobs["flow3d_batch"] == 2, "the first round is planned, no more is known yet"
-    jobs = growing.pretend_done(own={"allocation.py": DECIDES})
+    jobs = growing.pretend_done(own={"allocation": DECIDES})
     assert jobs["flow3d_batch"] == 3 and growing.dry_run() == {}
     batches = {path.name for path in (growing.folder / "results" / "tiny" / "flow3d").glob("batch_*")}
     assert batches == {"batch_0.jsonl", "batch_1.jsonl", "batch_2.jsonl"}

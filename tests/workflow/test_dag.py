@@ -1,4 +1,4 @@
-"""What Snakemake would run, and what a change makes stale: asked of the real workflow, without running it."""
+"""What Snakemake would run and what a change makes stale: the real workflow, without running its jobs."""
 
 import copy
 import importlib.metadata
@@ -10,9 +10,8 @@ from support.checkout import Checkout
 
 pytestmark = pytest.mark.workflow
 
-ALWAYS = {"all"}
 ENDS = {"figure", "report", "all"}
-ESTIMATES = {"runs", "estimation_train", "zerod_resampled", "estimation", "budget"} | ENDS
+ESTIMATES = {"runs", "estimation_train", "zerod_resampled", "estimation", "pairs", "budget"} | ENDS
 
 
 @pytest.fixture(scope="module")
@@ -50,12 +49,23 @@ def test_more_samples_leave_the_old_ones_alone(finished):
     assert set(jobs) == {"flow3d_batch", "zerod_chunk", "samples"} | ESTIMATES
 
 
-def test_a_coarse_level_adds_a_mesh_its_own_batches_and_0d_runs_and_leaves_the_rest_alone(finished):
-    """Four coarse runs for each of sixteen fine ones: eight batches, and 0D runs at the inputs that go on."""
+def test_a_coarse_level_adds_a_mesh_batches_and_0d_runs_and_leaves_the_rest_alone(finished):
+    """Four coarse runs for each of sixteen fine ones: eight batches, and 0D runs at the additional inputs."""
     jobs = finished.dry_run(settings=changed(finished, flow3d={"coarse": {"runs_per_fine": 4}}))
-    assert jobs["coarse_batch"] == 8 and jobs["coarse_mesh"] == jobs["coarse_mesh_folder"] == 1
+    assert jobs["flow3d_batch"] == 8 and jobs["mesh"] == jobs["mesh_folder"] == 1
     assert jobs["zerod_chunk"] == 2, "the pilot's chunk of 16 has grown to 32, one more has 32"
-    assert set(jobs) == {"coarse_batch", "coarse_mesh", "coarse_mesh_folder", "zerod_chunk", "samples"} | ESTIMATES
+    assert set(jobs) == {"flow3d_batch", "mesh", "mesh_folder", "zerod_chunk", "samples"} | ESTIMATES
+
+
+def test_the_mesh_study_runs_two_more_meshes_and_three_batches(finished):
+    jobs = finished.dry_run("mesh_study")
+    assert jobs == {"mesh": 2, "mesh_folder": 2, "flow3d_batch": 3, "mesh_study": 1}
+
+
+def test_the_report_runs_the_mesh_study_only_if_it_is_asked_to(finished):
+    assert "mesh_study" not in finished.dry_run()
+    jobs = finished.dry_run(settings=changed(finished, report={"mesh_study": True}))
+    assert jobs["mesh_study"] == 1 and jobs["report"] == 1
 
 
 def test_a_new_seed_keeps_the_patient_and_the_mesh(finished):
@@ -93,16 +103,25 @@ def test_a_changed_setting_makes_stale_what_depends_on_it(finished, block, value
         ),
         ("flow3d/fem/wall_shear.py", {"flow3d_batch"} | ESTIMATES, {"zerod_chunk", "posterior"}),
         ("report/page.py", {"report"}, {"figure", "estimation"}),
+        ("report/style.css", {"report"}, {"figure", "estimation"}),
         ("figures/style.py", {"figure"}, {"estimation", "flow3d_batch"}),
     ],
 )
 def test_an_edit_of_an_imported_module_makes_stale_what_imports_it(tmp_path, module, stale, fresh):
     checkout = Checkout(tmp_path)
     checkout.pretend_done()
-    checkout.edit(module)
+    checkout.edit(module, "a {}" if module.endswith("css") else "EDITED = True")
     jobs = set(checkout.dry_run())
     assert stale <= jobs
     assert not fresh & jobs
+
+
+def test_comments_and_docstrings_make_nothing_stale(tmp_path):
+    checkout = Checkout(tmp_path)
+    checkout.pretend_done()
+    checkout.edit("posterior/sampler/dream.py", "# A comment.")
+    checkout.edit("zerod/stage.py", '"""A docstring."""')
+    assert checkout.dry_run() == {}
 
 
 def test_figures_alone_compute_nothing_else(finished):
@@ -115,7 +134,7 @@ def test_figures_alone_compute_nothing_else(finished):
 
 
 @pytest.mark.parametrize(
-    ("settings", "said"),
+    ("settings", "error"),
     [
         ({"name": "../up"}, "name = '../up'"),
         ({"name": "x", "seed": -1}, "seed = -1"),
@@ -125,11 +144,11 @@ def test_figures_alone_compute_nothing_else(finished):
         ({"name": "x", "case": "nowhere/case.yaml"}, "nowhere/case.yaml: no such file"),
     ],
 )
-def test_a_wrong_configuration_is_one_line_and_nothing_is_written(checkout, settings, said):
+def test_a_wrong_configuration_is_one_line_and_nothing_is_written(checkout, settings, error):
     done = checkout.run("--dry-run", settings=settings)
     lines = [line for line in done.stderr.splitlines() if line.strip()]
     assert done.returncode == 2
-    assert len(lines) == 1 and said in lines[0], done.stderr
+    assert len(lines) == 1 and error in lines[0], done.stderr
     assert not (checkout.folder / "results").exists()
 
 
@@ -159,34 +178,34 @@ def test_a_benchmark_has_a_job_per_network_and_seed_and_more_seeds_are_only_more
     assert jobs["discrepancy_benchmark_seed"] == 3 and jobs["calibration"] == 1
 
 
-def test_a_network_of_the_benchmark_that_is_not_there_is_one_line(checkout):
+def test_a_missing_network_of_the_benchmark_is_one_line(checkout):
     settings = changed(checkout, discrepancy={"benchmark": {"networks": ["gone.json"]}})
     done = checkout.run("discrepancy_benchmark", settings=settings)
     assert done.returncode == 2 and "discrepancy.benchmark.networks = 'gone.json': no such file" in done.stderr
 
 
-def test_a_table_that_is_not_there_is_one_line(checkout):
+def test_a_missing_table_is_one_line(checkout):
     done = checkout.run("discrepancy", settings=changed(checkout, discrepancy={"pairs": ["gone.csv", "lost.csv"]}))
     assert done.returncode == 2
     assert "gone.csv" in done.stderr and "no such file" in done.stderr and "Traceback" not in done.stderr
 
 
-def test_what_a_search_names_and_is_not_there_is_one_line_before_any_job(checkout):
+def test_missing_files_of_a_search_are_one_line_before_any_job(checkout):
     for name in ("model.json", "measured.csv", "X_baseline.csv", "X_mild_sten.csv"):
         (checkout.folder / name).write_text("")
     (checkout.folder / "conditions.yaml").write_text("rest: {drive: {AORTA: gone.csv}}\n")
     case = {"model": "model.json", "measurements": "measured.csv", "conditions": "conditions.yaml"}
     animal = {"recordings": ".", "animals": ["X"], "held_out": ["severe"]}
-    for given, said in (
+    for settings, error in (
         (case, "discrepancy.conditions = 'gone.csv': no such file"),
-        (animal, "discrepancy.held_out = 'severe': not recorded; know baseline, mild_sten"),
+        (animal, "discrepancy.held_out = 'severe': not recorded; recorded are baseline, mild_sten"),
     ):
-        done = checkout.run("discrepancy", settings=changed(checkout, discrepancy=given))
-        assert done.returncode == 2 and said in done.stderr and "Traceback" not in done.stderr
+        done = checkout.run("discrepancy", settings=changed(checkout, discrepancy=settings))
+        assert done.returncode == 2 and error in done.stderr and "Traceback" not in done.stderr
 
 
 def test_no_script_hides_a_library(checkout):
-    """Snakemake puts the scripts' folder first on the path: a script named as a library is imported in its place."""
+    """Snakemake puts the scripts' folder first on the path: a script named like a library would be imported instead."""
     taken = {*sys.stdlib_module_names, *importlib.metadata.packages_distributions()}
     taken |= {"coverage"}  # numba imports it where it is there
     scripts = {path.stem for path in (checkout.folder / "workflow" / "scripts").glob("*.py")}

@@ -41,7 +41,7 @@ def said(campaign: Path, result: str) -> subprocess.CompletedProcess:
 def test_a_result_tells_its_code_settings_seed_libraries_inputs_and_machine(campaign):
     done = said(campaign, TARGETS)
     assert done.returncode == 0, done.stderr
-    for word in ("made by     perfusion", "SHA-256", "numpy 2", os.uname().nodename, "correlation_length: 1.0"):
+    for word in ("made by     perfusion", "code digest", "numpy 2", os.uname().nodename, "correlation_length: 1.0"):
         assert word in done.stdout
     assert "results/small/perfusion/chunk_0.npz" in done.stdout
     assert "seed: 20241117" in said(campaign, "results/small/perfusion/chunk_0.npz").stdout
@@ -52,7 +52,7 @@ def test_every_file_of_the_campaign_is_some_jobs_result(campaign):
     apart = (home / "logs", home / explain.FOLDER)
     files = [path for path in home.rglob("*") if path.is_file() and not any(a in path.parents for a in apart)]
     results = [path for path in files if path.name not in (".lock", explain.CAMPAIGN)]
-    assert len(results) == 6
+    assert len(results) == 9
     for path in results:
         _, sound = explain.explain(path)
         assert sound, path
@@ -89,10 +89,10 @@ def test_an_altered_result_and_an_altered_input_are_told(campaign):
     ("path", "line"),
     [
         ("results/small/none.json", "results/small/none.json: no such file; run the campaign that makes it"),
-        ("small.yaml", "small.yaml: is no result: it lies in no campaign's folder, results/NAME"),
+        ("small.yaml", "small.yaml: not a result: it is in no campaign's folder, results/NAME"),
         ("results/small/campaign.yaml", "name a file that a job wrote"),
-        ("results/small/provenance/case.json", "is a note about results; name one of them"),
-        ("results/small/case/stray.csv", "is about this file; make it again"),
+        ("results/small/provenance/case.json", "a note about results; name one of the results"),
+        ("results/small/case/stray.csv", "mentions this file; make it again"),
     ],
 )
 def test_what_is_no_result_is_one_line(campaign, path, line):

@@ -18,7 +18,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from support.checkout import Checkout, scripts_at_work
+from support.checkout import Checkout, jobs_at_work
 
 pytestmark = pytest.mark.workflow
 
@@ -37,7 +37,7 @@ PATIENT = SMALL | {
 FIRST = ("results/small/perfusion/targets.json",)
 WHOLE = ("results/small/posterior/summary.json", "results/small/zerod/pilot_0.parquet")
 PROFILE = ("--profile", "workflow/profiles/default", "--cores", "2")
-APART = ("logs", "provenance", "chains")
+APART = ("logs", "costs", "provenance", "chains")
 
 
 class Campaign(Checkout):
@@ -193,9 +193,9 @@ def test_a_killed_job_or_rank_is_run_again(undisturbed, tmp_path, script):
     """One job, or one MPI rank of the chains; its retry mends it within the same campaign."""
     campaign = Campaign(tmp_path, WHOLE)
     process = campaign.start("--retries", "1")
-    wait_for(lambda: scripts_at_work(tmp_path, script) or process.poll() is not None, 600)
+    wait_for(lambda: jobs_at_work(tmp_path, script) or process.poll() is not None, 600)
     time.sleep(1.0)
-    os.kill(scripts_at_work(tmp_path, script)[-1], signal.SIGKILL)
+    os.kill(jobs_at_work(tmp_path, script)[-1], signal.SIGKILL)
     assert process.wait(900) == 0, campaign.said()[-3000:]
     assert "Trying to restart job" in campaign.said()
     assert campaign.results() == undisturbed.results()
@@ -262,12 +262,12 @@ def test_every_file_truncated_emptied_or_corrupted(short, tmp_path):
 
 
 def test_a_cache_that_cannot_be_written(short, tmp_path):
-    """What the cache holds is taken from it; what it lacks is computed and stays out of it."""
+    """It is not used, and the campaign runs without it."""
     with mounted(tmp_path / "cache", "100m") as remount:
         remount("ro")
         campaign = Campaign(tmp_path / "campaign", FIRST, tmp_path / "cache")
         done = campaign.go()
         ended(done)
-        assert "cannot be written: results are taken from it, none are added" in done.stderr
+        assert "cannot be written: no cache is used" in done.stderr
         assert campaign.results() == short
         assert not list((tmp_path / "cache").iterdir())

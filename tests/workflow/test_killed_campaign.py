@@ -29,7 +29,7 @@ def interrupt(folder: Path, moment: random.Random, whole_group: bool) -> str | N
     """Start the campaign and kill it at some moment; what it was doing then, or None where it ended before that."""
     with open(folder / "out.log", "w") as out:
         process = subprocess.Popen(smoke.command(folder), stdout=out, stderr=out, start_new_session=True)
-    while not scripts(process.pid) and process.poll() is None:
+    while not jobs(process.pid) and process.poll() is None:
         time.sleep(0.5)
     wanted = jobs_ended(folder) + moment.uniform(*JOBS_BETWEEN)
     while jobs_ended(folder) < wanted and process.poll() is None:
@@ -40,18 +40,17 @@ def interrupt(folder: Path, moment: random.Random, whole_group: bool) -> str | N
     if process.poll() is not None:
         assert process.returncode == 0, (folder / "out.log").read_text()[-4000:]
         return None
-    running = scripts(process.pid)
+    running = jobs(process.pid)
     with contextlib.suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL) if whole_group else process.kill()
     process.wait()
     return running or "between jobs"
 
 
-def scripts(session: int) -> str:
-    """Scripts that run in a session."""
+def jobs(session: int) -> str:
+    """Rules whose jobs run in a session."""
     listed = subprocess.run(["ps", "-ww", "-o", "args=", "-s", str(session)], capture_output=True, text=True).stdout
-    named = re.findall(r"scripts/(?:tmp\w+\.)?(\w+)\.py", listed)
-    return " ".join(sorted(set(named)))
+    return " ".join(sorted(set(re.findall(r"--target-jobs (\w+):", listed))))
 
 
 def test_killed_at_twenty_moments_of_the_whole_campaign(results, tmp_path):

@@ -14,7 +14,7 @@ import yaml
 from coronaryuq.cli import doctor
 from coronaryuq.core.io.atomic import read_json
 from support import cluster, smoke
-from support.checkout import ROOT, Checkout, scripts_at_work
+from support.checkout import ROOT, Checkout, jobs_at_work
 
 pytestmark = [pytest.mark.workflow]
 
@@ -80,7 +80,7 @@ def test_the_whole_campaign_by_the_profile_gives_the_same_table(slurm, tmp_path)
 def freeze(folder: Path) -> None:
     """The first attempt hangs, as on a file system that does not answer."""
     deadline = time.monotonic() + 120
-    while not (hanging := scripts_at_work(folder, "perfusion_chunk")):
+    while not (hanging := jobs_at_work(folder, "perfusion_chunk")):
         assert time.monotonic() < deadline
         time.sleep(0.02)
     for pid in hanging:
@@ -89,7 +89,7 @@ def freeze(folder: Path) -> None:
 
 def cancel(folder: Path) -> None:
     deadline = time.monotonic() + 120
-    while not scripts_at_work(folder, "perfusion_chunk"):
+    while not jobs_at_work(folder, "perfusion_chunk"):
         assert time.monotonic() < deadline
         time.sleep(0.02)
     subprocess.run(["scancel", "--state=RUNNING", "--user=root"], check=True)

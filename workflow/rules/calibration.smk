@@ -1,23 +1,25 @@
-# Stage one: the closed loop tuned to heart, pressures and flow shapes.
+# Calibration: the closed loop tuned to heart, pressures and flow shapes.
 
 
 rule calibration:
+    """Tune the closed loop to the patient's clinical targets."""
     input:
-        case=rules.case.output.case,
-        network=rules.case.output.network,
-        targets=rules.perfusion.output.targets,
-        code=code("coronaryuq.calibration.stage"),
+        case_json=rules.case.output.case_json,
+        network_json=rules.case.output.network_json,
+        targets_json=rules.perfusion.output.out_json,
     output:
-        rest=results("calibration", "rest.json"),
-        hyperaemia=results("calibration", "hyperaemia.json"),
-        parameters=results("calibration", "parameters.csv"),
-        fit=results("calibration", "fit.csv"),
+        rest_json=results("calibration", "rest.json"),
+        hyperaemia_json=results("calibration", "hyperaemia.json"),
+        parameters_csv=results("calibration", "parameters.csv"),
+        fit_csv=results("calibration", "fit.csv"),
+        cost=cost_of("calibration.json"),
     log:
         log_of("calibration.log"),
-    cache: True
+    cache: cached
     threads: 2
     params:
+        **stage("coronaryuq.calibration.stage:tune"),
         settings=block("calibration"),
         seed=campaign.seed,
     script:
-        "../scripts/calibration.py"
+        "../scripts/stage.py"

@@ -1,142 +1,154 @@
-# What every rule uses: the validated configuration, paths, portions, and the source files behind a rule.
+# What the rules use: the checked configuration, its jobs and paths, and functions that ask other rules. No rules here.
 
 import json
-import os
 import re
+import shlex
 import sys
 from pathlib import Path
 
-import yaml
-
-from coronaryuq import config as configuration
-from coronaryuq.cli import explain
+from coronaryuq.campaign import drawings, start, variants
+from coronaryuq.campaign.paths import Paths, files_under
+from coronaryuq.campaign.searches import Searches
+from coronaryuq.campaign.targets import Targets
 from coronaryuq.core import provenance
-from coronaryuq.core.io.atomic import read_json, write_text
-from coronaryuq.case.description.fields import read_description
-from coronaryuq.case.description.dependencies import files_named, lumen
-from coronaryuq.core.io.mtime import reset_future_times
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.lock import lock_results
-
-# Jobs started from the shell find this environment's python and mpiexec, whether or not it has been activated.
-os.environ["PATH"] = os.pathsep.join([Path(sys.executable).parent.as_posix(), os.environ.get("PATH", "")])
+from coronaryuq.core.io.atomic import read_json
+from coronaryuq.figures.draw import module_of
 
 
-def refuse(error):
-    """End with wrong input on one line."""
-    print(f"error: {error}", file=sys.stderr, flush=True)
-    sys.exit(InputError.EXIT_CODE)
+# The software of every job; built as envs/coronaryuq.def says, used with --software-deployment-method apptainer.
+container: "envs/coronaryuq.sif"
 
 
-def read_campaign():
-    """The configuration named on the command line, validated; the laptop's where none is named.
-
-    With it the files that its case names, and the lumen that is meshed as it is, if one is.
-    """
-    named = [str(path) for path in workflow.configfiles]
-    try:
-        if config:
-            chosen = configuration.validate(dict(config), ", ".join(named) or "--config")
-        else:
-            chosen = configuration.load(Path(workflow.basedir, "config", "laptop.yaml"))
-        meshed_as_given = chosen.mesh.domain == "lumen"
-        if chosen.case == "bundled":
-            if meshed_as_given:
-                raise InputError(
-                    "configuration", "mesh.domain", "lumen", "the bundled patient has centrelines only; choose another"
-                )
-            return chosen, [], None
-        description = read_description(Path(chosen.case))
-        own = lumen(chosen.case, description).as_posix() if meshed_as_given else None
-        return chosen, files_named(chosen.case, description), own
-    except InputError as error:
-        refuse(error)
+# Jobs find this environment's python and mpiexec whether or not it is activated.
+shell.prefix(f'set -euo pipefail; export PATH={shlex.quote(Path(sys.executable).parent.as_posix())}:"$PATH"; ')
 
 
-campaign, NAMED, LUMEN = read_campaign()
+try:
+    given = start.read_campaign(config, workflow.configfiles, Path(workflow.basedir, "config", "laptop.yaml"))
+    campaign, paths = given.campaign, Paths(given.campaign.name)
+    results, log_of, cost_of = paths.results, paths.log, paths.cost
+    targets = Targets(campaign)
+    searches = Searches(campaign.discrepancy, paths, tuned=results("calibration", "rest.json"))
+    searches.check()
+except InputError as error:
+    start.refuse(error)
 
-
-def results(*parts):
-    """Path of a result of this campaign."""
-    return Path("results", campaign.name, *parts).as_posix()
-
-
-def log_of(*parts):
-    return results("logs", *parts)
-
-
-def files_under(path):
-    """A file, or all files of a folder: what a rule depends on. One that is missing is left for the rule to name."""
-    path = Path(path)
-    inside = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path] * path.exists()
-    return [p.as_posix() for p in inside]
-
-
-async def leave_uncached(job):
-    """Stands for storing a result where the cache cannot be written."""
+figures, paper_figures = drawings.figures(campaign, paths), drawings.paper_figures(paths)
+meshes, runs_3d = variants.meshes(campaign), variants.runs_3d(targets)
+cached = start.cache_is_writable()
 
 
 onstart:
-    # Jobs of their own process read this file too; only the campaign itself takes its folder and says what it is.
-    if workflow.is_main_process:
-        try:
-            workflow.occupied = lock_results(results())
-        except InputError as error:
-            refuse(error)
-        if ahead := reset_future_times(results()):
-            print(f"note: {len(ahead)} results were dated later than now: the clock has been set", file=sys.stderr)
-        cache = os.environ.get(explain.CACHE)
-        if workflow.output_file_cache is not None and not os.access(cache, os.W_OK):
-            print(f"note: {cache} cannot be written: results are taken from it, none are added", file=sys.stderr)
-            workflow.output_file_cache.store = leave_uncached
-        whole = yaml.safe_dump(campaign.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
-        write_text(results(explain.CAMPAIGN), whole)
-
-
-def block(name, without=()):
-    """Settings of one stage, as plain values that a changed setting changes and a changed count does not."""
-    return getattr(campaign, name).model_dump(mode="json", exclude=set(without))
-
-
-def script_path(name):
-    return Path(workflow.basedir, "workflow", "scripts", name).as_posix()
-
-
-def code(*modules):
-    """Source files behind a rule; as inputs they make its results stale when one of them is edited."""
-    return [Path(os.path.relpath(path)).as_posix() for path in provenance.sources(*modules)]
-
-
-def report_templates(*names):
-    return [Path(workflow.basedir, "src", "coronaryuq", "report", name).as_posix() for name in names]
-
-
-def portions(total, size):
-    """Split `total` samples into portions of `size`: {index: (first, count)}; more samples add portions at the end."""
-    return {k: (k * size, min(size, total - k * size)) for k in range(-(-total // size))}
-
-
-def as_json(**values):
-    """Parameters of a job that is started from the shell."""
-    return json.dumps(values, sort_keys=True)
-
-
-REALISATIONS = portions(campaign.perfusion.realisations, campaign.samples.chunk_realisations)
-# A campaign that grows draws its inputs up to the most that it may run; what it runs of them is found on the way.
-GROWS = bool(campaign.estimation.wanted and (campaign.estimation.most_3d or campaign.estimation.most_0d))
-COUNTS = {"pilot": campaign.samples.n_3d, "propagation": campaign.samples.n_0d}
-if GROWS:
-    COUNTS["pilot"] = max(COUNTS["pilot"], campaign.estimation.most_3d or 0)
-    COUNTS["propagation"] = max(COUNTS["propagation"], campaign.estimation.most_0d or 0)
-BATCHES = portions(COUNTS["pilot"], campaign.samples.batch_3d)
-# A coarse level runs the pilot's inputs and goes on in the same table of inputs, where a larger pilot would go on too.
-COARSE = campaign.flow3d.coarse
-COUNTS["pilot"] *= max(1, COARSE.runs_per_fine)
-COARSE_BATCHES = portions(COUNTS["pilot"] if COARSE.runs_per_fine else 0, campaign.samples.batch_3d)
-CHUNKS = {name: portions(count, campaign.samples.chunk_0d) for name, count in COUNTS.items()}
+    try:
+        start.take_folder(campaign, results())
+    except InputError as error:
+        start.refuse(error)
 
 
 wildcard_constraints:
     k=r"\d+",
-    level="coarse|fine",
     set="pilot|propagation",
+    mesh="|".join(meshes),
+    run="|".join(runs_3d),
+
+
+def stage(function, *modules):
+    """Parameters of a job: its function, as MODULE:FUNCTION, and the digest of the code behind it and other modules."""
+    behind = (function.partition(":")[0], *modules)
+    return {"function": function, "code": lambda wildcards: provenance.code_digest(*behind)}
+
+
+def drawing(name):
+    """Parameters of a job that draws the figure that `name` gives for its wildcards."""
+    function = "coronaryuq.campaign.jobs.figure:draw_figure"
+    return {
+        "function": function,
+        "code": lambda wildcards: provenance.code_digest("coronaryuq.figures.draw", module_of(name(wildcards))),
+        "name": name,
+    }
+
+
+def block(name, without=()):
+    """Settings of one stage, without counts whose change leaves what has been computed valid."""
+    return getattr(campaign, name).model_dump(mode="json", exclude=set(without))
+
+
+def as_json(job, **values):
+    """Parameters of a job that is started from the shell."""
+    return json.dumps(job | {"code": job["code"](None)} | values, sort_keys=True)
+
+
+def alternatives(names):
+    """Constraint of a wildcard to some names; a rule without any makes nothing."""
+    return "|".join(map(re.escape, names)) or "none"
+
+
+def mesh_of(wildcards):
+    """The mesh that 3D runs need."""
+    folder = runs_3d[wildcards.run].mesh
+    return {"mesh_dir": results(folder, "mesh-complete"), "mesh_json": results(folder, "mesh.json")}
+
+
+def decision(number):
+    """What round `number` of a growing campaign decided; Snakemake runs the round first."""
+    return read_json(checkpoints.allocation.get(r=number).output.round_json)
+
+
+def last_round():
+    """The round after which a growing campaign stops."""
+    return next(number for number in range(campaign.estimation.rounds) if decision(number)["done"])
+
+
+def counts_of_campaign():
+    """3D and 0D runs of the campaign."""
+    return decision(last_round())["counts"] if targets.grows else targets.first_counts
+
+
+def runs_of(counts):
+    """Files of the first `counts` runs."""
+    ks = targets.needed(counts)
+    return {
+        "records": expand(results("flow3d", "batch_{k}.jsonl"), k=ks["flow3d"]),
+        "coarse": expand(results("coarse", "batch_{k}.jsonl"), k=ks["coarse"]),
+        "zerod_pilot": expand(results("zerod", "pilot_{k}.parquet"), k=ks["zerod_pilot"]),
+        "zerod_propagation": expand(results("zerod", "propagation_{k}.parquet"), k=ks["zerod_propagation"]),
+    }
+
+
+def runs_of_round(wildcards):
+    """Files of the runs that a round of a growing campaign looks at, and the decision that asked for them."""
+    number = int(wildcards.r)
+    if number == 0:
+        return runs_of(targets.first_counts)
+    return runs_of(decision(number - 1)["next"]) | {"before": results("allocation", f"round_{number - 1}.json")}
+
+
+def end_of_growth(wildcards):
+    """Last decision of a growing campaign, by name."""
+    return {"allocation": results("allocation", f"round_{last_round()}.json")} if targets.grows else {}
+
+
+def runs_of_campaign(wildcards):
+    """Files of all runs of the campaign."""
+    return runs_of(counts_of_campaign()) | end_of_growth(wildcards)
+
+
+def costs_of_campaign(wildcards):
+    """Costs of the jobs that computed what the report quotes."""
+    ks = targets.needed(counts_of_campaign())
+    stages = ("case", "perfusion", "calibration", "posterior_chains", "posterior", "mesh/mesh", "runs")
+    return [
+        *(cost_of(f"{name}.json") for name in (*stages, "estimation_train", "estimation")),
+        *expand(cost_of("perfusion_chunk_{k}.json"), k=targets.realisations),
+        *expand(cost_of("flow3d/batch_{k}.json"), k=ks["flow3d"]),
+        *expand(
+            cost_of("coarse/{job}.json"), job=[*["mesh"] * bool(ks["coarse"]), *(f"batch_{k}" for k in ks["coarse"])]
+        ),
+        *expand(cost_of("zerod/pilot_{k}.json"), k=ks["zerod_pilot"]),
+        *expand(cost_of("zerod/propagation_{k}.json"), k=ks["zerod_propagation"]),
+        *expand(cost_of("zerod/resampled_{k}.json"), k=targets.shares),
+        *expand(
+            cost_of("discrepancy_search_{case}.json"), case=searches.cases if campaign.discrepancy.in_report else []
+        ),
+    ]

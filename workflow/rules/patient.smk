@@ -5,36 +5,37 @@ BUNDLED = [results("patient", name) for name in ("tree.vtp", "lv.vtu", "outlets.
 
 
 rule bundled_patient:
-    input:
-        code=code("coronaryuq.synthetic.stage"),
+    """Make the bundled patient in the formats that a real case has."""
     output:
-        case=results("patient", "case.yaml"),
+        case_yaml=results("patient", "case.yaml"),
         truth=results("patient", "truth.json"),
         files=BUNDLED,
     log:
         log_of("bundled_patient.log"),
     params:
+        **stage("coronaryuq.synthetic.stage:write_patient"),
         settings=block("synthetic"),
         # The patient's own seed: another seed of the campaign draws other noise for the same patient.
         seed=campaign.synthetic.anatomy_seed,
     script:
-        "../scripts/bundled_patient.py"
+        "../scripts/stage.py"
 
 
 rule case:
+    """Check a case and write what every later stage starts from."""
     input:
-        case=PATIENT,
-        named=[file for path in NAMED for file in files_under(path)],
-        bundled=BUNDLED if campaign.case == "bundled" else [],
-        code=code("coronaryuq.case.stage"),
+        case_yaml=PATIENT,
+        files=BUNDLED if campaign.case == "bundled" else [f for path in given.named for f in files_under(path)],
     output:
-        case=results("case", "case.json"),
-        tree=results("case", "tree.vtp"),
-        network=results("case", "network.json"),
-        lv=results("case", "lv.vtu"),
+        case_json=results("case", "case.json"),
+        tree_vtp=results("case", "tree.vtp"),
+        network_json=results("case", "network.json"),
+        lv_vtu=results("case", "lv.vtu"),
+        cost=cost_of("case.json"),
     log:
         log_of("case.log"),
     params:
+        **stage("coronaryuq.case.stage:prepare_case"),
         settings=block("patient"),
     script:
-        "../scripts/case.py"
+        "../scripts/stage.py"

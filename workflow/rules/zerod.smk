@@ -2,36 +2,40 @@
 
 
 rule zerod_chunk:
+    """Run one portion of a table of inputs through the 0D model."""
     input:
-        case=rules.case.output.case,
-        network=rules.calibration.output.hyperaemia,
-        draws=rules.posterior.output.draws,
-        code=code("coronaryuq.zerod.stage", "coronaryuq.posterior.samples"),
+        case_json=rules.case.output.case_json,
+        network_json=rules.calibration.output.hyperaemia_json,
+        draws_csv=rules.posterior.output.draws,
     output:
-        runs=results("zerod", "{set}_{k}.parquet"),
+        runs_parquet=results("zerod", "{set}_{k}.parquet"),
+        cost=cost_of("zerod", "{set}_{k}.json"),
     log:
         log_of("zerod", "{set}_{k}.log"),
-    cache: True
+    cache: cached
     params:
+        **stage("coronaryuq.campaign.jobs.zerod:chunk"),
         settings=block("zerod"),
         posterior=block("posterior"),
         seed=campaign.seed,
-        set=lambda wildcards: wildcards.set,
-        portion=lambda wildcards: CHUNKS[wildcards.set][int(wildcards.k)],
+        name=lambda wildcards: wildcards.set,
+        portion=lambda wildcards: targets.chunks[wildcards.set][int(wildcards.k)],
     script:
-        "../scripts/zerod_chunk.py"
+        "../scripts/stage.py"
 
 
 rule pressure_map:
+    """Compute the mean pressure along the tree at the posterior mean."""
     input:
-        network=rules.calibration.output.hyperaemia,
-        case=rules.case.output.case,
-        tree=rules.case.output.tree,
-        draws=rules.posterior.output.draws,
-        code=code("coronaryuq.zerod.pressure_map"),
+        network_json=rules.calibration.output.hyperaemia_json,
+        case_json=rules.case.output.case_json,
+        tree_vtp=rules.case.output.tree_vtp,
+        draws_csv=rules.posterior.output.draws,
     output:
-        pressures=results("zerod", "pressures.csv"),
+        out_csv=results("zerod", "pressures.csv"),
     log:
         log_of("zerod", "pressure_map.log"),
+    params:
+        **stage("coronaryuq.zerod.pressure_map:write_map"),
     script:
-        "../scripts/pressure_map.py"
+        "../scripts/stage.py"

@@ -1,38 +1,51 @@
-"""What every script needs: its files and parameters from Snakemake or from the command line, a log, one-line errors.
+"""What a job needs: its files and parameters from Snakemake or the command line, a log, a note, one-line errors.
 
     with job(globals()) as this:
-        stage_function(this.input["case"], this.params["settings"], this.output["targets"])
+        this.call()
 
-Under Snakemake the rule gives them. By hand:
+Under Snakemake the rule provides them. By hand:
 
-    python workflow/scripts/NAME.py --input case=PATH --output targets=PATH \
-        --params '{"seed": 1}' [--threads N] [--log PATH]
+    python workflow/scripts/stage.py --input case_json=PATH --output targets_json=PATH \
+        --params '{"function": "MODULE:FUNCTION", "seed": 1}' [--threads N] [--log PATH]
 
 A name that is given more than once is a list. Progress goes to the terminal and to the log alike.
+
+Keywords of the function are the names of the rule's inputs, outputs and parameters. Inputs and outputs that it does
+not take are dependencies. It also gets, if it takes them and the rule does not name them: `threads`, `mpi` and `tasks`;
+`out_dir`, the folder of the outputs; `NAME_folder`, the folder of the files that are the input NAME. Settings become
+the model that they are annotated with. An output `cost` is written here: what the job cost.
 """
 
 import argparse
+import importlib
+import inspect
 import json
 import os
 import resource
 import sys
 import time
 import traceback
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+import typing
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel
 from threadpoolctl import threadpool_limits
 
 from coronaryuq.cli.explain import write_note
 from coronaryuq.core.errors import InputError, os_error_line
+from coronaryuq.core.io.atomic import write_json
+
+RUNNER = ("function", "code")
+"""Parameters of a rule that are not the function's."""
 
 
 @dataclass
 class Job:
-    """Inputs and outputs (name → path, or list of paths), parameters, threads, log; MPI launcher and tasks, if any."""
+    """Inputs and outputs (name → path, or list of paths), parameters, threads, log; MPI launcher and tasks."""
 
     input: dict[str, Any]
     output: dict[str, Any]
@@ -43,9 +56,63 @@ class Job:
     mpi: str = "mpiexec"
     tasks: int = 1
 
+    def function(self) -> Callable:
+        """Return the function that the parameters name."""
+        module, _, name = self.params["function"].partition(":")
+        return getattr(importlib.import_module(module), name)
+
+    def call(self) -> None:
+        """Run that function; what it prints goes where progress goes."""
+        arguments = self.arguments(self.function())
+        with redirect_stdout(sys.stderr):
+            self.function()(**arguments)
+
+    def arguments(self, function: Callable) -> dict[str, Any]:
+        """Return the keywords of a call.
+
+        Raises
+        ------
+        TypeError
+            If the function takes a keyword that the rule does not name, or not one of its parameters.
+        """
+        params = {name: value for name, value in self.params.items() if name not in RUNNER}
+        files = self.input | self.output
+        if twice := (self.input.keys() & self.output.keys()) | (params.keys() & files.keys()):
+            raise TypeError(f"{self.name}: named twice in its rule: {', '.join(sorted(twice))}")
+        signature = inspect.signature(function)
+        takes = {parameter.name: parameter for parameter in signature.parameters.values()}
+        rest = any(parameter.kind is parameter.VAR_KEYWORD for parameter in takes.values())
+        offered = self._of_the_job(takes) | {
+            name: path for name, path in files.items() if name in takes or (rest and name not in ("cost", "code"))
+        }
+        hints = typing.get_type_hints(function)
+        arguments = {name: _as(hints.get(name), value) for name, value in (offered | params).items()}
+        signature.bind(**arguments)
+        return arguments
+
+    def _of_the_job(self, takes: typing.Container[str]) -> dict[str, Any]:
+        outputs = [path for name, path in self.output.items() if name != "cost" and isinstance(path, str)]
+        values = {"threads": self.threads, "mpi": self.mpi, "tasks": self.tasks}
+        values |= {"out_dir": Path(outputs[0]).parent} if outputs else {}
+        values |= {f"{name}_folder": Path(files[0]).parent for name, files in self.input.items() if _several(files)}
+        return {name: value for name, value in values.items() if name in takes}
+
+
+def _several(files: Any) -> bool:
+    return isinstance(files, list) and bool(files)
+
+
+def _as(hint: Any, value: Any) -> Any:
+    """Return a value as its annotation wants it: a model of settings, a `Path`."""
+    if isinstance(hint, type) and issubclass(hint, BaseModel) and isinstance(value, dict):
+        return hint(**value)
+    if isinstance(value, str) and str not in typing.get_args(hint) and (hint is Path or Path in typing.get_args(hint)):
+        return Path(value)
+    return value
+
 
 class Tee:
-    """A text stream that writes to several."""
+    """Text stream that writes to several streams."""
 
     def __init__(self, *streams):
         self.streams = streams
@@ -78,24 +145,26 @@ def job(script_globals: dict[str, Any]) -> Iterator[Job]:
     started = time.perf_counter()
     print(f"{this.name}: started", file=sys.stderr)
     try:
+        this.function()  # loads its libraries, as the limit only holds for those that are there
         with threadpool_limits(this.threads):  # linear algebra takes no more cores than the job was given
             yield this
         used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
         cpu = sum(usage.ru_utime + usage.ru_stime for usage in used)
         peak = max(usage.ru_maxrss for usage in used) / 1024
-        # The report adds these lines up.
-        wall = time.perf_counter() - started
-        spent = f"cost: wall {wall:.2f} s, cpu {cpu:.2f} s, memory {peak:.0f} MB"
+        cost = {"wall_s": round(time.perf_counter() - started, 2), "cpu_s": round(cpu, 2), "memory_mb": round(peak)}
         if _rank() == 0:
-            leave_note(this, {"wall_s": round(wall, 2), "cpu_s": round(cpu, 2), "memory_mb": round(peak)})
-        print(f"{this.name}: done; {spent}", file=sys.stderr)
+            if "cost" in this.output:
+                write_json(this.output["cost"], {"job": this.name, **cost})
+            leave_note(this, cost)
+        spent = "wall {wall_s} s, cpu {cpu_s} s, memory {memory_mb} MB".format(**cost)
+        print(f"{this.name}: done; cost: {spent}", file=sys.stderr)
     except InputError as error:
         print(f"{this.name}: error: {error}", file=sys.stderr)
         sys.exit(InputError.EXIT_CODE)
     except Exception as error:
-        told = os_error_line(error) if isinstance(error, OSError) else None
-        if told:
-            print(f"{this.name}: error: {told}", file=sys.stderr)
+        remedy = os_error_line(error) if isinstance(error, OSError) else None
+        if remedy:
+            print(f"{this.name}: error: {remedy}", file=sys.stderr)
         else:
             traceback.print_exc()
         sys.exit(1)
@@ -107,14 +176,14 @@ def job(script_globals: dict[str, Any]) -> Iterator[Job]:
 
 
 def leave_note(this: Job, cost: dict[str, float]) -> None:
-    """Write down what became of this job, for `coronaryuq explain`."""
+    """Write the note of this job, for `coronaryuq explain`."""
     ranks = int(next((os.environ[name] for name in ("PMI_SIZE", "SLURM_STEP_NUM_TASKS") if name in os.environ), 1))
     resources = {"threads": this.threads, "mpi_ranks": ranks, **cost}
     write_note(this.name, this.input, this.output, this.params, resources, Path(__file__).resolve().parents[2])
 
 
 def _rank() -> int:
-    """This process's MPI rank, as mpiexec and srun tell it."""
+    """Return this process's MPI rank, which mpiexec and srun set in the environment."""
     return int(next((os.environ[name] for name in ("PMI_RANK", "PMIX_RANK", "SLURM_PROCID") if name in os.environ), 0))
 
 
@@ -138,15 +207,15 @@ def _paths(value) -> Any:
 def _from_command_line() -> Job:
     parser = argparse.ArgumentParser(formatter_class=argparse.ArgumentDefaultsHelpFormatter)
     parser.add_argument("--input", nargs="*", default=[], metavar="NAME=PATH")
-    parser.add_argument("--code", nargs="*", default=[], metavar="PATH", help="source files behind the results")
     parser.add_argument("--output", nargs="*", default=[], metavar="NAME=PATH")
     parser.add_argument("--params", default="{}", help="JSON object")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--log")
-    given = parser.parse_args()
-    name = Path(sys.argv[0]).stem
-    inputs = _pairs(given.input) | {"code": given.code}
-    return Job(inputs, _pairs(given.output), json.loads(given.params), given.threads, given.log, name)
+    parser.add_argument("--name", help="name of the job in its note; default: the function's")
+    args = parser.parse_args()
+    params = json.loads(args.params)
+    name = args.name or params.get("function", "stage").rpartition(":")[2]
+    return Job(_pairs(args.input), _pairs(args.output), params, args.threads, args.log, name)
 
 
 def _pairs(items: list[str]) -> dict[str, Any]:

@@ -1,14 +1,14 @@
-"""Notes that jobs leave about their results, and `coronaryuq explain`, which reads them back.
+"""Provenance notes of jobs, and `coronaryuq explain`, which reads them.
 
-Every job writes one note, `results/NAME/provenance/JOB.json`: what it read, what it wrote, with which settings, code
-and libraries, on which machine. A note lies beside the results and not in them, because results are the same to the bit
-whenever and wherever they are made and a note is not. With a cache between campaigns a copy of the note lies there,
-under the checksum of each result, for the campaigns that take the result from it.
+Every job writes one note, `results/NAME/provenance/JOB.json`: what it read and wrote, with which settings, code and
+libraries, on which machine. Notes lie beside the results, because results are the same to the bit on every machine and
+notes are not. If campaigns share a cache, it holds a copy of the note under the checksum of each result.
 """
 
 import json
 import os
 import platform
+import re
 import shlex
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -25,7 +25,7 @@ from coronaryuq.core.io.atomic import read_json, write_json
 
 FOLDER = "provenance"
 CAMPAIGN = "campaign.yaml"
-"""The whole configuration of a campaign as it last ran, in its results folder."""
+"""File in the results folder with the whole configuration of the last run."""
 CACHE = "SNAKEMAKE_OUTPUT_CACHE"
 CACHED = "coronaryuq-provenance"
 
@@ -38,22 +38,27 @@ def write_note(
     resources: Mapping[str, Any],
     project: Path,
 ) -> None:
-    """Leave the note of a job that has written its `outputs`; paths are relative to the working folder.
+    """Write the note of a job; for results outside `results/NAME` write none.
 
-    inputs: `code` among them is summed up in one checksum. resources: threads, MPI tasks, cost. project: where the
-    Snakefile is. A result outside `results/NAME` is nobody's campaign: no note is written.
+    Parameters
+    ----------
+    job
+        Rule and wildcards.
+    inputs, outputs
+        Paths by name, relative to the working folder.
+    params, resources
+        Parameters of the rule, with `function` and the digest of its `code`; threads, MPI ranks and cost.
+    project
+        Folder of the Snakefile.
     """
     results = {path: checksum(path) for path in _flat(outputs.values()) if Path(path).exists()}
-    campaign = next((home for home in map(_home, results) if home), None)
+    campaign = next((folder for folder in map(_campaign_folder, results) if folder), None)
     if campaign is None:
         return
-    sources = {name: provenance.checksum(name) for name in _flat([inputs.get("code", [])])}
-    read = _flat(value for name, value in inputs.items() if name != "code")
     note = {
         "job": job,
         "results": results,
-        "inputs": {path: checksum(path) for path in read},
-        "sources": {"files": len(sources), "sha256": provenance.digest(list(sources.values()))},
+        "inputs": {path: checksum(path) for path in _flat(inputs.values())},
         "params": {name: _plain(value) for name, value in params.items()},
         **provenance.stamp(libraries=versions()),
         "machine": {
@@ -66,7 +71,7 @@ def write_note(
         "folder": Path.cwd().as_posix(),
         "project": project.resolve().as_posix(),
     }
-    write_json(campaign / FOLDER / f"{job.replace(' ', '-')}.json", note)
+    write_json(campaign / FOLDER / f"{re.sub('[ /]', '-', job)}.json", note)
     cache = os.environ.get(CACHE)
     if cache and os.access(cache, os.W_OK):
         for content in results.values():
@@ -74,9 +79,9 @@ def write_note(
 
 
 def checksum(path: str | Path) -> str:
-    """SHA-256 of a file; of a folder, that of its files' names and checksums.
+    """Return the SHA-256 of a file, or of the names and checksums of a folder's files.
 
-    Snakemake leaves its own hidden file in a folder after the job has written its note: that is no part of the result.
+    The hidden file that Snakemake adds to a folder after the job is not part of the result.
     """
     path = Path(path)
     if path.is_file():
@@ -86,34 +91,42 @@ def checksum(path: str | Path) -> str:
 
 
 def explain(result: str | Path) -> tuple[str, bool]:
-    """What is known about a result, as text, and whether the file is what its job wrote.
+    """Return what is known about a result as text, and whether the file is unchanged since its job wrote it.
 
-    Raises InputError for a path that does not exist, lies in no campaign's results, or that no job has written.
+    Raises
+    ------
+    InputError
+        If the path does not exist, is not a result of a campaign, or if no job has written it.
     """
     path = Path(os.path.abspath(result))
     if not path.exists():
         raise InputError(result, None, None, "no such file; run the campaign that makes it")
-    home = _home(path)
+    home = _campaign_folder(path)
     if home is None:
-        raise InputError(result, None, None, "is no result: it lies in no campaign's folder, results/NAME")
+        raise InputError(result, None, None, "not a result: it is in no campaign's folder, results/NAME")
     name = path.relative_to(home.parents[1]).as_posix()
     if name in (f"results/{home.name}/{CAMPAIGN}", f"results/{home.name}/.lock") or path == home:
-        raise InputError(result, None, None, "is no result but the campaign itself; name a file that a job wrote")
+        raise InputError(result, None, None, "not a result but the campaign itself; name a file that a job wrote")
     if path.parent == home / FOLDER:
-        raise InputError(result, None, None, "is a note about results; name one of them")
+        raise InputError(result, None, None, "a note about results; name one of the results")
     note, entry = _note(home, path, name)
     sound = checksum(path if entry == name else home.parents[1] / entry) == note["results"][entry]
     return _text(note, path, entry, name, home, sound), sound
 
 
 def altered(home: str | Path) -> list[Path]:
-    """Results of a campaign that are no longer what their jobs wrote: truncated, emptied, overwritten, corrupted.
+    """Return the results of a campaign that have changed since their jobs wrote them.
 
-    Files that are gone are not among them; neither are those that no note is about.
+    Missing files are not reported, nor are files that no note mentions.
+
+    Raises
+    ------
+    InputError
+        If the folder holds no notes.
     """
     home = Path(os.path.abspath(home))
     if not (home / FOLDER).is_dir():
-        raise InputError(home, None, None, f"holds no {FOLDER}/: is this the results folder of a campaign?")
+        raise InputError(home, None, None, f"no folder {FOLDER}/ in it; name the results folder of a campaign")
     newest: dict[str, tuple[str, str]] = {}
     for note in _notes(home / FOLDER):
         for name, content in note["results"].items():
@@ -123,10 +136,10 @@ def altered(home: str | Path) -> list[Path]:
 
 
 def _note(home: Path, path: Path, name: str) -> tuple[dict, str]:
-    """The note about a result, and the entry of its `results` that is the file, or the folder that holds it."""
+    """Return the note about a result, and the entry of its `results` that is the file or a folder that holds it."""
     notes = list(_notes(home / FOLDER))
     parents = [name, *(parent.as_posix() for parent in Path(name).parents)]
-    # The latest note counts: more samples may have left the portion of another size to a job of the same name.
+    # The latest note counts: with more samples, a job of the same name may have run a larger portion.
     found = [(note, entry) for note in notes for entry in parents if entry in note["results"]]
     if found:
         content = {entry: checksum(home.parents[1] / entry) for _, entry in found}
@@ -138,11 +151,11 @@ def _note(home: Path, path: Path, name: str) -> tuple[dict, str]:
             note = read_json(copy)
             (entry,) = (e for e, content in note["results"].items() if content == copy.stem and _same_place(e, name))
             return note | {"results": {name: copy.stem}, "cached": entry}, name
-    raise InputError(path, None, None, f"no job's note in {home / FOLDER} is about this file; make it again")
+    raise InputError(path, None, None, f"no note in {home / FOLDER} mentions this file; make it again")
 
 
 def _same_place(one: str, other: str) -> bool:
-    """Whether two results have the same path within their campaigns."""
+    """Return whether two results have the same path within their campaigns."""
     return Path(one).parts[2:] == Path(other).parts[2:]
 
 
@@ -154,8 +167,8 @@ def _notes(folder: Path) -> Iterator[dict]:
         yield note
 
 
-def _home(path: str | Path) -> Path | None:
-    """The folder `results/NAME` that a path lies in."""
+def _campaign_folder(path: str | Path) -> Path | None:
+    """Return the folder `results/NAME` that a path lies in."""
     parts = Path(path).parts
     for k in range(len(parts) - 2, -1, -1):
         if parts[k] == "results":
@@ -169,7 +182,7 @@ def _text(note: dict, path: Path, entry: str, name: str, home: Path, sound: bool
     if "cached" in note:
         lines.append(f"taken from  the cache; first made as {note['cached']}")
     lines += [
-        f"code        {note['code']}; {note['sources']['files']} source files, SHA-256 {note['sources']['sha256']}",
+        f"code        {note['code']}{_behind(note['params'])}",
         f"machine     {note['machine']['name']}: {note['machine']['system']}, {note['machine']['cores']} cores",
         f"resources   {', '.join(f'{key} {value}' for key, value in note['resources'].items())}",
         f"python      {note['python']}",
@@ -182,15 +195,20 @@ def _text(note: dict, path: Path, entry: str, name: str, home: Path, sound: bool
     return "\n".join([*lines, "make it again", f"  {remake(note, entry, home)}"])
 
 
+def _behind(params: Mapping[str, Any]) -> str:
+    """Return the function of a job and the digest of the code behind it, if its rule names them."""
+    return f"; {params['function']}, code digest {params['code']}" if {"function", "code"} <= params.keys() else ""
+
+
 def _now(file: str, content: str, home: Path) -> str:
     path = home.parents[1] / file
     if not path.exists():
-        return "  (is gone)"
+        return "  (missing)"
     return "" if checksum(path) == content else "  (has changed since)"
 
 
 def remake(note: Mapping[str, Any], entry: str, home: Path) -> str:
-    """The command that makes a result again, to be typed anywhere."""
+    """Return the shell command that makes a result again, from any folder."""
     folder, project = home.parents[1], Path(note["project"])
     profile, snakefile, directory = "workflow/profiles/default", [], []
     if folder != project:
@@ -206,7 +224,7 @@ def remake(note: Mapping[str, Any], entry: str, home: Path) -> str:
 
 
 def _solvers(path: Path) -> list[str]:
-    """Which solvers the records of a batch name."""
+    """Return the solvers that the records of a batch name."""
     if path.suffix != ".jsonl":
         return []
     from coronaryuq.core import records
@@ -224,5 +242,5 @@ def _flat(values) -> list[str]:
 
 
 def _plain(value: Any) -> Any:
-    """Parameters as JSON holds them; what a shell job got as JSON text is opened."""
+    """Return parameters as JSON stores them."""
     return json.loads(json.dumps(value, default=str))

@@ -1,20 +1,21 @@
-"""Where a result comes from: code, libraries, machine, configuration."""
+"""Record where a result comes from: code, libraries, machine, configuration."""
 
 import ast
+import gc
 import hashlib
 import importlib.metadata
 import json
 import platform
-import re
 import subprocess
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import coronaryuq
 
-IMPORT = re.compile(r"^[ \t]*((?:from|import)[ \t][^\n(]*(?:\([^)]*\))?)", re.MULTILINE)
+if TYPE_CHECKING:
+    import grimp
+
 LIBRARIES = ("numpy", "scipy", "numba", "torch", "pyvista", "snakemake")
 
 
@@ -59,55 +60,83 @@ def stamp(**more: Any) -> dict[str, Any]:
     }
 
 
-def sources(*modules: str) -> list[Path]:
-    """Every file of the package that the given modules import, directly or through others, themselves included.
+@cache
+def closure(*modules: str) -> tuple[str, ...]:
+    """Return the names of all modules of the package that the given modules import, themselves included.
 
-    A workflow names these as inputs of a rule, so that an edit anywhere behind the rule makes its results stale.
-    Imports inside functions count; so do the packages' `__init__` files.
+    Imports inside functions count, and so do the `__init__` files of all packages on the way. Imports for type checking
+    only do not.
+
+    Raises
+    ------
+    ValueError
+        If a module does not exist.
     """
-    found: dict[str, Path] = {}
+    graph = _import_graph()
+    found: set[str] = set()
     waiting = list(modules)
     while waiting:
         name = waiting.pop()
-        path = _module_file(name)
-        if name in found or path is None:
+        if name in found:
             continue
-        found[name] = path
-        waiting += _imported(path)
-        if "." in name:
-            waiting.append(name.rpartition(".")[0])
-    return sorted(found.values())
+        if name not in graph.modules:
+            raise ValueError(f"no module {name} in {coronaryuq.__name__}")
+        found.add(name)
+        waiting += graph.find_modules_directly_imported_by(name)
+        waiting += [name.rpartition(".")[0]] * ("." in name)
+    return tuple(sorted(found))
 
 
 @cache
-def _module_file(name: str) -> Path | None:
-    base = Path(coronaryuq.__file__).parent.joinpath(*name.split(".")[1:])
-    for path in (base.with_suffix(".py"), base / "__init__.py"):
-        if path.is_file():
-            return path
-    return None
+def code_digest(*modules: str) -> str:
+    """Return one digest of the code behind the given modules, for rules whose results depend on it.
 
-
-@cache
-def _imported(path: Path) -> tuple[str, ...]:
-    """Modules of the package that a file imports, anywhere in it.
-
-    Only statements that may be imports are parsed: every job of a campaign asks this of every file.
+    It covers the import closure and the data files beside its modules, such as templates. Comments, docstrings and
+    formatting do not change it, nor do edits of modules that are not imported.
     """
-    text = path.read_text(encoding="utf-8")
+    code = [(name, syntax_digest(_file(name))) for name in closure(*modules)]
+    return digest([code, [(path.name, checksum(path)) for path in data_files(*modules)]])
+
+
+def data_files(*modules: str) -> list[Path]:
+    """Return the files beside the modules of an import closure that are not Python, such as templates."""
+    folders = {_file(name).parent for name in closure(*modules)}
+    return sorted(path for folder in folders for path in folder.iterdir() if path.is_file() and _is_data(path))
+
+
+@cache
+def _import_graph() -> "grimp.ImportGraph":
+    import grimp
+
+    return grimp.build_graph(coronaryuq.__name__, cache_dir=None, exclude_type_checking_imports=True)
+
+
+def _is_data(path: Path) -> bool:
+    return path.suffix not in (".py", ".pyc") and not path.name.startswith(".")
+
+
+def _file(module: str) -> Path:
+    base = Path(coronaryuq.__file__).parent.joinpath(*module.split(".")[1:])
+    return base / "__init__.py" if base.is_dir() else base.with_suffix(".py")
+
+
+@cache
+def syntax_digest(path: Path) -> str:
+    """Return a checksum of a module's syntax tree without docstrings, which comments and formatting do not change."""
+    collects = gc.isenabled()
+    gc.disable()  # which would walk the tree again and again while it grows, at three times the cost
     try:
-        trees = [ast.parse(statement) for statement in IMPORT.findall(text)]
-    except SyntaxError:
-        trees = [ast.parse(text)]
-    return tuple(dict.fromkeys(name for tree in trees for name in _names(tree)))
+        tree = ast.parse(path.read_bytes())
+        for node in ast.walk(tree):
+            body = getattr(node, "body", None)
+            if isinstance(body, list):
+                setattr(node, "body", [statement for statement in body if not _is_docstring(statement)])  # noqa: B010
+        return hashlib.sha256(ast.dump(tree).encode()).hexdigest()
+    finally:
+        if collects:
+            gc.enable()
 
 
-def _names(tree: ast.Module) -> Iterator[str]:
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-        else:
-            continue
-        yield from (name for name in names if name.split(".")[0] == "coronaryuq")
+def _is_docstring(statement: ast.stmt) -> bool:
+    value = statement.value if isinstance(statement, ast.Expr) else None
+    return isinstance(value, ast.Constant) and isinstance(value.value, str)

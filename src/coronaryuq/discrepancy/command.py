@@ -83,7 +83,7 @@ def _run(args: argparse.Namespace, out: Path) -> dict:
     _check_options(args)
     _check_overwriting(args, out)
     if args.pairs:
-        return discover_pairs(*args.pairs, out=out, seed=args.seed)
+        return discover_pairs(*args.pairs, out_dir=out, seed=args.seed)
     settings = Settings(threads=args.threads, pressure_unit=args.pressure_unit, noise=args.noise)
     if args.recordings:
         folder, animal = args.recordings

@@ -61,6 +61,11 @@ class Benchmark(BaseModel):
     first_seed: int = Field(1, ge=0, description="first seed; the others follow it")
 
     @property
+    def all_seeds(self) -> range:
+        """Seeds of the repetitions."""
+        return range(self.first_seed, self.first_seed + self.seeds)
+
+    @property
     def named(self) -> dict[str, str]:
         """Network by the name used in folders and tables: for a file, its name without the suffix."""
         return {Path(network).stem: network for network in self.networks}

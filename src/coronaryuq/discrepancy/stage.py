@@ -25,7 +25,7 @@ from coronaryuq.zerod.effects.library import effect
 from coronaryuq.zerod.network.read import read_network
 
 
-def hide_in_loop(rest: str | Path, settings: Settings, seed: int, folder: str | Path) -> None:
+def hide_in_loop(rest: str | Path, settings: Settings, seed: int, out_dir: str | Path) -> None:
     """Write a case with a hidden effect in a tuned loop, and `truth.json` for the report.
 
     Parameters
@@ -36,7 +36,7 @@ def hide_in_loop(rest: str | Path, settings: Settings, seed: int, folder: str | 
         Effect to hide and its size.
     seed
         Seed of the place, the nuisance parameters and the noise.
-    folder
+    out_dir
         Folder for `model.json`, `measurements.csv`, `conditions.yaml` and `truth.json`.
 
     Raises
@@ -44,7 +44,7 @@ def hide_in_loop(rest: str | Path, settings: Settings, seed: int, folder: str | 
     InputError
         If the effect has no place in the loop.
     """
-    folder, experiment = Path(folder), loop_experiment(read_network(rest))
+    folder, experiment = Path(out_dir), loop_experiment(read_network(rest))
     hidden = effect(settings.hidden_effect)
     places = hidden.places(Anatomy(experiment.network), experiment.series)
     if not places:
@@ -75,11 +75,11 @@ def search(
     conditions: str | Path,
     settings: Settings,
     seed: int,
-    folder: str | Path,
+    out_dir: str | Path,
     threads: int = 1,
 ) -> None:
-    """Search one case with `threads` threads and write the results into `folder`; see `search_case`."""
-    search_case(model, measurements, conditions, Path(folder), settings.model_copy(update={"threads": threads}), seed)
+    """Search one case with `threads` threads and write the results into `out_dir`; see `search_case`."""
+    search_case(model, measurements, conditions, Path(out_dir), settings.model_copy(update={"threads": threads}), seed)
 
 
 def compare(

@@ -48,3 +48,8 @@ def draw(name: str, inputs: Mapping[str, str], output: str) -> None:
         raise InputError(output, "figure", name, f"unknown figure; available: {', '.join(FIGURES)}")
     module, _, function = FIGURES[name].partition(":")
     getattr(importlib.import_module(module), function)(**inputs, output=output)
+
+
+def module_of(name: str) -> str:
+    """Return the module that draws the figure `name`."""
+    return FIGURES[name].partition(":")[0]

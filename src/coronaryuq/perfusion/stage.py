@@ -26,18 +26,18 @@ from coronaryuq.perfusion.territories import (
 
 
 def run_chunk(
-    case_json: str | Path, lv_vtu: str | Path, settings: Settings, seed: int, first: int, count: int,
+    case_json: str | Path, lv_vtu: str | Path, settings: Settings, seed: int, first: int, number: int,
     out_npz: str | Path,
 ) -> None:  # fmt: skip
-    """Simulate realisations `first` to `first + count - 1` of every noise model and write them.
+    """Simulate realisations `first` to `first + number - 1` of every noise model and write them.
 
-    The file holds `first`, and for each model NAME `flow_NAME` (count, outlets) in mL/s and `volume_NAME` in cm3.
+    The file holds `first`, and for each model NAME `flow_NAME` (number, outlets) in mL/s and `volume_NAME` in cm3.
     A realisation's numbers depend on the seed and its index, not on the chunk.
     """
     case, outlets, ventricle, distances = _read(case_json, lv_vtu, settings)
     nearest(distances, ventricle.volumes, outlets, case_json)
     study = Study(ventricle, distances, settings.models, settings.correlation_length, seed)
-    realisations = [study.flows(index) for index in range(first, first + count)]
+    realisations = [study.flows(index) for index in range(first, first + number)]
     arrays: dict[str, Any] = {"first": np.int64(first), "seed": np.int64(seed)}
     for name in settings.models:
         arrays[f"flow_{name}"] = np.array([r[name][0] for r in realisations])

@@ -184,9 +184,9 @@ def gather(
 
 
 def draw_samples(
-    draws_csv: str | Path, settings: Settings, seed: int, name: str, count: int, out_csv: str | Path
+    draws_csv: str | Path, settings: Settings, seed: int, name: str, number: int, out_csv: str | Path
 ) -> None:
-    """Write `count` samples θ = (r, s) of one set; a longer table begins with the shorter one.
+    """Write `number` samples θ = (r, s) of one set; a longer table begins with the shorter one.
 
     Parameters
     ----------
@@ -196,7 +196,7 @@ def draw_samples(
         Settings of the stage and the campaign's seed.
     name
         Of the set: "pilot" or "propagation".
-    count
+    number
         Rows of the table.
     out_csv
         Table to write: `sample`, one multiplier per bed, `R_cor_scaling`.
@@ -214,7 +214,7 @@ def draw_samples(
         wrong = [value for value in draws[bed].tolist() if not (isinstance(value, int | float) and 0 < value < np.inf)]
         if wrong:
             raise InputError(draws_csv, bed, wrong[0], "expected positive multipliers; gather the posterior again")
-    write_csv(out_csv, theta(draws, beds, name, count, settings.scaling, seed))
+    write_csv(out_csv, theta(draws, beds, name, number, settings.scaling, seed))
 
 
 def _warn_outside(multipliers: np.ndarray, prior: tuple[float, float], names: list[str]) -> None:

@@ -1,31 +1,29 @@
-"""Costs of the jobs of a campaign by stage, from the last line of each log."""
+"""Sum of what the jobs of a campaign cost, rule by rule."""
 
-import re
-from collections import defaultdict
+from collections.abc import Sequence
 from pathlib import Path
 
-COST = re.compile(r"cost: wall ([\d.]+) s, cpu ([\d.]+) s, memory (\d+) MB")
+from coronaryuq.core.io.atomic import read_json
+
+SUMMED = ("wall_s", "cpu_s")
 
 
-def costs(logs: Path) -> list[dict]:
-    """Return the costs of each stage and their sum, from a folder of job logs."""
-    stages: dict[str, dict] = defaultdict(lambda: {"jobs": 0, "wall": 0.0, "cpu": 0.0, "memory": 0.0})
-    for path in sorted(logs.rglob("*.log")):
-        matches = COST.findall(path.read_text(encoding="utf-8", errors="replace"))
-        if not matches:
-            continue
-        name = path.relative_to(logs).parts[0].removesuffix(".log")
-        wall, cpu, memory = map(float, matches[-1])
-        line = stages[name]
-        line["jobs"] += 1
-        line["wall"] += wall
-        line["cpu"] += cpu
-        line["memory"] = max(line["memory"], memory)
-    total = {"name": "all", "jobs": sum(v["jobs"] for v in stages.values())}
-    total |= {"wall": sum(v["wall"] for v in stages.values()), "cpu": sum(v["cpu"] for v in stages.values())}
-    total["memory"] = max((v["memory"] for v in stages.values()), default=0.0)
-    lines = [{"name": name, **value} for name, value in stages.items()] + [total]
-    return [
-        line | {"wall": f"{line['wall']:.0f}", "cpu": f"{line['cpu']:.0f}", "memory": f"{line['memory']:.0f}"}
-        for line in lines
-    ]
+def costs(files: Sequence[str | Path]) -> list[dict]:
+    """Return one line per rule and one for all: name, jobs, wall and CPU time (s), largest memory (MB), as text.
+
+    Parameters
+    ----------
+    files
+        One JSON file per job: `job`, whose first word is the rule, `wall_s`, `cpu_s`, `memory_mb`.
+    """
+    jobs = [read_json(path, ("job", *SUMMED, "memory_mb")) for path in files]
+    by_rule: dict[str, list[dict]] = {}
+    for job in jobs:
+        by_rule.setdefault(job["job"].split()[0], []).append(job)
+    return [_line(name, part) for name, part in by_rule.items()] + [_line("all", jobs)]
+
+
+def _line(name: str, jobs: list[dict]) -> dict:
+    wall, cpu = (sum(job[key] for job in jobs) for key in SUMMED)
+    memory = max((job["memory_mb"] for job in jobs), default=0.0)
+    return {"name": name, "jobs": len(jobs), "wall": f"{wall:.0f}", "cpu": f"{cpu:.0f}", "memory": f"{memory:.0f}"}

@@ -50,7 +50,7 @@ PLACES = {
 def write_report(
     files: Mapping[str, str],
     figures: Sequence[str],
-    logs: str | Path,
+    costs_of_jobs: Sequence[str],
     configuration: dict,
     out: str | Path,
     searches: tuple[Sequence[str], ...] = ((), ()),
@@ -64,8 +64,8 @@ def write_report(
         it was run, and `allocation` (of the last round) if the campaign grew.
     figures
         PNG files, named as in `CAPTIONS`.
-    logs
-        Folder of job logs whose last lines hold the costs.
+    costs_of_jobs
+        One JSON file per job, see `report.costs.costs`.
     configuration
         The campaign's configuration.
     out
@@ -96,7 +96,7 @@ def write_report(
         "figures": _figures(figures),
         "searches": discrepancy.searches(*searches),
         "failed": _failed(failures),
-        "costs": costs(Path(logs)),
+        "costs": costs(costs_of_jobs),
         "provenance": _provenance(estimates.provenance, files),
         "configuration": yaml.safe_dump(configuration, sort_keys=False),
     }

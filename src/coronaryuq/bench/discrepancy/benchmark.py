@@ -260,7 +260,7 @@ class FinishedCases:
 
     def __init__(self, path: str | Path, experiment: BenchmarkExperiment, name: str):
         self.path = Path(path)
-        code = [provenance.checksum(source) for source in provenance.sources("coronaryuq.bench.discrepancy.benchmark")]
+        code = provenance.code_digest("coronaryuq.bench.discrepancy.benchmark")
         head = {"made_by": provenance.digest([name, experiment.network, code])}
         first, *rest = self._read() or [head]
         lines = rest if first == head else []

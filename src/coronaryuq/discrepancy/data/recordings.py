@@ -53,7 +53,7 @@ _UNITS = {TIME: _TIMES, AORTA: _PRESSURES, VENTRICLE: _PRESSURES, FLOW: _FLOWS}
 
 
 def prepare_case(
-    folder: str | Path, animal: str, out: str | Path, held_out: Sequence[str] | None = None, free_bed: bool = False
+    folder: str | Path, animal: str, out_dir: str | Path, held_out: Sequence[str] | None = None, free_bed: bool = False
 ) -> None:
     """Write the case of one recorded animal: `model.json`, `measurements.csv`, `conditions.yaml` and `drives/`.
 
@@ -68,7 +68,7 @@ def prepare_case(
         Folder of `ANIMAL_CONDITION.csv`, each one beat of time, aortic and ventricular pressure, and flow.
     animal
         Name of the animal in the file names.
-    out
+    out_dir
         Folder for the case.
     held_out
         Conditions whose waveforms enter no fit; by default those under dobutamine.
@@ -82,7 +82,7 @@ def prepare_case(
         For fewer than two conditions, gaps, times that do not increase, recordings that are not one whole beat, and
         values that are implausible for a coronary artery.
     """
-    folder, out = Path(folder), Path(out)
+    folder, out = Path(folder), Path(out_dir)
     if not folder.is_dir():
         raise InputError(folder, None, None, "no such folder; give the folder of the recordings")
     beats, artery, heading = _beats(folder, animal)

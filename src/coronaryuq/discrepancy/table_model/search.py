@@ -30,8 +30,8 @@ LEAST_POSSIBLE = 0.05
 
 
 @threadpool_limits.wrap(limits=1)
-def discover_pairs(simulated: str | Path, measured: str | Path, out: Path, seed: int) -> dict:
-    """Search a table model and write the results into `out`.
+def discover_pairs(simulated: str | Path, measured: str | Path, out_dir: Path, seed: int) -> dict:
+    """Search a table model and write the results into `out_dir`.
 
     Laws are selected and fitted on four folds of the samples and tested on the fifth, for every fold; the effects
     reported as named are selected on all samples. Gaps are root mean square errors of FFR on held-out samples.
@@ -40,7 +40,7 @@ def discover_pairs(simulated: str | Path, measured: str | Path, out: Path, seed:
     ----------
     simulated, measured
         CSV tables, joined on the column `sample`.
-    out
+    out_dir
         Folder for `discrepancy.json`, `pairs.csv`, `laws.csv`, `effects.csv` and `paragraph.txt`.
     seed
         Seed of the folds.
@@ -60,12 +60,12 @@ def discover_pairs(simulated: str | Path, measured: str | Path, out: Path, seed:
     searches = [search_branch(branch, fold) for branch in branches(table0, table3, simulated, measured)]
     answers = [_answer(search) for search in searches]
     summary = _summary(answers)
-    clear(out)
-    write_csv(out / "pairs.csv", pd.concat([_samples(search, table0.index) for search in searches]))
-    write_csv(out / "laws.csv", pd.DataFrame([row for search in searches for row in _laws(search)]))
-    write_csv(out / "effects.csv", pd.DataFrame([row for answer in answers for row in _effects(answer)]))
-    write_text(out / "paragraph.txt", summary["paragraph"] + "\n")
-    write_json(out / "discrepancy.json", summary)
+    clear(out_dir)
+    write_csv(out_dir / "pairs.csv", pd.concat([_samples(search, table0.index) for search in searches]))
+    write_csv(out_dir / "laws.csv", pd.DataFrame([row for search in searches for row in _laws(search)]))
+    write_csv(out_dir / "effects.csv", pd.DataFrame([row for answer in answers for row in _effects(answer)]))
+    write_text(out_dir / "paragraph.txt", summary["paragraph"] + "\n")
+    write_json(out_dir / "discrepancy.json", summary)
     return summary
 
 

@@ -23,9 +23,9 @@ from coronaryuq.zerod.network.read import read_network
 
 
 def make_mesh(
-    case: Path, tree: Path, network: Path, settings: Settings, out: Path, lumen: Path | None = None
+    case: Path, tree: Path, network: Path, settings: Settings, out_dir: Path, lumen: Path | None = None
 ) -> MeshDescription:
-    """Mesh a case into the folder `out`.
+    """Mesh a case into the folder `out_dir`.
 
     `mesh.json` is written last, so that its presence means a complete mesh.
 
@@ -35,7 +35,7 @@ def make_mesh(
         `case.json`, `tree.vtp`, and the 0D network as svZeroDSolver JSON.
     settings
         Domain, resolution, limits.
-    out
+    out_dir
         Receives `mesh-complete.zip`, `mesh-complete/` and `mesh.json`.
     lumen
         For domain `lumen`: the case's closed surface or mesh-complete folder, in the case's length unit.
@@ -51,7 +51,7 @@ def make_mesh(
         The anatomy cannot be meshed; the message says what went wrong at every attempt.
     """
     try:
-        return _make_mesh(case, tree, network, settings, out, lumen)
+        return _make_mesh(case, tree, network, settings, out_dir, lumen)
     except MeshError as error:
         remedy = "look at the anatomy there, or choose another mesh.domain or mesh.resolution"
         raise InputError(lumen or tree, None, None, f"{error}; {remedy}") from None

@@ -89,14 +89,14 @@ def pack(folder: str | Path, archive: str | Path) -> None:
             packed.writestr(entry, path.read_bytes())
 
 
-def unpack(archive: str | Path, folder: str | Path) -> None:
-    """Unpack an archive of `pack` into `folder`/mesh-complete.
+def unpack(archive: str | Path, out_dir: str | Path) -> None:
+    """Unpack an archive of `pack` into `out_dir`/mesh-complete.
 
     Parameters
     ----------
     archive
         `mesh-complete.zip`.
-    folder
+    out_dir
         Receives `mesh-complete/`.
 
     Raises
@@ -118,7 +118,7 @@ def unpack(archive: str | Path, folder: str | Path) -> None:
         if not name.startswith("mesh-complete/") or ".." in Path(name).parts:
             raise InputError(archive, "entry", name, "lies outside mesh-complete/; make the mesh again")
     with zipfile.ZipFile(archive) as packed:
-        packed.extractall(folder)
+        packed.extractall(out_dir)
 
 
 def read(folder: str | Path) -> Mesh:

@@ -1,0 +1,52 @@
+"""The figures of a campaign and of the published runs, with the result files that each is drawn from."""
+
+from coronaryuq.campaign.paths import Paths
+from coronaryuq.config import Campaign
+
+HELD_BACK = 20
+"""3D runs that the convergence study keeps to judge a subsample by."""
+CASE = {"case": "case/case.json", "tree": "case/tree.vtp"}
+FLOWS = {
+    "posterior": "posterior/posterior.nc",
+    "case": "case/case.json",
+    "targets": "perfusion/targets.json",
+    "summary": "posterior/summary.json",
+}
+ALWAYS = {
+    "territories": CASE | {"lv": "case/lv.vtu"},
+    "cardiac_function": {"fit": "calibration/fit.csv"},
+    "marginals": {"posterior": "posterior/posterior.nc", "case": "case/case.json"},
+    "tree_ffr": CASE | {"pressures": "zerod/pressures.csv"},
+    "flows": FLOWS,
+    "flow_covariance": FLOWS,
+}
+ESTIMATES = {
+    "osi_scatter": {"pairs": "pairs.csv"},
+    "intervals_wss": {"estimates": "estimates.json"},
+    "intervals_ffr": {"estimates": "estimates.json"},
+    "budget": {"budget": "budget.json"},
+}
+"""Figures that the published runs have as well, by files in the folder of estimates."""
+
+
+def figures(campaign: Campaign, paths: Paths) -> dict[str, dict[str, str]]:
+    """Return the campaign's figures: name → inputs by keyword of the function that draws it."""
+    chosen = ALWAYS | _in_folder("estimation")
+    if min(campaign.estimation.convergence_sizes, default=0) <= campaign.samples.n_3d - HELD_BACK:
+        chosen["convergence"] = {"convergence": "estimation/convergence.json"}
+    if campaign.backend == "ensemble" and campaign.flow3d.fields:
+        chosen |= dict.fromkeys(("lumen", "walls"), CASE | {"fields": "flow3d/fields_0.zip"})
+    return _of(chosen, paths)
+
+
+def paper_figures(paths: Paths) -> dict[str, dict[str, str]]:
+    """Return the figures of the published runs; their convergence has a rule of its own."""
+    return _of(_in_folder("paper"), paths)
+
+
+def _in_folder(folder: str) -> dict[str, dict[str, str]]:
+    return {name: {key: f"{folder}/{file}" for key, file in files.items()} for name, files in ESTIMATES.items()}
+
+
+def _of(figures: dict[str, dict[str, str]], paths: Paths) -> dict[str, dict[str, str]]:
+    return {name: {key: paths.results(file) for key, file in files.items()} for name, files in figures.items()}

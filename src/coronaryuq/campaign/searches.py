@@ -1,0 +1,130 @@
+"""The cases that the discrepancy search examines: their files, their tables for figures, and what is missing."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from coronaryuq.campaign.paths import Paths
+from coronaryuq.core.errors import InputError
+from coronaryuq.discrepancy.data.conditions import drive_paths
+from coronaryuq.discrepancy.settings import GIVEN, Settings
+
+CASE = {"model": "model.json", "measurements": "measurements.csv", "conditions": "conditions.yaml"}
+HIDING = {"hidden_effect", "hidden_size"}
+INPUTS = {
+    *("model", "measurements", "conditions", "pairs", "recordings", "animals"),
+    *("held_out", "free_bed", "in_report", "benchmark"),
+}
+"""Settings that say what is searched, not how."""
+TABLES = ("tree", "residuals", "ranking", "sizes", "gap")
+PAIRS_TABLES = {"pairs": "pairs", "pairs_gap": "pairs", "pairs_effects": "effects"}
+
+
+@dataclass(frozen=True)
+class Searches:
+    """Searches of one campaign.
+
+    The cases are the files that the settings name, recorded animals and pairs of simulated and measured outputs; if
+    the settings name none, an effect is hidden in the campaign's tuned loop.
+
+    settings: block `discrepancy`; paths: of the campaign; tuned: the campaign's tuned loop at rest.
+    """
+
+    settings: Settings
+    paths: Paths
+    tuned: str
+
+    def made(self, case: str) -> dict[str, str]:
+        """Return the files of a case that a rule writes."""
+        return {name: self.paths.discrepancy(case, "case", file) for name, file in CASE.items()}
+
+    @cached_property
+    def cases(self) -> dict[str, dict[str, Any]]:
+        """Files of every case that is a network with measurements."""
+        settings = self.settings
+        cases: dict[str, dict[str, Any]] = {
+            animal: self.made(animal) | {"drives": self.paths.discrepancy(animal, "case", "drives")}
+            for animal in settings.animals
+        }
+        if settings.measurements and settings.conditions:
+            cases["case"] = {
+                "model": settings.model or self.tuned,
+                "measurements": settings.measurements,
+                "conditions": settings.conditions,
+                "drives": drive_paths(settings.conditions),
+            }
+        return cases or ({} if settings.pairs else {"hidden": self.made("hidden")})
+
+    @cached_property
+    def names(self) -> list[str]:
+        """Names of all cases, a table model among them."""
+        return [*self.cases, *(["pairs"] if self.settings.pairs else [])]
+
+    @cached_property
+    def answers(self) -> list[str]:
+        """Answer to every case."""
+        return [self.paths.discrepancy(case, "found", "discrepancy.json") for case in self.names]
+
+    @cached_property
+    def tables(self) -> dict[tuple[str, str], str]:
+        """Case and figure → the table that the figure is drawn from."""
+        tables = {
+            (case, name): self.paths.discrepancy(case, "found", f"{name}.csv") for case in self.cases for name in TABLES
+        }
+        if "hidden" in self.cases:
+            tables["hidden", "gap"] = self.paths.discrepancy("hidden", "known", "gap.csv")
+        if self.settings.pairs:
+            for name, table in PAIRS_TABLES.items():
+                tables["pairs", name] = self.paths.discrepancy("pairs", "found", f"{table}.csv")
+        return tables
+
+    @cached_property
+    def figures(self) -> list[str]:
+        """Figures of all cases."""
+        return [self.paths.discrepancy(case, "figures", f"{name}.png") for case, name in self.tables]
+
+    def recordings(self, animal: str) -> list[str]:
+        """Return the recorded files of an animal."""
+        return [path.as_posix() for path in sorted(Path(self.settings.recordings or "").glob(f"{animal}_*.csv"))]
+
+    def block(self, *, hiding: bool) -> dict[str, Any]:
+        """Return the settings of the search, those of the hidden effect with them or not."""
+        return self.settings.model_dump(mode="json", exclude=INPUTS if hiding else INPUTS | HIDING)
+
+    def shown(self) -> dict[str, Any]:
+        """Return the settings that the page of the searches shows."""
+        hidden = set() if "hidden" in self.cases else HIDING
+        return self.settings.model_dump(mode="json", exclude={"benchmark"} | hidden)
+
+    def hidden_in(self, network: str) -> dict[str, str]:
+        """Return the file that the benchmark hides effects in; none for the bundled open loop."""
+        chosen = self.settings.benchmark.named[network]
+        return {"campaign": {"network": self.tuned}, "open_loop": {}}.get(chosen, {"network": chosen})
+
+    def check(self) -> None:
+        """Raise `InputError` for a file, an animal or a condition that the settings name and that does not exist."""
+        for field, path in self._named():
+            if path and not Path(path).is_file():
+                raise InputError("configuration", f"discrepancy.{field}", path, "no such file")
+        folder, recorded = self.settings.recordings, set()
+        for animal in self.settings.animals:
+            files = self.recordings(animal)
+            if not files:
+                remedy = f"no {animal}_CONDITION.csv in {folder}"
+                raise InputError("configuration", "discrepancy.animals", animal, remedy)
+            recorded |= {Path(file).stem.removeprefix(f"{animal}_") for file in files}
+        for name in self.settings.held_out or ():
+            if name not in recorded:
+                remedy = f"not recorded; recorded are {', '.join(sorted(recorded))}"
+                raise InputError("configuration", "discrepancy.held_out", name, remedy)
+
+    def _named(self) -> Iterator[tuple[str, str | None]]:
+        settings = self.settings
+        yield "model", settings.model
+        yield "measurements", settings.measurements
+        yield "conditions", settings.conditions
+        yield from (("conditions", str(path)) for path in self.cases.get("case", {}).get("drives", ()))
+        yield from (("pairs", path) for path in settings.pairs or ())
+        yield from (("benchmark.networks", path) for path in settings.benchmark.named.values() if path not in GIVEN)

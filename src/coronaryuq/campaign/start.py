@@ -1,0 +1,92 @@
+"""Start of a campaign: read its configuration, and take its results folder when the first job is about to run."""
+
+import os
+import sys
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn
+
+import yaml
+
+from coronaryuq import config
+from coronaryuq.case.description.dependencies import files_named, lumen
+from coronaryuq.case.description.fields import read_description
+from coronaryuq.cli import explain
+from coronaryuq.config import Campaign
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.atomic import write_text
+from coronaryuq.core.io.lock import lock_results
+from coronaryuq.core.io.mtime import reset_future_times
+
+_taken: list[AbstractContextManager] = []
+"""Lock of the results folder, held until this process ends."""
+
+
+@dataclass(frozen=True)
+class Given:
+    """A campaign's configuration, the files that its case names, and its lumen if that is meshed as it is."""
+
+    campaign: Campaign
+    named: list[Path]
+    lumen: str | None
+
+
+def read_campaign(settings: dict[str, Any], configfiles: Sequence[str], default: Path) -> Given:
+    """Read and check a configuration and the case that it names.
+
+    Parameters
+    ----------
+    settings
+        The configuration as Snakemake merged it; if empty, the file `default` is read.
+    configfiles
+        Files that it came from, for error messages.
+
+    Raises
+    ------
+    InputError
+        If anything is wrong with it.
+    """
+    if settings:
+        campaign = config.validate(dict(settings), ", ".join(map(str, configfiles)) or "--config")
+    else:
+        campaign = config.load(default)
+    meshed_as_it_is = campaign.mesh.domain == "lumen"
+    if campaign.case == "bundled":
+        if meshed_as_it_is:
+            remedy = "the bundled patient has centrelines only; choose another domain"
+            raise InputError("configuration", "mesh.domain", "lumen", remedy)
+        return Given(campaign, [], None)
+    description = read_description(Path(campaign.case))
+    surface = lumen(campaign.case, description).as_posix() if meshed_as_it_is else None
+    return Given(campaign, files_named(campaign.case, description), surface)
+
+
+def take_folder(campaign: Campaign, folder: str) -> None:
+    """Lock the results folder for this process, repair times in the future, and write the whole configuration there.
+
+    Raises
+    ------
+    InputError
+        If another campaign is running in the folder.
+    """
+    _taken.append(lock_results(folder))
+    if future := reset_future_times(folder):
+        print(f"note: {len(future)} results were dated later than now: the clock has been set back", file=sys.stderr)
+    if not cache_is_writable():
+        print(f"note: {os.environ[explain.CACHE]} cannot be written: no cache is used", file=sys.stderr)
+    whole = yaml.safe_dump(campaign.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+    write_text(Path(folder, explain.CAMPAIGN), whole)
+
+
+def cache_is_writable() -> bool:
+    """Return whether the cache between campaigns can be written; one that cannot is not used."""
+    cache = os.environ.get(explain.CACHE)
+    return not cache or os.access(cache, os.W_OK)
+
+
+def refuse(error: InputError) -> NoReturn:
+    """Print wrong input on one line and exit."""
+    print(f"error: {error}", file=sys.stderr, flush=True)
+    sys.exit(InputError.EXIT_CODE)

@@ -1,0 +1,56 @@
+"""The cases that the discrepancy search examines."""
+
+import pytest
+
+from coronaryuq.campaign.paths import Paths
+from coronaryuq.campaign.searches import Searches
+from coronaryuq.core.errors import InputError
+from coronaryuq.discrepancy.settings import Settings
+
+
+def searches(**settings):
+    return Searches(Settings(**settings), Paths("x"), tuned="results/x/calibration/rest.json")
+
+
+def test_without_inputs_an_effect_is_hidden():
+    hidden = searches()
+    assert hidden.names == ["hidden"] and hidden.answers == ["results/x/discrepancy/hidden/found/discrepancy.json"]
+    assert hidden.tables["hidden", "gap"] == "results/x/discrepancy/hidden/known/gap.csv"
+    assert "hidden_size" in hidden.block(hiding=True) and "hidden_size" not in hidden.block(hiding=False)
+
+
+def test_pairs_alone_hide_nothing():
+    pairs = searches(pairs=("a.csv", "b.csv"))
+    assert pairs.names == ["pairs"] and not pairs.cases
+    assert {name for _, name in pairs.tables} == {"pairs", "pairs_gap", "pairs_effects"}
+
+
+def test_measurements_without_a_model_are_searched_in_the_tuned_loop(tmp_path):
+    case = searches(measurements="m.csv", conditions=str(tmp_path / "none.yaml")).cases["case"]
+    assert case["model"] == "results/x/calibration/rest.json" and case["drives"] == []
+
+
+def test_networks_of_the_benchmark(tmp_path):
+    given = searches(benchmark={"networks": ["campaign", "open_loop", "mine.json"]})
+    assert given.hidden_in("campaign") == {"network": "results/x/calibration/rest.json"}
+    assert given.hidden_in("open_loop") == {} and given.hidden_in("mine") == {"network": "mine.json"}
+
+
+@pytest.mark.parametrize(
+    ("settings", "error"),
+    [
+        ({"pairs": ("gone.csv", "b.csv")}, "discrepancy.pairs = 'gone.csv': no such file"),
+        ({"benchmark": {"networks": ["gone.json"]}}, "discrepancy.benchmark.networks = 'gone.json': no such file"),
+        ({"recordings": "nowhere", "animals": ["X"]}, "discrepancy.animals = 'X': no X_CONDITION.csv in nowhere"),
+    ],
+)
+def test_missing_files_are_refused(settings, error):
+    with pytest.raises(InputError) as raised:
+        searches(**settings).check()
+    assert error in str(raised.value)
+
+
+def test_conditions_to_hold_out_must_be_recorded(tmp_path):
+    (tmp_path / "X_baseline.csv").touch()
+    with pytest.raises(InputError, match="not recorded; recorded are baseline"):
+        searches(recordings=str(tmp_path), animals=["X"], held_out=["severe"]).check()

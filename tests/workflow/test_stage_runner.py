@@ -1,0 +1,71 @@
+"""The runner of stage functions: keywords of a call, and that every rule gives its function what it takes."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from support.checkout import ROOT, Checkout
+
+pytestmark = pytest.mark.workflow
+
+BINDS = """
+from job import job
+import pathlib
+with job(globals()) as this:
+    this.arguments(this.function())
+    for path in this.output.values():
+        for output in map(pathlib.Path, [path] if isinstance(path, str) else path):
+            output.write_text("") if output.suffix else output.mkdir(exist_ok=True)
+"""
+
+
+def test_every_rule_gives_its_function_what_it_takes(tmp_path):
+    checkout = Checkout(tmp_path)
+    (checkout.folder / "workflow" / "scripts" / "stage.py").write_text(BINDS)
+    checkout.settings["discrepancy"] = {"in_report": True}
+    done = checkout.run()
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+
+
+@pytest.fixture
+def run(tmp_path):
+    """Run stage.py by hand on a function of a module in the temporary folder."""
+    (tmp_path / "some_stage.py").write_text(
+        "from pathlib import Path\n"
+        "from coronaryuq.perfusion.settings import Settings\n\n"
+        "def act(text_txt: str, settings: Settings, out_dir: Path, parts_folder: Path, seed: int, threads: int = 1):\n"
+        "    print(type(settings).__name__, out_dir.name, parts_folder.name, seed, threads)\n"
+        "    Path(out_dir, 'out.txt').write_text(text_txt)\n"
+    )
+
+    def call(**params):
+        files = ["--input", "text_txt=a.txt", "parts=b/1.txt", "parts=b/2.txt", "--output", "whole=made/out.txt"]
+        (tmp_path / "made").mkdir(exist_ok=True)
+        command = [sys.executable, str(ROOT / "workflow" / "scripts" / "stage.py"), *files, "--threads", "2"]
+        command += ["--params", json.dumps({"function": "some_stage:act", **params})]
+        environment = {"PYTHONPATH": f"{tmp_path}:{ROOT / 'src'}", "PATH": ""}
+        return subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+
+    return call
+
+
+def test_a_function_gets_settings_paths_and_threads(run, tmp_path):
+    done = run(settings={"realisations": 7}, seed=3)
+    assert done.returncode == 0, done.stderr
+    assert "Settings made b 3 2" in done.stderr and done.stdout == ""
+    assert (tmp_path / "made" / "out.txt").read_text() == "a.txt"
+
+
+@pytest.mark.parametrize(
+    ("params", "error"),
+    [
+        ({"settings": {}}, "missing a required argument: 'seed'"),
+        ({"settings": {}, "seed": 1, "sead": 2}, "unexpected keyword argument 'sead'"),
+        ({"settings": {}, "seed": 1, "text_txt": "b.txt"}, "named twice in its rule: text_txt"),
+    ],
+)
+def test_a_rule_that_does_not_fit_its_function_is_refused(run, params, error):
+    done = run(**params)
+    assert done.returncode == 1 and error in done.stderr
