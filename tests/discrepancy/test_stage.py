@@ -7,8 +7,9 @@ from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.inference.read_problem import read_problem
+from coronaryuq.discrepancy.search_case import search
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.discrepancy.stage import compare, hide_in_loop, search
+from coronaryuq.discrepancy.stage import compare, hide_in_loop
 from coronaryuq.report.discrepancy import write_page
 from coronaryuq.zerod.effects.library import effect
 from coronaryuq.zerod.network.read import read_network

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.estimation import stage
+from coronaryuq.estimation import stage, training
 from coronaryuq.estimation.results import read_estimates
 from coronaryuq.estimation.settings import Settings
 
@@ -21,7 +21,7 @@ def zero_d(samples: pd.DataFrame) -> pd.DataFrame:
 
 
 def campaign(folder, seed=3, settings=SETTINGS):
-    stage.train(folder, settings, seed, folder / "networks.npz", folder / "resampled.csv")
+    training.write_networks(folder, settings, seed, folder / "networks.npz", folder / "resampled.csv")
     zero_d(pd.read_csv(folder / "resampled.csv")).to_parquet(folder / "k0.parquet")
     stage.estimate(
         folder, folder / "networks.npz", [folder / "k0.parquet"], settings, seed,
@@ -57,7 +57,7 @@ def test_any_number_of_threads_gives_the_same_networks(folder):
         written = []
         for threads in (1, 2):
             torch.set_num_threads(threads)
-            stage.train(folder, SETTINGS, 3, folder / "networks.npz", folder / "resampled.csv")
+            training.write_networks(folder, SETTINGS, 3, folder / "networks.npz", folder / "resampled.csv")
             written.append((folder / "networks.npz").read_bytes())
     finally:
         torch.set_num_threads(before)
@@ -72,10 +72,10 @@ def test_without_the_autoencoder_there_is_nothing_to_resample(folder):
 
 def test_too_few_3d_runs_are_refused(folder):
     with pytest.raises(InputError, match="min_3d is 41"):
-        stage.train(folder, Settings(min_3d=41), 3, folder / "networks.npz", folder / "resampled.csv")
+        training.write_networks(folder, Settings(min_3d=41), 3, folder / "networks.npz", folder / "resampled.csv")
     assert not (folder / "networks.npz").exists()
 
 
 def test_a_row_that_is_not_there_is_named(folder):
     with pytest.raises(InputError, match="no such row; the file has 1"):
-        stage.train(folder, Settings(rows=["7"]), 3, folder / "networks.npz", folder / "resampled.csv")
+        training.write_networks(folder, Settings(rows=["7"]), 3, folder / "networks.npz", folder / "resampled.csv")

@@ -102,6 +102,8 @@ def test_a_changed_setting_makes_stale_what_depends_on_it(finished, block, value
             {"perfusion_chunk", "calibration", "mesh"},
         ),
         ("flow3d/fem/wall_shear.py", {"flow3d_batch"} | ESTIMATES, {"zerod_chunk", "posterior"}),
+        ("estimation/campaign/convergence_and_budget.py", {"budget"}, {"estimation_train", "zerod_resampled"}),
+        ("estimation/campaign/tables.py", {"estimation"}, {"estimation_train", "zerod_resampled"}),
         ("report/page.py", {"report"}, {"figure", "estimation"}),
         ("report/style.css", {"report"}, {"figure", "estimation"}),
         ("figures/style.py", {"figure"}, {"estimation", "flow3d_batch"}),

@@ -59,7 +59,7 @@ rule discrepancy_search:
         case=alternatives(searches.cases),
     threads: 2
     params:
-        **stage("coronaryuq.discrepancy.stage:search"),
+        **stage("coronaryuq.discrepancy.search_case:search"),
         settings=searches.block(hiding=False),
         seed=campaign.seed,
     script:

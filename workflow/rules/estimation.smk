@@ -73,7 +73,7 @@ rule estimation_train:
     cache: cached
     threads: 2
     params:
-        **stage("coronaryuq.estimation.stage:train"),
+        **stage("coronaryuq.estimation.training:write_networks"),
         settings=block("estimation"),
         seed=campaign.seed,
     script:

@@ -20,6 +20,13 @@ UNNAMED = ("model", "network")
 """Names under which error messages refer to the network where its file is unknown."""
 
 
+def search(
+    model, measurements, conditions, settings: Settings, seed: int, out_dir: str | Path, threads: int = 1
+) -> None:
+    """Search one case and write the results into `out_dir`."""
+    search_case(model, measurements, conditions, Path(out_dir), settings.model_copy(update={"threads": threads}), seed)
+
+
 # The matrices are small: linear-algebra threads would only contend, and rounding would depend on their number.
 @threadpool_limits.wrap(limits=1)
 def search_case(

@@ -18,7 +18,6 @@ from coronaryuq.discrepancy.hidden.reference_gap import known_gap
 from coronaryuq.discrepancy.inference.noise import Noise
 from coronaryuq.discrepancy.inference.read_problem import read_problem, with_noise
 from coronaryuq.discrepancy.result.write import gap_row
-from coronaryuq.discrepancy.search_case import search_case
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.library import effect
@@ -67,19 +66,6 @@ def hide_in_loop(rest: str | Path, settings: Settings, seed: int, out_dir: str |
             "visible_sd": truth.visible,
         },
     )
-
-
-def search(
-    model: str | Path,
-    measurements: str | Path,
-    conditions: str | Path,
-    settings: Settings,
-    seed: int,
-    out_dir: str | Path,
-    threads: int = 1,
-) -> None:
-    """Search one case with `threads` threads and write the results into `out_dir`; see `search_case`."""
-    search_case(model, measurements, conditions, Path(out_dir), settings.model_copy(update={"threads": threads}), seed)
 
 
 def compare(

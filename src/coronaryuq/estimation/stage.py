@@ -3,11 +3,8 @@
 from dataclasses import asdict
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
-
 from coronaryuq.core.io.atomic import write_json
-from coronaryuq.core.io.tables import write_csv, write_npz
+from coronaryuq.core.io.tables import write_csv
 from coronaryuq.core.io.typed import plain
 from coronaryuq.core.provenance import stamp
 from coronaryuq.estimation.campaign import analysis, convergence_and_budget, tables
@@ -15,45 +12,9 @@ from coronaryuq.estimation.campaign.allocation import check_wanted
 from coronaryuq.estimation.estimators.level_allocation import Costs, worth
 from coronaryuq.estimation.results import Budget, CoarseLevel, Estimates, RowReport, read_estimates
 from coronaryuq.estimation.runs.gather import coarse_cost, measured_cost_ratio
-from coronaryuq.estimation.runs.table import Row, Runs, read_rows, read_runs
 from coronaryuq.estimation.settings import Settings
 from coronaryuq.estimation.surrogates.networks_file import read_networks, read_resampled
-
-
-def train(
-    runs_folder: str | Path, settings: Settings, seed: int, networks_npz: str | Path, resampled_csv: str | Path,
-    rows_csv: str | Path | None = None,
-) -> None:  # fmt: skip
-    """Train MFMC-AE for all rows, folds and restarts; write the networks and the 0D inputs that they need.
-
-    Parameters
-    ----------
-    runs_folder
-        Runs in the published-runs format (docs/formats.md).
-    settings, seed
-        Settings of the stage; without `settings.autoencoder` both files are written without rows.
-    networks_npz
-        Networks to write.
-    resampled_csv
-        0D inputs to write: `sample` and one column per input of `params.csv`, (folds + 1) · curve_nodes lines per row.
-        The 0D stage runs them like any other table of θ.
-    rows_csv
-        Rows to estimate; `rows.csv` of the folder if None.
-
-    Raises
-    ------
-    InputError
-        If the folder is not as described, or has too few runs.
-    """
-    runs, rows = _read(runs_folder, rows_csv, settings)
-    analysis.check_number_of_runs(runs, settings)
-    if not settings.autoencoder:
-        write_npz(networks_npz, {"rows": np.array([], dtype=str)})
-        write_csv(resampled_csv, pd.DataFrame(columns=["sample", *runs.inputs]))
-        return
-    networks = analysis.train(runs, rows, settings, seed)
-    write_npz(networks_npz, networks.arrays())
-    write_csv(resampled_csv, analysis.wanted_0d(networks, runs, settings.curve_nodes))
+from coronaryuq.estimation.training import read_chosen
 
 
 def estimate(
@@ -78,7 +39,7 @@ def estimate(
     InputError
         If an input file is not as described.
     """
-    runs, rows = _read(runs_folder, rows_csv, settings)
+    runs, rows = read_chosen(runs_folder, rows_csv, settings)
     networks = read_networks(networks_npz) if networks_npz else None
     outputs = read_resampled(zerod_tables) if networks else None
     results = analysis.analyse(runs, rows, settings, seed, networks, outputs)
@@ -91,8 +52,8 @@ def estimate(
 def convergence(
     runs_folder: str | Path, settings: Settings, seed: int, out_json: str | Path, rows_csv: str | Path | None = None
 ) -> None:
-    """Write the convergence study, {"convergence": [...]}; arguments as in `train`."""
-    runs, rows = _read(runs_folder, rows_csv, settings)
+    """Write the convergence study, {"convergence": [...]}; arguments as in `training.write_networks`."""
+    runs, rows = read_chosen(runs_folder, rows_csv, settings)
     named = settings.convergence_rows
     chosen = [row for row in rows if (row.name in named if named else "osi" in row.column_3d.lower())]
     entries = convergence_and_budget.convergence(runs, chosen, settings, seed)
@@ -135,8 +96,3 @@ def _coarse_level(failures_json: Path, rows: list[RowReport], settings: Settings
     costs = Costs(cost.coarse_cpu_s / cost.fine_cpu_s, measured_cost_ratio(failures_json) or settings.cost_ratio)
     gained = {row.row: value for row in rows if (value := worth(row, cost.runs, costs)) is not None}
     return CoarseLevel(**asdict(cost), rows=gained)
-
-
-def _read(runs_folder: str | Path, rows_csv: str | Path | None, settings: Settings) -> tuple[Runs, list[Row]]:
-    rows_csv = rows_csv or Path(runs_folder) / "rows.csv"
-    return read_runs(runs_folder), analysis.chosen_rows(read_rows(rows_csv), settings, rows_csv)

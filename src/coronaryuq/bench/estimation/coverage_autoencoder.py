@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from coronaryuq.bench.estimation.problems import ROW, SEED, Problem, Trial, as_design, runs_of
-from coronaryuq.estimation.campaign import analysis
+from coronaryuq.estimation import training
 from coronaryuq.estimation.estimators import per_row
 from coronaryuq.estimation.estimators.crossfit import Estimate
 from coronaryuq.estimation.estimators.folds import assign, count
@@ -36,12 +36,12 @@ def estimates(
 def _trained(drawn: list[Trial], fold: list[np.ndarray], settings: Settings, seed: int) -> mfmc_ae.Networks:
     every = [runs_of(trial) for trial in drawn]
     theta = np.vstack([runs.theta for runs in every])
-    boxes = np.array([analysis.box(runs) for runs in every])
+    boxes = np.array([training.box(runs) for runs in every])
     box = np.column_stack([boxes[:, :, 0].min(axis=0), boxes[:, :, 1].max(axis=0)])
     y, q = np.concatenate([trial.y for trial in drawn]), np.concatenate([trial.seen.row_output for trial in drawn])
     fits = [at * len(f) + fit for at, f in enumerate(fold) for fit in mfmc_ae.fits_of(f)[:-1]]
     pairs = {ROW.name: (ROW.column_3d, y, ROW.column_0d, q)}
-    return mfmc_ae.train(theta, box, pairs, fits, analysis.training(settings), seed)
+    return mfmc_ae.train(theta, box, pairs, fits, training.training_settings(settings), seed)
 
 
 def _estimate(problem: Problem, trial: Trial, fold: np.ndarray, networks: mfmc_ae.Networks, settings: Settings):

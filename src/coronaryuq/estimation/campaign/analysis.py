@@ -1,18 +1,17 @@
 """Every estimate of every row of one set of runs; the stage and the benchmarks call this."""
 
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from coronaryuq.core.errors import InputError
+from coronaryuq.estimation import training
 from coronaryuq.estimation.campaign import diagnostics, failures
 from coronaryuq.estimation.campaign.paper import paper_row
 from coronaryuq.estimation.campaign.tables import estimator_report
 from coronaryuq.estimation.estimators import multilevel_crossfit, per_row, tails_and_sobol
 from coronaryuq.estimation.estimators.crossfit import Estimate
-from coronaryuq.estimation.estimators.folds import assign, count
+from coronaryuq.estimation.estimators.folds import count
 from coronaryuq.estimation.estimators.folds_and_blocks import Design, make_design
 from coronaryuq.estimation.estimators.montecarlo import mfmc_variance
 from coronaryuq.estimation.estimators.per_row import Curves
@@ -26,81 +25,12 @@ ORDER = ("MC", "MFMC", "MFMC-AE", "BLUE", "best", "multilevel")
 """Of the estimators in `estimates.json`, the table and the figures."""
 
 
-def chosen_rows(rows: list[Row], settings: Settings, file: str | Path) -> list[Row]:
-    """Return the rows that the settings name, all if they name none; `InputError` for a row that does not exist."""
-    names = {row.name for row in rows}
-    for name in settings.rows:
-        if name not in names:
-            raise InputError(file, "row", name, f"no such row; the file has {', '.join(row.name for row in rows)}")
-    return [row for row in rows if not settings.rows or row.name in settings.rows]
-
-
-def check_number_of_runs(runs: Runs, settings: Settings) -> None:
-    """Raise `InputError` for fewer 3D runs or propagation samples than the estimators need."""
-    if len(runs) < settings.min_3d:
-        raise InputError(
-            runs.folder / "outputs_3d.csv", "usable 3D runs", len(runs), f"estimation.min_3d is {settings.min_3d}"
-        )
-    if len(runs.theta_more) < 2 * count(len(runs), settings.folds):
-        raise InputError(
-            runs.folder / "params_propagation.csv", "samples", len(runs.theta_more),
-            "draw inputs at which only the 0D model is run (or params_propagation_normalized.csv)",
-        )  # fmt: skip
-
-
-def box(runs: Runs) -> np.ndarray:
-    """Return θ at −1 and +1 for the networks (d, 2): the limits where known, widened to hold every sample."""
-    everywhere = np.vstack([runs.theta, runs.theta_more]) if len(runs.theta_more) else runs.theta
-    low, high = everywhere.min(axis=0), everywhere.max(axis=0)
-    if runs.limits is not None:
-        low, high = np.minimum(low, runs.limits[:, 0]), np.maximum(high, runs.limits[:, 1])
-    return np.column_stack([low, np.where(high > low, high, low + 1.0)])
-
-
-def training(settings: Settings) -> mfmc_ae.Training:
-    """Return the part of the settings that the networks are trained with."""
-    return mfmc_ae.Training(
-        settings.steps, settings.batch, settings.learning_rate, settings.decay, settings.restarts, settings.correlation
-    )
-
-
-def train(runs: Runs, rows: list[Row], settings: Settings, seed: int) -> mfmc_ae.Networks:
-    """Train the MFMC-AE networks of all rows and folds."""
-    fold = assign(len(runs), count(len(runs), settings.folds), seed)
-    return train_on(runs, rows, mfmc_ae.fits_of(fold), settings, seed)
-
-
-def train_on(runs: Runs, rows: list[Row], fits: list[np.ndarray], settings: Settings, seed: int) -> mfmc_ae.Networks:
-    """Train the MFMC-AE networks of all rows on each of the training sets `fits`, which hold indices of pilot runs."""
-    pairs = {}
-    for row in rows:
-        y, q = pair(runs, row)
-        pairs[row.name] = (row.column_3d, y, row.column_0d, q)
-    return mfmc_ae.train(runs.theta, box(runs), pairs, fits, training(settings), seed)
-
-
-def wanted_0d(networks: mfmc_ae.Networks, runs: Runs, nodes: int) -> pd.DataFrame:
-    """0D inputs that MFMC-AE needs: `sample` (ROW.FOLD.NODE, fold `all` for the in-sample fit) and θ."""
-    frames = []
-    for row in networks.rows:
-        for k in [*range(networks.folds), mfmc_ae.IN_SAMPLE]:
-            theta = mfmc_ae.resampled(networks, row, k, mfmc_ae.nodes(networks, row, k, nodes))
-            frame = pd.DataFrame(theta, columns=list(runs.inputs))
-            frame.insert(0, "sample", [_sample_name(row, k, i) for i in range(len(theta))])
-            frames.append(frame)
-    return pd.concat(frames, ignore_index=True)
-
-
-def _sample_name(row: str, k: int, node: int) -> str:
-    return f"{row}.{'all' if k == mfmc_ae.IN_SAMPLE else k}.{node:03d}"
-
-
 def curves_of(networks: mfmc_ae.Networks, row: Row, outputs: pd.Series, nodes: int) -> Curves:
     """Curves of one row; failed 0D runs are left out of a curve, and there are none if one has fewer than 3 runs."""
     curves = {}
     for k in [*range(networks.folds), mfmc_ae.IN_SAMPLE]:
         places = mfmc_ae.nodes(networks, row.name, k, nodes)
-        values = outputs.reindex([_sample_name(row.name, k, i) for i in range(len(places))]).to_numpy(float)
+        values = outputs.reindex([training.sample_name(row.name, k, i) for i in range(len(places))]).to_numpy(float)
         finite = np.isfinite(values)
         if finite.sum() < 3:
             return {}
@@ -134,7 +64,7 @@ def analyse(
     InputError
         If there are too few runs, or if a row names a column that does not exist.
     """
-    check_number_of_runs(runs, settings)
+    training.check_number_of_runs(runs, settings)
     design = design or make_design(runs, rows, count(len(runs), settings.folds), seed, settings.known_scaling)
     failed = failures.failed_not_at_random(runs, seed, settings.known_scaling)
     findings = tuple(f for f in (diagnostics.different_inputs(runs), failed) if f)

@@ -3,7 +3,6 @@
 import numpy as np
 
 from coronaryuq.core.seeds import generator
-from coronaryuq.estimation.campaign.analysis import train_on
 from coronaryuq.estimation.estimators.montecarlo import additional_budget, correlation, optimal_variance
 from coronaryuq.estimation.results import Convergence, Curve, RowBudget, RowReport, Want
 from coronaryuq.estimation.runs.table import Row, Runs, pair
@@ -11,6 +10,7 @@ from coronaryuq.estimation.settings import Settings
 from coronaryuq.estimation.surrogates import mfmc_ae, selector
 from coronaryuq.estimation.surrogates.control_variates import Seen
 from coronaryuq.estimation.surrogates.emulator import Emulator, informative
+from coronaryuq.estimation.training import train_on
 
 POINTS = 60
 """Of a budget curve."""

@@ -6,13 +6,14 @@ import numpy as np
 import pandas as pd
 
 from coronaryuq.core.io.tables import write_csv
-from coronaryuq.estimation.campaign.analysis import chosen_rows, curves_of
+from coronaryuq.estimation.campaign.analysis import curves_of
 from coronaryuq.estimation.estimators.folds import assign, count
 from coronaryuq.estimation.estimators.per_row import aligned
 from coronaryuq.estimation.runs.table import Row, Runs, pair, read_rows, read_runs
 from coronaryuq.estimation.settings import Settings
 from coronaryuq.estimation.surrogates import mfmc_ae
 from coronaryuq.estimation.surrogates.networks_file import read_networks, read_resampled
+from coronaryuq.estimation.training import chosen_rows
 
 
 def write_pairs(

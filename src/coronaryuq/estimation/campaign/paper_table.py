@@ -11,6 +11,7 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_json, write_text
 from coronaryuq.core.io.tables import read_csv, write_csv
 from coronaryuq.core.io.typed import plain
+from coronaryuq.estimation import training
 from coronaryuq.estimation.campaign import analysis, convergence_and_budget, pairs_table
 from coronaryuq.estimation.estimators.folds import count
 from coronaryuq.estimation.estimators.folds_and_blocks import make_design
@@ -52,15 +53,15 @@ def paper_table(
     InputError
         If the folder is not as described, or has too few runs.
     """
-    runs, rows = read_runs(data), analysis.chosen_rows(read_rows(rows_csv), settings, rows_csv)
-    analysis.check_number_of_runs(runs, settings)
+    runs, rows = read_runs(data), training.chosen_rows(read_rows(rows_csv), settings, rows_csv)
+    training.check_number_of_runs(runs, settings)
     clock = [time.process_time()]
     design = make_design(runs, rows, count(len(runs), settings.folds), seed, settings.known_scaling)
     clock.append(time.process_time())
     networks = resampled = None
     if settings.autoencoder:
-        networks = analysis.train(runs, rows, settings, seed)
-        wanted = analysis.wanted_0d(networks, runs, settings.curve_nodes)
+        networks = training.train(runs, rows, settings, seed)
+        wanted = training.wanted_0d(networks, runs, settings.curve_nodes)
         resampled = emulated(runs, [row.column_0d for row in rows], wanted)
     clock.append(time.process_time())
     results = analysis.analyse(runs, rows, settings, seed, networks, resampled, design, beyond_mean=False)

@@ -7,7 +7,7 @@ import numpy as np
 import optuna
 
 from coronaryuq.core.io.atomic import write_json
-from coronaryuq.estimation.campaign import analysis
+from coronaryuq.estimation import training
 from coronaryuq.estimation.estimators.folds import assign, count
 from coronaryuq.estimation.estimators.montecarlo import correlation
 from coronaryuq.estimation.runs.table import Row, Runs, pair, read_rows, read_runs
@@ -22,7 +22,7 @@ def held_out_loss(runs: Runs, rows: list[Row], settings: Settings, seed: int) ->
     That is the share of plain Monte Carlo's variance that no number of 0D runs removes. The 0D model at resampled
     inputs is an emulator of all pilot 0D runs, which hold no information on a 3D output.
     """
-    networks = analysis.train(runs, rows, settings, seed)
+    networks = training.train(runs, rows, settings, seed)
     fold = assign(len(runs), count(len(runs), settings.folds), seed)
     names = list(dict.fromkeys(row.column_0d for row in rows))
     emulator, lost = Emulator(np.log(runs.theta), runs.q[names]), []
@@ -64,7 +64,7 @@ def tune(
         If the folder is not as described, or if a row does not exist.
     """
     runs = read_runs(runs_folder)
-    rows = analysis.chosen_rows(read_rows(rows_csv), settings, rows_csv)
+    rows = training.chosen_rows(read_rows(rows_csv), settings, rows_csv)
     total = sum(settings.steps)
 
     def suggested(trial: optuna.trial.BaseTrial) -> Settings:
