@@ -162,6 +162,13 @@ def test_a_search_on_pairs_needs_nothing_of_the_campaign(checkout):
     assert set(jobs) == {"discrepancy_pairs", "discrepancy_figure", "discrepancy_report", "discrepancy"}
 
 
+def test_an_edit_of_the_summary_text_leaves_searches_fresh(tmp_path):
+    checkout = Checkout(tmp_path)
+    checkout.pretend_done("discrepancy")
+    checkout.edit("discrepancy/result/summary_text.py")
+    assert set(checkout.dry_run("discrepancy")) == {"discrepancy_text", "discrepancy_report", "discrepancy"}
+
+
 def test_a_search_in_the_report_is_part_of_the_campaign(checkout):
     settings = changed(checkout, discrepancy={"in_report": True})
     assert {"discrepancy_hidden", "discrepancy_search", "report"} <= set(checkout.dry_run(settings=settings))

@@ -51,7 +51,6 @@ rule discrepancy_search:
         sizes=paths.discrepancy("{case}", "found", "sizes.csv"),
         tree=paths.discrepancy("{case}", "found", "tree.csv"),
         gap=paths.discrepancy("{case}", "found", "gap.csv"),
-        paragraph=paths.discrepancy("{case}", "found", "paragraph.txt"),
         cost=cost_of("discrepancy_search_{case}.json"),
     log:
         log_of("discrepancy_search", "{case}.log"),
@@ -62,6 +61,22 @@ rule discrepancy_search:
         **stage("coronaryuq.discrepancy.search_case:search"),
         settings=searches.block(hiding=False),
         seed=campaign.seed,
+    script:
+        "../scripts/stage.py"
+
+
+rule discrepancy_text:
+    """Write the answer of a search in words; a rule of its own, so that an edit of the text repeats no search."""
+    input:
+        answer_json=rules.discrepancy_search.output.answer,
+    output:
+        paragraph_txt=paths.discrepancy("{case}", "found", "paragraph.txt"),
+    log:
+        log_of("discrepancy_text", "{case}.log"),
+    wildcard_constraints:
+        case=alternatives(searches.cases),
+    params:
+        **stage("coronaryuq.discrepancy.result.summary_text:write_paragraph"),
     script:
         "../scripts/stage.py"
 
@@ -151,6 +166,7 @@ rule discrepancy:
     """All searches and their page."""
     input:
         rules.discrepancy_report.output.out,
+        expand(rules.discrepancy_text.output.paragraph_txt, case=searches.cases),
 
 
 rule discrepancy_benchmark_seed:

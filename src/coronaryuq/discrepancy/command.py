@@ -11,6 +11,7 @@ from coronaryuq.core.io.atomic import check_folder
 from coronaryuq.discrepancy.data.conditions import drive_paths
 from coronaryuq.discrepancy.data.recordings import prepare_case
 from coronaryuq.discrepancy.result import write
+from coronaryuq.discrepancy.result.summary_text import write_paragraph
 from coronaryuq.discrepancy.search_case import search_case
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.table_model.search import discover_pairs
@@ -96,7 +97,8 @@ def _run(args: argparse.Namespace, out: Path) -> dict:
             if not getattr(args, name):
                 raise InputError("command line", f"--{name}", None, "missing; or give --pairs or --recordings")
         model, measurements, conditions = args.model, args.measurements, args.conditions
-    return search_case(model, measurements, conditions, out, settings, args.seed)
+    answer = search_case(model, measurements, conditions, out, settings, args.seed)
+    return answer | {"paragraph": write_paragraph(out / "discrepancy.json", out / "paragraph.txt")}
 
 
 def _check_overwriting(args: argparse.Namespace, out: Path) -> None:

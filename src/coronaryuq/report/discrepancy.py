@@ -9,6 +9,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from coronaryuq.core import provenance, units
 from coronaryuq.core.io.atomic import read_json, write_text
+from coronaryuq.discrepancy.result.summary_text import paragraph
 from coronaryuq.discrepancy.table_model.tables import artery
 
 CAPTIONS = {
@@ -97,7 +98,7 @@ def _search(path: str, figures: list[str], truths: list[str]) -> dict:
     order = {name: number for number, name in enumerate(CAPTIONS)}
     return {
         "title": TITLES.get("pairs" if pairs else case_of(path), case_of(path)),
-        "paragraph": answer["paragraph"],
+        "paragraph": answer["paragraph"] if pairs else paragraph(answer),
         "truth": _verdict(read_json(truth_files["truth"]), answer["named"]) if "truth" in truth_files else "",
         "named": [_named(effect) for effect in answer["named"]],
         "located": [] if pairs else [_located(row) for row in answer["located"][:SHOWN]],

@@ -4,24 +4,18 @@ import numpy as np
 import pytest
 
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
-from coronaryuq.discrepancy.inference.cross_validation import Gap
 from coronaryuq.discrepancy.inference.locate import Located, PriorConflict
 from coronaryuq.discrepancy.inference.outliers import Outlier
 from coronaryuq.discrepancy.result import summary_text
-from coronaryuq.discrepancy.selection.abstention import Gaps
-from coronaryuq.discrepancy.selection.candidates import Candidate
+from coronaryuq.discrepancy.result.account import by_condition, described_sizes, noise_excess, prior_conflicts
 from coronaryuq.discrepancy.selection.size_constancy import Constancy
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.library import effect
-from support.hypotheses import assume, placed
+from support.hypotheses import placed
 
 LEVEL = 0.01
 OPEN_LOOP = Anatomy({"vessels": []})
 CLOSED_LOOP = Anatomy({"vessels": [], "closed_loop_blocks": [{}]})
-
-
-def gap(lpd: float) -> Gap:
-    return Gap(1.0, (0.9, 1.1), {}, lpd, 10 * lpd, np.zeros(10))
 
 
 @pytest.mark.parametrize(
@@ -42,7 +36,7 @@ def test_the_misfit_falls_only_if_the_shown_numbers_do(before, after, text):
     ],
 )
 def test_a_flexible_discrepancy_is_mentioned_only_if_it_predicts_better(after, flexible, both, named, text):
-    sentence = summary_text.flexible_text(Gaps(gap(0.0), gap(after), gap(flexible), gap(both)), named)
+    sentence = summary_text.flexible_text(after, flexible, both, named)
     assert text in sentence
     assert bool(sentence) == bool(text)
 
@@ -52,7 +46,7 @@ def test_a_flexible_discrepancy_is_mentioned_only_if_it_predicts_better(after, f
 )
 def test_large_noise_is_distinguished_from_a_missing_effect(smooth, excess):
     located = Located(1e-9, {"all residuals": 1e-9, "smooth part": smooth, "best candidate": 0.2}, [], [])
-    assert summary_text.noise_excess(located, 1.5**2, LEVEL) == (excess and pytest.approx(excess))
+    assert noise_excess(located, 1.5**2, LEVEL) == (excess and pytest.approx(excess))
 
 
 def test_a_model_that_fits_but_does_not_predict_gets_a_warning():
@@ -76,8 +70,8 @@ def test_the_measurement_that_distinguishes_a_class_is_named_only_if_it_is_infor
 
 
 def test_the_probability_of_a_class_is_separate_from_that_of_its_first_member():
-    first = Candidate(placed("bifurcation_loss", "lad"), 0.0, probability=0.4)
-    other = Candidate(placed("ostial_loss", "lm"), 0.0, probability=0.59)
+    first = {"effect": "bifurcation_loss", "place": "lad", "probability": 0.4}
+    other = {"effect": "ostial_loss", "place": "lm", "probability": 0.59}
     assert summary_text.class_probability_text([first]) == "probability 0.40"
     text = summary_text.class_probability_text([first, other])
     assert text.startswith("probability 0.99 for its class, 0.40 for this member; ")
@@ -85,7 +79,7 @@ def test_the_probability_of_a_class_is_separate_from_that_of_its_first_member():
 
 
 @pytest.mark.parametrize(
-    ("conflicts", "text"),
+    ("strains", "text"),
     [
         ([("a", 2.0, 0.5), ("b", -1.0, 0.9)], ""),
         (
@@ -104,21 +98,23 @@ def test_the_probability_of_a_class_is_separate_from_that_of_its_first_member():
     ],
     ids=["none", "the worst", "and one far outside", "many"],
 )
-def test_every_nuisance_parameter_far_outside_its_prior_is_listed(conflicts, text):
-    located = Located(1.0, {}, [], [PriorConflict(name, sd, sd, p) for name, sd, p in conflicts])
-    nuisances = [Nuisance(name, 0.5) for name, _, _ in conflicts]
-    assert summary_text.conflict_text("It moves", summary_text.prior_conflicts(located, nuisances, LEVEL)) == text
+def test_every_nuisance_parameter_far_outside_its_prior_is_listed(strains, text):
+    located = Located(1.0, {}, [], [PriorConflict(name, sd, sd, p) for name, sd, p in strains])
+    nuisances = [Nuisance(name, 0.5) for name, _, _ in strains]
+    conflicts = [vars(one) | {"factor": factor} for one, factor in prior_conflicts(located, nuisances, LEVEL)]
+    assert summary_text.conflict_text("It moves", conflicts) == text
 
 
 def test_the_effects_whose_size_varies_are_listed_among_the_best_candidates():
-    leak, loss = placed("side_branch_leak", "lad"), placed("diffuse_narrowing", "lad")
-    varying = [Constancy(loss, 9.0, {"rest": (0.0, 0.1), "pacing": (2.0, 0.1)})]
-    several = summary_text.varying_text(assume(leak, loss), varying, OPEN_LOOP)
+    varying = Constancy(placed("diffuse_narrowing", "lad"), 9.0, {"rest": (0.0, 0.1), "pacing": (2.0, 0.1)})
+    loss = {"effect": "diffuse_narrowing", "place": "lad", "varying": by_condition(varying, OPEN_LOOP)}
+    leak = {"effect": "side_branch_leak", "place": "lad", "varying": None}
+    several = summary_text.varying_text([leak, loss])
     assert several.startswith(
         "the best candidates are side branch leak at lad and diffuse narrowing at lad, of which diffuse"
     )
     assert several.endswith(") would need a different size under each condition")
-    alone = summary_text.varying_text(assume(loss), varying, OPEN_LOOP)
+    alone = summary_text.varying_text([loss])
     assert alone.startswith(
         "the best candidate, diffuse narrowing at lad, would need a different size under each condition (l"
     )
@@ -126,14 +122,16 @@ def test_the_effects_whose_size_varies_are_listed_among_the_best_candidates():
 
 def test_sizes_by_condition_have_intervals_and_omit_uninformative_conditions():
     sizes = {"rest": (0.0, 0.1), "pacing": (2.0, 0.2), "held": (0.0, 1.2)}
-    text = summary_text.sizes_by_condition(Constancy(placed("flow_delay", "a:b"), 9.0, sizes), OPEN_LOOP)
+    text = summary_text.sizes_by_condition(by_condition(Constancy(placed("flow_delay", "a:b"), 9.0, sizes), OPEN_LOOP))
     assert text == "delay: rest 0 (-0.0049 to 0.0049), pacing 0.06 (0.05 to 0.07) s"
 
 
 def test_sizes_by_condition_are_described_as_the_effect_describes_them():
     """An added share of the ventricular pressure; in a closed loop a factor on the present pressure."""
     varying = Constancy(placed("intramyocardial_pressure", "all beds"), 9.0, {"rest": (1.0, 0.1)})
-    (share, factor) = (summary_text.sizes_by_condition(varying, anatomy) for anatomy in (OPEN_LOOP, CLOSED_LOOP))
+    (share, factor) = (
+        summary_text.sizes_by_condition(by_condition(varying, anatomy)) for anatomy in (OPEN_LOOP, CLOSED_LOOP)
+    )
     (parameter,) = varying.placed.effect.parameters
     added = float(parameter.from_standard(1.0))
     assert share.startswith(f"share: rest {added:.2g} (")
@@ -150,11 +148,12 @@ def test_sizes_by_condition_are_described_as_the_effect_describes_them():
 )
 def test_a_negative_delay_is_described_as_read_early(name, z, text):
     sensor = effect(name)
-    assert summary_text.size_text(placed(sensor, "a:b"), [(sensor.parameters[0], z, 0.1)], OPEN_LOOP) == text
+    sizes = described_sizes(placed(sensor, "a:b"), [(sensor.parameters[0], z, 0.1)], OPEN_LOOP)
+    assert summary_text.size_text(sizes) == text
 
 
 def test_outliers_are_listed_with_a_remedy():
-    outlier = Outlier("flow", "AORTA:lad", "rest", 0.3125, -10.0)
+    outlier = vars(Outlier("flow", "AORTA:lad", "rest", 0.3125, -10.0))
     assert summary_text.outlier_notes([]) == ""
     assert summary_text.outlier_notes([outlier]).startswith(
         "One sample is an outlier, the flow at AORTA:lad under rest at 0.3125 s (-10 "

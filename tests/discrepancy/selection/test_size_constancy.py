@@ -9,6 +9,7 @@ from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.result.summary_text import paragraph
+from coronaryuq.discrepancy.result.write import summary
 from coronaryuq.discrepancy.selection.size_constancy import FLAT, Constancy, constancy
 from support.hypotheses import assume
 from support.linear_problem import linear_problem, made_up
@@ -84,7 +85,7 @@ def test_a_drifting_vessel_is_not_named_as_a_narrowing(tmp_path):
     assert found.hypothesis and found.outside_library and not found.named
     (varying,) = found.verdict.varying
     assert varying.log_odds > 50.0
-    text = paragraph(found, ["half dilated"])
+    text = paragraph(summary(found))
     assert "would need a different size under each condition (loss: rest 0." in text
 
 

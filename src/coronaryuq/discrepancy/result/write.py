@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from coronaryuq.core.io.atomic import write_json, write_text
+from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.discrepancy.data.conditions import drive_paths, held_out_names
 from coronaryuq.discrepancy.decision_rule import RULE
@@ -14,8 +14,8 @@ from coronaryuq.discrepancy.forward.hypothesis import PLAIN, PlacedEffect
 from coronaryuq.discrepancy.forward.nuisance import without_noise
 from coronaryuq.discrepancy.inference.cross_validation import Gap
 from coronaryuq.discrepancy.inference.noise import with_lasting
+from coronaryuq.discrepancy.result.account import Z_90, account, prior_conflicts
 from coronaryuq.discrepancy.result.repair import repaired
-from coronaryuq.discrepancy.result.summary_text import Z_90, paragraph, prior_conflicts
 from coronaryuq.discrepancy.selection.candidates import Candidate, Round
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.next_measurement import next_measurements
@@ -24,7 +24,7 @@ from coronaryuq.zerod.effects.beds import ALL
 
 
 def summary(found: Discovery) -> dict:
-    """The object that `coronaryuq discrepancy --json` prints."""
+    """Return the content of `discrepancy.json`, from which the summary in words is made."""
     held_out = held_out_names(found.problem.forward.conditions)
     level, told = found.problem.settings.false_discovery_rate, named(found)
     conflicts = [
@@ -74,7 +74,7 @@ def summary(found: Discovery) -> dict:
         "remaining": {"p": found.remaining.p, **found.remaining.tests},
         "candidates_tested": found.candidates_tested,
         "decision_rule": asdict(RULE),
-        "paragraph": paragraph(found, held_out, {(one["effect"], one["place"]): one["separate_by"] for one in told}),
+        "account": account(found),
     }
 
 
@@ -169,7 +169,7 @@ def clear(folder: Path) -> None:
 def write(found: Discovery, folder: Path) -> dict:
     """Write everything into `folder`; returns the summary.
 
-    discrepancy.json; located.csv; residuals.csv; ranking.csv; sizes.csv; tree.csv; gap.csv; paragraph.txt; and,
+    discrepancy.json; located.csv; residuals.csv; ranking.csv; sizes.csv; tree.csv; gap.csv; and,
     unless the effect is outside the library, repaired.json, measurements.csv, conditions.yaml, difference.txt.
     """
     answer = summary(found)
@@ -191,7 +191,6 @@ def write(found: Discovery, folder: Path) -> dict:
         write_csv(folder / name, table)
     if mended is not None:
         mended.write(folder)
-    write_text(folder / "paragraph.txt", answer["paragraph"] + "\n")
     # Last, so that where it stands all the others do.
     write_json(folder / "discrepancy.json", answer)
     return answer

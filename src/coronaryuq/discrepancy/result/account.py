@@ -1,0 +1,131 @@
+"""The facts that the summary of a search states, as JSON holds them: what they are called is left to the summary."""
+
+import numpy as np
+
+from coronaryuq.discrepancy.decision_rule import RULE
+from coronaryuq.discrepancy.forward.hypothesis import PlacedEffect
+from coronaryuq.discrepancy.forward.nuisance import Nuisance
+from coronaryuq.discrepancy.inference.locate import Located, PriorConflict
+from coronaryuq.discrepancy.selection.candidates import Rounds
+from coronaryuq.discrepancy.selection.discovery import Discovery
+from coronaryuq.discrepancy.selection.size_constancy import Constancy
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.base import Parameter
+
+WHERE = ("quantity", "location", "condition")
+Z_90 = 1.6448536269514722
+"""Half-width of the central 90 % of a standard normal distribution."""
+
+
+def account(discovery: Discovery) -> dict:
+    """Return the facts about a search that its tables and named effects do not hold.
+
+    Returns
+    -------
+    dict
+        measurements, objective: number of fitted measurements and sum of squares of the recalibrated model.
+        noise_excess: see the function. worst: the group that disagrees most. best: the effects of the best
+        hypothesis, named or not. verdict: reasons against naming them. likeliest: the most probable candidate of the
+        first round, if it is more probable than no effect. unexplained: whether something remains.
+    """
+    problem, located, verdict = discovery.problem, discovery.located, discovery.verdict
+    level, count, objective = problem.settings.alarm_level, len(discovery.base.residual), discovery.base.objective
+    worst = [{name: getattr(group, name) for name in WHERE} for group in located.groups[:1]]
+    return {
+        "measurements": count,
+        "objective": float(objective),
+        "noise_excess": noise_excess(located, objective / count, level),
+        "worst": worst[0] if worst else None,
+        "best": [_described(discovery, placed) for placed in discovery.hypothesis],
+        "verdict": {
+            "redistributed": bool(verdict.redistributed),
+            "refuted": bool(verdict.refuted),
+            "unpredicted": bool(verdict.unpredicted),
+        },
+        "likeliest": likeliest(discovery.rounds),
+        "unexplained": bool(discovery.remaining.alarm(level)),
+    }
+
+
+def _described(discovery: Discovery, placed: PlacedEffect) -> dict:
+    forward = discovery.problem.forward
+    effect, anatomy = placed.effect, forward.anatomy
+    beyond = []
+    for parameter in discovery.beyond_prior(placed):
+        bounds = (float(parameter.from_standard(k * RULE.prior_bound)) for k in (-1, 1))
+        low, high = sorted(float(effect.describe(parameter, bound, anatomy)[1]) for bound in bounds)
+        beyond.append({"label": _size_label(placed, parameter, anatomy), "low": low, "high": high})
+    return {
+        "effect": effect.name,
+        "place": placed.place,
+        "sizes": described_sizes(placed, discovery.sizes(placed), anatomy),
+        "beyond_prior": beyond,
+        "implausible": placed in discovery.implausible,
+        "varying": next((by_condition(v, anatomy) for v in discovery.verdict.varying if v.placed == placed), None),
+        "assumption": effect.assumption(anatomy, [c.covariates for c in forward.conditions.values()]),
+    }
+
+
+def described_sizes(placed: PlacedEffect, sizes: list[tuple[Parameter, float, float]], anatomy: Anatomy) -> list[dict]:
+    """Return the sizes (parameter, z, standard deviation of z) as the effect describes them, with 90 % intervals.
+
+    A negative delay of a sensor is given by its absolute value, as `early`.
+    """
+    described, effect = [], placed.effect
+    for parameter, z, sd in sizes:
+        values = _with_interval(parameter, z, sd)
+        meaning, _ = effect.describe(parameter, values[0], anatomy)
+        value, low, high = (float(effect.describe(parameter, size, anatomy)[1]) for size in values)
+        early = effect.side == "measurement" and parameter.name == "delay" and value < 0.0
+        if early:
+            value, low, high = -value, -high, -low
+        described.append({"meaning": meaning, "value": value, "low": low, "high": high, "early": early})
+    return described
+
+
+def by_condition(varying: Constancy, anatomy: Anatomy) -> dict:
+    """Return the first size under each condition that determines it, with 90 % intervals."""
+    effect = varying.placed.effect
+    parameter = effect.parameters[0]
+    sizes = {
+        condition: [float(effect.describe(parameter, size, anatomy)[1]) for size in _with_interval(parameter, mean, sd)]
+        for condition, (mean, sd) in varying.known.items()
+    }
+    unit = "" if parameter.unit == "1" else parameter.unit
+    return {"label": _size_label(varying.placed, parameter, anatomy), "unit": unit, "conditions": sizes}
+
+
+def _with_interval(parameter: Parameter, z: float, sd: float) -> list[float]:
+    """Return the size at z and at the ends of its 90 % interval."""
+    return [float(parameter.from_standard(z + k * sd)) for k in (0.0, -Z_90, Z_90)]
+
+
+def _size_label(placed: PlacedEffect, parameter: Parameter, anatomy: Anatomy) -> str:
+    """Return a short name of a size: the parameter's, unless the effect describes it differently in this network."""
+    meaning, _ = placed.effect.describe(parameter, float(parameter.from_standard(0.0)), anatomy)
+    return parameter.name.replace("_", " ") if meaning == parameter.meaning else meaning
+
+
+def likeliest(rounds: Rounds) -> dict | None:
+    """Return the most probable candidate of the first round if it is more probable than no effect."""
+    tried = [entry for entry in rounds[:1] if entry.shortlist]
+    if not tried:
+        return None
+    best = max(tried[0].shortlist, key=lambda c: c.probability)
+    if best.probability <= tried[0].probabilities["none"]:
+        return None
+    return {"effect": best.effect.name, "place": best.place, "probability": float(best.probability)}
+
+
+def noise_excess(located: Located, mean_square: float, level: float) -> float | None:
+    """Return the noise over its stated size if residuals are too large but no other test rejects, else None."""
+    if any(p < level for name, p in located.tests.items() if name != "all residuals"):
+        return None
+    return float(np.sqrt(mean_square))
+
+
+def prior_conflicts(located: Located, nuisances: list[Nuisance], level: float) -> list[tuple[PriorConflict, float]]:
+    """Return nuisance parameters in conflict with their prior at `level` or far outside it, with their factors."""
+    sd = {nuisance.name: nuisance.sd for nuisance in nuisances}
+    conflicts = [one for one in located.conflicts if one.p < level or abs(one.moved) > RULE.distorted]
+    return [(one, float(np.exp(sd[one.name] * one.moved))) for one in conflicts]
