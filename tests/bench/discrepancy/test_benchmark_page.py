@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+BENCHMARKS = Path(__file__).parents[3] / "benchmarks"
 LEAK = {"effect": "side_branch_leak", "strength": "medium", "noise": "nominal", "seed": 1, "first": "side_branch_leak"}
 LEAK |= {"named": True, "placed": False, "alarmed": True, "abstained": False, "covered": None, "worse": False}
 LEAK |= {"before": 1.5, "after": 1.0, "oracle": 1.0, "cpu_s": 3.14159, "found": []}

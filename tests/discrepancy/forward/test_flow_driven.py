@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from coronaryuq.bench.discrepancy.benchmark import analyse
+from coronaryuq.case.network.network import Network
 from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.hidden import make_case
 from coronaryuq.discrepancy.hidden.experiment import Experiment, Plan
@@ -68,7 +69,7 @@ def searched(folder, wrong=lambda network: None, off=(), noise=1.0):
 
     named = {condition.name: condition for condition in conditions}
     probes = assume(*(("flow_gain", place) for place in off))
-    experiment = Experiment(aorta(), named, Plan(tuple(plan)))
+    experiment = Experiment(Network(aorta()), named, Plan(tuple(plan)))
     make_case.hide(experiment, probes, np.ones(len(off)), make_case.Noise(noise), 3, folder, altered)
     return analyse(folder)
 
