@@ -1,6 +1,7 @@
 """A file that cannot be written is reported on one line; no partial file remains."""
 
 import contextlib
+import os
 import subprocess
 import sys
 import zipfile
@@ -82,25 +83,26 @@ def test_a_command_reports_a_full_disk_on_one_line(disk, capsys, monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["t.vtu", "t.vtp"])
-def test_a_job_reports_a_full_disk_on_one_line_also_for_meshes(disk, name):
+def test_a_job_reports_a_full_disk_on_one_line_also_for_meshes(disk, tmp_path, name):
     """In a process of its own: VTK's writers bring it down on a full disk."""
     folder, _ = disk
     with contextlib.suppress(OSError):
         (folder / "rest").write_bytes(bytes(2**20))
-    script = f"""
-import sys
-sys.path.insert(0, {str(REPOSITORY / "workflow" / "scripts")!r})
+    (tmp_path / "writer.py").write_text(f"""
 import numpy as np, pyvista as pv
 from coronaryuq.core.io.vtk import write_vtk
-from job import job
-with job(globals()):
+
+def write():
     points = np.random.default_rng(1).random((100_000, 3))
     mesh = pv.PolyData(points) if {name!r} == "t.vtp" else pv.PolyData(points).cast_to_unstructured_grid()
     write_vtk({str(folder / name)!r}, mesh)
-"""
+""")
+    runner = [sys.executable, str(REPOSITORY / "workflow" / "scripts" / "stage.py")]
     done = subprocess.run(
-        [sys.executable, "-c", script, "--log", str(folder / "job.log")], capture_output=True, text=True, check=False
-    )
+        [*runner, "--params", '{"function": "writer:write"}', "--log", str(folder / "job.log")],
+        env=os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{REPOSITORY / 'src'}"},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
     assert done.returncode == 1
-    assert done.stderr == f"-c: started\n-c: error: {folder / name}: {NO_ROOM}"
+    assert done.stderr == f"write: started\nwrite: error: {folder / name}: {NO_ROOM}"
     assert not list(folder.glob(".*part*")) and not (folder / name).exists()
