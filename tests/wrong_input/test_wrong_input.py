@@ -263,7 +263,7 @@ WRONG = [
     (measured, "measurements.csv", text("condition,quantity\n"), "column missing"),
     (measured, "conditions.yaml", text("rest: {resistance: 2}\n"), "rest.resistance: unknown key"),
     (measured, "conditions.yaml", text("rest: {period_scale: .nan}\n"), "period_scale"),
-    (measured, "conditions.yaml", text("- rest\n"), "want a mapping"),
+    (measured, "conditions.yaml", text("- rest\n"), "expected a mapping"),
     (measured, "conditions.yaml", text("rest: !!python/name:os.system\n"), "not valid YAML"),
     (draws, "draws.csv", text(""), "draws.csv"),
     (draws, "draws.csv", column("log_density"), "log_density: column missing"),

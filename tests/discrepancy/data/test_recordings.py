@@ -79,7 +79,7 @@ def test_artery_and_units_are_read_from_the_headings(tmp_path):
     ("old", "new", "message"),
     [
         ("AoP [mmHg]", "AoP [bar]", "X1_rest.csv: AoP [bar] = 'bar': unknown unit; known: dyn/cm2, mmhg, pa, kpa"),
-        ("AoP [mmHg]", "Pa [mmHg]", "X1_rest.csv: AoP [mmHg]: missing column"),
+        ("AoP [mmHg]", "Pa [mmHg]", "X1_rest.csv: AoP [mmHg]: column missing"),
         ("LAD Flow", "LCx Flow", "X1_rest.csv: flow = 'lcx ml/s': the other recordings contain lad ml/s"),
     ],
 )

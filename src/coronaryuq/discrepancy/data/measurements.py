@@ -102,7 +102,7 @@ def read_table(path: str | Path) -> pd.DataFrame:
         frame["time"] = np.nan
     for column in COLUMNS:
         if column not in frame.columns:
-            raise InputError(path, column, None, f"missing column; the file has {', '.join(frame.columns)}")
+            raise InputError(path, column, None, f"column missing; the file has {', '.join(frame.columns)}")
     frame = frame[list(COLUMNS)].dropna(how="all")
     if frame.empty:
         raise InputError(path, None, None, "contains no measurements")

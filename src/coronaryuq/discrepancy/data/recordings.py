@@ -283,7 +283,7 @@ def _recording(path: Path) -> tuple[pd.DataFrame, str, str] | None:
     beat = {}
     for wanted, column in chosen.items():
         if column is None:
-            raise InputError(path, wanted, None, f"missing column; the file has {', '.join(map(str, frame.columns))}")
+            raise InputError(path, wanted, None, f"column missing; the file has {', '.join(map(str, frame.columns))}")
         factors, unit = _UNITS[wanted], parts[column][1]
         if unit not in factors:
             raise InputError(path, column, unit, f"unknown unit; known: {', '.join(factors)}")

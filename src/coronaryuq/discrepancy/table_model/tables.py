@@ -148,7 +148,7 @@ def branches(
         distal0 = simulated[f"mean_pressure:{place}"].to_numpy()
         distal3 = measured[f"ffr_{name}"].to_numpy() * root3
         if f"mean_flow:{place}" not in simulated.columns:
-            raise InputError(file, f"mean_flow:{place}", None, f"missing column: flow at the stenosis of {name}")
+            raise InputError(file, f"mean_flow:{place}", None, f"column missing: flow at the stenosis of {name}")
         flow0 = simulated[f"mean_flow:{place}"].to_numpy()
         outlet = _outlet(file, simulated, outlets, flows, root0, distal0, place)
         (p0, p3), (q0, q3) = outlets["mean_pressure", outlet], flows["mean_flow", outlet]
