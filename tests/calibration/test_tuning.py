@@ -89,9 +89,11 @@ def test_written_loops_are_periodic_and_hyperaemia_is_rest_with_wider_arterioles
         assert values["stress"][bed]["Rv"] == values["rest"][bed]["Rv"]
     fit = pd.read_csv(out / "fit.csv").set_index("target")
     for network in (rest, stress):
-        result = Engine(network).run(quantities=["mean_pressure:J_heart_outlet:aorta"], cycles=3, steps_per_cycle=500)
+        result = Engine(network).run_cycles(
+            quantities=["mean_pressure:J_heart_outlet:aorta"], cycles=3, steps_per_cycle=500
+        )
         assert result.cycle_error[0] < 1e-3
-    mean = Engine(rest).run(quantities=["mean_pressure:J_heart_outlet:aorta"], cycles=1, steps_per_cycle=500)
+    mean = Engine(rest).run_cycles(quantities=["mean_pressure:J_heart_outlet:aorta"], cycles=1, steps_per_cycle=500)
     mean = mean.values["mean_pressure:J_heart_outlet:aorta"][0] / 1333.22
     assert mean == pytest.approx(fit.simulated["PaoMean"], rel=1e-3)
 
@@ -175,7 +177,7 @@ def test_the_real_network_meets_its_clinical_targets(shared, tmp_path, seed, pre
         network = read_network(tmp_path / "rest.json")
         roles = waveform_names(network)
         names = sorted({name for members in roles.values() for name in members})
-        result = program.SvZeroD(network).run(waveforms=names, cycles=3)
+        result = program.SvZeroD(network).run_cycles(waveforms=names, cycles=3)
         waves = {role: sum(result.waveforms[name] for name in members) for role, members in roles.items()}
         theirs = in_own_units(measure(result.time, waves))
         for name in ("PaoMin", "PaoMax", "PaoMean", "AbsQin", "ESV", "EFLV", "AorCorSplit"):
@@ -194,7 +196,7 @@ def test_a_network_of_22_outlets_in_mmhg_is_tuned_and_runs(shared, tmp_path):
     assert "read as mmHg" in said[0]
     fit = tuned.fit.set_index("target")
     assert (fit.relative[fit.clinical].abs() < 0.25).all(), fit.to_string()
-    result = Engine(read_network(tmp_path / "out/rest.json")).run(cycles=2)
+    result = Engine(read_network(tmp_path / "out/rest.json")).run_cycles(cycles=2)
     assert result.ok[0] and result.cycle_error[0] < 1e-3
 
 

@@ -71,8 +71,10 @@ def test_the_unit_is_found_and_the_conversion_undone(loop):
 
 def test_a_converted_network_beats_as_the_given_one(loop):
     quantities = ["mean_pressure:J_heart_outlet:aorta", "mean_flow:J_heart_outlet:aorta", "max_V_LV:CLH"]
-    given = Engine(in_mmhg(loop)).run(quantities=quantities, cycles=4, steps_per_cycle=500).values
-    cgs = Engine(to_cgs(in_mmhg(loop), "mmHg")[0]).run(quantities=quantities, cycles=4, steps_per_cycle=500).values
+    given = Engine(in_mmhg(loop)).run_cycles(quantities=quantities, cycles=4, steps_per_cycle=500).values
+    cgs = (
+        Engine(to_cgs(in_mmhg(loop), "mmHg")[0]).run_cycles(quantities=quantities, cycles=4, steps_per_cycle=500).values
+    )
     for name, factor in zip(quantities, (MMHG, 1.0, 1.0), strict=True):
         assert cgs[name] == pytest.approx(given[name] * factor, rel=1e-4)
 
@@ -88,8 +90,8 @@ def test_open_loops_convert_too(shared, case):
     """Any unit of pressure gives the same flows, and pressures that differ by the factor."""
     network = read_network(shared / f"data/svzerod-cases/{case}.json")
     names = [name for name in Engine(network).unknowns if name.startswith(("flow", "pressure"))]
-    found = Engine(rescaled(network, 8.0)).run(waveforms=names, cycles=2).waveforms
-    for name, wave in Engine(network).run(waveforms=names, cycles=2).waveforms.items():
+    found = Engine(rescaled(network, 8.0)).run_cycles(waveforms=names, cycles=2).waveforms
+    for name, wave in Engine(network).run_cycles(waveforms=names, cycles=2).waveforms.items():
         factor = 8.0 if name.startswith("pressure") else 1.0
         assert np.abs(found[name] - factor * wave).max() <= 1e-7 * factor * np.abs(wave).max(), name
 

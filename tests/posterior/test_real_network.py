@@ -19,6 +19,7 @@ from coronaryuq.posterior.results import read_summary
 from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, Settings
 from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.solver.engine import Engine
+from coronaryuq.zerod.solver.periodic import Periodicity
 
 OUTSIDE = {"rca1", "rca2", "rca3", "rca4", "rca10"}
 
@@ -74,7 +75,9 @@ def test_17_target_fractions_of_a_22_outlet_network_are_met(shared, tmp_path):
     assert len(table) == 17 and np.abs(table["fitted_error"]).max() < 1e-4
     vessels = {outlet.bc: outlet.vessel for outlet in read_case(case).outlets}
     quantities = [f"mean_flow:{vessels[bc]}:{bc}" for bc in table["bc"]]
-    anew = Engine(read_network(out.fitted), out.fitted).run({}, quantities=quantities, periodic=True, tolerance=1e-5)
+    anew = Engine(read_network(out.fitted), out.fitted).run_to_periodic(
+        {}, quantities=quantities, periodicity=Periodicity(tolerance=1e-5)
+    )
     flows = np.array([anew.values[name][0] for name in quantities])
     error = flows / flows.sum() / table["target_fraction"] - 1
     print(f"fitted network run anew: largest error of a fraction {np.abs(error).max():.1e}; posterior mean "

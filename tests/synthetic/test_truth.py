@@ -80,7 +80,7 @@ def test_the_written_state_is_periodic(patient, condition):
     """The network alone, run for one cycle from its own initial condition, repeats the flows that the truth states."""
     state = getattr(patient, condition)
     names = {bed: f"mean_flow:{bed.removeprefix('BC_')}:{bed}" for bed in state.flows}
-    result = Engine(state.network).run(quantities=list(names.values()), cycles=1, steps_per_cycle=500)
+    result = Engine(state.network).run_cycles(quantities=list(names.values()), cycles=1, steps_per_cycle=500)
     for bed, name in names.items():
         assert result.values[name][0] == pytest.approx(state.flows[bed], rel=2e-3), bed
 

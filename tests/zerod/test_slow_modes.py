@@ -5,6 +5,7 @@ import pytest
 
 from coronaryuq.zerod.solver.blood_volume import BloodVolume
 from coronaryuq.zerod.solver.engine import Engine
+from coronaryuq.zerod.solver.periodic import Periodicity
 from coronaryuq.zerod.solver.slow_modes import SlowModes, slow_modes
 from support.zerod_networks import closed_loop
 
@@ -29,7 +30,7 @@ def slow() -> Engine:
 
 @pytest.fixture(scope="module")
 def state(slow) -> np.ndarray:
-    return slow.run(periodic=True, tolerance=1e-5, cycles=100).state[0]
+    return slow.run_to_periodic(periodicity=Periodicity(tolerance=1e-5, cycles=100)).state[0]
 
 
 @pytest.fixture(scope="module")
@@ -42,8 +43,8 @@ def test_a_bed_that_holds_blood_for_many_cycles_is_foreseen(slow, state, modes):
     start, bed = np.repeat(state[None, :], 2, axis=0), slow.unknowns.index("volume_im:BC_left")
     start[:, bed] *= [0.98, 1.02]
     start = volume.filled(start, volume.of(state[None, :]) - volume.of(start))
-    end = slow.run(start=start, cycles=1).state
-    ranges = np.ptp(slow.run(start=state, cycles=1, waveforms=slow.unknowns).waveforms["volume_im:BC_left"])
+    end = slow.run_cycles(start=start, cycles=1).state
+    ranges = np.ptp(slow.run_cycles(start=state, cycles=1, waveforms=slow.unknowns).waveforms["volume_im:BC_left"])
     left = np.abs(end - state)[:, bed] / ranges
     foreseen = np.abs(modes.ahead(start[:, :size], end[:, :size]) - state[:size])[:, bed] / ranges
     assert (left > 0.2).all()
@@ -59,8 +60,9 @@ def test_runs_settle_in_fewer_cycles_to_the_same_state(slow, state, modes):
         found, mine = modes.ahead(start, end), {"BC_left.Rv": values[who]}
         return volume.filled(found, volume.of(end, mine) - volume.of(found, mine))
 
-    options = {"waveforms": names, "periodic": True, "start": np.repeat(state[None, :], 4, axis=0)}
-    without, led = slow.run(changes, **options), slow.run(changes, **options, ahead=ahead)
+    options = {"waveforms": names, "start": np.repeat(state[None, :], 4, axis=0)}
+    without = slow.run_to_periodic(changes, **options)
+    led = slow.run_to_periodic(changes, **options, periodicity=Periodicity(extrapolate=ahead))
     assert without.ok.all() and led.ok.all()
     assert led.cycles.sum() < without.cycles.sum()
     for name in names:
@@ -73,7 +75,7 @@ def test_runs_settle_in_fewer_cycles_to_the_same_state(slow, state, modes):
 
 def test_a_loop_that_forgets_within_a_cycle_has_none():
     quick = engine(1.0)
-    assert slow_modes(quick, quick.run(periodic=True).state[0], own(quick), STEPS) is None
+    assert slow_modes(quick, quick.run_to_periodic().state[0], own(quick), STEPS) is None
 
 
 def test_the_modes_of_a_network_serve_one_with_added_unknowns(modes):

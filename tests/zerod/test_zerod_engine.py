@@ -1,5 +1,7 @@
 """What every run must obey: conservation, linearity, independence of the batch, an honest end for every sample."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,6 +10,7 @@ from hypothesis import strategies as st
 from coronaryuq.core.errors import InputError
 from coronaryuq.zerod.network.changes import with_changes
 from coronaryuq.zerod.solver.engine import Engine
+from coronaryuq.zerod.solver.periodic import Periodicity
 from support.zerod_networks import bifurcation, boundary, closed_loop, network, pulse, vessel
 
 
@@ -47,12 +50,14 @@ def test_a_sample_does_not_depend_on_who_shares_its_batch(loop, periodic):
     samples = 64
     changes = _varied(loop, samples, LOOP_NAMES)
     options = {"quantities": ["mean_flow:left:BC_left", "max_V_LV:CLH"], "waveforms": ["pressure:J0:left"]}
-    options |= {"periodic": periodic, "cycles": 8 if periodic else 2}
-    whole = loop.run(changes, **options)
+    run = partial(loop.run_cycles, cycles=2, **options)
+    if periodic:
+        run = partial(loop.run_to_periodic, periodicity=Periodicity(cycles=8), **options)
+    whole = run(changes)
     for size in (1, 7):
         for first in (0, 21, 63 - 63 % size):
             part = {name: value[first : first + size] for name, value in changes.items()}
-            result = loop.run(part, **options)
+            result = run(part)
             mine = slice(first, first + size)
             assert _same_bits(result.state, whole.state[mine])
             assert _same_bits(result.waveforms["pressure:J0:left"], whole.waveforms["pressure:J0:left"][mine])
@@ -64,15 +69,15 @@ def test_a_sample_does_not_depend_on_who_shares_its_batch(loop, periodic):
 def test_a_sample_reached_from_a_neighbour_does_not_depend_on_who_shares_its_batch():
     """The approach with longer steps and the closing of ranks included: samples need from few to many cycles."""
     engine, name = Engine(closed_loop(steps=400)), "mean_flow:left:BC_left"
-    start = engine.run(periodic=True, tolerance=1e-3).state[0]
+    start = engine.run_to_periodic(periodicity=Periodicity(tolerance=1e-3)).state[0]
     changes = _varied(engine, 40, LOOP_NAMES)
-    options = {"quantities": [name], "periodic": True, "tolerance": 1e-3, "cycles": 20, "start": start}
-    whole = engine.run(changes, **options, threads=2)
+    options = {"quantities": [name], "periodicity": Periodicity(1e-3, cycles=20), "start": start}
+    whole = engine.run_to_periodic(changes, **options, threads=2)
     assert len(set(whole.cycles)) > 2
     fresh = Engine(closed_loop(steps=400))
     for size, firsts in ((1, (0, 17, 39)), (7, (0, 14, 33))):
         for first in firsts:
-            result = fresh.run({k: v[first : first + size] for k, v in changes.items()}, **options)
+            result = fresh.run_to_periodic({k: v[first : first + size] for k, v in changes.items()}, **options)
             mine = slice(first, first + size)
             assert _same_bits(result.state, whole.state[mine])
             assert _same_bits(result.values[name], whole.values[name][mine])
@@ -82,16 +87,16 @@ def test_a_sample_reached_from_a_neighbour_does_not_depend_on_who_shares_its_bat
 def test_a_start_that_is_no_neighbour_does_no_harm(fine_loop):
     """A state of other parameters, or one that is not periodic, serves as any other."""
     changes, name = {"BC_left.Ra": fine_loop.parameters["BC_left.Ra"] * np.array([1.0, 1.3])}, "mean_flow:left:BC_left"
-    near = fine_loop.run(changes, [name], periodic=True, start=fine_loop.run(periodic=True).state[0])
-    elsewhere = fine_loop.run({"CLH.Elv_s": 2.0 * fine_loop.parameters["CLH.Elv_s"]}, cycles=3).state[0]
-    far = fine_loop.run(changes, [name], periodic=True, start=elsewhere)
+    near = fine_loop.run_to_periodic(changes, [name], start=fine_loop.run_to_periodic().state[0])
+    elsewhere = fine_loop.run_cycles({"CLH.Elv_s": 2.0 * fine_loop.parameters["CLH.Elv_s"]}, cycles=3).state[0]
+    far = fine_loop.run_to_periodic(changes, [name], start=elsewhere)
     assert list(near.status) == list(far.status) == ["ok"] * 2
     assert np.allclose(near.values[name], far.values[name], rtol=1e-3)
 
 
 def test_threads_do_not_change_a_bit(loop):
     changes = _varied(loop, 40, LOOP_NAMES)
-    results = [loop.run(changes, ["mean_flow:left:BC_left"], cycles=2, threads=threads) for threads in (1, 2, 3)]
+    results = [loop.run_cycles(changes, ["mean_flow:left:BC_left"], cycles=2, threads=threads) for threads in (1, 2, 3)]
     for other in results[1:]:
         assert _same_bits(other.state, results[0].state)
         assert _same_bits(other.values["mean_flow:left:BC_left"], results[0].values["mean_flow:left:BC_left"])
@@ -106,8 +111,8 @@ def test_changes_are_what_the_network_file_would_say(loop):
         shown = names if engine is loop else ["pressure:INFLOW:trunk", "flow:right:RCR_right"]
         for name, nominal in engine.parameters.items():
             value = nominal * random.uniform(0.9, 1.1) if nominal else 1e-6
-            expected = Engine(with_changes(engine.model.network, {name: value})).run(waveforms=shown, cycles=1)
-            found = engine.run({name: value}, waveforms=shown, cycles=1)
+            expected = Engine(with_changes(engine.model.network, {name: value})).run_cycles(waveforms=shown, cycles=1)
+            found = engine.run_cycles({name: value}, waveforms=shown, cycles=1)
             for wave in shown:
                 there, here = expected.waveforms[wave][0, :steps], found.waveforms[wave][0, :steps]
                 assert np.allclose(here, there, rtol=1e-7, atol=1e-9 * np.abs(there).max()), name
@@ -116,14 +121,14 @@ def test_changes_are_what_the_network_file_would_say(loop):
 def test_waveforms_of_an_open_loop_stretch_with_the_period():
     engine = Engine(bifurcation())
     slow = {"CLH.cardiac_cycle_period": 1.3}
-    expected = Engine(with_changes(bifurcation(), slow)).run(cycles=2).state
-    assert np.allclose(engine.run(slow, cycles=2).state, expected, rtol=1e-9)
+    expected = Engine(with_changes(bifurcation(), slow)).run_cycles(cycles=2).state
+    assert np.allclose(engine.run_cycles(slow, cycles=2).state, expected, rtol=1e-9)
 
 
 def test_mass_is_conserved_at_every_junction(fine_loop):
     """Instantly at a junction; over a periodic cycle between any two ends of a compliant vessel."""
     names = [f"flow:{at}" for at in ("aorta:J0", "J0:systemic", "J0:left", "J0:right", "left:BC_left")]
-    result = fine_loop.run(_varied(fine_loop, 5, LOOP_NAMES), waveforms=names, periodic=True)
+    result = fine_loop.run_to_periodic(_varied(fine_loop, 5, LOOP_NAMES), waveforms=names)
     assert list(result.status) == ["ok"] * 5
     into, *out, end = (result.waveforms[name] for name in names)
     assert np.abs(into - sum(out)).max() < 1e-9 * np.abs(into).max()
@@ -151,10 +156,10 @@ def test_the_loop_keeps_its_blood():
     network_ = closed_loop(stenosis=0.0)
     network_["vessels"][2]["zero_d_element_values"]["C"] = 0.0
     engine = Engine(network_)
-    start = engine.run(cycles=1)
-    later = engine.run(cycles=20, start=start.state)
-    accelerated = engine.run(periodic=True, start=start.state)
-    neighbour = engine.run({"BC_left.Ra": 2e4}, periodic=True, start=later.state[0], steps_per_cycle=400)
+    start = engine.run_cycles(cycles=1)
+    later = engine.run_cycles(cycles=20, start=start.state)
+    accelerated = engine.run_to_periodic(start=start.state)
+    neighbour = engine.run_to_periodic({"BC_left.Ra": 2e4}, start=later.state[0], steps_per_cycle=400)
     volume = _stored(start, engine)
     # Closed valves hold back a flow that Newton's tolerance allows, hence not to the last digit.
     assert np.allclose(_stored(later, engine), volume, rtol=1e-4)
@@ -177,7 +182,9 @@ def test_rc_networks_are_linear_in_their_inflow(factors, a, b):
         engine = Engine(tree)
         names = [name for name in engine.parameters if name.endswith(("R_poiseuille", ".C", ".Rd", ".Rp", ".L"))][:8]
         changes = {name: engine.parameters[name] * factor for name, factor in zip(names, factors, strict=False)}
-        return engine.run(changes, waveforms=["pressure:INFLOW:trunk"], cycles=3).waveforms["pressure:INFLOW:trunk"]
+        return engine.run_cycles(changes, waveforms=["pressure:INFLOW:trunk"], cycles=3).waveforms[
+            "pressure:INFLOW:trunk"
+        ]
 
     mixed = pressures([a * x + b * y for x, y in zip(first, second, strict=True)])
     one, other = pressures(first), pressures(second)
@@ -193,15 +200,15 @@ def test_steady_flow_through_a_stenosis_is_the_closed_form():
         [vessel(0, "tube", inlet="INFLOW", outlet="OUT", R_poiseuille=r, stenosis_coefficient=s)],
         [boundary("INFLOW", "FLOW", t=[0.0, 1.0], Q=[q, q]), boundary("OUT", "RESISTANCE", R=rd, Pd=0.0)],
     )
-    result = Engine(tube).run({"tube.stenosis_coefficient": np.array([s, 2 * s])}, ["mean_pressure:INFLOW:tube"])
+    result = Engine(tube).run_cycles({"tube.stenosis_coefficient": np.array([s, 2 * s])}, ["mean_pressure:INFLOW:tube"])
     assert np.allclose(result.values["mean_pressure:INFLOW:tube"], [(r + f * s * q) * q + rd * q for f in (1, 2)])
 
 
 def test_a_sample_that_fails_says_why_and_leaves_its_neighbours_alone(loop):
     changes = _varied(loop, 20, LOOP_NAMES)
-    alone = loop.run({name: np.delete(value, 5) for name, value in changes.items()}, ["mean_flow:left:BC_left"])
+    alone = loop.run_cycles({name: np.delete(value, 5) for name, value in changes.items()}, ["mean_flow:left:BC_left"])
     changes["CLH.Elv_s"][5] = 1e300
-    result = loop.run(changes, ["mean_flow:left:BC_left"])
+    result = loop.run_cycles(changes, ["mean_flow:left:BC_left"])
     assert "did not converge at step" in result.status[5]
     assert np.isnan(result.values["mean_flow:left:BC_left"][5])
     assert _same_bits(np.delete(result.state, 5, axis=0), alone.state)
@@ -223,10 +230,10 @@ def test_a_step_too_large_for_newton_is_refined_for_that_sample_only():
     )
     engine, name = Engine(tube), "max_flow:IN:tube"
     stenosis = np.array([0.0, 300.0, 1e-3])
-    result = engine.run({"tube.stenosis_coefficient": stenosis}, [name], cycles=1)
-    gentle = engine.run({"tube.stenosis_coefficient": stenosis[:1]}, [name], cycles=1)
+    result = engine.run_cycles({"tube.stenosis_coefficient": stenosis}, [name], cycles=1)
+    gentle = engine.run_cycles({"tube.stenosis_coefficient": stenosis[:1]}, [name], cycles=1)
     tube["simulation_parameters"]["maximum_nonlinear_iterations"] = 30
-    patient = Engine(tube).run({"tube.stenosis_coefficient": stenosis}, [name], cycles=1, steps_per_cycle=320)
+    patient = Engine(tube).run_cycles({"tube.stenosis_coefficient": stenosis}, [name], cycles=1, steps_per_cycle=320)
     assert list(result.status) == ["ok"] * 3
     assert result.refinement[0] == result.refinement[2] == 1 and result.refinement[1] > 1
     assert result.values[name][0] == gentle.values[name][0]
@@ -236,9 +243,9 @@ def test_a_step_too_large_for_newton_is_refined_for_that_sample_only():
 def test_a_periodic_state_is_the_one_that_waiting_finds(fine_loop):
     changes = _varied(fine_loop, 6, LOOP_NAMES)
     names = ["mean_flow:left:BC_left", "max_pressure:CLH:J_heart_outlet", "min_V_LV:CLH"]
-    start = fine_loop.run(periodic=True).state[0]
-    accelerated = fine_loop.run(changes, names, periodic=True, tolerance=1e-5, start=start)
-    waited = fine_loop.run(changes, names, cycles=120, start=start)
+    start = fine_loop.run_to_periodic().state[0]
+    accelerated = fine_loop.run_to_periodic(changes, names, periodicity=Periodicity(tolerance=1e-5), start=start)
+    waited = fine_loop.run_cycles(changes, names, cycles=120, start=start)
     assert list(accelerated.status) == ["ok"] * 6
     assert accelerated.cycle_error.max() < 1e-5
     for name in names:
@@ -247,14 +254,14 @@ def test_a_periodic_state_is_the_one_that_waiting_finds(fine_loop):
 
 def test_acceleration_spends_fewer_cycles_than_waiting(fine_loop):
     changes = _varied(fine_loop, 16, LOOP_NAMES)
-    start = fine_loop.run(periodic=True).state[0]
-    fast = fine_loop.run(changes, periodic=True, start=start)
-    slow = fine_loop.run(changes, periodic=True, start=start, accelerate=False)
+    start = fine_loop.run_to_periodic().state[0]
+    fast = fine_loop.run_to_periodic(changes, start=start)
+    slow = fine_loop.run_to_periodic(changes, periodicity=Periodicity(accelerate=False), start=start)
     assert fast.cycles.mean() < 0.8 * slow.cycles.mean()
 
 
 def test_a_sample_that_is_not_periodic_in_time_says_so(loop):
-    result = loop.run(periodic=True, cycles=2, tolerance=1e-9)
+    result = loop.run_to_periodic(periodicity=Periodicity(cycles=2, tolerance=1e-9))
     assert result.status[0].startswith("not periodic after 2 cycles")
 
 
@@ -269,8 +276,8 @@ def test_a_run_goes_on_from_a_state_as_if_it_had_not_stopped():
         ],
     )
     for engine in (Engine(coronary), Engine(closed_loop())):
-        first = engine.run(cycles=2)
-        assert _same_bits(engine.run(cycles=3, start=first.state).state, engine.run(cycles=5).state)
+        first = engine.run_cycles(cycles=2)
+        assert _same_bits(engine.run_cycles(cycles=3, start=first.state).state, engine.run_cycles(cycles=5).state)
 
 
 def test_refining_the_step_converges_with_second_order():
@@ -280,7 +287,7 @@ def test_refining_the_step_converges_with_second_order():
         tree = bifurcation(steps=steps)
         tree["boundary_conditions"][0]["bc_values"] |= pulse(points=2561)
         name = "pressure:INFLOW:trunk"
-        return Engine(tree).run(waveforms=[name], cycles=15).waveforms[name][0, :: steps // 40]
+        return Engine(tree).run_cycles(waveforms=[name], cycles=15).waveforms[name][0, :: steps // 40]
 
     exact = wave(1280)
     errors = [np.abs(wave(steps) - exact).max() for steps in (40, 80, 160)]
@@ -289,15 +296,15 @@ def test_refining_the_step_converges_with_second_order():
 
 def test_names_that_the_network_lacks_are_told(loop):
     with pytest.raises(InputError, match="BC_left.Rx"):
-        loop.run({"BC_left.Rx": 1.0})
+        loop.run_cycles({"BC_left.Rx": 1.0})
     with pytest.raises(InputError, match="flow:left:nowhere"):
-        loop.run(quantities=["mean_flow:left:nowhere"])
+        loop.run_cycles(quantities=["mean_flow:left:nowhere"])
     with pytest.raises(InputError, match="median_flow"):
-        loop.run(quantities=["median_flow:left:BC_left"])
+        loop.run_cycles(quantities=["median_flow:left:BC_left"])
     with pytest.raises(InputError, match="one length"):
-        loop.run({"BC_left.Ra": np.ones(2), "BC_left.Rv": np.ones(3)})
+        loop.run_cycles({"BC_left.Ra": np.ones(2), "BC_left.Rv": np.ones(3)})
     with pytest.raises(InputError, match="finite"):
-        loop.run({"BC_left.Ra": np.nan})
+        loop.run_cycles({"BC_left.Ra": np.nan})
 
 
 def test_a_singular_network_names_the_block():
@@ -306,7 +313,7 @@ def test_a_singular_network_names_the_block():
         [boundary("A", "FLOW", **pulse()), boundary("B", "FLOW", **pulse())],
     )
     with pytest.raises(InputError, match="singular"):
-        Engine(tube).run()
+        Engine(tube).run_cycles()
 
 
 def test_a_changed_waveform_is_what_the_network_file_would_say():
@@ -318,21 +325,23 @@ def test_a_changed_waveform_is_what_the_network_file_would_say():
     written = bifurcation()
     written["boundary_conditions"][0]["bc_values"] = {"t": (grid * inflow["t"][-1]).tolist(), "Q": other.tolist()}
     wave = "pressure:INFLOW:trunk"
-    expected = Engine(written).run(waveforms=[wave], periodic=True).waveforms[wave][0]
-    found = Engine(plain).run({"INFLOW.Q": np.array([own, other])}, waveforms=[wave], periodic=True).waveforms[wave]
+    expected = Engine(written).run_to_periodic(waveforms=[wave]).waveforms[wave][0]
+    found = Engine(plain).run_to_periodic({"INFLOW.Q": np.array([own, other])}, waveforms=[wave]).waveforms[wave]
     assert np.allclose(found[1], expected, rtol=1e-4)
-    assert np.allclose(found[0], Engine(plain).run(waveforms=[wave], periodic=True).waveforms[wave][0], rtol=1e-2)
+    assert np.allclose(found[0], Engine(plain).run_to_periodic(waveforms=[wave]).waveforms[wave][0], rtol=1e-2)
     with pytest.raises(InputError, match="waveform per sample"):
-        Engine(plain).run({"INFLOW.Q": np.ones(3)})
+        Engine(plain).run_cycles({"INFLOW.Q": np.ones(3)})
 
 
 def test_a_leaking_aortic_valve_gives_back_what_the_pressure_asks_for(fine_loop):
     """Over a periodic cycle the flow out of the ventricle is that into the aorta and what leaks back."""
     leak = 0.1 / 1333.2
     names = ["flow:CLH:J_heart_outlet", "Q_LV:CLH", "pressure:CLH:J_heart_outlet", "P_LV:CLH"]
-    start = fine_loop.run(periodic=True, tolerance=1e-4).state[0]
+    start = fine_loop.run_to_periodic(periodicity=Periodicity(tolerance=1e-4)).state[0]
     changes = {"CLH.Gao_leak": np.array([0.0, leak])}
-    run = fine_loop.run(changes, waveforms=names, periodic=True, tolerance=5e-4, start=np.tile(start, (2, 1)))
+    run = fine_loop.run_to_periodic(
+        changes, waveforms=names, periodicity=Periodicity(tolerance=5e-4), start=np.tile(start, (2, 1))
+    )
     out, valve, aorta, ventricle = (run.waveforms[name][:, :-1].mean(axis=1) for name in names)
     assert valve[0] == pytest.approx(out[0], rel=5e-3)
     assert valve[1] - out[1] == pytest.approx(leak * (aorta[1] - ventricle[1]), rel=2e-2)
@@ -350,10 +359,10 @@ def test_elements_switched_on_in_some_samples_leave_the_others_sound():
     names = [(f"{entry['vessel_name']}.{key}", size) for entry in bare["vessels"] for key, size in sizes.items()]
     changes = {name: size * np.eye(len(names))[k] for k, (name, size) in enumerate(names)}
     options = {"quantities": ["mean_flow:left:BC_left"], "cycles": 2}
-    together = engine.run(changes, **options)
+    together = engine.run_cycles(changes, **options)
     assert together.ok.all(), together.status
     for k, (name, size) in enumerate(names):
-        alone = engine.run({name: size}, **options).values["mean_flow:left:BC_left"][0]
+        alone = engine.run_cycles({name: size}, **options).values["mean_flow:left:BC_left"][0]
         assert together.values["mean_flow:left:BC_left"][k] == pytest.approx(alone, rel=1e-6)
 
 
@@ -361,6 +370,6 @@ def test_a_strong_quadratic_loss_is_no_obstacle():
     """Where the loss outweighs all else its slope changes from solve to solve of one step."""
     engine = Engine(closed_loop(stenosis=0.0))
     losses = 10.0 ** np.arange(2.0, 8.0)
-    found = engine.run({"right.stenosis_coefficient": losses}, ["mean_flow:right:BC_right"], cycles=3)
+    found = engine.run_cycles({"right.stenosis_coefficient": losses}, ["mean_flow:right:BC_right"], cycles=3)
     assert found.ok.all(), found.status
     assert (np.diff(found.values["mean_flow:right:BC_right"]) < 0).all()

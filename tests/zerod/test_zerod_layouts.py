@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from coronaryuq.zerod.solver.engine import Engine
+from coronaryuq.zerod.solver.periodic import Periodicity
 from support.zerod_networks import boundary, network, vessel
 
 
@@ -100,7 +101,7 @@ def test_what_enters_a_random_tree_leaves_it(tree):
     """At every junction at every step; over a periodic cycle at its ends, whatever the vessels store in between."""
     engine = Engine(network_of(tree, pulse(TIMES), 200, absolute_tolerance=1e-7))
     flows = [name for name in engine.unknowns if name.startswith("flow")]
-    result = engine.run(waveforms=flows, periodic=True, tolerance=1e-6)
+    result = engine.run_to_periodic(waveforms=flows, periodicity=Periodicity(tolerance=1e-6))
     assert result.ok[0], result.status[0]
     for k in range(len(tree.parents)):
         if tree.children(k):
@@ -119,7 +120,7 @@ def test_a_random_tree_without_stenoses_is_linear_in_its_inflow(tree, a, b):
     for inflow in (first, second, a * first + b * second):
         engine = Engine(network_of(tree, inflow, 100))
         names = engine.unknowns
-        found = engine.run(waveforms=names, cycles=2).waveforms
+        found = engine.run_cycles(waveforms=names, cycles=2).waveforms
         waves.append(np.array([found[name][0] for name in names]))
     size = np.abs(waves[0]).max(axis=1) + np.abs(waves[1]).max(axis=1)
     assert (np.abs(a * waves[0] + b * waves[1] - waves[2]).max(axis=1) <= 1e-8 * (1.0 + size)).all()
@@ -181,7 +182,7 @@ def test_a_random_stenosed_tree_against_an_ode_solver(tree):
     times = np.linspace(0.0, 1.0, steps + 1)
     engine = Engine(network_of(tree, pulse(times), steps, absolute_tolerance=1e-6))
     names = [f"flow:v{k}:BED{k}" for k in tree.ends] + [f"pressure_c:BED{k}" for k in tree.ends]
-    found = engine.run(waveforms=names, cycles=1).waveforms
+    found = engine.run_cycles(waveforms=names, cycles=1).waveforms
     exact = solve_ivp(
         _rates(tree), (0.0, 1.0), np.zeros(2 * size + len(tree.ends)), "LSODA", rtol=1e-7, atol=1e-7, t_eval=times[::10]
     )

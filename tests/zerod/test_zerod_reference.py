@@ -44,7 +44,7 @@ def test_a_stenosed_vessel_with_a_windkessel(r, l, s, rp, rd, c):
         absolute_tolerance=1e-6,
     )
     tube["initial_condition"] = {"flow_all": 0.0, "pressure_c:OUT": 0.0}
-    result = Engine(tube).run(waveforms=["flow:IN:tube", "pressure_c:OUT"], cycles=1)
+    result = Engine(tube).run_cycles(waveforms=["flow:IN:tube", "pressure_c:OUT"], cycles=1)
 
     def rates(time, state):
         q, p = state
@@ -129,7 +129,7 @@ def test_a_closed_loop_with_valves(elastance, systemic, compliance, beds):
     places = [9, 3, 2, 1, 8, 10]
     names += [f"volume_im:BED{k}" for k in range(count)]
     places += [11 + count + k for k in range(count)]
-    result = Engine(loop).run(waveforms=names, cycles=1)
+    result = Engine(loop).run_cycles(waveforms=names, cycles=1)
 
     def pressures(time, v_ra, v_rv, v_la, v_lv):
         a, e = _atrial(time, period, h["Tsa"], h["tpwave"]), _elastance(time / period)

@@ -71,7 +71,7 @@ def theirs(request, monkeypatch):
 def test_both_backends_give_the_same_numbers(theirs):
     network = closed_loop(steps=200, cycles=3, stenosis=0.0)
     changes, names = {"BC_left.Ra": np.array([1e4, 2e4])}, ["mean_flow:left:BC_left", "max_pressure:CLH:J_heart_outlet"]
-    ours, found = (make(network).run(changes, names, cycles=3) for make in (Engine, theirs))
+    ours, found = (make(network).run_cycles(changes, names, cycles=3) for make in (Engine, theirs))
     assert list(found.status) == ["ok", "ok"]
     for name in names:
         # Where a valve shuts, rounding may move svZeroDSolver's own result by this much.
@@ -81,7 +81,7 @@ def test_both_backends_give_the_same_numbers(theirs):
 def test_both_backends_give_the_same_waveforms_where_no_valve_shuts(theirs):
     network, changes = bifurcation(), {"left.stenosis_coefficient": np.array([0.0, 3.0]), "RCR_right.Rd": 9e3}
     names = Engine(network).unknowns
-    ours, found = (make(network).run(changes, waveforms=names, cycles=3) for make in (Engine, theirs))
+    ours, found = (make(network).run_cycles(changes, waveforms=names, cycles=3) for make in (Engine, theirs))
     assert list(found.status) == ["ok", "ok"]
     for name in names:
         difference = np.abs(ours.waveforms[name] - found.waveforms[name]).max()
@@ -90,6 +90,6 @@ def test_both_backends_give_the_same_waveforms_where_no_valve_shuts(theirs):
 
 def test_both_backends_go_on_from_a_state(theirs):
     network, name = bifurcation(), "flow:left:RCR_left"
-    start = Engine(network).run(cycles=2).state
-    ours, found = (make(network).run(waveforms=[name], cycles=1, start=start) for make in (Engine, theirs))
+    start = Engine(network).run_cycles(cycles=2).state
+    ours, found = (make(network).run_cycles(waveforms=[name], cycles=1, start=start) for make in (Engine, theirs))
     assert np.allclose(ours.waveforms[name], found.waveforms[name], rtol=1e-8)

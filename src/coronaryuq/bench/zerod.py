@@ -20,6 +20,7 @@ from coronaryuq.zerod.network.beds import beds, resistance_changes
 from coronaryuq.zerod.network.read import check_network, read_network, write_network
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.solver.lanes import LANES
+from coronaryuq.zerod.solver.periodic import Periodicity
 from coronaryuq.zerod.svzerodsolver import program
 
 _SHARED = Path(__file__).parents[4] / "shared" / "data"
@@ -48,21 +49,22 @@ def run(
     cycles = cycles or (2 if quick else 6)
     engine = Engine(loop, name)
     spent = time.process_time()
-    engine.run(cycles=1, steps_per_cycle=16)
+    engine.run_cycles(cycles=1, steps_per_cycle=16)
     first = time.process_time() - spent
     random = seeds.generator(1, "bench", "zerod")
     names = beds(loop)
     changes = resistance_changes(loop, {bed: random.uniform(0.5, 2.0, samples) for bed in names})
     places = [unknown for unknown in engine.unknowns if unknown.split(":")[-1] in names and unknown.startswith("flow")]
     quantities = [f"mean_{place}" for place in places] or [f"mean_{engine.unknowns[0]}"]
-    engine.run(changes, quantities, cycles=1, steps_per_cycle=16)
+    options = {"steps_per_cycle": steps, "quantities": quantities}
+    engine.run_cycles(changes, cycles=1, **{**options, "steps_per_cycle": 16})
     spent = time.process_time()
-    result = engine.run(changes, quantities, cycles=cycles, steps_per_cycle=steps)
+    result = engine.run_cycles(changes, cycles=cycles, **options)
     marched = (time.process_time() - spent) / samples
     groups = -(-samples // LANES)
-    base = engine.run(periodic=True, steps_per_cycle=steps)
+    base = engine.run_to_periodic(steps_per_cycle=steps)
     spent = time.process_time()
-    periodic = engine.run(changes, quantities, periodic=True, start=base.state[0], steps_per_cycle=steps)
+    periodic = engine.run_to_periodic(changes, start=base.state[0], **options)
     settled = (time.process_time() - spent) / samples
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
     theirs, periodic_theirs, difference = _against_svzerod(engine, loop, cycles, steps, settled)
@@ -129,14 +131,14 @@ def _against_svzerod(engine: Engine, network: Network, cycles: int, steps: int, 
     spent = _cpu()
     program.simulate(brief)
     spent = _cpu() - spent
-    theirs = program.SvZeroD(network).run(waveforms=engine.unknowns, cycles=cycles, steps_per_cycle=steps)
-    ours = engine.run(waveforms=engine.unknowns, cycles=cycles, steps_per_cycle=steps)
+    theirs = program.SvZeroD(network).run_cycles(waveforms=engine.unknowns, cycles=cycles, steps_per_cycle=steps)
+    ours = engine.run_cycles(waveforms=engine.unknowns, cycles=cycles, steps_per_cycle=steps)
     difference = 0.0
     for name in engine.unknowns:
         here, there = ours.waveforms[name][0], theirs.waveforms[name][0]
         difference = max(difference, np.abs(here - there).max() / max(np.abs(there).max(), 1e-12))
     # svZeroDSolver only marches in time: at the same cycle error it needs as many cycles as we do without acceleration.
-    plain = engine.run(periodic=True, accelerate=False, steps_per_cycle=steps)
+    plain = engine.run_to_periodic(periodicity=Periodicity(accelerate=False), steps_per_cycle=steps)
     return spent, spent / cycles * float(plain.cycles[0]) / settled, float(difference)
 
 
@@ -150,7 +152,7 @@ from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.solver.engine import Engine
 engine = Engine(read_network(sys.argv[1]))
 spent = time.process_time()
-engine.run(cycles=1, steps_per_cycle=16)
+engine.run_cycles(cycles=1, steps_per_cycle=16)
 print(time.process_time() - spent)
 """
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from coronaryuq.case.network.topology import Topology
 from coronaryuq.zerod.cardiac_function import measure, waveform_names
 from coronaryuq.zerod.solver.blood_volume import BloodVolume
 from coronaryuq.zerod.solver.engine import Engine
+from coronaryuq.zerod.solver.periodic import Periodicity
 
 RIGHT_ATRIUM = "V_RA:CLH"
 
@@ -86,13 +88,15 @@ class Loop:
         wanted = self.reference_volume * parameters.values(points)[:, parameters.NAMES.index("V_blood")]
         state[:, self.right_atrium] += wanted - self.blood.of(state, changed)
         names = sorted({name for members in self.roles.values() for name in members} | set(waveforms))
-        result = self.engine.run(
+        run = (
+            partial(self.engine.run_to_periodic, periodicity=Periodicity(tolerance))
+            if cycles is None
+            else partial(self.engine.run_cycles, cycles=cycles)
+        )
+        result = run(
             changed,
             waveforms=names,
-            periodic=cycles is None,
-            cycles=cycles,
             steps_per_cycle=steps_per_cycle or self.steps_per_cycle,
-            tolerance=tolerance,
             start=state,
             threads=self.threads,
         )

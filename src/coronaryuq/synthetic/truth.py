@@ -19,6 +19,7 @@ from coronaryuq.zerod.network.beds import resistance_changes
 from coronaryuq.zerod.network.changes import with_changes
 from coronaryuq.zerod.solver.blood_volume import BloodVolume
 from coronaryuq.zerod.solver.engine import Engine
+from coronaryuq.zerod.solver.periodic import Periodicity
 from coronaryuq.zerod.solver.result import Result
 
 if TYPE_CHECKING:
@@ -139,13 +140,12 @@ class _Loop:
     def _run(self, network: Network, before: Result | None) -> Result:
         waves = [name for names in self.roles.values() for name in names]
         means = [f"mean_{name}" for name in [*self._flow_names().values(), *self.distal.values()]]
-        result = self.engine.run(
+        result = self.engine.run_to_periodic(
             bed_values(network),
             quantities=[*means, f"mean_{self.roles['aortic_pressure'][0]}"],
             waveforms=waves,
-            periodic=True,
+            periodicity=Periodicity(tolerance=PERIODIC),
             steps_per_cycle=STEPS,
-            tolerance=PERIODIC,
             start=None if before is None else before.state,
         )
         if not result.ok.all():

@@ -35,7 +35,7 @@ def write_map(
     aorta = f"mean_pressure:{case.aorta.pressure}"
     wanted = {place for part in parts for place in ends.get(part.name, ())}
     quantities = [f"mean_{kind}:{place}" for place in sorted(wanted) for kind in ("pressure", "flow")]
-    result = engine.run(theta_changes(network, theta), [aorta, *quantities])
+    result = engine.run_cycles(theta_changes(network, theta), [aorta, *quantities])
     value = {name: float(values[0]) for name, values in result.values.items()}
     rows = []
     for part in parts:

@@ -1,7 +1,9 @@
 """Rule function of the 0D stage: a chunk of samples in, one row per sample out."""
 
 import time
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,6 +15,7 @@ from coronaryuq.core.records import FAILED, OK
 from coronaryuq.zerod.network.beds import read_theta, theta_changes
 from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.settings import Settings
+from coronaryuq.zerod.solver.periodic import Periodicity
 from coronaryuq.zerod.svzerodsolver import choose
 
 STATISTICS = ("mean", "min", "max")
@@ -44,21 +47,19 @@ def run_chunk(
         f"{statistic}_{kind}:{at}" for at in places for kind in ("flow", "pressure") for statistic in STATISTICS
     ]
     quantities += [f"mean_pressure:{at}" for at in ratios.values() if f"mean_pressure:{at}" not in quantities]
-    options = {
-        "periodic": settings.periodic,
-        "cycles": settings.cycles,
-        "steps_per_cycle": settings.steps_per_cycle,
-        "tolerance": settings.tolerance,
-        "threads": settings.threads,
-    }
-    start = solver.run({}, **options).state[0] if settings.periodic else None
+    fixed: dict[str, Any] = {"steps_per_cycle": settings.steps_per_cycle, "threads": settings.threads}
+    if settings.periodic:
+        run = partial(solver.run_to_periodic, periodicity=Periodicity(settings.tolerance, settings.cycles), **fixed)
+    else:
+        run = partial(solver.run_cycles, cycles=settings.cycles, **fixed)
+    start = run({}).state[0] if settings.periodic else None
     aorta = f"mean_pressure:{case.aorta.pressure}"
     frames = []
     for begin in range(0, count, settings.batch):
         part = theta.iloc[begin : begin + settings.batch]
         changes = theta_changes(network, {name: part[name].to_numpy() for name in part.columns if name != "sample"})
         spent = time.process_time()
-        result = solver.run(changes, quantities, start=start, **options)
+        result = run(changes, quantities, start=start)
         spent = (time.process_time() - spent) / len(part)
         ok = result.status == OK
         frame = {

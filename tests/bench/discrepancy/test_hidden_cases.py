@@ -57,7 +57,7 @@ def test_a_transient_effect_acts_under_one_condition_only(shared, name, there, g
 
     def flows(condition):
         changed = network if condition is None else alter(copy.deepcopy(network), condition)
-        found = Engine(changed).run(quantities=names, periodic=True, steps_per_cycle=300)
+        found = Engine(changed).run_to_periodic(quantities=names, steps_per_cycle=300)
         assert found.ok.all(), found.status
         return np.array([found.values[one][0] for one in names])
 

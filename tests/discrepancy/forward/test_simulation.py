@@ -10,6 +10,7 @@ from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.solver.engine import Engine
+from coronaryuq.zerod.solver.periodic import Periodicity
 
 
 def test_a_loop_that_settles_only_approximately_is_searched(shared):
@@ -17,11 +18,11 @@ def test_a_loop_that_settles_only_approximately_is_searched(shared):
     network["closed_loop_blocks"][0]["parameters"]["tpwave"] *= 1.1217391304347826
     anatomy = Anatomy(network)
     place = anatomy.inlet(anatomy.roots[0])
-    marched = Engine(network).run(quantities=[f"mean_pressure:{place}"], periodic=True, steps_per_cycle=50)
+    marched = Engine(network).run_to_periodic(quantities=[f"mean_pressure:{place}"], steps_per_cycle=50)
     if marched.ok[0]:
         pytest.skip("rounding on this machine lets the loop settle")
     assert marched.cycle_error[0] < 5e-3 and marched.cycles[0] == 100
-    impatient = Engine(network).run(periodic=True, steps_per_cycle=50, patience=6)
+    impatient = Engine(network).run_to_periodic(periodicity=Periodicity(patience=6), steps_per_cycle=50)
     assert not impatient.ok[0] and 6 < impatient.cycles[0] < 100
     measured = [Measured("rest", "pressure", place, "mean", None, 1.0, np.ones(1), np.ones(1))]
     conditions = {"rest": loop_conditions()["rest"]}
@@ -33,5 +34,7 @@ def test_a_loop_that_settles_only_approximately_is_searched(shared):
 
 def test_patience_does_not_change_runs_that_settle(shared):
     engine = Engine(read_network(shared / "data" / "svzerod-cases" / "closedLoopHeart_withCoronaries.json"))
-    plain, patient = (engine.run(periodic=True, steps_per_cycle=100, patience=n) for n in (None, 6))
+    plain, patient = (
+        engine.run_to_periodic(periodicity=Periodicity(patience=n), steps_per_cycle=100) for n in (None, 6)
+    )
     assert plain.ok[0] and patient.cycles[0] == plain.cycles[0] and (patient.state == plain.state).all()

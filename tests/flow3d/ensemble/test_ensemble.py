@@ -16,8 +16,8 @@ def outcomes():
 
 
 def test_the_coupled_loop_agrees_with_0d_alone(outcomes):
-    result = Engine(network()).run(
-        {"OUT.Rd": RESISTANCES}, ["mean_flow:B:J1", "mean_pressure:B:J1", "mean_pressure:J0:B"], periodic=True
+    result = Engine(network()).run_to_periodic(
+        {"OUT.Rd": RESISTANCES}, ["mean_flow:B:J1", "mean_pressure:B:J1", "mean_pressure:J0:B"]
     )
     for k, outcome in enumerate(outcomes):
         assert outcome.ok and outcome.diagnostics["converged"]
@@ -32,7 +32,7 @@ def test_the_coupled_loop_agrees_with_0d_alone(outcomes):
 def test_waveforms_agree_with_0d_from_the_beginning_of_the_cycle(outcomes):
     """Flow behind the tube and pressure before it; a ramp of a quarter of a cycle went before the first whole one."""
     names = ["flow:B:J1", "pressure:A:J0"]
-    result = Engine(network()).run({"OUT.Rd": RESISTANCES}, waveforms=names, periodic=True, steps_per_cycle=200)
+    result = Engine(network()).run_to_periodic({"OUT.Rd": RESISTANCES}, waveforms=names, steps_per_cycle=200)
     for k, outcome in enumerate(outcomes):
         flow = outcome.waveforms["flow:B:J1"]
         assert flow[:-1].mean() == pytest.approx(outcome.values["mean_flow:B:J1"], rel=1e-10)

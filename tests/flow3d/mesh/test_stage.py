@@ -193,8 +193,8 @@ def test_the_replaced_part_between_the_caps_restores_the_full_network(segment):
             {"junction_name": name, "junction_type": "NORMAL_JUNCTION", "inlet_vessels": [a], "outlet_vessels": [b]}
         )
     name = "mean_flow:LAD:BC_LAD"
-    one = Engine(network).run(quantities=[name], cycles=8)
-    two = Engine(left).run(quantities=[name], cycles=8)
+    one = Engine(network).run_cycles(quantities=[name], cycles=8)
+    two = Engine(left).run_cycles(quantities=[name], cycles=8)
     assert two.values[name][0] == pytest.approx(one.values[name][0], rel=1e-6)
 
 

@@ -48,7 +48,7 @@ def network():
 
 
 def means(network, *names):
-    found = Engine(network).run({}, [f"mean_{name}" for name in names], periodic=True, steps_per_cycle=10)
+    found = Engine(network).run_to_periodic({}, [f"mean_{name}" for name in names], steps_per_cycle=10)
     assert found.ok.all(), found.status
     return [float(found.values[f"mean_{name}"][0]) for name in names]
 

@@ -17,8 +17,8 @@ NETWORK_SIDE = [one for one in SEARCHED if one.side == "network" and not one.nam
 
 def anatomy_of(network):
     anatomy = Anatomy(network)
-    found = Engine(network).run(
-        quantities=[f"mean_flow:{anatomy.inlet(v)}" for v in anatomy.vessels], periodic=True, steps_per_cycle=200
+    found = Engine(network).run_to_periodic(
+        quantities=[f"mean_flow:{anatomy.inlet(v)}" for v in anatomy.vessels], steps_per_cycle=200
     )
     flows = {v: float(found.values[f"mean_flow:{anatomy.inlet(v)}"][0]) for v in anatomy.vessels}
     return Anatomy(network, 1.2e5, flows, 0.85)
@@ -51,7 +51,7 @@ def flows(network, anatomy, one=None, place=None, sizes=None):
                 block["bc_values"][waveform] = value[0].tolist()
                 del changes[name]
     names = [renamed.get(f"{v}:{bed}", f"{v}:{bed}") for bed, v in anatomy.beds.items()]
-    found = Engine(network).run(changes, [f"mean_flow:{n}" for n in names], periodic=True, steps_per_cycle=200)
+    found = Engine(network).run_to_periodic(changes, [f"mean_flow:{n}" for n in names], steps_per_cycle=200)
     assert found.ok.all(), found.status
     return np.array([found.values[f"mean_flow:{n}"][0] for n in names])
 
@@ -156,7 +156,7 @@ def test_a_leak_takes_its_share_of_the_flow():
     leaking = one.insert(network, "lcx", anatomy)
     changes = one.changes(leaking, "lcx", sizes, anatomy, situation(anatomy))
     names = ["mean_flow:lcx:J_lcx_leak", "mean_flow:lcx_leak:BC_lcx", "mean_flow:leak_lcx:BC_leak_lcx"]
-    found = Engine(leaking).run(changes, names, periodic=True, steps_per_cycle=200).values
+    found = Engine(leaking).run_to_periodic(changes, names, steps_per_cycle=200).values
     above, below, leak = (found[name][0] for name in names)
     assert above == pytest.approx(below + leak, rel=1e-6)
     # The leak is rated at the mean pressure of the root; the drop on the way there takes a little.

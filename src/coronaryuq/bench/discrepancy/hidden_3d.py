@@ -120,7 +120,7 @@ def _run(shape: Shape, experiment: Experiment, cases: list[make_case.ExternalCas
     for condition in conditions.values():
         changed = apply_condition(network, condition)
         # All runs of a condition have the blood volume of the analyst's model under it.
-        starts.append(Engine(changed).run(periodic=True, steps_per_cycle=300).state[0])
+        starts.append(Engine(changed).run_to_periodic(steps_per_cycle=300).state[0])
         for case in cases:
             table, _ = case.problem.forward.condition_changes(condition.name, case.nuisance, PLAIN)
             tables.append(differences(network, changed) | table)

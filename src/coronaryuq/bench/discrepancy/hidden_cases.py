@@ -98,7 +98,7 @@ def _scales(network: Network, vessels: list[str]) -> Anatomy:
     """Anatomy with the mean root pressure and the mean flow of some vessels from a reference run."""
     anatomy = Anatomy(network)
     names = [f"mean_pressure:{anatomy.inlet(anatomy.roots[0])}", *(f"mean_flow:{anatomy.inlet(v)}" for v in vessels)]
-    pressure, *flows = (float(v[0]) for v in Engine(network).run(quantities=names, periodic=True).values.values())
+    pressure, *flows = (float(v[0]) for v in Engine(network).run_to_periodic(quantities=names).values.values())
     return Anatomy(network, pressure, dict(zip(vessels, flows, strict=True)))
 
 

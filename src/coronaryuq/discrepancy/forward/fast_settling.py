@@ -8,7 +8,7 @@ from coronaryuq.discrepancy.forward.jobs import Job, Prepared, stack
 from coronaryuq.discrepancy.forward.network_values import carry_over
 from coronaryuq.discrepancy.forward.warm_starts import Point
 from coronaryuq.zerod.solver.blood_volume import BloodVolume
-from coronaryuq.zerod.solver.periodic import Ahead
+from coronaryuq.zerod.solver.periodic import Extrapolate
 from coronaryuq.zerod.solver.slow_modes import SlowModes, slow_modes
 
 MOST_STEPS = 300
@@ -27,7 +27,7 @@ class FastSettling:
 
     def ahead(
         self, plain: Prepared, prepared: Prepared, jobs: list[Job], changes: dict, steps_per_cycle: int
-    ) -> Ahead | None:
+    ) -> Extrapolate | None:
         """Return the extrapolation for a batch of runs, which conserves their blood volume; None if no mode is slow.
 
         plain: the network without added elements. changes: solver parameters of the runs.

@@ -15,14 +15,14 @@ from coronaryuq.zerod.solver.result import Result
 
 @dataclass(frozen=True)
 class Run:
-    """One batch on an engine that a computation needs. options: of `Engine.run`, except its threads."""
+    """One batch on an engine that a computation needs. options: of `Engine.run_to_periodic`, except its threads."""
 
     engine: Engine
     changes: dict
     options: dict[str, Any]
 
     def execute(self, threads: int) -> Result:
-        return self.engine.run(self.changes, threads=threads, **self.options)
+        return self.engine.run_to_periodic(self.changes, threads=threads, **self.options)
 
 
 T = TypeVar("T")

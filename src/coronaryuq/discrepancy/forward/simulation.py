@@ -15,7 +15,7 @@ from coronaryuq.discrepancy.forward.lockstep import Computation, Run
 from coronaryuq.discrepancy.forward.network_values import carry_over
 from coronaryuq.discrepancy.forward.warm_starts import Point, WarmStarts
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.solver.periodic import Ahead
+from coronaryuq.zerod.solver.periodic import Extrapolate, Periodicity
 from coronaryuq.zerod.solver.result import Result
 
 MOST_ENGINES = 150
@@ -99,11 +99,10 @@ class Simulation:
                 for name, state in plain.start.items()
             }
         prepared.start = dict.fromkeys(prepared.networks)
-        nominal = prepared.engine.run(
+        nominal = prepared.engine.run_to_periodic(
             stack(prepared, [Job(Point(np.zeros(0), {}), name) for name in prepared.networks]),
-            periodic=True,
+            periodicity=Periodicity(tolerance=TOLERANCE),
             steps_per_cycle=self.steps_per_cycle,
-            tolerance=TOLERANCE,
         )
         self.runs += len(prepared.networks)
         settled = nominal.cycle_error < LOOSE
@@ -129,15 +128,12 @@ class Simulation:
                 ahead = self._ahead(prepared, batch, changes)
             for tolerance in (TOLERANCE, LOOSE, LOOSE):
                 mine = np.isin(numbers, left)
+                patience = PATIENCE if tolerance == TOLERANCE else None
                 options = {
                     "waveforms": names,
-                    "periodic": True,
-                    "cycles": MOST_CYCLES,
+                    "periodicity": Periodicity(tolerance, MOST_CYCLES, patience, extrapolate=ahead),
                     "steps_per_cycle": self.steps_per_cycle,
-                    "tolerance": tolerance,
-                    "patience": PATIENCE if tolerance == TOLERANCE else None,
                     "start": start,
-                    "ahead": ahead,
                 }
                 result = yield Run(prepared.engine, {name: value[mine] for name, value in changes.items()}, options)
                 for name in names:
@@ -156,7 +152,7 @@ class Simulation:
         """Whether states and modes are reused in later runs; an open loop forgets its initial state."""
         return self.anatomy.closed_loop and self.alter is None
 
-    def _ahead(self, prepared: Prepared, jobs: list[Job], changes: dict) -> Ahead | None:
+    def _ahead(self, prepared: Prepared, jobs: list[Job], changes: dict) -> Extrapolate | None:
         if not self._keeps:
             return None
         return self._settling.ahead(self.prepared([]), prepared, jobs, changes, self.steps_per_cycle)

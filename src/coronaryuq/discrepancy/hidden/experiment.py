@@ -100,7 +100,7 @@ def clinical_plan(network: Network) -> Plan:
     anatomy = Anatomy(network)
     beds = anatomy.beds
     names = {bed: f"mean_flow:{vessel}:{bed}" for bed, vessel in beds.items()}
-    result = Engine(network).run(quantities=list(names.values()), periodic=True, steps_per_cycle=300)
+    result = Engine(network).run_to_periodic(quantities=list(names.values()), steps_per_cycle=300)
     if not result.ok[0]:
         raise InputError("model", None, None, f"the loop does not run: {result.status[0]}")
     order = sorted(beds, key=lambda bed: -float(result.values[names[bed]][0]))

@@ -22,6 +22,7 @@ from coronaryuq.discrepancy.inference.time_step_error import time_steps
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.solver.engine import Engine
+from coronaryuq.zerod.solver.periodic import Periodicity
 
 MISTYPED = {"perfusion": 1e4}
 """Times the largest that the model has, beyond which a number cannot be a measurement; 50 of other quantities."""
@@ -267,7 +268,9 @@ def make_problem(
 def _as_it_is(engine: Engine, quantities: list[str], steps_per_cycle: int) -> dict[str, float]:
     """Return quantities of the plain model, converged as loosely as other runs where valves prevent more."""
     for tolerance in (TOLERANCE, LOOSE):
-        run = engine.run(quantities=quantities, periodic=True, steps_per_cycle=steps_per_cycle, tolerance=tolerance)
+        run = engine.run_to_periodic(
+            quantities=quantities, periodicity=Periodicity(tolerance=tolerance), steps_per_cycle=steps_per_cycle
+        )
         if run.ok[0]:
             return {name: float(values[0]) for name, values in run.values.items()}
     raise InputError("model", None, None, f"the unmodified model does not run: {run.status[0]}")

@@ -19,6 +19,7 @@ from coronaryuq.flow3d.fem.lanes import LANES
 from coronaryuq.flow3d.fem.time_step import Stepper
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.zerod.solver.coupled import CoupledNetwork
+from coronaryuq.zerod.solver.periodic import Periodicity
 
 _CHECK_EVERY = 20
 _DIAGNOSE_EVERY = 10
@@ -109,7 +110,9 @@ class Block:
 
     def run(self) -> list[Outcome]:
         cpu, wall = time.process_time(), time.perf_counter()
-        result = self.model.engine.run(self.changes, periodic=True, tolerance=1e-5, start=self.first_state)
+        result = self.model.engine.run_to_periodic(
+            self.changes, periodicity=Periodicity(tolerance=1e-5), start=self.first_state
+        )
         status = np.broadcast_to(result.status, (LANES,))
         self.reasons = ["" if lane == "ok" else f"0D start: {lane}" for lane in status]
         coupled = self.model.coupled

@@ -17,6 +17,7 @@ from coronaryuq.flow3d.simvascular.program import RunFailed
 from coronaryuq.flow3d.simvascular_settings import SimVascularSettings
 from coronaryuq.zerod.network.beds import theta_changes
 from coronaryuq.zerod.network.numbering import Model
+from coronaryuq.zerod.solver.periodic import Periodicity
 
 NETWORK = "svzerod_3d_coupling.json"
 MESH = "mesh-complete"
@@ -72,7 +73,7 @@ def begin(case: CoupledCase, sample: Sample, run: Path) -> None:
     run.mkdir(parents=True)
     (run / MESH).symlink_to(case.mesh_folder, target_is_directory=True)
     changes = theta_changes(case.network, {name: np.array([value]) for name, value in sample.theta.items()})
-    result = case.engine.run(changes, periodic=True, tolerance=1e-5)
+    result = case.engine.run_to_periodic(changes, periodicity=Periodicity(tolerance=1e-5))
     if result.status[0] != "ok":
         raise RunFailed(f"0D start: {result.status[0]}")
     full = dict(zip(case.engine.state_names, result.state[0].tolist(), strict=True))

@@ -11,6 +11,7 @@ from coronaryuq.zerod.network.beds import distal_resistances, resistance_changes
 from coronaryuq.zerod.network.changes import with_changes
 from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.solver.engine import Engine
+from coronaryuq.zerod.solver.periodic import Periodicity
 from coronaryuq.zerod.solver.result import Result
 
 
@@ -78,7 +79,7 @@ class BedFlows:
         return np.where(result.ok[:, None], flows, np.nan)
 
     def _run(self, changes: dict[str, np.ndarray], start: np.ndarray | None) -> Result:
-        return self.engine.run(
-            changes, quantities=self.quantities, start=start, periodic=True, tolerance=self.tolerance,
-            steps_per_cycle=self.steps_per_cycle, threads=self.threads,
+        return self.engine.run_to_periodic(
+            changes, quantities=self.quantities, periodicity=Periodicity(self.tolerance),
+            steps_per_cycle=self.steps_per_cycle, start=start, threads=self.threads,
         )  # fmt: skip

@@ -64,7 +64,7 @@ def resistance_changes(
     scaling: np.ndarray | float = 1.0,
     hyperaemia: np.ndarray | float = 1.0,
 ) -> dict[str, np.ndarray]:
-    """Changes for `Engine.run` that scale the coronary resistances, arrays (n,) or 0-d.
+    """Changes for `Engine.run_cycles` that scale the coronary resistances, arrays (n,) or 0-d.
 
     multipliers: bed → r, times Ra, Ram and Rv of that bed (1 for beds that it does not name). scaling: s, times Ra, Ram
     and Rv of every bed. hyperaemia: times Ra and Ram of every bed. `InputError` for a bed that the network lacks and

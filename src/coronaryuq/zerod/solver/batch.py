@@ -26,9 +26,9 @@ class Batch:
     groups: list[Group] = field(default_factory=list)
     seats: list[np.ndarray] = field(default_factory=list)
     statistics: tuple[np.ndarray, ...] = ()
-    floor: np.ndarray | None = None
-    ceiling: np.ndarray | None = None
-    waves: np.ndarray | None = None
+    floor: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    ceiling: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    waves: np.ndarray = field(default_factory=lambda: np.empty((0, 0, 0)))
     records: list[Record] = field(default_factory=list)
 
     def make_room(self, recorded: np.ndarray, steps: int, waves: bool) -> None:

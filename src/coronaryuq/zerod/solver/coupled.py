@@ -22,6 +22,7 @@ from coronaryuq.zerod.solver.lanes import LANES, table
 from coronaryuq.zerod.solver.tables import make_program, write_elements
 
 _CAP = "CapOf3D"
+"""Kind of a FLOW block that stands for a cap."""
 
 
 def _cap(block: Block, at: Context, system: Assembly) -> None:
@@ -32,9 +33,6 @@ def _cap(block: Block, at: Context, system: Assembly) -> None:
         if other.kind == _CAP:
             (weight,) = at.values(block, f"admittance:{other.name}")
             system.F(row, other.variables[0], weight)
-
-
-ELEMENTS[_CAP] = _cap
 
 
 class CoupledNetwork:
@@ -89,12 +87,18 @@ class CoupledNetwork:
         phases = (np.arange(steps_per_cycle) + self.scheme.alpha_f) / steps_per_cycle
         zero = {name: np.ones(1) for name in changes if known[name] == 0.0}
         step = self.model.period / steps_per_cycle
-        program = make_program(self.model, Context(self.model, zero, 1, phases), self.scheme, step)
+        elements = {**ELEMENTS, _CAP: _cap}
+        program = make_program(self.model, Context(self.model, zero, 1, phases), self.scheme, step, elements=elements)
         at = Context(self.model, dict(changes), samples, phases)
         if np.ptp(at.period) > 0:
             raise InputError(file, "cardiac_cycle_period", None, "coupled samples must share one period")
         group = fill(
-            program, write_elements(self.model, at), at.period, steps_per_cycle, self.scheme, slice(0, samples)
+            program,
+            write_elements(self.model, at, elements),
+            at.period,
+            steps_per_cycle,
+            self.scheme,
+            slice(0, samples),
         )
         self._structure, self._work = program.structure, group.work
         shapes = group.values.shapes.reshape(-1, steps_per_cycle, LANES).transpose(1, 0, 2)

@@ -15,7 +15,7 @@ from coronaryuq.zerod.solver.elements import coronary_offset
 from coronaryuq.zerod.solver.kernels import Scheme, march
 from coronaryuq.zerod.solver.lane_tables import fill
 from coronaryuq.zerod.solver.lanes import LANES, table
-from coronaryuq.zerod.solver.periodic import Ahead, Anderson, drift
+from coronaryuq.zerod.solver.periodic import Anderson, Periodicity, drift
 from coronaryuq.zerod.solver.result import OK, Result
 from coronaryuq.zerod.solver.tables import Program, make_program, write_elements
 from coronaryuq.zerod.solver.threads import workers
@@ -24,7 +24,6 @@ _WRITTEN = 8
 """Groups whose elements are written together: a term costs as much for one sample as for a hundred."""
 _STEADY_STEPS, _STEADY_STEPS_PER_CYCLE = 31, 10
 _REFINEMENTS = (1, 2, 4, 8)
-_MAX_CYCLES = 100
 
 COARSER, LEAST_COARSE = 4, 100
 """How much longer the steps of the approach from a neighbour are, and how many of them a cycle needs at least."""
@@ -86,63 +85,122 @@ class Engine:
         rates = [f"d_{name}" for name in self.model.variables]
         return [*self.model.variables, *rates, *(f"offset:{block.name}" for block in self.coronaries)]
 
-    def run(
+    def run_cycles(
         self,
         changes: Changes | None = None,
         quantities: Sequence[str] = (),
         waveforms: Sequence[str] = (),
-        periodic: bool = False,
         cycles: int | None = None,
         steps_per_cycle: int | None = None,
-        tolerance: float = 1e-4,
-        patience: int | None = None,
         start: np.ndarray | None = None,
         threads: int = 1,
-        accelerate: bool = True,
-        ahead: Ahead | None = None,
     ) -> Result:
-        """Run a batch and measure its last cycle.
+        """March a batch of samples through a number of cycles and measure the last one.
 
-        changes: "BLOCK.parameter" → (n,) or scalar, of a waveform (n, points) on an even grid over the cycle, both ends
-        included; what it does not name keeps the network's value.
-        quantities, waveforms: see `zerod.quantities`. periodic: go on until a sample's cycle error is below
-        `tolerance`, at most `cycles` (default 100) of them, by Anderson acceleration unless `accelerate` is false;
-        a sample whose cycle error has not halved for `patience` cycles is given up before;
-        otherwise march exactly `cycles` (default: the network's). start: (unknowns,) or (n, unknowns), a
-        `Result.state`; by default the network's own initial condition, steady if it says so. One start for all is
-        taken for the network's own periodic state, from which samples are first approached with longer steps (those
-        cycles are not counted). A closed loop keeps the blood volume that it starts with. threads: over groups of
-        samples; results do not depend on it. ahead: what acceleration starts from (`zerod.periodic`).
+        Parameters
+        ----------
+        changes : mapping of str to array
+            "BLOCK.parameter" → (samples,) or scalar; "BLOCK.waveform" → (samples, points) on an even grid over the
+            cycle, both ends included. What it does not name keeps the network's value.
+        quantities : sequence of str
+            Statistics of the last cycle such as `mean_flow:A:B`, see `network.output_names`.
+        waveforms : sequence of str
+            Unknowns such as `flow:A:B` whose last cycle is kept.
+        cycles : int, optional
+            The network's number by default.
+        steps_per_cycle : int, optional
+            The network's number by default.
+        start : array, (columns,) or (samples, columns), optional
+            A `Result.state`; by default the network's own initial condition, steady if it says so. A closed loop keeps
+            the blood volume that it starts with.
+        threads : int
+            Threads over groups of samples; results do not depend on it.
 
-        cycle error: the largest change of any unknown from the start of the last cycle to its end, over that unknown's
-        range during the cycle (`zerod.periodic.drift`).
+        Returns
+        -------
+        Result
+            A sample that fails has a reason in `status`, and NaN.
+
+        Raises
+        ------
+        InputError
+            If the network lacks what a name refers to, or if a value has the wrong shape or is not finite.
         """
-        values, samples = self._parameters(changes or {}, start)
-        steps = self.steps_per_cycle if steps_per_cycle is None else int(steps_per_cycle)
+        return self._run(
+            changes or {}, quantities, waveforms, start, self._steps(steps_per_cycle), threads, cycles or self.cycles
+        )
+
+    def run_to_periodic(
+        self,
+        changes: Changes | None = None,
+        quantities: Sequence[str] = (),
+        waveforms: Sequence[str] = (),
+        periodicity: Periodicity | None = None,
+        steps_per_cycle: int | None = None,
+        start: np.ndarray | None = None,
+        threads: int = 1,
+    ) -> Result:
+        """March a batch until each sample is periodic and measure its last cycle.
+
+        Parameters
+        ----------
+        changes, quantities, waveforms, steps_per_cycle, threads
+            As in `run_cycles`.
+        periodicity : Periodicity, optional
+            When a sample counts as periodic, and how to get there.
+        start : array, (columns,) or (samples, columns), optional
+            As in `run_cycles`. One start for all is taken for the network's own periodic state, from which samples are
+            first approached with longer time steps; those cycles are not counted.
+
+        Returns
+        -------
+        Result
+            As in `run_cycles`; a sample that does not become periodic fails.
+
+        Raises
+        ------
+        InputError
+            As in `run_cycles`.
+        """
+        periodicity, steps = periodicity or Periodicity(), self._steps(steps_per_cycle)
+        if periodicity.accelerate and start is not None and np.ndim(start) == 1:
+            _, samples = self._parameters(changes or {}, start)
+            start = self._approached(changes or {}, self._whole(start, samples), steps, periodicity.tolerance, threads)
+        return self._run(changes or {}, quantities, waveforms, start, steps, threads, periodicity.cycles, periodicity)
+
+    def _steps(self, steps_per_cycle: int | None) -> int:
+        return self.steps_per_cycle if steps_per_cycle is None else int(steps_per_cycle)
+
+    def _run(
+        self,
+        changes: Changes,
+        quantities: Sequence[str],
+        waveforms: Sequence[str],
+        start: np.ndarray | None,
+        steps: int,
+        threads: int,
+        limit: int,
+        periodicity: Periodicity | None = None,
+    ) -> Result:
+        values, samples = self._parameters(changes, start)
         wanted = [named.parse(name, self.model) for name in quantities]
         shown = [named.unknown(name, self.model) for name in waveforms]
         recorded = np.unique(np.array([q.unknown for q in wanted] + shown, dtype=np.int64))
         result = Result.blank(samples, steps, self.model.period, len(self.state_names), quantities, waveforms)
         whole = None if start is None else self._whole(start, samples)
-        if periodic and accelerate and np.ndim(start) == 1:
-            whole = self._approached(changes or {}, whole, steps, tolerance, threads)
-        limit = cycles or (_MAX_CYCLES if periodic else self.cycles)
+        tolerance = None if periodicity is None else periodicity.tolerance
         left = np.arange(samples)
         for refinement in _REFINEMENTS:
             part = {name: value[left] if np.ndim(value) else value for name, value in values.items()}
             batch = self._begin(part, len(left), None if whole is None else whole[left], threads)
             batch.make_room(recorded, steps * refinement, bool(shown))
-            mixer = Anderson(len(left), batch.state.shape[1], _of(left, ahead)) if periodic and accelerate else None
-            until = tolerance if periodic else None
-            spent, error, solves = self._march(batch, steps * refinement, limit, until, mixer, threads, patience)
-            statuses = [_status(*of) for of in zip(batch.failed_at, error, spent, strict=True)]
-            if periodic:
-                statuses = [_status(*of, until) for of in zip(batch.failed_at, error, spent, strict=True)]
+            spent, error, solves = self._march(batch, steps * refinement, limit, threads, periodicity, left)
+            statuses = [_status(*ended, tolerance) for ended in zip(batch.failed_at, error, spent, strict=True)]
             good = np.array([status == OK for status in statuses])
             statistics = dict(zip(named.STATISTICS, batch.statistics, strict=True))
             for name, quantity in zip(quantities, wanted, strict=True):
-                found = statistics[quantity.statistic][:, np.searchsorted(recorded, quantity.unknown)]
-                result.values[name][left] = np.where(good, found, np.nan)
+                column = statistics[quantity.statistic][:, np.searchsorted(recorded, quantity.unknown)]
+                result.values[name][left] = np.where(good, column, np.nan)
             for name, unknown in zip(waveforms, shown, strict=True):
                 wave = batch.waves[np.searchsorted(recorded, unknown), :, ::refinement]
                 result.waveforms[name][left] = np.where(good[:, None], wave, np.nan)
@@ -200,27 +258,37 @@ class Engine:
             raise InputError(self.model.file, "start", start.shape[1], f"want {width} columns, a state of this network")
         return np.broadcast_to(start, (samples, width))
 
-    def _approached(self, changes: Changes, start: np.ndarray, steps: int, tolerance: float, threads: int):
+    def _approached(
+        self, changes: Changes, start: np.ndarray, steps: int, tolerance: float, threads: int
+    ) -> np.ndarray:
         """Where the samples begin, (n, columns of state): `start`, a periodic state of the network itself, moved by as
         much as its counterpart on `COARSER` steps moves from the network's parameters to the sample's.
         """
         coarse = steps // COARSER
         if coarse < LEAST_COARSE:
             return start
-        options = {"steps_per_cycle": coarse, "threads": threads}
         key = start[0].tobytes(), steps, tolerance
         if key not in self._counterparts:
-            first = self.run(cycles=1, start=start[:1], **options)
+            first = self.run_cycles(cycles=1, steps_per_cycle=coarse, start=start[:1], threads=threads)
             near = first.ok[0] and first.cycle_error[0] < _NEAR
-            options |= {"periodic": True, "cycles": _COARSE_CYCLES}
-            found = self.run(tolerance=tolerance, start=first.state, **options) if near else first
+            options = Periodicity(tolerance, cycles=_COARSE_CYCLES)
+            found = (
+                self.run_to_periodic(periodicity=options, steps_per_cycle=coarse, start=first.state, threads=threads)
+                if near
+                else first
+            )
             self._counterparts = {key: found.state if found.cycle_error[0] < 10.0 * tolerance else None}
         counterpart = self._counterparts[key]
         if counterpart is None:
             return start
         begin = np.broadcast_to(counterpart, start.shape)
-        options |= {"periodic": True, "cycles": _COARSE_CYCLES, "tolerance": 10.0 * tolerance}
-        found = self.run(changes, start=begin, **options)
+        found = self.run_to_periodic(
+            changes,
+            periodicity=Periodicity(10.0 * tolerance, cycles=_COARSE_CYCLES),
+            steps_per_cycle=coarse,
+            start=begin,
+            threads=threads,
+        )
         return np.where(found.cycle_error[:, None] < _NEAR, start + (found.state - begin), start)
 
     def _program(self, changed: Mapping, steady: bool) -> Program:
@@ -316,21 +384,18 @@ class Engine:
         return sum(map(advance, numbers))
 
     def _march(
-        self,
-        batch: Batch,
-        times: int,
-        limit: int,
-        tolerance: float | None,
-        mixer: Anderson | None,
-        threads: int,
-        patience: int | None = None,
+        self, batch: Batch, times: int, limit: int, threads: int, periodicity: Periodicity | None, numbers: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, int]:
-        """March cycles until `limit`, or until every sample's cycle error is below `tolerance` if that is given,
-        or has not halved for `patience` cycles.
+        """March at most `limit` cycles; `numbers` (n,) are those of the batch's samples in the whole run.
 
-        Returns cycles spent and cycle error of each sample, (n,), and Newton solves. A sample that is done, or has
-        failed, keeps what its last cycle left.
+        Returns cycles spent and cycle error of each sample, (n,), and Newton solves. A sample that is periodic, has
+        lost patience or has failed keeps what its last cycle left.
         """
+        mixer = None
+        if periodicity is not None and periodicity.accelerate:
+            extrapolate = periodicity.extrapolate
+            ahead = None if extrapolate is None else lambda who, start, end: extrapolate(numbers[who], start, end)
+            mixer = Anderson(len(batch.state), batch.state.shape[1], ahead)
         n, samples = self.model.size, len(batch.state)
         program = self._fill(batch, times, steady=False)
         live = batch.failed_at == 0
@@ -343,12 +408,12 @@ class Engine:
             spent[who] += 1
             error[who], scale = drift(before[:, :n], batch.state[who, :n], batch.floor[who], batch.ceiling[who])
             live &= batch.failed_at == 0
-            if tolerance is not None:
-                live &= ~(error < tolerance)
-            if patience is not None:
+            if periodicity is not None:
+                live &= ~(error < periodicity.tolerance)
+            if periodicity is not None and periodicity.patience is not None:
                 halved = error < 0.5 * mark
                 mark[halved], marked[halved] = error[halved], cycle
-                live &= cycle - marked < patience
+                live &= cycle - marked < periodicity.patience
             done = np.zeros(samples, bool)
             done[who] = ~live[who] | (cycle == limit - 1)
             batch.keep_waves(done)
@@ -362,11 +427,6 @@ class Engine:
                     who[going], before[going], after, scale[going], error[who[going]]
                 )
         return spent, error, solves
-
-
-def _of(numbers: np.ndarray, ahead: Ahead | None) -> Ahead | None:
-    """`ahead` for a batch of those of its samples."""
-    return None if ahead is None else lambda who, start, end: ahead(numbers[who], start, end)
 
 
 def _status(failed_at: float, error: float, cycles: int, tolerance: float | None = None) -> str:

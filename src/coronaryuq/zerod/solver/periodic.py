@@ -5,6 +5,7 @@ states that the network reached, so that linear constraints and the loop's total
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,9 +24,34 @@ and forth across one for ever, where plain cycles settle on one side.
 _RANK = 1e-8
 _GROWTH = 3.0
 
-Ahead = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+Extrapolate = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """Samples' numbers (k,), start and end (k, width) of their last cycle → states that are nearer to periodic ones than
 the end is."""
+
+
+@dataclass(frozen=True)
+class Periodicity:
+    """When a sample counts as periodic, and how it is brought there.
+
+    Attributes
+    ----------
+    tolerance : float
+        Cycle error (see `drift`) below which a sample is periodic.
+    cycles : int
+        Most cycles to march.
+    patience : int, optional
+        A sample whose cycle error has not halved for so many cycles is given up.
+    accelerate : bool
+        Use Anderson acceleration; otherwise wait.
+    extrapolate : callable, optional
+        What acceleration combines instead of the ends of cycles, see `Extrapolate`.
+    """
+
+    tolerance: float = 1e-4
+    cycles: int = 100
+    patience: int | None = None
+    accelerate: bool = True
+    extrapolate: Extrapolate | None = None
 
 
 def drift(before: np.ndarray, after: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -43,11 +69,11 @@ def drift(before: np.ndarray, after: np.ndarray, low: np.ndarray, high: np.ndarr
 class Anderson:
     """Remembers the last cycles of each sample of a batch and proposes where to start the next one.
 
-    ahead: says of a cycle's end what is nearer to a periodic state; such states are combined instead of the ends.
+    extrapolate: gives states nearer to a periodic one than a cycle's end, which are combined instead of the ends.
     """
 
-    def __init__(self, samples: int, width: int, ahead: Ahead | None = None):
-        self._ahead = ahead
+    def __init__(self, samples: int, width: int, extrapolate: Extrapolate | None = None):
+        self._extrapolate = extrapolate
         self._ends = np.zeros((samples, DEPTH + 1, width))
         self._steps = np.zeros((samples, DEPTH + 1, width))
         self._known = np.zeros(samples, dtype=np.int64)
@@ -63,7 +89,7 @@ class Anderson:
         start, end: (k, width) whole states; scale: (k, unknowns), of their first `unknowns` columns; error: (k,).
         A sample whose error grew much begins anew, with a plain cycle.
         """
-        aim = end if self._ahead is None else self._ahead(who, start, end)
+        aim = end if self._extrapolate is None else self._extrapolate(who, start, end)
         proposed = np.empty_like(end)
         for k, sample in enumerate(who):
             self._waited[sample] += 1

@@ -16,6 +16,7 @@ from coronaryuq.core.seeds import generator
 from coronaryuq.zerod.solver.blood_volume import BloodVolume
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.solver.lanes import LANES
+from coronaryuq.zerod.solver.periodic import Periodicity
 
 SLOW, LASTING = 0.5, 0.98
 """Share that is left of a slow mode after a cycle, at least: coronary beds keep a quarter, and forget by themselves.
@@ -56,7 +57,7 @@ def slow_modes(
 ) -> SlowModes | None:
     """Of a closed loop about the periodic state next to `state` (columns of state,); None where no mode is slow.
 
-    changes: as `Engine.run` takes them, of one sample: (1,) each, or (1, points). Disturbances leave the loop's blood
+    changes: as `Engine.run_cycles` takes them, of one sample: (1,) each, or (1, points). Disturbances leave the loop's blood
     volume as it is: it is kept for ever.
     """
     size, volume = engine.model.size, BloodVolume(engine.model)
@@ -64,9 +65,11 @@ def slow_modes(
     def run(starts: np.ndarray, quantities=()):
         mine = {name: np.repeat(value, len(starts), axis=0) for name, value in changes.items()}
         starts = volume.filled(starts, volume.of(state[None, :], changes) - volume.of(starts, mine))
-        return starts, engine.run(mine, quantities, cycles=1, steps_per_cycle=steps_per_cycle, start=starts)
+        return starts, engine.run_cycles(mine, quantities, cycles=1, steps_per_cycle=steps_per_cycle, start=starts)
 
-    settled = engine.run(changes, periodic=True, cycles=SETTLING, steps_per_cycle=steps_per_cycle, start=state[None, :])
+    settled = engine.run_to_periodic(
+        changes, periodicity=Periodicity(cycles=SETTLING), steps_per_cycle=steps_per_cycle, start=state[None, :]
+    )
     state, names = settled.state[0], engine.unknowns
     _, own = run(state[None, :], [f"{statistic}_{name}" for statistic in ("min", "max") for name in names])
     if not own.ok[0]:

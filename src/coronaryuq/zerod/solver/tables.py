@@ -1,5 +1,6 @@
 """From the elements' terms to the structure of the kernels' tables, once per network."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from coronaryuq.core.errors import InputError
 from coronaryuq.zerod.network.numbering import Model
 from coronaryuq.zerod.solver.assembly import Assembly, Context, Terms
-from coronaryuq.zerod.solver.elements import ELEMENTS
+from coronaryuq.zerod.solver.elements import ELEMENTS, Write
 from coronaryuq.zerod.solver.elimination import Singular, Tape, eliminate
 from coronaryuq.zerod.solver.kernels import Scheme, Structure
 from coronaryuq.zerod.solver.nonlinear_block import Border, lists
@@ -15,11 +16,11 @@ from coronaryuq.zerod.solver.nonlinear_block import Border, lists
 _SCENARIOS = 8
 
 
-def write_elements(model: Model, at: Context) -> Assembly:
-    """All elements' terms for the parameters in `at`."""
+def write_elements(model: Model, at: Context, elements: Mapping[str, Write] = ELEMENTS) -> Assembly:
+    """Write all blocks for the parameters in `at`; `elements`: kind of block → what writes it."""
     system = Assembly()
     for block in model.blocks.values():
-        ELEMENTS[block.kind](block, at, system)
+        elements[block.kind](block, at, system)
     return system
 
 
@@ -59,14 +60,21 @@ def _kept(terms: Terms) -> np.ndarray:
     return np.array([k for k, c in enumerate(terms.coefficients) if np.any(np.asarray(c[0]) != 0.0)], dtype=np.int64)
 
 
-def make_program(model: Model, at: Context, scheme: Scheme, step: float, own: Context | None = None) -> Program:
+def make_program(
+    model: Model,
+    at: Context,
+    scheme: Scheme,
+    step: float,
+    own: Context | None = None,
+    elements: Mapping[str, Write] = ELEMENTS,
+) -> Program:
     """Analyse the network as written for `at` (one sample, nonzero wherever a sample may be nonzero).
 
     step: time step (s) at which pivots are judged. own: the network's own values, by which they are judged where the
     network has a solution so: an entry that is nought in some samples must be no pivot. Raises `InputError` when the
     equations have no solution.
     """
-    n, system = model.size, write_elements(model, at)
+    n, system = model.size, write_elements(model, at, elements)
     kept = {kind: _kept(getattr(system, kind)) for kind in _KINDS}
 
     def rows(kind: str, columns: int) -> np.ndarray:
@@ -95,7 +103,7 @@ def make_program(model: Model, at: Context, scheme: Scheme, step: float, own: Co
 
     try:
         try:
-            tape = tape_of(system if own is None else write_elements(model, own))
+            tape = tape_of(system if own is None else write_elements(model, own, elements))
         except Singular:
             tape = tape_of(system)
     except Singular as error:

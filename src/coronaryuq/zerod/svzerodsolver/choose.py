@@ -1,11 +1,15 @@
 """Who solves a 0D network: our engine, or svZeroDSolver where it is installed, behind the same `run`."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
+
 from coronaryuq.case.network.network import Network
 from coronaryuq.core.errors import InputError
-from coronaryuq.zerod.solver.engine import Engine
+from coronaryuq.zerod.solver.engine import Changes, Engine
+from coronaryuq.zerod.solver.periodic import Periodicity
 from coronaryuq.zerod.solver.result import Result
 from coronaryuq.zerod.svzerodsolver.program import SvZeroD, installed
 
@@ -19,7 +23,27 @@ class Backend(Protocol):
     @property
     def parameters(self) -> dict[str, float]: ...
 
-    def run(self, changes=None, quantities=(), waveforms=(), **options) -> Result: ...
+    def run_cycles(
+        self,
+        changes: Changes | None = None,
+        quantities: Sequence[str] = (),
+        waveforms: Sequence[str] = (),
+        cycles: int | None = None,
+        steps_per_cycle: int | None = None,
+        start: np.ndarray | None = None,
+        threads: int = 1,
+    ) -> Result: ...
+
+    def run_to_periodic(
+        self,
+        changes: Changes | None = None,
+        quantities: Sequence[str] = (),
+        waveforms: Sequence[str] = (),
+        periodicity: Periodicity | None = None,
+        steps_per_cycle: int | None = None,
+        start: np.ndarray | None = None,
+        threads: int = 1,
+    ) -> Result: ...
 
 
 def make(name: str, network: Network, file: str | Path = "network") -> Backend:

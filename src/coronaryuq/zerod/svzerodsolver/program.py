@@ -7,6 +7,7 @@ import json
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,8 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.zerod.network import output_names as named
 from coronaryuq.zerod.network.changes import with_changes
 from coronaryuq.zerod.network.numbering import Model
+from coronaryuq.zerod.solver.engine import Changes
+from coronaryuq.zerod.solver.periodic import Periodicity
 from coronaryuq.zerod.solver.result import OK, Result
 
 COMMAND = "svzerodsolver"
@@ -59,37 +62,62 @@ class SvZeroD:
     def parameters(self) -> dict[str, float]:
         return self.model.parameters
 
-    def run(
+    def run_cycles(
         self,
-        changes=None,
-        quantities=(),
-        waveforms=(),
-        periodic: bool = False,
+        changes: Changes | None = None,
+        quantities: Sequence[str] = (),
+        waveforms: Sequence[str] = (),
         cycles: int | None = None,
         steps_per_cycle: int | None = None,
-        tolerance: float = 1e-4,
         start: np.ndarray | None = None,
         threads: int = 1,
     ) -> Result:
-        """As `Engine.run`. `periodic` marches `cycles` (default 60) and fails samples above `tolerance`."""
-        changes = {name: np.atleast_1d(np.asarray(value, float)) for name, value in (changes or {}).items()}
-        samples = max([value.size for value in changes.values()], default=1)
+        """Do what `Engine.run_cycles` does."""
+        return self._run(changes or {}, quantities, waveforms, cycles or self.cycles, steps_per_cycle, start, np.inf)
+
+    def run_to_periodic(
+        self,
+        changes: Changes | None = None,
+        quantities: Sequence[str] = (),
+        waveforms: Sequence[str] = (),
+        periodicity: Periodicity | None = None,
+        steps_per_cycle: int | None = None,
+        start: np.ndarray | None = None,
+        threads: int = 1,
+    ) -> Result:
+        """March all cycles that `periodicity` allows, and fail samples above its tolerance."""
+        options = periodicity or Periodicity()
+        return self._run(
+            changes or {}, quantities, waveforms, options.cycles, steps_per_cycle, start, options.tolerance
+        )
+
+    def _run(
+        self,
+        changes: Changes,
+        quantities: Sequence[str],
+        waveforms: Sequence[str],
+        limit: int,
+        steps_per_cycle: int | None,
+        start: np.ndarray | None,
+        tolerance: float,
+    ) -> Result:
+        changed = {name: np.atleast_1d(np.asarray(value, float)) for name, value in changes.items()}
+        samples = max([value.size for value in changed.values()], default=1)
         if start is not None:
             start = np.atleast_2d(np.asarray(start, float))
             samples = max(samples, len(start))
         steps = steps_per_cycle or self.steps_per_cycle
-        limit = cycles or (60 if periodic else self.cycles)
         size = self.model.size
         wanted = [named.parse(name, self.model) for name in quantities]
         result = Result.blank(samples, steps, self.model.period, 2 * size, quantities, waveforms)
         result.cycles[:] = limit
         for sample in range(samples):
-            own = {name: float(value[sample % value.size]) for name, value in changes.items()}
+            own = {name: float(value[sample % value.size]) for name, value in changed.items()}
             begin = None if start is None else start[sample % len(start)]
             try:
                 y, rates = self._march(own, limit, steps, begin)
-            except RuntimeError as error:
-                result.status[sample] = str(error)
+            except RuntimeError as reason:
+                result.status[sample] = str(reason)
                 continue
             last, previous = y[-steps - 1 :], y[-2 * steps - 1 : -steps]
             span = np.ptp(last, axis=0)
@@ -102,7 +130,7 @@ class SvZeroD:
                     error = max(error, np.nan_to_num(np.abs(means[1] / means[0] - 1.0)).max(initial=0.0))
             result.cycle_error[sample] = error
             result.state[sample] = np.concatenate([last[-1], rates[-1]])
-            if periodic and not error < tolerance:
+            if not error < tolerance:
                 result.status[sample] = f"not periodic after {limit} cycles (cycle error {error:.2g})"
                 continue
             result.status[sample] = OK
@@ -114,7 +142,7 @@ class SvZeroD:
         return result
 
     def _march(self, changes: dict, cycles: int, steps: int, start) -> tuple[np.ndarray, np.ndarray]:
-        network = with_changes(self.model.network.deep_copy(), changes, self.model.file)
+        network = with_changes(self.model.network, changes, self.model.file)
         simulation = network["simulation_parameters"]
         simulation |= {
             "number_of_cardiac_cycles": cycles,
