@@ -56,15 +56,14 @@ def run(
     changes = resistance_changes(loop, {bed: random.uniform(0.5, 2.0, samples) for bed in names})
     places = [unknown for unknown in engine.unknowns if unknown.split(":")[-1] in names and unknown.startswith("flow")]
     quantities = [f"mean_{place}" for place in places] or [f"mean_{engine.unknowns[0]}"]
-    options = {"steps_per_cycle": steps, "quantities": quantities}
-    engine.run_cycles(changes, cycles=1, **{**options, "steps_per_cycle": 16})
+    engine.run_cycles(changes, quantities, cycles=1, steps_per_cycle=16)
     spent = time.process_time()
-    result = engine.run_cycles(changes, cycles=cycles, **options)
+    result = engine.run_cycles(changes, quantities, cycles=cycles, steps_per_cycle=steps)
     marched = (time.process_time() - spent) / samples
     groups = -(-samples // LANES)
     base = engine.run_to_periodic(steps_per_cycle=steps)
     spent = time.process_time()
-    periodic = engine.run_to_periodic(changes, start=base.state[0], **options)
+    periodic = engine.run_to_periodic(changes, quantities, start=base.state[0], steps_per_cycle=steps)
     settled = (time.process_time() - spent) / samples
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
     theirs, periodic_theirs, difference = _against_svzerod(engine, loop, cycles, steps, settled)

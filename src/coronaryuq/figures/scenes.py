@@ -246,5 +246,6 @@ def _shades(outlets: list[CaseOutlet]) -> list[str]:
         number = seen[outlet.branch] = seen.get(outlet.branch, -1) + 1
         total = sum(other.branch == outlet.branch for other in outlets)
         base = np.array(to_rgb(BRANCHES.get(outlet.branch, "#777777")))
-        shades.append(to_hex(base + (1 - base) * 0.75 * ((number * 3) % max(total, 1)) / max(total, 1)))
+        red, green, blue = base + (1 - base) * 0.75 * ((number * 3) % max(total, 1)) / max(total, 1)
+        shades.append(to_hex((red, green, blue)))
     return shades

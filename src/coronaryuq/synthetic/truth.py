@@ -176,7 +176,7 @@ class _Loop:
         return State(network, flows, ffr, self._measures(result))
 
 
-def _network(anatomy: Anatomy, masses: Mapping[str, float], settings: Settings, seed: int) -> dict:
+def _network(anatomy: Anatomy, masses: Mapping[str, float], settings: Settings, seed: int) -> Network:
     """The loop before its totals are set: conductance of LV beds by mass and chance, the rest by Murray's law.
 
     Murray's law over all outlets decides what the LV-perfusing beds have together, as the method assumes (paper, 2.3).

@@ -1,6 +1,7 @@
 """Rule function of the 0D stage: a chunk of samples in, one row per sample out."""
 
 import time
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from coronaryuq.zerod.network.beds import read_theta, theta_changes
 from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.settings import Settings
 from coronaryuq.zerod.solver.periodic import Periodicity
+from coronaryuq.zerod.solver.result import Result
 from coronaryuq.zerod.svzerodsolver import choose
 
 STATISTICS = ("mean", "min", "max")
@@ -48,6 +50,7 @@ def run_chunk(
     ]
     quantities += [f"mean_pressure:{at}" for at in ratios.values() if f"mean_pressure:{at}" not in quantities]
     fixed: dict[str, Any] = {"steps_per_cycle": settings.steps_per_cycle, "threads": settings.threads}
+    run: Callable[..., Result]
     if settings.periodic:
         run = partial(solver.run_to_periodic, periodicity=Periodicity(settings.tolerance, settings.cycles), **fixed)
     else:

@@ -43,8 +43,9 @@ class Topology:
             feeding, fed = (
                 [name for name in side if name in self.vessels] for side in network.junction_sides(junction)
             )
-            self.downstream |= dict.fromkeys(feeding, junction["junction_name"])
-            self.upstream |= dict.fromkeys(fed, junction["junction_name"])
+            name: str = junction["junction_name"]
+            self.downstream |= dict.fromkeys(feeding, name)
+            self.upstream |= dict.fromkeys(fed, name)
             self.graph.add_edges_from(product(feeding, fed))
         self.inlet_bc, self.outlet_bc = (
             {name: ends[side] for name, vessel in self.vessels.items() if side in (ends := _ends(vessel))}

@@ -1,4 +1,4 @@
-"""Changes written into a network: the same "BLOCK.parameter" names that `Engine.run_cycles` takes, one sample's numbers."""
+"""Changes of one sample written into a network, by the "BLOCK.parameter" names that `Engine.run_cycles` takes."""
 
 from collections.abc import Mapping
 from pathlib import Path

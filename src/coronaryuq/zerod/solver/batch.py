@@ -40,7 +40,9 @@ class Batch:
         self.records = [
             Record(
                 recorded.astype(np.uint32),
-                *(table(len(recorded)) for _ in range(3)),
+                table(len(recorded)),
+                table(len(recorded)),
+                table(len(recorded)),
                 np.empty((steps + 1 if waves else 0, len(recorded), LANES)),
                 table(size),
                 table(size),
@@ -57,7 +59,7 @@ class Batch:
 
     def close_ranks(self, live: np.ndarray) -> None:
         """Seat the samples of `live` (n,) in as few groups as hold them; lanes compute alike, so no number changes."""
-        places = [(k, lane) for k, seats in enumerate(self.seats) for lane in np.nonzero(live[seats])[0]]
+        places = [(k, int(lane)) for k, seats in enumerate(self.seats) for lane in np.nonzero(live[seats])[0]]
         needed = -(-len(places) // LANES)
         if needed == len({k for k, _ in places}):
             return

@@ -89,7 +89,8 @@ class CoupledNetwork:
         step = self.model.period / steps_per_cycle
         elements = {**ELEMENTS, _CAP: _cap}
         program = make_program(self.model, Context(self.model, zero, 1, phases), self.scheme, step, elements=elements)
-        at = Context(self.model, dict(changes), samples, phases)
+        arrays = {name: np.asarray(value, float) for name, value in changes.items()}
+        at = Context(self.model, arrays, samples, phases)
         if np.ptp(at.period) > 0:
             raise InputError(file, "cardiac_cycle_period", None, "coupled samples must share one period")
         group = fill(
@@ -106,8 +107,8 @@ class CoupledNetwork:
         self._values = group.values._replace(shapes=table(self._shapes.shape[1]))
         self.state = table(2 * self.model.size)
         self.failed = table(1)
-        nothing = [table(0) for _ in range(5)]
-        self._record = Record(np.empty(0, np.uint32), *nothing[:3], np.empty((0, 0, LANES)), *nothing[3:])
+        waves = np.empty((0, 0, LANES))
+        self._record = Record(np.empty(0, np.uint32), table(0), table(0), table(0), waves, table(0), table(0))
         self._counts = np.zeros(1, np.int64)
         self.position = 0
 

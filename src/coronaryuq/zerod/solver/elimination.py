@@ -45,7 +45,7 @@ class Tape:
     def forward_of(self, first: int, last: int) -> list[list[tuple[int, int]]]:
         """For each pivot's row, the (slot, pivot row) that pivots `first` to `last` subtract from its right side."""
         position = {int(row): p for p, row in enumerate(self.pivots[:, 0])}
-        found = [[] for _ in self.pivots]
+        found: list[list[tuple[int, int]]] = [[] for _ in self.pivots]
         for row, slot, pivot_row in self.forward[self.forward_first[first] : self.forward_first[last]]:
             found[position[int(row)]].append((int(slot), int(pivot_row)))
         return found
@@ -240,13 +240,13 @@ def _backward(places, interior, slot):
 
 def _equilibrated(scenarios: np.ndarray, pattern: np.ndarray, sweeps: int = 5) -> np.ndarray:
     """Rows and columns scaled so that entries of different units can be compared; nought outside `pattern`."""
-    places = np.nonzero(pattern)
-    entries = scenarios[:, *places].astype(float)
+    rows, columns = np.nonzero(pattern)
+    entries = scenarios[:, rows, columns].astype(float)
     for _ in range(sweeps):
-        for lines in places:
+        for lines in (rows, columns):
             largest = np.zeros(max(pattern.shape))
             np.maximum.at(largest, lines, np.abs(entries).max(axis=0))
             entries /= np.sqrt(np.where(largest > 0, largest, 1.0))[lines]
     matrix = np.zeros(scenarios.shape)
-    matrix[:, *places] = entries
+    matrix[:, rows, columns] = entries
     return matrix

@@ -6,7 +6,7 @@ with constant coefficients, so that once their residual at the predictor is know
 step solve them exactly; Newton's loop sees only the border.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -155,7 +155,11 @@ def _exponential(x):
     return (p * r + 1.0) * power_of_two(k)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+KERNEL: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
+"""Options of every kernel; without numba's runtime a kernel that would allocate does not compile."""
+
+
+@numba.njit(**KERNEL)
 def condense(pivots, divide, update, first, matrix, inverse):
     """Eliminate the interior from `matrix` (slots, LANES) in place; `inverse` gets one over each interior pivot.
 
@@ -171,7 +175,7 @@ def condense(pivots, divide, update, first, matrix, inverse):
             store(matrix, update[k, 0], load(matrix, update[k, 0]) - product)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@numba.njit(**KERNEL)
 def _predict(s, v, w, state, scheme, time, times):
     """Residuals at the predictor without solution-dependent terms, interior eliminated; their largest in the interior.
 
@@ -216,7 +220,7 @@ def _predict(s, v, w, state, scheme, time, times):
     return largest + poison
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@numba.njit(**KERNEL)
 def _subtract_solution_dependent(s, v, w, state, scheme, time, times):
     """Take the solution-dependent terms at the present iterate from w.residual; their derivatives into w.slope."""
     n = v.constant.shape[0]
@@ -281,7 +285,7 @@ def _put_slopes(terms, w, first, which, everywhere):
     return first + terms.shape[0]
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@numba.njit(**KERNEL)
 def _factorise(s, w, which, everywhere):
     """Factors of the border's matrix at the present slopes (Crout's order), in the lanes of `which` or everywhere."""
     slope = _put_slopes(s.valve_term, w, 0, which, everywhere)
@@ -304,7 +308,7 @@ def _factorise(s, w, which, everywhere):
                 _put(w.matrix, s.factor[k, 1], sum_ * reciprocal, which, everywhere)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@numba.njit(**KERNEL)
 def _solve_border(s, w, interior, going):
     """Solve the border for w.residual; increments of lanes that are `going`, and their totals."""
     size = w.inverse.shape[0]
@@ -324,7 +328,7 @@ def _solve_border(s, w, interior, going):
         store(w.total, column, load(w.total, column) + increment)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@numba.njit(**KERNEL)
 def _finish(s, v, w, state, scheme, moving):
     """Interior increments from those of the border, and the new state of both."""
     n, interior = v.constant.shape[0], v.inverse.shape[0]
@@ -344,7 +348,7 @@ def _finish(s, v, w, state, scheme, moving):
         store(state, s.valve[k, 2], load(w.flow, k))
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@numba.njit(**KERNEL)
 def _step(s, v, w, state, scheme, time, times, sound):
     """One time step; returns the number of solves, and marks lanes that did not converge."""
     n, interior = v.constant.shape[0], v.inverse.shape[0]
@@ -426,7 +430,7 @@ def _step(s, v, w, state, scheme, time, times, sound):
     return solves, going
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@numba.njit(**KERNEL)
 def march(s, v, w, state, scheme, steps, times, failed, record, counts):
     """Advance `state` (2n, LANES) by `steps` steps from the start of a cycle; `times` steps make a cycle.
 

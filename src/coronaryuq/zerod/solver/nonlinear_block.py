@@ -1,5 +1,7 @@
 """The border of a network's equations: the solution-dependent terms, as tables for Crout's factorisation."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from coronaryuq.zerod.solver.elimination import Tape
@@ -86,14 +88,14 @@ class Border:
             for place in rows(kind, width)[:, :2]
         }
         filled |= {places[int(slot)] for slot in tape.update[: tape.update_first[tape.interior], 0]}
-        found = [[] for _ in range(size)]
+        found: list[list[tuple[int, int]]] = [[] for _ in range(size)]
         for (row, column), entry in self._entry.items():
             if (row, column) in filled:
                 found[self._position[row]].append((entry, column))
         return lists(found, 2)
 
 
-def lists(lists: list[list[tuple[int, ...]]], columns: int) -> tuple[np.ndarray, np.ndarray]:
+def lists(lists: Sequence[Sequence[tuple[int, ...]]], columns: int) -> tuple[np.ndarray, np.ndarray]:
     """Lists of tuples as one table and the place where each list begins (one more than there are lists)."""
     flat = np.array([item for found in lists for item in found], dtype=np.int64).reshape(-1, columns)
     return flat, np.concatenate([[0], np.cumsum([len(found) for found in lists], dtype=np.int64)]).astype(np.int64)

@@ -13,7 +13,8 @@ class Result:
 
     values: quantity → (n,), over the last cycle; NaN where a sample failed. waveforms: name → (n, steps + 1) over
     `time` (steps + 1,), the last cycle. status: (n,) of `ok` or a reason. state: (n, unknowns) at the end of the last
-    cycle, that is at the start of the next, usable as `start=`. cycles: (n,) spent. cycle_error: (n,) see `periodic.drift`.
+    cycle, that is at the start of the next, usable as `start=`. cycles: (n,) spent. cycle_error: (n,), see
+    `periodic.drift`.
     refinement: (n,) how many times smaller than asked a sample's steps had to be. solves: Newton solves in all, of
     groups of `LANES` samples.
     """

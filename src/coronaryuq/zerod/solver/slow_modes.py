@@ -57,8 +57,8 @@ def slow_modes(
 ) -> SlowModes | None:
     """Of a closed loop about the periodic state next to `state` (columns of state,); None where no mode is slow.
 
-    changes: as `Engine.run_cycles` takes them, of one sample: (1,) each, or (1, points). Disturbances leave the loop's blood
-    volume as it is: it is kept for ever.
+    changes: as `Engine.run_cycles` takes them, of one sample: (1,) each, or (1, points). Disturbances leave the
+    loop's blood volume as it is: it is kept for ever.
     """
     size, volume = engine.model.size, BloodVolume(engine.model)
 

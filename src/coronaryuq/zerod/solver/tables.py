@@ -92,14 +92,15 @@ def make_program(
     pattern = np.concatenate([changing, np.zeros((n, len(lagged)), bool)], axis=1)
     for part in (e, f, np.stack([f_lagged[:, 0], n + np.searchsorted(lagged, f_lagged[:, 1])], axis=1)):
         pattern[part[:, 0], part[:, 1]] = True
-    inner_columns = ~changing.any(axis=0)
+    inner_columns = np.logical_not(changing.any(axis=0))
     inner_columns[lagged] = False
     # The unknowns that decide a valve's state must be known inside Newton's loop.
     inner_columns[[column for valve in system.valves for column in valve]] = False
 
     def tape_of(judged: Assembly) -> Tape:
         scenarios = _scenarios(n, lagged, judged, kept, scheme, step)
-        return eliminate(scenarios, pattern, ~changing.any(axis=1), inner_columns)
+        inner_rows = np.logical_not(changing.any(axis=1))
+        return eliminate(scenarios, pattern, inner_rows, inner_columns)
 
     try:
         try:

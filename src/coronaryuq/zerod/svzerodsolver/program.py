@@ -7,7 +7,7 @@ import json
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -134,7 +134,11 @@ class SvZeroD:
                 result.status[sample] = f"not periodic after {limit} cycles (cycle error {error:.2g})"
                 continue
             result.status[sample] = OK
-            reduce = {"mean": lambda wave: np.trapezoid(wave) / steps, "min": np.min, "max": np.max}
+            reduce: dict[str, Callable[[np.ndarray], float]] = {
+                "mean": lambda wave: np.trapezoid(wave) / steps,
+                "min": np.min,
+                "max": np.max,
+            }
             for name, quantity in zip(quantities, wanted, strict=True):
                 result.values[name][sample] = reduce[quantity.statistic](last[:, quantity.unknown])
             for name in waveforms:

@@ -32,15 +32,15 @@ def simulate(network: Network, file: str = "network") -> pd.DataFrame:
         cycles = math.ceil(-slowest / model.period * math.log(tolerance))
     histories = engine.histories()
     whole = [(y.copy(), rates.copy()) for y, rates in islice(histories, cycles)]
-    extra = []
+    extra: list[tuple[np.ndarray, ...]] = []
     if checked and not windkessels:
         while _drift((whole + extra)[-2][0], (whole + extra)[-1][0], model) > tolerance:
             extra.append(tuple(part.copy() for part in next(histories)))
-    times, places = _written(simulation, engine.steps_per_cycle, cycles, len(extra))
+    numbers, places = _written(simulation, engine.steps_per_cycle, cycles, len(extra))
     step = model.period / engine.steps_per_cycle
     history = whole + extra
     y, rates = (np.array([history[cycle][part][at] for cycle, at in places]) for part in (0, 1))
-    times = step * np.array(times, float)
+    times = step * np.array(numbers, float)
     if not simulation.get("output_all_cycles", False):
         times = times - times[0]
     by = _by_variable if simulation.get("output_variable_based", False) else _by_vessel
