@@ -1,10 +1,12 @@
-# make run       environment, then the laptop campaign (CONFIG=smoke: another); the last line says where the report is
-# make test      environment, then the tests
-# make env       the environment alone, in .venv/
-# make lint      style, formatting, one-way imports
-# make dry-run   what every shipped configuration would run
-# make lock      pins of what envs/requirements.in names, at the versions of the environment
-# make help      these lines
+# make run       create the environment, run the laptop campaign (CONFIG=smoke: another), say where the report is
+# make test      create the environment, then run all tests
+# make check     lint, and the fast tests (about two minutes)
+# make coverage  all tests, and the share of lines and branches that they run
+# make env       create the environment in .venv/
+# make lint      check style, formatting, types, import contracts, and the workflow
+# make dry-run   show what every shipped configuration would run
+# make lock      pin what envs/requirements.in names at the versions of the environment
+# make help      show these lines
 
 CONFIG ?= laptop
 CORES ?= all
@@ -14,7 +16,7 @@ READY := $(VENV)/.ready
 PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
   command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && { echo $$p; break; }; done)
 
-.PHONY: run test env lock lint dry-run help
+.PHONY: run test check coverage env lock lint dry-run help
 .DEFAULT_GOAL := run
 
 help:
@@ -28,8 +30,14 @@ run: env
 test: env
 	@$(BIN)/python -m pytest -m "not long" -n 2 --dist loadfile
 
+check: lint
+	@$(BIN)/python -m pytest -m "not (long or slow or workflow)" -n 2 --dist loadfile -q
+
+coverage: env
+	@$(BIN)/python -m pytest -m "not long" -n 2 --dist loadfile --cov --cov-report=term:skip-covered
+
 lint: env
-	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/snakefmt --check Snakefile workflow && $(BIN)/lint-imports
+	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/snakefmt --check Snakefile workflow && $(BIN)/lint-imports && $(BIN)/mypy
 	@$(BIN)/snakemake --lint --configfile config/smoke.yaml
 
 dry-run: env
