@@ -15,7 +15,7 @@ class Doubling:
     def __init__(self, together=1):
         self.barrier = threading.Barrier(together)
 
-    def run(self, changes, threads, wait=False):
+    def run_to_periodic(self, changes, threads, wait=False):
         if wait:
             self.barrier.wait(timeout=30.0)
         return SimpleNamespace(value=2.0 * changes["x"])
@@ -60,7 +60,7 @@ def test_no_computations_give_no_values():
 
 def test_an_error_in_a_run_is_raised():
     class Broken:
-        def run(self, changes, threads):
+        def run_to_periodic(self, changes, threads):
             raise ValueError("broken")
 
     with pytest.raises(ValueError, match="broken"):
