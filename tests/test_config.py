@@ -88,7 +88,10 @@ def test_every_setting_is_described():
         ("name: [", "not valid YAML"),
         ("seed: 1\n", "name: field required"),
         ("name: x\nsamples: {n_3d: 1}\n", "samples.n_3d = 1: input should be greater than or equal to 8"),
-        ("name: x\nsamples: {n3d: 100}\n", "samples.n3d = 100: unknown setting; known here: n_3d, n_0d"),
+        (
+            "name: x\nsamples: {n3d: 100}\n",
+            "samples.n3d = 100: unknown setting; did you mean n_3d? known here: n_3d, n_0d",
+        ),
         ("name: x\nposterior: {dream: {chains: 7}}\n", "posterior.dream"),
         (
             "name: x\nbackend: fluent\n",

@@ -17,7 +17,7 @@ def test_the_closure_follows_imports_and_packages():
 
 
 def test_imports_inside_functions_count_and_those_for_type_checking_do_not():
-    assert "coronaryuq.core.records" in provenance.closure("coronaryuq.cli.explain")
+    assert "coronaryuq.core.records" in provenance.closure("coronaryuq.campaign.explain")
     assert "coronaryuq.core.io.tables" not in provenance.closure("coronaryuq.core.units")
 
 

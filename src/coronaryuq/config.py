@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from coronaryuq.calibration.settings import Settings as CalibrationSettings
 from coronaryuq.case.description.yaml_file import read_yaml
 from coronaryuq.case.settings import Settings as CaseSettings
-from coronaryuq.core.errors import InputError
+from coronaryuq.core.errors import InputError, nearest
 from coronaryuq.discrepancy.settings import Settings as DiscrepancySettings
 from coronaryuq.estimation.settings import Settings as EstimationSettings
 from coronaryuq.flow3d.mesh.settings import Settings as MeshSettings
@@ -126,7 +126,8 @@ def _remedy(kind: str, message: str, field: str) -> str:
         model: Any = Campaign
         for part in field.split(".")[:-1]:
             model = model.model_fields[part].annotation
-        return f"unknown setting; known here: {', '.join(model.model_fields)}"
+        near = nearest(field.rpartition(".")[2], model.model_fields)
+        return f"unknown setting; {near}known here: {', '.join(model.model_fields)}"
     return message[0].lower() + message[1:]
 
 

@@ -8,7 +8,6 @@ import pytest
 import pyvista as pv
 
 from coronaryuq.case.anatomy.tree import read_tree
-from coronaryuq.case.check import check_case
 from coronaryuq.case.network.network import Network
 from coronaryuq.case.network.topology import closed_loop_tree
 from coronaryuq.case.network.units import rescaled
@@ -16,7 +15,7 @@ from coronaryuq.case.settings import Settings
 from coronaryuq.case.stage import prepare_case
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import MBF_PER_MIN_PER_G, MMHG
-from support.case_files import write_case
+from support.case_files import check_case, write_case
 
 
 def test_the_four_files_agree_with_one_another(small_tree, tmp_path):

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from coronaryuq.case.check import check_case
 from coronaryuq.case.description.fields import read_description, schema
 from coronaryuq.case.description.reference import reference
 from coronaryuq.case.tables.read import read_case_targets, read_outlets
-from support.case_files import write_case
+from support.case_files import check_case, write_case
 
 
 def test_a_sound_case_has_no_findings_and_says_what_it_holds(small_tree, tmp_path):
@@ -117,7 +116,7 @@ def test_a_mistake_is_one_line_with_file_field_value_and_remedy(small_tree, tmp_
     ("text", "expected"),
     [
         ("name: [unclosed", "not valid YAML"),
-        ("just text", "wanted a mapping of fields"),
+        ("just text", "expected a mapping of fields"),
         ("name: a\nname: b\n", "name is given twice"),
         ("a: &x [1]\nb: *x\n", "aliases (*name) are not supported"),
         ("name: !!python/object/apply:os.system ['true']\n", "not valid YAML"),
@@ -178,7 +177,7 @@ def test_outlets_may_be_given_by_points_in_the_anatomys_unit(small_tree, tmp_pat
 
 
 TARGETS = {
-    "unknown": ("PaoMedian,x,90", "PaoMedian = 90.0: unknown target; known targets: PaoMin, PaoMax"),
+    "unknown": ("PaoMedian,x,90", "PaoMedian = 90.0: unknown target; did you mean PaoMean? known targets: PaoMin"),
     "not a number": ("PaoMean,x,ninety", "PaoMean = 'ninety': wanted a number or none"),
     "twice": ("PaoMean,x,90\nPaoMean,x,91", "PaoMean = '91': given twice"),
     "columns": ("PaoMean,90", "line 1 = 'PaoMean,90': wanted name, description, value"),

@@ -13,13 +13,12 @@ from coronaryuq.case.anatomy.stenosis_detection import tightest
 from coronaryuq.case.anatomy.surface import Surface, read_surface, surface_of
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel, area_ratio, throat
 from coronaryuq.case.assembly import assemble
-from coronaryuq.case.check import check_case
 from coronaryuq.case.settings import Settings
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.seeds import generator
 from coronaryuq.synthetic.anatomy import narrowed
 from support.aortic_root import write_aortic_root_case
-from support.case_files import straight, write_case
+from support.case_files import check_case, straight, write_case
 from support.tubes import tube_surface
 
 

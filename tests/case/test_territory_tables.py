@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from coronaryuq.case.check import check_case
 from coronaryuq.case.settings import Settings
 from coronaryuq.case.stage import prepare_case
-from support.case_files import write_case
+from support.case_files import check_case, write_case
 
 FLOW = np.array([2.0, 1.2, 0.8])
 """mL/s, of lca1, lca2, rca1."""

@@ -7,6 +7,8 @@ import numpy as np
 
 from coronaryuq.case.anatomy.tree import Tree, Vessel, write_tree
 from coronaryuq.case.case_json import CaseSummary
+from coronaryuq.cli.check import check
+from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_json
 
 
@@ -117,3 +119,12 @@ def write_perfusion_targets(path: Path, bc: list[str], mean: np.ndarray, covaria
     }  # fmt: skip
     write_json(path, content | values)
     return path
+
+
+def check_case(path: Path) -> tuple[list[str], list[str]]:
+    """Faults of a case and what it contains, as `coronaryuq check` prints them."""
+    try:
+        found = check(path)
+    except InputError as error:
+        return [str(error)], []
+    return ([] if found.error is None else [str(found.error)]), found.lines

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from coronaryuq.cli import explain
+from coronaryuq.campaign import explain
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
 from support.checkout import Checkout
@@ -51,16 +51,15 @@ def test_every_file_of_the_campaign_is_some_jobs_result(campaign):
     home = campaign / "results" / "small"
     apart = (home / "logs", home / explain.FOLDER)
     files = [path for path in home.rglob("*") if path.is_file() and not any(a in path.parents for a in apart)]
-    results = [path for path in files if path.name not in (".lock", explain.CAMPAIGN)]
+    results = [path for path in files if path.name not in explain.OF_THE_CAMPAIGN]
     assert len(results) == 9
     for path in results:
-        _, sound = explain.explain(path)
-        assert sound, path
+        assert explain.explain(path).unchanged, path
 
 
 def test_the_command_makes_the_same_bytes_again(campaign):
     before = (campaign / TARGETS).read_bytes()
-    made = explain.explain(campaign / TARGETS)[0].partition("made by ")[2].splitlines()[0]
+    made = str(explain.explain(campaign / TARGETS)).partition("made by ")[2].splitlines()[0]
     command = said(campaign, TARGETS).stdout.splitlines()[-1]
     (campaign / TARGETS).write_text("lost")
     done = subprocess.run(
@@ -68,8 +67,8 @@ def test_the_command_makes_the_same_bytes_again(campaign):
     )
     assert done.returncode == 0, done.stdout + done.stderr
     assert (campaign / TARGETS).read_bytes() == before
-    text, sound = explain.explain(campaign / TARGETS)
-    assert sound and text.partition("made by ")[2].splitlines()[0] >= made
+    again = explain.explain(campaign / TARGETS)
+    assert again.unchanged and str(again).partition("made by ")[2].splitlines()[0] >= made
 
 
 def test_an_altered_result_and_an_altered_input_are_told(campaign):
@@ -77,9 +76,9 @@ def test_an_altered_result_and_an_altered_input_are_told(campaign):
     whole = chunk.read_bytes()
     chunk.write_bytes(whole[:-1])
     try:
-        text, sound = explain.explain(chunk)
-        assert not sound and "CHANGED since its job wrote it" in text
-        assert "chunk_0.npz  (has changed since)" in explain.explain(campaign / TARGETS)[0]
+        altered = explain.explain(chunk)
+        assert not altered.unchanged and "CHANGED since its job wrote it" in str(altered)
+        assert "chunk_0.npz  (has changed since)" in str(explain.explain(campaign / TARGETS))
         assert said(campaign, str(chunk)).returncode == 1
     finally:
         chunk.write_bytes(whole)
@@ -124,8 +123,10 @@ def test_a_result_from_the_cache_brings_its_note(tmp_path):
         assert done.returncode == 0, done.stdout + done.stderr
     second = tmp_path / "second" / "results/small"
     assert not (second / explain.FOLDER / "perfusion_chunk-0.json").exists(), "its job did not run here"
-    text, sound = explain.explain(second / "perfusion/chunk_0.npz")
-    assert sound and "made by     perfusion_chunk 0" in text and "taken from  the cache" in text
+    origin = explain.explain(second / "perfusion/chunk_0.npz")
+    assert (
+        origin.unchanged and "made by     perfusion_chunk 0" in str(origin) and "taken from  the cache" in str(origin)
+    )
 
 
 def test_the_whole_configuration_is_kept_and_valid(campaign):

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coronaryuq.cli import explain
+from coronaryuq.campaign import explain
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import read_csv
@@ -62,7 +62,7 @@ def test_every_result_tells_where_it_comes_from(results):
     unknown = []
     for path in files:
         try:
-            sound = path.name in (".lock", explain.CAMPAIGN) or explain.explain(path)[1]
+            sound = path.name in explain.OF_THE_CAMPAIGN or explain.explain(path).unchanged
         except InputError as error:
             sound, path = False, error
         unknown += [] if sound else [str(path)]
@@ -85,9 +85,9 @@ def spoil_every_kind(folder: Path) -> list[Path]:
 
 def test_a_spoiled_file_of_any_kind_is_told(results, tmp_path):
     copy = shutil.copytree(results, tmp_path / "results" / "smoke")
-    assert explain.altered(copy) == []
+    assert explain.verify(copy).changed == []
     spoiled = spoil_every_kind(tmp_path)
-    assert len(spoiled) >= 20 and explain.altered(copy) == spoiled
+    assert len(spoiled) >= 20 and explain.verify(copy).changed == spoiled
 
 
 @pytest.mark.long
@@ -97,7 +97,7 @@ def test_spoiled_files_of_every_kind_are_made_again(results, tmp_path):
     command = [sys.executable, "-m", "coronaryuq.cli.main", "verify", "--remove", "results/smoke"]
     assert subprocess.run(command, cwd=again).returncode == 0
     assert not smoke.differences(results, smoke.campaign(again))
-    assert explain.altered(again / "results" / "smoke") == []
+    assert explain.verify(again / "results" / "smoke").changed == []
 
 
 def test_figures_are_redrawn_to_the_same_bytes(results):

@@ -35,7 +35,7 @@ from typing import Any
 from pydantic import BaseModel
 from threadpoolctl import threadpool_limits
 
-from coronaryuq.cli.explain import write_note
+from coronaryuq.campaign.explain import write_note
 from coronaryuq.core.errors import InputError, os_error_line
 from coronaryuq.core.io.atomic import write_json
 

@@ -11,9 +11,9 @@ from typing import Any, NoReturn
 import yaml
 
 from coronaryuq import config
+from coronaryuq.campaign import explain
 from coronaryuq.case.description.dependencies import files_named, lumen
 from coronaryuq.case.description.fields import read_description
-from coronaryuq.cli import explain
 from coronaryuq.config import Campaign
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_text

@@ -1,28 +1,17 @@
-"""`coronaryuq check CASE`: read a case and all files that it names; report the first fault or a summary."""
+"""What a checked case contains, in words, for `coronaryuq check`."""
 
 from collections import Counter
-from pathlib import Path
 
 from coronaryuq.case.anatomy.stenosis_detection import example
 from coronaryuq.case.anatomy.tree import AORTA
-from coronaryuq.case.assembly import AssembledCase, assemble
+from coronaryuq.case.assembly import AssembledCase
 from coronaryuq.case.perfusion.perfusion_map import distances_to_outlets
-from coronaryuq.case.settings import Settings
 from coronaryuq.case.tables.targets import BY_NAME, checked
-from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import MBF_PER_MIN_PER_G, ML_PER_MIN
 
 
-def check_case(case_yaml: str | Path, settings: Settings | None = None) -> tuple[list[str], list[str]]:
-    """Return the faults of a case, one line each, and a summary for the user if there are none."""
-    try:
-        case = assemble(case_yaml, settings or Settings())
-    except InputError as error:
-        return [str(error)], []
-    return [], _summary(case)
-
-
-def _summary(case: AssembledCase) -> list[str]:
+def describe(case: AssembledCase) -> list[str]:
+    """Return what a checked case contains, one line per part."""
     summary, wall = case.summary, case.wall
     flow = wall.flow(summary.tissue_density)
     mass = wall.volume * summary.tissue_density

@@ -12,13 +12,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from coronaryuq.core import numba_cache
+from coronaryuq.core import numba_cache, provenance
 
-LIBRARIES = {
-    "numpy": "numpy", "scipy": "scipy", "numba": "numba", "torch": "torch", "pandas": "pandas", "pyarrow": "pyarrow",
-    "scikit-learn": "sklearn", "arviz": "arviz", "snakemake": "snakemake", "pydantic": "pydantic", "pyvista": "pyvista",
-    "tetgen": "tetgen", "manifold3d": "manifold3d", "mmgpy": "mmgpy", "SimpleITK": "SimpleITK", "mpi4py": "mpi4py",
-}  # fmt: skip
 EXTERNAL = {
     "svzerodsolver": "0D backend `svzerod`",
     "svsolver": "3D backend `svsolver`",
@@ -70,24 +65,13 @@ def examine(environment_only: bool = False) -> Iterator[Finding]:
         yield Finding(program, True, path or f"not installed; needed only by the {purpose}")
 
 
-def versions() -> dict[str, str]:
-    """Return the installed versions of the libraries that a campaign uses."""
-    installed = {}
-    for name in LIBRARIES:
-        try:
-            installed[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            continue
-    return installed
-
-
 def _python() -> Finding:
     version = ".".join(map(str, sys.version_info[:3]))
     return Finding("python", sys.version_info >= (3, 11), f"{version} ({sys.executable})")
 
 
 def _libraries() -> Iterator[Finding]:
-    for name, module in LIBRARIES.items():
+    for name, module in provenance.LIBRARIES.items():
         try:
             version = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:

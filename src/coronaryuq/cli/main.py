@@ -4,12 +4,13 @@ import argparse
 import importlib
 import json
 import os
-import shutil
 import sys
 from collections.abc import Sequence
-from contextlib import nullcontext
+from dataclasses import asdict
 
 from coronaryuq import __version__
+from coronaryuq.cli.examples import EXAMPLES
+from coronaryuq.core.command_line import Parser
 from coronaryuq.core.errors import InputError, os_error_line
 
 BENCHMARKS = {
@@ -66,12 +67,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
     """Build the parser, with the options of the chosen command only: importing all their packages takes seconds."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="coronaryuq",
         description="Coronary haemodynamics of one patient, with calibrated error bars. Campaigns are run by Snakemake "
         "(see README.md); these commands check input and results, and run single steps without a campaign.",
     )
     parser.add_argument("--version", action="version", version=f"coronaryuq {__version__}")
+    parser.show_examples(EXAMPLES[""])
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     def add_command(name, help, run):
@@ -79,15 +81,17 @@ def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
         command.set_defaults(run=run)
         return command
 
-    check = add_command("check", "check a case file and all files that it names", _check)
-    check.add_argument("case", metavar="CASE", help="path of a case.yaml")
+    check = add_command("check", "check a case or a configuration, and all files that it names", _check)
+    check.add_argument("file", metavar="FILE", help="path of a case.yaml, or of a campaign's configuration")
     explain = add_command("explain", "show how a result was made, and the command that makes it again", _explain)
     explain.add_argument("result", metavar="RESULT", help="a result file of a campaign, under results/NAME")
-    verify = add_command("verify", "list results that have changed since their job wrote them", _verify)
+    verify = add_command("verify", "list results that have changed since their jobs wrote them", _verify)
     verify.add_argument("results", metavar="FOLDER", help="results folder of a campaign, results/NAME")
     verify.add_argument("--remove", action="store_true", help="also delete them; the campaign then makes them again")
     doctor = add_command("doctor", "check this machine: libraries, MPI, 3D rendering, disk, solvers, SLURM", _doctor)
     doctor.add_argument("--environment", action="store_true", help="check the Python environment only")
+    for command in (check, explain, verify, doctor):
+        command.add_argument("--json", action="store_true", help="print one JSON object (docs/formats.md)")
     bench = add_command("bench", "run a benchmark; prints one JSON object", _bench)
     names = bench.add_subparsers(required=True, metavar="BENCHMARK")
     for name, (module_name, help) in BENCHMARKS.items():
@@ -98,45 +102,60 @@ def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
             getattr(module, "add_arguments", lambda parser: None)(benchmark)
         benchmark.add_argument("--quick", action="store_true", help="a smaller size, within 50 s on two cores")
         benchmark.add_argument("--json", action="store_true", help="print the JSON on one line")
+        benchmark.show_examples(EXAMPLES[f"bench {name}"])
     for name, (package, help) in COMMANDS.items():
         command = commands.add_parser(name, help=help)
         if arguments[:1] == [name]:
             module = importlib.import_module(f"coronaryuq.{package}.command")
             module.add_arguments(command)
             command.set_defaults(run=module.main)
+    for name, command in commands.choices.items():
+        command.show_examples(EXAMPLES[name])
+    chosen = commands.choices.get(next(iter(arguments), ""))
+    parser.chosen = names.choices.get(next(iter(arguments[1:]), "")) if chosen is bench else chosen
     return parser
 
 
 def _check(options: argparse.Namespace) -> int:
-    from coronaryuq.case.check import check_case
+    from coronaryuq.cli.check import check
 
-    findings, summary = check_case(options.case)
-    for line in summary:
-        print(line)
-    for line in findings:
-        print(f"error: {line}", file=sys.stderr)
-    return InputError.EXIT_CODE if findings else 0
+    found = check(options.file)
+    if options.json:
+        _print_json(found.as_json())
+        return 0 if found.error is None else InputError.EXIT_CODE
+    for line in found.lines:
+        print(line, flush=True)
+    if found.error is not None:
+        raise found.error
+    return 0
 
 
 def _explain(options: argparse.Namespace) -> int:
-    from coronaryuq.cli.explain import explain
+    from coronaryuq.campaign.explain import explain
 
-    text, unchanged = explain(options.result)
-    print(text, flush=True)
-    return 0 if unchanged else 1
+    origin = explain(options.result)
+    if options.json:
+        _print_json(origin.as_json())
+    else:
+        print(origin, flush=True)
+    return 0 if origin.unchanged else 1
 
 
 def _verify(options: argparse.Namespace) -> int:
-    from coronaryuq.cli.explain import altered
-    from coronaryuq.core.io.lock import lock_results
+    from coronaryuq.campaign.explain import remove_changed, verify
 
-    paths = altered(options.results)
-    with lock_results(options.results) if options.remove else nullcontext():
-        for path in paths:
-            if options.remove:
-                shutil.rmtree(path) if path.is_dir() else path.unlink()
+    found = remove_changed(options.results) if options.remove else verify(options.results)
+    if options.json:
+        _print_json(found.as_json() | {"removed": options.remove})
+    else:
+        for path in found.changed:
             print(f"{path}: changed since its job wrote it{'; removed' if options.remove else ''}", file=sys.stderr)
-    return 1 if paths and not options.remove else 0
+        print(found)
+    return 1 if found.changed and not options.remove else 0
+
+
+def _print_json(value: dict) -> None:
+    print(json.dumps(value, indent=1, ensure_ascii=False), flush=True)
 
 
 def _bench(options: argparse.Namespace) -> int:
@@ -150,9 +169,15 @@ def _bench(options: argparse.Namespace) -> int:
 def _doctor(options: argparse.Namespace) -> int:
     from coronaryuq.cli.doctor import examine
 
+    findings = examine(environment_only=options.environment)
+    if options.json:
+        found = list(findings)
+        sound = all(finding.sound for finding in found)
+        _print_json({"sound": sound, "checks": [asdict(finding) for finding in found]})
+        return 0 if sound else 1
     sound = True
-    for finding in examine(environment_only=options.environment):
-        print(finding)
+    for finding in findings:
+        print(finding, flush=True)
         sound &= finding.sound
     return 0 if sound else 1
 

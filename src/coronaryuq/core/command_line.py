@@ -1,15 +1,46 @@
-"""Shared parts of the command lines: argument types, and the exit code of work that reads its settings as JSON."""
+"""Shared parts of the command lines: a parser, argument types, work that reads its settings as JSON."""
 
 import argparse
+import re
 import sys
-from collections.abc import Callable
-from typing import TypeVar
+import textwrap
+from collections.abc import Callable, Sequence
+from typing import NoReturn, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from coronaryuq.core.errors import InputError, os_error_line
+from coronaryuq.core.errors import InputError, nearest, os_error_line
 
 Settings = TypeVar("Settings", bound=BaseModel)
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser that suggests what a misspelt command or option may have meant.
+
+    Attributes
+    ----------
+    chosen
+        Parser of the chosen command, whose options are suggested.
+    """
+
+    chosen: argparse.ArgumentParser | None = None
+
+    def error(self, message: str) -> NoReturn:
+        choice = re.search(r"invalid choice: '(.*?)' \(choose from (.*)\)", message)
+        option = re.search(r"unrecognized arguments: (--[\w-]+)", message)
+        near = ""
+        if choice:
+            near = nearest(choice[1], re.findall(r"[\w-]+", choice[2]))
+        elif option:
+            near = nearest(option[1], re.findall(r"--[\w-]+", (self.chosen or self).format_help()))
+        super().error(f"{message}; {near.strip()}" if near else message)
+
+    def show_examples(self, examples: Sequence[tuple[str, str]]) -> None:
+        """Show commands, each with a remark, below the options; call it after the description is set."""
+        self.formatter_class = argparse.RawDescriptionHelpFormatter
+        self.description = textwrap.fill(self.description or "", 100)
+        lines = [f"  {command}\n      {remark}" for command, remark in examples]
+        self.epilog = "\n".join(["examples:" if len(lines) > 1 else "example:", *lines])
 
 
 def positive_int(text: str) -> int:

@@ -1,7 +1,9 @@
 """Wrong input, and results that cannot be written: one line that says where the fault is and what to do about it."""
 
+import difflib
 import errno
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +57,13 @@ def os_error_line(error: OSError) -> str | None:
     file = error.filename2 or error.filename
     where = "" if file is None else f"{os.fspath(file)}: "
     return " ".join(f"{where}{os.strerror(error.errno)}: {REMEDIES[error.errno]}".split())
+
+
+def nearest(name: Any, known: Iterable[str]) -> str:
+    """Return "did you mean X? " for a word that resembles a known one, else an empty string."""
+    by_lower = {word.lower(): word for word in known}
+    found = difflib.get_close_matches(str(name).lower(), by_lower, n=1, cutoff=0.6)
+    return f"did you mean {by_lower[found[0]]}? " if found else ""
 
 
 def _shorten(value: Any, limit: int = 80) -> str:

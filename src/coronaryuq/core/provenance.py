@@ -7,6 +7,8 @@ import importlib.metadata
 import json
 import platform
 import subprocess
+from collections.abc import Iterable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +18,13 @@ import coronaryuq
 if TYPE_CHECKING:
     import grimp
 
-LIBRARIES = ("numpy", "scipy", "numba", "torch", "pyvista", "snakemake")
+LIBRARIES = {
+    "numpy": "numpy", "scipy": "scipy", "numba": "numba", "torch": "torch", "pandas": "pandas", "pyarrow": "pyarrow",
+    "scikit-learn": "sklearn", "arviz": "arviz", "snakemake": "snakemake", "pydantic": "pydantic", "pyvista": "pyvista",
+    "tetgen": "tetgen", "manifold3d": "manifold3d", "mmgpy": "mmgpy", "SimpleITK": "SimpleITK", "mpi4py": "mpi4py",
+}  # fmt: skip
+"""Distributions that a campaign uses, with the module that each gives."""
+STAMPED = ("numpy", "scipy", "numba", "torch", "pyvista", "snakemake")
 
 
 def digest(value: Any) -> str:
@@ -43,18 +51,21 @@ def code_version() -> str:
     return f"{coronaryuq.__version__} ({commit})"
 
 
+def versions(libraries: Iterable[str] = tuple(LIBRARIES)) -> dict[str, str]:
+    """Return the installed versions of libraries, those of a campaign by default."""
+    installed = {}
+    for name in libraries:
+        with suppress(importlib.metadata.PackageNotFoundError):
+            installed[name] = importlib.metadata.version(name)
+    return installed
+
+
 def stamp(**more: Any) -> dict[str, Any]:
     """Provenance of a result made now; `more` adds configuration block, seeds, input checksums."""
-    versions = {}
-    for library in LIBRARIES:
-        try:
-            versions[library] = importlib.metadata.version(library)
-        except importlib.metadata.PackageNotFoundError:
-            continue
     return {
         "code": code_version(),
         "python": platform.python_version(),
-        "libraries": versions,
+        "libraries": versions(STAMPED),
         "machine": f"{platform.system()} {platform.machine()}",
         **more,
     }

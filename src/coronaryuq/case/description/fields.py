@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from coronaryuq.case.case_json import AnatomyKind, Branch, Point
 from coronaryuq.case.description.yaml_file import read_yaml
-from coronaryuq.core.errors import InputError
+from coronaryuq.core.errors import InputError, nearest
 from coronaryuq.core.units import BLOOD_DENSITY, BLOOD_VISCOSITY, FLOWS, LENGTHS, TISSUE_DENSITY, perfusions
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]{0,63}$")]
@@ -266,6 +266,7 @@ def _one_line(path: str | Path, errors: ValidationError) -> InputError:
     # pydantic reports an error for every type of a union: keep only those of the type that the user chose.
     found = errors.errors(include_url=False)
     found = [e for e in found if not ("literal['auto']" in e["loc"] and isinstance(e["input"], list))] or found
+    found.sort(key=lambda error: error["type"] != "extra_forbidden")  # a misspelt field is often a missing one, too
     first = found[0]
     where = [str(part) for part in first["loc"] if not str(part).startswith(("literal[", "list[", "function-"))]
     field = ".".join(where) or None
@@ -276,7 +277,8 @@ def _one_line(path: str | Path, errors: ValidationError) -> InputError:
         found = [error for error in found if error["loc"][:1] != first["loc"][:1]]
         found.insert(0, first)
     if first["type"] == "extra_forbidden":
-        message = f"unknown field; known fields: {', '.join(_model_at(where[:-1]).model_fields)}"
+        fields = _model_at(where[:-1]).model_fields
+        message = f"unknown field; {nearest(where[-1], fields)}known fields: {', '.join(fields)}"
     elif first["type"] == "missing":
         message = "required field is missing"
     others = ", ".join(dict.fromkeys(".".join(map(str, error["loc"])) or "the whole file" for error in found[1:]))

@@ -14,7 +14,7 @@ from coronaryuq.case.description.fields import TerritoryFlows
 from coronaryuq.case.description.yaml_file import read_yaml
 from coronaryuq.case.perfusion.perfusion_map import PLAUSIBLE_FLOW, PLAUSIBLE_VOLUME
 from coronaryuq.case.tables.targets import BY_NAME, checked
-from coronaryuq.core.errors import InputError
+from coronaryuq.core.errors import InputError, nearest
 from coronaryuq.core.io.tables import line_number, read_csv, read_table_text
 from coronaryuq.core.units import FLOWS, MBF_PER_MIN_PER_G, TISSUE_DENSITY, perfusions
 
@@ -49,7 +49,10 @@ def read_outlets(path: Path) -> list[OutletRow]:
     known = {"name", "bc", "vessel", "x", "y", "z", "perfuses", "branch", "label"}
     for column in frame.columns:
         if column not in known:
-            raise InputError(path, str(column), None, f"unknown column; known columns: {', '.join(sorted(known))}")
+            near = nearest(column, known)
+            raise InputError(
+                path, str(column), None, f"unknown column; {near}known columns: {', '.join(sorted(known))}"
+            )
     rows = []
     for number, record in enumerate(frame.astype(object).where(frame.notna(), None).to_dict("records"), start=1):
         rows.append(_outlet(path, number, record))

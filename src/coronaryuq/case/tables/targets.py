@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from coronaryuq.case.case_json import TargetValue
-from coronaryuq.core.errors import InputError
+from coronaryuq.core.errors import InputError, nearest
 from coronaryuq.core.units import PRESSURES, RATIOS, VOLUMES
 
 
@@ -85,7 +85,9 @@ def checked(given: Mapping[str, TargetValue], file: str | Path) -> dict[str, flo
     for name, entry in given.items():
         value, unit = entry.value, entry.unit
         if name not in BY_NAME:
-            raise InputError(file, name, value, f"unknown target; known targets: {', '.join(BY_NAME)}")
+            raise InputError(
+                file, name, value, f"unknown target; {nearest(name, BY_NAME)}known targets: {', '.join(BY_NAME)}"
+            )
         if value is None:
             continue
         target = BY_NAME[name]

@@ -12,7 +12,7 @@ import pandas as pd
 import yaml
 
 from coronaryuq.case.description.yaml_file import read_yaml
-from coronaryuq.core.errors import InputError
+from coronaryuq.core.errors import InputError, nearest
 from coronaryuq.core.io.atomic import write_text
 from coronaryuq.core.io.tables import read_csv, write_csv
 
@@ -96,7 +96,9 @@ def _condition(path: str | Path, name: str, keys: Any) -> Condition:
     known = ("coronary_resistance_scale", "period_scale", "scale", "set", "drive", "held_out", "free", "stenosis")
     for key in keys:
         if key not in known:
-            raise InputError(path, f"{name}.{key}", None, f"unknown key; known: {', '.join(known)}")
+            raise InputError(
+                path, f"{name}.{key}", None, f"unknown key; {nearest(key, known)}known: {', '.join(known)}"
+            )
     held_out = keys.get("held_out", False)
     if not isinstance(held_out, bool):
         raise InputError(path, f"{name}.held_out", held_out, "expected true or false")

@@ -1,4 +1,4 @@
-"""Provenance notes of jobs, and `coronaryuq explain`, which reads them.
+"""Provenance notes of jobs, and `coronaryuq explain` and `verify`, which read them.
 
 Every job writes one note, `results/NAME/provenance/JOB.json`: what it read and wrote, with which settings, code and
 libraries, on which machine. Notes lie beside the results, because results are the same to the bit on every machine and
@@ -10,22 +10,28 @@ import os
 import platform
 import re
 import shlex
+import shutil
 import sys
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from coronaryuq.cli.doctor import versions
 from coronaryuq.core import provenance
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json, write_json
+from coronaryuq.core.io.lock import lock_results
 
 FOLDER = "provenance"
 CAMPAIGN = "campaign.yaml"
 """File in the results folder with the whole configuration of the last run."""
+OF_THE_CAMPAIGN = (CAMPAIGN, ".lock", "README.md", "index.json")
+"""Files in the results folder that belong to the campaign, not to one of its jobs."""
+UNCHANGED = "unchanged"
 CACHE = "SNAKEMAKE_OUTPUT_CACHE"
 CACHED = "coronaryuq-provenance"
 
@@ -60,7 +66,7 @@ def write_note(
         "results": results,
         "inputs": {path: checksum(path) for path in _flat(inputs.values())},
         "params": {name: _plain(value) for name, value in params.items()},
-        **provenance.stamp(libraries=versions()),
+        **provenance.stamp(libraries=provenance.versions()),
         "machine": {
             "name": platform.node(),
             "system": f"{platform.system()} {platform.release()} {platform.machine()}",
@@ -90,8 +96,79 @@ def checksum(path: str | Path) -> str:
     return provenance.digest([[p.relative_to(path).as_posix(), provenance.checksum(p)] for p in inside])
 
 
-def explain(result: str | Path) -> tuple[str, bool]:
-    """Return what is known about a result as text, and whether the file is unchanged since its job wrote it.
+@dataclass(frozen=True)
+class Origin:
+    """Where a result comes from.
+
+    Attributes
+    ----------
+    name
+        Path of the result, from the folder that holds `results/`.
+    note
+        The note of the job that wrote it.
+    entry
+        The entry of the note's `results` that is the file, or a folder that holds it.
+    home
+        Results folder of the campaign.
+    unchanged
+        Whether it is as its job wrote it.
+    """
+
+    name: str
+    note: Mapping[str, Any]
+    entry: str
+    home: Path
+    unchanged: bool
+
+    @property
+    def path(self) -> Path:
+        return self.home.parents[1] / self.name
+
+    @property
+    def command(self) -> str:
+        """The shell command that makes the result again, from any folder."""
+        return remake(self.note, self.entry, self.home)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what is known, as `coronaryuq explain --json` prints it (docs/formats.md)."""
+        kept = ("job", "made", "code", "python", "libraries", "machine", "resources", "params")
+        inputs = {file: _state(self.home.parents[1] / file, content) for file, content in self.note["inputs"].items()}
+        return {
+            "result": self.name,
+            "unchanged": self.unchanged,
+            "from_cache": self.note.get("cached"),
+            **{key: self.note[key] for key in kept},
+            "solvers": _solvers(self.path),
+            "inputs": inputs,
+            "results": dict(self.note["results"]),
+            "command": self.command,
+        }
+
+    def __str__(self) -> str:
+        note, state = self.note, "as its job wrote it"
+        if not self.unchanged:
+            state = "CHANGED since its job wrote it: make it again"
+        lines = [f"{self.name}: {state}", "", f"made by     {note['job']}, {note['made']}"]
+        if "cached" in note:
+            lines.append(f"taken from  the cache; first made as {note['cached']}")
+        lines += [
+            f"code        {note['code']}{_behind(note['params'])}",
+            f"machine     {note['machine']['name']}: {note['machine']['system']}, {note['machine']['cores']} cores",
+            f"resources   {', '.join(f'{key} {value}' for key, value in note['resources'].items())}",
+            f"python      {note['python']}",
+            f"libraries   {', '.join(f'{key} {value}' for key, value in note['libraries'].items())}",
+        ]
+        lines += [f"solver      {solver}" for solver in _solvers(self.path)]
+        lines += ["settings", *_indented(note["params"]), "inputs"]
+        for file, content in note["inputs"].items():
+            state = _state(self.home.parents[1] / file, content)
+            lines.append(f"  {content[:16]}  {file}" + (f"  ({state})" if state != UNCHANGED else ""))
+        lines += ["results", *(f"  {content[:16]}  {file}" for file, content in note["results"].items())]
+        return "\n".join([*lines, "make it again", f"  {self.command}"])
+
+
+def explain(result: str | Path) -> Origin:
+    """Return where a result comes from, and whether it is unchanged since its job wrote it.
 
     Raises
     ------
@@ -105,19 +182,64 @@ def explain(result: str | Path) -> tuple[str, bool]:
     if home is None:
         raise InputError(result, None, None, "not a result: it is in no campaign's folder, results/NAME")
     name = path.relative_to(home.parents[1]).as_posix()
-    if name in (f"results/{home.name}/{CAMPAIGN}", f"results/{home.name}/.lock") or path == home:
+    if path == home or (path.parent == home and path.name in OF_THE_CAMPAIGN):
         raise InputError(result, None, None, "not a result but the campaign itself; name a file that a job wrote")
     if path.parent == home / FOLDER:
         raise InputError(result, None, None, "a note about results; name one of the results")
     note, entry = _note(home, path, name)
-    sound = checksum(path if entry == name else home.parents[1] / entry) == note["results"][entry]
-    return _text(note, path, entry, name, home, sound), sound
+    unchanged = checksum(path if entry == name else home.parents[1] / entry) == note["results"][entry]
+    return Origin(name, note, entry, home, unchanged)
 
 
-def altered(home: str | Path) -> list[Path]:
-    """Return the results of a campaign that have changed since their jobs wrote them.
+@dataclass(frozen=True)
+class Verified:
+    """Results compared with the checksums that their jobs wrote down.
 
-    Missing files are not reported, nor are files that no note mentions.
+    Attributes
+    ----------
+    home
+        Results folder of the campaign.
+    jobs
+        Number of jobs whose notes were read.
+    checked
+        Number of results compared, by the folder of the stage that they belong to ("" for the results folder itself).
+    changed
+        Results that are not as their job wrote them.
+    missing
+        Results that are no longer there; the campaign makes them again where they are needed.
+    """
+
+    home: Path
+    jobs: int
+    checked: Mapping[str, int]
+    changed: list[Path]
+    missing: list[Path]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return it as `coronaryuq verify --json` prints it (docs/formats.md)."""
+        return {
+            "folder": self.home.as_posix(),
+            "jobs": self.jobs,
+            "verified": sum(self.checked.values()),
+            "by_folder": dict(self.checked),
+            "changed": [path.as_posix() for path in self.changed],
+            "missing": [path.as_posix() for path in self.missing],
+        }
+
+    def __str__(self) -> str:
+        of_what = ", ".join(f"{count} in {folder or 'the folder itself'}" for folder, count in self.checked.items())
+        gone = f"; {len(self.missing)} no longer there" if self.missing else ""
+        unchanged = sum(self.checked.values()) - len(self.changed)
+        return (
+            f"{self.home.name}: {unchanged} of {sum(self.checked.values())} results of {self.jobs} jobs are as their "
+            f"jobs wrote them{gone} ({of_what or 'none'})"
+        )
+
+
+def verify(home: str | Path) -> Verified:
+    """Compare the results of a campaign with the checksums in the notes of their jobs.
+
+    Files that no note mentions are not looked at.
 
     Raises
     ------
@@ -128,11 +250,30 @@ def altered(home: str | Path) -> list[Path]:
     if not (home / FOLDER).is_dir():
         raise InputError(home, None, None, f"no folder {FOLDER}/ in it; name the results folder of a campaign")
     newest: dict[str, tuple[str, str]] = {}
-    for note in _notes(home / FOLDER):
+    notes = list(_notes(home / FOLDER))
+    for note in notes:
         for name, content in note["results"].items():
             newest[name] = max(newest.get(name, ("", "")), (note["made"], content))
-    there = ((home.parents[1] / name, content) for name, (_, content) in sorted(newest.items()))
-    return [path for path, content in there if path.exists() and checksum(path) != content]
+    expected = {home.parents[1] / name: content for name, (_, content) in sorted(newest.items())}
+    there = {path: content for path, content in expected.items() if path.exists()}
+    folders = Counter(next(iter(path.relative_to(home).parts[:-1]), "") for path in there)
+    changed = [path for path, content in there.items() if checksum(path) != content]
+    return Verified(home, len(notes), dict(sorted(folders.items())), changed, [p for p in expected if p not in there])
+
+
+def remove_changed(home: str | Path) -> Verified:
+    """Delete the results of a campaign that have changed since their jobs wrote them, and return what was verified.
+
+    Raises
+    ------
+    InputError
+        If the folder holds no notes, or a campaign is running in it.
+    """
+    found = verify(home)
+    with lock_results(home):
+        for path in found.changed:
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+    return found
 
 
 def _note(home: Path, path: Path, name: str) -> tuple[dict, str]:
@@ -176,35 +317,15 @@ def _campaign_folder(path: str | Path) -> Path | None:
     return None
 
 
-def _text(note: dict, path: Path, entry: str, name: str, home: Path, sound: bool) -> str:
-    state = "as its job wrote it" if sound else "CHANGED since its job wrote it: make it again"
-    lines = [f"{name}: {state}", "", f"made by     {note['job']}, {note['made']}"]
-    if "cached" in note:
-        lines.append(f"taken from  the cache; first made as {note['cached']}")
-    lines += [
-        f"code        {note['code']}{_behind(note['params'])}",
-        f"machine     {note['machine']['name']}: {note['machine']['system']}, {note['machine']['cores']} cores",
-        f"resources   {', '.join(f'{key} {value}' for key, value in note['resources'].items())}",
-        f"python      {note['python']}",
-        f"libraries   {', '.join(f'{key} {value}' for key, value in note['libraries'].items())}",
-    ]
-    lines += [f"solver      {solver}" for solver in _solvers(path)]
-    lines += ["settings", *_indented(note["params"]), "inputs"]
-    lines += [f"  {content[:16]}  {file}{_now(file, content, home)}" for file, content in note["inputs"].items()]
-    lines += ["results", *(f"  {content[:16]}  {file}" for file, content in note["results"].items())]
-    return "\n".join([*lines, "make it again", f"  {remake(note, entry, home)}"])
-
-
 def _behind(params: Mapping[str, Any]) -> str:
     """Return the function of a job and the digest of the code behind it, if its rule names them."""
     return f"; {params['function']}, code digest {params['code']}" if {"function", "code"} <= params.keys() else ""
 
 
-def _now(file: str, content: str, home: Path) -> str:
-    path = home.parents[1] / file
+def _state(path: Path, content: str) -> str:
     if not path.exists():
-        return "  (missing)"
-    return "" if checksum(path) == content else "  (has changed since)"
+        return "missing"
+    return UNCHANGED if checksum(path) == content else "has changed since"
 
 
 def remake(note: Mapping[str, Any], entry: str, home: Path) -> str:

@@ -1,0 +1,135 @@
+"""`coronaryuq check FILE`: read a case or a configuration and all files that it names, as the campaign would."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel
+
+from coronaryuq.campaign import start
+from coronaryuq.campaign.paths import Paths
+from coronaryuq.campaign.searches import Searches
+from coronaryuq.campaign.targets import Targets
+from coronaryuq.case.assembly import AssembledCase, assemble
+from coronaryuq.case.check import describe
+from coronaryuq.case.description.fields import Description
+from coronaryuq.case.description.yaml_file import read_yaml
+from coronaryuq.case.settings import Settings
+from coronaryuq.config import EXPECTED, Campaign
+from coronaryuq.core.errors import InputError
+
+NEITHER = "neither a case nor a configuration: expected a mapping of fields; see docs/case.md and config/README.md"
+
+
+@dataclass
+class Checked:
+    """What was read of a file until the first fault.
+
+    Attributes
+    ----------
+    file
+        The file.
+    kind
+        Whether it is a case or a configuration.
+    error
+        The first fault, or None.
+    lines
+        What was read, in words.
+    case
+        The case of the file, or that the configuration names; None for the bundled patient and where it is at fault.
+    campaign
+        The configuration, None for a case.
+    """
+
+    file: Path
+    kind: Literal["case", "configuration"]
+    error: InputError | None = None
+    lines: list[str] = field(default_factory=list)
+    case: AssembledCase | None = None
+    campaign: Campaign | None = None
+
+    def as_json(self) -> dict[str, Any]:
+        """Return it as `coronaryuq check --json` prints it (docs/formats.md)."""
+        error = self.error and {name: getattr(self.error, name) for name in ("file", "field", "value", "remedy")}
+        return {
+            "file": self.file.as_posix(),
+            "kind": self.kind,
+            "sound": self.error is None,
+            "error": error and error | {"value": None if error["value"] is None else str(error["value"])},
+            "lines": self.lines,
+            "case": self.case and self.case.summary.model_dump(mode="json"),
+            "configuration": self.campaign and self.campaign.model_dump(mode="json"),
+        }
+
+
+def check(path: str | Path) -> Checked:
+    """Read a case or a configuration, and every file that it names, up to the first fault.
+
+    Raises
+    ------
+    InputError
+        If the file is not a YAML mapping, so that it is neither.
+    """
+    values = read_yaml(path, NEITHER)
+    found = Checked(Path(path), kind_of(values))
+    try:
+        if found.kind == "case":
+            _check_case(found, path, Settings())
+        else:
+            _check_configuration(found, values)
+    except InputError as error:
+        found.error = error
+    return found
+
+
+def kind_of(values: dict[str, Any]) -> Literal["case", "configuration"]:
+    """Return whether the keys of a file are those of a case or of a configuration, misspelt ones included."""
+    case, campaign = set(Description.model_fields), set(Campaign.model_fields)
+    of_case, of_campaign = (
+        sum(bool(get_close_matches(key, own, n=1, cutoff=0.8)) for key in values)
+        for own in (case - campaign, campaign - case)
+    )
+    # The blocks `name` and `perfusion` may be of either; a case needs more than these, a configuration does not.
+    return "case" if of_case > of_campaign else "configuration"
+
+
+def _check_case(found: Checked, path: str | Path, settings: Settings) -> None:
+    found.case = assemble(path, settings)
+    found.lines += describe(found.case)
+
+
+def _check_configuration(found: Checked, values: dict[str, Any]) -> None:
+    if not values:
+        raise InputError(found.file, None, None, EXPECTED)
+    found.campaign = campaign = start.read_campaign(values, [str(found.file)], found.file).campaign
+    targets, paths = Targets(campaign), Paths(campaign.name)
+    found.lines += [
+        f"{found.file}: the configuration of a campaign, whose results are in {paths.results()}",
+        f"3D: {targets.most['n_3d']} runs by {campaign.backend} in {len(targets.batches)} jobs"
+        + (f", {targets.coarse_runs} coarse runs for each" if targets.coarse_runs else ""),
+        f"0D: {targets.most['n_0d']} runs per input set by {campaign.zerod.backend} in "
+        f"{len(targets.chunks['propagation'])} jobs",
+        f"posterior: {campaign.posterior.dream.chains} chains of {campaign.posterior.dream.generations} generations",
+    ]
+    changed = [f"{name}: {value}" for name, value in _changed(campaign) if name != "name"]
+    found.lines.append(f"settings other than the defaults: {', '.join(changed) or 'none'}")
+    Searches(campaign.discrepancy, paths, tuned=paths.results("calibration", "rest.json")).check()
+    if campaign.paper_data and not Path(campaign.paper_data).is_dir():
+        found.lines.append(f"note: paper_data = {campaign.paper_data} is not there; only the targets paper_* need it")
+    if campaign.case == "bundled":
+        found.lines.append("case: the bundled patient")
+    else:
+        found.lines.append(f"case: {campaign.case}")
+        _check_case(found, campaign.case, campaign.patient)
+
+
+def _changed(model: BaseModel, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the settings that differ from their defaults, by name."""
+    for name, described in type(model).model_fields.items():
+        value = getattr(model, name)
+        if isinstance(value, BaseModel):
+            yield from _changed(value, f"{prefix}{name}.")
+        elif value != described.get_default(call_default_factory=True):
+            yield f"{prefix}{name}", value

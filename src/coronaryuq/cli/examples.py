@@ -1,0 +1,64 @@
+"""Examples that the commands show in their help; they run where the campaign `smoke` has been run."""
+
+LOOP = "results/smoke/calibration/hyperaemia.json"
+HIDDEN = "results/smoke/discrepancy/hidden/case"
+
+EXAMPLES: dict[str, list[tuple[str, str]]] = {
+    "": [
+        ("coronaryuq check config/smoke.yaml", "check a configuration before its campaign is run"),
+        ("coronaryuq explain results/smoke/estimation/table.csv", "say where a result comes from"),
+        ("coronaryuq solve --help", "show the options of one command"),
+    ],
+    "check": [
+        ("coronaryuq check results/smoke/patient/case.yaml", "a case, and all files that it names"),
+        ("coronaryuq check config/smoke.yaml", "a configuration, and the case that it names"),
+        ("coronaryuq check config/smoke.yaml --json", "the same for a program"),
+    ],
+    "explain": [
+        ("coronaryuq explain results/smoke/estimation/table.csv", "code, settings, inputs and machine behind it"),
+        ("coronaryuq explain results/smoke/report.html --json", "the same for a program"),
+    ],
+    "verify": [
+        ("coronaryuq verify results/smoke", "list results that changed after their jobs wrote them"),
+        ("coronaryuq verify results/smoke --remove", "delete them as well, so that they are made again"),
+    ],
+    "doctor": [
+        ("coronaryuq doctor", "check everything that a campaign needs of this machine"),
+        ("coronaryuq doctor --environment --json", "only the Python environment, for a program"),
+    ],
+    "bench": [("coronaryuq bench zerod --quick", "speed of the 0D solver, in less than a minute")],
+    "bench zerod": [("coronaryuq bench zerod --quick", "less than a minute")],
+    "bench perfusion": [("coronaryuq bench perfusion --quick", "less than a minute")],
+    "bench dream": [("coronaryuq bench dream --quick", "less than a minute")],
+    "bench flow3d": [("coronaryuq bench flow3d --quick", "less than a minute")],
+    "bench table": [("coronaryuq bench table --quick --data ../shared/data/menon2024", "needs the published runs")],
+    "bench coverage": [("coronaryuq bench coverage --quick", "analytic pairs only")],
+    "bench discrepancy": [("coronaryuq bench discrepancy --quick --seeds 1", "one hidden case per cell")],
+    "bench campaign": [("coronaryuq bench campaign --quick", "up to the perfusion targets")],
+    "solve": [(f"coronaryuq solve {LOOP} flows.csv", "the tuned loop of a campaign, as svZeroDSolver's table")],
+    "tune": [
+        (
+            "coronaryuq tune results/smoke/calibration/rest.json results/smoke/patient/targets.csv --out tuned",
+            "tune a loop again; minutes on a laptop",
+        )
+    ],
+    "fit": [
+        (
+            f"printf 'name,flow\\nlca1,3\\nlca2,2\\n' > ratio.csv && coronaryuq fit {LOOP} ratio.csv --out fitted",
+            "share the flow of two beds 3 to 2",
+        )
+    ],
+    "discrepancy": [
+        (
+            f"coronaryuq discrepancy --model {HIDDEN}/model.json --measurements {HIDDEN}/measurements.csv "
+            f"--conditions {HIDDEN}/conditions.yaml --out found",
+            "after `snakemake discrepancy --configfile config/smoke.yaml`, which hides an effect; minutes",
+        ),
+        (
+            "coronaryuq discrepancy --pairs results/smoke/runs/outputs_0d.csv results/smoke/runs/outputs_3d.csv "
+            "--out pairs",
+            "what the 0D runs lack of the 3D runs, from tables alone",
+        ),
+    ],
+}
+"""Command → pairs of a command line and a remark."""

@@ -1,0 +1,79 @@
+"""`coronaryuq check` says what a file is, and reads it as the campaign would."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from coronaryuq.cli.main import main
+from coronaryuq.core.errors import InputError
+from support.case_files import small_tree, write_case
+
+CONFIG = Path(__file__).parents[2] / "config"
+
+
+@pytest.fixture
+def configuration(tmp_path, monkeypatch):
+    """Write a configuration beside a small case, in the current folder."""
+    monkeypatch.chdir(tmp_path)
+    write_case(tmp_path / "given", small_tree())
+
+    def write(text: str) -> str:
+        Path("mine.yaml").write_text(text)
+        return "mine.yaml"
+
+    return write
+
+
+def test_a_configuration_is_told_from_a_case_and_its_case_is_read_too(configuration, capsys):
+    assert main(["check", configuration("name: mine\nseed: 3\ncase: given/case.yaml\n")]) == 0
+    printed = capsys.readouterr().out
+    assert "mine.yaml: the configuration of a campaign, whose results are in results/mine" in printed
+    assert "settings other than the defaults: seed: 3, case: given/case.yaml" in printed
+    assert "case: given/case.yaml\n" in printed and "3 coronary outlets" in printed
+    assert main(["check", "given/case.yaml"]) == 0
+    assert "configuration" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("shipped", ["smoke", "laptop", "paper"])
+def test_the_shipped_configurations_are_sound(shipped, capsys):
+    assert main(["check", str(CONFIG / f"{shipped}.yaml")]) == 0
+    assert "case: the bundled patient" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("name: x\nsample: {n_3d: 10}\n", "mine.yaml: sample = {'n_3d': 10}: unknown setting; did you mean samples?"),
+        ("name: x\nposterior: {draw: 10}\n", "posterior.draw = 10: unknown setting; did you mean draws?"),
+        ("name: x\ncase: nowhere.yaml\n", "nowhere.yaml: no such file"),
+        ("name: x\ndiscrepancy: {pairs: [a.csv, b.csv]}\n", "discrepancy.pairs = 'a.csv': no such file"),
+        ("anatomi: {}\nstenosis: auto\n", "anatomi = {}: unknown field; did you mean anatomy?"),
+        ("text\n", "mine.yaml: neither a case nor a configuration"),
+    ],
+)
+def test_a_fault_is_one_line_that_says_what_was_meant(configuration, capsys, text, line):
+    assert main(["check", configuration(text)]) == InputError.EXIT_CODE
+    printed = capsys.readouterr().err
+    assert line in printed and printed.count("\n") == 1
+
+
+def test_a_fault_in_the_case_of_a_configuration_is_found(configuration, capsys):
+    path = configuration("name: mine\ncase: given/case.yaml\n")
+    shutil.copy("given/outlets.csv", "given/whole.csv")
+    Path("given/outlets.csv").write_text("name,vessel\n")
+    assert main(["check", path]) == InputError.EXIT_CODE
+    assert "outlets.csv: perfuses: column missing" in capsys.readouterr().err
+
+
+def test_the_json_holds_the_case_and_the_first_fault(configuration, capsys):
+    path = configuration("name: mine\ncase: given/case.yaml\n")
+    assert main(["check", path, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["kind"] == "configuration" and found["sound"] and found["error"] is None
+    assert found["case"]["outlets"] and found["configuration"]["name"] == "mine"
+    assert main(["check", configuration("name: mine\nseed: -1\n"), "--json"]) == InputError.EXIT_CODE
+    found = json.loads(capsys.readouterr().out)
+    assert not found["sound"] and found["error"]["field"] == "seed" and found["error"]["value"] == "-1"
+    assert found["configuration"] is None and found["case"] is None
