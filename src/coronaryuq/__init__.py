@@ -1,3 +1,33 @@
-"""Coronary haemodynamics of one patient, with calibrated error bars."""
+"""Coronary haemodynamics of one patient, with calibrated error bars.
+
+For notebooks and scripts (docs/notebook.md):
+
+    open(folder)      results of a campaign as tables
+    discover(...)     search for an effect that a model lacks
+    zerod.solve(...)  one 0D network marched in time
+
+Everything else may change.
+"""
+
+import importlib
 
 __version__ = "0.1.0"
+
+PUBLIC = {
+    "open": ("coronaryuq.notebook.opened", "Opened"),
+    "discover": ("coronaryuq.notebook.discover", "discover"),
+    "zerod": ("coronaryuq.zerod", None),
+}
+"""Name → module and attribute. They are imported when asked for: `import coronaryuq` stays fast."""
+
+
+def __getattr__(name: str):
+    if name not in PUBLIC:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module, attribute = PUBLIC[name]
+    found = importlib.import_module(module)
+    return found if attribute is None else getattr(found, attribute)
+
+
+def __dir__() -> list[str]:
+    return ["__version__", *PUBLIC]

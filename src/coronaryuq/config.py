@@ -62,7 +62,7 @@ class Campaign(BaseModel):
     )
     seed: int = Field(20241117, ge=0, description="Seed of all random numbers of the campaign.")
     case: str = Field("bundled", description="`bundled` for the synthetic patient, or the path of a `case.yaml`.")
-    backend: Literal["ensemble", "svsolver", "svmultiphysics"] = Field(
+    backend: Literal["ensemble", "svsolver", "svmultiphysics", "umbridge"] = Field(
         "ensemble", description="Solver of the 3D samples."
     )
     paper_data: str | None = Field(

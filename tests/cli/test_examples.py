@@ -14,7 +14,7 @@ COMMAND_LINES = [command for shown in EXAMPLES.values() for command, _ in shown]
 def test_every_command_has_examples():
     with_examples = set(EXAMPLES)
     assert set(COMMANDS) | {f"bench {name}" for name in BENCHMARKS} <= with_examples
-    assert {"", "check", "explain", "verify", "doctor", "bench"} <= with_examples
+    assert {"", "check", "explain", "verify", "doctor", "bench", "serve"} <= with_examples
 
 
 @pytest.mark.parametrize("command", COMMAND_LINES)

@@ -6,7 +6,7 @@ import shlex
 import sys
 from pathlib import Path
 
-from coronaryuq.campaign import drawings, start, variants
+from coronaryuq.campaign import drawings, index, start, variants
 from coronaryuq.campaign.paths import Paths, files_under
 from coronaryuq.campaign.searches import Searches
 from coronaryuq.campaign.targets import Targets
@@ -44,6 +44,14 @@ onstart:
         start.take_folder(campaign, results())
     except InputError as error:
         start.refuse(error)
+
+
+onsuccess:
+    index.write_index(results())
+
+
+onerror:
+    index.write_index(results())
 
 
 wildcard_constraints:

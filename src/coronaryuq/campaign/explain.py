@@ -166,6 +166,8 @@ class Origin:
         lines += ["results", *(f"  {content[:16]}  {file}" for file, content in note["results"].items())]
         return "\n".join([*lines, "make it again", f"  {self.command}"])
 
+    __repr__ = __str__
+
 
 def explain(result: str | Path) -> Origin:
     """Return where a result comes from, and whether it is unchanged since its job wrote it.

@@ -64,6 +64,7 @@ def coarse_settings(campaign: Campaign) -> dict[str, Any]:
         "max_cycles": cycles,
         "min_cycles": min(settings["min_cycles"], cycles),
         "fields": 0,
+        "umbridge": settings["umbridge"] | {"model": "flow3d_coarse"},
         "simvascular": external | {"steps_per_cycle": steps, "cycles": min(coarse.max_cycles, external["cycles"])},
     }
 

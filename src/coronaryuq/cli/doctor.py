@@ -60,6 +60,7 @@ def examine(environment_only: bool = False) -> Iterator[Finding]:
     yield _cache()
     yield _kernels()
     yield from _scheduler()
+    yield _umbridge()
     for program, purpose in EXTERNAL.items():
         path = shutil.which(program)
         yield Finding(program, True, path or f"not installed; needed only by the {purpose}")
@@ -92,6 +93,14 @@ def _rendering() -> Finding:
     remedy = "needs an OpenGL library: apt-get install libgl1 libegl1 (or libosmesa6)"
     detail = "works off screen" if failure is None else f"{remedy} [{failure}]"
     return Finding("3D rendering", failure is None, detail)
+
+
+def _umbridge() -> Finding:
+    try:
+        return Finding("umbridge", True, importlib.metadata.version("umbridge"))
+    except importlib.metadata.PackageNotFoundError:
+        needs = "`coronaryuq serve` and the backend `umbridge`"
+        return Finding("umbridge", True, f"not installed; needed only by {needs}: pip install umbridge")
 
 
 def _mpi(ranks: int = 2) -> Finding:

@@ -60,5 +60,9 @@ EXAMPLES: dict[str, list[tuple[str, str]]] = {
             "what the 0D runs lack of the 3D runs, from tables alone",
         ),
     ],
+    "serve": [
+        ("coronaryuq serve results/smoke", "at http://127.0.0.1:4242, for clients on this machine"),
+        ("coronaryuq serve results/smoke --port 0", "at a free port, which is printed"),
+    ],
 }
 """Command → pairs of a command line and a remark."""

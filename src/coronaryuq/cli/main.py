@@ -29,6 +29,7 @@ COMMANDS = {
     "tune": ("calibration", "tune a closed loop to a table of clinical targets"),
     "fit": ("posterior", "fit the resistances of coronary beds to a table of flows"),
     "discrepancy": ("discrepancy", "find what a model of a case is missing"),
+    "serve": ("serve", "serve the models of a campaign to any UM-Bridge client"),
 }
 """Command → package that owns its arguments."""
 

@@ -2,6 +2,7 @@
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
+from coronaryuq.core.remote_model import RemoteSettings
 from coronaryuq.flow3d.simvascular_settings import SimVascularSettings
 
 
@@ -104,6 +105,9 @@ class Settings(BaseModel):
         description="Number of samples, from the campaign's first, whose fields are kept for pictures (VTU, VTP).",
     )
     coarse: Coarse = Field(default_factory=Coarse, description="A coarse 3D level for the estimates, off by default.")
+    umbridge: RemoteSettings = Field(
+        default_factory=RemoteSettings, description="Server of the 3D model, if the `backend` is umbridge."
+    )
     simvascular: SimVascularSettings = Field(
         default_factory=SimVascularSettings, description="svSolver and svMultiPhysics, if one of them is the `backend`."
     )

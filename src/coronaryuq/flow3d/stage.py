@@ -7,6 +7,7 @@ from coronaryuq.flow3d.settings import Settings
 from coronaryuq.flow3d.simvascular.coupled_case import CoupledCase
 from coronaryuq.flow3d.simvascular.svmultiphysics import SvMultiPhysics
 from coronaryuq.flow3d.simvascular.svsolver import SvSolver
+from coronaryuq.flow3d.umbridge import UmbridgeAdapter
 
 SIMVASCULAR: dict[str, type[SvSolver] | type[SvMultiPhysics]] = {"svsolver": SvSolver, "svmultiphysics": SvMultiPhysics}
 
@@ -24,7 +25,7 @@ def run_batch(
     batch
         Rows of a table of θ, and the files of the model.
     solver
-        `ensemble`, `svsolver` or `svmultiphysics`.
+        `ensemble`, `svsolver`, `svmultiphysics` or `umbridge`.
     settings
         Of the 3D runs.
     outputs
@@ -46,8 +47,10 @@ def make_adapter(solver: str, model: FlowModel, batch: Batch, settings: Settings
     """Return the adapter of a 3D code."""
     if solver == "ensemble":
         return EnsembleAdapter(model, settings, processes.ranks)
+    if solver == "umbridge":
+        return UmbridgeAdapter(settings.umbridge)
     if solver not in SIMVASCULAR:
-        raise InputError("configuration", "backend", solver, f"expected ensemble, {' or '.join(SIMVASCULAR)}")
+        raise InputError("configuration", "backend", solver, f"expected ensemble, umbridge, {' or '.join(SIMVASCULAR)}")
     external = settings.simvascular
     if processes.mpi is not None:
         external = external.model_copy(update={"mpi": processes.mpi})

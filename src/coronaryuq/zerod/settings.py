@@ -4,14 +4,19 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from coronaryuq.core.remote_model import RemoteSettings
+
 
 class Settings(BaseModel):
     """0D runs of the pilot, propagation and resampled samples."""
 
     model_config = ConfigDict(extra="forbid")
 
-    backend: Literal["coronaryuq", "svzerod"] = Field(
-        "coronaryuq", description="solver; svzerod needs svzerodsolver or pysvzerod installed"
+    backend: Literal["coronaryuq", "svzerod", "umbridge"] = Field(
+        "coronaryuq", description="solver; svzerod needs svzerodsolver or pysvzerod installed, umbridge a server"
+    )
+    umbridge: RemoteSettings = Field(
+        default_factory=RemoteSettings, description="Server of the 0D model, if the `backend` is umbridge."
     )
     steps_per_cycle: int | None = Field(
         None, ge=10, description="time steps per cardiac cycle (1); the network's own when null"

@@ -13,6 +13,7 @@ from coronaryuq.case.case_json import CaseSummary, read_case
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import replacing
 from coronaryuq.core.records import FAILED, OK
+from coronaryuq.core.remote_model import RemoteModel
 from coronaryuq.zerod.network.beds import read_theta, theta_changes
 from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.settings import Settings
@@ -20,6 +21,7 @@ from coronaryuq.zerod.solver.periodic import Periodicity
 from coronaryuq.zerod.solver.result import Result
 from coronaryuq.zerod.svzerodsolver import choose
 
+KINDS = ("flow", "pressure")
 STATISTICS = ("mean", "min", "max")
 
 
@@ -40,48 +42,103 @@ def run_chunk(
     and at the outlets that perfuse the LV, then ffr_X. Values do not depend on how samples are cut into chunks, because
     every sample starts from the network's own periodic state. A failed sample is a row without values.
     """
-    network = read_network(network_path)
-    case = read_case(case_path)
-    theta = read_theta(samples_csv, first, count, network, network_path)
-    solver = choose.make(settings.backend, network, network_path)
-    places, ratios = locations(case, solver.unknowns, case_path), ffr_locations(case)
-    quantities = [
-        f"{statistic}_{kind}:{at}" for at in places for kind in ("flow", "pressure") for statistic in STATISTICS
-    ]
-    quantities += [f"mean_pressure:{at}" for at in ratios.values() if f"mean_pressure:{at}" not in quantities]
-    fixed: dict[str, Any] = {"steps_per_cycle": settings.steps_per_cycle, "threads": settings.threads}
-    run: Callable[..., Result]
-    if settings.periodic:
-        run = partial(solver.run_to_periodic, periodicity=Periodicity(settings.tolerance, settings.cycles), **fixed)
-    else:
-        run = partial(solver.run_cycles, cycles=settings.cycles, **fixed)
-    start = run({}).state[0] if settings.periodic else None
-    aorta = f"mean_pressure:{case.aorta.pressure}"
-    frames = []
-    for begin in range(0, count, settings.batch):
-        part = theta.iloc[begin : begin + settings.batch]
-        changes = theta_changes(network, {name: part[name].to_numpy() for name in part.columns if name != "sample"})
+    model = LoopModel if settings.backend != "umbridge" else UmbridgeModel
+    solver = model(network_path, case_path, settings)
+    theta = read_theta(samples_csv, first, count, solver.network, network_path)
+    batches = range(0, count, settings.batch)
+    table = pd.concat([solver.run(theta.iloc[begin : begin + settings.batch]) for begin in batches], ignore_index=True)
+    with replacing(out_parquet) as beside:
+        table.to_parquet(beside, index=False)
+
+
+class LoopModel:
+    """The tuned loop as a function of θ: the quantities that the campaign measures of it.
+
+    Parameters
+    ----------
+    network_path, case_path
+        The tuned loop at hyperaemia, svZeroDSolver JSON, and `case.json`.
+    settings
+        Of the 0D runs.
+
+    Attributes
+    ----------
+    network
+        The loop.
+    outputs
+        Names of the quantities: flows in mL/s, pressures in dyn/cm2, FFR.
+
+    Raises
+    ------
+    InputError
+        If a file is missing or malformed, or if the network lacks a place that the case names.
+    """
+
+    def __init__(self, network_path: str | Path, case_path: str | Path, settings: Settings):
+        self.network, self.settings = read_network(network_path), settings
+        case = read_case(case_path)
+        solver = choose.make(settings.backend, self.network, network_path)
+        places, self._ratios = locations(case, solver.unknowns, case_path), ffr_locations(case)
+        measured = [f"{statistic}_{kind}:{at}" for at in places for kind in KINDS for statistic in STATISTICS]
+        more = [f"mean_pressure:{at}" for at in self._ratios.values()]
+        self._quantities = list(dict.fromkeys([*measured, *more]))
+        self.outputs = [*self._quantities, *self._ratios]
+        self._aorta = f"mean_pressure:{case.aorta.pressure}"
+        fixed: dict[str, Any] = {"steps_per_cycle": settings.steps_per_cycle, "threads": settings.threads}
+        self._march: Callable[..., Result]
+        if settings.periodic:
+            periodicity = Periodicity(settings.tolerance, settings.cycles)
+            self._march = partial(solver.run_to_periodic, periodicity=periodicity, **fixed)
+        else:
+            self._march = partial(solver.run_cycles, cycles=settings.cycles, **fixed)
+        self._start = self._march({}).state[0] if settings.periodic else None
+
+    def run(self, theta: pd.DataFrame) -> pd.DataFrame:
+        """Run a batch: a table of θ with `sample` in, one row of `run_chunk`'s columns per sample out."""
+        inputs = {name: theta[name].to_numpy() for name in theta.columns if name != "sample"}
         spent = time.process_time()
-        result = run(changes, quantities, start=start)
-        spent = (time.process_time() - spent) / len(part)
+        result = self._march(theta_changes(self.network, inputs), self._quantities, start=self._start)
+        spent = (time.process_time() - spent) / len(theta)
         ok = result.status == OK
         frame = {
-            "sample": part["sample"].to_numpy(),
+            "sample": theta["sample"].to_numpy(),
             "status": np.where(ok, OK, FAILED),
             "reason": np.where(ok, "", result.status),
-            "cpu_s": np.full(len(part), spent),
+            "cpu_s": np.full(len(theta), spent),
             "cycles": result.cycles,
             "cycle_error": result.cycle_error,
             "refinement": result.refinement,
         }
-        frame |= {name: np.where(ok, result.values[name], np.nan) for name in quantities}
-        frame |= {
-            name: np.where(ok, result.values[f"mean_pressure:{at}"] / result.values[aorta], np.nan)
-            for name, at in ratios.items()
+        frame |= {name: np.where(ok, result.values[name], np.nan) for name in self._quantities}
+        aorta = result.values[self._aorta]
+        for name, at in self._ratios.items():
+            frame[name] = np.where(ok, result.values[f"mean_pressure:{at}"] / aorta, np.nan)
+        return pd.DataFrame(frame)
+
+
+class UmbridgeModel:
+    """A 0D model on an UM-Bridge server, as `LoopModel`; the case is the server's own affair."""
+
+    def __init__(self, network_path: str | Path, case_path: str | Path, settings: Settings):
+        self.network = read_network(network_path)
+        self._model = RemoteModel(settings.umbridge, settings.umbridge.model or "zerod", "zerod.umbridge")
+        self.outputs = self._model.outputs
+
+    def run(self, theta: pd.DataFrame) -> pd.DataFrame:
+        """Run a batch; the CPU time is the waiting time per sample, since the server does not tell its own."""
+        names = [name for name in theta.columns if name != "sample"]
+        begun = time.perf_counter()
+        answers = self._model.evaluate(theta[names].to_numpy(), names)
+        spent = (time.perf_counter() - begun) / len(theta)
+        ok = np.array([not isinstance(answer, str) for answer in answers])
+        values = np.array([[np.nan] * len(self.outputs) if isinstance(a, str) else a for a in answers])
+        frame = {
+            "sample": theta["sample"].to_numpy(),
+            "status": np.where(ok, OK, FAILED),
+            "reason": [answer if isinstance(answer, str) else "" for answer in answers],
+            "cpu_s": np.full(len(theta), spent),
         }
-        frames.append(pd.DataFrame(frame))
-    with replacing(out_parquet) as beside:
-        pd.concat(frames, ignore_index=True).to_parquet(beside, index=False)
+        return pd.DataFrame(frame | dict(zip(self.outputs, values.T, strict=True)))
 
 
 def ffr_locations(case: CaseSummary) -> dict[str, str]:

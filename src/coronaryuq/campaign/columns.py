@@ -1,0 +1,191 @@
+"""Columns of the tables of a campaign: meaning and unit. "1": no unit; "text": a name or sentence; "yes/no"."""
+
+Columns = tuple[tuple[str, str, str], ...]
+"""Regular expression of a column's name, meaning, unit; the first that fits the whole name counts."""
+
+SAMPLE: Columns = (("sample", "name of the sample", "text"),)
+THETA: Columns = (
+    *SAMPLE,
+    ("R_cor_scaling", "s: factor on the resistances of all coronary beds", "1"),
+    (".+", "factor on the resistances r-hat of the bed", "1"),
+)
+OUTPUTS: Columns = (
+    *SAMPLE,
+    ("(mean|min|max)_flow:.+", "flow at the 0D location: mean, least or largest over a cycle", "mL/s"),
+    ("(mean|min|max)_pressure:.+", "pressure at the 0D location: mean, least or largest over a cycle", "dyn/cm2"),
+    ("ffr_.+", "fractional flow reserve behind the stenosis: distal over aortic mean pressure", "1"),
+    ("tawss_.+", "time-averaged wall shear stress at the stenosis: least, mean or 1 % quantile by area", "dyn/cm2"),
+    ("osi_.+", "oscillatory shear index at the stenosis: largest, mean or 99 % quantile by area", "1"),
+    ("distal_pressure_.+", "mean pressure behind the stenosis", "dyn/cm2"),
+    ("aortic_pressure", "mean pressure in the aorta", "dyn/cm2"),
+)
+RUN: Columns = (
+    ("status", "ok or failed", "text"),
+    ("reason", "why the run failed", "text"),
+    ("cpu_s", "CPU time", "s"),
+    ("cycles", "cardiac cycles until periodic", "1"),
+    ("cycle_error", "relative change over the last cycle", "1"),
+    ("refinement", "factor by which time steps had to be shorter", "1"),
+)
+ROW: Columns = (
+    ("row", "name of the estimated quantity", "text"),
+    ("label", "3D quantity, 0D quantity, artery", "text"),
+    ("column_3d", "3D quantity, a column of runs/outputs_3d.csv", "text"),
+    ("column_0d", "0D quantity that predicts it, a column of runs/outputs_0d.csv", "text"),
+)
+OF_ROW = "that of column_3d"
+MEASUREMENTS: Columns = (
+    ("condition", "condition of the measurement", "text"),
+    ("quantity", "pressure, flow, volume, ...", "text"),
+    ("location", "0D location", "text"),
+    ("statistic", "mean, min, max or waveform", "text"),
+    ("time", "time within the cycle, of waveforms", "s"),
+    ("phase", "time within the cycle over its period, or the part of the cycle", "1"),
+    ("value", "measured value", "that of the column unit"),
+    ("measured", "measured value", "CGS: mL/s, dyn/cm2, mL"),
+    ("sd", "standard deviation of the measurement", "that of the value"),
+    ("unit", "unit of value and sd", "text"),
+    ("recalibrated", "value of the recalibrated model", "CGS: mL/s, dyn/cm2, mL"),
+    ("repaired", "value of the model with the named effects", "CGS: mL/s, dyn/cm2, mL"),
+    ("fitted", "whether the fit used it; otherwise it was held out", "yes/no"),
+    ("named", "whether an effect is named in this case", "yes/no"),
+)
+EFFECT: Columns = (
+    ("branch", "artery", "text"),
+    ("effect", "effect that the model may lack", "text"),
+    ("place", "vessel, bed or sensor where it acts", "text"),
+    ("parameter", "its parameter", "text"),
+    ("probability", "posterior probability", "1"),
+    ("round", "round of the forward step", "1"),
+    ("score", "score test, in standard deviations", "1"),
+    ("accepted", "whether the round added it", "yes/no"),
+    ("unit", "unit of the size", "text"),
+    ("size(_low|_high)?", "size of the effect, with its 95 % interval", "that of the effect's parameter"),
+    ("(posterior|prior)", "density of the size", "1 over that of the size"),
+    ("named", "whether the answer names it", "yes/no"),
+)
+GAP: Columns = (
+    ("model", "compared model", "text"),
+    ("misfit", "root mean square of the held-out residuals over their standard deviations", "1"),
+    ("(low|high)", "95 % interval of the misfit", "1"),
+    ("log_predictive_density", "mean log predictive density of the held-out values", "1"),
+    ("noise_floor", "misfit of a model that is right", "1"),
+)
+PAIRS: Columns = (
+    *SAMPLE,
+    ("branch", "artery", "text"),
+    ("flow", "measured mean flow through the stenosis", "mL/s"),
+    ("drop_.+", "mean pressure drop: measured, or of the model at the measured flow", "dyn/cm2"),
+    ("ffr_.+", "fractional flow reserve: measured, simulated, recalibrated, repaired, flexible", "1"),
+)
+
+
+OUTLETS: Columns = (
+    ("name", "name of the outlet", "text"),
+    ("vessel", "vessel that ends there", "text"),
+    ("perfuses", "LV, RV or septum", "text"),
+    ("branch", "LAD, LCx or RCA", "text"),
+    ("label", "name for a reader", "text"),
+)
+TARGETS: Columns = (
+    ("name", "name of the target", "text"),
+    ("description", "the target in words", "text"),
+    ("value", "measured value, or none", "that of the target: docs/case.md"),
+)
+PARAMETERS: Columns = (
+    ("name", "name of the parameter", "text"),
+    ("description", "the parameter in words", "text"),
+    ("unit", "unit of the values", "text"),
+    ("(value|initial|lower|upper)", "tuned value, start, bounds", "that of the column unit"),
+    ("block", "group that is tuned together", "text"),
+)
+FIT: Columns = (
+    ("target", "name of the target", "text"),
+    ("description", "the target in words", "text"),
+    ("unit", "unit of the values", "text"),
+    ("(measured|simulated)", "value", "that of the column unit"),
+    ("misfit", "difference over the target's standard deviation", "1"),
+    ("relative", "difference over the measured value", "1"),
+    ("(tuned|clinical)", "whether the tuning used it; whether it was measured in this patient", "yes/no"),
+)
+DRAWS: Columns = (
+    ("(chain|generation)", "which chain, which of its generations", "1"),
+    ("log_density", "log density of the posterior up to a constant", "1"),
+    *THETA,
+)
+FRACTIONS: Columns = (
+    ("(outlet|bc)", "outlet, and its 0D boundary condition", "text"),
+    ("volume", "volume of its territory", "cm3"),
+    (".+_flow", "mean flow: target, fitted", "mL/s"),
+    ("(r_hat|.+_resistance)", "distal resistance Ra + Ram + Rv", "dyn s/cm5"),
+    (".+", "fraction of the flow, multiplier of r-hat, standard deviation, or relative error of the fraction", "1"),
+)
+PRESSURES: Columns = (
+    ("vessel", "vessel of the tree", "text"),
+    ("position", "arc length along it", "cm"),
+    ("pressure", "mean pressure", "dyn/cm2"),
+    ("ffr", "mean pressure over that of the aorta", "1"),
+    ("flow", "mean flow", "mL/s"),
+)
+ROWS: Columns = (*ROW, ("(qoi_3d|qoi_0d|branch)", "3D quantity, 0D quantity, artery, for the label", "text"))
+TABLE: Columns = (
+    *ROW,
+    ("(estimator|method)", "estimator, and its method", "text"),
+    ("mean", "estimate of the mean", OF_ROW),
+    ("std", "claimed standard deviation of the estimate", OF_ROW),
+    (
+        "(chebyshev_95|chebyshev_99|calibrated)_(low|high)",
+        "interval of the mean: Chebyshev 95 %, 99 %; calibrated 95 %",
+        OF_ROW,
+    ),
+    ("rho_.+", "correlation of the 3D quantity with its predictor: 0D as it is, in sample, held out", "1"),
+    ("(n_3d|n_0d|predictions)", "3D runs, 0D runs, evaluations of the predictor", "1"),
+    ("warnings", "why not to trust it", "text"),
+)
+OUTPUT_PAIRS: Columns = (
+    *ROW,
+    *SAMPLE,
+    ("y", "3D output", "that of the row's column_3d"),
+    ("q.*", "0D output", "that of the row's column_0d"),
+)
+PAPER_TABLE: Columns = (
+    *ROW,
+    ("(mean|std|calibrated)_.+", "estimate of the mean, its standard deviation, its interval", OF_ROW),
+    ("paper_std_.+", "as the paper prints it", OF_ROW),
+    ("(paper_)?rho_.+", "correlation with the predictor", "1"),
+    ("(best_method|recommended|warnings)", "method of best; recommended estimator; why not to trust them", "text"),
+    ("(n_3d|predictions_best)", "3D runs; evaluations of the predictor", "1"),
+    ("emulator_error", "held-out mean square error of the emulator over the variance", "1"),
+)
+COVERAGE: Columns = (
+    ("(problem|method|quantity|row)", "problem, estimator, estimated quantity", "text"),
+    ("cpu_s", "CPU time", "s"),
+    ("empirical_std", "standard deviation of the estimates over the trials", "that of the problem's quantity"),
+    (".+", "number of runs or trials, share covered, or ratio of claim and truth", "1"),
+)
+DRIVE: Columns = (("t", "time", "s"), ("value", "pressure or flow", "mmHg or dyn/cm2, as the model; mL/s"))
+LOCATED: Columns = (
+    ("mean", "mean residual", "CGS: mL/s, dyn/cm2, mL"),
+    ("score", "over its standard deviation", "1"),
+    ("(p|q)", "p-value; false-discovery rate", "1"),
+    *MEASUREMENTS,
+)
+TREE: Columns = (
+    ("(vessel|parent|named)", "vessel, its parent, effects that act there", "text"),
+    ("mean_flow", "mean flow", "mL/s"),
+    ("disagreement", "largest score, in standard deviations", "1"),
+)
+LAWS: Columns = (
+    ("(branch|effects|terms)", "artery, effects, terms of the law", "text"),
+    ("log_evidence", "log evidence", "1"),
+    ("rms_ffr", "root mean square error of FFR", "1"),
+)
+BENCHMARK: Columns = (
+    (
+        "(tested|on|network|effect|strength|noise|hidden|named)",
+        "measure, network, hidden effect, its strength, the noise, the answer",
+        "text",
+    ),
+    ("cpu_s", "CPU time of a search", "s"),
+    (".+", "number of cases, or share of them with its 95 % interval", "1"),
+)

@@ -1,0 +1,44 @@
+"""A results folder whose files may not be there yet."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from coronaryuq import config
+from coronaryuq.campaign import explain
+from coronaryuq.core.errors import InputError
+
+
+@dataclass(frozen=True)
+class ResultsFolder:
+    """The folder `results/NAME` of a campaign that is running or has run."""
+
+    home: Path
+
+    @property
+    def name(self) -> str:
+        return self.home.resolve().name
+
+    @cached_property
+    def configuration(self) -> config.Campaign:
+        """The configuration of the campaign's last run."""
+        path = self.home / explain.CAMPAIGN
+        if not path.is_file():
+            raise InputError(
+                self.home, None, None, f"not the results folder of a campaign: it has no {explain.CAMPAIGN}"
+            )
+        return config.load(path)
+
+    def path(self, *parts: str) -> Path:
+        """Return the path of a result.
+
+        Raises
+        ------
+        InputError
+            If it has not been computed yet; names the target that makes it.
+        """
+        path = self.home.joinpath(*parts)
+        if not path.exists():
+            target = "/".join(("results", self.name, *parts))
+            raise InputError(path, None, None, f"not computed yet; run the campaign, or its target {target}")
+        return path

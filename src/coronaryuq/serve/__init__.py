@@ -1,0 +1,1 @@
+"""The models of a campaign by the UM-Bridge protocol."""

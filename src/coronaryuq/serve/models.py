@@ -1,0 +1,188 @@
+"""The models of a campaign that are served: θ in, quantities of interest out, many samples at once."""
+
+import tempfile
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import pandas as pd
+
+from coronaryuq.campaign.results import ResultsFolder
+from coronaryuq.campaign.targets import Targets
+from coronaryuq.campaign.variants import runs_3d
+from coronaryuq.case.case_json import read_case
+from coronaryuq.core import records
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.tables import read_csv
+from coronaryuq.flow3d.adapter import Batch, Outputs, Processes, Sample
+from coronaryuq.flow3d.fem.lanes import LANES
+from coronaryuq.flow3d.mesh.description import read_description
+from coronaryuq.flow3d.quantities import stenosis_quantities
+from coronaryuq.flow3d.settings import Settings as Flow3DSettings
+from coronaryuq.flow3d.stage import make_adapter
+from coronaryuq.posterior.model.bed_flows import BedFlows
+from coronaryuq.posterior.model.likelihood import Likelihood
+from coronaryuq.posterior.results import Chains
+from coronaryuq.zerod.network.beds import SCALING
+from coronaryuq.zerod.stage import LoopModel
+
+NOT_INPUTS = ("chain", "generation", "log_density", SCALING)
+
+
+class ServedModel(Protocol):
+    """A model with one vector of inputs and one of outputs.
+
+    Attributes
+    ----------
+    name
+        By which clients ask for it.
+    inputs, outputs
+        Names of the components.
+    lanes
+        Samples that it runs together.
+    """
+
+    name: str
+    lanes: int
+
+    @property
+    def inputs(self) -> list[str]: ...
+
+    @property
+    def outputs(self) -> list[str]: ...
+
+    def run(self, theta: np.ndarray) -> list[list[float] | str]:
+        """Run positive inputs (n, inputs), n ≤ lanes; per row the outputs, or why there are none."""
+        ...
+
+
+def beds_of(files: ResultsFolder) -> list[str]:
+    """Return the beds whose resistances θ multiplies, in the order of the tables of θ."""
+    draws = read_csv(files.path("posterior", "draws.csv"), ("chain",))
+    return [str(name) for name in draws.columns if name not in NOT_INPUTS]
+
+
+class ZeroD:
+    """θ → the quantities of the 0D stage, with its settings."""
+
+    name = "zerod"
+
+    def __init__(self, files: ResultsFolder):
+        settings = files.configuration.zerod
+        self._model = LoopModel(files.path("calibration", "hyperaemia.json"), files.path("case", "case.json"), settings)
+        self.inputs, self.outputs, self.lanes = [*beds_of(files), SCALING], self._model.outputs, settings.batch
+
+    def run(self, theta: np.ndarray) -> list[list[float] | str]:
+        table = pd.DataFrame(theta, columns=self.inputs)
+        table.insert(0, "sample", [str(k) for k in range(len(theta))])
+        done = self._model.run(table)
+        rows = done[self.outputs].to_numpy(dtype=float)
+        return [
+            row.tolist() if status == records.OK else str(reason)
+            for row, status, reason in zip(rows, done["status"], done["reason"], strict=True)
+        ]
+
+
+class LogLikelihood:
+    """Multipliers of r-hat → log likelihood of the target flows, as the campaign's sampler computes it."""
+
+    name, outputs = "loglikelihood", ["log_likelihood"]
+
+    def __init__(self, files: ResultsFolder):
+        settings = files.configuration.posterior
+        chains = Chains.read(files.path("posterior", "chains.npz"))
+        vessels = {outlet.bc: outlet.vessel for outlet in read_case(files.path("case", "case.json")).outlets}
+        self._flows = BedFlows(
+            files.path("calibration", "hyperaemia.json"),
+            {bed: vessels[bed] for bed in chains.names},
+            tolerance=settings.cycle_tolerance,
+            steps_per_cycle=settings.steps_per_cycle,
+        )
+        self._likelihood = Likelihood(chains.target_mean, chains.target_covariance)
+        self.inputs, self.lanes = chains.names, files.configuration.zerod.batch
+
+    def run(self, theta: np.ndarray) -> list[list[float] | str]:
+        flows = self._flows.flows(theta)
+        failed = ~np.isfinite(flows).all(axis=1)
+        values = self._likelihood.log_density(np.where(failed[:, None], 0.0, flows))
+        return ["the 0D run failed" if bad else [float(v)] for bad, v in zip(failed, values, strict=True)]
+
+
+class Flow3D:
+    """θ → FFR and wall shear stress of every stenosis in 3D, by the campaign's solver.
+
+    Parameters
+    ----------
+    files
+        The campaign.
+    name
+        Name of the model.
+    run
+        Kind of 3D runs, `flow3d` or `coarse`.
+    """
+
+    def __init__(self, files: ResultsFolder, name: str, run: str):
+        kind = runs_3d(Targets(files.configuration))[run]
+        self.name, self.inputs = name, [*beds_of(files), SCALING]
+        self._settings = Flow3DSettings(**kind.settings | {"checkpoints": False, "fields": 0})
+        self._backend = files.configuration.backend
+        mesh_json = files.path(kind.mesh, "mesh.json")
+        self._batch = Batch(
+            files.path("case", "case.json"), files.path("calibration", "hyperaemia.json"),
+            files.path(kind.mesh, "mesh-complete"), mesh_json, "", 0, 0,
+        )  # fmt: skip
+        one = np.ones((1, 1))
+        regions = read_description(mesh_json).regions
+        self.outputs = [
+            *(name for region in regions for name in stenosis_quantities(region, one[0], one[0], one, one, one[0])),
+            "aortic_pressure",
+        ]
+        self.lanes = LANES if self._backend == "ensemble" else 1
+
+    @cached_property
+    def _model(self) -> Any:
+        return self._batch.read_model()
+
+    def run(self, theta: np.ndarray) -> list[list[float] | str]:
+        samples = [
+            Sample(f"request_{k}", k, dict(zip(self.inputs, map(float, row), strict=True)))
+            for k, row in enumerate(theta)
+        ]
+        with tempfile.TemporaryDirectory() as folder:
+            outputs = Outputs(Path(folder, "records.jsonl"), Path(folder, "checkpoints"))
+            make_adapter(self._backend, self._model, self._batch, self._settings, Processes()).run(samples, outputs)
+            found = records.read(outputs.records)
+        return [[record.outputs[name] for name in self.outputs] if record.ok else record.reason for record in found]
+
+
+def models_of(home: str | Path) -> tuple[list[ServedModel], list[InputError]]:
+    """Return the models of a campaign, and what is missing for those that it cannot serve yet.
+
+    Parameters
+    ----------
+    home
+        Results folder, `results/NAME`.
+
+    Raises
+    ------
+    InputError
+        If the folder is not that of a campaign.
+    """
+    files = ResultsFolder(Path(home))
+    _ = files.configuration
+    makers: Sequence[Callable[[], ServedModel]] = (
+        lambda: ZeroD(files),
+        lambda: LogLikelihood(files),
+        lambda: Flow3D(files, "flow3d", "flow3d"),
+        lambda: Flow3D(files, "flow3d_coarse", "coarse"),
+    )
+    found: list[ServedModel] = []
+    missing: list[InputError] = []
+    for make in makers:
+        try:
+            found.append(make())
+        except InputError as error:
+            missing.append(error)
+    return found, missing
