@@ -96,9 +96,12 @@ class RemoteModel:
 
     def _ask(self, row: list[float]) -> "list[float] | str":
         from requests import RequestException
+        from requests.exceptions import JSONDecodeError
 
         try:
             (answer,) = self._model([row])
+        except JSONDecodeError:  # how umbridge's own server answers when a model raises
+            return "the server answered without a result; see its log"
         except RequestException as error:
             raise self._error("url", self.settings.url, f"the server does not answer ({_reason(error)})") from None
         except Exception as error:  # what umbridge raises for an error of the model
