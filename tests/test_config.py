@@ -64,7 +64,7 @@ def test_settings_allow_exactly_the_names_that_the_code_knows():
 
 def test_the_readme_lists_the_values_of_a_setting_with_few():
     lines = {line.split("`")[1]: line for line in config.readme().splitlines() if line.startswith("| `")}
-    assert "; one of `ensemble`, `svsolver`, `svmultiphysics`." in lines["backend"]
+    assert "; one of `ensemble`, `svsolver`, `svmultiphysics`, `umbridge`." in lines["backend"]
     assert "; one of `R_cor_scaling`, `null`." in lines["estimation.known_scaling"]
     assert "one of" not in lines["mesh.domain"], "its description explains all of them"
 
