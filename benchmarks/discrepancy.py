@@ -38,7 +38,7 @@ def key(case: dict) -> tuple:
 
 
 def kept(case: dict, network: str) -> dict:
-    """What the tables are made of; classes only where they say more than the first name."""
+    """Keep the fields that the tables need; classes only where they say more than the first name."""
     found = {name: case[name] for name in KEPT if case.get(name) is not None} | {"network": network}
     for name, digits in DIGITS.items():
         if name in found:
@@ -110,7 +110,7 @@ def cells(cases: list[dict]) -> list[str]:
 
 
 def grid(cases: list[dict]) -> list[str]:
-    """The open loop at every strength and noise that were searched; without a trace: seeds of effects left out."""
+    """Tabulate the open loop at every strength and noise searched, without seeds of undetectable effects."""
     kinds = {"right name": 0, "right place": 1, "interval holds": 2, "false alarm": 3, "gap closed": 6}
     lines = ["| strength, noise | without a trace | " + " | ".join(kinds) + " |", "|---|" + "---|" * (len(kinds) + 1)]
     for strength, noise in GRID:
@@ -129,7 +129,7 @@ def grid(cases: list[dict]) -> list[str]:
 
 
 def noises(cases: list[dict]) -> list[str]:
-    """The open loop with noise that is not what the table says, medium strength."""
+    """Tabulate the open loop at medium strength with noise that differs from the table's."""
     kinds = {"understated": "sd of two thirds of the noise's", "lasting": "samples keep 0.7 of the noise before"}
     parts = {told: chosen(cases, NETWORKS[0], noise=name) for name, told in kinds.items()}
     lines = ["| tested | " + " | ".join(parts) + " | wanted |", "|---|" + "---|" * (len(parts) + 1)]
@@ -158,7 +158,7 @@ def _rounded(trace: float) -> str:
 
 
 def answered(case: dict) -> str:
-    """What was named, the first of each class, or what was said instead."""
+    """Return the first named effect of each class, or the answer given instead of a name."""
     first = [members[0].split("@") for members in case.get("classes", [])]
     if first:
         return " and ".join(f"{cell_label(name)}, `{place}`" for name, place in first)
@@ -166,7 +166,7 @@ def answered(case: dict) -> str:
 
 
 def picture(cases: list[dict]) -> None:
-    """What was hidden and what was named first on the open loop; shares of every network with their intervals."""
+    """Draw hidden against first named effects on the open loop, and every network's shares with intervals."""
     with tempfile.TemporaryDirectory() as name:
         tables = [Path(name) / table for table in ("shares.csv", "answers.csv")]
         write_csv(tables[0], shares({network: chosen(cases, network) for network in NETWORKS}))
@@ -175,7 +175,7 @@ def picture(cases: list[dict]) -> None:
 
 
 def put(page: str, name: str, lines: list[str]) -> str:
-    """The page with other lines between its marks."""
+    """Replace the lines between the marks of the page."""
     before, _, rest = page.partition(f"<!-- {name} -->\n")
     _, end, after = rest.partition(f"<!-- end of {name} -->\n")
     assert end, f"the page lacks the marks of {name}"

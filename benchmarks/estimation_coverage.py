@@ -25,13 +25,13 @@ def read(path: str | Path) -> list[dict]:
 
 
 def key(cell: dict) -> tuple:
-    """What a cell measures. A former selector's cells are those of `best`."""
+    """Identify what a cell measures; a former selector's cells count as those of `best`."""
     method = "best" if cell["method"] in FORMER else cell["method"]
     return cell.get("quantity", "mean"), METHODS.index(method), cell["n_3d"], cell["problem"]
 
 
 def pooled(one: dict, other: dict) -> dict:
-    """A cell of two disjoint sets of trials."""
+    """Merge the cells of two disjoint sets of trials."""
     trials = one["trials"] + other["trials"]
     both = [
         (c["trials"], c["empirical_std"], c["bias_z"] * c["empirical_std"] / np.sqrt(c["trials"])) for c in (one, other)
@@ -55,8 +55,11 @@ def pooled(one: dict, other: dict) -> dict:
 
 
 def merged(cells: list[dict], more: list[dict]) -> list[dict]:
-    """Cells with more of them in: trials that follow a cell's own are pooled with it, no fewer others stand in its
-    place, and a former selector's cell goes where the present one is measured."""
+    """Merge further cells into `cells`.
+
+    Trials that follow a cell's own are pooled with it; others replace it if they are no fewer. A former selector's
+    cell gives way to one of the present selector.
+    """
     found = {}
     for cell in [*cells, *more]:
         had = found.get(key(cell))
@@ -110,7 +113,7 @@ def table(cells: list[dict], method: str) -> list[str]:
 
 
 def summary(cells: list[dict]) -> list[str]:
-    """What the cells of `best` say, size by size."""
+    """Summarise the cells of `best`, size by size."""
     lines = ["| N_3D | problems | coverage, % | claim | outside what is wanted |", "|---|---|---|---|---|"]
     for n in SIZES:
         mine = [c for c in cells if c["method"] == "best" and c["n_3d"] == n and "quantity" not in c]
@@ -150,7 +153,7 @@ def beyond_the_mean(cells: list[dict], problem: str) -> list[str]:
 
 
 def put(page: str, name: str, lines: list[str]) -> str:
-    """The page with other lines between its marks."""
+    """Replace the lines between the marks of the page."""
     before, _, rest = page.partition(f"<!-- {name} -->\n")
     _, end, after = rest.partition(f"<!-- end of {name} -->\n")
     assert end, f"{PAGE.name} lacks the marks of {name}"

@@ -23,11 +23,11 @@ FACTORS = {
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter: `initial`, `lower` and `upper` in `unit`; `logarithmic` parameters are searched by their
-    logarithm.
+    """One parameter, with `initial`, `lower` and `upper` in `unit`.
 
-    `block` says which search owns it (see `calibration.search`); `heart` names a parameter of the heart block, `beds` a
-    factor on that parameter of every bed of the named types.
+    The search uses the logarithm of `logarithmic` parameters. `block` says which search owns it (see
+    `calibration.search`); `heart` names a parameter of the heart block, `beds` a factor on that parameter of every bed
+    of the named types.
     """
 
     name: str

@@ -158,7 +158,7 @@ _arithmetic(operator.truediv, "fdiv")
 
 
 def _function(name: str, operands: int) -> Callable:
-    """An LLVM intrinsic function of so many vectors."""
+    """Declare an LLVM intrinsic with this number of vector operands."""
 
     def emit(builder, lanes, arguments):
         vector = lanes.of(ir.DoubleType())

@@ -89,7 +89,7 @@ def budget(
 
 
 def _coarse_level(failures_json: Path, rows: list[RowReport], settings: Settings) -> CoarseLevel | None:
-    """What the coarse level cost and what it gained, row by row; None without one, or if its cost is not known."""
+    """Compare cost and gain of the coarse level, row by row; None without one, or if its cost is unknown."""
     cost = coarse_cost(failures_json) if failures_json.exists() else None
     if cost is None:
         return None

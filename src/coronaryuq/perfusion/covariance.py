@@ -31,6 +31,6 @@ def describe(noise: NoiseModel, flows: np.ndarray, volumes: np.ndarray, baseline
 
 
 def scaled_to(covariance: np.ndarray, deviation: np.ndarray) -> np.ndarray:
-    """The covariance with these standard deviations and the same correlations, exactly symmetric."""
+    """Rescale a covariance to these standard deviations; correlations stay, and the result is exactly symmetric."""
     factor = deviation / np.sqrt(np.diag(covariance))
     return covariance * np.outer(factor, factor)

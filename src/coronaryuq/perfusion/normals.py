@@ -15,7 +15,7 @@ _BELOW = np.array([0.5, 0.1586552540, 0.0227501320, 0.0013498981, 3.16713e-5, 2.
 
 @njit(cache=True, inline="always")
 def uniform_at(key: np.uint64, index: np.uint64) -> float:
-    """The `index`-th uniform number in (0, 1) of the stream `key`: SplitMix64 (Steele, Lea & Flood 2014), 53 bits."""
+    """Return uniform number `index`, in (0, 1), of stream `key`: SplitMix64 (Steele, Lea & Flood 2014), 53 bits."""
     z = key + (index + np.uint64(1)) * _GOLDEN
     z = (z ^ (z >> np.uint64(30))) * _MIX1
     z = (z ^ (z >> np.uint64(27))) * _MIX2
@@ -31,7 +31,7 @@ def surely_above(uniform: float, bound: float) -> bool:
 
 @njit(cache=True, inline="always")
 def quantile(p: float) -> float:
-    """Standard normal quantile, PPND7 of Wichura (1988): relative error below 1e-7."""
+    """Compute the standard normal quantile by PPND7 (Wichura 1988), with a relative error below 1e-7."""
     q = p - 0.5
     if abs(q) <= 0.425:
         r = 0.180625 - q * q

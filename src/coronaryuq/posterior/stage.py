@@ -227,7 +227,7 @@ def _warn_outside(multipliers: np.ndarray, prior: tuple[float, float], names: li
 
 
 def _deciding(settings: Settings) -> str:
-    """Settings that decide the chains' numbers, as text."""
+    """Serialise the settings that determine the chains' numbers."""
     late = ("checkpoint", "rhat_limit", "ess_limit", "draws", "scaling")
     return json.dumps(settings.model_dump(exclude=set(late)), sort_keys=True)
 

@@ -144,7 +144,10 @@ class Anatomy:
 
 
 def patient_anatomy(seed: int = SEED) -> Anatomy:
-    """The bundled patient. Another seed moves the courses by degrees and millimetres: another patient of this kind."""
+    """Draw the bundled patient's anatomy.
+
+    Another seed moves the courses by degrees and millimetres, which gives another patient of this kind.
+    """
     ventricle = Ventricle()
     courses = _courses(ventricle, seeds.generator(seed, "patient", "anatomy"))
     pieces = _pieces(courses)
@@ -160,7 +163,7 @@ def patient_anatomy(seed: int = SEED) -> Anatomy:
 
 
 def narrowed(vessel: Vessel, stenosis: Stenosis, reduction: float) -> Vessel:
-    """The vessel with a cosine-shaped narrowing whose throat loses the share `reduction` of its diameter."""
+    """Add a cosine-shaped narrowing whose throat loses the share `reduction` of the vessel's diameter."""
     arc = np.union1d(vessel.arc, np.linspace(stenosis.start, stenosis.end, 41))
     arc = arc[np.concatenate([[True], np.diff(arc) > 1e-6])]
     middle, length = (stenosis.start + stenosis.end) / 2, stenosis.end - stenosis.start
@@ -215,7 +218,7 @@ def _courses(ventricle: Ventricle, random: np.random.Generator) -> dict[str, _Co
 
 
 def _outward(ventricle: Ventricle, phi: np.ndarray, s: np.ndarray, step: float = 1e-4) -> np.ndarray:
-    """Unit outward normals (n, 3) of the epicardial surface."""
+    """Compute unit outward normals (n, 3) of the epicardial surface."""
     by_phi = ventricle.epicardium(phi + step, s) - ventricle.epicardium(phi - step, s)
     by_s = ventricle.epicardium(phi, s + step) - ventricle.epicardium(phi, s - step)
     normal = np.cross(by_phi, by_s)

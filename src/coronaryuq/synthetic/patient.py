@@ -60,7 +60,7 @@ def write_files(patient: Patient, folder: str | Path) -> None:
 
 
 def clinical_targets(measures: Mapping[str, float]) -> str:
-    """The targets table: name, description, value in mmHg and mL, rounded as clinics do, or `none`."""
+    """Write the targets table: name, description, value in mmHg or mL, rounded as clinics do, or `none`."""
     lines = []
     for name, (text, unit, decimals) in CLINICAL.items():
         value = "none" if decimals is None else f"{measures[name] / unit:.{decimals}f}"
@@ -89,7 +89,7 @@ def description(patient: Patient) -> str:
 
 
 def truth(patient: Patient) -> dict:
-    """What is true of the patient, CGS: what the campaign tries to find out, and the loop that it holds in."""
+    """Return the patient's true values, CGS, that the campaign estimates, and the loop that has them."""
     rest, hyperaemia = patient.rest, patient.hyperaemia
     return {
         "name": patient.settings.name,

@@ -18,8 +18,7 @@ def territories(centres: np.ndarray, outlets: np.ndarray) -> np.ndarray:
 
 
 def texture(centres: np.ndarray, deviation: float, length: float, seed: int) -> np.ndarray:
-    """Positive random field (n,) of mean about 1: lognormal, with this relative `deviation` and correlation length
-    (cm).
+    """Draw a lognormal random field (n,) of mean about 1, with relative `deviation` and correlation `length` (cm).
 
     A sum of plane waves with normal wave vectors has the correlation exp(-d²/2 length²) (spectral simulation,
     Shinozuka & Deodatis 1996); the field depends on place alone, not on how the wall is meshed.

@@ -78,7 +78,7 @@ def bed_name(vessel: str) -> str:
 
 
 def make_patient(settings: Settings, seed: int) -> Patient:
-    """The patient of these settings. Over each territory the perfusion map integrates to that outlet's flow exactly."""
+    """Make the patient; over each territory the perfusion map integrates to that outlet's flow exactly."""
     anatomy = patient_anatomy(settings.anatomy_seed)
     wall = anatomy.wall(settings.cells)
     centres = np.asarray(wall.cell_centers().points, float)
@@ -115,7 +115,7 @@ class _Loop:
         }
 
     def solve(self) -> tuple[State, State]:
-        """Fixed point: mean pressure, stroke volume at rest and mean hyperaemic perfusion are those of the settings."""
+        """Solve for the mean pressure, stroke volume at rest and mean hyperaemic perfusion of the settings."""
         wanted_flow = self.settings.mbf * MBF_PER_MIN_PER_G * sum(self.masses.values())
         rest = hyper = None
         for _ in range(SWEEPS):
@@ -177,9 +177,9 @@ class _Loop:
 
 
 def _network(anatomy: Anatomy, masses: Mapping[str, float], settings: Settings, seed: int) -> Network:
-    """The loop before its totals are set: conductance of LV beds by mass and chance, the rest by Murray's law.
+    """Build the loop before its totals are set: random conductance per mass of LV beds, the rest by Murray's law.
 
-    Murray's law over all outlets decides what the LV-perfusing beds have together, as the method assumes (paper, 2.3).
+    Murray's law over all outlets sets the total of the LV-perfusing beds, as the method assumes (paper, 2.3).
     """
     names = [bed_name(outlet.vessel) for outlet in anatomy.outlets]
     right = [outlet.branch == "RCA" for outlet in anatomy.outlets]
@@ -229,7 +229,7 @@ def _scale(network: Network, systemic: float, coronary: float) -> None:
 
 
 def hyperaemic(network: Network, scale: float) -> Network:
-    """A copy with Ra and Ram of every coronary bed times `scale` (paper, section 2.2)."""
+    """Return a copy with Ra and Ram of every coronary bed times `scale` (paper, section 2.2)."""
     changes = resistance_changes(network, hyperaemia=scale)
     return with_changes(network, {name: float(value) for name, value in changes.items()})
 

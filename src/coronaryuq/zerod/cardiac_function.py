@@ -64,13 +64,22 @@ def waveform_names(network: Network) -> dict[str, list[str]]:
 
 
 def measure(time: np.ndarray, waves: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """All `MEASURES` of a batch: `time` (m+1,) s over one period, `waves[role]` (n, m+1) with the roles of
-    `waveform_names`.
+    """Compute all `MEASURES` of a batch.
 
-    Pressures and volumes in the network's units, `AbsQin` the stroke volume that leaves through the aorta,
-    `AorCorSplit` coronary flow in per cent of all flow that enters the beds, the `...FF` the fraction of a coronary
-    artery's flow in the third and half of a cycle that follow aortic valve closure, `...GradOK` see `turning_points`.
-    A measure that does not exist (a valve that never opens, no right coronary bed) is NaN.
+    Parameters
+    ----------
+    time : array (m+1,)
+        Times over one period, s.
+    waves : mapping of str to array (n, m+1)
+        Waveforms by the roles of `waveform_names`.
+
+    Returns
+    -------
+    dict of str to array (n,)
+        Pressures and volumes in the network's units. `AbsQin`: stroke volume that leaves through the aorta.
+        `AorCorSplit`: coronary flow in per cent of all flow that enters the beds. `...FF`: fraction of a coronary
+        artery's flow in the third and half of a cycle that follow aortic valve closure. `...GradOK`: see
+        `turning_points`. A measure that does not exist (a valve that never opens, no right coronary bed) is NaN.
     """
     time = np.asarray(time, float)
     n = len(waves["aortic_pressure"])
@@ -126,10 +135,9 @@ def _timing(time: np.ndarray, waves: Mapping[str, np.ndarray]) -> dict[str, floa
 
 
 def open_interval(time: np.ndarray, flow: np.ndarray) -> tuple[float, float] | None:
-    """Times (s) between which a valve's flow (m+1,) exceeds `VALVE_OPEN` of its peak, around that peak; end may pass
-    the period.
+    """Return the times (s) around its peak between which a valve's flow (m+1,) exceeds `VALVE_OPEN` of that peak.
 
-    None if the valve never passes flow or never closes.
+    The end may lie past the period. None if the valve never passes flow or never closes.
     """
     peak = int(np.argmax(flow[:-1]))
     level = VALVE_OPEN * flow[peak]

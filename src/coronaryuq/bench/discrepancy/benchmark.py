@@ -400,7 +400,7 @@ def _places(hidden: Effect, experiment: BenchmarkExperiment, random: np.random.G
 
 
 def _detectable(hidden: Effect, places: list[str], case: Case, experiment: BenchmarkExperiment) -> list[str]:
-    """The places where the effect would be detectable: in a loop few are, and a draw takes seconds."""
+    """Return the places where the effect would be detectable: in a loop few are, and a draw takes seconds."""
     positive, signed = STRENGTHS[case.strength]
     size = np.array([positive if parameter.kind == "lognormal" else signed for parameter in hidden.parameters])
     traces = experiment.traces(NOISES[case.noise].scale)

@@ -187,7 +187,7 @@ def _drop(shape: Shape, network: Network) -> tuple[str, str, str]:
 
 
 def _nearest(shape: Shape, case: make_case.ExternalCase, waveforms: dict[str, dict]) -> tuple[Hypothesis, np.ndarray]:
-    """The effect of the library that represents the shape, with the sizes z of the 3D pressure drop.
+    """Return the library effect that represents the shape, with the sizes z fitted to the 3D pressure drop.
 
     Least squares of drop = R Q + S |Q| Q + L dQ/dt over all conditions: S, and R in excess of the model's, for a
     stenosis; only that R for a narrowing.

@@ -73,7 +73,7 @@ def scored(truth: make_case.Truth, answer: Discovery) -> dict:
 
 
 def _short(effect: dict) -> dict:
-    """A named effect: place, probability of its class, its first size with its interval."""
+    """Summarise a named effect: place, probability of its class, first size with its interval."""
     name, size = next(iter(effect["sizes"].items()))
     short = {key: effect[key] for key in ("effect", "place", "class_probability", "beyond_prior")}
     return short | {name: [size["value"], *size["interval_90"]]}

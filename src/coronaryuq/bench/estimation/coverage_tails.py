@@ -17,7 +17,7 @@ NOISE = 1e-4
 
 
 def truths(pair: Pair) -> dict[str, float]:
-    """Reference values by `REFERENCE` samples; their error is a hundredth of what an interval of a trial is wide."""
+    """Return reference values from `REFERENCE` samples; their error is 1 % of the width of a trial's interval."""
     theta = pair.draw(generator(SEED, "coverage", "reference", pair.name), REFERENCE)
     y = pair.high(theta)
     found = {"variance": float(y.var())}

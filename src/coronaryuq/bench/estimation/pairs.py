@@ -35,7 +35,7 @@ def _smooth() -> Pair:
 
 
 def _dissimilar() -> Pair:
-    """The 0D model has other inputs than the 3D model: they share one of five."""
+    """Make a pair whose 0D and 3D models share only one of five inputs."""
     return Pair(
         "dissimilar inputs", _box(5), lambda t: t[:, 0] * t[:, 1] + t[:, 2] ** 3,
         lambda t: np.column_stack([t[:, 2] * t[:, 3], t[:, 3] + t[:, 4]]), moment(1) ** 2 + moment(3),
@@ -43,13 +43,13 @@ def _dissimilar() -> Pair:
 
 
 def _useless() -> Pair:
-    """The 0D output says nothing, and much of the 3D variance is a roughness that no regression finds."""
+    """Make a pair with an uninformative 0D output and a 3D output too rough for any regression."""
     high = lambda t: t[:, 0] + 0.6 * np.sign(np.sin(2 * np.pi * 400 * t[:, 1]))  # noqa: E731
     return Pair("useless 0D", _box(3), high, lambda t: np.column_stack([np.cos(300 * t[:, 2])]), moment(1))
 
 
 def _non_monotone() -> Pair:
-    """The 3D quantity is a parabola of the 0D output, which has next to no linear correlation with it."""
+    """Make a pair whose 3D quantity is a parabola of the 0D output: almost no linear correlation."""
     return Pair(
         "non-monotone", _box(2), lambda t: (t[:, 0] + t[:, 1] - 2.5) ** 2,
         lambda t: np.column_stack([t[:, 0] + t[:, 1]]), 2 * (moment(2) - moment(1) ** 2),
@@ -78,7 +78,7 @@ def _manifold() -> Pair:
 
 
 def _skewed() -> Pair:
-    """A quantity with a long tail, as a ratio near collapse has."""
+    """Make a pair with a long-tailed quantity, such as a ratio near collapse."""
     return Pair(
         "long tail", _box(2), lambda t: np.exp(1.5 * t[:, 0]) + t[:, 1],
         lambda t: np.column_stack([t[:, 0], t[:, 1]]), (np.exp(3.0) - np.exp(0.75)) / 1.5**2 + moment(1),

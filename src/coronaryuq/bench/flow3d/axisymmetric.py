@@ -26,9 +26,11 @@ _WEIGHTS = np.repeat([0.116786275726379, 0.050844906370207, 0.082851075618374], 
 
 @dataclass(frozen=True)
 class AxisymmetricFlow:
-    """z (k,) levels of nodes; pressure (k,) dyn/cm2 mean over the cross-section at each level; axial (k,) velocity on
-    the axis, cm/s; at the wall, wall_pressure and wall_shear along z, (k,) dyn/cm2. At a step in radius the wall is the
-    inner corner, and wall_shear there is that of the neighbouring wall.
+    """Axisymmetric flow at the node levels z (k,).
+
+    pressure: (k,) dyn/cm2, mean over the cross-section. axial: (k,) velocity on the axis, cm/s. wall_pressure,
+    wall_shear: (k,) dyn/cm2. At a step in radius the wall is the inner corner, with the wall shear of the neighbouring
+    wall.
     """
 
     z: np.ndarray
@@ -40,8 +42,10 @@ class AxisymmetricFlow:
 
 @dataclass(frozen=True)
 class Grid:
-    """z (levels,) and r (levels, rings + 1), cm, from the axis outwards; wet (levels − 1,): how many rings between two
-    levels hold fluid, counted from the axis.
+    """Node coordinates of the axisymmetric mesh, and which rings hold fluid.
+
+    z: (levels,) cm. r: (levels, rings + 1) cm, from the axis outwards. wet: (levels − 1,) number of rings with fluid
+    between two levels, counted from the axis.
     """
 
     z: np.ndarray
@@ -91,8 +95,10 @@ class _Elements:
 
 @dataclass(frozen=True)
 class _Rule:
-    """Quadrature: shape (q, 6) quadratic shape functions; grad (e, q, 6, 2) their gradients, 1/cm; r (e, q) radius of
-    the points, cm; weight (e, q) of the rule with that radius, cm3.
+    """Quadrature rule on every element.
+
+    shape: (q, 6) quadratic shape functions. grad: (e, q, 6, 2) their gradients, 1/cm. r: (e, q) radius of the points,
+    cm. weight: (e, q) weights that include that radius, cm3.
     """
 
     shape: np.ndarray

@@ -39,7 +39,7 @@ class MedialAxis:
 
 
 def medial_axis(surface: Surface, wanted: float) -> MedialAxis:
-    """The internal Voronoi diagram of points on the surface, about `wanted` (cm) apart.
+    """Compute the internal Voronoi diagram of points on the surface, about `wanted` (cm) apart.
 
     A Voronoi vertex is inside where it lies behind the surface as seen from the points that it is nearest to.
     """
@@ -102,7 +102,7 @@ def _sites(surface: Surface, spacing: float) -> tuple[np.ndarray, np.ndarray]:
 def centreline_tree(
     file: str | Path, surface: Surface, inlet: Cap, outlets: dict[str, Cap], spacing: float | None = None
 ) -> Tree:
-    """The tree from the aortic inlet to every other cap, radii in cm.
+    """Trace the tree from the aortic inlet to every other cap, radii in cm.
 
     outlets: name of each end's vessel → its cap. Inner vessels are named `branchN` by their place in the tree, the
     first `aorta`; branches are left to be labelled. Radii are those of discs of the
@@ -127,7 +127,7 @@ def centreline_tree(
 
 
 def _node_at(file, axis: MedialAxis, kd: cKDTree, cap: Cap) -> int:
-    """The roomiest node about one radius inside a cap."""
+    """Return the node of largest radius about one radius inside a cap."""
     inner = cap.centre - 0.8 * cap.radius * cap.normal
     near = np.array(kd.query_ball_point(inner, 0.8 * cap.radius), dtype=int)
     if len(near) == 0:
@@ -241,7 +241,7 @@ def _own_radius(points: np.ndarray, radius: np.ndarray, parents: float) -> np.nd
 
 
 def _up_to(points: np.ndarray, radius: np.ndarray, cap: Cap, first: bool) -> tuple[np.ndarray, np.ndarray]:
-    """The line without its part within one radius of a cap, and the cap's centre at that end instead."""
+    """Replace the part of the line within one radius of a cap by the cap's centre."""
     far = (cap.centre - points) @ cap.normal > 0.9 * cap.radius
     if first:
         begin = int(np.argmax(far)) if far.any() else len(points) - 1
@@ -251,7 +251,7 @@ def _up_to(points: np.ndarray, radius: np.ndarray, cap: Cap, first: bool) -> tup
 
 
 def _smoothed(points: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The line evenly spaced and smoothed along its length over `SMOOTHING` radii, its two ends kept."""
+    """Resample the line evenly and smooth it over `SMOOTHING` radii, keeping both ends."""
     step = np.linalg.norm(np.diff(points, axis=0), axis=1)
     keep = np.concatenate([[True], step > 1e-9])
     keep[-1] = True

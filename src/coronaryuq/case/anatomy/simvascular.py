@@ -28,10 +28,10 @@ class Contoured:
 
 
 def read_project(folder: str | Path, scale: float) -> tuple[Tree, tuple[str, ...]]:
-    """The tree of a project with Paths/*.pth and Segmentations/*.ctgr, and notes; `scale` is its length unit in cm.
+    """Read the tree of a project with Paths/*.pth and Segmentations/*.ctgr; `scale` is its length unit in cm.
 
-    Every path that has contours becomes a vessel, from its first control point on; it starts on the path nearest there.
-    Raises InputError for a missing folder, a broken file and a path that touches no other.
+    Also returns notes. Every path that has contours becomes a vessel, from its first control point on; it starts on the
+    path nearest there. Raises InputError for a missing folder, a broken file and a path that touches no other.
     """
     folder = Path(folder)
     paths, groups = sorted((folder / "Paths").glob("*.pth")), sorted((folder / "Segmentations").glob("*.ctgr"))
@@ -51,7 +51,7 @@ def read_project(folder: str | Path, scale: float) -> tuple[Tree, tuple[str, ...
 
 
 def _line(name: str, points: np.ndarray, radii: np.ndarray) -> Vessel:
-    """A smooth line through contour centres (modified Akima: it does not swing between them), radii between theirs."""
+    """Interpolate contour centres smoothly (modified Akima, which does not overshoot) and radii linearly."""
     arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     kept = np.concatenate([[True], np.diff(arc) > 0.0])
     arc, points, radii = arc[kept], points[kept], radii[kept]
@@ -61,7 +61,7 @@ def _line(name: str, points: np.ndarray, radii: np.ndarray) -> Vessel:
 
 
 def _path_name(group: Path) -> str:
-    """The path that a contour group says it belongs to, or the file's own name."""
+    """Return the name of the path that a contour group belongs to, by default the file's own name."""
     root = _xml(group).find("contourgroup")
     return group.stem if root is None else root.get("path_name", group.stem)
 
@@ -132,7 +132,7 @@ def _cut(lines: list[Vessel], place: dict[str, tuple[str, float]]) -> Tree:
 
 
 def _contoured(path: Path, groups: dict[str, Path]) -> Contoured | None:
-    """A path's contours in their order along it: centre and radius of each; None for a path without two contours."""
+    """Return the centres and radii of a path's contours in order along it; None with fewer than two contours."""
     root = _xml(path)
     control = _points(path, root, ".//control_points/point")
     if len(control) < 2:
@@ -161,7 +161,7 @@ def _contoured(path: Path, groups: dict[str, Path]) -> Contoured | None:
 
 
 def _place(contour: ElementTree.Element) -> int:
-    """Number of a contour's place among the points of its path; files need not hold contours in that order."""
+    """Return the path point at which a contour lies; files need not hold contours in that order."""
     point = contour.find("path_point")
     number = "" if point is None else point.get("id", "")
     return int(number) if number.isdigit() else 0

@@ -32,7 +32,7 @@ def relative_area(vessel: Vessel, first: float, spacing: float = 0.02) -> tuple[
 
 
 def around(tree: Tree, name: str, vessel: str, arc: float, length: float | None = None) -> Stenosis:
-    """The stenosis of artery `name` at arc length `arc` of a vessel: of given length, or from shoulder to shoulder."""
+    """Return the stenosis of artery `name` at arc length `arc`: of this length, or from shoulder to shoulder."""
     first, last = tree.emergence(vessel), tree[vessel].length
     if length is not None:
         start = min(max(arc - length / 2, first), max(first, last - length))
@@ -46,7 +46,7 @@ def around(tree: Tree, name: str, vessel: str, arc: float, length: float | None 
 
 
 def tightest(tree: Tree, below: float) -> list[Stenosis]:
-    """The narrowest stenosis of each of LAD, LCx and RCA whose area ratio is less than `below`."""
+    """Return the narrowest stenosis of each of LAD, LCx and RCA with an area ratio less than `below`."""
     found = []
     for branch in ("LAD", "LCx", "RCA"):
         best: tuple[float, Stenosis] | None = None

@@ -228,7 +228,7 @@ def _neighbours(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _normals(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Unit normals (m, 3) and areas (m,)."""
+    """Return unit normals (m, 3) and areas (m,)."""
     normals = np.cross(*_sides(points, triangles))
     double = np.linalg.norm(normals, axis=1)
     return normals / np.maximum(double, 1e-300)[:, None], double / 2

@@ -54,7 +54,7 @@ class Vessel:
         return np.stack([np.interp(arc, self.arc, self.points[:, k]) for k in range(3)], axis=-1)
 
     def tangent_at(self, arc) -> np.ndarray:
-        """Unit tangent (..., 3) at arc length (...) cm, averaged over about one radius either way."""
+        """Return the unit tangent (..., 3) at arc length (...) cm, averaged over about one radius on either side."""
         reach = np.maximum(self.radius_at(arc), 1e-6 * self.length)
         ahead = self.position_at(np.minimum(np.asarray(arc) + reach, self.length))
         behind = self.position_at(np.maximum(np.asarray(arc) - reach, 0.0))
@@ -62,13 +62,13 @@ class Vessel:
         return along / np.linalg.norm(along, axis=-1, keepdims=True)
 
     def between(self, start: float, end: float) -> "Vessel":
-        """The part from arc length `start` to `end` (cm), with its own first and last point."""
+        """Return the part from arc length `start` to `end` (cm), with points at both."""
         inside = (self.arc > start + 1e-9) & (self.arc < end - 1e-9)
         arc = np.concatenate([[start], self.arc[inside], [end]])
         return replace(self, points=self.position_at(arc), radii=self.radius_at(arc))
 
     def resampled(self, spacing: float) -> "Vessel":
-        """The same course with points at most `spacing` (cm) apart, evenly."""
+        """Return the vessel with evenly spaced points, at most `spacing` (cm) apart."""
         arc = np.linspace(0.0, self.length, max(2, int(np.ceil(self.length / spacing)) + 1))
         return replace(self, points=self.position_at(arc), radii=self.radius_at(arc))
 
@@ -195,7 +195,7 @@ class Tree:
         return best
 
     def with_vessels(self, changed: dict[str, Vessel]) -> "Tree":
-        """The tree with some vessels replaced by others of the same name."""
+        """Return the tree with some vessels replaced by others of the same name."""
         return Tree(changed.get(v.name, v) for v in self)
 
 

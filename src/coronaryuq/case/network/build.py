@@ -94,7 +94,7 @@ class Segment:
 
 
 def segments(tree: Tree, stenoses: Sequence[Stenosis], shortest: float = 0.02) -> list[Segment]:
-    """The 0D vessels of a tree, parents before children: one per vessel, cut at the two ends of every stenosis.
+    """Return the 0D vessels of a tree, parents first: one per vessel, cut at both ends of every stenosis.
 
     Inner vessels become `NAME_seg0`, `NAME_seg1`, ...; a vessel that ends the tree keeps its plain name for its last
     part, as the aortic root does. An ostial artery starts where it leaves the aorta. Beside a stenosis, a part below
@@ -159,7 +159,7 @@ def network_from_tree(
     stenoses: Sequence[Stenosis] = (),
     physics: Physics | None = None,
 ) -> Network:
-    """The closed loop: heart `CLH`, vessels, junctions, coronary beds and systemic Windkessels, as svZeroDSolver JSON.
+    """Build the closed loop: heart `CLH`, vessels, junctions, coronary beds and systemic Windkessels.
 
     beds: one per coronary end of the tree. systemic: boundary condition name → aortic end of the tree.
     Resistances share the resting flow among outlets by Murray's law; capacitances likewise.

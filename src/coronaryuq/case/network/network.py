@@ -67,7 +67,7 @@ class Network(dict[str, Any]):
         return self.vessel(name)["zero_d_element_values"]
 
     def bed(self, name: str) -> Entry:
-        """A boundary condition."""
+        """Return the boundary condition `name`."""
         return _named(self.boundary_conditions, "bc_name", name)
 
     def bed_values(self, name: str) -> dict[str, Any]:

@@ -62,14 +62,14 @@ def detect(network: Network, file: str | Path) -> str:
 
 
 def to_cgs(network: Network, system: str, file: str | Path = "network") -> tuple[Network, str]:
-    """A copy of a network in CGS, and the units that it was in; `system`: `cgs`, `mmHg` or `auto` (see `detect`)."""
+    """Convert a network to CGS and return its original units too; `system`: `cgs`, `mmHg` or `auto` (see `detect`)."""
     if system == "auto":
         system = detect(network, file)
     return rescaled(network, {"cgs": 1.0, "mmHg": MMHG}[system], file), system
 
 
 def rescaled(network: Network, pressure: float, file: str | Path = "network") -> Network:
-    """A copy of a network whose unit of pressure is 1 / `pressure` of the given one's; volumes and times stay."""
+    """Return a copy whose unit of pressure is smaller by the factor `pressure`; volumes and times stay."""
     network = network.deep_copy()
     if pressure == 1.0:
         return network

@@ -7,7 +7,7 @@ AROUND = [0, 1, 3, 2, 4, 5, 7, 6]
 
 
 def turnable(grid):
-    """The same pyvista grid with every voxel written as a hexahedron; data and all other cells as they are."""
+    """Return the pyvista grid with voxels turned into hexahedra; data and all other cells stay as they are."""
     import pyvista as pv
 
     grid = pv.UnstructuredGrid(grid)

@@ -67,7 +67,7 @@ def read_image(path: str | Path, like: Image | None = None, path_like: str | Pat
 
 
 def as_cells(file, image: Image, label: np.ndarray | None, threshold: float | None, most_cells: int):
-    """The wall as a pyvista grid of voxels, and how many of its voxels have a missing and how many a negative value.
+    """Return the wall as a pyvista grid of voxels, with its numbers of missing and of negative values.
 
     The grid is in the image's space and length unit, with cell data `value`. Which voxels: `label` (bool), or the
     largest connected part above `threshold`, or every positive value. A threshold would leave holes where values are

@@ -130,7 +130,7 @@ def _held_out(folder: Path, animal: str, conditions: list[str], held_out: Sequen
 
 
 def _flow_unit(folder: Path, animal: str, beats: dict[str, pd.DataFrame], heading: str) -> tuple[str, float]:
-    """Unit of the flow column, and one mL/min in it."""
+    """Return the unit of the flow column, and one mL/min in it."""
     largest = max(float(np.abs(frame[FLOW]).mean()) for frame in beats.values())
     unit, per_minute = ("mL/min", 1.0) if heading == "ml/min" or largest > LARGEST_FLOW else ("mL/s", 1.0 / 60.0)
     if heading == "ml/s" and unit == "mL/min":
@@ -303,7 +303,7 @@ def _closed(values: np.ndarray) -> np.ndarray:
 
 
 def _network(time: np.ndarray, pressure: np.ndarray, flow: float, artery: str) -> Network:
-    """A vessel and a bed with 0.32, 0.52 and 0.16 of the resistance (Kim et al., Ann. Biomed. Eng. 38 (2010) 3195)."""
+    """Make a vessel and a bed with 0.32, 0.52 and 0.16 of the resistance (Kim et al., Ann. Biomed. Eng. 38 (2010))."""
     total = (float(np.trapezoid(pressure, time) / time[-1]) - VENOUS) / flow
     bed: dict[str, Any] = {
         "Ra1": 0.31 * total,

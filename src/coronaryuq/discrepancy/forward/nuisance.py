@@ -107,7 +107,7 @@ def nuisances(
 
 
 def _shape(anatomy: Anatomy, sd: float) -> list[Nuisance]:
-    """The distribution of resistance and compliance along the beds, and the compliance of the vessels."""
+    """Return parameters for how resistance and compliance vary along the beds, and for vessel compliance."""
 
     def of_beds(name: str) -> list[str]:
         return [f"{bed}.{name}" for bed in anatomy.beds if anatomy.blocks[bed]["bc_values"].get(name, 0.0) > 0.0]
@@ -126,7 +126,7 @@ def _shape(anatomy: Anatomy, sd: float) -> list[Nuisance]:
 
 
 def _stenoses(conditions: dict[str, Condition], sd: float) -> list[Nuisance]:
-    """A factor on the loss of each stenosis of unknown severity, under its conditions."""
+    """Return a factor on the loss of each stenosis of unknown severity, under its conditions."""
     named: dict[tuple[str, str], list[str]] = {}
     for condition in conditions.values():
         for vessel, name in condition.stenosis.items():

@@ -158,7 +158,7 @@ class Simulation:
         return self._settling.ahead(self.prepared([]), prepared, jobs, changes, self.steps_per_cycle)
 
     def _start(self, prepared: Prepared, jobs: list[Job], own: np.ndarray, changes: dict) -> np.ndarray:
-        """Initial states: those of the unmodified model, or the nearest known ones."""
+        """Return initial states: those of the unmodified model, or the nearest known ones."""
         if not self._keeps:
             return own
         conditions, points = [job.condition for job in jobs], [job.point for job in jobs]
@@ -177,7 +177,7 @@ def elements(inserted: list[PlacedEffect]) -> tuple:
 
 
 def _retry_states(result: Result, own: np.ndarray) -> np.ndarray:
-    """Initial states for retries: the last state if it was close to settling, else the unmodified model's."""
+    """Return initial states for retries: the last state if nearly settled, else the unmodified model's."""
     failed = ~result.ok
     near = result.cycle_error[failed] < NEAR_SETTLED
     return np.where(near[:, None], result.state[failed], own[failed])

@@ -102,7 +102,7 @@ class Traces:
 
 
 def _recalibration(problem: Problem, nuisance: np.ndarray, sd: np.ndarray) -> Fit:
-    """What absorbs a trace at that point: the nuisance parameters and the shapes of the time-step error.
+    """Return the fit that can absorb a trace: nuisance parameters and the shapes of the time-step error.
 
     sd: of the noise (N,); the problem gets it combined with the time-step error.
     """

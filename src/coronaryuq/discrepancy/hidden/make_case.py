@@ -170,7 +170,7 @@ def prepare_external(experiment: Experiment, seed: int) -> ExternalCase:
 
 
 def _draw_nuisance(forward: Forward, spread: float, random: np.random.Generator) -> np.ndarray:
-    """True nuisance parameters z (p,)."""
+    """Draw the true nuisance parameters z (p,)."""
     nuisance = spread * random.standard_normal(len(forward.nuisances))
     for column, parameter in enumerate(forward.nuisances):
         if parameter.mass is not None:

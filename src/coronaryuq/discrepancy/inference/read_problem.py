@@ -103,7 +103,7 @@ def read_problem(
 
 
 def _check_root(problem: Problem) -> None:
-    """A root pressure that none has says that the unit of the network was taken for another."""
+    """Raise `InputError` for an impossible root pressure: the network is in another unit than assumed."""
     pressure = problem.forward.anatomy.pressure * problem.forward.pressure_factor / units.MMHG
     if problem.settings.pressure_unit == "auto" and not AORTIC[0] <= pressure <= AORTIC[1]:
         unit = "mmHg" if problem.forward.pressure_factor == units.MMHG else "dyn/cm2"

@@ -79,7 +79,7 @@ def summary(found: Discovery) -> dict:
 
 
 def named(found: Discovery) -> list[dict]:
-    """The named effects with probability, class, sizes and, for a class, the measurements that would split it."""
+    """List the named effects: probability, class, sizes and, for a class, the measurements that would split it."""
     forward = found.problem.forward
     rounds = {entry.named.placed: entry for entry in found.named}
     result = []
@@ -252,8 +252,9 @@ def _sizes(found: Discovery) -> pd.DataFrame:
 
 
 def _tree(found: Discovery) -> pd.DataFrame:
-    """Vessels with their parent, the largest disagreement measured at either end (score in standard deviations), and
-    the named effects that act at a vessel or at its bed.
+    """Tabulate every vessel's parent, largest misfit and named effects.
+
+    The misfit is the largest score (standard deviations) measured at either end; effects act at the vessel or its bed.
     """
     anatomy = found.problem.forward.anatomy
     worst: dict[str, float] = {}
@@ -279,7 +280,7 @@ def _tree(found: Discovery) -> pd.DataFrame:
 
 
 def vessels_of(place: str, anatomy: Anatomy) -> list[str]:
-    """The vessels that a place is, or whose beds it is: two of a collateral, none of a sensor."""
+    """Return the vessels of a place, or of its beds: two for a collateral, none for a sensor."""
     if place == ALL:
         return list(anatomy.beds.values())
     parts = [part for end in place.split("~") for part in end.split("<")]
@@ -300,5 +301,5 @@ def _gaps(found: Discovery) -> pd.DataFrame:
 
 
 def gap_row(name: str, gap: Gap) -> tuple:
-    """A row of `gap.csv`."""
+    """Make a row of `gap.csv`."""
     return name, gap.misfit, *gap.interval, gap.lpd, 1.0

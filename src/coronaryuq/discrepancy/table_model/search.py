@@ -110,7 +110,7 @@ def _effects(answer: dict) -> list[dict]:
 
 
 def _answer(search: BranchSearch) -> dict:
-    """Result of one branch, as in `discrepancy.json`."""
+    """Return the result of one branch, as in `discrepancy.json`."""
     branch, alarm = search.branch, search.alarm or search.outside
     choice = search.choice if alarm else Choice(search.recalibrated, ())
     best, probabilities = choice.fit, inclusion(search.ranked)
@@ -170,7 +170,7 @@ def _size(size: Size) -> dict[str, float]:
 
 
 def _reference(effect_name: str) -> str:
-    """What the size of an effect is a fraction of."""
+    """Say what the size of an effect is a fraction of."""
     if effect_name not in SENSORS:
         return "the mean root pressure lost at the mean simulated flow"
     return "the mean root pressure" if SENSORS[effect_name] == "offset" else "the reading"

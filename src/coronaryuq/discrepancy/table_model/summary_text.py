@@ -45,7 +45,7 @@ def branch_text(answer: dict) -> str:
 
 
 def _error_text(rmse: dict[str, float]) -> str:
-    """The change of the held-out error, without its first letter."""
+    """Describe the change of the held-out error, without its first letter."""
     old, new = (f"{rmse[key]:.4f}" for key in ("before", "after"))
     change = f"stays at {new}" if old == new else f"{'falls' if new < old else 'rises'} from {old} to {new}"
     others = f"recalibration alone {rmse['recalibration_alone']:.4f}, Gaussian process {rmse['flexible']:.4f}"

@@ -164,7 +164,7 @@ def estimate_row(row: Row, methods: Methods, findings: tuple[diagnostics.Finding
 
 
 def _judged(name: str, estimate: Estimate, n: int) -> Estimate:
-    """The estimate with the warnings that concern its method."""
+    """Add the warnings that concern the method to the estimate."""
     total = estimate.residual_variance + estimate.propagation_variance
     share = estimate.residual_variance / total if total > 0 else 1.0
     estimate = estimate.warned(diagnostics.unverified(name, n, share))

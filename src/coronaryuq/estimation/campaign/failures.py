@@ -71,7 +71,7 @@ def dependence(
 
 
 def _levels(logs: np.ndarray, names: list[str], scaling: str | None) -> tuple[list[np.ndarray], list[str]]:
-    """Common levels of all inputs: vectors (n,) and their names."""
+    """Return common levels of all inputs: vectors (n,) and their names."""
     others = [j for j, name in enumerate(names) if name != scaling]
     if len(others) < 2:
         return [], []
@@ -87,7 +87,7 @@ def _scores(values: np.ndarray) -> np.ndarray:
 
 
 def _choices(count: int, size: int, permutations: int, seed: int) -> np.ndarray:
-    """Indices (1 + permutations, size): the failed runs themselves, which come first, then random ones."""
+    """Draw indices (1 + permutations, size): the failed runs themselves first, then random sets of runs."""
     rng = generator(seed, "failures", count, size)
     drawn = [np.arange(size)[None]]
     for first in range(0, permutations, BLOCK):
@@ -97,7 +97,7 @@ def _choices(count: int, size: int, permutations: int, seed: int) -> np.ndarray:
 
 
 def _sums(columns: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """Sums of rows of (n, k) over each choice, rounded so that equal ones count as ties."""
+    """Sum rows of (n, k) over each choice, rounded so that equal sums count as ties."""
     blocks = np.array_split(chosen, -(-len(chosen) // BLOCK))
     return np.round(np.vstack([columns[block].sum(axis=1) for block in blocks]), 9)
 

@@ -54,7 +54,7 @@ def pairs(
     runs: Runs, rows: list[Row], settings: Settings, seed: int, networks: mfmc_ae.Networks | None,
     resampled: pd.DataFrame | None,
 ) -> pd.DataFrame:  # fmt: skip
-    """The table of `write_pairs`. `resampled`: 0D outputs at the networks' inputs, index `sample`."""
+    """Make the table of `write_pairs`; `resampled`: 0D outputs at the networks' inputs, index `sample`."""
     fold = assign(len(runs), count(len(runs), settings.folds), seed)
     frames = []
     for row in rows:

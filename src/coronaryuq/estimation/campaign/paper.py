@@ -9,7 +9,7 @@ N_0D = 10_000
 
 
 def paper_row(y: np.ndarray, q: np.ndarray, n_0d: int = N_0D) -> PaperRow:
-    """The row as the paper's table prints it: variances divided by N, `n_0d` 0D runs in all."""
+    """Compute the row as the paper's table prints it: variances divided by N, `n_0d` 0D runs in all."""
     rho = correlation(y, q)
     variance = np.var(y)
     return PaperRow(

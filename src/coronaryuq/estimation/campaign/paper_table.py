@@ -110,7 +110,7 @@ def emulated(runs: Runs, names: list[str], wanted: pd.DataFrame) -> pd.DataFrame
 
 
 def markdown(lines: list[dict[str, Any]]) -> str:
-    """The table for a reader; the paper's printed value in brackets where the rows file has it."""
+    """Format the table as Markdown, with the paper's printed value in brackets where the rows file has it."""
     heads = ["row", "quantity", "ρ original", "ρ AE in-sample", "ρ AE held out", "ρ best held out"]
     heads += ["std MC", "std MFMC", "std MFMC-AE", "std best", "best"]
     text = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
@@ -132,7 +132,7 @@ def markdown(lines: list[dict[str, Any]]) -> str:
 
 
 def _cell(line: dict[str, Any], key: str, printed: str | None = None) -> str:
-    """A number and, in brackets, what the paper prints for it."""
+    """Format a number and, in brackets, the paper's printed value."""
     if line[key] is None:
         return "–"
     beside = line.get(f"paper_{printed or key}")

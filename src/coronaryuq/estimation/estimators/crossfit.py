@@ -1,5 +1,6 @@
-"""Cross-fitted estimate of a mean: what is fitted on some folds is used on the others only, so that its claimed
-variance holds.
+"""Cross-fitted estimate of a mean: a surrogate predicts only folds that it was not fitted on.
+
+The claimed variance therefore holds.
 
 With folds k of n_k runs, g_k fitted without fold k, and a block B_k of propagation samples that belongs to fold k,
 

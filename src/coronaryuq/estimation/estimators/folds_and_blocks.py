@@ -63,24 +63,24 @@ class Design:
         return np.log(self.runs.theta)
 
     def training(self, row: Row, k: int) -> tuple[Seen, np.ndarray]:
-        """What a control variate may see of the training runs of fold k (their own 0D outputs), and their indices."""
+        """Return what a control variate may use of the training runs of fold k (own 0D outputs), and their indices."""
         index = np.flatnonzero(self.fold != k)
         q = self.runs.q
         seen = Seen(self.log_theta, q[row.column_0d].to_numpy(float), q[self.shared].to_numpy(float))
         return seen[index], index
 
     def held(self, row: Row, k: int) -> tuple[Seen, np.ndarray]:
-        """What it may see of the held-out runs of fold k (emulated 0D outputs), and their indices."""
+        """Return what it may use of the held-out runs of fold k (emulated 0D outputs), and their indices."""
         index = np.flatnonzero(self.fold == k)
         outputs = np.column_stack([self.held_out[c] for c in self.shared])
         return Seen(self.log_theta, self.held_out[row.column_0d], outputs)[index], index
 
     def propagated(self, row: Row, k: int) -> Seen:
-        """What it may see of the propagation samples of fold k."""
+        """Return what it may use of the propagation samples of fold k."""
         return self._of(row, self.blocks[k])
 
     def coarse_training(self, coarse: CoarseRuns, row: Row, k: int) -> tuple[Seen, np.ndarray]:
-        """What it may see of the coarse level's samples outside fold k, and their indices: the pilot comes first."""
+        """Return what it may use of the coarse samples outside fold k, and their indices: the pilot comes first."""
         pilot, index = self.training(row, k)
         part = np.ones(len(coarse.theta), dtype=bool)
         part[self.coarse[k].index] = False
@@ -90,7 +90,7 @@ class Design:
         return Seen(*both), np.concatenate([index, len(self.runs) + np.flatnonzero(part)])
 
     def coarse_held(self, row: Row, k: int) -> tuple[Seen, np.ndarray]:
-        """What it may see of the coarse level's samples of fold k beyond the pilot, and their indices."""
+        """Return what it may use of the coarse samples of fold k beyond the pilot, and their indices."""
         return self._of(row, self.coarse[k]), len(self.runs) + self.coarse[k].index
 
     def propagate(self, raw: list[np.ndarray]) -> list[Propagated]:

@@ -41,7 +41,7 @@ Choose = Callable[[Seen, np.ndarray], Fitted]
 def multilevel(
     design: Design, row: Row, level: float, choose: Choose = selector.choose
 ) -> tuple[Estimate, Parts] | None:
-    """The estimate of one row and the variances of its parts; None without a coarse level that mostly succeeded.
+    """Estimate one row and the variances of its parts; None without a coarse level that mostly succeeded.
 
     `choose` fits f, and the emulator of the coarse run, within each training set.
     """
@@ -91,7 +91,7 @@ class _Fit:
         self.centre_g = weights @ changes(self.fitted, more[: len(weights)], self.train, n) / weights.sum()
 
     def _with(self, seen: Seen, coarse: np.ndarray) -> Seen:
-        """What is seen with the coarse run (m,), or with its emulation where it is not finite."""
+        """Add the coarse run (m,), or its emulation where it is not finite."""
         if not self.sees_coarse:
             return seen
         ran = np.isfinite(coarse)
@@ -138,6 +138,6 @@ def _combined(design: Design, y: np.ndarray, fits: list[_Fit], level: float) -> 
 
 
 def _name(fit: _Fit) -> str:
-    """A method's name, with the coarse run in it where the method saw it."""
+    """Return the method's name, with the coarse run in it where the method used it."""
     method = fit.fitted.method
     return f"{method} and coarse" if fit.sees_coarse and "coarse" not in method else method

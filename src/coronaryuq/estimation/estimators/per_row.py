@@ -202,8 +202,10 @@ def follow(design: Design, row: Row, networks: mfmc_ae.Networks, curves: Curves)
 def aligned(
     theta: np.ndarray, y: np.ndarray, train: np.ndarray, networks: mfmc_ae.Networks, row: Row, k: int, curves: Curves
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """The resampled 0D output of fold k as a function of θ (m, d), standardised and rising with y (n,) over the runs
-    `train` that the fold's network saw: each network has its own sign and scale."""
+    """Return the resampled 0D output of fold k as a function of θ (m, d), with a common sign and scale.
+
+    Each network has its own: the output is standardised and made to rise with y (n,) over the network's runs `train`.
+    """
     at_training = _along(networks, row, k, curves, theta[train])
     scale = np.sign(correlation(y[train], at_training) or 1.0) / (at_training.std() or 1.0)
     shift = at_training.mean()

@@ -214,7 +214,7 @@ class _SortedVariance:
     variance: np.ndarray
 
     def near(self, threshold: float) -> float:
-        """Standard deviation of y given a prediction near the threshold."""
+        """Return the standard deviation of y given a prediction near the threshold."""
         width = max(8, int(NEAR * len(self.at)))
         first = np.searchsorted(self.at, threshold) - width // 2
         start = int(np.clip(first, 0, max(0, len(self.at) - width)))
@@ -279,7 +279,7 @@ def _probability(
 
 
 def _slope(away: np.ndarray, wide: np.ndarray) -> np.ndarray:
-    """Derivative of the normal probability of a prediction `away` standard deviations (`wide`) below the threshold."""
+    """Differentiate the normal probability of a prediction `away` standard deviations (`wide`) below the threshold."""
     return -np.exp(-(away**2) / 2) / (np.sqrt(2 * np.pi) * wide)
 
 

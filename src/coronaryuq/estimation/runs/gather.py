@@ -139,7 +139,7 @@ class _ZeroDRuns:
 
 
 def _tables(inputs: RunFiles, counts: Counts | None) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    """Inputs of the pilot, of the coarse level's samples beyond it, and of propagation."""
+    """Read the inputs of the pilot, of the coarse level's samples beyond it, and of propagation."""
     table, propagation = read_csv(inputs.pilot, ("sample",)), read_csv(inputs.propagation, ("sample",))
     per_fine = max(1, inputs.runs_per_fine)
     n_3d = len(table) // per_fine
@@ -160,7 +160,7 @@ def _check_number(path: str | Path, runs: list[records.Record], least: int) -> N
 
 
 def _outputs(runs: list[records.Record], columns: Sequence[str] | None = None) -> pd.DataFrame:
-    """Outputs of the runs that succeeded, one row each."""
+    """Return the outputs of the runs that succeeded, one row each."""
     return pd.DataFrame([{"sample": r.sample, **r.outputs} for r in runs if r.ok], columns=columns)
 
 
@@ -185,7 +185,7 @@ def _failed(runs: list[records.Record]) -> list[dict[str, Any]]:
 
 
 def rows(case: CaseSummary, columns_0d: Sequence[str]) -> pd.DataFrame:
-    """The paper's table for this case: one row per quantity and stenosis, in its order."""
+    """Return the rows of the paper's table for this case: one per quantity and stenosis, in its order."""
     lines = []
     for name, qoi_3d, qoi_0d, column_3d, column_0d in ROWS:
         for stenosis in case.stenoses:
@@ -226,13 +226,13 @@ def coarse_cost(failures_json: str | Path) -> CoarseCost | None:
 
 
 def _coarse(paths: Sequence[str | Path], table: pd.DataFrame) -> list[records.Record]:
-    """Records of a coarse level at every sample of a table, in its order."""
+    """Read the coarse level's records of every sample of a table, in its order."""
     place = {sample: k for k, sample in enumerate(table["sample"])}
     return sorted(_records("coarse 3D", paths, table), key=lambda record: place[record.sample])
 
 
 def _records(kind: str, paths: Sequence[str | Path], table: pd.DataFrame) -> list[records.Record]:
-    """Records of every sample of a table, in the order of the files."""
+    """Read the records of every sample of a table, in the order of the files."""
     wanted = set(table["sample"])
     runs = [record for path in paths for record in records.read(path) if record.sample in wanted]
     _check_complete(kind, table["sample"], [record.sample for record in runs], paths)

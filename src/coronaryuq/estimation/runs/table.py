@@ -152,7 +152,7 @@ def pair(runs: Runs, row: Row) -> tuple[np.ndarray, np.ndarray]:
 
 
 def column(path: Path, frame: pd.DataFrame, name: str) -> np.ndarray:
-    """A column as float array; a missing one is an `InputError` that lists what there is."""
+    """Return a column as a float array; the `InputError` for a missing one lists those that exist."""
     if name not in frame.columns:
         names = [str(column) for column in frame.columns]
         near = get_close_matches(name, names, n=SHOWN, cutoff=0.0)
@@ -205,7 +205,7 @@ def _limits(path: Path, inputs: tuple[str, ...]) -> np.ndarray | None:
 
 
 def _further(path: Path, inputs: tuple[str, ...]) -> pd.DataFrame:
-    """Samples beyond the pilot: the columns of its inputs, index `sample`."""
+    """Read the samples beyond the pilot: the columns of its inputs, index `sample`."""
     frame = _table(path)
     missing = [name for name in inputs if name not in frame]
     if missing:
@@ -224,7 +224,7 @@ def _check_finite(path: Path, q: pd.DataFrame, otherwise: str) -> None:
 def _coarse(
     folder: Path, y: pd.DataFrame, q: pd.DataFrame, kept: pd.Index, inputs: tuple[str, ...]
 ) -> CoarseRuns | None:
-    """The coarse level, if the folder has one; kept: the pilot's samples that count."""
+    """Read the coarse level, if the folder has one; kept: the pilot's samples that count."""
     path, beyond = folder / "outputs_3d_coarse.csv", folder / "params_coarse.csv"
     if not path.exists():
         return None

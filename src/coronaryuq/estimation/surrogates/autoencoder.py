@@ -43,7 +43,7 @@ def initial_weights(generators: list, d: int) -> Weights:
 
 
 def encode(weights: Weights, x: torch.Tensor) -> torch.Tensor:
-    """Inputs (B, d, n), in [−1, 1], to latent (B, 1, n)."""
+    """Map inputs (B, d, n), in [−1, 1], to the latent variable (B, 1, n)."""
     return _network(weights, "encoder", x)
 
 
@@ -71,7 +71,7 @@ def reconstruction_loss(
 
 
 def flip(weights: Weights, which: torch.Tensor) -> Weights:
-    """The same functions with the latent axis reversed in the models `which` (B,) bool."""
+    """Reverse the latent axis of the models `which` (B,) bool; their functions stay the same."""
     sign = torch.where(which, -1.0, 1.0)[:, None, None]
     turned = dict(weights)
     for name in ("encoder.4.weight", "encoder.4.bias", "decoder.0.weight", "surrogate.0.weight"):

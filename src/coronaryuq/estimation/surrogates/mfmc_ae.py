@@ -172,7 +172,7 @@ def along_curve(z_nodes: np.ndarray, q_nodes: np.ndarray, z: np.ndarray) -> np.n
 
 
 def _training_inputs(x: torch.Tensor, fits: list[np.ndarray]) -> tuple[torch.Tensor, torch.Tensor]:
-    """Inputs (F, d, n) and shares (F, 1, n) per fit; a shorter fit repeats its first sample without a share."""
+    """Stack inputs (F, d, n) and weights (F, 1, n) per fit; a shorter fit repeats its first sample at weight 0."""
     longest = max(len(f) for f in fits)
     padded = np.array([np.concatenate([f, np.full(longest - len(f), f[0])]) for f in fits])
     share = torch.zeros(len(fits), 1, longest)
@@ -182,7 +182,7 @@ def _training_inputs(x: torch.Tensor, fits: list[np.ndarray]) -> tuple[torch.Ten
 
 
 def _outputs(columns, names, inputs, fits) -> torch.Tensor:
-    """Outputs (names · F, 1, n), standardised by the moments of their own fit."""
+    """Stack outputs (names · F, 1, n), standardised by the moments of their own fit."""
     out = torch.zeros(len(names) * len(fits), 1, inputs.shape[2])
     for i, name in enumerate(names):
         for j, f in enumerate(fits):

@@ -104,7 +104,7 @@ class MeshDescription(_Part):
         return {face.name: face.couples for face in self.faces if face.couples is not None}
 
     def content(self) -> dict[str, Any]:
-        """The JSON object that the file holds."""
+        """Return the JSON object that the file holds."""
         return self.model_dump(mode="json", by_alias=True, exclude_none=True)
 
 

@@ -118,7 +118,7 @@ class Recorder:
         self.ranks.barrier()
 
     def resume(self) -> State | None:
-        """The state of the last checkpoint of the same inputs and settings, or None."""
+        """Return the state of the last checkpoint of the same inputs and settings, or None."""
         path = self.folder / "checkpoint.npz"
         if not path.is_file():
             return None

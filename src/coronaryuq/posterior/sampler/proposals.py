@@ -17,7 +17,7 @@ class Proposal:
     crossover: np.ndarray
 
     def replaced(self, rows: np.ndarray, other: "Proposal") -> "Proposal":
-        """This proposal with `rows` (n,) bool taken from the other one."""
+        """Return this proposal with `rows` (n,) bool taken from the other one."""
         return Proposal(
             np.where(rows[:, None], other.position, self.position),
             np.where(rows, other.log_ratio, self.log_ratio),

@@ -64,11 +64,28 @@ def resistance_changes(
     scaling: np.ndarray | float = 1.0,
     hyperaemia: np.ndarray | float = 1.0,
 ) -> dict[str, np.ndarray]:
-    """Changes for `Engine.run_cycles` that scale the coronary resistances, arrays (n,) or 0-d.
+    """Return changes for `Engine.run_cycles` that scale the coronary resistances.
 
-    multipliers: bed → r, times Ra, Ram and Rv of that bed (1 for beds that it does not name). scaling: s, times Ra, Ram
-    and Rv of every bed. hyperaemia: times Ra and Ram of every bed. `InputError` for a bed that the network lacks and
-    for factors that are not positive.
+    Parameters
+    ----------
+    network : Network
+        A checked network.
+    multipliers : mapping of str to float or array (n,), optional
+        Bed → r, a factor on Ra, Ram and Rv of that bed; 1 for beds that it does not name.
+    scaling : float or array (n,)
+        s, a factor on Ra, Ram and Rv of every bed.
+    hyperaemia : float or array (n,)
+        A factor on Ra and Ram of every bed.
+
+    Returns
+    -------
+    dict of str to array (n,) or 0-d
+        "BED.parameter" → resistance, in the network's unit.
+
+    Raises
+    ------
+    InputError
+        If the network lacks a bed, or if a factor is not positive.
     """
     found, multipliers = beds(network), multipliers or {}
     for name in multipliers:

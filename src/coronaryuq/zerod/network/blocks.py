@@ -67,7 +67,7 @@ def named(network: dict[str, Any], part: str, key: str, file) -> Iterable[dict]:
 
 
 def register(block: dict, name_key: str, type_key: str, known: dict, names: dict[str, str], file, part: str) -> str:
-    """The block's name, entered into `names` (name → where it stands); its element must be one of `known`."""
+    """Check a block's element against `known`, enter its name into `names` (name → where it stands) and return it."""
     name, kind = block[name_key], block.get(type_key)
     if kind not in known:
         raise InputError(file, f"{part}.{name}.{type_key}", kind, f"unknown element; know {', '.join(known)}")

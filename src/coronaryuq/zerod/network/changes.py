@@ -9,9 +9,26 @@ from coronaryuq.zerod.network.numbering import PERIOD
 
 
 def with_changes(network: Network, changes: Mapping[str, float], file: str | Path = "network") -> Network:
-    """A copy of the network with scalar `changes` written into it; `InputError` for a name that it lacks.
+    """Return a copy of the network with scalar `changes` written into it.
 
-    A changed period stretches the waveforms with it.
+    Parameters
+    ----------
+    network : Network
+        A checked network.
+    changes : mapping of str to float
+        "BLOCK.parameter" → value. A changed period stretches the waveforms with it.
+    file : str or Path
+        Name for error messages.
+
+    Returns
+    -------
+    Network
+        The changed copy.
+
+    Raises
+    ------
+    InputError
+        If the network lacks a block.
     """
     changed = network.deep_copy()
     values = {element.name: element.values for element in changed.elements()}

@@ -117,7 +117,7 @@ class Model:
         return {**scalars, PERIOD: self.period}
 
     def _consistent_period(self) -> float:
-        """The one period that parameters, waveforms and heart agree on; 1 s when none says any."""
+        """Return the period that parameters, waveforms and heart agree on; 1 s if none states one."""
         found: dict[str, float] = {}
         for block in self.network.boundary_conditions:
             found |= _series_period(block["bc_name"], block["bc_values"], BOUNDARIES[block["bc_type"]])

@@ -17,7 +17,7 @@ class Quantity:
 
 
 def parse(name: str, model: Model) -> Quantity:
-    """`STATISTIC_UNKNOWN`, the unknown as svZeroDSolver names it; `InputError` when the network has none such."""
+    """Parse `STATISTIC_UNKNOWN`, with svZeroDSolver's name of the unknown; `InputError` if the network lacks it."""
     statistic, _, variable = name.partition("_")
     if statistic not in STATISTICS:
         raise InputError(model.file, name, None, f"want a name that begins with {', '.join(STATISTICS)} and _")
@@ -25,7 +25,7 @@ def parse(name: str, model: Model) -> Quantity:
 
 
 def unknown(name: str, model: Model) -> int:
-    """Number of an unknown such as `flow:A:B`."""
+    """Return the number of an unknown such as `flow:A:B`."""
     if name not in model.index:
         where = name.split(":", 1)[-1]
         near = [other for other in model.variables if where.split(":")[0] in other.split(":")][:6]

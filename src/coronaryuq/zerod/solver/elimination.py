@@ -1,4 +1,4 @@
-"""Elimination order of a sparse system, found once and written out as flat lists of operations (a tape).
+"""Elimination order of a sparse system, determined once and written as flat lists of operations (a tape).
 
 Unknowns are split in two. The interior has equations and unknowns whose coefficients never change in time; it is
 eliminated first and once per sample, leaving its Schur complement on the border, where heart, valves, stenoses and
@@ -43,7 +43,7 @@ class Tape:
     backward_first: np.ndarray
 
     def forward_of(self, first: int, last: int) -> list[list[tuple[int, int]]]:
-        """For each pivot's row, the (slot, pivot row) that pivots `first` to `last` subtract from its right side."""
+        """List for each row the (slot, pivot row) that pivots `first` to `last` subtract from its right side."""
         position = {int(row): p for p, row in enumerate(self.pivots[:, 0])}
         found: list[list[tuple[int, int]]] = [[] for _ in self.pivots]
         for row, slot, pivot_row in self.forward[self.forward_first[first] : self.forward_first[last]]:
@@ -51,7 +51,7 @@ class Tape:
         return found
 
     def backward_of(self, p: int) -> list[tuple[int, int]]:
-        """(slot, column) of pivot p's row to the right of its pivot."""
+        """List the (slot, column) of pivot p's row to the right of its pivot."""
         part = self.backward[self.backward_first[p] : self.backward_first[p + 1]]
         return [(int(slot), int(column)) for _, slot, column in part]
 
@@ -101,10 +101,10 @@ def eliminate(scenarios: np.ndarray, pattern: np.ndarray, inner_rows: np.ndarray
 
 @numba.njit(cache=True, nogil=True)
 def _order(matrix, left, inner):
-    """Pivots' rows and columns in order, (n, 2), fewer where none is admissible any more; how many are interior.
+    """Choose pivots (row, column) in order, (n, 2), and count the interior ones; stop when none is admissible.
 
     matrix: (k, n, n), left: (n, n) entries of the rows and columns that are left, both changed in place. inner: (n, n)
-    which entries may be interior pivots.
+    entries that may be interior pivots.
     """
     n = len(left)
     in_row, in_column = np.zeros(n, np.int64), np.zeros(n, np.int64)
@@ -155,7 +155,7 @@ def _order(matrix, left, inner):
 
 @numba.njit(cache=True, nogil=True)
 def _judge(matrix, left, row, worth):
-    """What a row's entries are worth as pivots: their least size over the largest of the row, over all scenarios."""
+    """Rate a row's entries as pivots: size over the largest of the row, the least over all scenarios."""
     n = len(left)
     for j in range(n):
         worth[row, j] = np.inf if left[row, j] else 0.0
@@ -171,7 +171,7 @@ def _judge(matrix, left, row, worth):
 
 @numba.njit(cache=True, nogil=True)
 def _best(worth, in_row, in_column, inner, inside):
-    """The admissible entry (of `inner` if `inside`) that creates the least fill-in, ties by worth, then by place."""
+    """Find the admissible entry (of `inner` if `inside`) with the least fill-in; ties by worth, then by place."""
     row, column, least = -1, -1, 0
     for i in range(len(worth)):
         for j in range(len(worth)):
@@ -184,10 +184,10 @@ def _best(worth, in_row, in_column, inner, inside):
 
 @numba.njit(cache=True, nogil=True)
 def _operations(places, interior, slot):
-    """The operations of a tape, pivot by pivot; `slot` (n, n + m), -1 where there is no entry, gets the fill-in.
+    """List the operations of a tape, pivot by pivot, and enter the fill-in into `slot` (n, n + m), -1 where empty.
 
-    Returns how many slots there are once the interior is eliminated, `divide`, `update`, `forward`, and where each
-    pivot's operations start in the first and in the second of them, (2, n + 1).
+    Returns the number of slots once the interior is eliminated, `divide`, `update`, `forward`, and where each pivot's
+    operations start in `divide` and in `update`, (2, n + 1).
     """
     n, width = slot.shape
     count = slot.max() + 1
@@ -220,7 +220,7 @@ def _operations(places, interior, slot):
 
 @numba.njit(cache=True, nogil=True)
 def _backward(places, interior, slot):
-    """`backward` of a tape, pivot by pivot, last unknown first; and where each pivot's part starts, (n + 1,)."""
+    """List `backward` of a tape, pivot by pivot, last unknown first, and where each pivot's part starts, (n + 1,)."""
     n, width = slot.shape
     found, first = [(0, 0, 0)], np.zeros(n + 1, np.int64)
     for step in range(n):
@@ -239,7 +239,7 @@ def _backward(places, interior, slot):
 
 
 def _equilibrated(scenarios: np.ndarray, pattern: np.ndarray, sweeps: int = 5) -> np.ndarray:
-    """Rows and columns scaled so that entries of different units can be compared; nought outside `pattern`."""
+    """Scale rows and columns so that entries of different units can be compared; zero outside `pattern`."""
     rows, columns = np.nonzero(pattern)
     entries = scenarios[:, rows, columns].astype(float)
     for _ in range(sweeps):

@@ -214,9 +214,12 @@ class Engine:
         return result
 
     def histories(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """The network's own sample, cycle after cycle without end: y and ẏ at every step, (steps + 1, unknowns) each.
+        """Run the network's own sample cycle by cycle, without end: y and ẏ at every step, (steps + 1, unknowns) each.
 
-        Raises `RuntimeError` when Newton's method does not converge.
+        Raises
+        ------
+        RuntimeError
+            If Newton's method does not converge.
         """
         n, steps = self.model.size, self.steps_per_cycle
         batch = self._begin({}, 1, None, 1)
@@ -261,8 +264,10 @@ class Engine:
     def _approached(
         self, changes: Changes, start: np.ndarray, steps: int, tolerance: float, threads: int
     ) -> np.ndarray:
-        """Where the samples begin, (n, columns of state): `start`, a periodic state of the network itself, moved by as
-        much as its counterpart on `COARSER` steps moves from the network's parameters to the sample's.
+        """Return initial states (n, columns of state): `start` plus the change that `COARSER` steps predict.
+
+        `start` is a periodic state of the network itself. The change is that of its counterpart on the longer steps,
+        from the network's parameters to the sample's.
         """
         coarse = steps // COARSER
         if coarse < LEAST_COARSE:

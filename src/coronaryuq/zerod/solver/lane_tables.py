@@ -20,9 +20,9 @@ class Group:
 
 
 def fill(program: Program, system: Assembly, periods: np.ndarray, times: int, scheme: Scheme, samples: slice) -> Group:
-    """Values of the samples in `samples` from a batch's assembled terms.
+    """Fill the tables of the samples in `samples` from a batch's assembled terms.
 
-    periods: (batch,) time that `times` steps take (s).
+    periods: (batch,) duration of `times` steps (s).
     """
     n, s, kept = program.size, program.structure, program.kept
     lanes = np.arange(samples.start, samples.start + LANES)
@@ -93,7 +93,7 @@ def fill(program: Program, system: Assembly, periods: np.ndarray, times: int, sc
 
 
 def seat(groups: list[Group], places: list[tuple[int, int]]) -> Group:
-    """A group whose lanes are taken from others: (group, lane) for each, at most LANES; idle lanes repeat the first."""
+    """Collect lanes of other groups, at most LANES, each as (group, lane), in one; idle lanes repeat the first."""
     places = [*places, *[places[0]] * (LANES - len(places))]
     values = []
     for tables in zip(*(group.values for group in groups), strict=True):
@@ -104,7 +104,7 @@ def seat(groups: list[Group], places: list[tuple[int, int]]) -> Group:
 
 
 def _interior(tape: Tape) -> tuple[np.ndarray, ...]:
-    """What `condense` needs of a tape."""
+    """Return the parts of a tape that `condense` needs."""
     m = tape.interior
     first = np.stack([tape.divide_first[: m + 1], tape.update_first[: m + 1]], axis=1)
     return tuple(
@@ -114,7 +114,7 @@ def _interior(tape: Tape) -> tuple[np.ndarray, ...]:
 
 
 def _lanes_of(value, lanes: np.ndarray):
-    """Values (LANES,) of a coefficient (batch,), or the one number that it is."""
+    """Return the values (LANES,) of a coefficient (batch,), or its only value."""
     if isinstance(value, float):
         return value
     return value[lanes] if value.size > 1 else value[0]

@@ -76,11 +76,11 @@ class Border:
         self.product, self.product_first = self._product(rows, places, n - m)
 
     def entry(self, row: int, column: int) -> int:
-        """Number of a border entry."""
+        """Return the number of a border entry."""
         return self._entry[int(row), int(column)]
 
     def _product(self, rows, places, size: int) -> tuple[np.ndarray, np.ndarray]:
-        """Entries that are not nought before the solution-dependent terms are added, row by row."""
+        """List, row by row, the entries that are nonzero before the solution-dependent terms are added."""
         tape = self._tape
         filled = {
             tuple(map(int, place))
@@ -96,6 +96,6 @@ class Border:
 
 
 def lists(lists: Sequence[Sequence[tuple[int, ...]]], columns: int) -> tuple[np.ndarray, np.ndarray]:
-    """Lists of tuples as one table and the place where each list begins (one more than there are lists)."""
+    """Concatenate lists of tuples into one table; also return where each list begins (one more than lists)."""
     flat = np.array([item for found in lists for item in found], dtype=np.int64).reshape(-1, columns)
     return flat, np.concatenate([[0], np.cumsum([len(found) for found in lists], dtype=np.int64)]).astype(np.int64)

@@ -35,7 +35,7 @@ class Result:
 
     @classmethod
     def blank(cls, samples: int, steps: int, period: float, width: int, quantities, waveforms) -> "Result":
-        """A result to be filled in: NaN values, no status."""
+        """Return a result to be filled in: NaN values, no status."""
         return cls(
             values={name: np.full(samples, np.nan) for name in quantities},
             waveforms={name: np.full((samples, steps + 1), np.nan) for name in waveforms},
