@@ -50,7 +50,7 @@ def test_initial_scaling_comes_near_before_any_search(loop, adult):
 def test_blood_volume_is_conserved_and_is_the_parameter_that_it_is_called(loop):
     points = some_points(6)
     after = loop.evaluate(points, cycles=5)
-    held = loop.blood.of(after.state, parameters.changes(points, loop.network))
+    held = loop.blood.evaluate(after.state, parameters.changes(points, loop.network))
     wanted = loop.reference_volume * parameters.values(points)[:, parameters.NAMES.index("V_blood")]
     assert held == pytest.approx(wanted, rel=1e-5)
 

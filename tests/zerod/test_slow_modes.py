@@ -42,11 +42,11 @@ def test_a_bed_that_holds_blood_for_many_cycles_is_foreseen(slow, state, modes):
     volume, size = BloodVolume(slow.model), 2 * slow.model.size
     start, bed = np.repeat(state[None, :], 2, axis=0), slow.unknowns.index("volume_im:BC_left")
     start[:, bed] *= [0.98, 1.02]
-    start = volume.filled(start, volume.of(state[None, :]) - volume.of(start))
+    start = volume.with_blood_added(start, volume.evaluate(state[None, :]) - volume.evaluate(start))
     end = slow.run_cycles(start=start, cycles=1).state
     ranges = np.ptp(slow.run_cycles(start=state, cycles=1, waveforms=slow.unknowns).waveforms["volume_im:BC_left"])
     left = np.abs(end - state)[:, bed] / ranges
-    foreseen = np.abs(modes.ahead(start[:, :size], end[:, :size]) - state[:size])[:, bed] / ranges
+    foreseen = np.abs(modes.extrapolate(start[:, :size], end[:, :size]) - state[:size])[:, bed] / ranges
     assert (left > 0.2).all()
     assert (foreseen < 0.1 * left).all()
 
@@ -57,8 +57,8 @@ def test_runs_settle_in_fewer_cycles_to_the_same_state(slow, state, modes):
     volume = BloodVolume(slow.model)
 
     def ahead(who, start, end):
-        found, mine = modes.ahead(start, end), {"BC_left.Rv": values[who]}
-        return volume.filled(found, volume.of(end, mine) - volume.of(found, mine))
+        found, mine = modes.extrapolate(start, end), {"BC_left.Rv": values[who]}
+        return volume.with_blood_added(found, volume.evaluate(end, mine) - volume.evaluate(found, mine))
 
     options = {"waveforms": names, "start": np.repeat(state[None, :], 4, axis=0)}
     without = slow.run_to_periodic(changes, **options)
@@ -69,7 +69,7 @@ def test_runs_settle_in_fewer_cycles_to_the_same_state(slow, state, modes):
         change = np.abs(led.waveforms[name] - without.waveforms[name]).max(axis=1)
         # Both end with a cycle error of 1e-4 at most; what is left of a mode that decays by a fifth is five times that.
         assert (change < 2e-3 * np.ptp(without.waveforms[name], axis=1)).all()
-    held = volume.of(led.state, changes) / volume.of(options["start"], changes)
+    held = volume.evaluate(led.state, changes) / volume.evaluate(options["start"], changes)
     assert held == pytest.approx(1.0, rel=1e-6)
 
 
@@ -81,9 +81,9 @@ def test_a_loop_that_forgets_within_a_cycle_has_none():
 def test_the_modes_of_a_network_serve_one_with_added_unknowns(modes):
     size = modes.along.shape[1]
     origin = np.concatenate([np.arange(size), [-1, 3]])
-    moved, start = modes.moved(origin), np.zeros((1, size + 2))
+    moved, start = modes.for_extended_network(origin), np.zeros((1, size + 2))
     end = np.concatenate([np.linspace(1.0, 2.0, size), [5.0, 2.5]])[None, :]
-    found, before = moved.ahead(start, end), modes.ahead(start[:, :size], end[:, :size])
+    found, before = moved.extrapolate(start, end), modes.extrapolate(start[:, :size], end[:, :size])
     assert found[0, :size] == pytest.approx(before[0])
     assert found[0, size] == 5.0
     assert found[0, size + 1] - 2.5 == pytest.approx(before[0, 3] - end[0, 3])

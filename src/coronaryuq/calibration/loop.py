@@ -49,7 +49,7 @@ class Loop:
         self.right_atrium = self.engine.model.index[RIGHT_ATRIUM]
         first = self.initial_state()
         self.reference_volume = float(
-            self.blood.of(first[None], parameters.changes(parameters.INITIAL[None], network))[0]
+            self.blood.evaluate(first[None], parameters.changes(parameters.INITIAL[None], network))[0]
         )
         self.evaluations = 0
 
@@ -86,7 +86,7 @@ class Loop:
         changed = parameters.changes(points, self.network) | dict(extra or {})
         state = np.tile(self.initial_state(), (len(points), 1)) if start is None else np.array(start)
         wanted = self.reference_volume * parameters.values(points)[:, parameters.NAMES.index("V_blood")]
-        state[:, self.right_atrium] += wanted - self.blood.of(state, changed)
+        state[:, self.right_atrium] += wanted - self.blood.evaluate(state, changed)
         names = sorted({name for members in self.roles.values() for name in members} | set(waveforms))
         run = (
             partial(self.engine.run_to_periodic, periodicity=Periodicity(tolerance))

@@ -159,7 +159,7 @@ class _Loop:
         return float(result.values[f"mean_{self._flow_names()[bed]}"][0])
 
     def _blood(self, network: Network, result: Result) -> np.ndarray:
-        return self.blood.of(result.state, bed_values(network))
+        return self.blood.evaluate(result.state, bed_values(network))
 
     def _measures(self, result: Result) -> dict[str, float]:
         waves = {role: np.asarray(sum(result.waveforms[name] for name in names)) for role, names in self.roles.items()}

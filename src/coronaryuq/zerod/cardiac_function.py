@@ -38,7 +38,7 @@ MEASURES = (
 
 
 def waveform_names(network: Network) -> dict[str, list[str]]:
-    """0D names that each role needs, as svZeroDSolver writes them; a role's waveform is the sum over its names.
+    """Return the 0D names of each role, as svZeroDSolver writes them; a role's waveform is the sum over its names.
 
     Roles: `aortic_pressure`, `aortic_flow`, `right_atrial_pressure`, `pulmonary_pressure`, `lv_volume`, `aortic_valve`,
     `mitral_valve`, `pulmonary_valve`, `left_coronary`, `right_coronary` and `systemic`. The coronary roles sum the
@@ -107,7 +107,7 @@ def measure(time: np.ndarray, waves: Mapping[str, np.ndarray]) -> dict[str, np.n
 
 
 def _timing(time: np.ndarray, waves: Mapping[str, np.ndarray]) -> dict[str, float]:
-    """Measures that need the valves' opening and closing times, of one sample."""
+    """Compute the measures of one sample that need the valves' opening and closing times."""
     period = time[-1] - time[0]
     values = {}
     for name, role in (("mitValveTime", "mitral_valve"), ("pulValveTime", "pulmonary_valve")):
@@ -154,7 +154,7 @@ def open_interval(time: np.ndarray, flow: np.ndarray) -> tuple[float, float] | N
 
 
 def _shut(flow: np.ndarray, level: float) -> int:
-    """First place from which the flow stays below `level` for more than a `FLUTTER`; if none, the first below it."""
+    """Return the index from which the flow stays below `level` for longer than `FLUTTER`, else the first below."""
     longest, below = round(FLUTTER * len(flow)), 0
     for place, value in enumerate(flow):
         if below:
@@ -167,14 +167,14 @@ def _shut(flow: np.ndarray, level: float) -> int:
 
 
 def _crossing(time: np.ndarray, flow: np.ndarray, index: int, level: float, cycle: int) -> float:
-    """Time at which the flow crosses `level` between samples `index` and `index + 1` of the endless waveform."""
-    turns, at = divmod(index, cycle)
-    fraction = (level - flow[at]) / (flow[at + 1] - flow[at])
-    return time[at] + fraction * (time[at + 1] - time[at]) + turns * (time[-1] - time[0])
+    """Return the time at which the periodic flow crosses `level` between samples `index` and `index + 1`."""
+    turns, k = divmod(index, cycle)
+    fraction = (level - flow[k]) / (flow[k + 1] - flow[k])
+    return time[k] + fraction * (time[k + 1] - time[k]) + turns * (time[-1] - time[0])
 
 
 def _open_fraction(time: np.ndarray, flow: np.ndarray) -> float:
-    """Fraction of the cycle in which a valve passes flow."""
+    """Return the fraction of the cycle in which a valve passes flow."""
     if not flow.max() > 0.0:
         return 0.0
     excess = flow - VALVE_OPEN * flow.max()
@@ -185,9 +185,9 @@ def _open_fraction(time: np.ndarray, flow: np.ndarray) -> float:
 
 
 def _early_over_late(time: np.ndarray, flow: np.ndarray, closed: float, opens: float) -> float:
-    """Peak mitral flow of the first half of filling over that of the second half (E/A)."""
+    """Return peak mitral flow of the first half of filling over that of the second half (E/A)."""
     moments = np.linspace(closed, opens, 4 * len(time))
-    inflow = _Cyclic(time, flow).at(moments)
+    inflow = _Cyclic(time, flow).value_at(moments)
     filling = np.flatnonzero(inflow > VALVE_OPEN * max(inflow.max(), 0.0))
     if not inflow.max() > 0.0 or filling[-1] - filling[0] < 2:
         return np.nan
@@ -196,7 +196,7 @@ def _early_over_late(time: np.ndarray, flow: np.ndarray, closed: float, opens: f
 
 
 def turning_points(flow: np.ndarray) -> float:
-    """Score from 0 to 5 of a coronary flow waveform (m+1,): 5 for the physiological two valleys and two peaks.
+    """Score a coronary flow waveform (m+1,) from 0 to 5, the physiological two valleys and two peaks.
 
     One point for each of two valleys and two peaks, and one if the first turning point of the cycle is a valley: flow
     falls as the ventricle begins to contract. Points that stand out by less than `PROMINENCE` of the range do not
@@ -236,14 +236,14 @@ class _Cyclic:
         self.period = time[-1] - time[0]
         self.primitive = np.concatenate([[0.0], np.cumsum(0.5 * (wave[1:] + wave[:-1]) * np.diff(time))])
 
-    def at(self, moment):
+    def value_at(self, moment):
         return np.interp((moment - self.time[0]) % self.period + self.time[0], self.time, self.wave)
 
     def integral(self, start: float, end: float) -> float:
         return self._until(end) - self._until(start)
 
     def _until(self, moment: float) -> float:
-        """Integral from the period's start, exact for the piecewise linear waveform."""
+        """Integrate from the period's start, exactly for the piecewise linear waveform."""
         turns, phase = divmod(moment - self.time[0], self.period)
         phase += self.time[0]
         left = min(int(np.searchsorted(self.time, phase, side="right")) - 1, len(self.time) - 2)
@@ -252,7 +252,7 @@ class _Cyclic:
         return turns * self.primitive[-1] + self.primitive[left] + width * (self.wave[left] + 0.5 * slope * width)
 
     def maximum(self, start: float, end: float) -> float:
-        """Largest value in [start, end], ends included."""
+        """Return the largest value in [start, end], ends included."""
         grid = np.concatenate([self.time[:-1] + turn * self.period for turn in range(3)])
         inside = grid[(grid > start) & (grid < end)]
-        return float(np.max(self.at(np.concatenate([[start], inside, [end]]))))
+        return float(np.max(self.value_at(np.concatenate([[start], inside, [end]]))))

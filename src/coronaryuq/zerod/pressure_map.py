@@ -54,7 +54,7 @@ def write_map(
 
 
 def _ends(unknowns: list[str]) -> dict[str, tuple[str, str]]:
-    """Block → its upstream and downstream connection, for blocks that have both."""
+    """Return the upstream and downstream connection of every block that has both."""
     places = [name.removeprefix("pressure:") for name in unknowns if name.startswith("pressure:")]
     upstream = {place.split(":")[1]: place for place in places}
     downstream = {place.split(":")[0]: place for place in places}

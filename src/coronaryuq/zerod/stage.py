@@ -142,12 +142,12 @@ class UmbridgeModel:
 
 
 def ffr_locations(case: CaseSummary) -> dict[str, str]:
-    """`ffr_lad` and the like → 0D location distal to the stenosis, whose mean pressure over the aorta's is FFR."""
+    """Return for each FFR, such as `ffr_lad`, the 0D location distal to the stenosis."""
     return {f"ffr_{stenosis.name.lower()}": stenosis.ffr for stenosis in case.stenoses}
 
 
 def locations(case: CaseSummary, unknowns: list[str], file: str | Path = "case.json") -> list[str]:
-    """0D locations "A:B" whose flow and pressure are measured, each once; `InputError` for one that is not there."""
+    """Return the 0D locations "A:B" whose flow and pressure are recorded; `InputError` if the network lacks one."""
     known = [name.removeprefix("flow:") for name in unknowns if name.startswith("flow:")]
     found = [case.aorta.pressure]
     for stenosis in case.stenoses:

@@ -93,5 +93,5 @@ def test_extrapolation_of_slow_modes_conserves_the_blood_volume():
         end, who = start * (1.0 + 0.01 * generator(2, "jobs").standard_normal(start.shape)), np.array([0, 3, 8])
         found, volume = ahead(who, start[who], end[who]), BloodVolume(prepared.engine.model)
         mine = {name: value[who] for name, value in changes.items() if value.ndim == 1}
-        assert volume.of(found, mine) == pytest.approx(volume.of(end[who], mine), rel=1e-12)
+        assert volume.evaluate(found, mine) == pytest.approx(volume.evaluate(end[who], mine), rel=1e-12)
         assert np.abs(found - end[who]).max() > 0.0

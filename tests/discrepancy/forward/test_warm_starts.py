@@ -65,7 +65,7 @@ def test_a_warm_start_has_the_required_blood_volume(problem):
     structure = Structure(grafted.engine, grafted.renamed)
     found = starts.near(["rest"], [Point(np.full(problem.count, 0.6), {})], structure, own, changes)
     volume = BloodVolume(grafted.engine.model)
-    assert volume.of(found, changes)[0] == pytest.approx(volume.of(own, changes)[0], rel=1e-12)
+    assert volume.evaluate(found, changes)[0] == pytest.approx(volume.evaluate(own, changes)[0], rel=1e-12)
     names = grafted.engine.state_names
     assert found[0, names.index("V_LV:CLH")] == pytest.approx(own[0, names.index("V_LV:CLH")] + 7.0)
 

@@ -45,9 +45,9 @@ class FastSettling:
             for number, mode in enumerate(modes):
                 rows = which[who] == number
                 if mode is not None and rows.any():
-                    state[rows] = mode.ahead(start[rows], end[rows])
+                    state[rows] = mode.extrapolate(start[rows], end[rows])
             values = {name: value[who] for name, value in numbers.items()}
-            return volume.filled(state, volume.of(end, values) - volume.of(state, values))
+            return volume.with_blood_added(state, volume.evaluate(end, values) - volume.evaluate(state, values))
 
         return ahead
 
@@ -63,7 +63,7 @@ class FastSettling:
             return modes
         if prepared not in self._origins:
             self._origins[prepared] = _origin(plain, prepared)
-        return modes.moved(self._origins[prepared])
+        return modes.for_extended_network(self._origins[prepared])
 
 
 def _origin(plain: Prepared, prepared: Prepared) -> np.ndarray:

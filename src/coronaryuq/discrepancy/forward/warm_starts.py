@@ -139,8 +139,8 @@ class WarmStarts:
             volume = BloodVolume(structure.engine.model)
             numbers = np.array(moved)
             scalars = {name: value[numbers] for name, value in changes.items() if np.ndim(value) == 1}
-            missing = volume.of(own[numbers], scalars) - volume.of(found[numbers], scalars)
-            found[numbers] = volume.filled(found[numbers], missing)
+            missing = volume.evaluate(own[numbers], scalars) - volume.evaluate(found[numbers], scalars)
+            found[numbers] = volume.with_blood_added(found[numbers], missing)
         return found
 
 

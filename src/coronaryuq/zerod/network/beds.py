@@ -1,4 +1,4 @@
-"""Coronary beds of a network, and what θ = (r, s) and hyperaemia do to their resistances."""
+"""Coronary beds of a network, and how θ = (r, s) and hyperaemia change their resistances."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ _NAMES = {
 
 
 def beds(network: Network) -> dict[str, Bed]:
-    """Coronary beds by the name of their boundary condition, in the network's order."""
+    """Return the coronary beds by the name of their boundary condition, in the network's order."""
     return {
         block["bc_name"]: Bed(block["bc_name"], *_NAMES[block["bc_type"]])
         for block in network.boundary_conditions
@@ -50,7 +50,7 @@ def beds(network: Network) -> dict[str, Bed]:
 
 
 def distal_resistances(network: Network) -> dict[str, float]:
-    """Ra + Ram + Rv of each bed, in the network's unit; a varying Ram counts with its least value."""
+    """Return Ra + Ram + Rv of each bed, in the network's unit; a varying Ram counts with its minimum."""
     totals = {}
     for name, bed in beds(network).items():
         values = network.bed_values(name)
@@ -87,24 +87,25 @@ def resistance_changes(
     InputError
         If the network lacks a bed, or if a factor is not positive.
     """
-    found, multipliers = beds(network), multipliers or {}
+    coronary, multipliers = beds(network), multipliers or {}
     for name in multipliers:
-        if name not in found:
-            raise InputError("network", name, None, f"is no coronary bed; there are {', '.join(found) or 'none'}")
+        if name not in coronary:
+            remedy = f"not a coronary bed; the network has {', '.join(coronary) or 'none'}"
+            raise InputError("network", name, None, remedy)
     for name, factor in {**multipliers, SCALING: scaling, "hyperaemia": hyperaemia}.items():
         if not np.all(np.asarray(factor, float) > 0.0):
             raise InputError("network", name, "not positive", "want positive factors")
     changes = {}
-    for name, bed in found.items():
-        whole = np.asarray(multipliers.get(name, 1.0), float) * np.asarray(scaling, float)
+    for name, bed in coronary.items():
+        total = np.asarray(multipliers.get(name, 1.0), float) * np.asarray(scaling, float)
         for key in bed.resistances:
-            factor = whole if key == bed.venous else whole * np.asarray(hyperaemia, float)
+            factor = total if key == bed.venous else total * np.asarray(hyperaemia, float)
             changes[f"{name}.{key}"] = network.bed_values(name)[key] * factor
     return changes
 
 
 def theta_changes(network: Network, theta: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """`resistance_changes` for columns of a table of θ: one per bed, and `R_cor_scaling` (1 if absent)."""
+    """Call `resistance_changes` for columns of a table of θ: one per bed, and `R_cor_scaling` (1 if absent)."""
     multipliers = {name: value for name, value in theta.items() if name != SCALING}
     return resistance_changes(network, multipliers, theta.get(SCALING, 1.0))
 

@@ -1,4 +1,4 @@
-"""What any block of a network file must be: its keys known, its values of their kind, its name its own."""
+"""Checks of any block of a network file: known keys, values of the right type, a unique name."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -39,11 +39,11 @@ _SHAPES: dict[str, dict[str, tuple[Callable[[Any], bool], str]]] = {
         **{f"{side}_blocks": (_is_list_of(str), "a list of block names") for side in ("inlet", "outlet")},
     },
 }
-"""What kind of value a key has, where other checks rely on it."""
+"""Type of a key's value, where other checks rely on it."""
 
 
 def check_shapes(network: dict[str, Any], file) -> None:
-    """Raise `InputError` unless every part is a list of objects and their keys hold values of their kind."""
+    """Raise `InputError` unless every part is a list of objects whose values have the right type."""
     for part, keys in _SHAPES.items():
         entries = network.get(part, [])
         if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
@@ -58,7 +58,7 @@ def check_shapes(network: dict[str, Any], file) -> None:
 
 
 def named(network: dict[str, Any], part: str, key: str, file) -> Iterable[dict]:
-    """Blocks of one part of a network, each with a name under `key`."""
+    """Return the blocks of one part of a network; raise `InputError` for one without a name under `key`."""
     blocks = network.get(part, [])
     for number, block in enumerate(blocks):
         if not isinstance(block.get(key), str) or not block[key]:
@@ -78,7 +78,7 @@ def register(block: dict, name_key: str, type_key: str, known: dict, names: dict
 
 
 def check_keys(block: dict, known: set[str], file, where: str) -> None:
-    """Raise `InputError` for a key that is not known; those that begin with _ are remarks."""
+    """Raise `InputError` for an unknown key; keys that begin with _ are remarks."""
     for key in block:
         if key not in known and not key.startswith("_"):
             field = f"{where}.{key}" if where else key
@@ -86,7 +86,7 @@ def check_keys(block: dict, known: set[str], file, where: str) -> None:
 
 
 def check_values(block: dict, key: str, parameters: Parameters, file, where: str) -> None:
-    """Raise `InputError` unless `block[key]` holds an element's parameters: all that it needs, each of its kind."""
+    """Raise `InputError` unless `block[key]` holds all required parameters of an element, each of the right type."""
     values = block.get(key)
     if not isinstance(values, dict):
         raise InputError(file, f"{where}.{key}", values, "want an object")
@@ -117,7 +117,7 @@ def check_values(block: dict, key: str, parameters: Parameters, file, where: str
 
 
 def finite(value: Any) -> bool:
-    """Whether a value is a finite number (and neither true nor false)."""
+    """Tell whether a value is a finite number (and neither true nor false)."""
     if not isinstance(value, Real) or isinstance(value, bool):
         return False
     try:

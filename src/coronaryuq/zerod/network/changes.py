@@ -1,4 +1,4 @@
-"""Changes of one sample written into a network, by the "BLOCK.parameter" names that `Engine.run_cycles` takes."""
+"""A network with one sample's changes, by the "BLOCK.parameter" names of `Engine.run_cycles`."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -28,9 +28,9 @@ INTERNAL = {
 """Internal variables of each element, in svZeroDSolver's order."""
 
 PERIOD = f"{HEART}.cardiac_cycle_period"
-"""Name under which the period can be changed, with or without a heart in the network."""
+"""Name of the period in `changes`, with or without a heart in the network."""
 SAME_PERIOD = 1e-9
-"""Share by which two periods may differ, as those of times cut out of a recording do."""
+"""Relative difference allowed between two periods: times cut from a recording differ by rounding."""
 
 
 @dataclass
@@ -55,13 +55,13 @@ class Series:
 
     @property
     def mean(self) -> float:
-        """Plain mean of the points, which svZeroDSolver takes for the steady initial state."""
+        """Plain mean of the points, which svZeroDSolver uses for the steady initial state."""
         return float(np.sum(self.values) / self.values.size)
 
 
 @dataclass
 class Block:
-    """One element: its kind, scalar parameters, waveforms, and the unknowns and equations it was given.
+    """One element: its kind, scalar parameters, waveforms, and the numbers of its unknowns and equations.
 
     `variables` are P, Q of every inlet, then of every outlet, then internal ones.
     """
@@ -80,7 +80,7 @@ class Model:
     """Blocks and unknowns of a network.
 
     variables: names such as `flow:A:B`, `pressure:A:B`, `V_LV:CLH`, in svZeroDSolver's order.
-    caps: for each vessel at a boundary the (flow, pressure) indices that its cycle-to-cycle error looks at.
+    caps: for each vessel at a boundary the (flow, pressure) indices that the cycle-to-cycle error uses.
     period: cardiac period (s). Raises `InputError` when periods disagree or the blocks do not close the system.
     """
 
@@ -118,19 +118,19 @@ class Model:
 
     def _consistent_period(self) -> float:
         """Return the period that parameters, waveforms and heart agree on; 1 s if none states one."""
-        found: dict[str, float] = {}
+        periods: dict[str, float] = {}
         for block in self.network.boundary_conditions:
-            found |= _series_period(block["bc_name"], block["bc_values"], BOUNDARIES[block["bc_type"]])
+            periods |= _series_period(block["bc_name"], block["bc_values"], BOUNDARIES[block["bc_type"]])
         for block in self.network.couplings:
             if block.get("periodic", True):
-                found |= _series_period(block["name"], block["values"], BOUNDARIES[block["type"]])
+                periods |= _series_period(block["name"], block["values"], BOUNDARIES[block["type"]])
         if self.network.closed_loop:
-            found[PERIOD] = self.network.heart["cardiac_cycle_period"]
+            periods[PERIOD] = self.network.heart["cardiac_cycle_period"]
         if self.simulation.get("cardiac_period", -1.0) >= 0:
-            found["simulation_parameters.cardiac_period"] = self.simulation["cardiac_period"]
-        if not found:
+            periods["simulation_parameters.cardiac_period"] = self.simulation["cardiac_period"]
+        if not periods:
             return 1.0
-        (first, period), *others = found.items()
+        (first, period), *others = periods.items()
         for name, other in others:
             if abs(other - period) > SAME_PERIOD * period:
                 raise InputError(self.file, name, other, f"inconsistent cardiac period; {first} says {period}")
@@ -213,11 +213,13 @@ class Model:
     def _check_ends(self, block: Block) -> None:
         ends = len(block.inlets), len(block.outlets)
         if block.kind in VESSELS and ends != (1, 1):
-            told = f"has {ends[0]} inlets and {ends[1]} outlets; wanted one of each: a junction or a boundary condition"
-            raise InputError(self.file, f"vessels.{block.name}", None, told)
+            remedy = (
+                f"has {ends[0]} inlets and {ends[1]} outlets; wanted one of each: a junction or a boundary condition"
+            )
+            raise InputError(self.file, f"vessels.{block.name}", None, remedy)
         if block.kind in ("NORMAL_JUNCTION", "internal_junction", "BloodVesselJunction") and 0 in ends:
-            told = f"has {ends[0]} inlets and {ends[1]} outlets; wanted one of each at least"
-            raise InputError(self.file, f"junctions.{block.name}", None, told)
+            remedy = f"has {ends[0]} inlets and {ends[1]} outlets; wanted one of each at least"
+            raise InputError(self.file, f"junctions.{block.name}", None, remedy)
         if block.kind in BOUNDARIES and not any(ends):
             raise InputError(self.file, f"boundary_conditions.{block.name}", None, "is connected to no vessel")
         if block.kind.startswith("ClosedLoop") and ends != (1, 1):

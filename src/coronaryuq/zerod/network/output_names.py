@@ -1,4 +1,4 @@
-"""Names of what a run measures: `mean_flow:A:B`, `min_pressure:A:B`, `max_V_LV:CLH`: a statistic of an unknown."""
+"""Names of the quantities of a run, a statistic of an unknown: `mean_flow:A:B`, `max_V_LV:CLH`."""
 
 from dataclasses import dataclass
 
@@ -29,5 +29,5 @@ def unknown(name: str, model: Model) -> int:
     if name not in model.index:
         where = name.split(":", 1)[-1]
         near = [other for other in model.variables if where.split(":")[0] in other.split(":")][:6]
-        raise InputError(model.file, name, None, f"no such unknown; near it: {', '.join(near) or 'none'}")
+        raise InputError(model.file, name, None, f"no such unknown; similar: {', '.join(near) or 'none'}")
     return model.index[name]

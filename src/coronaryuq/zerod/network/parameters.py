@@ -1,4 +1,4 @@
-"""Parameters of each 0D element, by svZeroDSolver's names: which there are, which may be left out."""
+"""Parameters of each 0D element, by svZeroDSolver's names, and which of them are optional."""
 
 from dataclasses import dataclass
 

@@ -1,7 +1,7 @@
 """0D networks as svZeroDSolver JSON: reading, checking and writing them.
 
-A network is the plain dict that stands in the file. Checking names the file, the block and the key at fault, so that a
-network that passes can be solved; what an element means is in `zerod.elements`.
+A network that passes the checks can be solved; errors name the file, the block and the key at fault. The equations of
+each element are in `zerod.solver.elements`.
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""What the elements write into: the structure of E ẏ + F y + c = 0, and its values for every sample of a batch."""
+"""The system E ẏ + F y + c = 0 that the elements write: its structure, and its values for every sample of a batch."""
 
 from dataclasses import dataclass, field
 
@@ -24,7 +24,7 @@ _ELASTANCE = np.array(
 
 
 class Context:
-    """Where and for whom elements are written: parameter values (samples,) and the times of the steps of one cycle.
+    """Parameter values (samples,) and times of the steps of one cycle, for which elements are written.
 
     phases: time of each step over the cardiac period, (times,). Waveforms are read at phase times nominal period, so a
     changed period stretches them; activation and elastance use the sample's own period.
@@ -61,7 +61,7 @@ class Context:
         return np.broadcast_to(self._offsets.get(block.name, 1.0), (self.samples,))
 
     def series(self, block: Block, name: str) -> np.ndarray:
-        """Waveform at the steps: (1, times), the same for all samples, or (samples, times) where it was changed."""
+        """Return a waveform at the steps: (1, times), the same for all samples, or (samples, times) if changed."""
         if self.steady:
             return np.repeat(self.series_start(block, name, True)[:, None], self.phases.size, axis=1)
         changed = self._parameters.get(f"{block.name}.{name}")
@@ -71,14 +71,14 @@ class Context:
         return np.array([np.interp(phases, grid, row) for row in changed])
 
     def series_start(self, block: Block, name: str, steady: bool) -> np.ndarray:
-        """Waveform at time 0, or its plain mean for a steady state: (1,) or (samples,)."""
+        """Return a waveform's value at time 0, or its plain mean for a steady state: (1,) or (samples,)."""
         changed, series = self._parameters.get(f"{block.name}.{name}"), block.series[name]
         if changed is None:
             return np.array([series.mean if steady else float(series(np.zeros(1))[0])])
         return changed.mean(axis=1) if steady else changed[:, 0]
 
     def atrial_activation(self, block: Block) -> np.ndarray:
-        """A(t), (samples, times)."""
+        """Return A(t), (samples, times)."""
         tsa, tpwave = (value[:, None] for value in self.values(block, "Tsa", "tpwave"))
         period, time = self.period[:, None], self.time_in_cycle
         tsa, tpwave = period * tsa, period / tpwave

@@ -1,11 +1,11 @@
-"""Samples that march together, and where each of them sits in the groups that the kernels work on."""
+"""Samples that march together, and the lane that each has in the groups that the kernels work on."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from coronaryuq.zerod.solver.kernels import Record
-from coronaryuq.zerod.solver.lane_tables import Group, seat
+from coronaryuq.zerod.solver.kernel_tables import Record
+from coronaryuq.zerod.solver.lane_tables import Group, gather_lanes
 from coronaryuq.zerod.solver.lanes import LANES, table
 
 
@@ -13,10 +13,10 @@ from coronaryuq.zerod.solver.lanes import LANES, table
 class Batch:
     """Samples that march together: their state y, ẏ (n, 2 unknowns), tables of their groups, and their last cycle.
 
-    seats: which sample sits in each lane of each group, fewer than `LANES` in the last. failed_at: (n,) step at which a
-    sample failed in its last cycle, or nought. statistics: mean, least and greatest of the recorded unknowns, (n, ·)
-    each; floor, ceiling: range of every y; waves: (·, n, steps + 1) or empty, of samples that were kept. records: what
-    each group's last cycle left.
+    seats: the sample in each lane of each group, fewer than `LANES` in the last. failed_at: (n,) step at which a sample
+    failed in its last cycle, or 0. statistics: mean, minimum and maximum of the recorded unknowns, (n, ·) each. floor,
+    ceiling: range of every y. waves: (·, n, steps + 1) or empty, of samples whose waves were kept. records: of each
+    group's last cycle.
     """
 
     parameters: dict[str, np.ndarray]
@@ -31,8 +31,8 @@ class Batch:
     waves: np.ndarray = field(default_factory=lambda: np.empty((0, 0, 0)))
     records: list[Record] = field(default_factory=list)
 
-    def make_room(self, recorded: np.ndarray, steps: int, waves: bool) -> None:
-        """For cycles of so many steps; recorded: stacked unknowns whose statistics, and waves if wanted, are kept."""
+    def allocate_records(self, recorded: np.ndarray, steps: int, waves: bool) -> None:
+        """Allocate statistics, and waves if wanted, of the stacked unknowns `recorded` for cycles of `steps` steps."""
         samples, size = len(self.state), self.state.shape[1] // 2
         self.statistics = tuple(np.full((samples, len(recorded)), np.nan) for _ in range(3))
         self.floor, self.ceiling = np.zeros((samples, size)), np.zeros((samples, size))
@@ -51,18 +51,18 @@ class Batch:
         ]
 
     def keep_waves(self, done: np.ndarray) -> None:
-        """Of the samples of `done` (n,), from their groups' last cycle."""
+        """Keep the waves of the samples of `done` (n,) from their groups' last cycle."""
         for seats, record in zip(self.seats, self.records, strict=False):
             lanes = np.nonzero(done[seats])[0]
             if lanes.size and len(self.waves):
                 self.waves[:, seats[lanes]] = record.waves[:, :, lanes].transpose(1, 2, 0)
 
     def close_ranks(self, live: np.ndarray) -> None:
-        """Seat the samples of `live` (n,) in as few groups as hold them; lanes compute alike, so no number changes."""
+        """Move the samples of `live` (n,) into as few groups as possible; lanes compute alike, so no number changes."""
         places = [(k, int(lane)) for k, seats in enumerate(self.seats) for lane in np.nonzero(live[seats])[0]]
         needed = -(-len(places) // LANES)
         if needed == len({k for k, _ in places}):
             return
         parts = [places[k * LANES : (k + 1) * LANES] for k in range(needed)]
         seats = [np.array([self.seats[k][lane] for k, lane in part]) for part in parts]
-        self.groups, self.seats = [seat(self.groups, part) for part in parts], seats
+        self.groups, self.seats = [gather_lanes(self.groups, part) for part in parts], seats

@@ -1,4 +1,4 @@
-"""How much blood a closed loop holds: the one quantity that its equations conserve."""
+"""Blood volume of a closed loop, the only quantity that its equations conserve."""
 
 from collections.abc import Mapping
 
@@ -10,17 +10,16 @@ from coronaryuq.zerod.network.numbering import INTERNAL, Block, Model
 class BloodVolume:
     """Stressed volume (mL) of a closed loop, as a function of its state and of changed parameters.
 
-    Every compliance holds C times its pressure, chambers and intramyocardial compartments hold their volume.
-    Pressures at compliances are those that each element's equations differentiate; what enters leaves, so the sum
-    stays. The pulmonary compliance is not part of it, because svZeroDSolver fills the left atrium with the flow out
-    of the right ventricle.
+    Every compliance holds C times the pressure that its element's equations differentiate; chambers and intramyocardial
+    compartments hold their volume. The sum is constant in time. The pulmonary compliance is not part of it, because
+    svZeroDSolver fills the left atrium with the flow out of the right ventricle.
     """
 
     def __init__(self, model: Model):
         self.model = model
 
-    def of(self, state: np.ndarray, changes: Mapping[str, np.ndarray | float] | None = None) -> np.ndarray:
-        """Volume (n,) of states (n, unknowns) with `"BLOCK.parameter"` changes (n,) or scalar."""
+    def evaluate(self, state: np.ndarray, changes: Mapping[str, np.ndarray | float] | None = None) -> np.ndarray:
+        """Return the volume (n,) of states (n, unknowns) with `"BLOCK.parameter"` changes (n,) or scalar."""
         changes = changes or {}
         total = np.zeros(len(state))
         for block in self.model.blocks.values():
@@ -30,8 +29,8 @@ class BloodVolume:
                 total = total + holds(block, state, _Parameters(block, changes))
         return total
 
-    def filled(self, state: np.ndarray, volume: np.ndarray) -> np.ndarray:
-        """States (n, unknowns) with so much more blood (n,), mL, in the right atrium; loops with a heart only."""
+    def with_blood_added(self, state: np.ndarray, volume: np.ndarray) -> np.ndarray:
+        """Return states (n, unknowns) of a loop with a heart, with `volume` (n,) mL more blood in the right atrium."""
         heart = next(b for b in self.model.blocks.values() if b.kind == "ClosedLoopHeartAndPulmonary")
         names = INTERNAL[heart.kind]
         state = state.copy()
@@ -51,7 +50,7 @@ class _Parameters:
 
 
 def _behind(block: Block, state: np.ndarray, resistance) -> np.ndarray:
-    """Pressure behind a resistance at the block's inlet."""
+    """Return the pressure behind a resistance at the block's inlet."""
     flow = block.inlets[0]
     return state[:, flow + 1] - resistance * state[:, flow]
 

@@ -16,7 +16,8 @@ from coronaryuq.zerod.network.numbering import Block
 from coronaryuq.zerod.solver.assembly import Assembly, Context
 from coronaryuq.zerod.solver.elements import ELEMENTS
 from coronaryuq.zerod.solver.engine import Engine
-from coronaryuq.zerod.solver.kernels import Record, march
+from coronaryuq.zerod.solver.kernel_tables import Record
+from coronaryuq.zerod.solver.kernels import march
 from coronaryuq.zerod.solver.lane_tables import fill
 from coronaryuq.zerod.solver.lanes import LANES, table
 from coronaryuq.zerod.solver.tables import make_program, write_elements
@@ -25,13 +26,13 @@ _CAP = "CapOf3D"
 """Kind of a FLOW block that stands for a cap."""
 
 
-def _cap(block: Block, at: Context, system: Assembly) -> None:
-    """q_i + σ_i Σ_j S_ij P_j = σ_i c_i, with q_i = σ_i Q_i; c_i changes from step to step."""
+def _cap(block: Block, context: Context, system: Assembly) -> None:
+    """Write q_i + σ_i Σ_j S_ij P_j = σ_i c_i, with q_i = σ_i Q_i; c_i changes from step to step."""
     row = block.equations[0]
     system.F(row, block.variables[1], 1.0)
-    for other in at.model.blocks.values():
+    for other in context.model.blocks.values():
         if other.kind == _CAP:
-            (weight,) = at.values(block, f"admittance:{other.name}")
+            (weight,) = context.values(block, f"admittance:{other.name}")
             system.F(row, other.variables[0], weight)
 
 
@@ -90,13 +91,13 @@ class CoupledNetwork:
         elements = {**ELEMENTS, _CAP: _cap}
         program = make_program(self.model, Context(self.model, zero, 1, phases), self.scheme, step, elements=elements)
         arrays = {name: np.asarray(value, float) for name, value in changes.items()}
-        at = Context(self.model, arrays, samples, phases)
-        if np.ptp(at.period) > 0:
+        context = Context(self.model, arrays, samples, phases)
+        if np.ptp(context.period) > 0:
             raise InputError(file, "cardiac_cycle_period", None, "coupled samples must share one period")
         group = fill(
             program,
-            write_elements(self.model, at, elements),
-            at.period,
+            write_elements(self.model, context, elements),
+            context.period,
             steps_per_cycle,
             self.scheme,
             slice(0, samples),
@@ -123,19 +124,34 @@ class CoupledNetwork:
         self.failed[:] = 0.0
 
     def cap_values(self) -> tuple[np.ndarray, np.ndarray]:
-        """Pressures (dyn/cm2) at the caps and flows out of the domain (mL/s): (caps, samples)."""
+        """Return pressures (dyn/cm2) at the caps and flows out of the domain (mL/s): (caps, samples)."""
         pressure = self.state[self._pressure, : self.samples]
         return pressure, self._sign * self.state[self._flow, : self.samples]
 
     def rows(self, names: Sequence[str]) -> np.ndarray:
-        """Row of `state` of each unknown, (k,)."""
+        """Return the row of `state` of each unknown, (k,)."""
         for name in names:
             if name not in self.model.index:
                 raise InputError(self.model.file, name, None, "no such unknown in the coupled network")
         return np.array([self.model.index[name] for name in names], dtype=np.int64)
 
     def advance(self, flow: np.ndarray, admittance: np.ndarray, pressure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """One step of both sides: cap flows out of the domain and pressures, (caps, samples), at its end."""
+        """Advance the network by one step with the domain's condensed step.
+
+        Parameters
+        ----------
+        flow : array (caps, samples)
+            Q₀: flows out of the domain (mL/s) at the end of the step if the cap pressures stayed at `pressure`.
+        admittance : array (caps, caps)
+            S, mL/s per dyn/cm2; must be the one that this network was prepared for.
+        pressure : array (caps, samples)
+            P_old, dyn/cm2.
+
+        Returns
+        -------
+        flow, pressure : array (caps, samples)
+            Of the caps at the end of the step.
+        """
         if not np.array_equal(admittance, self._admittance):
             raise ValueError("the domain's admittance is not the one that this network was prepared for")
         at_end = flow + _apply(admittance, pressure)
@@ -156,7 +172,7 @@ class CoupledNetwork:
 
 
 def _apply(matrix: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """matrix @ columns with a fixed order of summation, whatever the number of columns."""
+    """Compute matrix @ columns with an order of summation that does not depend on the number of columns."""
     total = np.zeros_like(columns)
     for j in range(matrix.shape[1]):
         total += matrix[:, j, None] * columns[j]

@@ -17,7 +17,7 @@ Write = Callable[[Block, Context, Assembly], None]
 
 
 def blood_vessel(block: Block, at: Context, system: Assembly) -> None:
-    """Resistance, stenosis and inertance in series, compliance behind the resistance:
+    """Write a vessel: resistance, stenosis and inertance in series, compliance behind the resistance.
 
     P_in − P_out − (R + S|Q_in|) Q_in − L dQ_out/dt = 0,  Q_in − Q_out − C dP_in/dt + C (R + 2S|Q_in|) dQ_in/dt = 0.
     """
@@ -36,7 +36,7 @@ def blood_vessel(block: Block, at: Context, system: Assembly) -> None:
 
 
 def blood_vessel_crl(block: Block, at: Context, system: Assembly) -> None:
-    """Compliance at the inlet, then resistance, stenosis and inertance, all three carrying Q_out:
+    """Write a vessel with compliance at the inlet, then resistance, stenosis and inertance carrying Q_out.
 
     P_in − P_out − (R + S|Q_out|) Q_out − L dQ_out/dt = 0,  Q_in − Q_out − C dP_in/dt = 0.
     """
@@ -53,7 +53,7 @@ def blood_vessel_crl(block: Block, at: Context, system: Assembly) -> None:
 
 
 def blood_vessel_rc(block: Block, at: Context, system: Assembly) -> None:
-    """Cp dP_in/dt + (P_in − P_out)/Rpd − Q_in = 0,  Q_in − Q_out = 0."""
+    """Write Cp dP_in/dt + (P_in − P_out)/Rpd − Q_in = 0,  Q_in − Q_out = 0."""
     (storage, mass), (p_in, q_in, p_out, q_out) = block.equations, block.variables
     rpd, cp = at.values(block, "Rpd", "Cp")
     system.E(storage, p_in, cp)
@@ -65,7 +65,7 @@ def blood_vessel_rc(block: Block, at: Context, system: Assembly) -> None:
 
 
 def junction(block: Block, at: Context, system: Assembly) -> None:
-    """One pressure at all ends, flows in equal to flows out."""
+    """Write one pressure at all ends, and flows in equal to flows out."""
     ends = len(block.inlets) + len(block.outlets)
     for end in range(1, ends):
         system.F(block.equations[end - 1], block.variables[0], 1.0)
@@ -75,7 +75,7 @@ def junction(block: Block, at: Context, system: Assembly) -> None:
 
 
 def blood_vessel_junction(block: Block, at: Context, system: Assembly) -> None:
-    """One inlet; to each outlet a branch of its own: P_in − P_i − (R_i + S_i|Q_i|) Q_i − L_i dQ_i/dt = 0."""
+    """Write one inlet with a branch to each outlet: P_in − P_i − (R_i + S_i|Q_i|) Q_i − L_i dQ_i/dt = 0."""
     mass, *branches = block.equations
     p_in, q_in = block.variables[:2]
     system.F(mass, q_in, 1.0)
@@ -91,19 +91,19 @@ def blood_vessel_junction(block: Block, at: Context, system: Assembly) -> None:
 
 
 def flow(block: Block, at: Context, system: Assembly) -> None:
-    """Q = Q(t)."""
+    """Write Q = Q(t)."""
     system.F(block.equations[0], block.variables[1], 1.0)
     system.c_time(block.equations[0], -1.0, at.series(block, "Q"))
 
 
 def pressure(block: Block, at: Context, system: Assembly) -> None:
-    """P = P(t)."""
+    """Write P = P(t)."""
     system.F(block.equations[0], block.variables[0], 1.0)
     system.c_time(block.equations[0], -1.0, at.series(block, "P"))
 
 
 def resistance(block: Block, at: Context, system: Assembly) -> None:
-    """P − R Q − Pd = 0."""
+    """Write P − R Q − Pd = 0."""
     r, pd = at.values(block, "R", "Pd")
     system.F(block.equations[0], block.variables[0], 1.0)
     system.F(block.equations[0], block.variables[1], -r)
@@ -111,7 +111,10 @@ def resistance(block: Block, at: Context, system: Assembly) -> None:
 
 
 def rcr(block: Block, at: Context, system: Assembly) -> None:
-    """Windkessel: P − Rp Q − P_c = 0,  Rd Q − P_c + Pd − Rd C dP_c/dt = 0. The steady initial state has C = 0."""
+    """Write a Windkessel: P − Rp Q − P_c = 0,  Rd Q − P_c + Pd − Rd C dP_c/dt = 0.
+
+    The steady initial state has C = 0.
+    """
     (proximal, distal), (p, q, p_c) = block.equations, block.variables
     rp, c, rd, pd = at.values(block, "Rp", "C", "Rd", "Pd")
     system.F(proximal, p, 1.0)
@@ -125,7 +128,7 @@ def rcr(block: Block, at: Context, system: Assembly) -> None:
 
 
 def open_loop_coronary(block: Block, at: Context, system: Assembly) -> None:
-    """Coronary bed Ra, Ca, Ram, Cim, Rv against myocardial pressure Pim(t) and venous pressure Pv (Kim et al. 2010).
+    """Write a coronary bed Ra, Ca, Ram, Cim, Rv with myocardial pressure Pim(t) and venous pressure Pv (Kim 2010).
 
     Cim Rv Q − V − Ca Cim Rv dP/dt + Ra Ca Cim Rv dQ/dt − Cim Rv dV/dt + Cim (Pv − Pim + o) = 0
     Cim Rv P − Cim Rv Ra Q − (Rv + Ram) V − Cim Rv Ram dV/dt + Ram Cim Pv − Cim (Rv + Ram) (Pim − o) = 0
@@ -169,7 +172,7 @@ def open_loop_coronary(block: Block, at: Context, system: Assembly) -> None:
 
 
 def varying_ram(block: Block, at: Context) -> np.ndarray:
-    """Ram over the cycle, (samples, times): √Ram goes from √min to √max and back, as half cosines."""
+    """Return Ram over the cycle, (samples, times): √Ram goes from √min to √max and back, as half cosines."""
     low, high, contraction, relaxation = (
         value[:, None] for value in at.values(block, "Ra2_min", "Ra2_max", "T_vc", "T_vr")
     )
@@ -181,13 +184,13 @@ def varying_ram(block: Block, at: Context) -> np.ndarray:
 
 
 def initial_ram(block: Block, at: Context) -> np.ndarray:
-    """Ram at time 0, (samples,)."""
+    """Return Ram at time 0, (samples,)."""
     (ram,) = at.values(block, "Ra2" if block.kind == "CORONARY" else "Ra2_min")
     return ram
 
 
 def coronary_offset(block: Block, at: Context, y: np.ndarray, ydot: np.ndarray, steady_initial: bool) -> np.ndarray:
-    """Pim − P_Cim at the initial state (samples,); y, ydot: (samples, unknowns)."""
+    """Return Pim − P_Cim at the initial state (samples,); y, ydot: (samples, unknowns)."""
     p, q, _ = block.variables
     ra, ca = at.values(block, "Ra1", "Ca")
     p_ca = y[:, p] - ra * y[:, q]
@@ -198,7 +201,7 @@ def coronary_offset(block: Block, at: Context, y: np.ndarray, ydot: np.ndarray, 
 
 
 def closed_loop_rcr(block: Block, at: Context, system: Assembly) -> None:
-    """C dP_c/dt + Q_out − Q_in = 0,  P_in − P_c − Rp Q_in = 0,  P_c − P_out − Rd Q_out = 0."""
+    """Write C dP_c/dt + Q_out − Q_in = 0,  P_in − P_c − Rp Q_in = 0,  P_c − P_out − Rd Q_out = 0."""
     (storage, proximal, distal), (p_in, q_in, p_out, q_out, p_c) = block.equations, block.variables
     rp, c, rd = at.values(block, "Rp", "C", "Rd")
     system.F(storage, q_in, -1.0)
@@ -214,7 +217,7 @@ def closed_loop_rcr(block: Block, at: Context, system: Assembly) -> None:
 
 
 def closed_loop_coronary(block: Block, at: Context, system: Assembly) -> None:
-    """Coronary bed between vessel and heart, squeezed by its ventricle (P_im = im · P_ventricle; Sankaran et al. 2012).
+    """Write a coronary bed between vessel and heart, with P_im = im · P_ventricle (Sankaran et al. 2012).
 
     −P_in + (Ra + Ram) Q_in + P_out + Rv Q_out − Ram Ca dP_in/dt + Ram Ra Ca dQ_in/dt = 0
     Q_in − Q_out − Ca dP_in/dt + Ca Ra dQ_in/dt − dV/dt = 0
@@ -246,11 +249,11 @@ def closed_loop_coronary(block: Block, at: Context, system: Assembly) -> None:
 
 
 def heart_and_pulmonary(block: Block, at: Context, system: Assembly) -> None:
-    """Four chambers, four diode valves with inertance and resistance, a pulmonary RC (Sankaran et al. 2012).
+    """Write four chambers, four diode valves with inertance and resistance, a pulmonary RC (Sankaran et al. 2012).
 
     Ventricles: P = E(t) (V − V_u). Atria: P = A(t) Emax (V − V_aso) + (1 − A(t)) Kxp (exp(Kxv (V − V_aso)) − 1).
-    A valve is shut when the pressure across it is adverse and no flow passes; then its flow is nought. An extension of
-    svZeroDSolver's: the aortic valve leaks Gao_leak (P_ao − P_lv), shut or open; nought unless the network gives it.
+    A valve is shut when the pressure across it is adverse and no flow passes; then its flow is zero. Our extension: the
+    aortic valve leaks Gao_leak (P_ao − P_lv), shut or open; Gao_leak is zero unless the network gives it.
     """
     e = block.equations
     (p_ra, q_return, p_ao, q_ao, v_ra, q_ra, p_rv, v_rv, q_rv, p_pul, p_la, v_la, q_la, p_lv, v_lv, q_lv) = (

@@ -2,7 +2,7 @@
 
 Unknowns are split in two. The interior has equations and unknowns whose coefficients never change in time; it is
 eliminated first and once per sample, leaving its Schur complement on the border, where heart, valves, stenoses and
-whatever else changes live. Only the border is factorised and solved again in each Newton iteration.
+whatever else changes. Only the border is factorised and solved again in each Newton iteration.
 """
 
 from dataclasses import dataclass
@@ -45,10 +45,10 @@ class Tape:
     def forward_of(self, first: int, last: int) -> list[list[tuple[int, int]]]:
         """List for each row the (slot, pivot row) that pivots `first` to `last` subtract from its right side."""
         position = {int(row): p for p, row in enumerate(self.pivots[:, 0])}
-        found: list[list[tuple[int, int]]] = [[] for _ in self.pivots]
+        operations: list[list[tuple[int, int]]] = [[] for _ in self.pivots]
         for row, slot, pivot_row in self.forward[self.forward_first[first] : self.forward_first[last]]:
-            found[position[int(row)]].append((int(slot), int(pivot_row)))
-        return found
+            operations[position[int(row)]].append((int(slot), int(pivot_row)))
+        return operations
 
     def backward_of(self, p: int) -> list[tuple[int, int]]:
         """List the (slot, column) of pivot p's row to the right of its pivot."""
@@ -67,9 +67,9 @@ class Singular(ValueError):
 def eliminate(scenarios: np.ndarray, pattern: np.ndarray, inner_rows: np.ndarray, inner_columns: np.ndarray) -> Tape:
     """Order by Markowitz with threshold pivoting, interior before border.
 
-    scenarios: (k, n, n + m) matrices that the order must suit, all of them. pattern: (n, n + m) where entries may be
-    nonzero. The last m columns are carried through the interior's elimination and left alone by the border's.
-    inner_rows, inner_columns: (n,) which equations and unknowns may belong to the interior. Raises `Singular`.
+    scenarios: (k, n, n + m) matrices for all of which the order must be stable. pattern: (n, n + m) possible
+    nonzero entries. The last m columns take part in the interior's elimination, but not in the border's. inner_rows,
+    inner_columns: (n,) equations and unknowns that may belong to the interior. Raises `Singular`.
     """
     n = len(pattern)
     matrix = np.ascontiguousarray(_equilibrated(scenarios, pattern)[:, :, :n])
@@ -222,20 +222,20 @@ def _operations(places, interior, slot):
 def _backward(places, interior, slot):
     """List `backward` of a tape, pivot by pivot, last unknown first, and where each pivot's part starts, (n + 1,)."""
     n, width = slot.shape
-    found, first = [(0, 0, 0)], np.zeros(n + 1, np.int64)
+    operations, first = [(0, 0, 0)], np.zeros(n + 1, np.int64)
     for step in range(n):
         row = places[step, 0]
         # Carried columns count as eliminated last, and only by the interior.
         if step < interior:
             for column in range(width - 1, n - 1, -1):
                 if slot[row, column] >= 0:
-                    found.append((row, slot[row, column], column))
+                    operations.append((row, slot[row, column], column))
         for later in range(n - 1, step, -1):
             column = places[later, 1]
             if slot[row, column] >= 0:
-                found.append((row, slot[row, column], column))
-        first[step + 1] = len(found) - 1
-    return np.array(found)[1:], first
+                operations.append((row, slot[row, column], column))
+        first[step + 1] = len(operations) - 1
+    return np.array(operations)[1:], first
 
 
 def _equilibrated(scenarios: np.ndarray, pattern: np.ndarray, sweeps: int = 5) -> np.ndarray:

@@ -6,9 +6,7 @@ with constant coefficients, so that once their residual at the predictor is know
 step solve them exactly; Newton's loop sees only the border.
 """
 
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import Any
 
 from coronaryuq.core.jit import numba
 from coronaryuq.core.simd import (
@@ -24,118 +22,17 @@ from coronaryuq.core.simd import (
 )
 from coronaryuq.zerod.solver.lanes import load, splat
 
-
-class Structure(NamedTuple):
-    """Index tables of one network, uint32; rows and columns number equations and unknowns, pivots the elimination.
-
-    Stacked unknowns are y, then ẏ, so that n + j is ẏ_j. A list "of x" has its ends in `x_first`, one more than there
-    are x. The border's matrix of one step is one table: its entries as they stand at the start of the step, then those
-    entries that depend on the solution, then the entries of its factors.
-    """
-
-    pivots: np.ndarray  # (n, 2) row, column, interior first
-    terms_first: np.ndarray
-    terms: np.ndarray  # stacked unknown of each term, of pivots' rows
-    constant_rows: np.ndarray  # rows whose constant changes in time
-    constant_first: np.ndarray
-    constant_shape: np.ndarray
-    matrix_time: np.ndarray  # row, stacked column, shape, border entry
-    forward_first: np.ndarray
-    forward: np.ndarray  # slot, pivot: interior pivots that a pivot's row needs
-    backward_first: np.ndarray
-    backward: np.ndarray  # slot, column, of interior pivots
-    border: np.ndarray  # slot of each border entry
-    product_first: np.ndarray
-    product: np.ndarray  # border entry, column, of border rows
-    lagged: np.ndarray  # unknowns whose increments some rows see one iteration late
-    lagged_border: np.ndarray  # slot, border row, number in `lagged`
-    square: np.ndarray  # border row, column, entry, place in table
-    square_rate: np.ndarray
-    exponential: np.ndarray  # border row, column, entry, place in table, shape
-    valve: np.ndarray  # upstream pressure, downstream pressure, flow
-    valve_term: np.ndarray  # border row, column, entry, place in table, valve
-    factor_first: np.ndarray  # (pivots + 1, 2): first upper and first lower target of each border pivot
-    factor: np.ndarray  # source, destination of each target, in order: pivot, upper row, lower column
-    pairs_first: np.ndarray
-    pairs: np.ndarray  # lower, upper: what each target subtracts
-    border_forward_first: np.ndarray
-    border_forward: np.ndarray  # place, border pivot
-    border_backward_first: np.ndarray
-    border_backward: np.ndarray  # place, column
-
-
-class Values(NamedTuple):
-    """Float tables of one group of samples, (·, LANES)."""
-
-    terms: np.ndarray  # coefficients of `Structure.terms` at the predictor
-    matrix: np.ndarray  # slots: constant part of the Jacobian, interior eliminated
-    inverse: np.ndarray  # one over each interior pivot
-    constant: np.ndarray  # c of each row
-    constant_time: np.ndarray
-    matrix_time: np.ndarray
-    shapes: np.ndarray  # (shapes × times)
-    square: np.ndarray
-    square_rate: np.ndarray
-    exponential: np.ndarray  # three rows each: scale, rate, rest
-    valve_term: np.ndarray
-    lagged: np.ndarray  # largest coefficient by which a row sees each lagged unknown's increment
-    step: np.ndarray  # one row: γ Δt, factor from ẏ's increment to y's
-
-
-class Work(NamedTuple):
-    """Scratch tables of one group, (·, LANES)."""
-
-    constant: np.ndarray  # c of each row at the step
-    reduced: np.ndarray  # right-hand side of each pivot, interior eliminated
-    linear: np.ndarray  # border rows: residual without the solution-dependent terms
-    residual: np.ndarray  # border rows: residual, then right-hand side of the solve
-    increment: np.ndarray
-    total: np.ndarray  # sums of increments; after the unknowns, those of the lagged ones that have been seen
-    matrix: np.ndarray  # see `Structure`
-    inverse: np.ndarray  # one over each border pivot
-    slope: np.ndarray  # derivatives of the solution-dependent terms, in order
-    open: np.ndarray  # valve positions
-    factored: np.ndarray  # valve positions when the border was factorised
-    flow: np.ndarray  # valve flows at the end of the step
-
-
-class Record(NamedTuple):
-    """What is kept of the steps: of `unknowns` (stacked) the trapezoidal mean, least and greatest, and the waveform.
-
-    waves is (steps + 1, unknowns, LANES), or empty. floor and ceiling are the least and greatest of every y, looked at
-    every `STRIDE` steps.
-    """
-
-    unknowns: np.ndarray
-    mean: np.ndarray
-    least: np.ndarray
-    greatest: np.ndarray
-    waves: np.ndarray
-    floor: np.ndarray
-    ceiling: np.ndarray
-
-
 STRIDE = 8
 _FRESH = 2
-"""Newton solves of a step that factorise the border anew; later ones do so only in samples where a valve has moved."""
+"""First Newton solves of a step, which factorise the border anew; later ones do so only where a valve has moved."""
 _PATIENCE = 10
-"""Solves of a step after which every further one factorises anew: slopes of a strong quadratic loss change too much
-for factors of the first iterations to serve."""
-
-
-class Scheme(NamedTuple):
-    """Constants of generalised-α and of Newton's loop."""
-
-    alpha_m: float
-    alpha_f: float
-    gamma: float
-    tolerance: float
-    iterations: int
+"""Solves of a step after which every further one factorises anew: with a strong quadratic loss, slopes change too much
+for the first iterations' factors."""
 
 
 @numba.njit(inline="always")
 def _exponential(x):
-    """exp(x) to about one unit in the last place: 2^k exp(r), |r| ≤ ln 2 / 2, by Taylor's series."""
+    """Compute exp(x) to about one unit in the last place: 2^k exp(r), |r| ≤ ln 2 / 2, by Taylor's series."""
     x = choose(less(x, splat(-700.0)), splat(-700.0), choose(less(splat(700.0), x), splat(700.0), x))
     k = nearest(x * 1.4426950408889634)
     r = x - k * 0.6931471803691238
@@ -177,9 +74,9 @@ def condense(pivots, divide, update, first, matrix, inverse):
 
 @numba.njit(**KERNEL)
 def _predict(s, v, w, state, scheme, time, times):
-    """Residuals at the predictor without solution-dependent terms, interior eliminated; their largest in the interior.
+    """Compute residuals at the predictor without solution-dependent terms, with the interior eliminated.
 
-    Also the border's matrix of the step.
+    Also sets up the border's matrix of the step. Returns the largest residual of the interior.
     """
     n, interior = v.constant.shape[0], v.inverse.shape[0]
     for k in range(s.constant_rows.shape[0]):
@@ -194,7 +91,7 @@ def _predict(s, v, w, state, scheme, time, times):
         for k in range(s.terms_first[p], s.terms_first[p + 1]):
             sum_ = sum_ - load(v.terms, k) * load(state, s.terms[k])
         if p < interior:
-            # Maxima forget NaN; nought times the value does not.
+            # A maximum drops NaN; zero times the value keeps it.
             poison = poison + sum_ * 0.0
             size = absolute(sum_)
             largest = choose(less(largest, size), size, largest)
@@ -222,7 +119,7 @@ def _predict(s, v, w, state, scheme, time, times):
 
 @numba.njit(**KERNEL)
 def _subtract_solution_dependent(s, v, w, state, scheme, time, times):
-    """Take the solution-dependent terms at the present iterate from w.residual; their derivatives into w.slope."""
+    """Subtract the solution-dependent terms at the present iterate from w.residual; write derivatives to w.slope."""
     n = v.constant.shape[0]
     to_y, to_rate = (load(v.step, 0) * scheme.alpha_f, 1.0 - scheme.alpha_m / scheme.gamma)
     slope = 0
@@ -278,7 +175,7 @@ def _put(table, row, value, which, everywhere):
 
 @numba.njit(inline="always")
 def _put_slopes(terms, w, first, which, everywhere):
-    """Entries that one kind of term adds its derivative to; the program gives every such entry to one term."""
+    """Add the derivatives of one kind of term to the matrix; every such entry belongs to one term only."""
     for k in range(terms.shape[0]):
         value = load(w.matrix, terms[k, 2]) + load(w.slope, first + k)
         _put(w.matrix, terms[k, 3], value, which, everywhere)
@@ -287,7 +184,7 @@ def _put_slopes(terms, w, first, which, everywhere):
 
 @numba.njit(**KERNEL)
 def _factorise(s, w, which, everywhere):
-    """Factors of the border's matrix at the present slopes (Crout's order), in the lanes of `which` or everywhere."""
+    """Factorise the border's matrix at the present slopes (Crout's order), in the lanes of `which` or everywhere."""
     slope = _put_slopes(s.valve_term, w, 0, which, everywhere)
     slope = _put_slopes(s.square, w, slope, which, everywhere)
     slope = _put_slopes(s.square_rate, w, slope, which, everywhere)
@@ -310,7 +207,7 @@ def _factorise(s, w, which, everywhere):
 
 @numba.njit(**KERNEL)
 def _solve_border(s, w, interior, going):
-    """Solve the border for w.residual; increments of lanes that are `going`, and their totals."""
+    """Solve the border for w.residual; add the increments of lanes that are `going` to their totals."""
     size = w.inverse.shape[0]
     for p in range(size):
         sum_ = load(w.residual, p)
@@ -330,7 +227,7 @@ def _solve_border(s, w, interior, going):
 
 @numba.njit(**KERNEL)
 def _finish(s, v, w, state, scheme, moving):
-    """Interior increments from those of the border, and the new state of both."""
+    """Compute interior increments from those of the border, and the new state of both."""
     n, interior = v.constant.shape[0], v.inverse.shape[0]
     to_y, keep = load(v.step, 0), 1.0 - 1.0 / scheme.gamma
     for place in range(interior):
@@ -350,7 +247,7 @@ def _finish(s, v, w, state, scheme, moving):
 
 @numba.njit(**KERNEL)
 def _step(s, v, w, state, scheme, time, times, sound):
-    """One time step; returns the number of solves, and marks lanes that did not converge."""
+    """Take one time step; return the number of solves and the lanes that did not converge."""
     n, interior = v.constant.shape[0], v.inverse.shape[0]
     size = n - interior
     to_y = load(v.step, 0)
@@ -434,8 +331,8 @@ def _step(s, v, w, state, scheme, time, times, sound):
 def march(s, v, w, state, scheme, steps, times, failed, record, counts):
     """Advance `state` (2n, LANES) by `steps` steps from the start of a cycle; `times` steps make a cycle.
 
-    failed: (1, LANES), nonzero in lanes that did not converge and are no longer advanced; it takes the number of the
-    step (from 1) at which a lane failed. counts: [solves] of this group, added to.
+    failed: (1, LANES), step (from 1) at which a lane did not converge, or 0; failed lanes are no longer advanced.
+    counts: [solves] of this group, incremented.
     """
     share = 1.0 / steps
     for row in range(v.constant.shape[0]):
@@ -452,10 +349,10 @@ def march(s, v, w, state, scheme, steps, times, failed, record, counts):
         store(record.ceiling, k, load(state, k))
     for step in range(steps):
         sound = less_equal(load(failed, 0), splat(0.0))
-        solves, astray = _step(s, v, w, state, scheme, step % times, times, sound)
+        solves, unconverged = _step(s, v, w, state, scheme, step % times, times, sound)
         counts[0] += solves
-        if any_lane(astray):
-            store(failed, 0, choose(astray, splat(step + 1.0), load(failed, 0)))
+        if any_lane(unconverged):
+            store(failed, 0, choose(unconverged, splat(step + 1.0), load(failed, 0)))
         weight = share if step < steps - 1 else 0.5 * share
         for k in range(record.unknowns.shape[0]):
             value = load(state, record.unknowns[k])

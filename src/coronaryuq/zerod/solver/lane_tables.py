@@ -6,7 +6,8 @@ import numpy as np
 
 from coronaryuq.zerod.solver.assembly import Assembly
 from coronaryuq.zerod.solver.elimination import Tape
-from coronaryuq.zerod.solver.kernels import Scheme, Values, Work, condense
+from coronaryuq.zerod.solver.kernel_tables import Scheme, Values, Work
+from coronaryuq.zerod.solver.kernels import condense
 from coronaryuq.zerod.solver.lanes import LANES, table
 from coronaryuq.zerod.solver.tables import Program, by_row
 
@@ -92,7 +93,7 @@ def fill(program: Program, system: Assembly, periods: np.ndarray, times: int, sc
     return Group(values, work)
 
 
-def seat(groups: list[Group], places: list[tuple[int, int]]) -> Group:
+def gather_lanes(groups: list[Group], places: list[tuple[int, int]]) -> Group:
     """Collect lanes of other groups, at most LANES, each as (group, lane), in one; idle lanes repeat the first."""
     places = [*places, *[places[0]] * (LANES - len(places))]
     values = []

@@ -8,10 +8,10 @@ from coronaryuq.zerod.solver.elimination import Tape
 
 
 class Border:
-    """The border's part of a tape; `rows` gives the places of a kind of term.
+    """The border's part of a tape; `rows` returns the places of a kind of term.
 
-    Its matrix of one step is one table of rows: `size` entries as they stand at the start of a step, one row of
-    noughts, the `sloped` entries that get derivatives added, and what the factorisation computes.
+    Its matrix of one step is one table of rows: the entries at the start of a step, one row of zeros, the `sloped`
+    entries to which derivatives are added, and the entries of the factors; `size` rows in all.
     """
 
     def __init__(self, tape: Tape, rows):
@@ -27,7 +27,7 @@ class Border:
         ]
         self.slots = np.array(inner, dtype=np.int64)
         self._entry = {places[slot]: k for k, slot in enumerate(inner)}
-        nought = len(inner)
+        zero_row = len(inner)
         dependent = [
             tuple(map(int, place))
             for kind, width in (("f_valve", 3), ("square", 2), ("square_rate", 2), ("exponentials", 3))
@@ -35,16 +35,16 @@ class Border:
         ]
         if len(set(dependent)) < len(dependent):
             raise ValueError("two solution-dependent terms share an entry of the Jacobian")
-        self.sloped = {place: nought + 1 + k for k, place in enumerate(dependent)}
+        self.sloped = {place: zero_row + 1 + k for k, place in enumerate(dependent)}
         updates: dict[int, list[tuple[int, int]]] = {}
         for target, factor, entry in tape.update[tape.update_first[m] : tape.update_first[n]]:
             updates.setdefault(int(target), []).append((int(factor), int(entry)))
-        first_free = nought + 1 + len(dependent)
+        first_free = zero_row + 1 + len(dependent)
         computed: dict[int, int] = {}
 
         def source(slot: int) -> int:
             place = places[slot]
-            return self.sloped[place] if place in self.sloped else self._entry.get(place, nought)
+            return self.sloped[place] if place in self.sloped else self._entry.get(place, zero_row)
 
         def place_of(slot: int) -> int:
             return computed[slot] if slot in computed else source(slot)
@@ -64,13 +64,13 @@ class Border:
         factor_first.append((len(factor), len(factor)))
         self.factor_first = np.array(factor_first, dtype=np.int64)
         self.factor = np.array(factor, dtype=np.int64).reshape(-1, 2)
-        self.pairs, self.pairs_first = lists(pairs, 2)
+        self.pairs, self.pairs_first = flatten(pairs, 2)
         self.size = first_free + len(computed)
         pivot = {int(row): p for p, row in enumerate(tape.pivots[m:, 0])}
-        self.forward, self.forward_first = lists(
-            [[(place_of(slot), pivot[row]) for slot, row in found] for found in tape.forward_of(m, n)[m:]], 2
+        self.forward, self.forward_first = flatten(
+            [[(place_of(slot), pivot[row]) for slot, row in operations] for operations in tape.forward_of(m, n)[m:]], 2
         )
-        self.backward, self.backward_first = lists(
+        self.backward, self.backward_first = flatten(
             [[(place_of(slot), column) for slot, column in tape.backward_of(p)] for p in range(n - 1, m - 1, -1)], 2
         )
         self.product, self.product_first = self._product(rows, places, n - m)
@@ -88,14 +88,14 @@ class Border:
             for place in rows(kind, width)[:, :2]
         }
         filled |= {places[int(slot)] for slot in tape.update[: tape.update_first[tape.interior], 0]}
-        found: list[list[tuple[int, int]]] = [[] for _ in range(size)]
+        by_row: list[list[tuple[int, int]]] = [[] for _ in range(size)]
         for (row, column), entry in self._entry.items():
             if (row, column) in filled:
-                found[self._position[row]].append((entry, column))
-        return lists(found, 2)
+                by_row[self._position[row]].append((entry, column))
+        return flatten(by_row, 2)
 
 
-def lists(lists: Sequence[Sequence[tuple[int, ...]]], columns: int) -> tuple[np.ndarray, np.ndarray]:
+def flatten(lists: Sequence[Sequence[tuple[int, ...]]], columns: int) -> tuple[np.ndarray, np.ndarray]:
     """Concatenate lists of tuples into one table; also return where each list begins (one more than lists)."""
-    flat = np.array([item for found in lists for item in found], dtype=np.int64).reshape(-1, columns)
-    return flat, np.concatenate([[0], np.cumsum([len(found) for found in lists], dtype=np.int64)]).astype(np.int64)
+    flat = np.array([item for part in lists for item in part], dtype=np.int64).reshape(-1, columns)
+    return flat, np.concatenate([[0], np.cumsum([len(part) for part in lists], dtype=np.int64)]).astype(np.int64)

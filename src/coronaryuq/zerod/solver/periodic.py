@@ -1,4 +1,4 @@
-"""Periodic states faster than by waiting: Anderson acceleration of the map from one cycle's start to the next's.
+"""Anderson acceleration towards periodic states, of the map from one cycle's start to the next's.
 
 Anderson (1965); Walker & Ni, SIAM J. Numer. Anal. 49 (2011), type II. An accelerated state is an affine combination of
 states that the network reached, so that linear constraints and the loop's total blood volume stay as they are.
@@ -15,7 +15,7 @@ DEPTH = 5
 """Differences of earlier cycles that a step combines."""
 
 PATIENCE, REST = 6, 8
-"""Accelerated cycles in which a sample's least error must halve; else so many plain cycles before it begins anew.
+"""Accelerated cycles in which a sample's least error must halve; else `REST` plain cycles before a fresh start.
 
 Valves open and close between two time steps, so on a coarse grid the map has small jumps. Acceleration may leap back
 and forth across one for ever, where plain cycles settle on one side.
@@ -25,8 +25,8 @@ _RANK = 1e-8
 _GROWTH = 3.0
 
 Extrapolate = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-"""Samples' numbers (k,), start and end (k, width) of their last cycle → states that are nearer to periodic ones than
-the end is."""
+"""Maps samples' numbers (k,), start and end (k, width) of their last cycle to states that are closer to periodic ones
+than the end is."""
 
 
 @dataclass(frozen=True)
@@ -55,11 +55,11 @@ class Periodicity:
 
 
 def drift(before: np.ndarray, after: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Cycle error of each sample (samples,), and the scale of each unknown (samples, unknowns) that it refers to.
+    """Return the cycle error of each sample (samples,), and the scale of each unknown (samples, unknowns).
 
     before, after: unknowns at the cycle's start and end; low, high: their range in between; all (samples, unknowns).
-    The error is the largest |after − before| of any unknown over its range. An unknown that hardly moves (range below
-    1e-6 of its size) is compared with that instead, and one that stays nought is left out.
+    The error is the largest |after − before| of any unknown over its scale: its range, but at least 1e-6 of its size.
+    An unknown that stays zero is left out.
     """
     scale = np.maximum(high - low, 1e-6 * np.maximum(np.abs(low), np.abs(high)))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -67,7 +67,7 @@ def drift(before: np.ndarray, after: np.ndarray, low: np.ndarray, high: np.ndarr
 
 
 class Anderson:
-    """Remembers the last cycles of each sample of a batch and proposes where to start the next one.
+    """Memory of the last cycles of each sample of a batch, from which the next start is proposed.
 
     extrapolate: gives states nearer to a periodic one than a cycle's end, which are combined instead of the ends.
     """
@@ -84,10 +84,10 @@ class Anderson:
     def propose(
         self, who: np.ndarray, start: np.ndarray, end: np.ndarray, scale: np.ndarray, error: np.ndarray
     ) -> np.ndarray:
-        """Next start (k, width) for the samples numbered `who` (k,), from what their last cycle did.
+        """Return the next start (k, width) of the samples numbered `who` (k,), from their last cycle.
 
         start, end: (k, width) whole states; scale: (k, unknowns), of their first `unknowns` columns; error: (k,).
-        A sample whose error grew much begins anew, with a plain cycle.
+        A sample whose error grew much starts afresh, with a plain cycle.
         """
         aim = end if self._extrapolate is None else self._extrapolate(who, start, end)
         proposed = np.empty_like(end)
@@ -111,7 +111,7 @@ class Anderson:
 
 @numba.njit(cache=True, nogil=True)
 def _propose(ends, steps, known, start, end, scale, proposed):
-    """Record one cycle and combine; returns how many cycles are known now. Plain sums, so that bits never vary."""
+    """Record one cycle, combine the known ones and return their number; plain sums keep the bits reproducible."""
     depth, width = ends.shape
     for k in range(min(known, depth - 1), 0, -1):
         ends[k] = ends[k - 1]

@@ -1,4 +1,4 @@
-"""What a run of many samples of one network gave, whichever backend ran them."""
+"""Result of a run of many samples of one network, the same for both solvers."""
 
 from dataclasses import dataclass
 
@@ -9,14 +9,28 @@ OK = "ok"
 
 @dataclass
 class Result:
-    """What a batch of n samples gave.
+    """Result of a batch of n samples.
 
-    values: quantity → (n,), over the last cycle; NaN where a sample failed. waveforms: name → (n, steps + 1) over
-    `time` (steps + 1,), the last cycle. status: (n,) of `ok` or a reason. state: (n, unknowns) at the end of the last
-    cycle, that is at the start of the next, usable as `start=`. cycles: (n,) spent. cycle_error: (n,), see
-    `periodic.drift`.
-    refinement: (n,) how many times smaller than asked a sample's steps had to be. solves: Newton solves in all, of
-    groups of `LANES` samples.
+    Attributes
+    ----------
+    values : dict of str to array (n,)
+        Quantities over the last cycle; NaN where a sample failed.
+    waveforms : dict of str to array (n, steps + 1)
+        Unknowns over the last cycle.
+    time : array (steps + 1,)
+        Times of the last cycle, s.
+    status : array (n,) of str
+        `ok` or the reason for a failure.
+    state : array (n, columns)
+        At the end of the last cycle, that is at the start of the next; usable as `start`.
+    cycles : array (n,) of int
+        Cycles marched.
+    cycle_error : array (n,)
+        See `periodic.drift`.
+    refinement : array (n,) of int
+        Factor by which a sample's time steps had to be refined.
+    solves : int
+        Newton solves, summed over groups of `LANES` samples.
     """
 
     values: dict[str, np.ndarray]

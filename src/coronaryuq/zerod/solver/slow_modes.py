@@ -1,10 +1,10 @@
-"""What of a disturbance lasts for many cycles, and where a state that has it will settle.
+"""Slow Floquet modes of a closed loop, and extrapolation along them to the periodic state.
 
 A cycle maps its start x to its end P(x). Most of a small disturbance of a periodic state is gone after a cycle; a few
-modes, in which a circulation shifts blood from one large compliance to another, decay by the same share in each. They
-are the eigenvectors of the derivative M of P with the largest eigenvalues, found by subspace iteration on runs (Saad
-2011, Numerical Methods for Large Eigenvalue Problems, chapter 5). With them, Newton's step x + (I - M)^-1 (P(x) - x) is
-taken in the slow modes, and a plain cycle in all others, whose derivatives valves make useless.
+modes, which shift blood from one large compliance to another, decay by the same factor in every cycle. They are the
+eigenvectors of the derivative M of P with the largest eigenvalues, found by subspace iteration on runs (Saad 2011,
+Numerical Methods for Large Eigenvalue Problems, chapter 5). With them, Newton's step x + (I - M)^-1 (P(x) - x) is taken
+in the slow modes and a plain cycle in all others, whose derivatives are unreliable because of the valves.
 """
 
 from collections.abc import Mapping
@@ -19,15 +19,15 @@ from coronaryuq.zerod.solver.lanes import LANES
 from coronaryuq.zerod.solver.periodic import Periodicity
 
 SLOW, LASTING = 0.5, 0.98
-"""Share that is left of a slow mode after a cycle, at least: coronary beds keep a quarter, and forget by themselves.
-And at most: where a mode will lead that hardly decays, a cycle does not tell."""
+"""Range of the share of a slow mode that is left after a cycle. Faster modes, such as those of coronary beds (a
+quarter), need no help; a mode that hardly decays cannot be extrapolated from one cycle."""
 PROBES, ROUNDS = LANES - 1, 4
-"""Disturbances that are run, as many as one group of samples holds, and rounds in which they turn to what lasts."""
+"""Number of disturbances, which fill one group of samples, and of rounds of the subspace iteration."""
 PROBE = 3e-2
-"""Their size over each unknown's range: valves may open a step earlier or later, which beside smaller ones looks large.
-"""
+"""Size of a disturbance over each unknown's range; a valve that opens a step earlier or later would dominate a smaller
+one."""
 SETTLING = 10
-"""Cycles at most in which a state that is periodic with other time steps settles to those that are used here."""
+"""Maximum number of cycles to adapt a state that is periodic with other time steps."""
 _RANK = 1e-4
 
 
@@ -38,12 +38,12 @@ class SlowModes:
     toward: np.ndarray
     along: np.ndarray
 
-    def ahead(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """Where cycles from `start` to `end`, both (n, 2 unknowns), will lead."""
+    def extrapolate(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """Return the periodic state that cycles from `start` to `end`, both (n, 2 unknowns), approach."""
         return end + (end - start) @ self.toward @ self.along
 
-    def moved(self, origin: np.ndarray) -> "SlowModes":
-        """For a network with added elements. origin: (2 unknowns there,), of each the number here, or -1."""
+    def for_extended_network(self, origin: np.ndarray) -> "SlowModes":
+        """Return the modes of a network with added elements; origin: (2 unknowns there,) number here of each, or -1."""
         known = origin >= 0
         toward, along = np.zeros((len(origin), self.toward.shape[1])), np.zeros((len(self.along), len(origin)))
         along[:, known] = self.along[:, origin[known]]
@@ -55,17 +55,33 @@ class SlowModes:
 def slow_modes(
     engine: Engine, state: np.ndarray, changes: Mapping[str, np.ndarray], steps_per_cycle: int
 ) -> SlowModes | None:
-    """Of a closed loop about the periodic state next to `state` (columns of state,); None where no mode is slow.
+    """Compute the slow modes of a closed loop about a periodic state.
 
-    changes: as `Engine.run_cycles` takes them, of one sample: (1,) each, or (1, points). Disturbances leave the
-    loop's blood volume as it is: it is kept for ever.
+    Disturbances keep the loop's blood volume, which is conserved.
+
+    Parameters
+    ----------
+    engine : Engine
+        Of the closed loop.
+    state : array (columns of state,)
+        A state close to the periodic one.
+    changes : mapping of str to array (1,) or (1, points)
+        As for `Engine.run_cycles`, of one sample.
+    steps_per_cycle : int
+        Time steps per cycle.
+
+    Returns
+    -------
+    SlowModes or None
+        None if no mode is slow.
     """
     size, volume = engine.model.size, BloodVolume(engine.model)
 
     def run(starts: np.ndarray, quantities=()):
-        mine = {name: np.repeat(value, len(starts), axis=0) for name, value in changes.items()}
-        starts = volume.filled(starts, volume.of(state[None, :], changes) - volume.of(starts, mine))
-        return starts, engine.run_cycles(mine, quantities, cycles=1, steps_per_cycle=steps_per_cycle, start=starts)
+        repeated = {name: np.repeat(value, len(starts), axis=0) for name, value in changes.items()}
+        missing = volume.evaluate(state[None, :], changes) - volume.evaluate(starts, repeated)
+        starts = volume.with_blood_added(starts, missing)
+        return starts, engine.run_cycles(repeated, quantities, cycles=1, steps_per_cycle=steps_per_cycle, start=starts)
 
     settled = engine.run_to_periodic(
         changes, periodicity=Periodicity(cycles=SETTLING), steps_per_cycle=steps_per_cycle, start=state[None, :]

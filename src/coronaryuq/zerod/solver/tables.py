@@ -1,4 +1,4 @@
-"""From the elements' terms to the structure of the kernels' tables, once per network."""
+"""Structure of the kernels' tables, made from the elements' terms once per network."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,17 +10,17 @@ from coronaryuq.zerod.network.numbering import Model
 from coronaryuq.zerod.solver.assembly import Assembly, Context, Terms
 from coronaryuq.zerod.solver.elements import ELEMENTS, Write
 from coronaryuq.zerod.solver.elimination import Singular, Tape, eliminate
-from coronaryuq.zerod.solver.kernels import Scheme, Structure
-from coronaryuq.zerod.solver.nonlinear_block import Border, lists
+from coronaryuq.zerod.solver.kernel_tables import Scheme, Structure
+from coronaryuq.zerod.solver.nonlinear_block import Border, flatten
 
 _SCENARIOS = 8
 
 
-def write_elements(model: Model, at: Context, elements: Mapping[str, Write] = ELEMENTS) -> Assembly:
-    """Write all blocks for the parameters in `at`; `elements`: kind of block → what writes it."""
+def write_elements(model: Model, context: Context, elements: Mapping[str, Write] = ELEMENTS) -> Assembly:
+    """Write all blocks for the parameters of `context`; `elements`: kind of block → function that writes it."""
     system = Assembly()
     for block in model.blocks.values():
-        elements[block.kind](block, at, system)
+        elements[block.kind](block, context, system)
     return system
 
 
@@ -28,8 +28,8 @@ def write_elements(model: Model, at: Context, elements: Mapping[str, Write] = EL
 class Program:
     """Structure of one network, for parameters whose zeros are known.
 
-    kept: for each kind of term, which of the elements' terms are not identically zero. order: of the linear terms
-    (f, e, f_lagged) in the structure. slots: of the same in the matrix. border_rows: length of the border's table.
+    kept: for each kind of term, the elements' terms that are not identically zero. order: position of the linear terms
+    (f, e, f_lagged) in the structure. slots: their slots in the matrix. border_rows: length of the border's table.
     """
 
     size: int
@@ -62,19 +62,19 @@ def _kept(terms: Terms) -> np.ndarray:
 
 def make_program(
     model: Model,
-    at: Context,
+    context: Context,
     scheme: Scheme,
     step: float,
     own: Context | None = None,
     elements: Mapping[str, Write] = ELEMENTS,
 ) -> Program:
-    """Analyse the network as written for `at` (one sample, nonzero wherever a sample may be nonzero).
+    """Analyse the network as written for `context` (one sample, nonzero wherever a sample may be nonzero).
 
-    step: time step (s) at which pivots are judged. own: the network's own values, by which they are judged where the
-    network has a solution so: an entry that is nought in some samples must be no pivot. Raises `InputError` when the
-    equations have no solution.
+    step: time step (s) for which pivots are chosen. own: the network's own values, for which pivots are chosen if the
+    network has a solution with them: an entry that is zero in some samples must not be a pivot. Raises `InputError` if
+    the equations have no solution.
     """
-    n, system = model.size, write_elements(model, at, elements)
+    n, system = model.size, write_elements(model, context, elements)
     kept = {kind: _kept(getattr(system, kind)) for kind in _KINDS}
 
     def rows(kind: str, columns: int) -> np.ndarray:
@@ -118,7 +118,7 @@ def make_program(
 
 
 def _scenarios(n: int, lagged: np.ndarray, system: Assembly, kept, scheme: Scheme, step: float) -> np.ndarray:
-    """Jacobians at states that a run may meet: valves open and shut, activation high and low, flows small and large."""
+    """Return Jacobians at possible states: valves open and shut, activation high and low, flows small and large."""
     to_y = scheme.alpha_f * scheme.gamma * step
     matrices = np.zeros((_SCENARIOS, n, n + len(lagged)))
     random = np.random.Generator(np.random.Philox(key=22))
@@ -156,7 +156,7 @@ def _first(value) -> float:
 
 
 def _structure(n: int, tape: Tape, lagged: np.ndarray, system: Assembly, kept, rows) -> tuple[Structure, np.ndarray]:
-    """Index tables for the kernels, and in which order the linear terms (f, e, f_lagged) stand in them."""
+    """Make the kernels' index tables; also return the order of the linear terms (f, e, f_lagged) in them."""
     border = Border(tape, rows)
     position = np.empty(n, dtype=np.int64)
     position[tape.pivots[:, 0]] = np.arange(n)
@@ -168,10 +168,14 @@ def _structure(n: int, tape: Tape, lagged: np.ndarray, system: Assembly, kept, r
     matrix_time = np.concatenate([f_time, e_time + np.array([0, n, 0])])
     time_entries = [border.entry(r, c) for r, c in np.concatenate([f_time, e_time])[:, :2]]
     matrix_time = np.column_stack([position[matrix_time[:, 0]] - tape.interior, matrix_time[:, 1:], time_entries])
-    forward, forward_first = lists(
-        [[(slot, position[pivot_row]) for slot, pivot_row in found] for found in tape.forward_of(0, tape.interior)], 2
+    forward, forward_first = flatten(
+        [
+            [(slot, position[pivot_row]) for slot, pivot_row in operations]
+            for operations in tape.forward_of(0, tape.interior)
+        ],
+        2,
     )
-    backward, backward_first = lists([tape.backward_of(p) for p in range(tape.interior - 1, -1, -1)], 2)
+    backward, backward_first = flatten([tape.backward_of(p) for p in range(tape.interior - 1, -1, -1)], 2)
     lagged_border = [
         (slot, position[row] - tape.interior, column - n)
         for slot, (row, column) in enumerate(zip(tape.slot_row, tape.slot_column, strict=True))
@@ -180,11 +184,11 @@ def _structure(n: int, tape: Tape, lagged: np.ndarray, system: Assembly, kept, r
 
     def dependent(kind: str, columns: int) -> np.ndarray:
         part = rows(kind, columns)
-        found = [
+        entries = [
             (position[r] - tape.interior, c, border.entry(r, c), border.sloped[int(r), int(c)], *rest)
             for r, c, *rest in part
         ]
-        return np.array(found, dtype=np.int64).reshape(-1, columns + 2)
+        return np.array(entries, dtype=np.int64).reshape(-1, columns + 2)
 
     structure = Structure(
         pivots=tape.pivots[:, :2],
@@ -221,5 +225,5 @@ def _structure(n: int, tape: Tape, lagged: np.ndarray, system: Assembly, kept, r
 
 
 def by_row(kept: dict[str, np.ndarray], system: Assembly) -> np.ndarray:
-    """Order in which the constants that change in time stand in the structure: those of one row side by side."""
+    """Return the order of the time-dependent constants in the structure: those of one row side by side."""
     return np.argsort([system.constant_time.where[k][0] for k in kept["constant_time"]], kind="stable").astype(np.int64)

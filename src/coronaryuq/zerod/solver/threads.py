@@ -1,4 +1,4 @@
-"""Threads that march groups of samples, so many for all runs of a process together."""
+"""Threads that march groups of samples, shared by all runs of a process."""
 
 import os
 from concurrent.futures import ThreadPoolExecutor
@@ -6,10 +6,10 @@ from functools import cache
 
 
 @cache
-def workers(threads: int) -> ThreadPoolExecutor:
-    """One pool of so many threads: runs made side by side share it, and no more kernels than that are at work."""
+def thread_pool(threads: int) -> ThreadPoolExecutor:
+    """Return the pool of `threads` threads; concurrent runs share it, which limits the kernels at work."""
     return ThreadPoolExecutor(threads, thread_name_prefix="march")
 
 
-# A child that is forked has none of its parent's threads.
-os.register_at_fork(after_in_child=workers.cache_clear)
+# A forked child has none of its parent's threads.
+os.register_at_fork(after_in_child=thread_pool.cache_clear)

@@ -1,4 +1,4 @@
-"""Who solves a 0D network: our engine, or svZeroDSolver where it is installed, behind the same `run`."""
+"""Choice of the 0D solver: our engine, or svZeroDSolver where it is installed, behind the same methods."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +15,7 @@ from coronaryuq.zerod.svzerodsolver.program import SvZeroD, installed
 
 
 class Backend(Protocol):
-    """What both backends offer; see `Engine`."""
+    """Interface of both backends; see `Engine`."""
 
     @property
     def unknowns(self) -> list[str]: ...
@@ -47,7 +47,7 @@ class Backend(Protocol):
 
 
 def make(name: str, network: Network, file: str | Path = "network") -> Backend:
-    """Backend by name: `coronaryuq` or `svzerod`; `InputError` when the latter is not installed."""
+    """Return a backend by name: `coronaryuq` or `svzerod`; `InputError` if the latter is not installed."""
     if name == "coronaryuq":
         return Engine(network, file)
     if name == "svzerod":

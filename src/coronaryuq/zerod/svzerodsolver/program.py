@@ -26,7 +26,7 @@ COMMAND = "svzerodsolver"
 
 
 def installed() -> str | None:
-    """`pysvzerod`, `svzerodsolver`, or None."""
+    """Return `pysvzerod`, `svzerodsolver`, or None."""
     if importlib.util.find_spec("pysvzerod") is not None:
         return "pysvzerod"
     return COMMAND if shutil.which(COMMAND) else None

@@ -51,7 +51,7 @@ def simulate(network: Network, file: str = "network") -> pd.DataFrame:
 
 
 def _written(simulation: dict, steps: int, cycles: int, extra: int) -> tuple[list[int], list[tuple[int, int]]]:
-    """Which steps are written: their number in time, and (cycle, step in cycle)."""
+    """List the steps that are written: their number in time, and (cycle, step in cycle)."""
     everything, interval = simulation.get("output_all_cycles", False), simulation.get("output_interval", 1)
     last = (cycles - 1) * steps
     times, places, since = [], [], 0
@@ -71,7 +71,7 @@ def _written(simulation: dict, steps: int, cycles: int, extra: int) -> tuple[lis
     for number in range(1, cycles * steps + 1):
         visit(number, ((number - 1) // steps, (number - 1) % steps + 1))
     for cycle in range(cycles, cycles + extra):
-        # svZeroDSolver counts time from nought in every added cycle.
+        # svZeroDSolver counts time from zero in every added cycle.
         for number in range(1, steps + 1):
             visit(number, (cycle, number))
     return times, places
