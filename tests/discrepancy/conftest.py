@@ -3,8 +3,9 @@
 import pandas as pd
 import pytest
 
-from coronaryuq.bench.discrepancy.benchmark import Case, hide
+from coronaryuq.bench.discrepancy.cases import Case
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.bench.discrepancy.trial import hide
 from coronaryuq.cli import main
 from coronaryuq.core.errors import InputError
 

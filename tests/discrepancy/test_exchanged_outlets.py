@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from coronaryuq.bench.discrepancy.benchmark import analyse
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.bench.discrepancy.trial import analyse
 from coronaryuq.discrepancy.hidden import make_case
 from coronaryuq.discrepancy.result.summary_text import paragraph
 from coronaryuq.discrepancy.result.write import summary

@@ -7,8 +7,9 @@ import pandas as pd
 import pytest
 import yaml
 
-from coronaryuq.bench.discrepancy.benchmark import Case, hide
+from coronaryuq.bench.discrepancy.cases import Case
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.bench.discrepancy.trial import hide
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.discrepancy import command, search_case

@@ -16,10 +16,10 @@ def _values(nodes, cell, weights):
 
 
 @pytest.mark.parametrize("length", [0.7, 1.5])
-def test_variance_and_correlation(length):
+def test_fields_have_unit_variance_and_the_stated_correlation(length):
     draws, random = 12_000, np.random.default_rng(3)
     points = np.concatenate([random.uniform(0, 2, size=(12, 3)), [[0, 0, 0], [2, 2, 2]]])
-    grid = FieldGrid.around(points, length)
+    grid = FieldGrid.for_points(points, length)
     values = np.concatenate([_values(grid.draw(random, 200), grid.cell, grid.weights) for _ in range(draws // 200)], 1)
     distance = np.linalg.norm(points[:, None] - points[None], axis=2)
     target = np.exp(-(distance**2) / (2 * length**2))

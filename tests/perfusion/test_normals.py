@@ -1,10 +1,10 @@
-"""Normals by index follow the normal distribution, stream by stream."""
+"""Normal numbers by index follow the normal distribution in every stream."""
 
 import numpy as np
 from numba import njit
 from scipy import special, stats
 
-from coronaryuq.perfusion.normals import quantile, surely_above, uniform_at
+from coronaryuq.perfusion.normals import is_certainly_above, quantile, uniform_at
 
 
 @njit
@@ -22,7 +22,7 @@ def test_quantile_agrees_with_scipy():
     assert np.allclose(_quantiles(p), special.ndtri(p), rtol=2e-7, atol=1e-7)
 
 
-def test_uniforms_are_uniform_and_streams_unrelated():
+def test_uniforms_are_uniform_and_streams_uncorrelated():
     a, b = _uniforms(np.uint64(12), 200_000), _uniforms(np.uint64(13), 200_000)
     assert stats.kstest(a, "uniform").pvalue > 1e-3
     root = np.sqrt(a.size)
@@ -30,10 +30,10 @@ def test_uniforms_are_uniform_and_streams_unrelated():
         assert abs(np.corrcoef(x, y)[0, 1]) < 4 / root
 
 
-def test_skipping_never_skips_a_winner():
+def test_only_numbers_above_the_bound_are_certainly_above_it():
     p = np.random.default_rng(1).uniform(size=20_000)
     z = special.ndtri(p)
     for bound in (-0.01, -0.99, -1.0, -2.5, -3.99, -6.2, -9.0, 0.3):
-        skipped = np.array([surely_above.py_func(x, bound) for x in p])
-        assert np.all(z[skipped] > bound)
-        assert np.any(skipped) == (bound < 0)
+        certain = np.array([is_certainly_above.py_func(x, bound) for x in p])
+        assert np.all(z[certain] > bound)
+        assert np.any(certain) == (bound < 0)

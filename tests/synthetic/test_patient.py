@@ -1,9 +1,10 @@
-"""The bundled patient's files are a real case's files."""
+"""The bundled patient's files are those of a real case."""
 
 import json
 
 import numpy as np
 import pytest
+import pyvista
 
 from coronaryuq.case.settings import Settings as CaseSettings
 from coronaryuq.case.stage import prepare_case
@@ -26,7 +27,7 @@ def case(folder, tmp_path_factory):
     return out
 
 
-def test_the_case_stage_takes_it_and_finds_the_same_vessels(patient, case):
+def test_the_case_stage_builds_the_same_vessels(patient, case):
     network = json.loads((case / "network.json").read_text())
     vessels = {v["vessel_name"]: v["zero_d_element_values"] for v in patient.rest.network["vessels"]}
     assert {v["vessel_name"] for v in network["vessels"]} == set(vessels)
@@ -35,22 +36,20 @@ def test_the_case_stage_takes_it_and_finds_the_same_vessels(patient, case):
             assert value == pytest.approx(vessels[vessel["vessel_name"]][name], rel=1e-9)
 
 
-def test_the_case_does_not_know_the_truth(folder):
-    given = (folder / "case.yaml").read_text() + (folder / "outlets.csv").read_text()
-    assert "truth" not in given and "resistance" not in given
+def test_the_case_files_do_not_contain_the_truth(folder):
+    text = (folder / "case.yaml").read_text() + (folder / "outlets.csv").read_text()
+    assert "truth" not in text and "resistance" not in text
 
 
-def test_truth_states_flows_that_the_map_integrates_to(patient, folder, case):
+def test_the_map_integrates_to_the_flows_of_the_truth(patient, folder, case):
     truth = json.loads((folder / "truth.json").read_text())
-    import pyvista
-
     wall = pyvista.read(case / "lv.vtu")
     total = np.sum(wall.cell_data["MBF"] * wall.cell_data["Volume"]) * 1.05
     assert total == pytest.approx(sum(truth["hyperaemia"]["flows"][bed] for bed in truth["lv_beds"]), rel=1e-6)
     assert truth["effects"] == []
 
 
-def test_targets_are_rounded_as_a_clinic_reports(patient):
+def test_targets_are_rounded_as_in_a_clinical_report(patient):
     rows = {line.split(",")[0]: line.split(",")[-1] for line in clinical_targets(patient.rest.measures).splitlines()}
     assert set(rows) == set(CLINICAL) == set(MEASURES)
     assert rows["mitValveTime"] == "none"

@@ -1,4 +1,4 @@
-"""The bundled ventricle: volumes against the formula, a mesh without gaps, coordinates that invert."""
+"""The bundled ventricle has the stated volumes, a mesh without gaps, and coordinates that can be inverted."""
 
 import numpy as np
 import pytest
@@ -19,13 +19,13 @@ def test_wall_and_cavity_are_those_of_an_adult():
     assert 70 < VENTRICLE.inner.volume < 120
 
 
-def test_ellipsoid_volume_against_quadrature():
+def test_the_volume_of_an_ellipsoid_agrees_with_quadrature():
     a, b, h = VENTRICLE.outer.length, VENTRICLE.outer.radius, VENTRICLE.outer.cut
     z = np.linspace(-a, h, 200_001)
     assert VENTRICLE.outer.volume == pytest.approx(np.trapezoid(np.pi * b**2 * (1 - z**2 / a**2), z), rel=1e-8)
 
 
-def test_mesh_volume_converges_to_the_walls_at_second_order():
+def test_the_volume_of_the_mesh_converges_at_second_order():
     error = [1 - volumes(VENTRICLE.mesh(cells)).sum() / VENTRICLE.wall_volume for cells in (4_000, 32_000)]
     assert 0 < error[1] < 0.005
     # Eight times the cells halve the spacing: the error of chords falls by four.
@@ -33,7 +33,7 @@ def test_mesh_volume_converges_to_the_walls_at_second_order():
 
 
 @pytest.mark.parametrize("cells", [5_000, 20_000, 50_000])
-def test_the_mesh_has_about_the_wanted_cells_of_like_size_and_no_gaps(cells):
+def test_the_mesh_has_about_the_wanted_number_of_similar_cells_and_no_gaps(cells):
     mesh = VENTRICLE.mesh(cells)
     volume = volumes(mesh)
     assert 0.7 < mesh.n_cells / cells < 1.45
@@ -43,12 +43,18 @@ def test_the_mesh_has_about_the_wanted_cells_of_like_size_and_no_gaps(cells):
     assert abs(surface.volume) == pytest.approx(volume.sum(), rel=1e-9)
 
 
+def test_tetrahedra_have_positive_volume():
+    mesh = VENTRICLE.mesh(3000)
+    a, b, c, d = np.asarray(mesh.points)[next(iter(mesh.cells_dict.values()))].transpose(1, 0, 2)
+    assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) > 0).all()
+
+
 @settings(max_examples=60, deadline=None)
 @given(phi=st.floats(0, 6.28), s=st.floats(0.01, 0.97), depth=st.floats(-0.3, 1.0))
 def test_coordinates_invert_points(phi, s, depth):
     point = VENTRICLE.point(np.array([phi]), np.array([s]), np.array([depth]))
-    found = VENTRICLE.coordinates(point)
-    assert [float(f[0]) for f in found] == pytest.approx([phi, s, depth], abs=1e-9)
+    coordinates = VENTRICLE.coordinates(point)
+    assert [float(values[0]) for values in coordinates] == pytest.approx([phi, s, depth], abs=1e-9)
 
 
 def test_the_right_ventricle_bulges_over_the_septum_only():

@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from coronaryuq.perfusion.realisations import Study
+from coronaryuq.perfusion.realisations import NoiseStudy
 from coronaryuq.perfusion.settings import Settings
 from coronaryuq.perfusion.territories import Ventricle, distances_to_points
 
@@ -19,11 +19,11 @@ def run(quick: bool) -> dict:
     ventricle, centres = _shell(POINTS), _spread(OUTLETS)
     settings = Settings()
     distances = distances_to_points(ventricle.points, centres)
-    warm = Study(_part(ventricle, 50), distances[:50], settings.models, settings.correlation_length, 1)
+    warm = NoiseStudy(_part(ventricle, 50), distances[:50], settings.models, settings.correlation_length, 1)
     started = time.process_time()
     warm.flows(0)
     compiled = time.process_time()
-    study = Study(ventricle, distances, settings.models, settings.correlation_length, 1)
+    study = NoiseStudy(ventricle, distances, settings.models, settings.correlation_length, 1)
     for index in range(realisations):
         study.flows(index)
         if (index + 1) % 250 == 0:

@@ -6,10 +6,12 @@ from coronaryuq.perfusion.settings import NoiseModel
 from coronaryuq.perfusion.targets import NoiseStatistics
 
 
-def describe(noise: NoiseModel, flows: np.ndarray, volumes: np.ndarray, baseline: np.ndarray) -> NoiseStatistics:
-    """Return the statistics of one noise model.
+def noise_statistics(
+    noise: NoiseModel, flows: np.ndarray, volumes: np.ndarray, baseline: np.ndarray
+) -> NoiseStatistics:
+    """Compute the statistics of one noise model from `n` realisations.
 
-    flows (n, outlets) in mL/s, volumes (n, outlets) in cm3, baseline (outlets,) flow without noise.
+    flows: (n, outlets) mL/s. volumes: (n, outlets) cm3. baseline: (outlets,) mL/s, flows without noise.
     """
     covariance = np.atleast_2d(np.cov(flows, rowvar=False))
     deviation = np.sqrt(np.diag(covariance))
@@ -30,7 +32,7 @@ def describe(noise: NoiseModel, flows: np.ndarray, volumes: np.ndarray, baseline
     )
 
 
-def scaled_to(covariance: np.ndarray, deviation: np.ndarray) -> np.ndarray:
+def rescaled(covariance: np.ndarray, deviation: np.ndarray) -> np.ndarray:
     """Rescale a covariance to these standard deviations; correlations stay, and the result is exactly symmetric."""
     factor = deviation / np.sqrt(np.diag(covariance))
     return covariance * np.outer(factor, factor)

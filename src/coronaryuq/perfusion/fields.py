@@ -1,4 +1,4 @@
-"""Smooth random fields over the LV: white noise on a grid, smoothed by a Gaussian, interpolated to the points."""
+"""Smooth random fields over the LV: white noise on a grid, filtered by a Gaussian, interpolated to the points."""
 
 from dataclasses import dataclass
 
@@ -15,8 +15,8 @@ class FieldGrid:
     """Grid on which fields of unit variance and correlation exp(-d^2 / 2 l^2) are drawn.
 
     White noise filtered by a Gaussian of standard deviation l / sqrt(2) has that correlation. Interpolation between
-    nodes lowers the variance; as filter and interpolation are products over the axes, so is the variance, and each
-    point's weights are divided by its root: every point has variance one exactly.
+    nodes lowers the variance. Filter, interpolation and therefore the variance are products over the axes, so dividing
+    each point's weights by its standard deviation per axis gives every point a variance of exactly one.
 
     shape: nodes with noise, per axis. kernel: (2 m + 1,) unit-norm filter. cell: (points, 3) node below each point, in
     the filtered grid, which is m nodes smaller on each side. weights: (points, 3, 2) per axis, float32.
@@ -28,17 +28,17 @@ class FieldGrid:
     weights: np.ndarray
 
     @classmethod
-    def around(cls, points: np.ndarray, length: float) -> "FieldGrid":
-        """Grid for `points` (n, 3) and correlation length `length`, in the same unit."""
+    def for_points(cls, points: np.ndarray, length: float) -> "FieldGrid":
+        """Make the grid for `points` (n, 3) and correlation length `length`, in the same unit."""
         spacing = length / NODES_PER_LENGTH
         width = NODES_PER_LENGTH / np.sqrt(2.0)
         reach = int(np.ceil(KERNEL_REACH * width))
         kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / width) ** 2)
         kernel /= np.sqrt(np.sum(kernel**2))
         neighbours = np.sum(kernel[1:] * kernel[:-1])
-        place = (points - points.min(axis=0)) / spacing
-        cell = np.floor(place).astype(np.int32)
-        t = place - cell
+        position = (points - points.min(axis=0)) / spacing
+        cell = np.floor(position).astype(np.int32)
+        t = position - cell
         weights = np.stack([1.0 - t, t], axis=2)
         variance = (1.0 - t) ** 2 + t**2 + 2.0 * t * (1.0 - t) * neighbours
         weights /= np.sqrt(variance)[:, :, None]
@@ -46,7 +46,7 @@ class FieldGrid:
         return cls((nx, ny, nz), kernel.astype(np.float32), cell, weights.astype(np.float32))
 
     def draw(self, random: np.random.Generator, fields: int) -> np.ndarray:
-        """Node values (nx, ny, nz, fields), float32, of independent fields; interpolate with `interpolate`."""
+        """Draw node values (nx, ny, nz, fields), float32, of independent fields, for `interpolate`."""
         noise = random.standard_normal((*self.shape, fields), dtype=np.float32)
         return _filtered(noise, self.kernel)
 
@@ -83,7 +83,7 @@ def _filtered(noise: np.ndarray, kernel: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def interpolate(nodes: np.ndarray, cell: np.ndarray, weights: np.ndarray, out: np.ndarray) -> None:
-    """Values of all fields at one point, into `out` (fields,): `cell` (3,) and `weights` (3, 2) of that point."""
+    """Interpolate all fields at a point with `cell` (3,) and `weights` (3, 2) into `out` (fields,)."""
     i, j, k = cell[0], cell[1], cell[2]
     corner = nodes[i : i + 2, j : j + 2, k : k + 2]
     a, b, c, d = corner[0, 0, 0], corner[0, 0, 1], corner[0, 1, 0], corner[0, 1, 1]

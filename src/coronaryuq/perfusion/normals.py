@@ -1,4 +1,4 @@
-"""Standard normal numbers by index, so that leaving some out changes none of the others."""
+"""Standard normal numbers by index: skipping some changes none of the others."""
 
 import numpy as np
 
@@ -9,8 +9,8 @@ _MIX1 = np.uint64(0xBF58476D1CE4E5B9)
 _MIX2 = np.uint64(0x94D049BB133111EB)
 
 
-_BELOW = np.array([0.5, 0.1586552540, 0.0227501320, 0.0013498981, 3.16713e-5, 2.86653e-7, 9.866e-10, 1.28e-12, 0.0])
-"""Upper bounds of the probability to lie below 0, -1, -2, ... standard deviations."""
+_TAIL = np.array([0.5, 0.1586552540, 0.0227501320, 0.0013498981, 3.16713e-5, 2.86653e-7, 9.866e-10, 1.28e-12, 0.0])
+"""Upper bounds of the probability of a normal number below 0, -1, -2, ... standard deviations."""
 
 
 @njit(cache=True, inline="always")
@@ -24,9 +24,9 @@ def uniform_at(key: np.uint64, index: np.uint64) -> float:
 
 
 @njit(cache=True, inline="always")
-def surely_above(uniform: float, bound: float) -> bool:
-    """Whether the normal number of `uniform` is above `bound`, when that can be told without its quantile."""
-    return bound < 0.0 and uniform > _BELOW[min(int(-bound), 8)]
+def is_certainly_above(uniform: float, bound: float) -> bool:
+    """Tell whether the normal number of `uniform` is above `bound`; False if that takes its quantile to decide."""
+    return bound < 0.0 and uniform > _TAIL[min(int(-bound), 8)]
 
 
 @njit(cache=True, inline="always")

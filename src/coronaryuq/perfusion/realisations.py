@@ -7,7 +7,7 @@ import numpy as np
 from coronaryuq.core.jit import njit
 from coronaryuq.core.seeds import generator
 from coronaryuq.perfusion.fields import FieldGrid, interpolate
-from coronaryuq.perfusion.normals import quantile, surely_above, uniform_at
+from coronaryuq.perfusion.normals import is_certainly_above, quantile, uniform_at
 from coronaryuq.perfusion.settings import NoiseModel
 from coronaryuq.perfusion.territories import Ventricle
 
@@ -16,11 +16,11 @@ SIGMAS = 6.0
 
 @dataclass(frozen=True)
 class Candidates:
-    """Outlets that can be a point's nearest under noise, nearest first: point p owns entries start[p] to start[p + 1].
+    """Outlets that may be nearest to a point under noise, nearest first; point p has entries start[p] to start[p + 1].
 
-    An outlet stays out when it would have to beat the baseline's nearest by more than `SIGMAS` standard deviations of
-    the difference of the two noisy distances. That happens with probability 1e-9 per point, outlet and realisation, so
-    at most (outlets - 1) x 1e-9 of the volume is expected in another territory than without this short cut.
+    An outlet is left out if it is farther than the nearest one by more than `SIGMAS` standard deviations of the
+    difference of the two noisy distances. It would still win with probability 1e-9 per point, outlet and realisation,
+    so this shortcut moves at most an expected (outlets - 1) x 1e-9 of the volume to another territory.
     """
 
     start: np.ndarray
@@ -28,23 +28,35 @@ class Candidates:
     distance: np.ndarray
 
     @classmethod
-    def among(cls, distances: np.ndarray, relative_sd: float, sigmas: float = SIGMAS) -> "Candidates":
-        """From baseline `distances` (points, outlets) and the total relative standard deviation of their noise."""
-        least = distances.min(axis=1, keepdims=True)
-        keep = distances - least <= sigmas * relative_sd * np.sqrt(distances**2 + least**2)
+    def from_distances(cls, distances: np.ndarray, relative_sd: float, sigmas: float = SIGMAS) -> "Candidates":
+        """Select candidates by noise-free `distances` (points, outlets) and their noise's total relative deviation."""
+        nearest = distances.min(axis=1, keepdims=True)
+        keep = distances - nearest <= sigmas * relative_sd * np.sqrt(distances**2 + nearest**2)
         start = np.concatenate([[0], np.cumsum(keep.sum(axis=1))]).astype(np.int64)
         point, outlet = np.nonzero(keep)
         nearest_first = np.lexsort((distances[keep], point))
         return cls(start, outlet[nearest_first].astype(np.uint8), distances[keep][nearest_first])
 
 
-class Study:
-    """All noise models on one LV: `flows(k)` gives realisation k of each, with common random numbers.
+class NoiseStudy:
+    """All noise models on one LV, with common random numbers.
 
-    Models with the same noise of distances share their territories.
+    Models with the same distance noise share their territories. Realisation k depends on the seed and k only.
 
-    ventricle: the LV. distances: (points, outlets), baseline. models: noise models by name. length: correlation length
-    in cm. seed: the campaign's. Numbers of realisation k depend on seed and k only.
+    Parameters
+    ----------
+    ventricle : Ventricle
+        The LV wall.
+    distances : array (points, outlets)
+        Noise-free distances, cm.
+    models : dict of str to NoiseModel
+        Noise models by name.
+    length : float
+        Correlation length of smooth noise, cm.
+    seed : int
+        The campaign's seed.
+    sigmas : float
+        See `Candidates`.
     """
 
     def __init__(
@@ -53,18 +65,18 @@ class Study:
     ):  # fmt: skip
         self.ventricle, self.models, self.seed = ventricle, models, seed
         self.outlets = distances.shape[1]
-        self.alike: dict[tuple, list[str]] = {}
+        self._by_distance_noise: dict[tuple, list[str]] = {}
         for name, model in models.items():
-            self.alike.setdefault(tuple(model.distance.model_dump().items()), []).append(name)
+            self._by_distance_noise.setdefault(tuple(model.distance.model_dump().items()), []).append(name)
         self.candidates = {
-            noise: Candidates.among(distances, float(np.sqrt(sum(sd**2 for _, sd in noise))), sigmas)
-            for noise in self.alike
+            noise: Candidates.from_distances(distances, float(np.sqrt(sum(sd**2 for _, sd in noise))), sigmas)
+            for noise in self._by_distance_noise
         }
-        smooth = any(model.distance.correlated or model.mbf.correlated for model in models.values())
-        self.grid = FieldGrid.around(ventricle.points, length) if smooth else None
+        correlated = any(model.distance.correlated or model.mbf.correlated for model in models.values())
+        self.grid = FieldGrid.for_points(ventricle.points, length) if correlated else None
 
     def flows(self, index: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Realisation `index`: model → (flow of each outlet in mL/s, volume of each territory in cm3)."""
+        """Simulate realisation `index`: model → (flow of each outlet in mL/s, volume of each territory in cm3)."""
         random = generator(self.seed, "perfusion", "realisation", index)
         keys = random.integers(0, 2**64, size=2, dtype=np.uint64)
         factors = random.standard_normal((2, self.outlets))
@@ -76,7 +88,7 @@ class Study:
             nodes = self.grid.draw(random, self.outlets + 1)
             cell, weights = self.grid.cell, self.grid.weights
         result: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-        for noise, names in self.alike.items():
+        for noise, names in self._by_distance_noise.items():
             candidates, distance = self.candidates[noise], dict(noise)
             mbf = [self.models[name].mbf for name in names]
             flow, volume = _realisation(
@@ -99,11 +111,11 @@ def _realisation(
     models, outlets = m_outlet.shape
     flow = np.zeros((models, outlets))
     volume = np.zeros(outlets)
-    smooth = d_field > 0.0 or m_field.max() > 0.0
-    rough = m_point.max() > 0.0
+    has_field = d_field > 0.0 or m_field.max() > 0.0
+    has_point_noise = m_point.max() > 0.0
     field = np.zeros(nodes.shape[3], dtype=np.float32)
     for p in range(flows.size):
-        if smooth:
+        if has_field:
             interpolate(nodes, cell[p], weights[p], field)
         best, owner = np.inf, 0
         if start[p + 1] - start[p] == 1:
@@ -116,16 +128,16 @@ def _realisation(
                     noise += d_field * field[j]
                 if d_point > 0.0:
                     uniform = uniform_at(keys[0], np.uint64(p * outlets + j))
-                    if surely_above(uniform, (best / distance[c] - 1.0 - noise) / d_point):
+                    if is_certainly_above(uniform, (best / distance[c] - 1.0 - noise) / d_point):
                         continue
                     noise += d_point * quantile(uniform)
                 noisy = distance[c] * (1.0 + noise)
                 if noisy < best:
                     best, owner = noisy, j
         volume[owner] += volumes[p]
-        normal = quantile(uniform_at(keys[1], np.uint64(p))) if rough else 0.0
-        smoothly = np.float64(field[outlets]) if smooth else 0.0
+        normal = quantile(uniform_at(keys[1], np.uint64(p))) if has_point_noise else 0.0
+        correlated = np.float64(field[outlets]) if has_field else 0.0
         for m in range(models):
-            noise = m_outlet[m, owner] + m_field[m] * smoothly + m_point[m] * normal
+            noise = m_outlet[m, owner] + m_field[m] * correlated + m_point[m] * normal
             flow[m, owner] += flows[p] * (1.0 + noise)
     return flow, volume

@@ -1,4 +1,4 @@
-"""What the perfusion stage may be told: noise, its patterns, distances, number of realisations."""
+"""Settings of the perfusion stage: noise models, distances, number of realisations."""
 
 from typing import Literal
 
@@ -10,9 +10,13 @@ class DistanceNoise(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    independent: float = Field(0.0, ge=0, lt=0.5, description="drawn anew for every point and outlet (1)")
-    correlated: float = Field(0.0, ge=0, lt=0.5, description="a smooth field over the LV for every outlet (1)")
-    outlet: float = Field(0.0, ge=0, lt=0.5, description="one factor per outlet, the same at every point (1)")
+    independent: float = Field(
+        0.0, ge=0, lt=0.5, description="Relative standard deviation of noise per point and outlet."
+    )
+    correlated: float = Field(
+        0.0, ge=0, lt=0.5, description="Relative standard deviation of a smooth field per outlet."
+    )
+    outlet: float = Field(0.0, ge=0, lt=0.5, description="Relative standard deviation of one factor per outlet.")
 
 
 class FlowNoise(BaseModel):
@@ -20,19 +24,19 @@ class FlowNoise(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    independent: float = Field(0.0, ge=0, lt=1, description="drawn anew for every point (1)")
-    correlated: float = Field(0.0, ge=0, lt=1, description="a smooth field over the LV (1)")
-    outlet: float = Field(0.0, ge=0, lt=1, description="one factor per outlet, on whatever is its territory (1)")
-    scan: float = Field(0.0, ge=0, lt=1, description="one factor for the whole scan (1)")
+    independent: float = Field(0.0, ge=0, lt=1, description="Relative standard deviation of noise per point.")
+    correlated: float = Field(0.0, ge=0, lt=1, description="Relative standard deviation of a smooth field.")
+    outlet: float = Field(0.0, ge=0, lt=1, description="Relative standard deviation of one factor per territory.")
+    scan: float = Field(0.0, ge=0, lt=1, description="Relative standard deviation of one factor for the whole scan.")
 
 
 class NoiseModel(BaseModel):
-    """Where the noise of one realisation lies."""
+    """Noise of distances and of the MBF map."""
 
     model_config = ConfigDict(extra="forbid")
 
-    distance: DistanceNoise = Field(default_factory=DistanceNoise, description="noise of the distances")
-    mbf: FlowNoise = Field(default_factory=FlowNoise, description="noise of the MBF map")
+    distance: DistanceNoise = Field(default_factory=DistanceNoise, description="Noise of the distances to outlets.")
+    mbf: FlowNoise = Field(default_factory=FlowNoise, description="Noise of the MBF map.")
 
 
 def _default_models() -> dict[str, NoiseModel]:
@@ -48,28 +52,30 @@ class Settings(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    realisations: int = Field(2500, ge=2, description="noisy realisations of territories and MBF (paper: 2500)")
+    realisations: int = Field(2500, ge=2, description="Number of noisy realisations (paper: 2500).")
     models: dict[str, NoiseModel] = Field(
-        default_factory=_default_models, min_length=1, description="noise models, all simulated and reported"
+        default_factory=_default_models,
+        min_length=1,
+        description="Noise models by name; all are reported.",
     )
-    use: str = Field("outlet", description="the noise model whose covariance the posterior uses")
+    use: str = Field("outlet", description="Name of the noise model whose covariance the posterior uses.")
     branch_sd: float | None = Field(
         0.2, gt=0, lt=1,
-        description="scale the covariance to this standard deviation of every outlet's flow, relative to its mean, "
-        "keeping the simulated correlations (paper: 0.2); null takes the simulated covariance as it is (1)",
+        description="Standard deviation of every outlet's flow relative to its mean, to which the covariance is scaled "
+        "with the simulated correlations (paper: 0.2); null keeps the simulated covariance.",
     )  # fmt: skip
     correlation_length: float = Field(
-        1.0, gt=0, description="length l of the correlated patterns, correlation exp(-d^2 / 2 l^2) (cm)"
+        1.0, gt=0, description="Length l of smooth noise with correlation exp(-d^2 / 2 l^2), cm."
     )
     mean: Literal["baseline", "realisations"] = Field(
-        "baseline", description="targets: flows without noise (paper), or the mean over realisations"
+        "baseline", description="Target flows: those without noise (paper), or the mean over realisations"
     )
     distance_to: Literal["outlet", "centreline"] = Field(
         "outlet",
-        description="distance of an LV point to the outlet (paper) or to the centreline of the outlet's vessel",
+        description="Distance of an LV point: to the outlet (paper), or to the centreline of the outlet's vessel",
     )
     radius_power: float = Field(
-        0.0, ge=0, le=4, description="distances are divided by outlet radius to this power; 0 is unweighted (1)"
+        0.0, ge=0, le=4, description="Power of the outlet radius by which distances are divided; 0 is unweighted."
     )
 
     @model_validator(mode="after")

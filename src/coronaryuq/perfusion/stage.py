@@ -1,4 +1,4 @@
-"""The perfusion stage: chunks of noisy realisations, gathered to target flows and their covariance."""
+"""The perfusion stage: chunks of noisy realisations, gathered into target flows and their covariance."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,17 +11,17 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import replacing, write_json
 from coronaryuq.core.io.tables import read_npz
 from coronaryuq.core.provenance import stamp
-from coronaryuq.perfusion.covariance import describe, scaled_to
-from coronaryuq.perfusion.realisations import Study
+from coronaryuq.perfusion.covariance import noise_statistics, rescaled
+from coronaryuq.perfusion.realisations import NoiseStudy
 from coronaryuq.perfusion.settings import Settings
 from coronaryuq.perfusion.targets import PerfusionTargets, VentricleTotals
 from coronaryuq.perfusion.territories import (
     Ventricle,
     distances_to_centrelines,
     distances_to_points,
-    nearest,
+    nearest_outlets,
     perfusing_outlets,
-    weighted,
+    weighted_distances,
 )
 
 
@@ -31,12 +31,17 @@ def run_chunk(
 ) -> None:  # fmt: skip
     """Simulate realisations `first` to `first + number - 1` of every noise model and write them.
 
-    The file holds `first`, and for each model NAME `flow_NAME` (number, outlets) in mL/s and `volume_NAME` in cm3.
-    A realisation's numbers depend on the seed and its index, not on the chunk.
+    The file holds `first`, `seed`, and for each model NAME `flow_NAME` (number, outlets) in mL/s and `volume_NAME` in
+    cm3. A realisation depends on the seed and its index, not on the chunk.
+
+    Raises
+    ------
+    InputError
+        If an outlet's territory is empty, or a file is missing or invalid.
     """
     case, outlets, ventricle, distances = _read(case_json, lv_vtu, settings)
-    nearest(distances, ventricle.volumes, outlets, case_json)
-    study = Study(ventricle, distances, settings.models, settings.correlation_length, seed)
+    nearest_outlets(distances, ventricle.volumes, outlets, case_json)
+    study = NoiseStudy(ventricle, distances, settings.models, settings.correlation_length, seed)
     realisations = [study.flows(index) for index in range(first, first + number)]
     arrays: dict[str, Any] = {"first": np.int64(first), "seed": np.int64(seed)}
     for name in settings.models:
@@ -49,18 +54,26 @@ def run_chunk(
 def gather(
     chunks: Sequence[str | Path], case_json: str | Path, lv_vtu: str | Path, settings: Settings, out_json: str | Path
 ) -> None:
-    """Join chunks to `targets.json` (`PerfusionTargets`)."""
+    """Gather chunks into `targets.json` (`PerfusionTargets`).
+
+    Raises
+    ------
+    InputError
+        If a chunk is missing, occurs twice, or has another seed or other noise models.
+    """
     case, outlets, ventricle, distances = _read(case_json, lv_vtu, settings)
-    territory = nearest(distances, ventricle.volumes, outlets, case_json)
+    territory = nearest_outlets(distances, ventricle.volumes, outlets, case_json)
     flows, volumes, seed = _join(chunks, settings)
     baseline = np.bincount(territory, weights=ventricle.flows, minlength=len(outlets))
     volume = np.bincount(territory, weights=ventricle.volumes, minlength=len(outlets))
-    models = {name: describe(model, flows[name], volumes[name], baseline) for name, model in settings.models.items()}
+    models = {
+        name: noise_statistics(model, flows[name], volumes[name], baseline) for name, model in settings.models.items()
+    }
     used = models[settings.use]
     mean = baseline if settings.mean == "baseline" else used.mean
     covariance = used.covariance
     if settings.branch_sd is not None:
-        covariance = scaled_to(covariance, settings.branch_sd * mean)
+        covariance = rescaled(covariance, settings.branch_sd * mean)
     lv = VentricleTotals(
         volume=ventricle.volumes.sum(),
         mass=ventricle.volumes.sum() * case.tissue_density,
@@ -89,7 +102,7 @@ def gather(
 def _read(
     case_json: str | Path, lv_vtu: str | Path, settings: Settings
 ) -> tuple[CaseSummary, list[CaseOutlet], Ventricle, np.ndarray]:
-    """Read the case, its LV-perfusing outlets, the ventricle, and the weighted distance (points, outlets) of both."""
+    """Read the case, its LV-perfusing outlets and the ventricle; compute their weighted distances (points, outlets)."""
     case = read_case(case_json)
     outlets = perfusing_outlets(case, case_json)
     ventricle = Ventricle.read(lv_vtu, case.tissue_density)
@@ -97,11 +110,11 @@ def _read(
         distances = distances_to_points(ventricle.points, [outlet.point for outlet in outlets])
     else:
         distances = distances_to_centrelines(ventricle.points, outlets, Path(case_json).with_name("tree.vtp"))
-    return case, outlets, ventricle, weighted(distances, outlets, settings.radius_power)
+    return case, outlets, ventricle, weighted_distances(distances, outlets, settings.radius_power)
 
 
-def _join(chunks, settings):
-    """Flows and volumes of all realisations in order of index, per model; gaps and foreign chunks are errors."""
+def _join(chunks: Sequence[str | Path], settings: Settings) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], int]:
+    """Return the flows and volumes of all realisations per model, in order of their index, and their seed."""
     parts = []
     for path in chunks:
         arrays = read_npz(path, ("first", "seed"))
@@ -113,7 +126,7 @@ def _join(chunks, settings):
     expected = 0
     for first, path, arrays in parts:
         if first != expected:
-            raise InputError(path, "first", first, f"wanted realisation {expected}: a chunk is missing or doubled")
+            raise InputError(path, "first", first, f"wanted realisation {expected}: a chunk is missing or occurs twice")
         for name in settings.models:
             if f"flow_{name}" not in arrays:
                 raise InputError(path, f"flow_{name}", None, "not in this chunk; delete it and run again")

@@ -77,6 +77,16 @@ class PerfusionTargets(_Part):
 def read_perfusion_targets(path: str | Path) -> PerfusionTargets:
     """Read `targets.json`.
 
+    Parameters
+    ----------
+    path : str or Path
+        The file that `perfusion.stage.gather` writes.
+
+    Returns
+    -------
+    PerfusionTargets
+        Target flows, mL/s, and their covariance.
+
     Raises
     ------
     InputError
@@ -85,9 +95,9 @@ def read_perfusion_targets(path: str | Path) -> PerfusionTargets:
     targets = checked(PerfusionTargets, read_json(path), path, REMEDY)
     n = len(targets.bc)
     for name, shape in (("mean", (n,)), ("covariance", (n, n)), ("volume", (n,))):
-        found = getattr(targets, name).shape
-        if found != shape:
-            raise InputError(path, name, found, f"wanted {' by '.join(map(str, shape))} numbers; {REMEDY}")
+        actual = getattr(targets, name).shape
+        if actual != shape:
+            raise InputError(path, name, actual, f"wanted {' by '.join(map(str, shape))} numbers; {REMEDY}")
     for bc, flow in zip(targets.bc, targets.mean.tolist(), strict=True):
         if not flow > 0.0:
             raise InputError(path, f"mean of {bc}", flow, "wanted a positive flow")

@@ -22,7 +22,25 @@ class Ventricle:
 
     @classmethod
     def read(cls, lv_vtu: str | Path, tissue_density: float) -> "Ventricle":
-        """Read cells with `Volume` (cm3) and `MBF` (mL/s per g); flow = MBF x volume x tissue density (g/mL)."""
+        """Read the LV wall from `lv.vtu`.
+
+        Parameters
+        ----------
+        lv_vtu : str or Path
+            Cells with `Volume` (cm3) and `MBF` (mL/s per g).
+        tissue_density : float
+            g/mL; a cell's flow is MBF x volume x density.
+
+        Returns
+        -------
+        Ventricle
+            One point per cell.
+
+        Raises
+        ------
+        InputError
+            If an array is missing, or a value is negative or not finite.
+        """
         mesh = read_vtk(lv_vtu)
         for name in ("Volume", "MBF"):
             if name not in mesh.cell_data:
@@ -32,18 +50,18 @@ class Ventricle:
         volumes = np.asarray(mesh.cell_data["Volume"], dtype=float)
         mbf = np.asarray(mesh.cell_data["MBF"], dtype=float)
         for name, values in (("Volume", volumes), ("MBF", mbf)):
-            wrong = np.flatnonzero(~(np.isfinite(values) & (values >= 0)))
-            if wrong.size:
+            invalid = np.flatnonzero(~(np.isfinite(values) & (values >= 0)))
+            if invalid.size:
                 raise InputError(
-                    lv_vtu, f"{name}[{wrong[0]}]", float(values[wrong[0]]),
-                    f"{wrong.size} cells are not finite and non-negative; make the LV again with the case stage",
+                    lv_vtu, f"{name}[{invalid[0]}]", float(values[invalid[0]]),
+                    f"{invalid.size} cells are negative or not finite; run the case stage again",
                 )  # fmt: skip
         points = np.ascontiguousarray(mesh.cell_centers().points, dtype=float)
         return cls(points, volumes, mbf * volumes * tissue_density)
 
 
 def perfusing_outlets(case: CaseSummary, case_json: str | Path) -> list[CaseOutlet]:
-    """Outlets of the case that perfuse the LV, in the case's order."""
+    """Return the outlets of the case that perfuse the LV, in the case's order; `InputError` if there are none."""
     if not case.lv_outlets:
         raise InputError(case_json, "outlets", None, "no outlet perfuses the LV; set `perfuses: LV` on those that do")
     return case.lv_outlets
@@ -57,9 +75,9 @@ def distances_to_points(points: np.ndarray, centres: ArrayLike) -> np.ndarray:
 
 
 def distances_to_centrelines(points: np.ndarray, outlets: Sequence[CaseOutlet], tree_vtp: str | Path) -> np.ndarray:
-    """Distance (points, outlets), cm, of each point to the centreline of each outlet's own vessel.
+    """Return the distance (n, k), cm, of `points` (n, 3) to the centreline of each outlet's own vessel.
 
-    The centreline is resampled so finely (0.02 cm) that its nearest sample stands for its nearest point.
+    The centreline is resampled finely (0.02 cm), and the nearest sample counts as its nearest point.
     """
     from scipy.spatial import cKDTree
 
@@ -72,16 +90,16 @@ def distances_to_centrelines(points: np.ndarray, outlets: Sequence[CaseOutlet], 
     return np.stack(columns, axis=1)
 
 
-def weighted(distances: np.ndarray, outlets: Sequence[CaseOutlet], radius_power: float) -> np.ndarray:
-    """Distances divided by (radius / mean radius)^power: a larger vessel reaches further (Di Gregorio et al. 2021)."""
+def weighted_distances(distances: np.ndarray, outlets: Sequence[CaseOutlet], radius_power: float) -> np.ndarray:
+    """Divide distances by (radius / mean radius)^power: a larger vessel reaches farther (Di Gregorio et al. 2021)."""
     radii = np.array([outlet.radius for outlet in outlets], dtype=float)
     return distances / (radii / radii.mean()) ** radius_power
 
 
-def nearest(
+def nearest_outlets(
     distances: np.ndarray, volumes: np.ndarray, outlets: Sequence[CaseOutlet], case_json: str | Path
 ) -> np.ndarray:
-    """Index (points,) of the nearest outlet; an outlet without any volume is an error that names it."""
+    """Return the index (points,) of the nearest outlet; raise `InputError` for an outlet without any volume."""
     territory = np.argmin(distances, axis=1)
     share = np.bincount(territory, weights=volumes, minlength=len(outlets))
     for outlet, volume in zip(outlets, share, strict=True):
@@ -89,7 +107,7 @@ def nearest(
             raise InputError(
                 case_json, f"outlets.{outlet.name}", outlet.point,
                 "its perfusion territory is empty: no LV point is nearest to it; "
-                "check its place and unit, or set what it perfuses to RV or septum",
+                "check its position and unit, or set `perfuses` to RV or septum",
             )  # fmt: skip
     return territory
 
@@ -98,7 +116,7 @@ def _centrelines(tree_vtp: str | Path) -> dict[str, np.ndarray]:
     import pyvista
 
     if not Path(tree_vtp).is_file():
-        raise InputError(tree_vtp, None, None, "no such file; distance to centrelines needs the case's tree")
+        raise InputError(tree_vtp, None, None, "no such file; `distance_to: centreline` needs the case's tree")
     tree = pyvista.read(tree_vtp)
     if "VesselName" not in tree.cell_data:
         raise InputError(tree_vtp, "VesselName", None, "cell data missing")
@@ -107,6 +125,6 @@ def _centrelines(tree_vtp: str | Path) -> dict[str, np.ndarray]:
 
 
 def _resampled(line: np.ndarray, spacing: float) -> np.ndarray:
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    at = np.linspace(0.0, along[-1], max(2, int(np.ceil(along[-1] / spacing)) + 1))
-    return np.stack([np.interp(at, along, line[:, axis]) for axis in range(3)], axis=1)
+    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    samples = np.linspace(0.0, arc[-1], max(2, int(np.ceil(arc[-1] / spacing)) + 1))
+    return np.stack([np.interp(samples, arc, line[:, axis]) for axis in range(3)], axis=1)

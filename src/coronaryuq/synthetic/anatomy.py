@@ -18,14 +18,14 @@ from coronaryuq.synthetic.ventricle import Ventricle
 SEED = 2024
 """Seed of the bundled patient."""
 EXPONENT = 2.7
-"""Of Murray's law, r_parent^k = Σ r_child^k."""
+"""Exponent k of Murray's law, r_parent^k = Σ r_child^k."""
 LEFT_MAIN_RADIUS, RIGHT_OSTIUM_RADIUS = 0.215, 0.19
 """cm; CT normals are 4.0 to 4.5 mm and 3.5 to 4.0 mm in diameter (Dodge et al. 1992)."""
 TAPER = 0.93
 """End radius over start radius of a vessel between bifurcations; outlets taper more, see OUTLET_TAPER."""
 OUTLET_TAPER = 0.85
 SMALLEST = 0.07
-"""cm: no vessel starts narrower unless its parent is; CT angiography resolves little below this."""
+"""cm: smallest initial radius unless the parent is narrower; CT angiography resolves little below this."""
 SPACING = 0.05
 """cm between centreline points."""
 
@@ -38,7 +38,7 @@ AORTIC_RADII = ([0.0, 0.9, 1.5, 2.2, 4.5], [1.20, 1.50, 1.55, 1.35, 1.45])
 
 
 def _body_axes() -> np.ndarray:
-    """Columns: the heart frame's x, y and z in left-posterior-superior body axes."""
+    """Return as columns the heart frame's x, y and z in left-posterior-superior body axes."""
     base = np.array([-0.60, 0.53, 0.60])
     base /= np.linalg.norm(base)
     lateral = np.array([0.6, 0.8, 0.1])
@@ -53,20 +53,20 @@ HEART_TO_PATIENT = _body_axes()
 
 @dataclass(frozen=True)
 class Artery:
-    """An artery as anatomists draw it, from its origin to its end, side branches left out.
+    """An artery as anatomists draw it, from its origin to its end, without its side branches.
 
-    course: (φ in degrees, s, depth) places: depth 0 lies on the epicardium, more is inside the left ventricular wall.
-    origin: name of the artery that it leaves, at the share `at` of the origin's course places (linear between them).
+    course: control points (φ in degrees, s, depth); depth 0 is the epicardium, a positive one inside the left
+    ventricular wall. origin: name of the artery that it leaves. origin_point: where it leaves, as a fractional index of
+    the origin's control points. share: of the coronary flow; 0 if it follows from the left ventricular territory.
     """
 
     name: str
     branch: str
     perfuses: str
     origin: str
-    at: float
+    origin_point: float
     course: tuple[tuple[float, float, float], ...]
     share: float = 0.0
-    """Of the coronary flow; 0 where it follows from the left ventricular territory."""
 
 
 ARTERIES = (
@@ -101,15 +101,15 @@ ARTERIES = (
     Artery("PL1", "RCA", "LV", "PL", 0.6, ((255, 0.14, 0), (257, 0.20, 0), (257, 0.26, 0), (256, 0.31, 0))),
     Artery("PL2", "RCA", "LV", "PL", 3.9, ((280, 0.26, 0), (275, 0.37, 0), (274, 0.48, 0), (275, 0.59, 0))),
 )  # fmt: skip
-"""The pattern before the seed moves it. The right coronary artery is drawn as one course that ends as its PDA."""
+"""The pattern, before random shifts. The right coronary artery is one course that ends as the PDA."""
 
 STENOSES = {"LAD": ("LAD", 0.85, 1.2, 0.60), "LCx": ("LCx", 0.9, 1.0, 0.60), "RCA": ("PDA", 2.9, 1.4, 0.60)}
-"""Artery, place on its course, length (cm), diameter reduction at the throat."""
+"""Artery, fractional index of its control points, length (cm), diameter reduction at the throat."""
 
 
 @dataclass(frozen=True)
 class Outlet:
-    """Where a coronary vessel of the model ends: its vessel, label, what it perfuses (LV, RV or septum) and branch."""
+    """A coronary outlet: its vessel and label, the tissue that it perfuses (LV, RV or septum), and its branch."""
 
     vessel: str
     label: str
@@ -119,7 +119,7 @@ class Outlet:
 
 @dataclass(frozen=True)
 class Anatomy:
-    """The bundled patient's vessels and heart. The tree is in body axes, cm; `heart` turns them to the heart frame."""
+    """The bundled patient's vessels, in body axes (cm), and the heart, in its own frame."""
 
     tree: Tree
     outlets: tuple[Outlet, ...]
@@ -127,19 +127,19 @@ class Anatomy:
     ventricle: Ventricle
 
     @staticmethod
-    def heart(points: np.ndarray) -> np.ndarray:
-        """Body axes → heart frame, (..., 3) cm."""
+    def to_heart_frame(points: np.ndarray) -> np.ndarray:
+        """Rotate points (..., 3), cm, from body axes to the heart frame."""
         return points @ HEART_TO_PATIENT
 
     @staticmethod
-    def body(points: np.ndarray) -> np.ndarray:
-        """Heart frame → body axes, (..., 3) cm."""
+    def to_body_axes(points: np.ndarray) -> np.ndarray:
+        """Rotate points (..., 3), cm, from the heart frame to body axes."""
         return points @ HEART_TO_PATIENT.T
 
     def wall(self, cells: int = 30_000):
-        """Tetrahedra of the left ventricular wall in body axes, cm."""
+        """Mesh the left ventricular wall with about `cells` tetrahedra, in body axes, cm."""
         mesh = self.ventricle.mesh(cells)
-        mesh.points = self.body(np.asarray(mesh.points))
+        mesh.points = self.to_body_axes(np.asarray(mesh.points))
         return mesh
 
 
@@ -155,11 +155,11 @@ def patient_anatomy(seed: int = SEED) -> Anatomy:
     tree, names = _tree(courses, pieces, shares)
     ends = {p.artery: names[p.artery, p.number] for p in pieces}
     outlets = tuple(Outlet(ends[a.name], a.name, a.perfuses, a.branch) for a in ARTERIES)
-    stenoses = tuple(_place(courses, pieces, names, name, *where[:3]) for name, where in STENOSES.items())
+    stenoses = tuple(_stenosis(courses, pieces, names, name, *entry[:3]) for name, entry in STENOSES.items())
     for stenosis, (_, _, _, reduction) in zip(stenoses, STENOSES.values(), strict=True):
         tree = tree.with_vessels({stenosis.vessel: narrowed(tree[stenosis.vessel], stenosis, reduction)})
-    turned = [replace(v, points=Anatomy.body(v.points)) for v in tree]
-    return Anatomy(Tree(turned), outlets, stenoses, ventricle)
+    in_body_axes = [replace(v, points=Anatomy.to_body_axes(v.points)) for v in tree]
+    return Anatomy(Tree(in_body_axes), outlets, stenoses, ventricle)
 
 
 def narrowed(vessel: Vessel, stenosis: Stenosis, reduction: float) -> Vessel:
@@ -173,18 +173,18 @@ def narrowed(vessel: Vessel, stenosis: Stenosis, reduction: float) -> Vessel:
 
 @dataclass(frozen=True)
 class _Course:
-    """An artery's curve: dense points in the heart frame, and the arc length at each place of its description."""
+    """An artery's curve: dense points in the heart frame, and the arc length at each control point (`knots`)."""
 
     artery: Artery
     points: np.ndarray
     arc: np.ndarray
     knots: np.ndarray
 
-    def arc_of(self, place: float) -> float:
-        """Arc length at a place of the description: 0 is its first place, 1.5 half way from the second to the third."""
-        return float(np.interp(place, np.arange(len(self.knots)), self.knots))
+    def arc_of(self, index: float) -> float:
+        """Return the arc length at a fractional index of the control points: 1.5 is half-way from 1 to 2."""
+        return float(np.interp(index, np.arange(len(self.knots)), self.knots))
 
-    def at(self, arc) -> np.ndarray:
+    def position_at(self, arc) -> np.ndarray:
         return np.stack([np.interp(arc, self.arc, self.points[:, k]) for k in range(3)], axis=-1)
 
 
@@ -192,23 +192,23 @@ def _courses(ventricle: Ventricle, random: np.random.Generator) -> dict[str, _Co
     courses: dict[str, _Course] = {}
     for artery in ARTERIES:
         phi, s, depth = np.array(artery.course).T
-        # One shift per artery and a smaller one per place: whole arteries vary, single kinks do not appear.
+        # One shift per artery and a smaller one per control point: arteries vary as a whole, without kinks.
         phi = phi + random.normal(0, 1.0) + random.normal(0, 0.6, len(phi))
         s = s + np.where(s > 0.1, random.normal(0, 0.008) + random.normal(0, 0.004, len(s)), 0.0)
         on_heart = ventricle.epicardium(np.radians(phi), s)
         lifted = on_heart + 0.2 * _outward(ventricle, np.radians(phi), s)
         in_wall = ventricle.point(np.radians(phi), s, depth)
-        places = np.where(depth[:, None] > 0, in_wall, lifted)
+        control = np.where(depth[:, None] > 0, in_wall, lifted)
         if artery.origin == AORTA:
             level = ANNULUS + OSTIAL_LEVEL * AORTIC_AXIS
-            toward = places[0] - level
+            toward = control[0] - level
             toward = toward - 0.8 * (toward @ AORTIC_AXIS) * AORTIC_AXIS
             toward /= np.linalg.norm(toward)
             lead = np.array([level, level + 1.1 * toward, level + 1.9 * toward])
         else:
             origin = courses[artery.origin]
-            lead = origin.at(origin.arc_of(artery.at))[None]
-        through = np.concatenate([lead, places])
+            lead = origin.position_at(origin.arc_of(artery.origin_point))[None]
+        through = np.concatenate([lead, control])
         chord = np.concatenate([[0], np.cumsum(np.sqrt(np.linalg.norm(np.diff(through, axis=0), axis=1)))])
         dense = CubicSpline(chord, through)(np.linspace(0, chord[-1], 4000))
         arc = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(dense, axis=0), axis=1))])
@@ -239,7 +239,7 @@ class _Piece:
 def _pieces(courses: dict[str, _Course]) -> list[_Piece]:
     pieces: list[_Piece] = []
     for name, course in courses.items():
-        cuts = sorted(course.arc_of(c.artery.at) for c in courses.values() if c.artery.origin == name)
+        cuts = sorted(course.arc_of(c.artery.origin_point) for c in courses.values() if c.artery.origin == name)
         ends = [*cuts, course.arc[-1]]
         for number, end in enumerate(ends):
             if number > 0:
@@ -247,30 +247,30 @@ def _pieces(courses: dict[str, _Course]) -> list[_Piece]:
             elif course.artery.origin == AORTA:
                 parent = None
             else:
-                here = courses[course.artery.origin].arc_of(course.artery.at)
+                origin_arc = courses[course.artery.origin].arc_of(course.artery.origin_point)
                 parent = next(
-                    (p.artery, p.number) for p in pieces if p.artery == course.artery.origin and p.end >= here
+                    (p.artery, p.number) for p in pieces if p.artery == course.artery.origin and p.end >= origin_arc
                 )
             pieces.append(_Piece(name, number, 0.0 if number == 0 else ends[number - 1], end, parent))
     return pieces
 
 
 def _shares(ventricle: Ventricle, courses: dict[str, _Course]) -> dict[str, float]:
-    """Share of coronary flow of each artery's end: the wall nearest to it, or what its description states."""
+    """Return each artery's share of coronary flow: that of the wall nearest to its end, or the one stated."""
     feeding = [c for c in courses.values() if c.artery.perfuses == "LV"]
     wall = ventricle.mesh(12_000)
     volumes = np.asarray(wall.compute_cell_sizes(length=False, area=False)["Volume"])
     _, nearest = cKDTree([c.points[-1] for c in feeding]).query(np.asarray(wall.cell_centers().points, dtype=float))
     territory = np.bincount(nearest, weights=volumes, minlength=len(feeding)) / volumes.sum()
     stated = {a.name: a.share for a in ARTERIES if a.share}
-    left = 1.0 - sum(stated.values())
-    return stated | {c.artery.name: left * float(t) for c, t in zip(feeding, territory, strict=True)}
+    remaining = 1.0 - sum(stated.values())
+    return stated | {c.artery.name: remaining * float(t) for c, t in zip(feeding, territory, strict=True)}
 
 
 def _tree(
     courses: dict[str, _Course], pieces: list[_Piece], shares: dict[str, float]
 ) -> tuple[Tree, dict[tuple[str, int], str]]:
-    """Vessels with calibres, named as published coronary models are: branchN inside, lcaN and rcaN at the ends."""
+    """Make vessels with calibres, named as in published models: branchN inside, lcaN and rcaN at the ends."""
     key = {(p.artery, p.number): p for p in pieces}
     last = {name: max(p.number for p in pieces if p.artery == name) for name in courses}
     flow = {
@@ -292,14 +292,15 @@ def _tree(
         if piece.parent is None:
             start = RIGHT_OSTIUM_RADIUS if artery.branch == "RCA" else LEFT_MAIN_RADIUS
         else:
-            room = end_radius[piece.parent]
-            start = max(room * (flow[k] / flow[piece.parent]) ** (1 / EXPONENT), min(SMALLEST, room))
+            parent_radius = end_radius[piece.parent]
+            share = flow[k] / flow[piece.parent]
+            start = max(parent_radius * share ** (1 / EXPONENT), min(SMALLEST, parent_radius))
         end_radius[k] = start * taper
         arc = np.linspace(piece.start, piece.end, max(3, int(np.ceil((piece.end - piece.start) / SPACING)) + 1))
         vessels.append(
             Vessel(
                 names[k],
-                course.at(arc),
+                course.position_at(arc),
                 np.linspace(start, end_radius[k], len(arc)),
                 "aorta" if piece.parent is None else names[piece.parent],
                 "LM" if k == ("LAD", 0) else artery.branch,
@@ -310,7 +311,7 @@ def _tree(
 
 
 def _passes(key: dict[tuple[str, int], _Piece], through: tuple[str, int], end: tuple[str, int]) -> bool:
-    """Whether blood on its way to the piece `end` goes through the piece `through`."""
+    """Tell whether blood on its way to the piece `end` goes through the piece `through`."""
     here: tuple[str, int] | None = end
     while here is not None and here != through:
         here = key[here].parent
@@ -322,8 +323,8 @@ def _aorta(name: str, low: float, high: float, parent: str | None) -> Vessel:
     return Vessel(name, ANNULUS + height[:, None] * AORTIC_AXIS, np.interp(height, *AORTIC_RADII), parent, AORTA)
 
 
-def _place(courses, pieces: list[_Piece], names, branch: str, artery: str, place: float, length: float) -> Stenosis:
-    arc = courses[artery].arc_of(place)
+def _stenosis(courses, pieces: list[_Piece], names, branch: str, artery: str, index: float, length: float) -> Stenosis:
+    arc = courses[artery].arc_of(index)
     piece = next(p for p in pieces if p.artery == artery and p.start <= arc <= p.end)
     start = arc - piece.start - length / 2
     if start < 0 or start + length > piece.end - piece.start:

@@ -40,7 +40,7 @@ CLINICAL = {
     "RHalfFF": ("Right coronary 1/2 flow fraction", 1.0, 2),
     "RGradOK": ("Checking amount of peaks/valleys in right coronary wave", 1.0, 0),
 }
-"""What the clinic reports: description, unit in CGS, decimals; no decimals means that nobody measured it."""
+"""Clinical report: description, unit in CGS, decimals; None if the target was not measured."""
 
 
 def write_files(patient: Patient, folder: str | Path) -> None:
@@ -69,7 +69,7 @@ def clinical_targets(measures: Mapping[str, float]) -> str:
 
 
 def description(patient: Patient) -> str:
-    """`case.yaml` of the patient."""
+    """Write `case.yaml` of the patient."""
     settings = patient.settings
     stenoses = "".join(
         f"  - {{name: {s.name}, vessel: {s.vessel}, start: {float(s.start)!r}, end: {float(s.end)!r}}}\n"

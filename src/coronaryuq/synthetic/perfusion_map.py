@@ -1,4 +1,4 @@
-"""The bundled patient's perfusion: who feeds which part of the wall, and a map that integrates to given flows."""
+"""The bundled patient's perfusion: territories of the outlets, and a map that integrates to their flows."""
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -9,11 +9,11 @@ WAVES = 64
 """Random plane waves that make up the texture; enough for a nearly Gaussian field."""
 
 BORDER = 0.25
-"""cm over which perfusion passes from one territory's level to the next one's: collaterals and the scanner's blur."""
+"""cm over which perfusion changes from one territory's level to the next one's: collaterals, and the scanner's blur."""
 
 
 def territories(centres: np.ndarray, outlets: np.ndarray) -> np.ndarray:
-    """Index of the outlet (k, 3) nearest to each cell centre (n, 3): Voronoi territories (paper, section 2.1)."""
+    """Return the index (n,) of the outlet (k, 3) nearest to each cell centre (n, 3) (paper, section 2.1)."""
     return cKDTree(outlets).query(centres)[1]
 
 
@@ -34,16 +34,33 @@ def texture(centres: np.ndarray, deviation: float, length: float, seed: int) -> 
 def perfusion_map(
     centres: np.ndarray, masses: np.ndarray, outlets: np.ndarray, flows: np.ndarray, pattern: np.ndarray
 ) -> np.ndarray:
-    """Flow per gram (n,) whose integral over each outlet's territory is that outlet's flow, exactly.
+    """Compute flow per gram (n,), mL/s/g, whose integral over each outlet's territory is exactly that outlet's flow.
 
-    centres (n, 3) cm and masses (n,) g of cells, outlets (k, 3) cm, flows (k,) mL/s, pattern (n,) positive. Every
-    outlet has one level; a cell mixes the levels of the outlets nearly as near as its own (see `BORDER`), times the
-    pattern. Raises ValueError where no positive levels give the flows.
+    Every outlet has one level of perfusion; a cell mixes the levels of the outlets about as near as its nearest one
+    (see `BORDER`), times the pattern.
+
+    Parameters
+    ----------
+    centres : array (n, 3)
+        Cell centres, cm.
+    masses : array (n,)
+        Cell masses, g.
+    outlets : array (k, 3)
+        Positions of the outlets, cm.
+    flows : array (k,)
+        Flows of the outlets, mL/s.
+    pattern : array (n,)
+        Positive relative perfusion, such as `texture`.
+
+    Raises
+    ------
+    ValueError
+        If no positive levels give the flows.
     """
     distance = np.sqrt(((centres[:, None, :] - outlets[None, :, :]) ** 2).sum(axis=2))
     nearest = distance.argmin(axis=1)
-    beyond = distance - distance.min(axis=1, keepdims=True)
-    mix = np.exp(-beyond / BORDER)
+    excess = distance - distance.min(axis=1, keepdims=True)
+    mix = np.exp(-excess / BORDER)
     mix /= mix.sum(axis=1, keepdims=True)
     weight = (masses * pattern)[:, None] * mix
     integral = np.zeros((len(outlets), len(outlets)))

@@ -1,4 +1,4 @@
-"""The bundled patient's stage: settings and a seed → `patient/` with case.yaml and truth.json."""
+"""Stage of the bundled patient: settings and a seed → a folder with case.yaml and truth.json."""
 
 from pathlib import Path
 
@@ -8,8 +8,20 @@ from coronaryuq.synthetic.truth import make_patient
 
 
 def write_patient(settings: Settings, seed: int, out_dir: str | Path) -> None:
-    """Make the patient and write its files; `case.yaml` comes last, so that it is there only when all are.
+    """Make the patient and write its files, `case.yaml` last, so that it exists only if all others do.
 
-    Raises ValueError or RuntimeError when the settings contradict one another.
+    Parameters
+    ----------
+    settings : Settings
+        Of the bundled patient.
+    seed : int
+        The campaign's seed.
+    out_dir : str or Path
+        Folder to write to.
+
+    Raises
+    ------
+    ValueError, RuntimeError
+        If the settings contradict one another.
     """
     write_files(make_patient(settings, seed), out_dir)

@@ -1,4 +1,4 @@
-"""The bundled patient's ground truth: a closed loop at rest and under hyperaemia, and the perfusion that it makes."""
+"""The bundled patient's true state: a closed loop at rest and under hyperaemia, and the resulting perfusion."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ HEART = {
     "Kxp_ra": 8.6 * MMHG, "Kxv_ra": 0.0045, "Emax_ra": 0.33 * MMHG, "Vaso_ra": 3.0,
     "Kxp_la": 8.2 * MMHG, "Kxv_la": 0.0080, "Emax_la": 0.32 * MMHG, "Vaso_la": 7.0,
 }  # fmt: skip
-"""Heart, valves and lungs in CGS: inside the ranges of Tran et al. (2017), off their middle."""
+"""Heart, valves and lungs in CGS: within the ranges of Tran et al. (2017), but not at their centres."""
 
 SYSTEMIC_COMPLIANCE = 0.75 / MMHG
 """cm5/dyn; with the proximal aorta's it makes a pulse pressure of about 50 mmHg."""
@@ -44,7 +44,7 @@ ARTERIAL_TIME, MYOCARDIAL_TIME = 0.05, 3.0
 """s: total resistance of a coronary side at rest times its arterial and its intramyocardial compliance."""
 
 FILLING = 300.0
-"""mL of blood that raise stroke volume about e-fold; only the speed of the fixed point depends on it."""
+"""mL of blood that raise stroke volume about e-fold; affects only the convergence of the fixed-point iteration."""
 
 SWEEPS, TOLERANCE = 40, 2e-4
 STEPS, PERIODIC = 500, 1e-4
@@ -52,7 +52,7 @@ STEPS, PERIODIC = 500, 1e-4
 
 @dataclass(frozen=True)
 class State:
-    """The loop in one condition: network (periodic initial state), mean flow per bed, FFR, measures; all CGS."""
+    """The loop in one condition: network with a periodic initial state, mean flow per bed, FFR, measures; all CGS."""
 
     network: Network
     flows: dict[str, float]
@@ -62,7 +62,7 @@ class State:
 
 @dataclass(frozen=True)
 class Patient:
-    """Anatomy, wall (pyvista grid with cell data MBF in mL/min/g), and what is true of it."""
+    """Anatomy, wall (pyvista grid with cell data MBF in mL/min/g), true states, and mass (g) per LV bed."""
 
     anatomy: Anatomy
     wall: "pyvista.UnstructuredGrid"
@@ -73,7 +73,7 @@ class Patient:
 
 
 def bed_name(vessel: str) -> str:
-    """Boundary condition of the outlet that ends this vessel: what the case stage calls it by default."""
+    """Return the boundary condition of the outlet that ends this vessel, by the case stage's default."""
     return f"BC_{vessel}"
 
 
@@ -87,17 +87,17 @@ def make_patient(settings: Settings, seed: int) -> Patient:
     ends = np.array([anatomy.tree[outlet.vessel].points[-1] for outlet in feeding])
     territory = territories(centres, ends)
     masses = np.bincount(territory, weights=volumes, minlength=len(feeding)) * TISSUE_DENSITY
-    named_masses = {bed_name(o.vessel): float(m) for o, m in zip(feeding, masses, strict=True)}
-    rest, hyperaemia = _Loop(anatomy, named_masses, settings, seed).solve()
+    bed_masses = {bed_name(o.vessel): float(m) for o, m in zip(feeding, masses, strict=True)}
+    rest, hyperaemia = _Loop(anatomy, bed_masses, settings, seed).solve()
     flows = np.array([hyperaemia.flows[bed_name(outlet.vessel)] for outlet in feeding])
     pattern = texture(centres, settings.texture, settings.texture_length, seed)
     perfusion = perfusion_map(centres, volumes * TISSUE_DENSITY, ends, flows, pattern)
     wall.cell_data["MBF"] = perfusion / MBF_PER_MIN_PER_G
-    return Patient(anatomy, wall, rest, hyperaemia, named_masses, settings)
+    return Patient(anatomy, wall, rest, hyperaemia, bed_masses, settings)
 
 
 class _Loop:
-    """The closed loop whose three free totals (systemic and coronary resistance, blood) follow from the settings."""
+    """The closed loop, whose systemic resistance, coronary resistance and blood volume follow from the settings."""
 
     def __init__(self, anatomy: Anatomy, masses: Mapping[str, float], settings: Settings, seed: int):
         self.settings, self.masses = settings, masses
@@ -108,10 +108,10 @@ class _Loop:
         self.roles = waveform_names(self.network)
         ends = Topology(self.network).vessel_of
         self.beds = {bed: vessel for bed, vessel in ends.items() if bed != SYSTEMIC}
-        narrow = {part.stenosis: part.name for part in segments(anatomy.tree, anatomy.stenoses) if part.stenosis}
+        stenosed = {part.stenosis: part.name for part in segments(anatomy.tree, anatomy.stenoses) if part.stenosis}
         self.distal = {
             artery: next(name for name in self.engine.unknowns if name.startswith(f"pressure:{vessel}:"))
-            for artery, vessel in narrow.items()
+            for artery, vessel in stenosed.items()
         }
 
     def solve(self) -> tuple[State, State]:
@@ -123,7 +123,7 @@ class _Loop:
             rest = self._run(self.network, rest)
             if hyper is None:
                 hyper = rest
-            # Both conditions are the same person: the same blood.
+            # Both conditions have the same blood volume.
             hyper.state[:, self.right_atrium] += self._blood(self.network, rest) - self._blood(relaxed, hyper)
             hyper = self._run(relaxed, hyper)
             measures = self._measures(rest)
@@ -135,9 +135,9 @@ class _Loop:
             # Pressure follows resistance times output, output follows filling, perfusion follows coronary resistance.
             _scale(self.network, systemic=stroke / pressure, coronary=flow)
             rest.state[:, self.right_atrium] -= FILLING * np.log(stroke)
-        raise RuntimeError("the bundled patient's loop does not settle; its settings contradict one another")
+        raise RuntimeError("the bundled patient's loop does not converge; its settings contradict one another")
 
-    def _run(self, network: Network, before: Result | None) -> Result:
+    def _run(self, network: Network, previous: Result | None) -> Result:
         waves = [name for names in self.roles.values() for name in names]
         means = [f"mean_{name}" for name in [*self._flow_names().values(), *self.distal.values()]]
         result = self.engine.run_to_periodic(
@@ -146,7 +146,7 @@ class _Loop:
             waveforms=waves,
             periodicity=Periodicity(tolerance=PERIODIC),
             steps_per_cycle=STEPS,
-            start=None if before is None else before.state,
+            start=None if previous is None else previous.state,
         )
         if not result.ok.all():
             raise RuntimeError(f"the bundled patient's loop has no periodic state: {result.status[0]}")
@@ -192,11 +192,14 @@ def _network(anatomy: Anatomy, masses: Mapping[str, float], settings: Settings, 
     beds = [Bed(name, o.vessel, side) for name, o, side in zip(names, anatomy.outlets, right, strict=True)]
     network = network_from_tree(anatomy.tree, beds, {SYSTEMIC: "aorta_outlet"}, anatomy.stenoses, physics)
     by_radius = murray_shares([anatomy.tree[outlet.vessel].radii[-1] for outlet in anatomy.outlets])
-    chance = np.exp(settings.bed_spread * seeds.generator(seed, "patient", "beds").standard_normal(len(names)))
+    random_factors = np.exp(settings.bed_spread * seeds.generator(seed, "patient", "beds").standard_normal(len(names)))
     microvascular: Mapping[str, float] = {str(artery): value for artery, value in settings.microvascular.items()}
     disease = [microvascular.get(outlet.branch, 1.0) for outlet in anatomy.outlets]
-    weights = {name: masses.get(name, 0.0) * c * d for name, c, d in zip(names, chance, disease, strict=True)}
-    together = sum(share for name, share in zip(names, by_radius, strict=True) if name in masses)
+    weights = {
+        name: masses.get(name, 0.0) * factor * conductance
+        for name, factor, conductance in zip(names, random_factors, disease, strict=True)
+    }
+    lv_share = sum(share for name, share in zip(names, by_radius, strict=True) if name in masses)
     total = physics.pressure / (physics.cardiac_output * physics.coronary_share)
     for bc in network.boundary_conditions:
         values = bc["bc_values"]
@@ -206,7 +209,7 @@ def _network(anatomy: Anatomy, masses: Mapping[str, float], settings: Settings, 
         name = bc["bc_name"]
         share = by_radius[names.index(name)]
         if name in masses:
-            share = together * weights[name] / sum(weights.values())
+            share = lv_share * weights[name] / sum(weights.values())
         resistance = total / float(share)
         arterial = resistance * (1.0 - settings.venous_share)
         # Ra to Ram as in Kim et al. (2010): 0.32 to 0.52.
@@ -235,7 +238,7 @@ def hyperaemic(network: Network, scale: float) -> Network:
 
 
 def bed_values(network: Network) -> dict[str, float]:
-    """All bed parameters as engine changes."""
+    """Return all bed parameters as changes for the engine."""
     return {
         f"{bc['bc_name']}.{member}": value
         for bc in network.boundary_conditions

@@ -1,4 +1,4 @@
-"""The bundled patient's heart: a left ventricular wall between truncated ellipsoids, the right ventricle beside it.
+"""The bundled patient's heart: a left ventricular wall between truncated ellipsoids, and the right ventricle.
 
 Heart frame, cm: the origin is the centre of the left ventricle's base plane, x points to its lateral wall, y to its
 inferior one and z to the atria; the apex lies at negative z. The angle φ runs round the long axis: 0 lateral,
@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 ANTERIOR_GROOVE, POSTERIOR_GROOVE = np.radians(122.0), np.radians(243.0)
-"""φ of the interventricular grooves: the septum lies between them."""
+"""φ of the interventricular grooves, between which the septum lies."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Ellipsoid:
     cut: float
 
     def point(self, phi, s) -> np.ndarray:
-        """Point (..., 3) at angle φ and longitudinal place s: 0 at the base, 1 at the apex."""
+        """Return the point (..., 3) at angle φ and longitudinal coordinate s: 0 at the base, 1 at the apex."""
         start = np.arccos(self.cut / self.length)
         polar = start + np.asarray(s) * (np.pi - start)
         ring = self.radius * np.sin(polar)
@@ -45,16 +45,16 @@ class Ventricle:
 
     @property
     def wall_volume(self) -> float:
-        """cm3, exact."""
+        """Exact volume of the wall, cm3."""
         return self.outer.volume - self.inner.volume
 
     def point(self, phi, s, depth) -> np.ndarray:
-        """Point (..., 3) of the wall; depth 0 at the epicardium, 1 at the endocardium."""
+        """Return a point (..., 3) of the wall; depth 0 at the epicardium, 1 at the endocardium."""
         depth = np.asarray(depth)[..., None]
         return (1 - depth) * self.outer.point(phi, s) + depth * self.inner.point(phi, s)
 
     def coordinates(self, points: np.ndarray, sweeps: int = 30) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """φ in [0, 2π), s and depth of points (n, 3) in the wall: the inverse of `point`, by Newton's method."""
+        """Compute φ in [0, 2π), s and depth of points (n, 3) in the wall: invert `point` by Newton's method."""
         phi = np.arctan2(-points[:, 1], points[:, 0]) % (2 * np.pi)
         ring, height = np.hypot(points[:, 0], points[:, 1]), points[:, 2]
         tip = -(self.outer.length + self.outer.cut)
@@ -70,7 +70,7 @@ class Ventricle:
         return phi, s, depth
 
     def epicardium(self, phi, s) -> np.ndarray:
-        """Point (..., 3) of the outer surface of both ventricles: the right one bulges over the septum."""
+        """Return a point (..., 3) of the outer surface of both ventricles; the right one bulges over the septum."""
         phi, s = np.broadcast_arrays(np.asarray(phi, dtype=float), np.asarray(s, dtype=float))
         across = (phi % (2 * np.pi) - ANTERIOR_GROOVE) / (POSTERIOR_GROOVE - ANTERIOR_GROOVE)
         inside = np.where((across > 0) & (across < 1), np.sin(np.pi * np.clip(across, 0, 1)) ** 0.8, 0.0)
@@ -79,14 +79,14 @@ class Ventricle:
         return point + bulge[..., None] * np.stack([np.cos(phi), -np.sin(phi), np.zeros_like(phi)], axis=-1)
 
     def mesh(self, cells: int = 30_000):
-        """Tetrahedra of the wall as a pyvista UnstructuredGrid, points in cm; about `cells` of them.
+        """Mesh the wall with about `cells` tetrahedra as a pyvista UnstructuredGrid, points in cm.
 
         A disc of rings (ring k has 6 k points) is laid on both surfaces and joined in layers of wedges, each cut into
         three tetrahedra along diagonals that start at the lower of two point numbers, so that neighbours match.
         """
         import pyvista as pv
 
-        # Layers at about the same spacing as the rings: 18 rings² layers = cells, with the wall 1 of about 11 cm round.
+        # Layers as thick as the rings are wide: 18 rings² layers = cells; the wall is 1 cm thick, its arc 11 cm long.
         rings = max(3, round((cells / 18 * 9) ** (1 / 3)))
         layers = max(2, round(cells / (18 * rings**2)))
         phi, s, triangles = _disc(rings)
@@ -94,13 +94,13 @@ class Ventricle:
         points = np.concatenate([self.point(phi, s, np.full(len(phi), d)) for d in depths])
         tetrahedra = _tetrahedra(triangles, len(phi), layers)
         a, b, c, d = (points[tetrahedra[:, k]] for k in range(4))
-        turned = np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) < 0
-        tetrahedra[turned, 2:] = tetrahedra[turned, :1:-1]
+        inverted = np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) < 0
+        tetrahedra[inverted, 2:] = tetrahedra[inverted, :1:-1]
         return pv.UnstructuredGrid({pv.CellType.TETRA: tetrahedra}, points)
 
 
 def _disc(rings: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """φ and s of a disc's points, the apex first and the base ring last, and its triangles."""
+    """Return φ and s of a disc's points, from the apex to the base ring, and its triangles."""
     starts = [0] + [1 + 3 * k * (k - 1) for k in range(1, rings + 2)]
     phi = np.concatenate([[0.0]] + [2 * np.pi * np.arange(6 * k) / (6 * k) for k in range(1, rings + 1)])
     s = np.concatenate([[1.0]] + [np.full(6 * k, 1 - k / rings) for k in range(1, rings + 1)])

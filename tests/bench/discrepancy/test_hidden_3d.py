@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from coronaryuq.bench.discrepancy import benchmark, hidden_3d
+from coronaryuq.bench.discrepancy import hidden_3d, trial
 from coronaryuq.bench.discrepancy.hidden_3d import NARROWED, PLACES, SHAPES, STENOSES, Shape
 from coronaryuq.case.network.build import Physics
 
@@ -42,7 +42,7 @@ def test_3d_runs_start_from_the_published_loss():
 @pytest.mark.long
 def test_a_stenosis_in_3d_is_found_and_a_healthy_vessel_raises_no_alarm():
     """Two vessels in 3D under four conditions each; the search reads the 0D model without them and the table alone."""
-    found = {e["shape"]: e for e in benchmark.trials_3d(range(9101, 9102), ("lca1:severe", "lca1:healthy"))}
+    found = {e["shape"]: e for e in trial.trials_3d(range(9101, 9102), ("lca1:severe", "lca1:healthy"))}
     severe, healthy = found["lca1:severe"], found["lca1:healthy"]
     assert not healthy["alarmed"] and healthy["first"] == "none"
     assert "stenosis_with_friction@lca1" in [member for members in severe["classes"] for member in members]

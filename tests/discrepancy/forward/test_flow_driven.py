@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from coronaryuq.bench.discrepancy.benchmark import analyse
+from coronaryuq.bench.discrepancy.trial import analyse
 from coronaryuq.case.network.network import Network
 from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.hidden import make_case

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from coronaryuq.bench.discrepancy.benchmark import Case, hide
+from coronaryuq.bench.discrepancy.cases import Case
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.bench.discrepancy.trial import hide
 from coronaryuq.core.provenance import closure
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.forward import predict

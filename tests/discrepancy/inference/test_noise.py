@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coronaryuq.bench.discrepancy.benchmark import Case, hide
+from coronaryuq.bench.discrepancy.cases import Case
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.bench.discrepancy.trial import hide
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.noise import (

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from coronaryuq.bench.discrepancy.benchmark import Case, analyse, hide
+from coronaryuq.bench.discrepancy.cases import Case
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.bench.discrepancy.trial import analyse, hide
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.result.summary_text import paragraph
