@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from coronaryuq.case.network.build import Bed, network_from_tree
-from coronaryuq.case.network.units import PER_PRESSURE, PRESSURE_PER, detect, rescaled, to_cgs
+from coronaryuq.case.network.units import PER_PRESSURE, PRESSURE_PER, detect_pressure_unit, rescaled, to_cgs
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import MMHG
 from coronaryuq.zerod.network.parameters import BOUNDARIES, CLOSED_LOOP, COUPLINGS, JUNCTIONS, VESSELS
@@ -65,7 +65,7 @@ def assert_same(one, other):
 
 def test_the_unit_is_found_and_the_conversion_undone(loop):
     converted, system = to_cgs(in_mmhg(loop), "auto")
-    assert system == "mmHg" and detect(loop, "network") == "cgs"
+    assert system == "mmHg" and detect_pressure_unit(loop, "network") == "cgs"
     assert_same(converted, loop)
 
 
@@ -101,7 +101,7 @@ def test_a_resistance_of_no_circulation_is_refused(loop):
         if bc["bc_type"] == "ClosedLoopRCR":
             bc["bc_values"]["Rd"] = 1e6
     with pytest.raises(InputError, match="say units"):
-        detect(loop, "network.json")
+        detect_pressure_unit(loop, "network.json")
 
 
 def test_every_parameter_of_every_element_has_its_place():

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from coronaryuq.case.anatomy.tree import AORTA, Tree
-from coronaryuq.case.perfusion.cells import turnable
+from coronaryuq.case.perfusion.cells import voxels_as_hexahedra
 from coronaryuq.core.errors import InputError
 
 LIFT = 0.1
@@ -70,7 +70,7 @@ def atlas_wall(atlas: Atlas, spacing: float = 0.16):
     outside = _inside(centres, atlas.epicardium) & ~_inside(centres, atlas.endocardium)
     wall = grid.extract_cells(np.flatnonzero(outside))
     wall.clear_data()
-    return turnable(wall.connectivity("largest"))
+    return voxels_as_hexahedra(wall.connectivity("largest"))
 
 
 def _inside(centres, surface) -> np.ndarray:

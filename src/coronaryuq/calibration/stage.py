@@ -11,7 +11,7 @@ from coronaryuq.calibration.tuning import Goal, Tuned, tune_loop
 from coronaryuq.case.case_json import CaseSummary, read_case
 from coronaryuq.case.network.network import Network
 from coronaryuq.case.network.units import to_cgs
-from coronaryuq.case.tables.targets import checked
+from coronaryuq.case.tables.targets import check_targets
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.perfusion.targets import PerfusionTargets, read_perfusion_targets
@@ -56,7 +56,7 @@ def tune(
     """
     case, network = read_case(case_json), read_network(network_json)
     perfusion = read_perfusion_targets(targets_json)
-    targets = _check_needed(checked(case.targets, case_json), case_json)
+    targets = _check_needed(check_targets(case.targets, case_json), case_json)
     flows = _flows(case, network, perfusion, targets_json)
     reserve = Reserve(sum(flows.values()), tuple(flows), case.hyperaemia) if settings.hyperaemic_total else None
     goal = Goal(targets, case.hyperaemia, shares(case.outlets, flows), reserve)

@@ -7,7 +7,7 @@ import numpy as np
 
 from coronaryuq.case.case_json import TargetValue
 from coronaryuq.case.tables.read import csv_targets
-from coronaryuq.case.tables.targets import BY_NAME, TARGETS, checked
+from coronaryuq.case.tables.targets import BY_NAME, TARGETS, check_targets
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import MMHG
 
@@ -28,7 +28,7 @@ def read_targets(file: str | Path, unit_system: str = "auto") -> dict[str, float
     pressure = {"cgs": "dyn/cm2", "mmHg": "mmHg"}.get(unit_system) or _pressure_unit(values, file)
     units = {target.name: pressure if target.unit == "mmHg" else target.unit for target in TARGETS}
     targets = {name: TargetValue(value=value, unit=unit or units.get(name)) for name, (_, value, unit) in table.items()}
-    return checked(targets, file)
+    return check_targets(targets, file)
 
 
 def _pressure_unit(values: Mapping[str, float | None], file: str | Path) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from coronaryuq.case.anatomy.read import Placed, place_outlets, place_stenoses, read_anatomy
+from coronaryuq.case.anatomy.read import PlacedOutlets, place_outlets, place_stenoses, read_anatomy
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, area_ratio
 from coronaryuq.case.case_json import AnatomySource, Aorta, CaseOutlet, CaseStenosis, CaseSummary, TargetValue
 from coronaryuq.case.description.fields import Description, read_description
@@ -32,7 +32,7 @@ MAIN_LABELS = {"LAD": ("LAD",), "LCx": ("LCx",), "RCA": ("RCA", "PDA")}
 
 @dataclass(frozen=True)
 class AssembledCase:
-    """A checked case. Without an anatomy, the tree is a schematic of the given network and `stenoses` is empty."""
+    """A checked case; without an anatomy, the tree is a schematic of the case's network and `stenoses` is empty."""
 
     description: Description
     tree: Tree
@@ -46,6 +46,18 @@ class AssembledCase:
 def assemble(case_yaml: str | Path, settings: Settings) -> AssembledCase:
     """Read a case and everything that it names.
 
+    Parameters
+    ----------
+    case_yaml : str or Path
+        The case's description.
+    settings : Settings
+        Of the case stage.
+
+    Returns
+    -------
+    AssembledCase
+        Tree, network, wall and summary of the case, checked against one another.
+
     Raises
     ------
     InputError
@@ -56,25 +68,25 @@ def assemble(case_yaml: str | Path, settings: Settings) -> AssembledCase:
     folder = path.parent
     rows = read_outlets(folder / description.outlets)
     targets = read_case_targets(folder / description.targets) if description.targets else {}
-    given = _given_network(folder, description)
-    period = description.period or (_period(given[0]) if given else DEFAULT_PERIOD)
+    own_network = _read_own_network(folder, description)
+    period = description.period or (_period(own_network[0]) if own_network else DEFAULT_PERIOD)
     notes: tuple[str, ...] = ()
     tree: Tree | None = None
-    placed: Placed | None = None
+    placed: PlacedOutlets | None = None
     stenoses: list[Stenosis] = []
     anatomy = description.anatomy
     if anatomy is not None:
         tree, notes = read_anatomy(path, description, anatomy, rows, settings)
         tree, placed = place_outlets(path, description, tree, rows)
-        stenoses, found = place_stenoses(path, description, tree, settings)
-        notes += placed.notes + found
-    if given is None:
+        stenoses, stenosis_notes = place_stenoses(path, description, tree, settings)
+        notes += placed.notes + stenosis_notes
+    if own_network is None:
         assert tree is not None and placed is not None  # a description has an anatomy, a network, or both
         physics = _physics(description, settings, targets, period)
         network = _built_network(path, tree, placed, stenoses, physics)
         topology = closed_loop_tree(network, path)
     else:
-        network, topology, unit = given
+        network, topology, unit = own_network
         network.heart["cardiac_cycle_period"] = period
         _match(path, folder / description.outlets, description, rows, topology)
         if tree is None:
@@ -113,14 +125,14 @@ def assemble(case_yaml: str | Path, settings: Settings) -> AssembledCase:
     return AssembledCase(description, tree, stenoses, network, topology, summary, wall)
 
 
-def _given_network(folder: Path, description: Description) -> tuple[Network, Topology, str] | None:
+def _read_own_network(folder: Path, description: Description) -> tuple[Network, Topology, str] | None:
     """Return the case's own network in CGS, its topology, and its original pressure unit."""
     if description.network is None:
         return None
     path = folder / description.network
-    given = read_json(path)
-    closed_loop_tree(given, path)
-    network, unit = to_cgs(Network(given), description.network_units, path)
+    content = read_json(path)
+    closed_loop_tree(content, path)
+    network, unit = to_cgs(Network(content), description.network_units, path)
     return network, closed_loop_tree(network, path), unit
 
 
@@ -151,7 +163,9 @@ def _physics(
     )
 
 
-def _built_network(path: Path, tree: Tree, placed: Placed, stenoses: list[Stenosis], physics: Physics) -> Network:
+def _built_network(
+    path: Path, tree: Tree, placed: PlacedOutlets, stenoses: list[Stenosis], physics: Physics
+) -> Network:
     beds = [Bed(row.bc, placed.vessels[row.name], row.branch == "RCA") for row in placed.rows]
     try:
         return network_from_tree(tree, beds, placed.systemic, stenoses, physics)
@@ -185,7 +199,7 @@ def _require_points(table: Path, rows: list[OutletRow]) -> None:
             )
 
 
-def _outlets(rows: list[OutletRow], placed: Placed | None, tree: Tree, topology: Topology) -> list[CaseOutlet]:
+def _outlets(rows: list[OutletRow], placed: PlacedOutlets | None, tree: Tree, topology: Topology) -> list[CaseOutlet]:
     entries = []
     for row in rows:
         block = topology.vessel_of[row.bc]

@@ -2,11 +2,11 @@
 
 from collections import Counter
 
-from coronaryuq.case.anatomy.stenosis_detection import example
+from coronaryuq.case.anatomy.stenosis_detection import example_stenosis
 from coronaryuq.case.anatomy.tree import AORTA
 from coronaryuq.case.assembly import AssembledCase
 from coronaryuq.case.perfusion.perfusion_map import distances_to_outlets
-from coronaryuq.case.tables.targets import BY_NAME, checked
+from coronaryuq.case.tables.targets import BY_NAME, check_targets
 from coronaryuq.core.units import MBF_PER_MIN_PER_G, ML_PER_MIN
 
 
@@ -33,8 +33,8 @@ def describe(case: AssembledCase) -> list[str]:
             f"{20 * widest:.1f} mm in diameter",
         )
     if case.description.perfusion is not None:
-        away = distances_to_outlets(wall, summary.outlets)
-        lines[-1] += f"; its outlets lie {away.min():.1f} to {away.max():.1f} cm from it"
+        distances = distances_to_outlets(wall, summary.outlets)
+        lines[-1] += f"; its outlets lie {distances.min():.1f} to {distances.max():.1f} cm from it"
     for stenosis in summary.stenoses:
         ratio, start = stenosis.area_ratio, stenosis.start
         narrowing = "" if ratio is None else f", {1 - ratio:.0%} of the area, {1 - ratio**0.5:.0%} of the diameter"
@@ -45,9 +45,9 @@ def describe(case: AssembledCase) -> list[str]:
     elif not summary.stenoses:
         lines.append(
             "stenoses: none, so no 3D runs: the campaign ends at its target posterior; for FFR and wall shear, name a "
-            f"stretch of an artery, stenosed or not, such as stenoses: [{example(case.tree)}]"
+            f"stretch of an artery, stenosed or not, such as stenoses: [{example_stenosis(case.tree)}]"
         )
-    given = checked(summary.targets, case.description.targets or "targets")
-    sizes = [f"{name} {value:.4g} {BY_NAME[name].unit}".removesuffix(" 1") for name, value in given.items()]
-    lines.append(f"targets: {', '.join(sizes) or 'none'}")
+    targets = check_targets(summary.targets, case.description.targets or "targets")
+    values = [f"{name} {value:.4g} {BY_NAME[name].unit}".removesuffix(" 1") for name, value in targets.items()]
+    lines.append(f"targets: {', '.join(values) or 'none'}")
     return lines + [f"note: {note}" for note in summary.notes]

@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class Settings(BaseModel):
-    """How the case is read and completed. What belongs to the patient stands in `case.yaml`, not here."""
+    """How a case is read and completed; the patient's own data belong in `case.yaml`."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -14,29 +14,39 @@ class Settings(BaseModel):
         1.52,
         ge=0,
         le=5,
-        description="K_t of the stenosis law ΔP = K_t ρ/(2 A_0²) (A_0/A_s − 1)² Q². 1.52 is the published rule; "
-        "for smooth, cosine-shaped narrowings 1.0 fits 3D better",
+        description="K_t of the stenosis law ΔP = K_t ρ/(2 A_0²) (A_0/A_s − 1)² Q²: 1.52 as published; 1.0 agrees "
+        "better with 3D flow in smooth, cosine-shaped narrowings.",
     )
     walls: Literal["rigid", "elastic"] = Field(
-        "rigid", description="rigid: no vessel capacitance, as in the paper's 3D model; elastic: C from E h/r"
+        "rigid",
+        description="Vessel walls: rigid, without capacitance, as in the paper, or elastic, with C from E h/r.",
     )
-    young: float = Field(1.15e7, gt=0, description="Young's modulus of elastic walls, dyn/cm2 (Gow & Hadfield 1979)")
-    thickness_ratio: float = Field(0.1, gt=0, lt=1, description="wall thickness over radius of elastic walls")
+    young: float = Field(1.15e7, gt=0, description="Young's modulus of elastic walls (Gow & Hadfield 1979), dyn/cm2.")
+    thickness_ratio: float = Field(0.1, gt=0, lt=1, description="Thickness of elastic walls divided by the radius.")
     murray_exponent: float = Field(
-        2.6, gt=1, lt=4, description="initial outlet flows go as radius to this power (Murray; Zhou et al. 1999)"
+        2.6,
+        gt=1,
+        lt=4,
+        description="Power of the outlet radius to which initial flows are proportional (Zhou et al. 1999).",
     )
     coronary_share: float = Field(
-        0.04, gt=0, lt=0.5, description="coronary share of cardiac output for initial resistances, if no target says it"
+        0.04,
+        gt=0,
+        lt=0.5,
+        description="Coronary share of cardiac output for initial resistances, if it is not a target.",
     )
     wall_cells: int = Field(
-        60_000, ge=1000, le=5_000_000, description="most LV cells kept of an image or voxel map; more are merged evenly"
+        60_000,
+        ge=1000,
+        le=5_000_000,
+        description="Maximum number of LV cells of an image or voxel map; voxels are merged if there are more.",
     )
     surface_spacing: float | None = Field(
         None,
         gt=0,
         le=0.5,
-        description="grid spacing in cm for centrelines of a closed surface; none: from its narrowest outlet",
+        description="Spacing of points on a closed surface for its centrelines, cm; null: from the smallest outlet.",
     )
     narrowing: float = Field(
-        0.7, gt=0, lt=1, description="area ratio below which `stenoses: auto` calls a narrowing a stenosis"
+        0.7, gt=0, lt=1, description="Area ratio below which `stenoses: auto` counts a narrowing as a stenosis."
     )

@@ -1,4 +1,4 @@
-"""The case stage: `case.yaml` and what it names → case.json, tree.vtp, network.json, lv.vtu."""
+"""The case stage: `case.yaml` and its files → case.json, tree.vtp, network.json, lv.vtu."""
 
 from pathlib import Path
 
@@ -11,7 +11,22 @@ from coronaryuq.core.provenance import stamp
 
 
 def prepare_case(case_yaml: str | Path, settings: Settings, out_dir: str | Path) -> None:
-    """Check a case and write its four files; nothing is written when anything is wrong (InputError)."""
+    """Check a case and write its four files; nothing is written if the case has a fault.
+
+    Parameters
+    ----------
+    case_yaml : str or Path
+        The case's description.
+    settings : Settings
+        Of the case stage.
+    out_dir : str or Path
+        Folder of case.json, tree.vtp, network.json and lv.vtu.
+
+    Raises
+    ------
+    InputError
+        At the first fault.
+    """
     case = assemble(case_yaml, settings)
     out = Path(out_dir)
     provenance = stamp(case=Path(case_yaml).as_posix(), settings=settings.model_dump())

@@ -72,7 +72,7 @@ class Settings(BaseModel):
     )
     distance_to: Literal["outlet", "centreline"] = Field(
         "outlet",
-        description="Distance of an LV point: to the outlet (paper), or to the centreline of the outlet's vessel",
+        description="Distance of an LV point: to the outlet (paper), or to the centreline of the outlet's vessel.",
     )
     radius_power: float = Field(
         0.0, ge=0, le=4, description="Power of the outlet radius by which distances are divided; 0 is unweighted."

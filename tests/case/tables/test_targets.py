@@ -3,7 +3,7 @@
 import pytest
 
 from coronaryuq.case.case_json import TargetValue
-from coronaryuq.case.tables.targets import checked
+from coronaryuq.case.tables.targets import check_targets
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import MMHG
 
@@ -14,9 +14,9 @@ def test_targets_are_converted_to_their_own_units_and_unmeasured_ones_left_out()
         "EFLV": TargetValue(value=68.0, unit="%"),
         "PraMean": TargetValue(value=None, unit="mmHg"),
     }
-    assert checked(given, "case.json") == pytest.approx({"PaoMean": 90.0, "EFLV": 0.68})
+    assert check_targets(given, "case.json") == pytest.approx({"PaoMean": 90.0, "EFLV": 0.68})
 
 
 def test_a_volume_in_mmhg_is_refused():
     with pytest.raises(InputError, match=r"AbsQin\.unit"):
-        checked({"AbsQin": TargetValue(value=66.0, unit="mmHg")}, "case.json")
+        check_targets({"AbsQin": TargetValue(value=66.0, unit="mmHg")}, "case.json")

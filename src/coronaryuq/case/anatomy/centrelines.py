@@ -15,7 +15,7 @@ from coronaryuq.core.errors import InputError
 MOST_POINTS = 60_000
 """Largest number of surface points for the medial axis; more are thinned evenly."""
 COST_POWER = 2.0
-"""Cost of a step is its length over radius to this power: paths keep to the middle."""
+"""Power of the radius by which the cost of a step is its length divided: paths keep to the middle."""
 SPACING = 0.25
 """Between centreline points, in local radii."""
 SMOOTHING = 0.7
@@ -30,7 +30,7 @@ MERGE = 1.0
 class MedialAxis:
     """Voronoi vertices of the surface's points inside the lumen.
 
-    points (n, 3) cm, radius (n,) cm of the inscribed ball around each, graph: sparse (n, n) of step costs.
+    points: (n, 3) cm. radius: (n,) cm, of the inscribed ball around each. graph: sparse (n, n) of step costs.
     """
 
     points: np.ndarray
@@ -41,7 +41,7 @@ class MedialAxis:
 def medial_axis(surface: Surface, wanted: float) -> MedialAxis:
     """Compute the internal Voronoi diagram of points on the surface, about `wanted` (cm) apart.
 
-    A Voronoi vertex is inside where it lies behind the surface as seen from the points that it is nearest to.
+    A Voronoi vertex is inside if it lies behind the surface at the points nearest to it.
     """
     sites, normals = _sites(surface, wanted)
     mesh = Delaunay(sites)
@@ -71,7 +71,7 @@ def medial_axis(surface: Surface, wanted: float) -> MedialAxis:
 
 
 def signed_distance(surface: Surface, points: np.ndarray) -> np.ndarray:
-    """Distance (n,) cm from the surface, negative inside."""
+    """Compute the distance (n,) cm of points (n, 3) from the surface, negative inside."""
     import pyvista as pv
 
     cloud = pv.PolyData(np.asarray(points, dtype=float))
@@ -79,7 +79,7 @@ def signed_distance(surface: Surface, points: np.ndarray) -> np.ndarray:
 
 
 def _sites(surface: Surface, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points all over the surface and outward normals there: its own, more on long edges, fewer where too many."""
+    """Return points on the surface with outward normals: its own, plus more on long edges, thinned if too many."""
     polydata = surface.polydata()
     spacing = max(spacing, np.sqrt(2 * float(polydata.area) / MOST_POINTS))
     dense = polydata.subdivide_adaptive(max_edge_len=2 * spacing, max_n_passes=12)
@@ -104,10 +104,26 @@ def centreline_tree(
 ) -> Tree:
     """Trace the tree from the aortic inlet to every other cap, radii in cm.
 
-    outlets: name of each end's vessel → its cap. Inner vessels are named `branchN` by their place in the tree, the
-    first `aorta`; branches are left to be labelled. Radii are those of discs of the
-    cross-sections' areas, as far out as `REACH` says.
-    Raises InputError when a cap cannot be reached through the lumen.
+    Inner vessels are named `branchN` by their position in the tree, the first one `aorta`; branches are not labelled.
+    Radii are those of discs with the areas of the cross-sections, as far out as `REACH`.
+
+    Parameters
+    ----------
+    file : str or Path
+        The surface's file, for error messages.
+    surface : Surface
+        The closed lumen.
+    inlet : Cap
+        The aortic inlet.
+    outlets : dict of str to Cap
+        Name of each end's vessel → its cap.
+    spacing : float, optional
+        Of the surface points, cm; by default a third of the smallest outlet radius.
+
+    Raises
+    ------
+    InputError
+        If a cap cannot be reached through the lumen.
     """
     axis = medial_axis(surface, spacing or min(cap.radius for cap in outlets.values()) / 3)
     kd = cKDTree(axis.points)
@@ -131,13 +147,13 @@ def _node_at(file, axis: MedialAxis, kd: cKDTree, cap: Cap) -> int:
     inner = cap.centre - 0.8 * cap.radius * cap.normal
     near = np.array(kd.query_ball_point(inner, 0.8 * cap.radius), dtype=int)
     if len(near) == 0:
-        raise InputError(file, "cap", str(cap), "found no lumen behind it; the surface is too coarse there, refine it")
+        raise InputError(file, "cap", str(cap), "no lumen behind this cap; refine the surface there")
     return int(near[np.argmax(axis.radius[near])])
 
 
 @dataclass
 class _Piece:
-    """A run of nodes between two bifurcations; `parent` is its place in the list of pieces."""
+    """A run of nodes between two bifurcations; `parent` is an index into the list of pieces."""
 
     nodes: list[int]
     parent: int | None
@@ -145,7 +161,7 @@ class _Piece:
 
 
 def _pieces(axis: MedialAxis, paths: dict[str, list[int]]) -> list[_Piece]:
-    """Cut the union of paths from one source into pieces, the first starting there; short ones between two merged."""
+    """Cut the union of paths from one source into pieces, the first starting there; merge short inner pieces."""
     children: dict[int, list[int]] = {}
     ends = {path[-1]: name for name, path in paths.items()}
     for path in paths.values():
@@ -163,14 +179,14 @@ def _pieces(axis: MedialAxis, paths: dict[str, list[int]]) -> list[_Piece]:
         name = ends.get(run[-1])
         pieces.append(_Piece(run, parent, None if after else name))
         if after and name is not None:
-            # Other ends lie farther along: this one gets a short piece of its own.
+            # Other ends lie farther along, so this one gets a short piece of its own.
             pieces.append(_Piece([run[-1]], here, name))
         open_runs += [([run[-1], child], here) for child in after]
     return _merged(axis, pieces)
 
 
 def _merged(axis: MedialAxis, pieces: list[_Piece]) -> list[_Piece]:
-    """Pieces without inner ones shorter than `MERGE` radii: their children start where they did."""
+    """Remove inner pieces shorter than `MERGE` radii; their children start where they did."""
     while (k := _too_short(axis, pieces)) is not None:
         piece = pieces[k]
         for child in pieces:
@@ -212,7 +228,7 @@ def _tree(surface: Surface, axis: MedialAxis, pieces: list[_Piece], inlet: Cap, 
         if k == 0:
             radius[0] = inlet.radius
         if k in caps:
-            # The inscribed ball shrinks to nothing at a cap; the lumen does not.
+            # At a cap the inscribed ball shrinks to zero, but the lumen does not.
             arc = np.linalg.norm(points - points[-1], axis=1)
             radius = np.where(arc < caps[k].radius, np.maximum(radius, caps[k].radius), radius)
         if k == 0:
@@ -227,14 +243,14 @@ def _tree(surface: Surface, axis: MedialAxis, pieces: list[_Piece], inlet: Cap, 
     return Tree(vessels)
 
 
-def _own_radius(points: np.ndarray, radius: np.ndarray, parents: float) -> np.ndarray:
-    """Radii without the parent's lumen, in which a vessel starts: there it has the radius with which it comes out.
+def _own_radius(points: np.ndarray, radius: np.ndarray, parent_radius: float) -> np.ndarray:
+    """Replace radii inside the parent's lumen, where a vessel starts, by the radius with which it leaves.
 
-    It is out one parent's radius from its start, and from there where its radius has stopped falling.
+    It leaves at one parent's radius from its start, or farther along where its radius stops falling.
     """
     arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    out = min(int(np.searchsorted(arc, parents)), len(radius) - 1)
-    if parents > 2 * np.median(radius[out:]):
+    out = min(int(np.searchsorted(arc, parent_radius)), len(radius) - 1)
+    if parent_radius > 2 * np.median(radius[out:]):
         while out < len(radius) - 1 and radius[out + 1 : out + 4].min() < 0.98 * radius[out]:
             out += 1
     return np.concatenate([np.minimum(radius[:out], radius[out]), radius[out:]])
@@ -267,8 +283,8 @@ def _smoothed(points: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.nd
     ends = np.minimum(even, even[-1] - even)
     width = np.minimum(width, np.maximum(ends, 1e-9))
     reflected = np.vstack([2 * line[0] - line[:0:-1], line, 2 * line[-1] - line[-2::-1]])
-    at = np.concatenate([-even[:0:-1], even, 2 * even[-1] - even[-2::-1]])
-    weight = np.exp(-0.5 * ((even[:, None] - at) / width[:, None]) ** 2)
+    reflected_arc = np.concatenate([-even[:0:-1], even, 2 * even[-1] - even[-2::-1]])
+    weight = np.exp(-0.5 * ((even[:, None] - reflected_arc) / width[:, None]) ** 2)
     smooth = (weight / weight.sum(axis=1, keepdims=True)) @ reflected
     smooth[0], smooth[-1] = line[0], line[-1]
     return smooth, local
@@ -284,10 +300,10 @@ class _Slicer:
         self.kd = cKDTree(self.centroids)
 
     def area_radii(self, points: np.ndarray, inscribed: np.ndarray) -> np.ndarray:
-        """Radius (n,) cm of a disc of the cross-section's area as far as `REACH` inscribed radii from the point.
+        """Return the radius (n,) cm of a disc with the area of the cross-section, up to `REACH` inscribed radii.
 
-        Beside a bifurcation a section opens into the other vessel, or is an oval that is about to divide. The
-        inscribed ball is far too narrow there: tubes of its radius have several times the lumen's resistance.
+        Near a bifurcation a section opens into the other vessel, or is an oval that is about to divide. The inscribed
+        ball is far too narrow there: tubes of its radius have several times the lumen's resistance.
         """
         along = np.gradient(points, axis=0)
         along /= np.linalg.norm(along, axis=1, keepdims=True)
@@ -307,14 +323,14 @@ class _Slicer:
         three = np.stack(ends, axis=1)
         valid = np.isfinite(three[:, :, 0])
         two = three[valid].reshape(-1, 2, 3) - point
-        # The wall seen from the point along every direction of the plane: the nearest crossing of each segment.
+        # In every direction of the plane, the wall is at the nearest crossing of a segment.
         u = np.linalg.svd(normal[None])[2][1:]
         flat = two @ u.T
         return _star_area(flat, reach)
 
 
 def _star_area(segments: np.ndarray, reach: float, rays: int = 72) -> float:
-    """Area that a point sees of a plane section of segments (m, 2, 2) around it, no farther than `reach`."""
+    """Return the area of a plane section, with boundary segments (m, 2, 2), visible from the origin up to `reach`."""
     angle = 2 * np.pi * (np.arange(rays) + 0.5) / rays
     ray = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     p, d = segments[:, 0], segments[:, 1] - segments[:, 0]

@@ -8,7 +8,7 @@ import numpy as np
 
 from coronaryuq.case.anatomy.centrelines import centreline_tree
 from coronaryuq.case.anatomy.simvascular import read_project
-from coronaryuq.case.anatomy.stenosis_detection import around, tightest
+from coronaryuq.case.anatomy.stenosis_detection import narrowest_stenoses, stenosis_at
 from coronaryuq.case.anatomy.surface import Cap, Surface, read_surface
 from coronaryuq.case.anatomy.synthetic_aorta import NAMES, RADIUS, with_aorta
 from coronaryuq.case.anatomy.tree import AORTA, Stenosis, Tree, branch_of, read_tree
@@ -25,7 +25,7 @@ WIDEST_END, THINNEST_END = 0.4, 0.02
 
 
 @dataclass(frozen=True)
-class Placed:
+class PlacedOutlets:
     """Ends of the tree: outlet name → vessel, systemic boundary condition → vessel; notes for the user."""
 
     rows: list[OutletRow]
@@ -91,18 +91,21 @@ def _name_caps(
 
     def shown(caps: Sequence[Cap]) -> str:
         """List caps in the length unit of the table."""
-        places = [
+        entries = [
             "(" + ", ".join(f"{x / scale:.4g}" for x in cap.centre) + f") radius {cap.radius / scale:.3g}"
             for cap in caps
         ]
-        return f"{'; '.join(places) or 'none'} ({anatomy.unit})"
+        return f"{'; '.join(entries) or 'none'} ({anatomy.unit})"
 
-    def take(where: Path, field: str, point) -> Cap:
-        place = np.array(point) * scale
-        cap = min(free, key=lambda cap: float(np.linalg.norm(cap.centre - place)), default=None)
-        if cap is None or np.linalg.norm(cap.centre - place) > max(FARTHEST, 2 * cap.radius):
+    def take_nearest(source: Path, field: str, point) -> Cap:
+        position = np.array(point) * scale
+        cap = min(free, key=lambda cap: float(np.linalg.norm(cap.centre - position)), default=None)
+        if cap is None or np.linalg.norm(cap.centre - position) > max(FARTHEST, 2 * cap.radius):
             raise InputError(
-                where, field, list(point), f"the surface has no unassigned cap there; unassigned caps: {shown(free)}"
+                source,
+                field,
+                list(point),
+                f"the surface has no unassigned cap there; unassigned caps: {shown(free)}",
             )
         free.remove(cap)
         return cap
@@ -112,14 +115,14 @@ def _name_caps(
             raise InputError(
                 table, f"x y z of {row.name}", None, f"missing; a surface needs them. Its caps: {shown(surface.caps)}"
             )
-        ends[row.name] = take(table, f"x y z of {row.name}", row.point)
+        ends[row.name] = take_nearest(table, f"x y z of {row.name}", row.point)
     for outlet in description.systemic_outlets:
         if outlet.point is not None:
-            ends[outlet.vessel or outlet.name.removeprefix("BC_")] = take(
+            ends[outlet.vessel or outlet.name.removeprefix("BC_")] = take_nearest(
                 file, f"systemic_outlets.{outlet.name}.point", outlet.point
             )
     if anatomy.inlet is not None:
-        inlet = take(file, "anatomy.inlet", anatomy.inlet)
+        inlet = take_nearest(file, "anatomy.inlet", anatomy.inlet)
     elif free:
         inlet = free.pop(0)
     else:
@@ -133,7 +136,9 @@ def _name_caps(
     return inlet, ends
 
 
-def place_outlets(file: Path, description: Description, tree: Tree, rows: list[OutletRow]) -> tuple[Tree, Placed]:
+def place_outlets(
+    file: Path, description: Description, tree: Tree, rows: list[OutletRow]
+) -> tuple[Tree, PlacedOutlets]:
     """Match outlets and systemic outlets to the tree's ends, and label every vessel with its branch."""
     table, scale = file.parent / description.outlets, LENGTHS[description.length_unit]
     ends = [v.name for v in tree.leaves()]
@@ -171,7 +176,7 @@ def place_outlets(file: Path, description: Description, tree: Tree, rows: list[O
         )
     notes += _plausible_size(file, description.length_unit, [float(tree[v].radii[-1]) for v in vessels.values()])
     branches = {vessels[row.name]: row.branch for row in rows}
-    return labelled(tree, branches), Placed(rows, vessels, systemic, notes)
+    return labelled(tree, branches), PlacedOutlets(rows, vessels, systemic, notes)
 
 
 def _plausible_size(file: Path, unit: str, radii: list[float]) -> tuple[str, ...]:
@@ -244,18 +249,19 @@ def _nearest_end(file: Path, field: str, tree: Tree, ends: list[str], point: np.
 def place_stenoses(
     file: Path, description: Description, tree: Tree, settings: Settings
 ) -> tuple[list[Stenosis], tuple[str, ...]]:
-    """Return the stenoses, given by vessel and extent or by points, or found (`auto`), and notes on those found."""
+    """Return the stenoses of the description, or those detected (`auto`), and notes on the detected ones."""
     if description.stenoses == "auto":
-        found = tightest(tree, settings.narrowing)
-        if not found:
+        detected = narrowest_stenoses(tree, settings.narrowing)
+        if not detected:
             raise InputError(
                 file,
                 "stenoses",
                 "auto",
-                f"found no narrowing with an area ratio below {settings.narrowing}; "
+                f"no narrowing has an area ratio below {settings.narrowing}; "
                 "name a stretch of an artery (vessel, start, end), or write [] to do without 3D runs",
             )
-        return found, tuple(f"stenosis {s.name}: found on {s.vessel}, {s.start:.2f} to {s.end:.2f} cm" for s in found)
+        notes = (f"stenosis {s.name}: found on {s.vessel}, {s.start:.2f} to {s.end:.2f} cm" for s in detected)
+        return detected, tuple(notes)
     placed = [_stenosis(file, description, tree, place) for place in description.stenoses if place.block is None]
     return placed, ()
 
@@ -284,7 +290,7 @@ def _stenosis(file: Path, description: Description, tree: Tree, place: StenosisP
                 place.point,
                 f"lies {distance:.2g} cm from the nearest vessel of the {place.name}",
             )
-        stenosis = around(tree, place.name, name, arc, place.length)
+        stenosis = stenosis_at(tree, place.name, name, arc, place.length)
     if tree[stenosis.vessel].branch != place.name:
         belongs = tree[stenosis.vessel].branch
         raise InputError(file, f"{field}.vessel", stenosis.vessel, f"belongs to the {belongs}, not the {place.name}")

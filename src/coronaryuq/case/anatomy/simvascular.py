@@ -39,25 +39,24 @@ def read_project(folder: str | Path, scale: float) -> tuple[Tree, tuple[str, ...
         raise InputError(folder, None, None, "wanted Paths/*.pth and Segmentations/*.ctgr")
     of_path = {_path_name(group): group for group in groups} | {group.stem: group for group in groups}
     contoured = {path.stem: _contoured(path, of_path) for path in paths}
-    left_out = [name for name, found in contoured.items() if found is None]
-    found = [c for c in contoured.values() if c is not None]
-    lines = [_line(c.name, c.points * scale, c.radii * scale) for c in found]
+    left_out = [name for name, contours in contoured.items() if contours is None]
+    lines = [_line(c.name, c.points * scale, c.radii * scale) for c in contoured.values() if c is not None]
     if not lines:
         raise InputError(
             folder, "Segmentations", None, "no path has a contour group of the same name with two or more contours"
         )
     notes = (f"left out paths with fewer than two contours: {', '.join(left_out)}",) if left_out else ()
-    return joined(folder, lines, notes), notes
+    return join_lines(folder, lines, notes), notes
 
 
 def _line(name: str, points: np.ndarray, radii: np.ndarray) -> Vessel:
-    """Interpolate contour centres smoothly (modified Akima, which does not overshoot) and radii linearly."""
+    """Interpolate contour centres (modified Akima splines, which overshoot little) and radii (monotone cubics)."""
     arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     kept = np.concatenate([[True], np.diff(arc) > 0.0])
     arc, points, radii = arc[kept], points[kept], radii[kept]
-    at = np.linspace(0.0, arc[-1], max(2, int(np.ceil(arc[-1] / (0.25 * SPACING))) + 1))
-    course = Akima1DInterpolator(arc, points, axis=0, method="makima")(at)
-    return Vessel(name, course, PchipInterpolator(arc, radii)(at)).resampled(SPACING)
+    fine = np.linspace(0.0, arc[-1], max(2, int(np.ceil(arc[-1] / (0.25 * SPACING))) + 1))
+    course = Akima1DInterpolator(arc, points, axis=0, method="makima")(fine)
+    return Vessel(name, course, PchipInterpolator(arc, radii)(fine)).resampled(SPACING)
 
 
 def _path_name(group: Path) -> str:
@@ -66,24 +65,24 @@ def _path_name(group: Path) -> str:
     return group.stem if root is None else root.get("path_name", group.stem)
 
 
-def joined(folder: Path, lines: list[Vessel], notes: tuple[str, ...] = ()) -> Tree:
-    """One tree of overlapping lines: each starts at its nearest place on another, which is cut there.
+def join_lines(folder: Path, lines: list[Vessel], notes: tuple[str, ...] = ()) -> Tree:
+    """Join lines to a tree: each starts at the nearest point of another line, which is cut there.
 
-    The root is the line that leaves the others nearest to where they start. notes: what an error says beside itself.
+    The root is the line for which the others start closest to their parents. notes: appended to an error.
     """
     attempts = [_attached(first, lines) for first in lines]
-    reached, place, worst, (line, other) = min(attempts, key=lambda attempt: attempt[2])
+    reached, origins, worst, (line, other) = min(attempts, key=lambda attempt: attempt[2])
     if worst > ATTACH:
         remedy = f"starts {worst:.1f} radii from the nearest vessel, {other}; wanted at most {ATTACH}"
         raise InputError(folder, line, None, "; ".join([remedy, *notes]))
-    return _cut(reached, place)
+    return _cut(reached, origins)
 
 
 def _attached(first: Vessel, lines: list[Vessel]) -> tuple[list[Vessel], dict[str, tuple[str, float]], float, tuple]:
-    """Lines in the order in which they join, nearest first, where each does, and how far off the worst one was."""
+    """Attach lines to the root `first`, nearest first; return them, their origins, and the largest gap."""
     reached, left = [first], [v for v in lines if v is not first]
-    place: dict[str, tuple[str, float]] = {}
-    worst, who = 0.0, ("", "")
+    origins: dict[str, tuple[str, float]] = {}
+    worst, worst_pair = 0.0, ("", "")
     while left:
         options = []
         for line in left:
@@ -92,20 +91,20 @@ def _attached(first: Vessel, lines: list[Vessel]) -> tuple[list[Vessel], dict[st
                 options.append((distance / float(other.radius_at(arc)), line, other, arc))
         relative, line, other, arc = min(options, key=lambda option: option[0])
         if relative > worst:
-            worst, who = relative, (line.name, other.name)
-        place[line.name] = (other.name, arc)
+            worst, worst_pair = relative, (line.name, other.name)
+        origins[line.name] = (other.name, arc)
         reached.append(line)
         left = [v for v in left if v is not line]
-    return reached, place, worst, who
+    return reached, origins, worst, worst_pair
 
 
-def _cut(lines: list[Vessel], place: dict[str, tuple[str, float]]) -> Tree:
-    """Vessels between bifurcations: the last part of a line keeps its name, earlier ones add _1, _2, ..."""
+def _cut(lines: list[Vessel], origins: dict[str, tuple[str, float]]) -> Tree:
+    """Cut lines at bifurcations; the last part of a line keeps its name, earlier parts add _1, _2, ..."""
     vessels: list[Vessel] = []
     piece_at: dict[str, list[tuple[float, str]]] = {}
     for line in lines:
         least = 0.5 * float(np.median(line.radii))
-        arcs = sorted(arc for other, arc in place.values() if other == line.name)
+        arcs = sorted(arc for other, arc in origins.values() if other == line.name)
         cuts: list[float] = []
         for arc in arcs:
             arc = min(max(arc, least), line.length - least)
@@ -115,8 +114,8 @@ def _cut(lines: list[Vessel], place: dict[str, tuple[str, float]]) -> Tree:
         names = [f"{line.name}_{k + 1}" for k in range(len(cuts))] + [line.name]
         parent = None
         start_point = None
-        if line.name in place:
-            other, arc = place[line.name]
+        if line.name in origins:
+            other, arc = origins[line.name]
             parent = min(piece_at[other], key=lambda entry: abs(entry[0] - arc))[1]
             start_point = next(v for v in vessels if v.name == parent).points[-1]
         begin = 0.0
@@ -141,7 +140,7 @@ def _contoured(path: Path, groups: dict[str, Path]) -> Contoured | None:
         return None
     centres, radii = [], []
     group = groups[path.stem]
-    for contour in sorted(_xml(group).iter("contour"), key=_place):
+    for contour in sorted(_xml(group).iter("contour"), key=_path_point):
         rim = _points(group, contour, "contour_points/point")
         if len(rim) < 3:
             continue
@@ -153,14 +152,14 @@ def _contoured(path: Path, groups: dict[str, Path]) -> Contoured | None:
         radii.append(np.sqrt(area / np.pi))
     if len(centres) < 2:
         return None
-    # Contours begin where the artery is free of its parent: the path's own points lead there from its origin.
+    # Contours begin where the artery has left its parent; the path's own points lead there from its origin.
     along = centres[1] - centres[0]
     lead = control[: np.argmin(np.linalg.norm(control - centres[0], axis=1)) + 1]
     lead = lead[(lead - centres[0]) @ along < -1e-6 * float(along @ along)]
     return Contoured(path.stem, np.vstack([lead, centres]), np.concatenate([np.full(len(lead), radii[0]), radii]))
 
 
-def _place(contour: ElementTree.Element) -> int:
+def _path_point(contour: ElementTree.Element) -> int:
     """Return the path point at which a contour lies; files need not hold contours in that order."""
     point = contour.find("path_point")
     number = "" if point is None else point.get("id", "")
@@ -172,7 +171,7 @@ def _xml(path: Path) -> ElementTree.Element:
         raise InputError(path, None, f"{path.stat().st_size} bytes", f"more than {LARGEST} bytes")
     text = path.read_text(encoding="utf-8", errors="replace")
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise InputError(path, None, None, "has a document type definition; SimVascular writes none")
+        raise InputError(path, None, None, "contains a document type definition, which SimVascular never writes")
     # SimVascular writes a `format` element before the root: two roots, which XML does not allow.
     body = text[text.index("?>") + 2 :] if text.lstrip().startswith("<?xml") and "?>" in text else text
     try:

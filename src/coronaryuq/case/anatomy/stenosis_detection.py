@@ -1,22 +1,23 @@
-"""Finding stenoses: narrowings of a vessel relative to the healthy calibre that its two sides suggest."""
+"""Stenosis detection: narrowings relative to the healthy calibre interpolated from both sides."""
 
 import numpy as np
 
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel, area_ratio
 
 REACH = (0.3, 0.5, 0.75, 1.0, 1.5)
-"""cm either way within which the healthy calibre is looked for."""
+"""cm on either side within which the healthy calibre is sought."""
 SHORTEST = 0.2
-"""cm."""
+"""cm: minimum length of a stenosis."""
 SMALLEST = 0.075
-"""cm: narrowings of thinner vessels are not looked for; trials treat vessels of 1.5 mm diameter and more (SYNTAX)."""
+"""cm: smallest healthy radius of a stenosis; trials treat vessels of 1.5 mm diameter and more (SYNTAX)."""
 
 
 def relative_area(vessel: Vessel, first: float, spacing: float = 0.02) -> tuple[np.ndarray, np.ndarray]:
-    """Arc lengths (cm) from `first` on and there the area over the healthy area, at most 1.
+    """Return arc lengths (n,) cm from `first` on, and the area over the healthy area there, at most 1.
 
     The healthy radius is interpolated between the largest radii within reach upstream and downstream: a taper or a step
-    at a side branch is no narrowing, a waist between two wider places is. The tightest over several reaches counts.
+    at a side branch is not a narrowing, a waist between two wider sections is. The smallest ratio over all `REACH`
+    counts.
     """
     arc = np.linspace(first, vessel.length, max(3, int((vessel.length - first) / spacing) + 1))
     radius = vessel.radius_at(arc)
@@ -31,23 +32,23 @@ def relative_area(vessel: Vessel, first: float, spacing: float = 0.02) -> tuple[
     return arc, ratio
 
 
-def around(tree: Tree, name: str, vessel: str, arc: float, length: float | None = None) -> Stenosis:
+def stenosis_at(tree: Tree, name: str, vessel: str, arc: float, length: float | None = None) -> Stenosis:
     """Return the stenosis of artery `name` at arc length `arc`: of this length, or from shoulder to shoulder."""
     first, last = tree.emergence(vessel), tree[vessel].length
     if length is not None:
         start = min(max(arc - length / 2, first), max(first, last - length))
         return Stenosis(name, vessel, start, min(start + length, last))
-    places, _ = relative_area(tree[vessel], first)
-    radius = tree[vessel].radius_at(places)
-    near = np.abs(places - arc) <= 0.3
-    throat = np.flatnonzero(near)[np.argmin(radius[near])] if near.any() else int(np.argmin(np.abs(places - arc)))
-    start, end = _shoulders(places, radius, throat)
+    arcs, _ = relative_area(tree[vessel], first)
+    radius = tree[vessel].radius_at(arcs)
+    near = np.abs(arcs - arc) <= 0.3
+    throat = np.flatnonzero(near)[np.argmin(radius[near])] if near.any() else int(np.argmin(np.abs(arcs - arc)))
+    start, end = _shoulders(arcs, radius, throat)
     return Stenosis(name, vessel, start, end)
 
 
-def tightest(tree: Tree, below: float) -> list[Stenosis]:
+def narrowest_stenoses(tree: Tree, below: float) -> list[Stenosis]:
     """Return the narrowest stenosis of each of LAD, LCx and RCA with an area ratio less than `below`."""
-    found = []
+    stenoses = []
     for branch in ("LAD", "LCx", "RCA"):
         best: tuple[float, Stenosis] | None = None
         for vessel in tree:
@@ -62,23 +63,23 @@ def tightest(tree: Tree, below: float) -> list[Stenosis]:
                 if area_ratio(tree, stenosis) < below:
                     best = (float(ratio[k]), stenosis)
         if best is not None:
-            found.append(best[1])
-    return found
+            stenoses.append(best[1])
+    return stenoses
 
 
-def example(tree: Tree) -> str:
-    """How `stenoses` of `case.yaml` names a stretch of this tree: a centimetre, or less, amid the longest vessel."""
+def example_stenosis(tree: Tree) -> str:
+    """Return an entry of `stenoses` in `case.yaml` for this tree: up to 1 cm in the middle of its longest vessel."""
     arteries = [vessel for vessel in tree if vessel.branch in ("LAD", "LCx", "RCA")]
     if not arteries:
         return "{name: LAD, vessel: LAD, start: 2.0, end: 3.0}"
-    vessel = max(arteries, key=lambda one: one.length - tree.emergence(one.name))
+    vessel = max(arteries, key=lambda artery: artery.length - tree.emergence(artery.name))
     first = tree.emergence(vessel.name)
     middle, half = (first + vessel.length) / 2, min(1.0, (vessel.length - first) / 2) / 2
     return f"{{name: {vessel.branch}, vessel: {vessel.name}, start: {middle - half:.2f}, end: {middle + half:.2f}}}"
 
 
 def _shoulders(arc: np.ndarray, radius: np.ndarray, throat: int) -> tuple[float, float]:
-    """Where the calibre stops growing on either side of the throat, at least `SHORTEST` apart."""
+    """Return the arc lengths where the calibre stops growing on either side, at least `SHORTEST` apart."""
     i = j = throat
     step = arc[1] - arc[0]
     window = max(1, int(round(0.1 / step)))

@@ -49,6 +49,7 @@ class Surface:
     notes: tuple[str, ...]
 
     def polydata(self):
+        """Return the surface as pyvista PolyData."""
         import pyvista as pv
 
         faces = np.column_stack([np.full(len(self.triangles), 3), self.triangles])
@@ -105,9 +106,9 @@ def surface_of(points: np.ndarray, triangles: np.ndarray, path: str | Path = "su
     edges, count = np.unique(np.sort(_edges(triangles), axis=1), axis=0, return_counts=True)
     if (count > 2).any():
         raise InputError(path, "edges", int((count > 2).sum()), "shared by more than two triangles; repair the surface")
-    triangles, turned = _oriented(points, triangles)
-    if turned:
-        notes.append(f"surface: flipped {turned} triangles for a consistent orientation")
+    triangles, flipped = _oriented(points, triangles)
+    if flipped:
+        notes.append(f"surface: flipped {flipped} triangles for a consistent orientation")
     points, triangles, closed = _close(path, points, triangles, edges[count == 1])
     notes += closed
     used, renumbered = np.unique(triangles, return_inverse=True)
@@ -124,10 +125,10 @@ def surface_of(points: np.ndarray, triangles: np.ndarray, path: str | Path = "su
 
 
 def find_caps(points: np.ndarray, triangles: np.ndarray) -> list[Cap]:
-    """Flat regions with a round, sharp, convex rim, the largest first.
+    """Find flat regions with a round, sharp, convex rim, the largest first.
 
-    The surface is cut at its sharp edges, first at the sharpest; a region left over is a cap if it is flat, about
-    round, of four or more triangles, and meets the rest at a convex, sharp edge along most of its rim.
+    The surface is cut at its sharp edges, first at the sharpest. A region is a cap if it is flat and about round, has
+    four or more triangles, and meets the rest at a convex, sharp edge along most of its rim.
     """
     normals, areas = _normals(points, triangles)
     pairs, edges = _neighbours(triangles)
@@ -135,7 +136,7 @@ def find_caps(points: np.ndarray, triangles: np.ndarray) -> list[Cap]:
     turn = (normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1)
     centroids = points[triangles].mean(axis=1)
     across = centroids[pairs[:, 1]] - centroids[pairs[:, 0]]
-    # Thin triangles lie in both planes: only what clearly rises is concave.
+    # Thin triangles lie in both planes: an edge is concave only if the neighbour clearly rises.
     convex = (across * normals[pairs[:, 0]]).sum(axis=1) < 0.02 * np.linalg.norm(across, axis=1)
     length = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
     n = len(triangles)
@@ -218,7 +219,7 @@ def _edges(triangles: np.ndarray) -> np.ndarray:
 
 
 def _neighbours(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs of triangles (k, 2) that share an edge, and that edge's points (k, 2)."""
+    """Return pairs of triangles (k, 2) that share an edge, and that edge's points (k, 2)."""
     edges = np.sort(_edges(triangles), axis=1)
     owner = np.tile(np.arange(len(triangles)), 3)
     order = np.lexsort((edges[:, 1], edges[:, 0]))
@@ -271,14 +272,14 @@ def _oriented(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, in
 
     if len(np.unique(_edges(triangles), axis=0)) == 3 * len(triangles):
         return triangles, 0
-    alike = pv.PolyData.from_regular_faces(points, triangles).compute_normals(
+    consistent = pv.PolyData.from_regular_faces(points, triangles).compute_normals(
         point_normals=False, consistent_normals=True, auto_orient_normals=False, split_vertices=False
     )
-    found = np.asarray(alike.regular_faces)
-    turned = (np.cross(*_sides(points, found)) * np.cross(*_sides(points, triangles))).sum(axis=1) < 0
-    if 2 * turned.sum() > len(triangles):
-        return found[:, ::-1], len(triangles) - int(turned.sum())
-    return found, int(turned.sum())
+    oriented = np.asarray(consistent.regular_faces)
+    flipped = (np.cross(*_sides(points, oriented)) * np.cross(*_sides(points, triangles))).sum(axis=1) < 0
+    if 2 * flipped.sum() > len(triangles):
+        return oriented[:, ::-1], len(triangles) - int(flipped.sum())
+    return oriented, int(flipped.sum())
 
 
 def _sides(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

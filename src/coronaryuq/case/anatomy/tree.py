@@ -26,8 +26,8 @@ class Vessel:
     """A vessel between two bifurcations.
 
     points: (n, 3) cm, from the parent's last point onwards. radii: (n,) cm. parent: name, None for the root.
-    branch: "aorta", or the coronary artery that it belongs to: "LM", "LAD", "LCx" or "RCA";
-    "coronary" where others than LAD and LCx have yet to part (a single coronary artery).
+    branch: "aorta", or the coronary artery that it belongs to: "LM", "LAD", "LCx" or "RCA"; "coronary" for a common
+    trunk of other arteries than LAD and LCx (a single coronary artery).
     """
 
     name: str
@@ -46,11 +46,11 @@ class Vessel:
         return float(self.arc[-1])
 
     def radius_at(self, arc) -> np.ndarray:
-        """Radius (cm) at arc length (cm), linear between points."""
+        """Return the radius (cm) at arc length (cm), linear between points."""
         return np.interp(arc, self.arc, self.radii)
 
     def position_at(self, arc) -> np.ndarray:
-        """Position (..., 3) cm at arc length (...) cm, linear between points."""
+        """Return the position (..., 3) cm at arc length (...) cm, linear between points."""
         return np.stack([np.interp(arc, self.arc, self.points[:, k]) for k in range(3)], axis=-1)
 
     def tangent_at(self, arc) -> np.ndarray:
@@ -75,7 +75,7 @@ class Vessel:
 
 @dataclass(frozen=True)
 class Stenosis:
-    """A narrowing of one vessel between two arc lengths (cm), named by the artery whose FFR is asked: LAD, LCx, RCA."""
+    """A stenosis of one vessel between two arc lengths (cm), named by the artery of its FFR: LAD, LCx or RCA."""
 
     name: str
     vessel: str
@@ -91,9 +91,9 @@ def placed_stenoses(stenoses: Iterable[CaseStenosis]) -> list[Stenosis]:
 class Tree:
     """Vessels by name, parents before children.
 
-    Children start where their parent ends. A coronary artery starts on the aorta's centreline, so its first stretch
-    lies inside the aortic lumen; `emergence` gives where it comes out.
-    Raises ValueError, with the vessel's name, when the vessels are not one tree.
+    Children start where their parent ends. A coronary artery starts on the aorta's centreline, so its first part lies
+    inside the aortic lumen, which it leaves at `emergence`. Raises ValueError, with the vessel's name, if the vessels
+    are not one tree.
     """
 
     def __init__(self, vessels: Iterable[Vessel]):
@@ -143,34 +143,36 @@ class Tree:
         return next(iter(self.vessels.values()))
 
     def children(self, name: str) -> list[Vessel]:
+        """Return the vessels that start at the end of `name`."""
         return [v for v in self if v.parent == name]
 
     def leaves(self) -> list[Vessel]:
+        """Return the vessels without children."""
         parents = {v.parent for v in self}
         return [v for v in self if v.name not in parents]
 
     def path(self, name: str) -> list[Vessel]:
-        """Vessels from the root to `name`, both included."""
+        """Return the vessels from the root to `name`, both included."""
         path = [self[name]]
         while path[0].parent is not None:
             path.insert(0, self[path[0].parent])
         return path
 
     def subtree(self, name: str) -> list[Vessel]:
-        """`name` and every vessel fed through it."""
+        """Return `name` and every vessel downstream of it."""
         inside = [self[name]]
         for vessel in inside:
             inside.extend(self.children(vessel.name))
         return inside
 
     def ostial(self, vessel: Vessel) -> bool:
-        """Whether this coronary artery arises from the aorta."""
+        """Tell whether this coronary artery arises from the aorta."""
         return vessel.branch != AORTA and vessel.parent is not None and self[vessel.parent].branch == AORTA
 
     def emergence(self, name: str) -> float:
-        """Arc length (cm) at which an ostial vessel leaves the aortic lumen; 0 for any other vessel.
+        """Return the arc length (cm) at which an ostial vessel leaves the aortic lumen; 0 for any other vessel.
 
-        The lumen is that of the aortic vessels which meet at the vessel's start.
+        The lumen is that of the aortic vessels that meet at the vessel's start.
         """
         vessel = self[name]
         if not self.ostial(vessel):
@@ -186,7 +188,7 @@ class Tree:
         return 0.0 if first == 0 else float(np.interp(0.0, depth[first - 1 : first + 1], arc[first - 1 : first + 1]))
 
     def nearest(self, point, among: Iterable[str] | None = None) -> tuple[str, float, float]:
-        """Vessel, arc length (cm) and distance (cm) of the centreline place nearest to `point` (3,) cm."""
+        """Return vessel, arc length (cm) and distance (cm) of the centreline position nearest to `point` (3,) cm."""
         best = ("", 0.0, np.inf)
         for vessel in self if among is None else (self[name] for name in among):
             arc, distance = project(vessel, point)
@@ -200,9 +202,10 @@ class Tree:
 
 
 def branch_of(fed: set[str]) -> str:
-    """Branch of a vessel that feeds ends of these: theirs if they agree, LM before LAD and LCx part.
+    """Return the branch of a vessel that feeds ends of the branches `fed`.
 
-    Where others part it is a coronary trunk; where an end of the aorta is among them, the aorta.
+    It is theirs if they agree, LM upstream of LAD and LCx, a coronary trunk upstream of other arteries, and the aorta
+    if an aortic end is among them.
     """
     if len(fed) == 1:
         return next(iter(fed))
@@ -212,7 +215,7 @@ def branch_of(fed: set[str]) -> str:
 
 
 def project(vessel: Vessel, point) -> tuple[float, float]:
-    """Arc length (cm) of the place on the polyline nearest to `point`, and its distance (cm)."""
+    """Return the arc length (cm) of the position on the polyline nearest to `point`, and its distance (cm)."""
     start, along = vessel.points[:-1], np.diff(vessel.points, axis=0)
     share = np.clip(((np.asarray(point) - start) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
     distance = np.linalg.norm(start + share[:, None] * along - point, axis=1)
@@ -221,7 +224,10 @@ def project(vessel: Vessel, point) -> tuple[float, float]:
 
 
 def distance_to(vessel: Vessel, points: np.ndarray) -> np.ndarray:
-    """Signed distance (n,) cm from the lumen of linearly tapered segments to `points` (n, 3); negative inside."""
+    """Return the signed distance (n,) cm of `points` (n, 3) from the vessel's wall, negative inside.
+
+    The lumen consists of linearly tapered segments.
+    """
     start, along = vessel.points[:-1], np.diff(vessel.points, axis=0)
     offset = points[:, None, :] - start
     share = np.clip((offset * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
@@ -230,19 +236,19 @@ def distance_to(vessel: Vessel, points: np.ndarray) -> np.ndarray:
 
 
 def reference_radius(vessel: Vessel, start: float, end: float, arc) -> np.ndarray:
-    """Radius (cm) that the vessel would have without its narrowing: linear between the two ends of the stenosis."""
+    """Return the radius (cm) without the stenosis: linear in arc length between its two ends."""
     return np.interp(arc, [start, end], vessel.radius_at([start, end]))
 
 
 def throat(tree: Tree, stenosis: Stenosis) -> tuple[float, float]:
-    """Arc length (cm) and radius (cm) at the narrowest place of a stenosis."""
+    """Return the arc length (cm) and radius (cm) of the narrowest point of a stenosis."""
     part = tree[stenosis.vessel].between(stenosis.start, stenosis.end)
     k = int(np.argmin(part.radii))
     return stenosis.start + float(part.arc[k]), float(part.radii[k])
 
 
 def area_ratio(tree: Tree, stenosis: Stenosis) -> float:
-    """Lumen area at the throat over the area there without the stenosis, A_s / A_0 (1 is no narrowing)."""
+    """Return A_s / A_0, the lumen area at the throat over the area there without the stenosis (1: no narrowing)."""
     arc, radius = throat(tree, stenosis)
     healthy = reference_radius(tree[stenosis.vessel], stenosis.start, stenosis.end, arc)
     return float((radius / healthy) ** 2)
@@ -266,9 +272,26 @@ def write_tree(path: str | Path, tree: Tree) -> None:
 
 
 def read_tree(path: str | Path, scale: float = 1.0) -> Tree:
-    """Read a tree written by `write_tree`, or polylines of the same layout in another length unit (`scale` to cm).
+    """Read a tree written by `write_tree`, or polylines of the same layout in another length unit.
 
     `VesselName` and `Parent` may be absent: vessels are then named `branch0`, `branch1`, ... and joined by their ends.
+
+    Parameters
+    ----------
+    path : str or Path
+        VTP file.
+    scale : float
+        Its length unit in cm.
+
+    Returns
+    -------
+    Tree
+        In cm.
+
+    Raises
+    ------
+    InputError
+        If data are missing or the polylines are not one tree.
     """
     import pyvista as pv
 
@@ -307,15 +330,15 @@ def _cell_data(mesh: "pyvista.DataSet", name: str, default: list[str]) -> Iterab
 
 
 def _polylines(lines: np.ndarray) -> Iterator[np.ndarray]:
-    at = 0
-    while at < len(lines):
-        n = int(lines[at])
-        yield lines[at + 1 : at + 1 + n]
-        at += 1 + n
+    start = 0
+    while start < len(lines):
+        n = int(lines[start])
+        yield lines[start + 1 : start + 1 + n]
+        start += 1 + n
 
 
 def _join_by_ends(path, polylines: list[np.ndarray], names: list[str]) -> list[str | None]:
-    """Parent of each polyline: the one that ends where it starts. Exactly one may have none."""
+    """Return the parent of each polyline, the one that ends where it starts; exactly one may have none."""
     span = max(float(np.ptp(np.concatenate(polylines), axis=0).max()), 1e-9)
     parents: list[str | None] = []
     for i, line in enumerate(polylines):
@@ -323,7 +346,7 @@ def _join_by_ends(path, polylines: list[np.ndarray], names: list[str]) -> list[s
         parents.append(names[int(np.argmin(gaps))] if min(gaps, default=np.inf) < 1e-4 * span else None)
     roots = [n for n, p in zip(names, parents, strict=True) if p is None]
     if len(roots) != 1:
-        raise InputError(path, "Parent", ", ".join(roots), "these start at no other vessel's end; wanted one root")
+        raise InputError(path, "Parent", ", ".join(roots), "start at no other vessel's end; wanted one root")
     return parents
 
 

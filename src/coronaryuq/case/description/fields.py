@@ -193,7 +193,7 @@ class Description(_Model):
         default_factory=list, description="outlets of the aorta; default: every aortic end, named BC_RCR1, BC_RCR2, ..."
     )
     stenoses: Literal["auto"] | list[StenosisPlace] = Field(
-        description="at most one each for LAD, LCx and RCA; or auto, the tightest narrowing of each"
+        description="at most one each for LAD, LCx and RCA; or auto, the narrowest one of each"
     )
     targets: str | None = Field(
         None, description="clinical targets: CSV of name, description and value (or none), or the same in YAML"
@@ -264,24 +264,24 @@ def read_description(path: str | Path) -> Description:
 
 def _one_line(path: str | Path, errors: ValidationError) -> InputError:
     # pydantic reports an error for every type of a union: keep only those of the type that the user chose.
-    found = errors.errors(include_url=False)
-    found = [e for e in found if not ("literal['auto']" in e["loc"] and isinstance(e["input"], list))] or found
-    found.sort(key=lambda error: error["type"] != "extra_forbidden")  # a misspelt field is often a missing one, too
-    first = found[0]
+    faults = errors.errors(include_url=False)
+    faults = [e for e in faults if not ("literal['auto']" in e["loc"] and isinstance(e["input"], list))] or faults
+    faults.sort(key=lambda fault: fault["type"] != "extra_forbidden")  # a misspelt field is often a missing one, too
+    first = faults[0]
     where = [str(part) for part in first["loc"] if not str(part).startswith(("literal[", "list[", "function-"))]
     field = ".".join(where) or None
     value = None if first["type"] in ("missing", "value_error") else first["input"]
     message = first["msg"].removeprefix("Value error, ")
     if "literal['auto']" in first["loc"]:
         message = "wanted auto, a list such as [{name: LAD, vessel: LAD, start: 2.0, end: 3.0}], or [] for none"
-        found = [error for error in found if error["loc"][:1] != first["loc"][:1]]
-        found.insert(0, first)
+        faults = [fault for fault in faults if fault["loc"][:1] != first["loc"][:1]]
+        faults.insert(0, first)
     if first["type"] == "extra_forbidden":
         fields = _model_at(where[:-1]).model_fields
         message = f"unknown field; {nearest(where[-1], fields)}known fields: {', '.join(fields)}"
     elif first["type"] == "missing":
         message = "required field is missing"
-    others = ", ".join(dict.fromkeys(".".join(map(str, error["loc"])) or "the whole file" for error in found[1:]))
+    others = ", ".join(dict.fromkeys(".".join(map(str, error["loc"])) or "the whole file" for error in faults[1:]))
     return InputError(path, field, value, message[0].lower() + message[1:] + (f" (also: {others})" if others else ""))
 
 

@@ -28,7 +28,7 @@ BLOCKS: dict[str, type[BaseModel]] = {
 
 
 def reference() -> str:
-    """Markdown: a table of fields, defaults and meanings per block, in the words of the model that checks them."""
+    """Write Markdown tables of fields, defaults and meanings, one per block, from the models that check them."""
     parts = []
     for name, model in BLOCKS.items():
         each = " (each)" if name in ("stenoses", "systemic_outlets") else ""

@@ -48,13 +48,13 @@ def read_yaml(path: str | Path, wanted: str = "wanted a mapping of fields") -> d
         size = Path(path).stat().st_size
         if size > LARGEST:
             raise InputError(path, None, f"{size} bytes", f"more than {LARGEST} bytes; wanted a short text file")
-        given = yaml.load(Path(path).read_text(encoding="utf-8"), Loader=_Loader)
+        content = yaml.load(Path(path).read_text(encoding="utf-8"), Loader=_Loader)
     except FileNotFoundError:
         raise InputError(path, None, None, "no such file") from None
     except OSError as error:
         raise InputError(path, None, None, f"cannot be read ({error.strerror})") from None
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(path, None, None, f"not valid YAML ({error})") from None
-    if not isinstance(given, dict):
+    if not isinstance(content, dict):
         raise InputError(path, None, None, wanted)
-    return given
+    return content

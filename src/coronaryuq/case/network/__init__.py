@@ -1,1 +1,1 @@
-"""The 0D network of an anatomy, or one that is given."""
+"""The 0D network of a case: built from the anatomy, or read from a file."""

@@ -12,14 +12,14 @@ from coronaryuq.core.units import BLOOD_DENSITY, BLOOD_VISCOSITY, MMHG
 STENOSIS_LOSS = 1.52
 """K_t of Young and Tsai (1973), used by Pfaller et al. (2022), Eq. 7."""
 MURRAY_EXPONENT = 2.6
-"""Of outlet flow with outlet radius (paper, section 2.3; Zhou et al. 1999)."""
+"""Exponent of outlet flow as a power of outlet radius (paper, section 2.3; Zhou et al. 1999)."""
 CORONARY_SHARES = {"Ra": 0.32, "Ram": 0.52, "Rv": 0.16}
-"""Of a coronary bed's resistance (Kim et al. 2010)."""
+"""Shares of a coronary bed's resistance (Kim et al. 2010)."""
 CORONARY_CAPACITANCE = {
     "ClosedLoopCoronaryLeft": {"Ca": 0.000552427 / MMHG, "Cim": 0.003737025 / MMHG},
     "ClosedLoopCoronaryRight": {"Ca": 0.001055957 / MMHG, "Cim": 0.003463134 / MMHG},
 }
-"""Of all left and all right beds together, cm5/dyn: svZeroDSolver's case closedLoopHeart_withCoronaries."""
+"""cm5/dyn, all left and all right beds together: svZeroDSolver's case closedLoopHeart_withCoronaries."""
 PROXIMAL_SHARE = 0.09
 """Rp / (Rp + Rd) of the systemic outlets, as in that case."""
 SYSTEMIC_CAPACITANCE = 0.292498360 / MMHG
@@ -62,10 +62,10 @@ class Bed:
 
 @dataclass(frozen=True)
 class Physics:
-    """What the rules need beside the tree. Defaults are the paper's blood, rigid walls and resting flow.
+    """Parameters of the rules other than the tree; defaults are the paper's blood, rigid walls and resting flow.
 
     elastic: give vessels C = 3 π L r̄³ / (2 E h) with h = thickness_ratio · r̄; rigid walls have C = 0 (paper, 2.2).
-    pressure (dyn/cm2), cardiac_output (mL/s), coronary_share: the resting state that initial resistances are made for.
+    pressure (dyn/cm2), cardiac_output (mL/s), coronary_share: the resting state that initial resistances produce.
     """
 
     density: float = BLOOD_DENSITY
@@ -84,7 +84,7 @@ class Physics:
 
 @dataclass(frozen=True)
 class Segment:
-    """One 0D vessel: part of a tree vessel between two arc lengths (cm); `stenosis` names the narrowing that it is."""
+    """One 0D vessel: part of a tree vessel between two arc lengths (cm); `stenosis` is its name if it is one."""
 
     name: str
     vessel: str
@@ -96,28 +96,41 @@ class Segment:
 def segments(tree: Tree, stenoses: Sequence[Stenosis], shortest: float = 0.02) -> list[Segment]:
     """Return the 0D vessels of a tree, parents first: one per vessel, cut at both ends of every stenosis.
 
-    Inner vessels become `NAME_seg0`, `NAME_seg1`, ...; a vessel that ends the tree keeps its plain name for its last
-    part, as the aortic root does. An ostial artery starts where it leaves the aorta. Beside a stenosis, a part below
-    `shortest` (cm) is left out. Raises ValueError for a stenosis outside its vessel, or two that overlap.
+    Inner vessels become `NAME_seg0`, `NAME_seg1`, ...; the last part of a vessel that ends the tree, or of the aortic
+    root, keeps the plain name. An ostial artery starts where it leaves the aorta.
+
+    Parameters
+    ----------
+    tree : Tree
+        Vessels, cm.
+    stenoses : sequence of Stenosis
+        Where to cut.
+    shortest : float
+        Length (cm) below which a part next to a stenosis is left out.
+
+    Raises
+    ------
+    ValueError
+        If a stenosis lies outside its vessel, or two overlap.
     """
     ends = {v.name for v in tree.leaves()} | {tree.root.name}
     result = []
     for vessel in tree:
         here = sorted((s for s in stenoses if s.vessel == vessel.name), key=lambda s: s.start)
-        at = tree.emergence(vessel.name)
+        begin = tree.emergence(vessel.name)
         parts: list[tuple[float, float, str | None]] = []
         for stenosis in here:
-            if stenosis.start < at - 1e-6 or stenosis.end > vessel.length + 1e-6 or stenosis.end <= stenosis.start:
+            if stenosis.start < begin - 1e-6 or stenosis.end > vessel.length + 1e-6 or stenosis.end <= stenosis.start:
                 raise ValueError(
                     f"stenosis {stenosis.name}: {stenosis.start:.3g} to {stenosis.end:.3g} cm does not fit between "
-                    f"{at:.3g} and {vessel.length:.3g} cm of vessel {vessel.name}, or overlaps another stenosis"
+                    f"{begin:.3g} and {vessel.length:.3g} cm of vessel {vessel.name}, or overlaps another stenosis"
                 )
-            if stenosis.start - at > shortest:
-                parts.append((at, stenosis.start, None))
+            if stenosis.start - begin > shortest:
+                parts.append((begin, stenosis.start, None))
             parts.append((stenosis.start, min(stenosis.end, vessel.length), stenosis.name))
-            at = stenosis.end
-        if vessel.length - at > shortest or not parts:
-            parts.append((at, vessel.length, None))
+            begin = stenosis.end
+        if vessel.length - begin > shortest or not parts:
+            parts.append((begin, vessel.length, None))
         for k, (start, end, name) in enumerate(parts):
             plain = vessel.name in ends and k == len(parts) - 1
             result.append(Segment(vessel.name if plain else f"{vessel.name}_seg{k}", vessel.name, start, end, name))
@@ -125,7 +138,7 @@ def segments(tree: Tree, stenoses: Sequence[Stenosis], shortest: float = 0.02) -
 
 
 def elements(vessel: Vessel, physics: Physics) -> dict[str, float]:
-    """R, L and C of a stretch of vessel in laminar flow (Pfaller et al. 2022, Eqs. 4 to 6), CGS.
+    """Compute R, L and C of a part of a vessel in laminar flow (Pfaller et al. 2022, Eqs. 4 to 6), CGS.
 
     R = 8 µ/π ∫ r⁻⁴ ds and L = ρ/π ∫ r⁻² ds, exact for radii that are linear between points; for a constant radius they
     are the published 8 µ l/(π r⁴) and ρ l/(π r²).
@@ -147,7 +160,10 @@ def elements(vessel: Vessel, physics: Physics) -> dict[str, float]:
 
 
 def stenosis_coefficient(ratio: float, healthy_radius: float, physics: Physics) -> float:
-    """S of ΔP = S |Q| Q: K_t ρ / (2 A_0²) (A_0/A_s − 1)² (Pfaller et al. 2022, Eq. 7), `ratio` = A_s/A_0, CGS."""
+    """Compute S of ΔP = S |Q| Q, CGS: K_t ρ / (2 A_0²) (A_0/A_s − 1)² (Pfaller et al. 2022, Eq. 7).
+
+    ratio: A_s/A_0. healthy_radius: cm.
+    """
     area = np.pi * healthy_radius**2
     return float(physics.stenosis_loss * physics.density / (2 * area**2) * (1 / ratio - 1) ** 2)
 
@@ -161,17 +177,38 @@ def network_from_tree(
 ) -> Network:
     """Build the closed loop: heart `CLH`, vessels, junctions, coronary beds and systemic Windkessels.
 
-    beds: one per coronary end of the tree. systemic: boundary condition name → aortic end of the tree.
-    Resistances share the resting flow among outlets by Murray's law; capacitances likewise.
-    Raises ValueError when an end of the tree has no outlet, or an outlet no end.
+    Resistances and capacitances divide the resting flow among outlets by Murray's law.
+
+    Parameters
+    ----------
+    tree : Tree
+        Vessels, cm.
+    beds : sequence of Bed
+        One per coronary end of the tree.
+    systemic : mapping of str to str
+        Boundary condition → aortic end of the tree.
+    stenoses : sequence of Stenosis
+        Stenoses of the tree.
+    physics : Physics, optional
+        Blood, walls and resting state.
+
+    Returns
+    -------
+    Network
+        svZeroDSolver JSON, CGS.
+
+    Raises
+    ------
+    ValueError
+        If an end of the tree has no outlet, or an outlet no end.
     """
     physics = physics or Physics()
     ends = {v.name for v in tree.leaves()}
-    named = [b.vessel for b in beds] + list(systemic.values())
-    if sorted(named) != sorted(ends):
+    with_outlet = [b.vessel for b in beds] + list(systemic.values())
+    if sorted(with_outlet) != sorted(ends):
         raise ValueError(
-            f"ends of the tree without an outlet: {', '.join(sorted(ends - set(named))) or 'none'}; "
-            f"outlets at no end of the tree: {', '.join(sorted(set(named) - ends)) or 'none'}"
+            f"ends of the tree without an outlet: {', '.join(sorted(ends - set(with_outlet))) or 'none'}; "
+            f"outlets at no end of the tree: {', '.join(sorted(set(with_outlet) - ends)) or 'none'}"
         )
     parts = segments(tree, stenoses)
     number = {part.name: k for k, part in enumerate(parts)}
@@ -253,7 +290,7 @@ def _junctions(tree: Tree, parts: Sequence[Segment], number: Mapping[str, int]) 
 
 
 def murray_shares(radii, exponent: float = MURRAY_EXPONENT) -> np.ndarray:
-    """Share of flow of outlets with these radii, proportional to radius**exponent."""
+    """Return the share of flow (n,) of outlets with radii (n,), proportional to radius**exponent."""
     weights = np.asarray(radii, dtype=float) ** exponent
     return weights / weights.sum()
 

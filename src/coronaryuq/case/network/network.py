@@ -13,7 +13,7 @@ Entry = dict[str, Any]
 
 
 class Element(NamedTuple):
-    """One block with parameters: the part of the file that it stands in, its name, type and values."""
+    """One block with parameters: its part of the file, name, type and values."""
 
     part: str
     name: str
@@ -22,7 +22,7 @@ class Element(NamedTuple):
 
 
 class Network(dict[str, Any]):
-    """The dict that stands in an svZeroDSolver file, with its blocks by name.
+    """The content of an svZeroDSolver file, with its blocks by name.
 
     Blocks are returned as they are: to change one without changing the network, take a `deep_copy` first. A lookup of a
     name that the network lacks raises `KeyError`.
@@ -60,10 +60,11 @@ class Network(dict[str, Any]):
         return {vessel["vessel_id"]: vessel["vessel_name"] for vessel in self.vessels}
 
     def vessel(self, name: str) -> Entry:
+        """Return the vessel `name`."""
         return _named(self.vessels, "vessel_name", name)
 
     def vessel_values(self, name: str) -> dict[str, Any]:
-        """Parameters of a vessel's element."""
+        """Return the parameters of a vessel's element."""
         return self.vessel(name)["zero_d_element_values"]
 
     def bed(self, name: str) -> Entry:
@@ -71,21 +72,22 @@ class Network(dict[str, Any]):
         return _named(self.boundary_conditions, "bc_name", name)
 
     def bed_values(self, name: str) -> dict[str, Any]:
-        """Parameters of a boundary condition."""
+        """Return the parameters of a boundary condition."""
         return self.bed(name)["bc_values"]
 
     def junction(self, name: str) -> Entry:
+        """Return the junction `name`."""
         return _named(self.junctions, "junction_name", name)
 
     def junction_sides(self, junction: Entry) -> tuple[list[str], list[str]]:
-        """Names of the blocks at a junction's inlets and outlets, from vessel ids or block names."""
+        """Return the names of the blocks at a junction's inlets and outlets, from vessel ids or block names."""
         if "inlet_vessels" in junction and "outlet_vessels" in junction:
             names = self.vessel_names
             return [names[i] for i in junction["inlet_vessels"]], [names[i] for i in junction["outlet_vessels"]]
         return list(junction.get("inlet_blocks", [])), list(junction.get("outlet_blocks", []))
 
     def elements(self) -> Iterator[Element]:
-        """Every block with its parameters: vessels, boundary conditions, junctions, couplings, the heart."""
+        """Yield every block with its parameters: vessels, boundary conditions, junctions, couplings, the heart."""
         for block in self.vessels:
             yield Element("vessels", block["vessel_name"], block["zero_d_element_type"], block["zero_d_element_values"])
         for block in self.boundary_conditions:
@@ -98,7 +100,7 @@ class Network(dict[str, Any]):
             yield Element("closed_loop_blocks", HEART, block["closed_loop_type"], block["parameters"])
 
     def deep_copy(self) -> "Network":
-        """Copy the network and all its blocks; many times as fast as `copy.deepcopy`, which has to expect anything."""
+        """Copy the network and all its blocks, much faster than the general `copy.deepcopy`."""
         return Network({key: _copied(value) for key, value in self.items()})
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Network":

@@ -1,4 +1,4 @@
-"""Who feeds whom in a 0D network, and what svZeroDSolver calls the places in it."""
+"""Topology of a 0D network, and svZeroDSolver's names of the locations in it."""
 
 from collections.abc import Mapping
 from functools import cached_property
@@ -71,9 +71,11 @@ class Topology:
         return {bed: vessel for vessel, bed in self.outlet_bc.items()}
 
     def parents(self, vessel: str) -> list[str]:
+        """Return the vessels that feed `vessel`."""
         return list(self.graph.pred[vessel])
 
     def children(self, vessel: str) -> list[str]:
+        """Return the vessels that `vessel` feeds directly."""
         return list(self.graph.succ[vessel])
 
     def path(self, vessel: str) -> list[str]:
@@ -169,7 +171,7 @@ def closed_loop_tree(network: Mapping[str, Any], path: str | Path) -> Topology:
         if name not in fed and name != roots[0]:
             raise InputError(path, f"vessel {name}", None, "nothing feeds it")
         if name not in ends_at:
-            raise InputError(path, f"vessel {name}", None, "ends nowhere; give it a boundary condition or a junction")
+            raise InputError(path, f"vessel {name}", None, "has no outlet; give it a boundary condition or a junction")
     topology = Topology(network)
     if topology.roots != roots or len(topology.subtree(roots[0])) < len(vessels):
         raise InputError(path, "vessels", None, f"some are not fed by {roots[0]}; vessels form one tree")

@@ -1,4 +1,4 @@
-"""Networks that are not in CGS: which unit of pressure a network is in, and the same network in CGS."""
+"""Pressure units of networks: detection, and conversion to CGS."""
 
 from pathlib import Path
 
@@ -30,21 +30,21 @@ PRESSURE_PER = {
         "Kxp_la", "Emax_ra", "Emax_la",
     ),
 }  # fmt: skip
-"""Parameters of each element that carry pressure as a factor; times 1333.22 from mmHg."""
+"""Parameters of each element that are proportional to pressure; times 1333.22 from mmHg."""
 
 PER_PRESSURE = {
     "BloodVessel": ("C",), "BloodVesselCRL": ("C",), "BloodVesselRC": ("Cp",), "RCR": ("C",), "CORONARY": ("Ca", "Cc"),
     "CORONARY_VAR_RES": ("Ca", "Cc"), "ClosedLoopRCR": ("C",), "ClosedLoopCoronaryLeft": ("Ca", "Cim"),
     "ClosedLoopCoronaryRight": ("Ca", "Cim"), "ClosedLoopHeartAndPulmonary": ("Cp", "Cpa", "Gao_leak"),
 }  # fmt: skip
-"""Parameters that are divided by pressure."""
+"""Parameters of each element that are inversely proportional to pressure."""
 
 SYSTEMIC_RESISTANCE = {"mmHg": (0.05, 25.0), "cgs": (65.0, 33e3)}
-"""Total systemic resistance that a person of any size at rest or exercise can have: mmHg s/mL and dyn s/cm5."""
+"""Possible total systemic resistance of a person of any size at rest or exercise: mmHg s/mL and dyn s/cm5."""
 
 
-def detect(network: Network, file: str | Path) -> str:
-    """`mmHg` or `cgs`, by the parallel resistance of the closed-loop RCR beds; `InputError` where that is neither."""
+def detect_pressure_unit(network: Network, file: str | Path) -> str:
+    """Return `mmHg` or `cgs`, by the total systemic resistance; raise `InputError` if it fits neither."""
     beds = [bc["bc_values"] for bc in network.boundary_conditions if bc["bc_type"] == "ClosedLoopRCR"]
     if not beds:
         raise InputError(
@@ -62,9 +62,31 @@ def detect(network: Network, file: str | Path) -> str:
 
 
 def to_cgs(network: Network, system: str, file: str | Path = "network") -> tuple[Network, str]:
-    """Convert a network to CGS and return its original units too; `system`: `cgs`, `mmHg` or `auto` (see `detect`)."""
+    """Convert a network to CGS.
+
+    Parameters
+    ----------
+    network : Network
+        In `system`.
+    system : str
+        `cgs`, `mmHg`, or `auto` to detect it.
+    file : str or Path
+        Name for error messages.
+
+    Returns
+    -------
+    network : Network
+        A copy, in CGS.
+    system : str
+        `cgs` or `mmHg`.
+
+    Raises
+    ------
+    InputError
+        If the unit cannot be detected, or an element has no conversion.
+    """
     if system == "auto":
-        system = detect(network, file)
+        system = detect_pressure_unit(network, file)
     return rescaled(network, {"cgs": 1.0, "mmHg": MMHG}[system], file), system
 
 

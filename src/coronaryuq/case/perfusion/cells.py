@@ -1,4 +1,4 @@
-"""Voxel cells as hexahedra: VTK takes its voxels to lie along the axes, so a turned one has a wrong volume."""
+"""Voxel cells as hexahedra: VTK assumes that voxels lie along the axes, so a rotated one has a wrong volume."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ AROUND = [0, 1, 3, 2, 4, 5, 7, 6]
 """Corners of a VTK voxel in the order of a hexahedron's."""
 
 
-def turnable(grid):
+def voxels_as_hexahedra(grid):
     """Return the pyvista grid with voxels turned into hexahedra; data and all other cells stay as they are."""
     import pyvista as pv
 
@@ -19,7 +19,7 @@ def turnable(grid):
     kinds[kinds == pv.CellType.VOXEL] = pv.CellType.HEXAHEDRON
     sizes = np.diff(offsets)
     cells = np.insert(connectivity, offsets[:-1], sizes)
-    turned = pv.UnstructuredGrid(cells, kinds, np.asarray(grid.points, dtype=float))
-    turned.point_data.update(grid.point_data)
-    turned.cell_data.update(grid.cell_data)
-    return turned
+    converted = pv.UnstructuredGrid(cells, kinds, np.asarray(grid.points, dtype=float))
+    converted.point_data.update(grid.point_data)
+    converted.cell_data.update(grid.cell_data)
+    return converted

@@ -1,4 +1,4 @@
-"""Medical images (NIfTI, NRRD): reading, cutting out the wall, and the affine registration of one to another."""
+"""Medical images (NIfTI, NRRD): reading, extraction of the wall, and affine registration."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +11,7 @@ IMAGE_SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")
 LARGEST = 600_000_000
 """Voxels."""
 FINEST = 2_000_000
-"""Voxels of a registration's last level, about: more say no more about twelve numbers."""
+"""Approximate voxels of a registration's last level; more add nothing to twelve parameters."""
 
 
 @dataclass(frozen=True)
@@ -66,15 +66,15 @@ def read_image(path: str | Path, like: Image | None = None, path_like: str | Pat
     return Image(values, matrix)
 
 
-def as_cells(file, image: Image, label: np.ndarray | None, threshold: float | None, most_cells: int):
+def wall_cells(file, image: Image, label: np.ndarray | None, threshold: float | None, most_cells: int):
     """Return the wall as a pyvista grid of voxels, with its numbers of missing and of negative values.
 
-    The grid is in the image's space and length unit, with cell data `value`. Which voxels: `label` (bool), or the
-    largest connected part above `threshold`, or every positive value. A threshold would leave holes where values are
-    invalid, so an invalid voxel with four or more of its six neighbours in that part belongs to it. A voxel of the wall
-    that is exactly zero has no value: readers of NIfTI turn NaN into zero. Voxels are merged in blocks of 2 x 2 x 2,
-    3 x 3 x 3, ... until at most `most_cells` remain; a block has the mean of its valid voxels (NaN without any) and
-    is scaled to the volume of all its wall voxels.
+    The grid is in the image's space and length unit, with cell data `value`. The wall consists of the voxels `label`
+    (bool), or of the largest connected part above `threshold`, or of every positive value. A threshold would leave
+    holes where values are invalid, so an invalid voxel with four or more of its six neighbours in that part belongs to
+    it. A wall voxel of exactly zero counts as missing, because NIfTI readers turn NaN into zero. Voxels are merged in
+    blocks of 2 x 2 x 2, 3 x 3 x 3, ... until at most `most_cells` remain; a block has the mean of its valid voxels (NaN
+    without any) and the volume of all its wall voxels.
     """
     import pyvista as pv
 
@@ -97,15 +97,15 @@ def as_cells(file, image: Image, label: np.ndarray | None, threshold: float | No
     valid &= inside
     total = _blocks(np.where(valid, values, 0.0), factor, np.sum)
     count = _blocks(valid.astype(float), factor, np.sum)
-    at = np.argwhere(share > 0)
+    blocks = np.argwhere(share > 0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        merged = (total / count)[tuple(at.T)]
-    # Hexahedra, because VTK takes its voxel cells to lie along the axes, and images are often turned.
+        merged = (total / count)[tuple(blocks.T)]
+    # Hexahedra, because VTK assumes that voxels lie along the axes, and images are often rotated.
     square = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
-    half = (share[tuple(at.T)] ** (1 / 3))[:, None, None] * np.array(
+    half = (share[tuple(blocks.T)] ** (1 / 3))[:, None, None] * np.array(
         [[x, y, z] for z in (-0.5, 0.5) for x, y in square]
     )
-    corners = (at[:, None, :] + 0.5 + half) * factor - 0.5
+    corners = (blocks[:, None, :] + 0.5 + half) * factor - 0.5
     points = corners.reshape(-1, 3) @ image.matrix[:3, :3].T + image.matrix[:3, 3]
     grid = pv.UnstructuredGrid({pv.CellType.HEXAHEDRON: np.arange(len(points)).reshape(-1, 8)}, points)
     grid.cell_data["value"] = merged
@@ -113,7 +113,7 @@ def as_cells(file, image: Image, label: np.ndarray | None, threshold: float | No
 
 
 def _largest_above(values: np.ndarray, threshold: float, valid: np.ndarray) -> np.ndarray:
-    """Largest part of the voxels above the threshold, with the invalid ones that it all but encloses."""
+    """Select the largest part of the voxels above the threshold, with the invalid ones that it nearly encloses."""
     from scipy import ndimage
 
     parts, count = ndimage.label(valid & (values > threshold))
@@ -133,11 +133,11 @@ def _blocks(values: np.ndarray, factor: int, reduce) -> np.ndarray:
 
 
 def register(file, fixed: str | Path, moving: str | Path) -> np.ndarray:
-    """Matrix (4, 4) that takes a position in the moving image's space to the fixed image's, both in their length unit.
+    """Register two images; return the matrix (4, 4) from positions in the moving image to those in the fixed one.
 
-    Centres of mass, then a rigid, then an affine map, by mutual information (Mattes et al. 2003) from coarse to fine;
-    sampled on every voxel by one thread, so that the same images give the same matrix. Raises InputError when the
-    images cannot be registered.
+    Positions are in each image's length unit. The centres of mass are aligned first; then a rigid and an affine map
+    maximise the mutual information (Mattes et al. 2003) from coarse to fine. Every voxel is sampled, by one thread, so
+    that the same images give the same matrix. Raises InputError if the images cannot be registered.
     """
     import SimpleITK as sitk
 
@@ -155,19 +155,19 @@ def register(file, fixed: str | Path, moving: str | Path) -> np.ndarray:
         start.SetMatrix(rigid.GetMatrix())
         start.SetCenter(rigid.GetCenter())
         start.SetTranslation(rigid.GetTranslation())
-        found = _fitted(target, source, start, [2 * finest, finest])
+        affine = _fitted(target, source, start, [2 * finest, finest])
     except RuntimeError as error:
         last = str(error).strip().splitlines()[-1]
-        raise InputError(file, "perfusion.registration", str(moving), f"the images do not register ({last})") from None
-    forward = np.array([found.TransformPoint(p) for p in np.vstack([np.zeros(3), np.eye(3)])])
-    # SimpleITK's transform takes fixed positions to moving ones; its inverse is what the map needs.
+        raise InputError(file, "perfusion.registration", str(moving), f"registration failed ({last})") from None
+    forward = np.array([affine.TransformPoint(p) for p in np.vstack([np.zeros(3), np.eye(3)])])
+    # SimpleITK's transform maps fixed to moving positions; the map needs the inverse.
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = (forward[1:] - forward[0]).T, forward[0]
     return np.linalg.inv(matrix)
 
 
 def _fitted(target, source, start, levels: list[int]):
-    """Best transform of the kind of `start`, from images shrunk by each of `levels` in turn."""
+    """Fit a transform of the type of `start` to images shrunk by each of `levels` in turn."""
     import SimpleITK as sitk
 
     method = sitk.ImageRegistrationMethod()
@@ -183,8 +183,8 @@ def _fitted(target, source, start, levels: list[int]):
     method.SmoothingSigmasAreSpecifiedInPhysicalUnitsOff()
     method.SetInitialTransform(start, inPlace=False)
     method.SetGlobalDefaultNumberOfThreads(1)
-    found = method.Execute(target, source)
-    return found.GetNthTransform(0) if isinstance(found, sitk.CompositeTransform) else found
+    fitted = method.Execute(target, source)
+    return fitted.GetNthTransform(0) if isinstance(fitted, sitk.CompositeTransform) else fitted
 
 
 def _finite(image):
@@ -193,6 +193,6 @@ def _finite(image):
     values = sitk.GetArrayFromImage(image)
     if not np.issubdtype(values.dtype, np.floating) or np.isfinite(values).all():
         return image
-    mended = sitk.GetImageFromArray(np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0))
-    mended.CopyInformation(image)
-    return mended
+    finite = sitk.GetImageFromArray(np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0))
+    finite.CopyInformation(image)
+    return finite

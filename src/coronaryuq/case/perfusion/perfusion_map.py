@@ -1,4 +1,4 @@
-"""Read the map of myocardial blood flow: convert it to CGS, cut out the wall, check it, fill invalid values."""
+"""The map of myocardial blood flow: reading, extraction of the wall, checks, filling of invalid values, CGS."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,8 +9,8 @@ import numpy as np
 
 from coronaryuq.case.case_json import CaseOutlet
 from coronaryuq.case.description.fields import Label, Perfusion
-from coronaryuq.case.perfusion.cells import turnable
-from coronaryuq.case.perfusion.images import IMAGE_SUFFIXES, Invalid, as_cells, read_image, register
+from coronaryuq.case.perfusion.cells import voxels_as_hexahedra
+from coronaryuq.case.perfusion.images import IMAGE_SUFFIXES, Invalid, read_image, register, wall_cells
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import LENGTHS, MBF_PER_MIN_PER_G, perfusions
 
@@ -59,7 +59,7 @@ def read_wall(file: Path, map_: Perfusion, tissue_density: float, most_cells: in
     if not path.is_file():
         raise InputError(file, "perfusion.file", map_.file, "no such file")
     grid, invalid = _cells(file, path, map_, folder, most_cells)
-    grid = turnable(grid)
+    grid = voxels_as_hexahedra(grid)
     grid.points = _to_anatomy(file, np.asarray(grid.points, dtype=float), path, map_, folder)
     sizes = grid.compute_cell_sizes(length=False, area=False, volume=True).cell_data["Volume"]
     volumes = np.abs(np.asarray(sizes, dtype=float))
@@ -88,10 +88,10 @@ def check_place(file: str | Path, map_: Perfusion, wall: Wall, outlets: Sequence
     distance = float(np.median(distances_to_outlets(wall, outlets)))
     finding = f"the wall lies {distance:.2g} cm (median) from the outlets that perfuse it"
     if distance > FARTHEST:
-        way = "affine" if map_.affine is not None else "registration" if map_.registration is not None else None
-        remedy = f"check the {way}" if way else "align it with affine or registration"
+        alignment = "affine" if map_.affine is not None else "registration" if map_.registration is not None else None
+        remedy = f"check the {alignment}" if alignment else "align it with affine or registration"
         raise InputError(
-            file, f"perfusion.{way or 'file'}", None if way else map_.file,
+            file, f"perfusion.{alignment or 'file'}", None if alignment else map_.file,
             f"{finding}: map and anatomy are not aligned; {remedy}",
         )  # fmt: skip
     return (f"{finding}: check that map and anatomy are aligned",) if distance > DOUBTFUL else ()
@@ -112,7 +112,7 @@ def _cells(file, path: Path, map_: Perfusion, folder: Path, most_cells: int):
                     file, "perfusion.label.file", None, "missing; an image map needs its labels in a separate file"
                 )
             label = np.isin(read_image(folder / map_.label.file, like=image, path_like=path).values, map_.label.values)
-        return as_cells(file, image, label, map_.threshold, most_cells)
+        return wall_cells(file, image, label, map_.threshold, most_cells)
     if not name.endswith(VTK_SUFFIXES):
         known = ", ".join((*VTK_SUFFIXES, *IMAGE_SUFFIXES))
         raise InputError(file, "perfusion.file", map_.file, f"unknown file type; known types: {known}")
@@ -131,15 +131,15 @@ def _from_vtk(file, path: Path, map_: Perfusion):
     arrays = sorted({*mesh.cell_data.keys(), *mesh.point_data.keys()} - {"vtkGhostType"})
     array = map_.array
     if array is None:
-        left = [a for a in arrays if map_.label is None or a != map_.label.array]
-        if len(left) != 1:
+        candidates = [a for a in arrays if map_.label is None or a != map_.label.array]
+        if len(candidates) != 1:
             raise InputError(
                 file,
                 "perfusion.array",
                 None,
                 f"missing; choose among the map's arrays: {', '.join(arrays) or 'no array'}",
             )
-        array = left[0]
+        array = candidates[0]
     values = _on_cells(file, "perfusion.array", mesh, array, arrays)
     valid = np.isfinite(values) & (values >= 0)
     keep = np.ones(mesh.n_cells, dtype=bool)

@@ -13,7 +13,7 @@ from coronaryuq.case.case_json import Branch, Point, TargetValue, Tissue
 from coronaryuq.case.description.fields import TerritoryFlows
 from coronaryuq.case.description.yaml_file import read_yaml
 from coronaryuq.case.perfusion.perfusion_map import PLAUSIBLE_FLOW, PLAUSIBLE_VOLUME
-from coronaryuq.case.tables.targets import BY_NAME, checked
+from coronaryuq.case.tables.targets import BY_NAME, check_targets
 from coronaryuq.core.errors import InputError, nearest
 from coronaryuq.core.io.tables import line_number, read_csv, read_table_text
 from coronaryuq.core.units import FLOWS, MBF_PER_MIN_PER_G, TISSUE_DENSITY, perfusions
@@ -143,12 +143,12 @@ def _outlet_names(path: Path, frame, lv: dict[str, str]) -> list[str]:
     """Return the outlet of every row, all of `lv` exactly once."""
     by_bc = {bc: name for name, bc in lv.items()}
     names = []
-    for given in (str(cell).strip() for cell in frame["name"]):
-        name = given if given in lv else by_bc.get(given)
+    for cell in (str(cell).strip() for cell in frame["name"]):
+        name = cell if cell in lv else by_bc.get(cell)
         if name is None:
-            raise InputError(path, "name", given, f"not an outlet that perfuses the LV; those are {', '.join(lv)}")
+            raise InputError(path, "name", cell, f"not an outlet that perfuses the LV; those are {', '.join(lv)}")
         if name in names:
-            raise InputError(path, "name", given, "occurs twice")
+            raise InputError(path, "name", cell, "occurs twice")
         names.append(name)
     for name in lv:
         if name not in names:
@@ -188,26 +188,26 @@ def _plausible(file: str | Path, flows: TerritoryFlows, flow: float, volume: flo
 
 
 def read_case_targets(path: Path) -> dict[str, TargetValue]:
-    """Read clinical targets by name, checked for plausibility (`checked`).
+    """Read clinical targets by name, checked for plausibility (`check_targets`).
 
     A CSV is read as by `csv_targets`; YAML is `NAME: value` or `NAME: {value, unit, description}`.
     Without a unit, pressures are dyn/cm2 if the largest in the file is 1000 or more, else mmHg.
     """
     _check_size(path)
     if path.suffix.lower() in (".yaml", ".yml"):
-        given = {name: _yaml_target(path, name, entry) for name, entry in read_yaml(path).items()}
+        entries = {name: _yaml_target(path, name, entry) for name, entry in read_yaml(path).items()}
     else:
-        given = csv_targets(path)
-    pressures = [abs(value or 0.0) for name, (_, value, _) in given.items() if _is_pressure(name)]
+        entries = csv_targets(path)
+    pressures = [abs(value or 0.0) for name, (_, value, _) in entries.items() if _is_pressure(name)]
     pressure = "mmHg" if max(pressures, default=0.0) < 1000.0 else "dyn/cm2"
     targets = {}
-    for name, (description, value, unit) in given.items():
+    for name, (description, value, unit) in entries.items():
         target = BY_NAME.get(name)
         if target is not None:
             unit = unit or (pressure if _is_pressure(name) else target.unit)
             description = description or target.description
         targets[name] = TargetValue(description=description, value=value, unit=unit)
-    checked(targets, path)
+    check_targets(targets, path)
     return targets
 
 
@@ -221,7 +221,7 @@ def csv_targets(path: Path) -> dict[str, tuple[str | None, float | None, str | N
     With a header, the columns are name, value and, optionally, description and unit; without one, they are name,
     description, value.
     """
-    given: dict[str, tuple[str | None, float | None, str | None]] = {}
+    targets: dict[str, tuple[str | None, float | None, str | None]] = {}
     text, separator = read_table_text(path)
     rows = list(enumerate(csv.reader(text.splitlines(), delimiter=separator), start=1))
     rows = [(number, [cell.strip() for cell in row]) for number, row in rows if any(cell.strip() for cell in row)]
@@ -237,10 +237,10 @@ def csv_targets(path: Path) -> dict[str, tuple[str | None, float | None, str | N
             raise InputError(path, f"line {line_number(path, number - 2)}", separator.join(row), f"wanted {wanted}")
         name, value = cells["name"], cells["value"]
         value = value.replace(",", ".") if separator == ";" else value
-        if name in given:
+        if name in targets:
             raise InputError(path, name, value, "given twice")
-        given[name] = cells.get("description") or None, _number(path, name, value), cells.get("unit") or None
-    return given
+        targets[name] = cells.get("description") or None, _number(path, name, value), cells.get("unit") or None
+    return targets
 
 
 def _yaml_target(path: Path, name: str, entry: Any) -> tuple[str | None, float | None, str | None]:

@@ -66,12 +66,12 @@ tuned."""
 BY_NAME = {target.name: target for target in TARGETS}
 
 
-def checked(given: Mapping[str, TargetValue], file: str | Path) -> dict[str, float]:
+def check_targets(targets: Mapping[str, TargetValue], file: str | Path) -> dict[str, float]:
     """Return the targets that have a value, in their own units.
 
     Parameters
     ----------
-    given
+    targets
         Targets by name; a unit of None is the target's own.
     file
         The file named in errors.
@@ -82,7 +82,7 @@ def checked(given: Mapping[str, TargetValue], file: str | Path) -> dict[str, flo
         For an unknown name or unit, an implausible value, and values that contradict one another.
     """
     values: dict[str, float] = {}
-    for name, entry in given.items():
+    for name, entry in targets.items():
         value, unit = entry.value, entry.unit
         if name not in BY_NAME:
             raise InputError(

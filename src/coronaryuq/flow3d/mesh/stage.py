@@ -4,7 +4,7 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
-from coronaryuq.case.anatomy.stenosis_detection import example
+from coronaryuq.case.anatomy.stenosis_detection import example_stenosis
 from coronaryuq.case.anatomy.surface import read_surface
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, placed_stenoses, read_tree
 from coronaryuq.case.case_json import read_case
@@ -77,7 +77,7 @@ def _make_mesh(
         # Refused here rather than after all runs, when there is nothing to estimate.
         remedy = (
             "no vessel to make a 3D model of, so the campaign ends at its target posterior; name a stretch of an "
-            f"artery in case.yaml, stenosed or not, such as stenoses: [{example(whole)}]"
+            f"artery in case.yaml, stenosed or not, such as stenoses: [{example_stenosis(whole)}]"
         )
         raise InputError(case, "stenoses", [], remedy)
     loop = read_network(network)
