@@ -11,10 +11,10 @@ CHECKS = {"SNAKEMAKE_OUTPUT_CACHE": "cache", numba_cache.VARIABLE: "kernels", "T
 @pytest.fixture(autouse=True)
 def no_other_checks(monkeypatch):
     """Leave out the checks that start processes."""
-    monkeypatch.setattr("coronaryuq.cli.doctor._libraries", lambda: ())
-    for name in ("_rendering", "_mpi"):
+    monkeypatch.setattr("coronaryuq.cli.doctor.check_libraries", lambda: ())
+    for name in ("check_rendering", "check_mpi"):
         monkeypatch.setattr(f"coronaryuq.cli.doctor.{name}", lambda: None)
-    monkeypatch.setattr("coronaryuq.cli.doctor._scheduler", lambda: ())
+    monkeypatch.setattr("coronaryuq.cli.doctor.check_scheduler", lambda: ())
 
 
 def finding(what):
@@ -45,6 +45,6 @@ def test_without_any_folder_for_kernels_the_variable_to_set_is_named(monkeypatch
     monkeypatch.delenv(numba_cache.VARIABLE, raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
     monkeypatch.setattr("tempfile.tempdir", "/proc/nowhere")
-    monkeypatch.setattr("coronaryuq.cli.doctor._scratch", lambda: None)
+    monkeypatch.setattr("coronaryuq.cli.doctor.check_scratch", lambda: None)
     found = finding("kernels")
     assert not found.sound and f"set {numba_cache.VARIABLE}" in found.detail

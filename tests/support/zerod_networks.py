@@ -2,6 +2,8 @@
 
 import copy
 
+import numpy as np
+
 from coronaryuq.case.network.network import Network
 
 MMHG = 1333.22
@@ -114,3 +116,20 @@ def closed_loop(steps: int = 200, cycles: int = 4, stenosis: float = 2000.0) -> 
     volumes = {"V_RA:CLH": 38.43, "V_RV:CLH": 96.07, "V_LA:CLH": 38.43, "V_LV:CLH": 96.07}
     loop["initial_condition"] = {**volumes, "P_pul:CLH": 8.0 * MMHG, "pressure_all": 70.0 * MMHG}
     return loop
+
+
+LOOP_PARAMETERS = [
+    "BC_left.Ra",
+    "BC_left.Rv",
+    "BC_right.Ram",
+    "RCR_aorta.Rd",
+    "CLH.Elv_s",
+    "CLH.Tsa",
+    "left.stenosis_coefficient",
+]
+
+
+def varied(engine, samples: int, names: list[str], seed: int = 1) -> dict[str, np.ndarray]:
+    """Draw factors from 0.6 to 1.6 on some parameters of an `Engine`."""
+    random = np.random.default_rng(seed)
+    return {name: engine.parameters[name] * random.uniform(0.6, 1.6, samples) for name in names}

@@ -172,6 +172,6 @@ def test_a_node_that_goes_down_costs_time_and_nothing_else(slurm, tmp_path):
 
 def test_doctor_runs_a_tiny_job_of_two_ranks(slurm, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (found,) = doctor._scheduler()
+    (found,) = doctor.check_scheduler()
     assert found.sound and "a job of 2 MPI ranks ran by srun" in found.detail, found
     assert list(tmp_path.iterdir()) == []

@@ -48,30 +48,32 @@ def examine(environment_only: bool = False) -> Iterator[Finding]:
     Finding
         One per check, as soon as it is done.
     """
-    yield _python()
-    yield from _libraries()
-    yield _rendering()
+    yield check_python()
+    yield from check_libraries()
+    yield check_rendering()
     if environment_only:
         return
-    yield _mpi()
-    yield _space()
-    yield _scratch()
-    yield _locks()
-    yield _cache()
-    yield _kernels()
-    yield from _scheduler()
-    yield _umbridge()
+    yield check_mpi()
+    yield check_space()
+    yield check_scratch()
+    yield check_locks()
+    yield check_cache()
+    yield check_kernels()
+    yield from check_scheduler()
+    yield check_umbridge()
     for program, purpose in EXTERNAL.items():
         path = shutil.which(program)
         yield Finding(program, True, path or f"not installed; needed only by the {purpose}")
 
 
-def _python() -> Finding:
+def check_python() -> Finding:
+    """Check the version of Python."""
     version = ".".join(map(str, sys.version_info[:3]))
     return Finding("python", sys.version_info >= (3, 11), f"{version} ({sys.executable})")
 
 
-def _libraries() -> Iterator[Finding]:
+def check_libraries() -> Iterator[Finding]:
+    """Import every library that the package needs."""
     for name, module in provenance.LIBRARIES.items():
         try:
             version = importlib.metadata.version(name)
@@ -84,7 +86,8 @@ def _libraries() -> Iterator[Finding]:
         yield Finding(name, failure is None, detail)
 
 
-def _rendering() -> Finding:
+def check_rendering() -> Finding:
+    """Render one picture in a process of its own."""
     code = (
         "import pyvista, sys; p = pyvista.Plotter(off_screen=True, window_size=(64, 64));"
         "p.add_mesh(pyvista.Sphere(), color='red'); image = p.screenshot(None); sys.exit(int(image.std() < 1))"
@@ -95,7 +98,8 @@ def _rendering() -> Finding:
     return Finding("3D rendering", failure is None, detail)
 
 
-def _umbridge() -> Finding:
+def check_umbridge() -> Finding:
+    """Report the version of umbridge, which is optional."""
     try:
         return Finding("umbridge", True, importlib.metadata.version("umbridge"))
     except importlib.metadata.PackageNotFoundError:
@@ -103,7 +107,8 @@ def _umbridge() -> Finding:
         return Finding("umbridge", True, f"not installed; needed only by {needs}: pip install umbridge")
 
 
-def _mpi(ranks: int = 2) -> Finding:
+def check_mpi(ranks: int = 2) -> Finding:
+    """Run a tiny MPI job."""
     launcher = shutil.which("mpiexec", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}")
     if launcher is None:
         return Finding("MPI", False, "mpiexec not found; run `make env`")
@@ -113,13 +118,14 @@ def _mpi(ranks: int = 2) -> Finding:
     return Finding("MPI", failure is None, f"{launcher} {detail} {ranks} ranks{f': {failure}' if failure else ''}")
 
 
-def _space(required: float = 5e9) -> Finding:
+def check_space(required: float = 5e9) -> Finding:
+    """Check the free disk space here (bytes)."""
     free = shutil.disk_usage(".").free
     shortage = "" if free >= required else "; a campaign needs 5 GB"
     return Finding("disk", free >= required, f"{free / 1e9:.0f} GB free here{shortage}")
 
 
-def _scratch(required: float = 2e9) -> Finding:
+def check_scratch(required: float = 2e9) -> Finding:
     """Check the folder of temporary files: `TMPDIR`, else the system's."""
     folder = tempfile.gettempdir()
     try:
@@ -132,7 +138,7 @@ def _scratch(required: float = 2e9) -> Finding:
     return Finding("scratch", free >= required, f"{free / 1e9:.0f} GB free in {folder}{shortage}")
 
 
-def _locks() -> Finding:
+def check_locks() -> Finding:
     """Check whether the file system here supports the lock that keeps two campaigns apart."""
     with tempfile.NamedTemporaryFile(dir=".") as file:
         try:
@@ -144,7 +150,7 @@ def _locks() -> Finding:
     return Finding("locks", True, "two campaigns cannot run in the same results folder")
 
 
-def _scheduler(ranks: int = 2, patience: float = 120.0) -> Iterator[Finding]:
+def check_scheduler(ranks: int = 2, patience: float = 120.0) -> Iterator[Finding]:
     """Run one tiny MPI job through SLURM, if it is installed."""
     if shutil.which("sbatch") is None:
         return
@@ -180,7 +186,8 @@ def _output(command: list[str], timeout: float) -> str | None:
     return done.stdout.strip() if done.returncode == 0 else None
 
 
-def _cache() -> Finding:
+def check_cache() -> Finding:
+    """Check the folder of Snakemake's output cache."""
     folder = os.environ.get("SNAKEMAKE_OUTPUT_CACHE")
     if not folder:
         return Finding("cache", True, "SNAKEMAKE_OUTPUT_CACHE is not set; campaigns do not share results")
@@ -191,7 +198,7 @@ def _cache() -> Finding:
         return Finding("cache", False, f"SNAKEMAKE_OUTPUT_CACHE={folder} is not writable: {error.strerror}")
 
 
-def _kernels() -> Finding:
+def check_kernels() -> Finding:
     """Check the folder of compiled kernels; without one, every job compiles them again."""
     numba_cache.choose_folder()
     folder = os.environ.get(numba_cache.VARIABLE, "")

@@ -77,7 +77,7 @@ def test_a_read_only_folder_is_reported_on_one_line(disk, capsys):
 
 def test_a_command_reports_a_full_disk_on_one_line(disk, capsys, monkeypatch):
     folder, _ = disk
-    monkeypatch.setattr("coronaryuq.cli.main._check", lambda chosen: WRITERS["t.csv"](folder / "t.csv"))
+    monkeypatch.setattr("coronaryuq.cli.check.check", lambda path: WRITERS["t.csv"](folder / "t.csv"))
     assert main.main(["check", "case.yaml"]) == 2
     assert capsys.readouterr().err == f"error: {folder / 't.csv'}: {NO_ROOM}"
 

@@ -10,7 +10,7 @@ from coronaryuq.core.units import MBF_PER_MIN_PER_G
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.forward.network_values import carry_over, sampled
 from coronaryuq.discrepancy.hidden.experiment import loop_conditions
-from coronaryuq.discrepancy.inference.read_problem import _mass, check_searchable, locations, make_problem
+from coronaryuq.discrepancy.inference.read_problem import check_searchable, locations, make_problem, tissue_mass
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import WAVE_POINTS
@@ -92,7 +92,7 @@ def test_the_tissue_mass_is_set_by_the_perfusion_with_the_least_relative_noise(r
         for name, pair in read.items()
     ]
     flow = anatomy.flow_scale("lad") / conditions[expected].coronary_resistance_scale
-    found = _mass("BC_lad", conditions, measured, anatomy)
+    found = tissue_mass("BC_lad", conditions, measured, anatomy)
     assert found == pytest.approx(flow / (max(read[expected]) * MBF_PER_MIN_PER_G))
 
 

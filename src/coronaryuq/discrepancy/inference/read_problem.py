@@ -254,7 +254,9 @@ def make_problem(
         {series.condition: series.period for series in measured},
         {bed: values[name] for bed, name in at_beds.items()},
     )
-    forward.masses = {n.mass: _mass(n.mass, conditions, measured, anatomy) for n in parameters if n.mass is not None}
+    forward.masses = {
+        n.mass: tissue_mass(n.mass, conditions, measured, anatomy) for n in parameters if n.mass is not None
+    }
     held = held_out_names(conditions)
     problem = Problem(forward, settings, np.ones(forward.size, dtype=bool))
     problem.train = ~np.isin(problem.condition, held)
@@ -276,7 +278,7 @@ def _as_it_is(engine: Engine, quantities: list[str], steps_per_cycle: int) -> di
     raise InputError("model", None, None, f"the unmodified model does not run: {run.status[0]}")
 
 
-def _mass(territory: str, conditions: dict[str, Condition], measured: list[Measured], anatomy: Anatomy) -> float:
+def tissue_mass(territory: str, conditions: dict[str, Condition], measured: list[Measured], anatomy: Anatomy) -> float:
     """Return the tissue mass (g) with which the plain model has the first measured perfusion.
 
     Of a fitted condition, if there is one: the prior's mean must not depend on held-out data. Readings below their own

@@ -8,7 +8,7 @@ from coronaryuq.case.network.network import HEART
 from coronaryuq.zerod.network.numbering import PERIOD, Block, Model
 
 # Fourier modes (cos, sin) of the ventricles' normalised elastance, as in svZeroDSolver.
-_ELASTANCE = np.array(
+ELASTANCE_MODES = np.array(
     [
         *[(0.283748803, 0.000000000), (0.031830626, -0.374299825), (-0.209472400, -0.018127770)],
         *[(0.020520047, 0.073971113), (0.008316883, -0.047249597), (-0.041677660, 0.003212163)],
@@ -89,8 +89,8 @@ class Context:
     @property
     def ventricular_elastance(self) -> np.ndarray:
         """Normalised elastance, (1, times)."""
-        angle = 2.0 * np.pi * np.arange(len(_ELASTANCE))[:, None] * np.fmod(self.phases, 1.0)
-        return (_ELASTANCE[:, :1] * np.cos(angle) - _ELASTANCE[:, 1:] * np.sin(angle)).sum(axis=0)[None, :]
+        angle = 2.0 * np.pi * np.arange(len(ELASTANCE_MODES))[:, None] * np.fmod(self.phases, 1.0)
+        return (ELASTANCE_MODES[:, :1] * np.cos(angle) - ELASTANCE_MODES[:, 1:] * np.sin(angle)).sum(axis=0)[None, :]
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""A tape does what Gaussian elimination does, whatever the pattern."""
+"""The operations of a tape solve any sparse system."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from coronaryuq.zerod.solver.elimination import Singular, Tape, eliminate
 
 
 def solved(tape: Tape, matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """x of matrix x = right by the operations of a tape."""
+    """Solve matrix x = right by the operations of a tape."""
     values = np.zeros(len(tape.slot_row))
     original = tape.slot_column < len(matrix)
     values[original] = matrix[tape.slot_row[original], tape.slot_column[original]]
@@ -21,25 +21,25 @@ def solved(tape: Tape, matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
             values[target] -= values[factor] * values[entry]
         for row, slot, pivot_row in tape.forward[tape.forward_first[p] : tape.forward_first[p + 1]]:
             right[row] -= values[slot] * right[pivot_row]
-    found = np.zeros(len(matrix))
+    x = np.zeros(len(matrix))
     for p in reversed(range(len(tape.pivots))):
         row, column, pivot = tape.pivots[p]
         for slot, other in tape.backward_of(p):
             if other < len(matrix):
-                right[row] -= values[slot] * found[other]
-        found[column] = right[row] / values[pivot]
-    return found
+                right[row] -= values[slot] * x[other]
+        x[column] = right[row] / values[pivot]
+    return x
 
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 14), st.integers(0, 2))
-def test_it_solves_any_sparse_system(seed, n, carried):
+def test_a_tape_solves_any_sparse_system(seed, n, carried):
     random = np.random.default_rng(seed)
     pattern = random.random((n, n + carried)) < 0.3
     pattern[np.arange(n), random.permutation(n)] = True
     scenarios = np.where(pattern, random.standard_normal((3, n, n + carried)), 0.0)
     inner = random.random((2, n)) < 0.7
-    assume(min(np.abs(np.linalg.det(one[:, :n])) for one in scenarios) > 1e-3)
+    assume(min(np.abs(np.linalg.det(matrix[:, :n])) for matrix in scenarios) > 1e-3)
     try:
         tape = eliminate(scenarios, pattern, *inner)
     except Singular:

@@ -1,7 +1,6 @@
-"""Against an independent integration: the same equations as an ODE, by scipy's solvers at tight tolerance.
+"""Networks agree with the same equations written by hand as ODEs and integrated by scipy at tight tolerance.
 
-Here the networks are written by hand as ODEs in their own states, so that neither the assembly nor the elimination nor
-the time scheme of the engine takes part.
+Neither the assembly nor the elimination nor the time scheme of the engine takes part in the ODEs.
 """
 
 import numpy as np
@@ -9,6 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from coronaryuq.zerod.solver.assembly import ELASTANCE_MODES
 from coronaryuq.zerod.solver.engine import Engine
 from support.zerod_networks import HEART, MMHG, boundary, network, vessel
 
@@ -16,7 +16,7 @@ _STEPS = 2000
 
 
 def _smooth(time):
-    """Begins at rest, as the network does."""
+    """Return a pulse that begins at rest, as the network does."""
     return 40.0 * (1.0 - np.cos(2 * np.pi * time)) + 10.0 * (1.0 - np.cos(6 * np.pi * time))
 
 
@@ -29,7 +29,7 @@ def _smooth(time):
     rd=st.floats(500.0, 3000.0),
     c=st.floats(1e-4, 1e-3),
 )
-def test_a_stenosed_vessel_with_a_windkessel(r, l, s, rp, rd, c):
+def test_a_stenosed_vessel_with_a_windkessel_agrees_with_an_ode_solver(r, l, s, rp, rd, c):
     """States: flow q through R, S, L and pressure p at the capacitor; driven by a pressure."""
     times = np.linspace(0.0, 1.0, _STEPS + 1)
     drive = MMHG * _smooth(times)
@@ -52,15 +52,13 @@ def test_a_stenosed_vessel_with_a_windkessel(r, l, s, rp, rd, c):
 
     exact = solve_ivp(rates, (0.0, 1.0), [0.0, 0.0], "LSODA", rtol=1e-8, atol=1e-6, t_eval=times)
     for name, expected in zip(("flow:IN:tube", "pressure_c:OUT"), exact.y, strict=True):
-        found = result.waveforms[name][0]
-        assert np.abs(found - expected).max() < 2e-4 * np.abs(expected).max(), name
+        actual = result.waveforms[name][0]
+        assert np.abs(actual - expected).max() < 2e-4 * np.abs(expected).max(), name
 
 
 def _elastance(phase):
-    from coronaryuq.zerod.solver.assembly import _ELASTANCE
-
-    angle = 2.0 * np.pi * np.arange(len(_ELASTANCE)) * phase
-    return float(_ELASTANCE[:, 0] @ np.cos(angle) - _ELASTANCE[:, 1] @ np.sin(angle))
+    angle = 2.0 * np.pi * np.arange(len(ELASTANCE_MODES)) * phase
+    return float(ELASTANCE_MODES[:, 0] @ np.cos(angle) - ELASTANCE_MODES[:, 1] @ np.sin(angle))
 
 
 def _atrial(time, period, tsa, tpwave):
@@ -96,7 +94,7 @@ _TYPICAL = {"Ra": 9.3, "Ram": 15.1, "Rv": 33.3, "Ca": 5.5e-4, "Cim": 3.7e-3}
     compliance=st.floats(0.7, 1.5),
     beds=st.lists(_BED, max_size=3),
 )
-def test_a_closed_loop_with_valves(elastance, systemic, compliance, beds):
+def test_a_closed_loop_with_valves_agrees_with_an_ode_solver(elastance, systemic, compliance, beds):
     """Heart, pulmonary RC, systemic windkessel and any number of coronary beds; each valve a diode with inertance."""
     h = HEART | {"Elv_s": HEART["Elv_s"] * elastance}
     rp, rd, c = 0.13 * MMHG, 1.36 * MMHG * systemic, 0.24 / MMHG * compliance

@@ -1,4 +1,4 @@
-"""`coronaryuq solve`: a network in, svZeroDSolver's table out."""
+"""`coronaryuq solve` reads a network and writes svZeroDSolver's table."""
 
 import json
 
@@ -10,24 +10,24 @@ from coronaryuq.zerod.svzerodsolver.tables import simulate
 from support.zerod_networks import bifurcation, network, vessel
 
 
-def test_the_table_is_the_one_that_python_gets(tmp_path):
+def test_the_table_is_that_of_simulate(tmp_path):
     (tmp_path / "tree.json").write_text(json.dumps(bifurcation()))
     assert main(["solve", str(tmp_path / "tree.json"), str(tmp_path / "out.csv")]) == 0
     pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "out.csv"), simulate(bifurcation()), check_exact=True)
 
 
-def test_what_is_wrong_is_one_line_and_nothing_is_written(tmp_path, capsys):
+def test_a_fault_is_one_line_and_nothing_is_written(tmp_path, capsys):
     tree = bifurcation()
     tree["vessels"][1]["zero_d_element_values"]["Rpoiseuille"] = 1.0
     (tmp_path / "tree.json").write_text(json.dumps(tree))
     assert main(["solve", str(tmp_path / "tree.json"), str(tmp_path / "out.csv")]) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1 and "vessels.left.zero_d_element_values.Rpoiseuille" in said
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and "vessels.left.zero_d_element_values.Rpoiseuille" in error
     assert not (tmp_path / "out.csv").exists()
 
 
 @pytest.mark.parametrize(
-    ("table", "said"),
+    ("table", "error"),
     [
         (".", ".: is a folder; name a file in it"),
         ("held", "held: is a folder; name a file in it"),
@@ -35,17 +35,16 @@ def test_what_is_wrong_is_one_line_and_nothing_is_written(tmp_path, capsys):
         ("./tree.json", "command line: TABLE.csv = './tree.json': is the network itself; name another file"),
     ],
 )
-def test_a_table_that_cannot_be_written_is_said_before_the_march(tmp_path, monkeypatch, capsys, table, said):
+def test_a_table_that_cannot_be_written_is_rejected_before_the_march(tmp_path, monkeypatch, capsys, table, error):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("coronaryuq.zerod.command.simulate", lambda *given: pytest.fail("marched"))
+    monkeypatch.setattr("coronaryuq.zerod.command.simulate", lambda *arguments: pytest.fail("marched"))
     (tmp_path / "held").mkdir()
     (tmp_path / "tree.json").write_text(json.dumps(bifurcation()))
     assert main(["solve", "tree.json", table]) == 2
-    assert capsys.readouterr().err == f"error: {said}\n"
+    assert capsys.readouterr().err == f"error: {error}\n"
 
 
-def test_a_negative_resistance_is_taken_with_a_note(tmp_path, capsys):
-    """As svZeroDSolver takes it."""
+def test_a_negative_resistance_is_accepted_with_a_note(tmp_path, capsys):
     tree = bifurcation()
     (tmp_path / "tree.json").write_text(json.dumps(tree))
     assert main(["solve", str(tmp_path / "tree.json"), str(tmp_path / "out.csv")]) == 0
@@ -54,11 +53,11 @@ def test_a_negative_resistance_is_taken_with_a_note(tmp_path, capsys):
     tree["boundary_conditions"][2]["bc_values"]["Rp"] = -5.0
     (tmp_path / "tree.json").write_text(json.dumps(tree))
     assert main(["solve", str(tmp_path / "tree.json"), str(tmp_path / "out.csv")]) == 0
-    noted = f"note: {tmp_path}/tree.json: left.R_poiseuille = -10: negative resistance (and 1 more)\n"
-    assert capsys.readouterr().err == noted
+    note = f"note: {tmp_path}/tree.json: left.R_poiseuille = -10: negative resistance (and 1 more)\n"
+    assert capsys.readouterr().err == note
 
 
-def test_a_run_that_does_not_converge_says_so(tmp_path, capsys):
+def test_a_run_that_does_not_converge_is_an_error(tmp_path, capsys):
     stiff = network(
         [vessel(0, "tube", inlet="IN", outlet="OUT", R_poiseuille=1.0, L=1.0, stenosis_coefficient=300.0)],
         [

@@ -1,4 +1,4 @@
-"""What every run must obey: conservation, linearity, independence of the batch, an honest end for every sample."""
+"""Runs conserve mass, are linear where they should be, and do not depend on the rest of the batch."""
 
 from functools import partial
 
@@ -11,34 +11,7 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.zerod.network.changes import with_changes
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.solver.periodic import Periodicity
-from support.zerod_networks import bifurcation, boundary, closed_loop, network, pulse, vessel
-
-
-def _varied(engine: Engine, samples: int, names: list[str], seed: int = 1) -> dict[str, np.ndarray]:
-    random = np.random.default_rng(seed)
-    return {name: engine.parameters[name] * random.uniform(0.6, 1.6, samples) for name in names}
-
-
-LOOP_NAMES = [
-    "BC_left.Ra",
-    "BC_left.Rv",
-    "BC_right.Ram",
-    "RCR_aorta.Rd",
-    "CLH.Elv_s",
-    "CLH.Tsa",
-    "left.stenosis_coefficient",
-]
-
-
-@pytest.fixture(scope="module")
-def loop() -> Engine:
-    return Engine(closed_loop())
-
-
-@pytest.fixture(scope="module")
-def fine_loop() -> Engine:
-    """At 1000 steps a cycle valves open and shut finely enough for cycle errors well below 1e-4."""
-    return Engine(closed_loop(steps=1000))
+from support.zerod_networks import LOOP_PARAMETERS, bifurcation, boundary, closed_loop, network, pulse, varied, vessel
 
 
 def _same_bits(left, right) -> bool:
@@ -46,9 +19,9 @@ def _same_bits(left, right) -> bool:
 
 
 @pytest.mark.parametrize("periodic", [False, True])
-def test_a_sample_does_not_depend_on_who_shares_its_batch(loop, periodic):
+def test_a_sample_does_not_depend_on_the_rest_of_its_batch(loop, periodic):
     samples = 64
-    changes = _varied(loop, samples, LOOP_NAMES)
+    changes = varied(loop, samples, LOOP_PARAMETERS)
     options = {"quantities": ["mean_flow:left:BC_left", "max_V_LV:CLH"], "waveforms": ["pressure:J0:left"]}
     run = partial(loop.run_cycles, cycles=2, **options)
     if periodic:
@@ -58,19 +31,19 @@ def test_a_sample_does_not_depend_on_who_shares_its_batch(loop, periodic):
         for first in (0, 21, 63 - 63 % size):
             part = {name: value[first : first + size] for name, value in changes.items()}
             result = run(part)
-            mine = slice(first, first + size)
-            assert _same_bits(result.state, whole.state[mine])
-            assert _same_bits(result.waveforms["pressure:J0:left"], whole.waveforms["pressure:J0:left"][mine])
-            assert all(_same_bits(result.values[name], whole.values[name][mine]) for name in options["quantities"])
-            assert list(result.status) == list(whole.status[mine])
-            assert _same_bits(result.cycles, whole.cycles[mine])
+            rows = slice(first, first + size)
+            assert _same_bits(result.state, whole.state[rows])
+            assert _same_bits(result.waveforms["pressure:J0:left"], whole.waveforms["pressure:J0:left"][rows])
+            assert all(_same_bits(result.values[name], whole.values[name][rows]) for name in options["quantities"])
+            assert list(result.status) == list(whole.status[rows])
+            assert _same_bits(result.cycles, whole.cycles[rows])
 
 
-def test_a_sample_reached_from_a_neighbour_does_not_depend_on_who_shares_its_batch():
-    """The approach with longer steps and the closing of ranks included: samples need from few to many cycles."""
+def test_a_sample_approached_on_coarse_steps_does_not_depend_on_the_rest_of_its_batch():
+    """Samples need different numbers of cycles, so that groups are rearranged."""
     engine, name = Engine(closed_loop(steps=400)), "mean_flow:left:BC_left"
     start = engine.run_to_periodic(periodicity=Periodicity(tolerance=1e-3)).state[0]
-    changes = _varied(engine, 40, LOOP_NAMES)
+    changes = varied(engine, 40, LOOP_PARAMETERS)
     options = {"quantities": [name], "periodicity": Periodicity(1e-3, cycles=20), "start": start}
     whole = engine.run_to_periodic(changes, **options, threads=2)
     assert len(set(whole.cycles)) > 2
@@ -78,14 +51,14 @@ def test_a_sample_reached_from_a_neighbour_does_not_depend_on_who_shares_its_bat
     for size, firsts in ((1, (0, 17, 39)), (7, (0, 14, 33))):
         for first in firsts:
             result = fresh.run_to_periodic({k: v[first : first + size] for k, v in changes.items()}, **options)
-            mine = slice(first, first + size)
-            assert _same_bits(result.state, whole.state[mine])
-            assert _same_bits(result.values[name], whole.values[name][mine])
-            assert list(result.status) == list(whole.status[mine])
+            rows = slice(first, first + size)
+            assert _same_bits(result.state, whole.state[rows])
+            assert _same_bits(result.values[name], whole.values[name][rows])
+            assert list(result.status) == list(whole.status[rows])
 
 
-def test_a_start_that_is_no_neighbour_does_no_harm(fine_loop):
-    """A state of other parameters, or one that is not periodic, serves as any other."""
+def test_any_start_leads_to_the_same_periodic_state(fine_loop):
+    """The start may belong to other parameters, and need not be periodic."""
     changes, name = {"BC_left.Ra": fine_loop.parameters["BC_left.Ra"] * np.array([1.0, 1.3])}, "mean_flow:left:BC_left"
     near = fine_loop.run_to_periodic(changes, [name], start=fine_loop.run_to_periodic().state[0])
     elsewhere = fine_loop.run_cycles({"CLH.Elv_s": 2.0 * fine_loop.parameters["CLH.Elv_s"]}, cycles=3).state[0]
@@ -95,27 +68,29 @@ def test_a_start_that_is_no_neighbour_does_no_harm(fine_loop):
 
 
 def test_threads_do_not_change_a_bit(loop):
-    changes = _varied(loop, 40, LOOP_NAMES)
+    changes = varied(loop, 40, LOOP_PARAMETERS)
     results = [loop.run_cycles(changes, ["mean_flow:left:BC_left"], cycles=2, threads=threads) for threads in (1, 2, 3)]
     for other in results[1:]:
         assert _same_bits(other.state, results[0].state)
         assert _same_bits(other.values["mean_flow:left:BC_left"], results[0].values["mean_flow:left:BC_left"])
 
 
-def test_changes_are_what_the_network_file_would_say(loop):
-    """Any scalar of any block, those that are nought in the file and the period included."""
+def test_changes_act_as_the_same_values_in_the_network_file(loop):
+    """Every scalar of every block is changed, zeros and the period included."""
     random = np.random.default_rng(3)
-    # Beyond these steps a valve may turn a rounding error into another step of opening.
+    # In later steps, rounding may shift the opening of a valve by one step.
     steps, names = 25, ["pressure:J0:left", "flow:CLH:J_heart_outlet", "V_LA:CLH"]
     for engine in (loop, Engine(bifurcation())):
-        shown = names if engine is loop else ["pressure:INFLOW:trunk", "flow:right:RCR_right"]
+        recorded = names if engine is loop else ["pressure:INFLOW:trunk", "flow:right:RCR_right"]
         for name, nominal in engine.parameters.items():
             value = nominal * random.uniform(0.9, 1.1) if nominal else 1e-6
-            expected = Engine(with_changes(engine.model.network, {name: value})).run_cycles(waveforms=shown, cycles=1)
-            found = engine.run_cycles({name: value}, waveforms=shown, cycles=1)
-            for wave in shown:
-                there, here = expected.waveforms[wave][0, :steps], found.waveforms[wave][0, :steps]
-                assert np.allclose(here, there, rtol=1e-7, atol=1e-9 * np.abs(there).max()), name
+            expected = Engine(with_changes(engine.model.network, {name: value})).run_cycles(
+                waveforms=recorded, cycles=1
+            )
+            changed = engine.run_cycles({name: value}, waveforms=recorded, cycles=1)
+            for wave in recorded:
+                in_file, in_run = expected.waveforms[wave][0, :steps], changed.waveforms[wave][0, :steps]
+                assert np.allclose(in_run, in_file, rtol=1e-7, atol=1e-9 * np.abs(in_file).max()), name
 
 
 def test_waveforms_of_an_open_loop_stretch_with_the_period():
@@ -126,45 +101,14 @@ def test_waveforms_of_an_open_loop_stretch_with_the_period():
 
 
 def test_mass_is_conserved_at_every_junction(fine_loop):
-    """Instantly at a junction; over a periodic cycle between any two ends of a compliant vessel."""
-    names = [f"flow:{at}" for at in ("aorta:J0", "J0:systemic", "J0:left", "J0:right", "left:BC_left")]
-    result = fine_loop.run_to_periodic(_varied(fine_loop, 5, LOOP_NAMES), waveforms=names)
+    """At a junction at every step; along a compliant vessel over a periodic cycle."""
+    names = [f"flow:{location}" for location in ("aorta:J0", "J0:systemic", "J0:left", "J0:right", "left:BC_left")]
+    result = fine_loop.run_to_periodic(varied(fine_loop, 5, LOOP_PARAMETERS), waveforms=names)
     assert list(result.status) == ["ok"] * 5
     into, *out, end = (result.waveforms[name] for name in names)
     assert np.abs(into - sum(out)).max() < 1e-9 * np.abs(into).max()
     means = [np.trapezoid(wave, axis=1) for wave in (out[1], end)]
     assert np.allclose(means[0], means[1], rtol=1e-3)
-
-
-def _stored(result, engine: Engine) -> np.ndarray:
-    """Volume that the loop keeps whatever its state, from the elements' own storage terms."""
-    y = dict(zip(engine.unknowns, result.state[:, : len(engine.unknowns)].T, strict=True))
-    of = engine.parameters
-    chambers = sum(y[f"V_{name}:CLH"] for name in ("RA", "RV", "LA", "LV"))
-    aorta = of["CLH.Cpa"] * y["pressure:CLH:J_heart_outlet"] + of["RCR_aorta.C"] * y["P_c:RCR_aorta"]
-    vessel = of["aorta.C"] * (
-        y["pressure:J_heart_outlet:aorta"] - of["aorta.R_poiseuille"] * y["flow:J_heart_outlet:aorta"]
-    )
-    beds = 0.0
-    for name, side in (("BC_left", "left"), ("BC_right", "right")):
-        arterial = y[f"pressure:{side}:{name}"] - of[f"{name}.Ra"] * y[f"flow:{side}:{name}"]
-        beds = beds + of[f"{name}.Ca"] * arterial + y[f"volume_im:{name}"]
-    return chambers + aorta + vessel + beds
-
-
-def test_the_loop_keeps_its_blood():
-    network_ = closed_loop(stenosis=0.0)
-    network_["vessels"][2]["zero_d_element_values"]["C"] = 0.0
-    engine = Engine(network_)
-    start = engine.run_cycles(cycles=1)
-    later = engine.run_cycles(cycles=20, start=start.state)
-    accelerated = engine.run_to_periodic(start=start.state)
-    neighbour = engine.run_to_periodic({"BC_left.Ra": 2e4}, start=later.state[0], steps_per_cycle=400)
-    volume = _stored(start, engine)
-    # Closed valves hold back a flow that Newton's tolerance allows, hence not to the last digit.
-    assert np.allclose(_stored(later, engine), volume, rtol=1e-4)
-    assert np.allclose(_stored(accelerated, engine), volume, rtol=1e-4)
-    assert neighbour.ok[0] and np.allclose(_stored(neighbour, engine), volume, rtol=3e-4)
 
 
 @settings(max_examples=10, deadline=None)
@@ -186,14 +130,14 @@ def test_rc_networks_are_linear_in_their_inflow(factors, a, b):
             "pressure:INFLOW:trunk"
         ]
 
-    mixed = pressures([a * x + b * y for x, y in zip(first, second, strict=True)])
-    one, other = pressures(first), pressures(second)
-    # Newton's tolerance is absolute, so that a faint inflow is not resolved to its last digit.
-    size = np.abs(one).max() + np.abs(other).max()
-    assert np.allclose(mixed, a * one + b * other, rtol=1e-9, atol=1e-9 * size)
+    combined = pressures([a * x + b * y for x, y in zip(first, second, strict=True)])
+    of_first, of_second = pressures(first), pressures(second)
+    # Newton's tolerance is absolute, so a small inflow is not resolved to its last digit.
+    size = np.abs(of_first).max() + np.abs(of_second).max()
+    assert np.allclose(combined, a * of_first + b * of_second, rtol=1e-9, atol=1e-9 * size)
 
 
-def test_steady_flow_through_a_stenosis_is_the_closed_form():
+def test_steady_flow_through_a_stenosis_agrees_with_the_closed_form():
     """ΔP = (R + S Q) Q, and P = Rd Q behind it."""
     q, r, s, rd = 4.0, 30.0, 25.0, 900.0
     tube = network(
@@ -204,8 +148,8 @@ def test_steady_flow_through_a_stenosis_is_the_closed_form():
     assert np.allclose(result.values["mean_pressure:INFLOW:tube"], [(r + f * s * q) * q + rd * q for f in (1, 2)])
 
 
-def test_a_sample_that_fails_says_why_and_leaves_its_neighbours_alone(loop):
-    changes = _varied(loop, 20, LOOP_NAMES)
+def test_a_sample_that_fails_has_a_reason_and_does_not_change_the_others(loop):
+    changes = varied(loop, 20, LOOP_PARAMETERS)
     alone = loop.run_cycles({name: np.delete(value, 5) for name, value in changes.items()}, ["mean_flow:left:BC_left"])
     changes["CLH.Elv_s"][5] = 1e300
     result = loop.run_cycles(changes, ["mean_flow:left:BC_left"])
@@ -231,41 +175,18 @@ def test_a_step_too_large_for_newton_is_refined_for_that_sample_only():
     engine, name = Engine(tube), "max_flow:IN:tube"
     stenosis = np.array([0.0, 300.0, 1e-3])
     result = engine.run_cycles({"tube.stenosis_coefficient": stenosis}, [name], cycles=1)
-    gentle = engine.run_cycles({"tube.stenosis_coefficient": stenosis[:1]}, [name], cycles=1)
+    without_stenosis = engine.run_cycles({"tube.stenosis_coefficient": stenosis[:1]}, [name], cycles=1)
     tube["simulation_parameters"]["maximum_nonlinear_iterations"] = 30
-    patient = Engine(tube).run_cycles({"tube.stenosis_coefficient": stenosis}, [name], cycles=1, steps_per_cycle=320)
+    more_iterations = Engine(tube).run_cycles(
+        {"tube.stenosis_coefficient": stenosis}, [name], cycles=1, steps_per_cycle=320
+    )
     assert list(result.status) == ["ok"] * 3
     assert result.refinement[0] == result.refinement[2] == 1 and result.refinement[1] > 1
-    assert result.values[name][0] == gentle.values[name][0]
-    assert np.isclose(result.values[name][1], patient.values[name][1], rtol=0.02)
+    assert result.values[name][0] == without_stenosis.values[name][0]
+    assert np.isclose(result.values[name][1], more_iterations.values[name][1], rtol=0.02)
 
 
-def test_a_periodic_state_is_the_one_that_waiting_finds(fine_loop):
-    changes = _varied(fine_loop, 6, LOOP_NAMES)
-    names = ["mean_flow:left:BC_left", "max_pressure:CLH:J_heart_outlet", "min_V_LV:CLH"]
-    start = fine_loop.run_to_periodic().state[0]
-    accelerated = fine_loop.run_to_periodic(changes, names, periodicity=Periodicity(tolerance=1e-5), start=start)
-    waited = fine_loop.run_cycles(changes, names, cycles=120, start=start)
-    assert list(accelerated.status) == ["ok"] * 6
-    assert accelerated.cycle_error.max() < 1e-5
-    for name in names:
-        assert np.allclose(accelerated.values[name], waited.values[name], rtol=2e-4), name
-
-
-def test_acceleration_spends_fewer_cycles_than_waiting(fine_loop):
-    changes = _varied(fine_loop, 16, LOOP_NAMES)
-    start = fine_loop.run_to_periodic().state[0]
-    fast = fine_loop.run_to_periodic(changes, start=start)
-    slow = fine_loop.run_to_periodic(changes, periodicity=Periodicity(accelerate=False), start=start)
-    assert fast.cycles.mean() < 0.8 * slow.cycles.mean()
-
-
-def test_a_sample_that_is_not_periodic_in_time_says_so(loop):
-    result = loop.run_to_periodic(periodicity=Periodicity(cycles=2, tolerance=1e-9))
-    assert result.status[0].startswith("not periodic after 2 cycles")
-
-
-def test_a_run_goes_on_from_a_state_as_if_it_had_not_stopped():
+def test_a_run_continues_from_a_state_as_if_it_had_not_stopped():
     coronary = network(
         [vessel(0, "tube", inlet="INFLOW", outlet="BED", R_poiseuille=10.0)],
         [
@@ -280,8 +201,8 @@ def test_a_run_goes_on_from_a_state_as_if_it_had_not_stopped():
         assert _same_bits(engine.run_cycles(cycles=3, start=first.state).state, engine.run_cycles(cycles=5).state)
 
 
-def test_refining_the_step_converges_with_second_order():
-    """On a linear network generalised-α is second-order accurate, here at its periodic state."""
+def test_time_steps_converge_at_second_order():
+    """On a linear network, generalised-α is second-order accurate."""
 
     def wave(steps: int) -> np.ndarray:
         tree = bifurcation(steps=steps)
@@ -294,7 +215,7 @@ def test_refining_the_step_converges_with_second_order():
     assert 3.0 < errors[0] / errors[1] < 5.0 and 3.0 < errors[1] / errors[2] < 5.0
 
 
-def test_names_that_the_network_lacks_are_told(loop):
+def test_unknown_names_and_wrong_values_are_errors(loop):
     with pytest.raises(InputError, match="BC_left.Rx"):
         loop.run_cycles({"BC_left.Rx": 1.0})
     with pytest.raises(InputError, match="flow:left:nowhere"):
@@ -316,8 +237,8 @@ def test_a_singular_network_names_the_block():
         Engine(tube).run_cycles()
 
 
-def test_a_changed_waveform_is_what_the_network_file_would_say():
-    """One per sample, beside scalars; a waveform of its own does not touch the other sample."""
+def test_a_changed_waveform_acts_as_the_same_waveform_in_the_network_file():
+    """Each sample has its own waveform, which does not change the other sample."""
     plain, grid = bifurcation(), np.linspace(0.0, 1.0, 201)
     inflow = plain["boundary_conditions"][0]["bc_values"]
     own = np.interp(grid, np.asarray(inflow["t"]) / inflow["t"][-1], inflow["Q"])
@@ -326,15 +247,15 @@ def test_a_changed_waveform_is_what_the_network_file_would_say():
     written["boundary_conditions"][0]["bc_values"] = {"t": (grid * inflow["t"][-1]).tolist(), "Q": other.tolist()}
     wave = "pressure:INFLOW:trunk"
     expected = Engine(written).run_to_periodic(waveforms=[wave]).waveforms[wave][0]
-    found = Engine(plain).run_to_periodic({"INFLOW.Q": np.array([own, other])}, waveforms=[wave]).waveforms[wave]
-    assert np.allclose(found[1], expected, rtol=1e-4)
-    assert np.allclose(found[0], Engine(plain).run_to_periodic(waveforms=[wave]).waveforms[wave][0], rtol=1e-2)
+    changed = Engine(plain).run_to_periodic({"INFLOW.Q": np.array([own, other])}, waveforms=[wave]).waveforms[wave]
+    assert np.allclose(changed[1], expected, rtol=1e-4)
+    assert np.allclose(changed[0], Engine(plain).run_to_periodic(waveforms=[wave]).waveforms[wave][0], rtol=1e-2)
     with pytest.raises(InputError, match="waveform per sample"):
         Engine(plain).run_cycles({"INFLOW.Q": np.ones(3)})
 
 
-def test_a_leaking_aortic_valve_gives_back_what_the_pressure_asks_for(fine_loop):
-    """Over a periodic cycle the flow out of the ventricle is that into the aorta and what leaks back."""
+def test_a_leaking_aortic_valve_passes_backflow_in_proportion_to_pressure(fine_loop):
+    """Over a periodic cycle, the ventricle ejects the flow into the aorta plus the backflow."""
     leak = 0.1 / 1333.2
     names = ["flow:CLH:J_heart_outlet", "Q_LV:CLH", "pressure:CLH:J_heart_outlet", "P_LV:CLH"]
     start = fine_loop.run_to_periodic(periodicity=Periodicity(tolerance=1e-4)).state[0]
@@ -349,8 +270,8 @@ def test_a_leaking_aortic_valve_gives_back_what_the_pressure_asks_for(fine_loop)
     assert diastolic[1] < 0.97 * diastolic[0]
 
 
-def test_elements_switched_on_in_some_samples_leave_the_others_sound():
-    """Losses and stores that the network lacks, each in one sample: no sample's pivot may be what it does not have."""
+def test_elements_that_some_samples_lack_do_not_change_the_others():
+    """Each sample has one loss or compliance that the network lacks: a pivot must be nonzero in every sample."""
     bare = closed_loop(stenosis=0.0)
     for entry in bare["vessels"]:
         entry["zero_d_element_values"].pop("C", None)
@@ -366,10 +287,10 @@ def test_elements_switched_on_in_some_samples_leave_the_others_sound():
         assert together.values["mean_flow:left:BC_left"][k] == pytest.approx(alone, rel=1e-6)
 
 
-def test_a_strong_quadratic_loss_is_no_obstacle():
-    """Where the loss outweighs all else its slope changes from solve to solve of one step."""
+def test_a_strong_quadratic_loss_converges():
+    """With a dominant loss, slopes change from iteration to iteration of one step."""
     engine = Engine(closed_loop(stenosis=0.0))
     losses = 10.0 ** np.arange(2.0, 8.0)
-    found = engine.run_cycles({"right.stenosis_coefficient": losses}, ["mean_flow:right:BC_right"], cycles=3)
-    assert found.ok.all(), found.status
-    assert (np.diff(found.values["mean_flow:right:BC_right"]) < 0).all()
+    result = engine.run_cycles({"right.stenosis_coefficient": losses}, ["mean_flow:right:BC_right"], cycles=3)
+    assert result.ok.all(), result.status
+    assert (np.diff(result.values["mean_flow:right:BC_right"]) < 0).all()

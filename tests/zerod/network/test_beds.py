@@ -1,4 +1,4 @@
-"""θ and hyperaemia on coronary beds."""
+"""θ and hyperaemia change the resistances of coronary beds."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ def test_beds_are_the_coronary_boundary_conditions():
     assert distal_resistances(closed_loop())["BC_left"] == pytest.approx((9.3 + 15.1 + 33.3) * MMHG)
 
 
-def test_each_factor_multiplies_what_it_should():
+def test_each_factor_multiplies_its_own_resistances():
     r, s = np.array([0.5, 2.0]), np.array([0.7, 1.25])
     changes = resistance_changes(closed_loop(), {"BC_left": r}, s, hyperaemia=0.24)
     assert np.allclose(changes["BC_left.Ra"], 9.3 * MMHG * r * s * 0.24)
@@ -32,7 +32,7 @@ def test_columns_of_theta_are_read_by_name():
     )
 
 
-def test_a_bed_that_is_not_there_and_a_factor_that_cannot_be_are_told():
+def test_an_unknown_bed_and_a_factor_that_is_not_positive_are_errors():
     with pytest.raises(InputError, match="BC_middle"):
         resistance_changes(closed_loop(), {"BC_middle": 1.0})
     with pytest.raises(InputError, match="positive"):

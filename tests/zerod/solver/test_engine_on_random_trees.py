@@ -1,4 +1,4 @@
-"""Random trees of vessels: what enters leaves, what is linear superposes, an ODE solver finds the same waveforms."""
+"""Runs of random trees conserve mass, are linear without stenoses, and agree with an ODE solver."""
 
 from dataclasses import dataclass
 
@@ -14,8 +14,11 @@ from support.zerod_networks import boundary, network, vessel
 
 @dataclass(frozen=True)
 class Tree:
-    """parents[k] is the vessel before vessel k, None for the first; r, l, c, s of each; windkessel Rp, C, Rd per vessel
-    (used where it ends the tree). crl: which vessels are of the kind with the compliance at their inlet."""
+    """A tree of vessels with Windkessels at its ends.
+
+    parents: vessel upstream of each, None for the first. r, l, c, s: of each vessel. windkessels: Rp, C, Rd per vessel,
+    used if it ends the tree. crl: vessels with the compliance at their inlet.
+    """
 
     parents: tuple
     r: tuple
@@ -88,7 +91,7 @@ def network_of(tree: Tree, inflow, steps: int, **simulation) -> dict:
 
 
 def pulse(time):
-    """Begins at rest, as the network does; returns to nought."""
+    """Return an inflow that begins at rest, as the network does, and ends at zero."""
     return 4.0 * (1.0 - np.cos(2 * np.pi * time)) + (1.0 - np.cos(6 * np.pi * time))
 
 
@@ -97,8 +100,8 @@ TIMES = np.linspace(0.0, 1.0, 401)
 
 @settings(max_examples=12, deadline=None, derandomize=True)
 @given(tree=trees(stenosed=True))
-def test_what_enters_a_random_tree_leaves_it(tree):
-    """At every junction at every step; over a periodic cycle at its ends, whatever the vessels store in between."""
+def test_flow_into_a_random_tree_equals_flow_out_of_it(tree):
+    """At every junction at every step; at the ends of the tree over a periodic cycle."""
     engine = Engine(network_of(tree, pulse(TIMES), 200, absolute_tolerance=1e-7))
     flows = [name for name in engine.unknowns if name.startswith("flow")]
     result = engine.run_to_periodic(waveforms=flows, periodicity=Periodicity(tolerance=1e-6))
@@ -120,18 +123,18 @@ def test_a_random_tree_without_stenoses_is_linear_in_its_inflow(tree, a, b):
     for inflow in (first, second, a * first + b * second):
         engine = Engine(network_of(tree, inflow, 100))
         names = engine.unknowns
-        found = engine.run_cycles(waveforms=names, cycles=2).waveforms
-        waves.append(np.array([found[name][0] for name in names]))
+        recorded = engine.run_cycles(waveforms=names, cycles=2).waveforms
+        waves.append(np.array([recorded[name][0] for name in names]))
     size = np.abs(waves[0]).max(axis=1) + np.abs(waves[1]).max(axis=1)
     assert (np.abs(a * waves[0] + b * waves[1] - waves[2]).max(axis=1) <= 1e-8 * (1.0 + size)).all()
 
 
 def _rates(tree: Tree):
-    """The tree as an ODE: per vessel the pressure at its compliance and the flow out of it, per end that of the bed."""
+    """Write the tree as an ODE in the pressure and outflow of each vessel's compliance and the pressure of each bed."""
     size, ends = len(tree.parents), tree.ends
 
     def flow_in(k, pressure, at_compliance):
-        """Flow that a pressure at the inlet drives through resistance and stenosis to the compliance."""
+        """Return the flow from the inlet through resistance and stenosis to the compliance."""
         drop = pressure - at_compliance
         if tree.s[k] == 0.0:
             return drop / tree.r[k]
@@ -139,7 +142,7 @@ def _rates(tree: Tree):
         return np.sign(drop) * (root - tree.r[k]) / (2.0 * tree.s[k])
 
     def junction_pressure(children, total, at_compliance):
-        """Pressure at which the children take `total` together: monotone, so bisected between what surely brackets."""
+        """Find by bisection the pressure at which the flows into the children sum to `total`."""
         reach = 1.0 + abs(total) * max(tree.r[k] + tree.s[k] * abs(total) for k in children)
         low = min(at_compliance[k] for k in children) - reach
         high = max(at_compliance[k] for k in children) + reach
@@ -177,15 +180,15 @@ def _rates(tree: Tree):
 
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(tree=trees(stenosed=True, largest=4, kinds=False))
-def test_a_random_stenosed_tree_against_an_ode_solver(tree):
+def test_a_random_stenosed_tree_agrees_with_an_ode_solver(tree):
     steps, size = 2000, len(tree.parents)
     times = np.linspace(0.0, 1.0, steps + 1)
     engine = Engine(network_of(tree, pulse(times), steps, absolute_tolerance=1e-6))
     names = [f"flow:v{k}:BED{k}" for k in tree.ends] + [f"pressure_c:BED{k}" for k in tree.ends]
-    found = engine.run_cycles(waveforms=names, cycles=1).waveforms
+    recorded = engine.run_cycles(waveforms=names, cycles=1).waveforms
     exact = solve_ivp(
         _rates(tree), (0.0, 1.0), np.zeros(2 * size + len(tree.ends)), "LSODA", rtol=1e-7, atol=1e-7, t_eval=times[::10]
     )
     expected = [exact.y[size + k] for k in tree.ends] + [exact.y[2 * size + k] for k in range(len(tree.ends))]
     for name, wave in zip(names, expected, strict=True):
-        assert np.abs(found[name][0, ::10] - wave).max() < 1e-3 * np.abs(wave).max(), name
+        assert np.abs(recorded[name][0, ::10] - wave).max() < 1e-3 * np.abs(wave).max(), name

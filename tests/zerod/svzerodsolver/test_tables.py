@@ -1,4 +1,4 @@
-"""svZeroDSolver's own cases: the same numbers within its own tolerance, relative and absolute 1e-7."""
+"""svZeroDSolver's own cases are reproduced within its own tolerance, relative and absolute 1e-7."""
 
 from pathlib import Path
 
@@ -39,9 +39,9 @@ def test_reference_results_are_reproduced(shared: Path, case: str):
     table = simulate(read_network(folder / f"{case}.json"))
     assert list(table["name"]) == list(reference["name"])
     for column in reference.columns.drop("name"):
-        expected, found = reference[column].to_numpy(float), table[column].to_numpy(float)
-        assert np.array_equal(np.isnan(expected), np.isnan(found))
-        excess = np.abs(found - expected) - TOLERANCE * (1.0 + np.abs(expected))
+        expected, actual = reference[column].to_numpy(float), table[column].to_numpy(float)
+        assert np.array_equal(np.isnan(expected), np.isnan(actual))
+        excess = np.abs(actual - expected) - TOLERANCE * (1.0 + np.abs(expected))
         assert np.nanmax(excess, initial=-1.0) <= 0.0, column
 
 
