@@ -66,6 +66,21 @@ def test_parallel_requests_give_the_bits_of_the_campaigns_own_runs(server, home,
     assert 0.3 < answers[0][outputs.index("ffr_lad")] < 1.0
 
 
+def test_the_served_model_is_a_backend_with_the_same_bits(server, home, tmp_path):
+    url, _ = server
+    inputs = ["R_cor_scaling", "BC_2", "BC_1", "BC_0"]  # the backend puts them in the server's order
+    table = pd.DataFrame([row[::-1] for row in THETA], columns=inputs)
+    table.insert(0, "sample", [f"s{k}" for k in range(len(THETA))])
+    table.to_csv(tmp_path / "samples.csv", index=False)
+    files = home / "calibration" / "hyperaemia.json", home / "case" / "case.json", tmp_path / "samples.csv"
+    run_chunk(*files, 0, len(THETA), Settings(), tmp_path / "own.parquet")
+    run_chunk(*files, 0, len(THETA), Settings(backend="umbridge", umbridge={"url": url}), tmp_path / "remote.parquet")
+    own, remote = (pd.read_parquet(tmp_path / f"{name}.parquet") for name in ("own", "remote"))
+    assert (remote["status"] == "ok").all()
+    outputs = [name for name in remote if ":" in name or name.startswith("ffr_")]
+    assert len(outputs) > 10 and np.array_equal(remote[outputs], own[outputs])
+
+
 def test_the_log_likelihood_is_the_chains_up_to_the_prior(server, home):
     url, _ = server
     chains = Chains.read(home / "posterior" / "chains.npz")
