@@ -5,7 +5,7 @@
 # make env       create the environment in .venv/
 # make lint      check style, formatting, types, import contracts, and the workflow
 # make dry-run   show what every shipped configuration would run
-# make lock      pin what envs/requirements.in names at the versions of the environment
+# make lock      pin the dependencies of pyproject.toml at the versions of the environment
 # make help      show these lines
 
 CONFIG ?= laptop
@@ -23,9 +23,7 @@ help:
 	@sed -n 's/^# \(make [a-z-]* \)/\1/p' $(firstword $(MAKEFILE_LIST))
 
 run: env
-	@test ! -d results/$(CONFIG)/provenance || $(BIN)/coronaryuq verify --remove results/$(CONFIG)
-	@$(BIN)/snakemake --profile workflow/profiles/default --configfile config/$(CONFIG).yaml --cores $(CORES)
-	@echo "Report: results/$(CONFIG)/report.html"
+	@$(BIN)/coronaryuq run config/$(CONFIG).yaml --cores $(CORES)
 
 test: env
 	@$(BIN)/python -m pytest -m "not long" -n 2 --dist loadfile
@@ -37,13 +35,13 @@ coverage: env
 	@$(BIN)/python -m pytest -m "not long" -n 2 --dist loadfile --cov --cov-report=term:skip-covered
 
 lint: env
-	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/snakefmt --check Snakefile workflow && $(BIN)/lint-imports && $(BIN)/mypy
+	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/snakefmt --check workflow && $(BIN)/lint-imports && $(BIN)/mypy
 	@$(BIN)/snakemake --lint --configfile config/smoke.yaml
 
 dry-run: env
 	@for config in config/*.yaml; do echo "== $$config"; \
 	  if [ $$config = config/discrepancy.yaml ] && [ ! -d ../shared/data ]; then echo "skipped: its measurements, ../shared/data, are not here"; continue; fi; \
-	  $(BIN)/snakemake --profile workflow/profiles/default --configfile $$config --cores 2 -n --quiet all || exit 1; done
+	  $(BIN)/snakemake --configfile $$config --cores 2 -n --quiet all || exit 1; done
 
 env: $(READY)
 
@@ -58,6 +56,6 @@ $(READY): envs/requirements.lock pyproject.toml
 	@$(BIN)/coronaryuq doctor --environment
 	@touch $(READY)
 
-# After a change of envs/requirements.in, from an environment that has what it names.
+# After a change of the dependencies in pyproject.toml, in an environment that has them.
 lock:
-	@$(BIN)/python workflow/scripts/lock.py envs/requirements.in envs/requirements.lock
+	@$(BIN)/python tools/lock.py pyproject.toml envs/requirements.lock

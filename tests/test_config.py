@@ -31,8 +31,8 @@ def test_the_paper_configuration_has_the_sample_counts_of_the_paper():
 
 
 def test_readme_and_schema_are_up_to_date():
-    assert (FOLDER / "README.md").read_text() == config.readme(), "run workflow/scripts/config_docs.py"
-    assert read_json(FOLDER / "schema.json") == config.schema(), "run workflow/scripts/config_docs.py"
+    assert (FOLDER / "README.md").read_text() == config.readme(), "run tools/config_docs.py"
+    assert read_json(FOLDER / "schema.json") == config.schema(), "run tools/config_docs.py"
 
 
 def test_defaults_from_the_readme_can_be_pasted_into_a_configuration(tmp_path):

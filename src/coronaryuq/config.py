@@ -141,7 +141,7 @@ def readme() -> str:
     lines = [
         "# Configuration",
         "",
-        "Generated from the configuration model by `python workflow/scripts/config_docs.py`; do not edit.",
+        "Generated from the configuration model by `python tools/config_docs.py`; do not edit.",
         "A configuration file needs only the settings that differ from the defaults below, which are written as they",
         "would be in the file (`null`: none). `schema.json`, in the same folder, gives editors checks and completion.",
         "",

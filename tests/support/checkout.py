@@ -65,18 +65,15 @@ class Checkout:
     def __init__(self, folder: Path, cache: Path | None = None):
         self.folder, self.cache = folder, cache
         folder.mkdir(parents=True, exist_ok=True)
-        for part in ("Snakefile", "workflow", "config", "src"):
-            source = ROOT / part
-            if source.is_dir():
-                shutil.copytree(source, folder / part, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
-            else:
-                shutil.copy(source, folder / part)
+        for part in ("workflow", "config", "src"):
+            shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
         self.settings = {"name": "tiny", "samples": {"n_3d": 16, "n_0d": 64, "batch_3d": 8, "chunk_0d": 32}}
 
     def command(self, *arguments: str, settings: dict | None = None) -> dict:
         """Arguments of `subprocess.Popen` for Snakemake in this folder."""
         (self.folder / "tiny.yaml").write_text(yaml.safe_dump(self.settings if settings is None else settings))
-        command = [sys.executable, "-m", "snakemake", "--configfile", "tiny.yaml", "--cores", "2", *arguments]
+        command = [sys.executable, "-m", "snakemake", "--configfile", "tiny.yaml", "--cores", "2"]
+        command += ["--workflow-profile", "none", *arguments]
         environment = os.environ | {"PYTHONPATH": str(self.folder / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
         environment["JOBS_THAT_RAN"] = str(self.folder / "jobs_that_ran")
         if self.cache is not None:

@@ -109,7 +109,7 @@ def _copying(rule: str, folder: Path, slurm: bool) -> str:
         launch = "{resources.mpi} -n {resources.tasks} true; "
         spent = SPENT.format(record=folder.as_posix()) if slurm else ""
     text = COPY.format(record=folder.as_posix(), name=NAME, launch=launch, spent=spent)
-    rule = rule.replace('"scripts", "stage.py"', '"scripts", "chains.py"')
+    rule = rule.replace('source_path("../scripts/stage.py")', 'source_path("../scripts/chains.py")')
     return rule.replace('\n    script:\n        "../scripts/stage.py"\n', text)
 
 

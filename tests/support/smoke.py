@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
+WORKFLOW = ROOT / "workflow"
 
 OTHER_PORTIONS = "samples: {batch_3d: 5, chunk_0d: 70, chunks_resampled: 3, chunk_realisations: 70}\n"
 """As an additional configuration: the same samples, cut into other jobs."""
@@ -31,8 +32,8 @@ def command(folder: Path, *arguments: str, profile: Path | None = None, more: tu
     for path, text in zip(changes, more, strict=True):
         path.write_text(text)
     return [
-        sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"), "--directory", str(folder),
-        "--profile", str(profile or ROOT / "workflow" / "profiles" / "default"),
+        sys.executable, "-m", "snakemake", "--snakefile", str(WORKFLOW / "Snakefile"), "--directory", str(folder),
+        "--workflow-profile", str(profile or WORKFLOW / "profiles" / "default"),
         "--configfile", str(ROOT / "config" / "smoke.yaml"), *map(str, changes), *arguments,
     ]  # fmt: skip
 

@@ -11,7 +11,7 @@ from support.checkout import ROOT, Checkout
 pytestmark = pytest.mark.workflow
 
 BINDS = """
-from job import job
+from coronaryuq.campaign.job import job
 import pathlib
 with job(globals()) as this:
     this.arguments(this.function())

@@ -1,6 +1,7 @@
 # What the rules use: the checked configuration, its jobs and paths, and functions that ask other rules. No rules here.
 
 import json
+import os
 import re
 import shlex
 import sys
@@ -10,7 +11,7 @@ from coronaryuq.campaign import drawings, index, start, variants
 from coronaryuq.campaign.paths import Paths, files_under
 from coronaryuq.campaign.searches import Searches
 from coronaryuq.campaign.targets import Targets
-from coronaryuq.core import provenance
+from coronaryuq.core import provenance, shipped
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.figures.draw import module_of
@@ -20,12 +21,15 @@ from coronaryuq.figures.draw import module_of
 container: "envs/coronaryuq.sif"
 
 
+os.environ[shipped.VARIABLE] = os.path.abspath(workflow.main_snakefile)
+
+
 # Jobs find this environment's python and mpiexec whether or not it is activated.
 shell.prefix(f'set -euo pipefail; export PATH={shlex.quote(Path(sys.executable).parent.as_posix())}:"$PATH"; ')
 
 
 try:
-    given = start.read_campaign(config, workflow.configfiles, Path(workflow.basedir, "config", "laptop.yaml"))
+    given = start.read_campaign(config, workflow.configfiles, shipped.configuration("laptop"))
     campaign, paths = given.campaign, Paths(given.campaign.name)
     results, log_of, cost_of = paths.results, paths.log, paths.cost
     targets = Targets(campaign)

@@ -7,7 +7,7 @@ rule posterior_chains:
         case_json=rules.case.output.case_json,
         hyperaemia_json=rules.calibration.output.hyperaemia_json,
         targets_json=rules.perfusion.output.out_json,
-        script=Path(workflow.basedir, "workflow", "scripts", "stage.py").as_posix(),
+        script=workflow.source_path("../scripts/stage.py"),
     output:
         out_npz=results("posterior", "chains.npz"),
         cost=cost_of("posterior_chains.json"),

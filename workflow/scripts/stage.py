@@ -1,4 +1,4 @@
-"""Run the function of a job with the files and parameters of its rule as keywords; see job.py.
+"""Run the function of a job with the files and parameters of its rule as keywords; see coronaryuq.campaign.job.
 
 A rule names the function in `params.function`, as MODULE:FUNCTION. By hand:
 
@@ -6,7 +6,7 @@ A rule names the function in `params.function`, as MODULE:FUNCTION. By hand:
         --input case_yaml=PATH --output case_json=DIR/case.json
 """
 
-from job import job
+from coronaryuq.campaign.job import job
 
 with job(globals()) as this:
     this.call()

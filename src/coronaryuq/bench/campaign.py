@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote
 
-import coronaryuq
 from coronaryuq import config
-from coronaryuq.core.errors import InputError
+from coronaryuq.core import shipped
 
 QUICK_TARGET = "perfusion/targets.json"
 """Last result of a quick run: the patient, the case, the noise statistics."""
@@ -32,15 +31,12 @@ def run(quick: bool, config: str | None = None) -> dict:
     `snakemake_overhead_fraction` is the share of the wall time without a running job, by the start and end times that
     Snakemake records.
     """
-    root = Path(coronaryuq.__file__).parents[2]
-    configuration = Path(config) if config else root / "config" / "smoke.yaml"
-    if not (root / "Snakefile").is_file():
-        raise InputError(root / "Snakefile", None, None, "not found; run this benchmark in a checkout of the project")
+    configuration = shipped.configuration(config or "smoke")
     name = _name(configuration)
     with tempfile.TemporaryDirectory(prefix="campaign-") as folder:
         target = ["--", f"results/{name}/{QUICK_TARGET}"] if quick else []
-        planned = _snakemake(root, configuration, folder, "--dry-run")
-        done = _snakemake(root, configuration, folder, *target)
+        planned = _snakemake(configuration, folder, "--dry-run")
+        done = _snakemake(configuration, folder, *target)
         intervals = _intervals(Path(folder))
         files = sum(len(names) for _, _, names in os.walk(Path(folder, "results")))
     return {
@@ -66,10 +62,9 @@ class _Run:
     cpu_s: float
 
 
-def _snakemake(root: Path, configuration: Path, folder: str, *arguments: str) -> _Run:
+def _snakemake(configuration: Path, folder: str, *arguments: str) -> _Run:
     command = [
-        sys.executable, "-m", "snakemake", "--snakefile", str(root / "Snakefile"), "--directory", folder,
-        "--profile", str(root / "workflow" / "profiles" / "default"),
+        sys.executable, "-m", "snakemake", "--snakefile", str(shipped.snakefile()), "--directory", folder,
         "--configfile", str(configuration.resolve()), *arguments,
     ]  # fmt: skip
     before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()

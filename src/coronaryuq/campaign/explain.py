@@ -21,7 +21,7 @@ from typing import Any
 
 import yaml
 
-from coronaryuq.core import provenance
+from coronaryuq.core import provenance, shipped
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.core.io.lock import lock_results
@@ -42,7 +42,7 @@ def write_note(
     outputs: Mapping[str, str | Sequence[str]],
     params: Mapping[str, Any],
     resources: Mapping[str, Any],
-    project: Path,
+    snakefile: str | Path,
 ) -> None:
     """Write the note of a job; for results outside `results/NAME` write none.
 
@@ -54,8 +54,8 @@ def write_note(
         Paths by name, relative to the working folder.
     params, resources
         Parameters of the rule, with `function` and the digest of its `code`; threads, MPI ranks and cost.
-    project
-        Folder of the Snakefile.
+    snakefile
+        The Snakefile that has the rule, or that uses the workflow as a module.
     """
     results = {path: checksum(path) for path in _flat(outputs.values()) if Path(path).exists()}
     campaign = next((folder for folder in map(_campaign_folder, results) if folder), None)
@@ -75,7 +75,7 @@ def write_note(
         "resources": dict(resources),
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
         "folder": Path.cwd().as_posix(),
-        "project": project.resolve().as_posix(),
+        "snakefile": os.path.abspath(snakefile),
     }
     write_json(campaign / FOLDER / f"{re.sub('[ /]', '-', job)}.json", note)
     cache = os.environ.get(CACHE)
@@ -332,16 +332,13 @@ def _state(path: Path, content: str) -> str:
 
 def remake(note: Mapping[str, Any], entry: str, home: Path) -> str:
     """Return the shell command that makes a result again, from any folder."""
-    folder, project = home.parents[1], Path(note["project"])
-    profile, snakefile, directory = "workflow/profiles/default", [], []
-    if folder != project:
-        profile = (project / profile).as_posix()
-        snakefile = ["--snakefile", (project / "Snakefile").as_posix()]
-        directory = ["--directory", "."]
+    folder = home.parents[1]
+    snakefile = Path(note.get("snakefile", shipped.snakefile()))
+    where = [] if snakefile == folder / "workflow" / "Snakefile" else ["--snakefile", snakefile.as_posix()]
     program = Path(sys.executable).parent / "snakemake"
     if program.is_relative_to(folder):
         program = program.relative_to(folder)
-    words = [program.as_posix(), "--profile", profile, *snakefile, *directory]
+    words = [program.as_posix(), *where, "--cores", "all"]
     words += ["--configfile", f"results/{home.name}/{CAMPAIGN}", "--force", "--", entry]
     return f"cd {shlex.quote(folder.as_posix())} && {shlex.join(words)}"
 

@@ -5,10 +5,20 @@ HIDDEN = "results/smoke/discrepancy/hidden/case"
 
 EXAMPLES: dict[str, list[tuple[str, str]]] = {
     "": [
+        ("coronaryuq demo", "every stage once on the bundled patient"),
         ("coronaryuq check config/smoke.yaml", "check a configuration before its campaign is run"),
         ("coronaryuq explain results/smoke/estimation/table.csv", "say where a result comes from"),
         ("coronaryuq solve --help", "show the options of one command"),
     ],
+    "run": [
+        ("coronaryuq run laptop", "the bundled patient, in results/laptop"),
+        ("coronaryuq run config/smoke.yaml --dry-run", "show what would run"),
+        ("coronaryuq run smoke figures", "redraw the figures"),
+        ("coronaryuq run paper --profile slurm", "on a cluster, with workflow/profiles/slurm"),
+        ("coronaryuq run smoke --dry-run -- --until posterior", "what follows -- goes to snakemake"),
+    ],
+    "demo": [("coronaryuq demo", "results/smoke/report.html, in about three minutes")],
+    "completion": [('eval "$(coronaryuq completion bash)"', "completion in this shell")],
     "check": [
         ("coronaryuq check results/smoke/patient/case.yaml", "a case, and all files that it names"),
         ("coronaryuq check config/smoke.yaml", "a configuration, and the case that it names"),

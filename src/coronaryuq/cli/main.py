@@ -8,6 +8,8 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 
+import shtab
+
 from coronaryuq import __version__
 from coronaryuq.cli.examples import EXAMPLES
 from coronaryuq.core.command_line import Parser
@@ -25,13 +27,14 @@ BENCHMARKS = {
 }
 """Benchmark → module within `coronaryuq.bench`, with a function `run` and, if it has options, `add_arguments`."""
 COMMANDS = {
-    "solve": ("zerod", "solve one 0D network; reads and writes svZeroDSolver's formats"),
-    "tune": ("calibration", "tune a closed loop to a table of clinical targets"),
-    "fit": ("posterior", "fit the resistances of coronary beds to a table of flows"),
-    "discrepancy": ("discrepancy", "find what a model of a case is missing"),
-    "serve": ("serve", "serve the models of a campaign to any UM-Bridge client"),
+    "run": ("cli.run", "run a campaign in the current folder"),
+    "solve": ("zerod.command", "solve one 0D network; reads and writes svZeroDSolver's formats"),
+    "tune": ("calibration.command", "tune a closed loop to a table of clinical targets"),
+    "fit": ("posterior.command", "fit the resistances of coronary beds to a table of flows"),
+    "discrepancy": ("discrepancy.command", "find what a model of a case is missing"),
+    "serve": ("serve.command", "serve the models of a campaign to any UM-Bridge client"),
 }
-"""Command → package that owns its arguments."""
+"""Command → module with its `add_arguments` and `main`."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -47,7 +50,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         Exit code: 2 for wrong input, which is reported on one line of standard error.
     """
-    options = _parser(sys.argv[1:] if arguments is None else arguments).parse_args(arguments)
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    words, rest = _split(words)
+    options = _parser(words).parse_args(words, argparse.Namespace(rest=rest))
     try:
         return options.run(options)
     except InputError as error:
@@ -66,8 +71,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return InputError.EXIT_CODE
 
 
-def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
-    """Build the parser, with the options of the chosen command only: importing all their packages takes seconds."""
+def _split(words: list[str]) -> tuple[list[str], list[str]]:
+    """Separate what `run` passes on to Snakemake, behind `--`, from its own options."""
+    if words[:1] != ["run"] or "--" not in words:
+        return words, []
+    end = words.index("--")
+    return words[:end], words[end + 1 :]
+
+
+def _parser(arguments: Sequence[str], whole: bool = False) -> argparse.ArgumentParser:
+    """Build the parser.
+
+    It has the options of the chosen command only, because importing all their packages takes seconds, or if `whole`,
+    those of all commands.
+    """
     parser = Parser(
         prog="coronaryuq",
         description="Coronary haemodynamics of one patient, with calibrated error bars. Campaigns are run by Snakemake "
@@ -82,6 +99,8 @@ def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
         command.set_defaults(run=run)
         return command
 
+    demo = add_command("demo", "run every stage once on the bundled patient: three minutes to a report", _demo)
+    demo.add_argument("--cores", default="all", help="cores of this machine to use (default: all)")
     check = add_command("check", "check a case or a configuration, and all files that it names", _check)
     check.add_argument("file", metavar="FILE", help="path of a case.yaml, or of a campaign's configuration")
     explain = add_command("explain", "show how a result was made, and the command that makes it again", _explain)
@@ -93,21 +112,25 @@ def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
     doctor.add_argument("--environment", action="store_true", help="check the Python environment only")
     for command in (check, explain, verify, doctor):
         command.add_argument("--json", action="store_true", help="print one JSON object (docs/formats.md)")
+    completion = add_command("completion", "print a completion script for your shell", _completion)
+    completion.add_argument(
+        "shell", choices=shtab.SUPPORTED_SHELLS, help='for bash: eval "$(coronaryuq completion bash)"'
+    )
     bench = add_command("bench", "run a benchmark; prints one JSON object", _bench)
     names = bench.add_subparsers(required=True, metavar="BENCHMARK")
     for name, (module_name, help) in BENCHMARKS.items():
         benchmark = names.add_parser(name, help=help, description=f"{help[0].upper()}{help[1:]}.")
-        if arguments[:1] == ["bench"] and name in arguments:
+        if whole or (arguments[:1] == ["bench"] and name in arguments):
             module = importlib.import_module(f"coronaryuq.bench.{module_name}")
             benchmark.set_defaults(benchmark=name, function=module.run)
             getattr(module, "add_arguments", lambda parser: None)(benchmark)
         benchmark.add_argument("--quick", action="store_true", help="a smaller size, within 50 s on two cores")
         benchmark.add_argument("--json", action="store_true", help="print the JSON on one line")
         benchmark.show_examples(EXAMPLES[f"bench {name}"])
-    for name, (package, help) in COMMANDS.items():
+    for name, (module_name, help) in COMMANDS.items():
         command = commands.add_parser(name, help=help)
-        if arguments[:1] == [name]:
-            module = importlib.import_module(f"coronaryuq.{package}.command")
+        if whole or arguments[:1] == [name]:
+            module = importlib.import_module(f"coronaryuq.{module_name}")
             module.add_arguments(command)
             command.set_defaults(run=module.main)
     for name, command in commands.choices.items():
@@ -115,6 +138,17 @@ def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
     chosen = commands.choices.get(next(iter(arguments), ""))
     parser.chosen = names.choices.get(next(iter(arguments[1:]), "")) if chosen is bench else chosen
     return parser
+
+
+def _demo(options: argparse.Namespace) -> int:
+    from coronaryuq.cli.run import demo
+
+    return demo(options.cores)
+
+
+def _completion(options: argparse.Namespace) -> int:
+    print(shtab.complete(_parser([], whole=True), options.shell))
+    return 0
 
 
 def _check(options: argparse.Namespace) -> int:

@@ -36,6 +36,7 @@ from pydantic import BaseModel
 from threadpoolctl import threadpool_limits
 
 from coronaryuq.campaign.explain import write_note
+from coronaryuq.core import shipped
 from coronaryuq.core.errors import InputError, os_error_line
 from coronaryuq.core.io.atomic import write_json
 
@@ -179,7 +180,8 @@ def leave_note(this: Job, cost: dict[str, float]) -> None:
     """Write the note of this job, for `coronaryuq explain`."""
     ranks = int(next((os.environ[name] for name in ("PMI_SIZE", "SLURM_STEP_NUM_TASKS") if name in os.environ), 1))
     resources = {"threads": this.threads, "mpi_ranks": ranks, **cost}
-    write_note(this.name, this.input, this.output, this.params, resources, Path(__file__).resolve().parents[2])
+    snakefile = os.environ.get(shipped.VARIABLE) or shipped.snakefile()
+    write_note(this.name, this.input, this.output, this.params, resources, snakefile)
 
 
 def _rank() -> int:

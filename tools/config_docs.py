@@ -7,7 +7,7 @@ from coronaryuq.case.description.reference import reference
 from coronaryuq.core.io.atomic import write_json, write_text
 
 if __name__ == "__main__":
-    root = Path(__file__).parents[2]
+    root = Path(__file__).parents[1]
     write_text(root / "config" / "README.md", config.readme())
     write_json(root / "config" / "schema.json", config.schema())
     case = root / "docs" / "case.md"

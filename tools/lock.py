@@ -1,6 +1,7 @@
-"""Pin what envs/requirements.in names, and all that comes with it, at the versions of this environment."""
+"""Pin what pyproject.toml asks for with all its extras, and all that comes with it, as installed here."""
 
 import sys
+import tomllib
 from importlib import metadata
 from pathlib import Path
 
@@ -28,10 +29,11 @@ def closure(names: list[Requirement]) -> dict[str, str]:
     return pinned
 
 
-def main(source: str, target: str) -> None:
-    lines = [line.split("#")[0].strip() for line in Path(source).read_text().splitlines()]
-    pinned = closure([Requirement(line) for line in lines if line])
-    text = "# Made by `make lock` from requirements.in; do not edit.\n"
+def main(project: str, target: str) -> None:
+    table = tomllib.loads(Path(project).read_text())["project"]
+    wanted = [*table["dependencies"], *(line for extra in table["optional-dependencies"].values() for line in extra)]
+    pinned = closure([Requirement(line) for line in wanted])
+    text = "# Made by `make lock` from pyproject.toml; do not edit.\n"
     text += "".join(f"{name}=={version}\n" for name, version in sorted(pinned.items()))
     Path(target).write_text(text)
 

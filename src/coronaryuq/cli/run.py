@@ -1,0 +1,81 @@
+"""`coronaryuq run` and `coronaryuq demo`: a campaign without a checkout; Snakemake does the work."""
+
+import argparse
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from coronaryuq import config
+from coronaryuq.campaign.explain import FOLDER, remove_changed
+from coronaryuq.core import shipped
+
+DEMO = "smoke"
+"""Configuration of the demonstration: every stage once, on the bundled patient."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `coronaryuq run`."""
+    parser.add_argument(
+        "config",
+        nargs="?",
+        default="laptop",
+        metavar="CONFIG",
+        help=f"a configuration, or the name of one that comes with the package: {', '.join(shipped.configurations())}"
+        " (default: laptop)",
+    )
+    parser.add_argument("targets", nargs="*", metavar="TARGET", help="target or file to make; default: the report")
+    parser.add_argument("--cores", default="all", help="cores of this machine to use (default: all)")
+    parser.add_argument("--profile", metavar="NAME", help="Snakemake profile: default, slurm, or a folder of your own")
+    parser.add_argument("--dry-run", "-n", action="store_true", help="only show what would run")
+
+
+def main(options: argparse.Namespace) -> int:
+    """Run a campaign and say where its report is."""
+    return run(
+        shipped.configuration(options.config),
+        options.targets,
+        cores=options.cores,
+        profile=options.profile,
+        dry_run=options.dry_run,
+        more=options.rest,
+    )
+
+
+def demo(cores: str) -> int:
+    """Run every stage once on the bundled patient, in results/smoke of the current folder."""
+    print(
+        "Every stage once on the bundled patient, with few samples: about three minutes on two cores.\n"
+        "Its intervals are wide; `coronaryuq run laptop` takes 15 to 25 minutes and uses more samples.",
+        file=sys.stderr,
+    )
+    return run(shipped.configuration(DEMO), [], cores=cores)
+
+
+def run(
+    configuration: Path,
+    targets: Sequence[str],
+    *,
+    cores: str = "all",
+    profile: str | None = None,
+    dry_run: bool = False,
+    more: Sequence[str] = (),
+) -> int:
+    """Run a campaign in the current folder; return Snakemake's exit code.
+
+    Results that changed after their jobs wrote them are deleted first, so that they are made again.
+    """
+    results = Path("results", config.load(configuration).name)
+    if not dry_run and (results / FOLDER).is_dir():
+        for path in remove_changed(results).changed:
+            print(f"{path}: changed since its job wrote it; removed", file=sys.stderr)
+    command = [sys.executable, "-m", "snakemake", "--snakefile", str(shipped.snakefile())]
+    command += ["--configfile", str(configuration), "--cores", cores]
+    command += ["--workflow-profile", profile] if profile else []
+    command += ["--dry-run"] if dry_run else []
+    code = subprocess.run([*command, *more, "--", *targets], check=False).returncode
+    report = results / "report.html"
+    if code == 0 and not dry_run and not targets and report.is_file():
+        print(f"Report: {os.fspath(report)}")
+    return code
