@@ -11,7 +11,7 @@ Everything else may change.
 
 import importlib
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 PUBLIC = {
     "open": ("coronaryuq.notebook.opened", "Opened"),

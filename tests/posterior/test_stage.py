@@ -8,9 +8,9 @@ import sys
 import time
 from pathlib import Path
 
-import arviz
 import numpy as np
 import pytest
+import xarray
 
 from coronaryuq.case.case_json import read_case
 from coronaryuq.core.errors import InputError
@@ -73,9 +73,9 @@ def test_from_files_to_files(campaign, tmp_path):
     stage.gather(*campaign, chains, settings, 3, outputs(tmp_path / "again"))
     assert all((tmp_path / "again" / name).read_bytes() == (tmp_path / name).read_bytes() for name in FILES)
     summary, draws = read_summary(out.summary), read_csv(out.draws)
-    data = arviz.from_netcdf(out.posterior)
-    assert data.posterior["r"].shape == (24, 60, 6)
-    assert list(data.posterior["bed"].values) == [f"BC_{i}" for i in range(6)]
+    data = xarray.open_datatree(out.posterior, engine="h5netcdf")
+    assert data["posterior"]["r"].shape == (24, 60, 6)
+    assert list(data["posterior"]["bed"].values) == [f"BC_{i}" for i in range(6)]
     weights = arrays(chains)["weights"]
     assert np.allclose((weights / draws[[f"BC_{i}" for i in range(6)]]).sum(axis=1), 1)
     assert summary.emulator.acceptance is not None and summary.acceptance > 0.9

@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 
 LIBRARIES = {
     "numpy": "numpy", "scipy": "scipy", "numba": "numba", "torch": "torch", "pandas": "pandas", "pyarrow": "pyarrow",
-    "scikit-learn": "sklearn", "arviz": "arviz", "snakemake": "snakemake", "pydantic": "pydantic", "pyvista": "pyvista",
-    "tetgen": "tetgen", "manifold3d": "manifold3d", "mmgpy": "mmgpy", "SimpleITK": "SimpleITK", "mpi4py": "mpi4py",
+    "scikit-learn": "sklearn", "arviz-base": "arviz_base", "arviz-stats": "arviz_stats", "snakemake": "snakemake",
+    "pydantic": "pydantic", "pyvista": "pyvista", "tetgen": "tetgen", "manifold3d": "manifold3d", "mmgpy": "mmgpy",
+    "SimpleITK": "SimpleITK", "mpi4py": "mpi4py",
 }  # fmt: skip
 """Distributions that a campaign uses, with the module that each gives."""
 STAMPED = ("numpy", "scipy", "numba", "torch", "pyvista", "snakemake")

@@ -73,11 +73,11 @@ def flow_covariance(posterior: str, case: str, targets: str, summary: str, outpu
 
 def _read(posterior: str) -> tuple[list[str], np.ndarray, np.ndarray]:
     """Return beds, and multipliers and flows (draws, beds) of all chains."""
-    import arviz
+    import xarray
 
-    data = arviz.from_netcdf(posterior).posterior
+    data = xarray.load_dataset(posterior, group="posterior", engine="h5netcdf")
     beds = [str(bed) for bed in data["bed"].values]
-    return beds, *(data[name].values.reshape(-1, len(beds)) for name in ("r", "flow"))
+    return beds, data["r"].values.reshape(-1, len(beds)), data["flow"].values.reshape(-1, len(beds))
 
 
 def _names(case: str) -> dict[str, str]:

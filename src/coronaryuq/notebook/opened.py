@@ -112,14 +112,14 @@ class Opened:
 
     @cached_property
     def posterior(self) -> Any:
-        """Posterior of the outlet resistances, as ArviZ reads it.
+        """Posterior of the outlet resistances: a DataTree, as ArviZ 1 uses it.
 
         Groups: `posterior` with `r` (multiplier of r-hat, 1) and `flow` (mL/s) by chain, draw and bed, `sample_stats`
         with the log density `lp`, `observed_data` with the target flows (mL/s).
         """
-        import arviz
+        import xarray
 
-        return arviz.from_netcdf(str(self._folder.path("posterior", "posterior.nc")))
+        return xarray.load_datatree(self._folder.path("posterior", "posterior.nc"), engine="h5netcdf")
 
     @cached_property
     def draws(self) -> "pd.DataFrame":

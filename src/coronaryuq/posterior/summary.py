@@ -1,4 +1,4 @@
-"""What the chains give: InferenceData for ArviZ, a table of thinned draws, and the summary."""
+"""What the chains give: a DataTree for ArviZ, a table of thinned draws, and the summary."""
 
 import warnings
 from pathlib import Path
@@ -19,23 +19,25 @@ if TYPE_CHECKING:
 
 
 def write_inference_data(chains: Chains, posterior_nc: str | Path) -> None:
-    """Write the states after burn-in as ArviZ InferenceData (netCDF)."""
-    import arviz
+    """Write the states after burn-in as the DataTree that ArviZ reads (netCDF)."""
+    import arviz_base
 
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="More chains")
-        data = arviz.from_dict(
-            posterior={"r": chains.kept_multipliers, "flow": chains.kept_flows},
-            sample_stats={"lp": chains.kept_log_density},
-            observed_data={"target_flow": chains.target_mean},
+        data = arviz_base.from_dict(
+            {
+                "posterior": {"r": chains.kept_multipliers, "flow": chains.kept_flows},
+                "sample_stats": {"lp": chains.kept_log_density},
+                "observed_data": {"target_flow": chains.target_mean},
+            },
             coords={"bed": chains.names},
             dims={"r": ["bed"], "flow": ["bed"], "target_flow": ["bed"]},
         )
-    for group in data.groups():
-        data[group].attrs.pop("created_at", None)  # equal posteriors are equal files
-    size = sum(data[group].nbytes for group in data.groups())
+    for group in data.subtree:
+        group.attrs.pop("created_at", None)  # equal posteriors are equal files
+    size = sum(group.nbytes for group in data.subtree)
     with replacing(posterior_nc, room=size + 2**17) as beside:  # HDF5 loses the error on a full disk
-        data.to_netcdf(str(beside))
+        data.to_netcdf(str(beside), engine="h5netcdf")
 
 
 def table_of_draws(chains: Chains, most: int) -> "pd.DataFrame":

@@ -24,10 +24,10 @@ def run(log_density, start, generations, seed=1, *, screen=None, every=1, box=No
 
 
 def ess(draws):
-    import arviz
+    from arviz_stats.base import array_stats
 
     thinned = draws[:: max(1, len(draws) // 400)]
-    return np.array([float(arviz.ess(thinned[:, :, i].T)) for i in range(draws.shape[2])])
+    return np.array([float(array_stats.ess(thinned[:, :, i].T)) for i in range(draws.shape[2])])
 
 
 def assert_moments(draws, mean, covariance, sigmas=4.5):

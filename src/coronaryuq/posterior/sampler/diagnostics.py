@@ -7,16 +7,18 @@ from coronaryuq.posterior.results import Diagnosis
 
 def split_rhat(draws: np.ndarray) -> np.ndarray:
     """Return the rank-normalised split R-hat (N,) of `draws` (chains, n, N)."""
-    import arviz
+    from arviz_stats.base import array_stats
 
-    return np.array([float(arviz.rhat(draws[:, :, i], method="rank")) for i in range(draws.shape[2])])
+    return np.array([float(array_stats.rhat(draws[:, :, i], method="rank")) for i in range(draws.shape[2])])
 
 
 def effective_size(draws: np.ndarray, kind: str) -> np.ndarray:
     """Return the effective sample size (N,) of `draws` (chains, n, N), `kind` "bulk" or "tail"."""
-    import arviz
+    from arviz_stats.base import array_stats
 
-    return np.array([float(arviz.ess(draws[:, :, i], method=kind)) for i in range(draws.shape[2])])
+    quantiles = (0.05, 0.95) if kind == "tail" else None
+    sizes = [array_stats.ess(draws[:, :, i], method=kind, prob=quantiles) for i in range(draws.shape[2])]
+    return np.array(sizes, dtype=float)
 
 
 def diagnose(draws: np.ndarray, names: list[str], rhat_limit: float, ess_limit: float) -> Diagnosis:
