@@ -38,7 +38,7 @@ KINDS = (
     Kind(r"calibration/fit\.csv", "clinical targets, measured against simulated", columns.FIT),
     Kind(r"posterior/chains\.npz", "every recorded state of every chain (docs/formats.md)"),
     Kind(r"posterior/chains/.+", "state of the sampler, to resume from"),
-    Kind(r"posterior/posterior\.nc", "ArviZ InferenceData: r (1), flows (mL/s) and log density of the kept states"),
+    Kind(r"posterior/posterior\.nc", "a DataTree for ArviZ: r (1), flows (mL/s) and log density of the kept states"),
     Kind(r"posterior/summary\.json", "convergence, fit, marginals, predictive checks (docs/formats.md)"),
     Kind(r"posterior/fitted\.json", "the hyperaemic loop with the fitted resistances, svZeroDSolver JSON, CGS"),
     Kind(r"posterior/draws\.csv", "thinned draws of the posterior", columns.DRAWS),

@@ -45,7 +45,7 @@ class TargetFlows:
 class GatheredFiles:
     """Files that `gather` writes.
 
-    posterior: ArviZ InferenceData. draws: thinned draws of r. summary: verdict, predictive checks, fit. fractions:
+    posterior: a DataTree for ArviZ. draws: thinned draws of r. summary: verdict, predictive checks, fit. fractions:
     target fractions beside those of the fit and of the posterior. fitted: the hyperaemic loop with the fitted
     resistances, svZeroDSolver JSON.
     """
