@@ -51,11 +51,11 @@ onstart:
 
 
 onsuccess:
-    index.write_index(results())
+    index.describe_results(results())
 
 
 onerror:
-    index.write_index(results())
+    index.describe_results(results())
 
 
 wildcard_constraints:

@@ -74,8 +74,12 @@ GAP: Columns = (
 PAIRS: Columns = (
     *SAMPLE,
     ("branch", "artery", "text"),
-    ("flow", "measured mean flow through the stenosis", "mL/s"),
-    ("drop_.+", "mean pressure drop: measured, or of the model at the measured flow", "dyn/cm2"),
+    ("flow", "measured mean flow through the stenosis", "that of the given tables, of a campaign mL/s"),
+    (
+        "drop_.+",
+        "mean pressure drop: measured, or of the model at the measured flow",
+        "that of the given tables, of a campaign dyn/cm2",
+    ),
     ("ffr_.+", "fractional flow reserve: measured, simulated, recalibrated, repaired, flexible", "1"),
 )
 

@@ -1,5 +1,6 @@
 """README.md and index.json of a results folder: what every file is, which job wrote it, columns and units."""
 
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -7,12 +8,22 @@ from typing import Any
 from coronaryuq import config
 from coronaryuq.campaign import explain
 from coronaryuq.campaign.files import FOLDERS, described, kind_of
+from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json, write_json, write_text
 from coronaryuq.core.io.tables import read_table_text
 
 README, INDEX = "README.md", "index.json"
 APART = ("logs", explain.FOLDER, "costs")
 """Folders whose files the index does not list one by one."""
+
+
+def describe_results(home: str | Path) -> None:
+    """Write both files at the end of a campaign; one that cannot be described has ended all the same."""
+    if Path(home).is_dir():
+        try:
+            write_index(home)
+        except (OSError, InputError) as error:
+            print(f"note: no index of {home}: {error}", file=sys.stderr)
 
 
 def write_index(home: str | Path) -> None:
