@@ -6,7 +6,7 @@ import shlex
 import pytest
 
 from coronaryuq.cli.examples import EXAMPLES
-from coronaryuq.cli.main import BENCHMARKS, COMMANDS, _parser, main
+from coronaryuq.cli.main import BENCHMARKS, COMMANDS, _parser, _split, main
 
 COMMAND_LINES = [command for shown in EXAMPLES.values() for command, _ in shown]
 
@@ -22,7 +22,8 @@ def test_an_example_is_a_valid_command(command):
     words = shlex.split(command.rpartition("&& ")[2])
     assert words[0] == "coronaryuq"
     if "--help" not in words:
-        options = _parser(words[1:]).parse_args(words[1:])
+        words, _ = _split(words[1:])
+        options = _parser(words).parse_args(words)
         assert callable(options.run)
 
 

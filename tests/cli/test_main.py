@@ -38,3 +38,10 @@ def test_a_file_in_place_of_the_results_folder_is_reported_before_the_work(tmp_p
         assert main.main([command, *words[command], "--out", str(out)]) == 2
         line = f"error: {out}: expected a folder for results, but {tmp_path / 'file'} is a file\n"
         assert capsys.readouterr().err == line
+
+
+def test_a_misspelt_target_of_a_campaign_is_answered_with_what_was_meant(capsys):
+    assert main.main(["run", "smoke", "report", "results/smoke/report.html", "figurs"]) == 2
+    assert capsys.readouterr().err == (
+        "error: command line: TARGET = 'figurs': unknown; did you mean figures? see README.md\n"
+    )

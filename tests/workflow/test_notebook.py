@@ -20,8 +20,19 @@ from support.served import served
 pytestmark = pytest.mark.workflow
 
 ROOT = Path(__file__).parents[2]
-NOT_RUN = ("doctor", "bench", "tune", "serve", "discrepancy --model", "--remove", "--help")
-"""Examples that take minutes, do not end, need another target, or delete results."""
+NOT_RUN = (
+    "coronaryuq run",
+    "demo",
+    "completion",
+    "doctor",
+    "bench",
+    "tune",
+    "serve",
+    "discrepancy --model",
+    "--remove",
+    "--help",
+)
+"""Examples that take minutes, do not end, need another target, delete results, or are tested elsewhere."""
 
 
 @pytest.fixture

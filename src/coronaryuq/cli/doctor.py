@@ -104,7 +104,7 @@ def check_umbridge() -> Finding:
         return Finding("umbridge", True, importlib.metadata.version("umbridge"))
     except importlib.metadata.PackageNotFoundError:
         needs = "`coronaryuq serve` and the backend `umbridge`"
-        return Finding("umbridge", True, f"not installed; needed only by {needs}: pip install umbridge")
+        return Finding("umbridge", True, f"not installed; needed only by {needs}: pip install 'coronaryuq[umbridge]'")
 
 
 def check_mpi(ranks: int = 2) -> Finding:

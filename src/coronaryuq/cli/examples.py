@@ -18,7 +18,7 @@ EXAMPLES: dict[str, list[tuple[str, str]]] = {
         ("coronaryuq run smoke --dry-run -- --until posterior", "what follows -- goes to snakemake"),
     ],
     "demo": [("coronaryuq demo", "results/smoke/report.html, in about three minutes")],
-    "completion": [('eval "$(coronaryuq completion bash)"', "completion in this shell")],
+    "completion": [("coronaryuq completion bash", 'in ~/.bashrc, as eval "$(coronaryuq completion bash)"')],
     "check": [
         ("coronaryuq check results/smoke/patient/case.yaml", "a case, and all files that it names"),
         ("coronaryuq check config/smoke.yaml", "a configuration, and the case that it names"),

@@ -194,7 +194,7 @@ def _print_json(value: dict) -> None:
 
 
 def _bench(options: argparse.Namespace) -> int:
-    others = ("run", "benchmark", "function", "json")
+    others = ("run", "rest", "benchmark", "function", "json")
     values = {name: value for name, value in vars(options).items() if name not in others and value is not None}
     result = {"benchmark": options.benchmark, "quick": options.quick, **options.function(**values)}
     print(json.dumps(result, indent=None if options.json else 1, default=lambda value: value.tolist()))

@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -10,6 +11,7 @@ from pathlib import Path
 from coronaryuq import config
 from coronaryuq.campaign.explain import FOLDER, remove_changed
 from coronaryuq.core import shipped
+from coronaryuq.core.errors import InputError, nearest
 
 DEMO = "smoke"
 """Configuration of the demonstration: every stage once, on the bundled patient."""
@@ -66,6 +68,7 @@ def run(
 
     Results that changed after their jobs wrote them are deleted first, so that they are made again.
     """
+    _check_targets(targets)
     results = Path("results", config.load(configuration).name)
     if not dry_run and (results / FOLDER).is_dir():
         for path in remove_changed(results).changed:
@@ -79,3 +82,13 @@ def run(
     if code == 0 and not dry_run and not targets and report.is_file():
         print(f"Report: {os.fspath(report)}")
     return code
+
+
+def _check_targets(targets: Sequence[str]) -> None:
+    """Raise `InputError` for a target that is neither a rule of the workflow nor the path of a file."""
+    rules = shipped.snakefile().parent.rglob("*.smk")
+    text = "\n".join(path.read_text(encoding="utf-8") for path in (shipped.snakefile(), *sorted(rules)))
+    known = re.findall(r"^(?:rule|checkpoint) (\w+):", text, re.MULTILINE)
+    for target in targets:
+        if target not in known and not re.search(r"[/.]", target):
+            raise InputError("command line", "TARGET", target, f"unknown; {nearest(target, known)}see README.md")

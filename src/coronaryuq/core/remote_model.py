@@ -116,7 +116,7 @@ class RemoteModel:
             import requests
             import umbridge
         except ImportError:
-            raise self._error("url", url, "needs the package umbridge: pip install umbridge") from None
+            raise self._error("url", url, "needs the package umbridge: pip install 'coronaryuq[umbridge]'") from None
         try:
             models = umbridge.supported_models(url)
             if self.name not in models:

@@ -35,7 +35,7 @@ def main(options: argparse.Namespace) -> int:
         address cannot be used.
     """
     if importlib.util.find_spec("aiohttp") is None:
-        raise InputError("serve", None, None, "needs the package umbridge: pip install umbridge")
+        raise InputError("serve", None, None, "needs the package umbridge: pip install 'coronaryuq[umbridge]'")
     from coronaryuq.serve.models import models_of
     from coronaryuq.serve.server import serve
 
