@@ -18,7 +18,8 @@ from coronaryuq.report.discrepancy_benchmark import target
 FOLDER = Path(__file__).parent
 DOCS = FOLDER.parent / "docs"
 CASES = FOLDER / "discrepancy-cases.jsonl"
-GUIDE, METHOD, PAGE = (DOCS / f"discrepancy{part}.md" for part in ("", "-method", "-benchmark"))
+GUIDE, METHOD = DOCS / "how-to" / "discrepancy.md", DOCS / "explanation" / "discrepancy-method.md"
+PAGE = DOCS / "evidence" / "discrepancy-benchmark.md"
 PICTURE = DOCS / "pictures" / "discrepancy-benchmark.png"
 NETWORKS = ("open loop", "bundled patient", "another patient", "svZeroDSolver test", "22 outlets")
 GRID = [(strength, "nominal") for strength in ("weak", "medium", "strong")]

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 FOLDER = Path(__file__).parent
-CELLS, PAGE = FOLDER / "estimation-coverage.jsonl", FOLDER.parent / "docs" / "estimation.md"
+CELLS, PAGE = FOLDER / "estimation-coverage.jsonl", FOLDER.parent / "docs" / "explanation" / "estimation.md"
 METHODS, SIZES, TRIALS = ("MC", "MFMC", "best", "MFMC-AE"), (25, 50, 100, 250), 400
 FORMER = {"best, without logarithm", "best, without reach"}
 """Cells of `best` as it was; they stand where it has not been measured since."""

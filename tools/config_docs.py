@@ -1,4 +1,4 @@
-"""Write config/README.md, config/schema.json and the fields in docs/case.md from the models that check them."""
+"""Write config/README.md, config/schema.json and the fields of docs/how-to/your-patient.md from their models."""
 
 from pathlib import Path
 
@@ -10,5 +10,5 @@ if __name__ == "__main__":
     root = Path(__file__).parents[1]
     write_text(root / "config" / "README.md", config.readme())
     write_json(root / "config" / "schema.json", config.schema())
-    case = root / "docs" / "case.md"
+    case = root / "docs" / "how-to" / "your-patient.md"
     write_text(case, case.read_text(encoding="utf-8").partition("### `case.yaml`")[0] + reference())

@@ -214,7 +214,7 @@ def test_targets_come_in_any_unit_of_their_kind_from_either_format(small_tree, t
 
 
 def test_the_examples_of_the_documentation_are_valid_and_its_fields_those_of_the_model(small_tree, tmp_path):
-    text = (Path(__file__).parents[2] / "docs" / "case.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "how-to" / "your-patient.md").read_text(encoding="utf-8")
     fields = text[text.index("### `case.yaml`") :]
     assert fields == reference(), "run tools/config_docs.py"
     blocks = [block for block in re.findall(r"(?:^    .*\n)+", text, re.MULTILINE) if block.startswith("    name: ")]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from coronaryuq.discrepancy.decision_rule import RULE, table
 
-PAGE = Path(__file__).parents[2] / "docs" / "discrepancy-method.md"
+PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "discrepancy-method.md"
 
 
 def test_the_documentation_holds_the_table_of_thresholds():

@@ -1,7 +1,8 @@
 """The decision rule: every threshold by which the search for a missing effect tests, compares, accepts and abstains.
 
-Values were set by looking at the benchmark's cases and at two animals' recordings; docs/discrepancy-method.md has the
-table, and what other values answer. Numerical constants such as finite-difference steps stay with their code.
+Values were set by looking at the benchmark's cases and at two animals' recordings. Their table, and what
+other values answer, are in docs/explanation/discrepancy-method.md. Numerical constants such as finite-difference steps
+stay with their code.
 """
 
 from dataclasses import dataclass, field, fields
@@ -134,7 +135,7 @@ RULE = DecisionRule()
 
 
 def table(rule: DecisionRule = RULE) -> str:
-    """Return the thresholds as a Markdown table, for docs/discrepancy-method.md.
+    """Return the thresholds as a Markdown table, for docs/explanation/discrepancy-method.md.
 
     Parameters
     ----------

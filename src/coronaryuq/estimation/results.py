@@ -1,7 +1,7 @@
 """The JSON files of the estimation stage as types: `estimates.json`, `budget.json`, `convergence.json`, `round_R.json`.
 
-Writers and readers share them. A field with a default is left out of the file where it is None; docs/formats.md
-describes the files.
+Writers and readers share them. A field with a default is left out of the file where it is None;
+docs/reference/formats.md describes the files.
 """
 
 from dataclasses import dataclass

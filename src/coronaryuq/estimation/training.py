@@ -22,7 +22,7 @@ def write_networks(
     Parameters
     ----------
     runs_folder
-        Runs in the published-runs format (docs/formats.md).
+        Runs in the published-runs format (docs/reference/formats.md).
     settings, seed
         Settings of the stage; without `settings.autoencoder` both files are written without rows.
     networks_npz

@@ -17,8 +17,8 @@ def run_batch(
 ) -> None:
     """Run a batch of samples in 3D and write one record per sample.
 
-    Outputs are named as in docs/architecture.md; cap flows in mL/s, pressures and stresses in dyn/cm2. Numbers do not
-    depend on how the table is cut into batches or, for the ensemble solver, on the number of MPI ranks.
+    Outputs: docs/explanation/architecture.md; cap flows in mL/s, pressures and stresses in dyn/cm2. Numbers
+    do not depend on how the table is cut into batches or, for the ensemble solver, on the number of MPI ranks.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the posterior stage writes, as types: `chains.npz` and `summary.json` (docs/formats.md)."""
+"""What the posterior stage writes, as types: `chains.npz` and `summary.json` (docs/reference/formats.md)."""
 
 from dataclasses import dataclass, fields
 from pathlib import Path

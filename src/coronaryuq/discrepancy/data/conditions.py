@@ -28,7 +28,7 @@ LARGEST_SCALE = 20.0
 
 @dataclass(frozen=True)
 class Condition:
-    """One condition of the YAML file; see docs/discrepancy.md for the keys."""
+    """One condition of the YAML file; see docs/how-to/discrepancy.md for the keys."""
 
     name: str
     coronary_resistance_scale: float = 1.0

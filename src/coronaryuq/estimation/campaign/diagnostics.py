@@ -133,8 +133,8 @@ def coarse_failures(runs: Runs) -> Finding | None:
 
 
 # Fewest 3D runs from which the coverage benchmark holds for a method: spread within 15 %, coverage 93 to 97 % (cells in
-# docs/estimation.md); None: at no measured number. MFMC-AE and multilevel: too few trials. "best" holds at 50 runs and
-# misses at 100: published row 9 has a coverage of 91 %, row 5 claims 1.19 of its spread.
+# docs/explanation/estimation.md); None: at no measured number. MFMC-AE and multilevel: too few trials. "best" holds at
+# 50 runs and misses at 100: published row 9 has a coverage of 91 %, row 5 claims 1.19 of its spread.
 VERIFIED_FROM = {"MC": 25, "MFMC": 25, "MFMC-AE": None, "BLUE": 25, "best": None, "multilevel": None}
 # Where its residuals are no more than this share of the variance, an interval of 95 % holds in 93 % even if they miss
 # as much more than claimed as the lower end of the worst cell's Wilson interval says. There the second number counts.

@@ -29,7 +29,7 @@ def write_pairs(
     Parameters
     ----------
     runs_folder
-        Runs in the published-runs format (docs/formats.md).
+        Runs in the published-runs format (docs/reference/formats.md).
     networks_npz, zerod_tables
         Networks of MFMC-AE, and 0D outputs at their inputs.
     settings, seed

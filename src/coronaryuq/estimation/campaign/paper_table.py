@@ -38,7 +38,7 @@ def paper_table(
     Parameters
     ----------
     data
-        Folder of runs in the published-runs format (docs/formats.md).
+        Folder of runs in the published-runs format (docs/reference/formats.md).
     rows_csv
         Rows to estimate.
     settings, seed

@@ -52,7 +52,7 @@ def tune(
     Parameters
     ----------
     runs_folder, rows_csv
-        Runs in the published-runs format (docs/formats.md), and rows to judge by.
+        Runs in the published-runs format (docs/reference/formats.md), and rows to judge by.
     settings, seed
         The defaults, with the number of trials, and the seed of networks and search.
     out_json

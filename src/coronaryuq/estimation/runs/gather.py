@@ -73,7 +73,7 @@ def gather(
     out: str | Path,
     counts: Counts | None = None,
 ) -> None:
-    """Write a campaign's runs in the published-runs format (docs/formats.md) into the folder `out`.
+    """Write a campaign's runs in the published-runs format (docs/reference/formats.md) into the folder `out`.
 
     A pilot sample whose 3D run failed stays in `params.csv` without outputs, so that the estimators can ask whether
     failures depend on θ. A sample whose 0D run failed is left out.

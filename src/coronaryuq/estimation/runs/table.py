@@ -72,7 +72,7 @@ class Row:
 
 
 def read_runs(folder: str | Path) -> Runs:
-    """Read a folder of runs in the published-runs format (docs/formats.md).
+    """Read a folder of runs in the published-runs format (docs/reference/formats.md).
 
     A pilot sample that is missing or not finite in any column of `outputs_3d.csv` counts as failed; columns without
     any value are left out. A sample that is missing from `outputs_3d_coarse.csv` failed on the coarse level.

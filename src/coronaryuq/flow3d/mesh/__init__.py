@@ -1,1 +1,1 @@
-"""Meshes: from centrelines, surfaces or an existing folder to `mesh-complete/` and `mesh.json` (docs/formats.md)."""
+"""Meshes: from centrelines, surfaces or a folder to `mesh-complete/` and `mesh.json` (docs/reference/formats.md)."""

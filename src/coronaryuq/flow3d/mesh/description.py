@@ -1,4 +1,4 @@
-"""`mesh.json` as a typed object: what a flow solver needs to know of a mesh beside its nodes (docs/formats.md)."""
+"""`mesh.json` as a typed object: what a flow solver needs beside the mesh's nodes (docs/reference/formats.md)."""
 
 from pathlib import Path
 from typing import Any, Literal
@@ -81,7 +81,7 @@ class Plane(_Part):
 
 
 class MeshDescription(_Part):
-    """Content of `mesh.json`; docs/formats.md says what each entry means."""
+    """Content of `mesh.json`; docs/reference/formats.md says what each entry means."""
 
     format: str = FORMAT
     domain: str = ""

@@ -17,7 +17,7 @@ def fractions(outlets: list[str], volume: np.ndarray, resistances: np.ndarray, c
 
     target_flow is that of the likelihood, scaled to the model's total. `fitted_*`: the resistances with the total of
     r-hat at which the model's flows have the target fractions. `posterior_*`: over the draws; the prior alone pulls the
-    means of very small and very large beds off their targets by a few per cent (docs/total-resistance.md).
+    means of very small and very large beds off their targets by a few per cent (docs/explanation/total-resistance.md).
     """
     import pandas as pd
 
