@@ -4,6 +4,7 @@
 # make coverage  all tests, and the share of lines and branches that they run
 # make env       create the environment in .venv/
 # make lint      check style, formatting, types, import contracts, and the workflow
+# make docs      build the documentation in site/; a broken link is an error
 # make dry-run   show what every shipped configuration would run
 # make lock      pin the dependencies of pyproject.toml at the versions of the environment
 # make help      show these lines
@@ -16,7 +17,7 @@ READY := $(VENV)/.ready
 PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
   command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && { echo $$p; break; }; done)
 
-.PHONY: run test check coverage env lock lint dry-run help
+.PHONY: run test check coverage env lock lint docs dry-run help
 .DEFAULT_GOAL := run
 
 help:
@@ -37,6 +38,10 @@ coverage: env
 lint: env
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/snakefmt --check workflow && $(BIN)/lint-imports && $(BIN)/mypy
 	@$(BIN)/snakemake --lint --configfile config/smoke.yaml
+	@$(MAKE) --no-print-directory docs
+
+docs: env
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 dry-run: env
 	@for config in config/*.yaml; do echo "== $$config"; \

@@ -1,4 +1,4 @@
-"""Write config/README.md, config/schema.json and the fields of docs/how-to/your-patient.md from their models."""
+"""Write config/README.md, config/schema.json and the fields of docs/reference/case.md from their models."""
 
 from pathlib import Path
 
@@ -10,5 +10,5 @@ if __name__ == "__main__":
     root = Path(__file__).parents[1]
     write_text(root / "config" / "README.md", config.readme())
     write_json(root / "config" / "schema.json", config.schema())
-    case = root / "docs" / "how-to" / "your-patient.md"
+    case = root / "docs" / "reference" / "case.md"
     write_text(case, case.read_text(encoding="utf-8").partition("### `case.yaml`")[0] + reference())

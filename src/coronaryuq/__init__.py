@@ -1,6 +1,6 @@
 """Coronary haemodynamics of one patient, with calibrated error bars.
 
-For notebooks and scripts (docs/notebook.md):
+For notebooks and scripts (docs/how-to/notebook.md):
 
     open(folder)      results of a campaign as tables
     discover(...)     search for an effect that a model lacks

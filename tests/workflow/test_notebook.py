@@ -121,7 +121,7 @@ def test_the_examples_of_the_notebook_page_run(results, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "results").symlink_to(results.parent)
     names: dict = {}
-    for block in blocks("notebook.md"):
+    for block in blocks("how-to/notebook.md"):
         exec(compile(block, "notebook.md", "exec"), names)
     assert list(names["table"].columns[:2]) == ["name", "time"] and len(names["table"]) > 100
     assert names["answer"]["paragraph"] and (tmp_path / "found" / "discrepancy.json").is_file()
@@ -132,7 +132,7 @@ def test_the_examples_of_the_umbridge_page_run(results):
     with served(results) as (url, lines):
         assert any(line.startswith("flow3d: ") and line.endswith("up to 8 at once") for line in lines)
         names: dict = {}
-        for block in blocks("umbridge.md"):
+        for block in blocks("how-to/umbridge.md"):
             exec(compile(block.replace("http://127.0.0.1:4242", url), "umbridge.md", "exec"), names)
         assert set(names["ffr"]) == {"ffr_lad", "ffr_lcx", "ffr_rca"}
         for script, package, options in (

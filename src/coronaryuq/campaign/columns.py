@@ -94,7 +94,7 @@ OUTLETS: Columns = (
 TARGETS: Columns = (
     ("name", "name of the target", "text"),
     ("description", "the target in words", "text"),
-    ("value", "measured value, or none", "that of the target: docs/case.md"),
+    ("value", "measured value, or none", "that of the target: docs/reference/case.md"),
 )
 PARAMETERS: Columns = (
     ("name", "name of the parameter", "text"),

@@ -130,7 +130,7 @@ class Origin:
         return remake(self.note, self.entry, self.home)
 
     def as_json(self) -> dict[str, Any]:
-        """Return what is known, as `coronaryuq explain --json` prints it (docs/formats.md)."""
+        """Return what is known, as `coronaryuq explain --json` prints it (docs/reference/formats.md)."""
         kept = ("job", "made", "code", "python", "libraries", "machine", "resources", "params")
         inputs = {file: _state(self.home.parents[1] / file, content) for file, content in self.note["inputs"].items()}
         return {
@@ -218,7 +218,7 @@ class Verified:
     missing: list[Path]
 
     def as_json(self) -> dict[str, Any]:
-        """Return it as `coronaryuq verify --json` prints it (docs/formats.md)."""
+        """Return it as `coronaryuq verify --json` prints it (docs/reference/formats.md)."""
         return {
             "folder": self.home.as_posix(),
             "jobs": self.jobs,

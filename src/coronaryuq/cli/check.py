@@ -20,7 +20,9 @@ from coronaryuq.case.settings import Settings
 from coronaryuq.config import EXPECTED, Campaign
 from coronaryuq.core.errors import InputError
 
-NEITHER = "neither a case nor a configuration: expected a mapping of fields; see docs/case.md and config/README.md"
+NEITHER = (
+    "neither a case nor a configuration: expected a mapping of fields; see docs/reference/case.md and config/README.md"
+)
 
 
 @dataclass
@@ -51,7 +53,7 @@ class Checked:
     campaign: Campaign | None = None
 
     def as_json(self) -> dict[str, Any]:
-        """Return it as `coronaryuq check --json` prints it (docs/formats.md)."""
+        """Return it as `coronaryuq check --json` prints it (docs/reference/formats.md)."""
         error = self.error and {name: getattr(self.error, name) for name in ("file", "field", "value", "remedy")}
         return {
             "file": self.file.as_posix(),

@@ -111,7 +111,7 @@ def _parser(arguments: Sequence[str], whole: bool = False) -> argparse.ArgumentP
     doctor = add_command("doctor", "check this machine: libraries, MPI, 3D rendering, disk, solvers, SLURM", _doctor)
     doctor.add_argument("--environment", action="store_true", help="check the Python environment only")
     for command in (check, explain, verify, doctor):
-        command.add_argument("--json", action="store_true", help="print one JSON object (docs/formats.md)")
+        command.add_argument("--json", action="store_true", help="print one JSON object (docs/reference/formats.md)")
     completion = add_command("completion", "print a completion script for your shell", _completion)
     completion.add_argument(
         "shell", choices=shtab.SUPPORTED_SHELLS, help='for bash: eval "$(coronaryuq completion bash)"'

@@ -27,7 +27,7 @@ def discover(
     Parameters
     ----------
     model, measurements, conditions
-        Network (svZeroDSolver JSON), measurement table (CSV) and conditions file (YAML); see docs/discrepancy.md.
+        Network (svZeroDSolver JSON), measurement table (CSV), conditions file (YAML); see docs/how-to/discrepancy.md.
     pairs
         In their place: tables of simulated and of measured outputs.
     out
