@@ -95,7 +95,7 @@ def test_every_setting_is_described():
         ("name: x\nposterior: {dream: {chains: 7}}\n", "posterior.dream"),
         (
             "name: x\nbackend: fluent\n",
-            "backend = 'fluent': input should be 'ensemble', 'svsolver' or 'svmultiphysics'",
+            "backend = 'fluent': input should be 'ensemble', 'svsolver', 'svmultiphysics' or 'umbridge'",
         ),
         (
             "name: x\ndiscrepancy: {hidden_effect: gremlin}\n",
