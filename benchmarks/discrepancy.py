@@ -10,7 +10,7 @@ import tempfile
 from pathlib import Path
 
 from coronaryuq.bench.discrepancy.score import wilson
-from coronaryuq.bench.discrepancy.tables import WANTED, answers, chosen, in_order, is_pair, measures, right, shares
+from coronaryuq.bench.discrepancy.tables import TARGETS, answers, chosen, in_order, is_pair, measures, right, shares
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.figures.discrepancy_benchmark import cell_label, hidden_effects
 from coronaryuq.report.discrepancy_benchmark import target
@@ -53,13 +53,13 @@ def merged(cases: list[dict], more: list[dict]) -> list[dict]:
 
 
 def totals(cases: list[dict]) -> list[str]:
-    lines = ["| tested | on | cases | share | 95 % interval (Wilson) | wanted |", "|---|---|---|---|---|---|"]
+    lines = ["| tested | on | cases | fraction | 95 % interval (Wilson) | target |", "|---|---|---|---|---|---|"]
     before = None
     for one in shares({name: chosen(cases, name) for name in NETWORKS}).itertuples():
         first = one.tested != before
         lines.append(
-            f"| {one.tested if first else ''} | {one.on} | {one.held} of {one.trials} | {one.share:.3f} | "
-            f"{one.low:.3f} to {one.high:.3f} | {target(one.wanted_from, one.wanted_to) if first else ''} |"
+            f"| {one.tested if first else ''} | {one.on} | {one.held} of {one.trials} | {one.fraction:.3f} | "
+            f"{one.low:.3f} to {one.high:.3f} | {target(one.target_from, one.target_to) if first else ''} |"
         )
         before = one.tested
     return lines
@@ -73,7 +73,7 @@ def costs(cases: list[dict]) -> list[str]:
         "two effects": is_pair,
         "outside the library": lambda c: c["effect"].startswith("outside"),
     }
-    lines = ["| CPU-s of a search: mean, largest | " + " | ".join(kinds) + " |", "|---|" + "---|" * len(kinds)]
+    lines = ["| CPU s of a search: mean, largest | " + " | ".join(kinds) + " |", "|---|" + "---|" * len(kinds)]
     for network in NETWORKS:
         spent = [[c["cpu_s"] for c in chosen(cases, network) if of_kind(c)] for of_kind in kinds.values()]
         row = [
@@ -88,8 +88,8 @@ def summary(cases: list[dict]) -> list[str]:
     """Medium strength, nominal noise: the open loop, the bundled patient, all other closed loops together."""
     parts = {name: chosen(cases, name) for name in NETWORKS[:2]}
     parts["other loops"] = [c for name in NETWORKS[2:] for c in chosen(cases, name)]
-    lines = ["| tested | " + " | ".join(parts) + " | wanted |", "|---|" + "---|" * (len(parts) + 1)]
-    for name, sought in WANTED.items():
+    lines = ["| tested | " + " | ".join(parts) + " | target |", "|---|" + "---|" * (len(parts) + 1)]
+    for name, sought in TARGETS.items():
         row = []
         for held, trials in (measures(mine)[name] for mine in parts.values()):
             share = wilson(held, trials)
@@ -99,7 +99,7 @@ def summary(cases: list[dict]) -> list[str]:
 
 
 def cells(cases: list[dict]) -> list[str]:
-    """Right answers of cases, effect by effect, at medium strength and nominal noise."""
+    """Count correct answers, effect by effect, at medium strength and nominal noise."""
     lines = ["| hidden | " + " | ".join(NETWORKS) + " |", "|" + "---|" * (len(NETWORKS) + 1)]
     for effect in in_order(c["effect"] for n in NETWORKS for c in chosen(cases, n)):
         row = []
@@ -112,8 +112,11 @@ def cells(cases: list[dict]) -> list[str]:
 
 def grid(cases: list[dict]) -> list[str]:
     """Tabulate the open loop at every strength and noise searched, without seeds of undetectable effects."""
-    kinds = {"right name": 0, "right place": 1, "interval holds": 2, "false alarm": 3, "gap closed": 6}
-    lines = ["| strength, noise | without a trace | " + " | ".join(kinds) + " |", "|---|" + "---|" * (len(kinds) + 1)]
+    kinds = {"correct effect": 0, "correct location": 1, "interval covers": 2, "false alarm": 3, "gap closed": 6}
+    lines = [
+        "| strength, noise | without a detectable signal | " + " | ".join(kinds) + " |",
+        "|---|" + "---|" * (len(kinds) + 1),
+    ]
     for strength, noise in GRID:
         mine = chosen(cases, NETWORKS[0], strength, noise)
         if not mine:
@@ -131,10 +134,10 @@ def grid(cases: list[dict]) -> list[str]:
 
 def noises(cases: list[dict]) -> list[str]:
     """Tabulate the open loop at medium strength with noise that differs from the table's."""
-    kinds = {"understated": "sd of two thirds of the noise's", "lasting": "samples keep 0.7 of the noise before"}
+    kinds = {"underestimated": "stated sd is 2/3 of the true sd", "correlated": "AR(1), lag-1 correlation 0.7"}
     parts = {told: chosen(cases, NETWORKS[0], noise=name) for name, told in kinds.items()}
-    lines = ["| tested | " + " | ".join(parts) + " | wanted |", "|---|" + "---|" * (len(parts) + 1)]
-    for name, sought in WANTED.items():
+    lines = ["| tested | " + " | ".join(parts) + " | target |", "|---|" + "---|" * (len(parts) + 1)]
+    for name, sought in TARGETS.items():
         row = [f"{held} of {trials}" for held, trials in (measures(mine)[name] for mine in parts.values())]
         lines.append(f"| {name} | " + " | ".join(row) + f" | {target(*sought)} |")
     return lines
@@ -142,20 +145,20 @@ def noises(cases: list[dict]) -> list[str]:
 
 def misses(cases: list[dict]) -> list[str]:
     """Every wrong answer, with what was named first in its place."""
-    columns = ["on", "hidden", "strength, noise", "trace, noise sd", "answer", "seed"]
+    columns = ["on", "hidden", "strength, noise", "detectable signal, noise sd", "answer", "seed"]
     lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
     for case in (c for c in cases if not c.get("skipped") and not right(c)):
         places = " and ".join(f"`{place}`" for place in dict.fromkeys(case.get("places", [])))
         hidden = f"{cell_label(case['effect']).replace('none', 'nothing')}{', ' * bool(places)}{places}"
-        beside = ", beside a stenosis" if case["network"] != NETWORKS[0] and case["noise"] == "half" else ""
+        beside = ", with a known stenosis" if case["network"] != NETWORKS[0] and case["noise"] == "half" else ""
         size = "–" if case["strength"] == "none" else f"{case['strength']}, {case['noise']}"
         row = (case["network"], hidden + beside, size, _rounded(case["visible"]), answered(case), str(case["seed"]))
         lines.append("| " + " | ".join(row) + " |")
     return lines
 
 
-def _rounded(trace: float) -> str:
-    return f"{trace:.1f}" if trace < 10.0 else f"{trace:.0f}"
+def _rounded(signal: float) -> str:
+    return f"{signal:.1f}" if signal < 10.0 else f"{signal:.0f}"
 
 
 def answered(case: dict) -> str:

@@ -76,15 +76,15 @@ def test_a_table_may_have_a_header_units_and_a_spreadsheet_s_marks(tmp_path, tex
 @pytest.mark.parametrize(
     "text, said",
     [
-        ("PaoMean,72\n", "line 1 = 'PaoMean,72': wanted name, description, value; or a header with name and value"),
-        ("PaoMean,Mean,72 mmHg\n", "PaoMean = '72 mmHg': wanted a number or none; put units into a column `unit`"),
-        ("PaoMean,Mean,72\nPaoMean,Mean,80\n", "PaoMean = '80': given twice"),
+        ("PaoMean,72\n", "line 1 = 'PaoMean,72': expected name, description, value; or a header with name and value"),
+        ("PaoMean,Mean,72 mmHg\n", "PaoMean = '72 mmHg': expected a number or none; put units into a column `unit`"),
+        ("PaoMean,Mean,72\nPaoMean,Mean,80\n", "PaoMean = '80': duplicate"),
         (
             "PaoMean,Mean,93\nEFLV,Ejection,61\n",
-            "EFLV = 61.0: implausible: 61, wanted 0.05 to 0.95; give a fraction, not",
+            "EFLV = 61.0: implausible: 61, expected 0.05 to 0.95; give a fraction, not",
         ),
         ("PaoMin,Min,120\nPaoMean,Mean,93\n", "PaoMin = 120.0: must be below PaoMean, 93"),
-        ("name,value,unit\nPaoMean,93,bar\n", "PaoMean.unit = 'bar': wanted one of dyn/cm2, mmHg"),
+        ("name,value,unit\nPaoMean,93,bar\n", "PaoMean.unit = 'bar': expected one of dyn/cm2, mmHg"),
     ],
 )
 def test_what_is_wrong_with_a_table_is_told(tmp_path, text, said):

@@ -45,8 +45,8 @@ def test_a_coarse_level_continues_the_table_of_the_pilot():
     assert coarse.coarse_tables and not targets().coarse_tables
 
 
-@pytest.mark.parametrize("most", [{"most_3d": 64}, {"most_3d": 64, "most_0d": 256}])
+@pytest.mark.parametrize("most", [{"max_3d": 64}, {"max_3d": 64, "max_0d": 256}])
 def test_a_growing_campaign_draws_inputs_for_the_most_it_may_run(most):
-    growing = targets(estimation={"wanted": {"ffr": 0.01}, **most})
-    assert growing.grows and growing.counts == {"pilot": 64, "propagation": most.get("most_0d", 64)}
+    growing = targets(estimation={"target_half_width": {"ffr": 0.01}, **most})
+    assert growing.grows and growing.counts == {"pilot": 64, "propagation": most.get("max_0d", 64)}
     assert growing.needed(growing.first_counts)["flow3d"] == [0, 1]

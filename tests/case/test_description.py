@@ -50,7 +50,7 @@ MISTAKES = {
     ),
     "stenoses in a word": (
         {"stenoses": "none"},
-        "stenoses = 'none': wanted auto, a list such as [{name: LAD, vessel: LAD, start: 2.0, end: 3.0}], or []",
+        "stenoses = 'none': expected auto, a list such as [{name: LAD, vessel: LAD, start: 2.0, end: 3.0}], or []",
     ),
     "stenosis on no vessel": (
         {"stenoses": "[{name: LAD, vessel: lad9, start: 1, end: 2}]"},
@@ -117,7 +117,7 @@ def test_a_mistake_is_one_line_with_file_field_value_and_remedy(small_tree, tmp_
     [
         ("name: [unclosed", "not valid YAML"),
         ("just text", "expected a mapping of fields"),
-        ("name: a\nname: b\n", "name is given twice"),
+        ("name: a\nname: b\n", "name is a duplicate"),
         ("a: &x [1]\nb: *x\n", "aliases (*name) are not supported"),
         ("name: !!python/object/apply:os.system ['true']\n", "not valid YAML"),
         ("\x00", "not valid YAML"),
@@ -137,10 +137,10 @@ TABLES = {
     ),
     "perfuses": ("lca1,lca1,left,LAD", "row 1, perfuses = 'left': allowed: LV, RV, septum"),
     "branch": ("lca1,lca1,LV,LM", "row 1, branch = 'LM': allowed: LAD, LCx, RCA"),
-    "twice": ("lca1,lca1,LV,LAD\nlca1,lca2,LV,LCx", "name = 'lca1': occurs twice"),
+    "twice": ("lca1,lca1,LV,LAD\nlca1,lca2,LV,LCx", "name = 'lca1': duplicate"),
     "same end": ("a,lca1,LV,LAD\nb,lca1,LV,LCx", "b = 'lca1': another outlet is already at this end"),
     "none for the LV": ("lca1,lca1,RV,LAD", "no outlet perfuses the LV"),
-    "name": ("1x,lca1,LV,LAD", "row 1, name = '1x': wanted a letter"),
+    "name": ("1x,lca1,LV,LAD", "row 1, name = '1x': expected a letter"),
 }
 
 
@@ -178,16 +178,16 @@ def test_outlets_may_be_given_by_points_in_the_anatomys_unit(small_tree, tmp_pat
 
 TARGETS = {
     "unknown": ("PaoMedian,x,90", "PaoMedian = 90.0: unknown target; did you mean PaoMean? known targets: PaoMin"),
-    "not a number": ("PaoMean,x,ninety", "PaoMean = 'ninety': wanted a number or none"),
-    "twice": ("PaoMean,x,90\nPaoMean,x,91", "PaoMean = '91': given twice"),
-    "columns": ("PaoMean,90", "line 1 = 'PaoMean,90': wanted name, description, value"),
-    "sign": ("PaoMin,x,-69", "PaoMin = -69.0: implausible: -69 mmHg, wanted 25 to 200 mmHg"),
+    "not a number": ("PaoMean,x,ninety", "PaoMean = 'ninety': expected a number or none"),
+    "twice": ("PaoMean,x,90\nPaoMean,x,91", "PaoMean = '91': duplicate"),
+    "columns": ("PaoMean,90", "line 1 = 'PaoMean,90': expected name, description, value"),
+    "sign": ("PaoMin,x,-69", "PaoMin = -69.0: implausible: -69 mmHg, expected 25 to 200 mmHg"),
     "order": ("PaoMin,x,140\nPaoMax,x,120", "PaoMin = 140.0: must be below PaoMax, 120"),
     "per cent": (
         "PaoMean,x,93\nEFLV,x,61",
-        "EFLV = 61.0: implausible: 61, wanted 0.05 to 0.95; give a fraction, not per cent",
+        "EFLV = 61.0: implausible: 61, expected 0.05 to 0.95; give a fraction, not per cent",
     ),
-    "volume": ("AbsQin,x,-3", "AbsQin = -3.0: implausible: -3 mL, wanted 5 to 300 mL"),
+    "volume": ("AbsQin,x,-3", "AbsQin = -3.0: implausible: -3 mL, expected 5 to 300 mL"),
 }
 
 
@@ -210,7 +210,7 @@ def test_targets_come_in_any_unit_of_their_kind_from_either_format(small_tree, t
     (tmp_path / "targets.csv").write_text("name,value,unit\nPaoMean,12.4,kPa\nEFLV,61,%\nAbsQin,0.07,L\n")
     assert "targets: PaoMean 93.01 mmHg, EFLV 0.61, AbsQin 70 mL" in check_case(path)[1]
     (tmp_path / "targets.csv").write_text("name,value,unit\nEFLV,61,mL\n")
-    assert "EFLV.unit = 'mL': wanted one of 1, %" in check_case(path)[0][0]
+    assert "EFLV.unit = 'mL': expected one of 1, %" in check_case(path)[0][0]
 
 
 def test_the_examples_of_the_documentation_are_valid_and_its_fields_those_of_the_model(small_tree, tmp_path):

@@ -100,7 +100,7 @@ def test_a_resistance_of_no_circulation_is_refused(loop):
     for bc in loop["boundary_conditions"]:
         if bc["bc_type"] == "ClosedLoopRCR":
             bc["bc_values"]["Rd"] = 1e6
-    with pytest.raises(InputError, match="say units"):
+    with pytest.raises(InputError, match="set .units"):
         detect_pressure_unit(loop, "network.json")
 
 

@@ -110,7 +110,7 @@ def test_a_surface_has_no_volume_to_integrate_over(tmp_path):
     ball = pv.Sphere(radius=3.0)
     ball.cell_data["MBF"] = np.full(ball.n_cells, 2.0)
     ball.save(tmp_path / "map.vtp")
-    with pytest.raises(InputError, match="no cell has a volume; wanted tetrahedra, hexahedra or voxels"):
+    with pytest.raises(InputError, match="no cell has a volume; expected tetrahedra, hexahedra or voxels"):
         read(tmp_path, file="map.vtp", array="MBF")
 
 

@@ -176,7 +176,7 @@ def test_a_faulty_surface_is_mended_and_the_mending_noted(tmp_path):
     corners += 1e-7 * random.normal(size=corners.shape)
     pv.PolyData.from_regular_faces(corners, np.arange(len(corners)).reshape(-1, 3)).save(tmp_path / "faulty.vtp")
     again = read_surface(tmp_path / "faulty.vtp")
-    assert any("removed 2 triangles that are duplicates or stand off" in note for note in again.notes)
+    assert any("removed 2 triangles that are duplicates or not part of" in note for note in again.notes)
     assert any(f"flipped {len(turned)} triangles" in note for note in again.notes)
     assert again.polydata().volume == pytest.approx(whole.polydata().volume, rel=1e-6)
     assert len(again.caps) == len(whole.caps)
@@ -186,7 +186,7 @@ def test_a_faulty_surface_is_mended_and_the_mending_noted(tmp_path):
 
 def test_a_ball_is_no_lumen(tmp_path):
     pv.Sphere(radius=1.0).save(tmp_path / "ball.stl")
-    with pytest.raises(InputError, match="ball.stl: caps = 0: flat ends found; wanted at least the aortic inlet"):
+    with pytest.raises(InputError, match="ball.stl: caps = 0: flat ends found; expected at least the aortic inlet"):
         read_surface(tmp_path / "ball.stl")
 
 
@@ -274,7 +274,7 @@ def test_a_path_without_contours_is_left_out_and_named(project):
     assert notes == ("left out paths with fewer than two contours: c3",) and "c3" not in tree
     (project / "Segmentations" / "LCx.ctgr").unlink()
     with pytest.raises(
-        InputError, match="radii from the nearest.*; left out paths with fewer than two contours: LCx, c3"
+        InputError, match="radii from .*, the nearest.*; left out paths with fewer than two contours: LCx, c3"
     ):
         read_project(project, 0.1)
 
@@ -289,7 +289,7 @@ def test_a_contour_that_encloses_nothing_is_named(project):
 
 
 def test_a_folder_that_is_no_project_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"wanted Paths/\*.pth and Segmentations/\*.ctgr"):
+    with pytest.raises(InputError, match=r"expected Paths/\*.pth and Segmentations/\*.ctgr"):
         read_project(tmp_path, 0.1)
 
 

@@ -75,7 +75,7 @@ def test_names_without_a_held_out_condition_are_called_untested(stenosis_case, t
     (tmp_path / "conditions.yaml").write_text(yaml.safe_dump(conditions, sort_keys=False))
     command.main(case_arguments(tmp_path, tmp_path / "out"))
     message = capsys.readouterr().out
-    assert "Missing is quadratic stenosis" in message and "hold a condition out" in message
+    assert "The best explanation is quadratic stenosis" in message and "hold a condition out" in message
 
 
 def test_a_size_outside_its_prior_is_named_with_a_doubt(stenosis_case, tmp_path, capsys):

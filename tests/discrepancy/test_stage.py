@@ -47,7 +47,7 @@ def test_the_page_compares_the_answer_with_the_truth(found, tmp_path):
     truths = [found / "case" / "truth.json", found / "known" / "gap.json"]
     write_page([found / "found" / "discrepancy.json"], [], "campaign", {}, tmp_path / "page.html", truths)
     page = (tmp_path / "page.html").read_text()
-    assert "Its first answer has the right name and place" in page and "with the true effect" in page
+    assert "The first answer is the true effect at its location" in page and "with the true effect" in page
     write_page([found / "found" / "discrepancy.json"], [], "campaign", {}, tmp_path / "page.html")
     assert "with the true effect" not in (tmp_path / "page.html").read_text()
 

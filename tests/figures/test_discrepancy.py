@@ -108,7 +108,7 @@ def test_branches_with_different_rankings_share_one_list_of_effects(tmp_path, mo
 def test_gap_and_ranking_are_drawn(tmp_path):
     models = ["recalibration alone", "with the named effects", "flexible discrepancy"]
     gap = {"model": models, "misfit": [3.0, 1.0, 2.0], "low": [2.5, 0.9, 1.5], "high": [3.5, 1.1, 2.5]}
-    pd.DataFrame(gap).assign(log_predictive_density=0.0, noise_floor=1.0).to_csv(tmp_path / "g.csv", index=False)
+    pd.DataFrame(gap).assign(log_predictive_density=0.0, expected_misfit=1.0).to_csv(tmp_path / "g.csv", index=False)
     drawn.gap(tmp_path / "g.csv", tmp_path / "g.png")
     names = {"round": 1, "effect": ["none", "leak"], "place": ["", "lad"], "probability": [0.1, 0.9], "score": 0.0}
     pd.DataFrame(names).assign(accepted=[False, True]).to_csv(tmp_path / "r.csv", index=False)

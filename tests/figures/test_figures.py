@@ -33,7 +33,7 @@ def files(tmp_path):
         for b in ("LAD", "RCA")
     ]  # fmt: skip
     write_csv(tmp_path / "pairs.csv", pd.concat(pairs))
-    estimators = {"MC": estimator(), "best": estimator()}
+    estimators = {"MC": estimator(), "crossfit-GP": estimator()}
     rows = [
         row(row=f"{kind}_{b.lower()}", label=f"{label}, {b}", estimators=estimators)
         for kind, label in (("osi_flow", "max OSI, mean flow"), ("tawss_flow", "min TAWSS, mean flow"),
@@ -43,7 +43,7 @@ def files(tmp_path):
     write_json(tmp_path / "estimates.json", {"rows": plain(rows), "settings": {}})
     study = [
         {"row": "osi_flow_lad", "label": "max OSI, mean flow, LAD", "n_3d": n, "mean_mc": [0.1, 0.2],
-         "rho_original": [0.3, 0.4], "rho_best_held_out": [0.8]}
+         "rho_original": [0.3, 0.4], "rho_crossfit_gp_held_out": [0.8]}
         for n in (20, 40)
     ]  # fmt: skip
     write_json(tmp_path / "convergence.json", {"convergence": study})
@@ -54,11 +54,12 @@ def files(tmp_path):
     cells = [
         {"problem": "smooth", "method": method, "quantity": quantity, "n_3d": n, "trials": 400,
          "claimed_over_empirical": 1.02, "coverage_95": 0.94, "coverage_95_low": 0.91, "coverage_95_high": 0.96}
-        for n in (25, 50) for method, quantity in (("MC", "mean"), ("best", "mean"), ("best", "quantile 0.5"))
+        for n in (25, 50)
+        for method, quantity in (("MC", "mean"), ("crossfit-GP", "mean"), ("crossfit-GP", "quantile 0.5"))
     ]  # fmt: skip
     write_csv(tmp_path / "cells.csv", pd.DataFrame(cells))
-    shares = [{"tested": "right place", "on": network, "share": 0.9, "low": 0.6, "high": 0.97,
-               "wanted_from": 0.9, "wanted_to": 1.0} for network in ("open loop", "loop")]  # fmt: skip
+    shares = [{"tested": "correct location", "on": network, "fraction": 0.9, "low": 0.6, "high": 0.97,
+               "target_from": 0.9, "target_to": 1.0} for network in ("open loop", "loop")]  # fmt: skip
     write_csv(tmp_path / "shares.csv", pd.DataFrame(shares))
     answers = [{"network": "open loop", "hidden": "none", "named": named, "cases": 3} for named in ("none", "outside")]
     write_csv(tmp_path / "answers.csv", pd.DataFrame(answers))

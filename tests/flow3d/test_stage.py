@@ -134,7 +134,7 @@ def test_fields_of_the_first_sample_are_kept(campaign, rows):
 
 def test_a_failed_sample_gives_a_record(campaign):
     (row,) = run(campaign, 0, 1, SETTINGS.model_copy(update={"speed_limit": 1.0, "refinements": 0}))
-    assert not row.ok and not row.outputs and "blew up" in row.reason
+    assert not row.ok and not row.outputs and "diverged" in row.reason
 
 
 def test_an_unknown_column_is_rejected(campaign):

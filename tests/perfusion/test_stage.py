@@ -52,7 +52,7 @@ def test_a_missing_chunk_and_one_of_another_seed_are_errors(ventricle, tmp_path)
     settings = Settings(realisations=6)
     for first in (0, 4):
         stage.run_chunk(*ventricle, settings, 1, first, 2, tmp_path / f"{first}.npz")
-    with pytest.raises(InputError, match="wanted realisation 2"):
+    with pytest.raises(InputError, match="expected realisation 2"):
         stage.gather([tmp_path / "0.npz", tmp_path / "4.npz"], *ventricle, settings, tmp_path / "t.json")
     stage.run_chunk(*ventricle, settings, 2, 2, 2, tmp_path / "2.npz")
     with pytest.raises(InputError, match="different seeds"):

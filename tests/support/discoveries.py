@@ -13,7 +13,7 @@ from coronaryuq.zerod.effects.base import Effect
 from support.linear_problem import linear_problem
 
 CLEAR = Verdict(
-    mistaken=[],
+    wiring_errors=[],
     redistributed=False,
     refuted=False,
     implausible=False,

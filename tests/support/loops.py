@@ -8,7 +8,7 @@ from coronaryuq.core.units import BLOOD_VISCOSITY as VISCOSITY
 from coronaryuq.flow3d.adapter import FlowModel
 from coronaryuq.flow3d.ensemble.ensemble import Ensemble
 from coronaryuq.flow3d.mesh.description import Couples, Face, MeshDescription
-from coronaryuq.flow3d.mesh.domain import Domain
+from coronaryuq.flow3d.mesh.read_mesh import Domain
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.flow3d.verification.tube import tube
 

@@ -19,7 +19,7 @@ pathlib.Path(snakemake.output[0]).write_text(json.dumps(held))
 @pytest.fixture
 def growing(tmp_path):
     checkout = Checkout(tmp_path / "grows")
-    checkout.settings["estimation"] = {"wanted": {"ffr_ffr_lad": 0.001}, "most_3d": 64, "most_0d": 256}
+    checkout.settings["estimation"] = {"target_half_width": {"ffr_ffr_lad": 0.001}, "max_3d": 64, "max_0d": 256}
     return checkout
 
 

@@ -77,7 +77,7 @@ def test_an_altered_result_and_an_altered_input_are_told(campaign):
     chunk.write_bytes(whole[:-1])
     try:
         altered = explain.explain(chunk)
-        assert not altered.unchanged and "CHANGED since its job wrote it" in str(altered)
+        assert not altered.unchanged and "MODIFIED after the job wrote it" in str(altered)
         assert "chunk_0.npz  (has changed since)" in str(explain.explain(campaign / TARGETS))
         assert said(campaign, str(chunk)).returncode == 1
     finally:
@@ -91,7 +91,7 @@ def test_an_altered_result_and_an_altered_input_are_told(campaign):
         ("small.yaml", "small.yaml: not a result: it is in no campaign's folder, results/NAME"),
         ("results/small/campaign.yaml", "name a file that a job wrote"),
         ("results/small/provenance/case.json", "a note about results; name one of the results"),
-        ("results/small/case/stray.csv", "mentions this file; make it again"),
+        ("results/small/case/stray.csv", "mentions this file; regenerate it"),
     ],
 )
 def test_what_is_no_result_is_one_line(campaign, path, line):

@@ -30,7 +30,7 @@ SETTINGS = {
         "wall_grading": 0,
         "axial_stretch": 1,
     },
-    "estimation": {"autoencoder": False, "trials": 5, "convergence_sizes": [20, 30, 40]},
+    "estimation": {"autoencoder": False, "convergence_subsamples": 5, "convergence_sizes": [20, 30, 40]},
 }
 AT_RANDOM = {"pilot_00007": "diverges", "pilot_00023": "hangs", "pilot_00041": "cut short"}
 REASONS = {

@@ -1,4 +1,4 @@
-"""A campaign with wanted intervals, every stage real: the same bytes from two copies, and what its page says."""
+"""A campaign with a target interval, every stage real: bitwise identical results from two copies, and its report."""
 
 import re
 from pathlib import Path
@@ -14,17 +14,17 @@ from support.checkout import ROOT, Checkout
 
 pytestmark = [pytest.mark.workflow, pytest.mark.long]
 
-ROW, WANTED = "ffr_flow_lad", 0.013
+ROW, TARGET = "ffr_flow_lad", 0.013
 """From 24 runs this takes a second round; a tenth of it takes more than MOST allows."""
-MOST = {"most_3d": 48, "most_0d": 300}
+MOST = {"max_3d": 48, "max_0d": 300}
 
 
-def grow(checkout: Checkout, wanted: float, cores: int) -> Path:
+def grow(checkout: Checkout, half_width: float, cores: int) -> Path:
     settings = yaml.safe_load((ROOT / "config" / "smoke.yaml").read_text())
     for block, changes in yaml.safe_load(smoke.SMALLER).items():
         settings[block] = settings.get(block, {}) | changes
     settings["samples"] |= {"n_3d": 24, "n_0d": 200}
-    settings["estimation"] |= MOST | {"wanted": {ROW: wanted}}
+    settings["estimation"] |= MOST | {"target_half_width": {ROW: half_width}}
     done = checkout.run("--nolock", "--cores", str(cores), settings=settings)
     assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]
     return checkout.folder / "results" / "smoke"
@@ -34,9 +34,11 @@ def rounds(results: Path) -> list[dict]:
     return [read_json(path) for path in sorted((results / "allocation").glob("round_*.json"))]
 
 
-def said(results: Path) -> list[str]:
-    """What the page says of wanted intervals."""
-    (listed,) = re.findall("Wanted intervals</b></p><ul>(.*?)</ul>", (results / "report.html").read_text(), re.DOTALL)
+def target_lines(results: Path) -> list[str]:
+    """Return the lines of the report on target widths."""
+    (listed,) = re.findall(
+        "Target interval widths</b></p><ul>(.*?)</ul>", (results / "report.html").read_text(), re.DOTALL
+    )
     return re.findall(r"<li[^>]*>(.*?)</li>", listed, re.DOTALL)
 
 
@@ -51,40 +53,40 @@ def half_width(results: Path) -> float:
 @pytest.fixture(scope="module")
 def first(tmp_path_factory):
     checkout = Checkout(tmp_path_factory.mktemp("grows") / "one")
-    return checkout, grow(checkout, WANTED, cores=2)
+    return checkout, grow(checkout, TARGET, cores=2)
 
 
-def test_it_grows_until_the_wanted_width_is_met_and_says_so(first):
+def test_it_grows_until_the_target_width_is_met_and_reports_it(first):
     _, results = first
     decided = rounds(results)
     assert len(decided) >= 2 and [one["done"] for one in decided] == [False] * (len(decided) - 1) + [True]
-    assert decided[0]["plan"][0]["now"] > WANTED and decided[-1]["why"] == "met"
+    assert decided[0]["plan"][0]["half_width"] > TARGET and decided[-1]["why"] == "met"
     for before, after in zip(decided, decided[1:], strict=False):
         assert after["counts"] == before["next"]
     ran = sum(len(read_records(path)) for path in (results / "flow3d").glob("batch_*.jsonl"))
     assert ran == decided[-1]["counts"]["n_3d"] == len(read_csv(results / "runs" / "params.csv"))
-    assert half_width(results) <= WANTED
-    row, end = said(results)
+    assert half_width(results) <= TARGET
+    row, end = target_lines(results)
     assert (
-        f"± {WANTED} requested" in row
+        f"± {TARGET} targeted" in row
         and "this needs" not in row
-        and "Half the requested width, ± 0.0065, would cost" in row
+        and "Half the target width, ± 0.0065, would cost" in row
     )
-    assert "all requested widths were reached" in end
+    assert "all target widths were reached" in end
 
 
-def test_another_copy_on_one_core_gives_the_same_bytes(first, tmp_path):
+def test_another_copy_on_one_core_gives_bitwise_identical_results(first, tmp_path):
     _, results = first
-    again = grow(Checkout(tmp_path / "another" / "folder"), WANTED, cores=1)
+    again = grow(Checkout(tmp_path / "another" / "folder"), TARGET, cores=1)
     assert not smoke.differing(results, again) and not smoke.differing(again, results)
     assert [one["plan"] for one in rounds(results)] == [one["plan"] for one in rounds(again)]
 
 
-def test_at_the_bounds_it_stops_and_says_what_is_missing(first):
+def test_at_the_bounds_it_stops_and_reports_the_missing_runs(first):
     checkout, _ = first
-    results = grow(checkout, WANTED / 10, cores=2)
+    results = grow(checkout, TARGET / 10, cores=2)
     decided = rounds(results)
-    assert decided[-1]["why"] == "bounds reached" and decided[-1]["counts"]["n_3d"] == MOST["most_3d"]
-    assert half_width(results) > WANTED / 10
-    row, end = said(results)
+    assert decided[-1]["why"] == "bounds reached" and decided[-1]["counts"]["n_3d"] == MOST["max_3d"]
+    assert half_width(results) > TARGET / 10
+    row, end = target_lines(results)
     assert re.search(r"this needs about [\d,]+ 3D runs", row) and "the largest number of runs" in end

@@ -133,7 +133,7 @@ rule pairs:
     log:
         log_of("estimation", "pairs.log"),
     params:
-        **stage("coronaryuq.estimation.campaign.pairs_table:write_pairs"),
+        **stage("coronaryuq.estimation.analysis.pairs_table:write_pairs"),
         settings=block("estimation"),
         seed=campaign.seed,
     script:
@@ -182,7 +182,7 @@ rule tuning:
     log:
         log_of("estimation", "tuning.log"),
     params:
-        **stage("coronaryuq.estimation.campaign.tuning:tune"),
+        **stage("coronaryuq.estimation.analysis.tuning:tune"),
         settings=block("estimation"),
         seed=campaign.seed,
     script:

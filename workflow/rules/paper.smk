@@ -82,7 +82,7 @@ rule coverage_of_size:
         **stage("coronaryuq.campaign.jobs.coverage:coverage_of_size"),
         data=campaign.paper_data,
         size=lambda wildcards: int(wildcards.n),
-        trials=campaign.estimation.coverage_trials,
+        trials=campaign.estimation.coverage_replicates,
     script:
         "../scripts/stage.py"
 

@@ -110,7 +110,9 @@ class Search:
         evaluation = self.loop.evaluate(points, cycles=self.settings.first_cycles)
         costs = self._costs(evaluation.measures, evaluation.ok, points)
         order = np.argsort(costs, kind="stable")[: self.settings.starts]
-        self.report(f"{len(points)} candidates: cost {costs[order[0]]:.4g}, {int(evaluation.ok.sum())} ran")
+        self.report(
+            f"{int(evaluation.ok.sum())} of {len(points)} candidates converged; lowest cost {costs[order[0]]:.4g}"
+        )
         return [Start(points[i], float(costs[i]), evaluation.state[i]) for i in order]
 
     def settled(self, start: Start, block: str, frozen: tuple[str, ...]) -> Start:

@@ -69,7 +69,7 @@ GAP: Columns = (
     ("misfit", "root mean square of the held-out residuals over their standard deviations", "1"),
     ("(low|high)", "95 % interval of the misfit", "1"),
     ("log_predictive_density", "mean log predictive density of the held-out values", "1"),
-    ("noise_floor", "misfit of a model that is right", "1"),
+    ("expected_misfit", "misfit expected from noise alone", "1"),
 )
 PAIRS: Columns = (
     *SAMPLE,
@@ -136,7 +136,7 @@ TABLE: Columns = (
     *ROW,
     ("(estimator|method)", "estimator, and its method", "text"),
     ("mean", "estimate of the mean", OF_ROW),
-    ("std", "claimed standard deviation of the estimate", OF_ROW),
+    ("std", "reported standard error of the estimate", OF_ROW),
     (
         "(chebyshev_95|chebyshev_99|calibrated)_(low|high)",
         "interval of the mean: Chebyshev 95 %, 99 %; calibrated 95 %",
@@ -157,7 +157,11 @@ PAPER_TABLE: Columns = (
     ("(mean|std|calibrated)_.+", "estimate of the mean, its standard deviation, its interval", OF_ROW),
     ("paper_std_.+", "as the paper prints it", OF_ROW),
     ("(paper_)?rho_.+", "correlation with the predictor", "1"),
-    ("(best_method|recommended|warnings)", "method of best; recommended estimator; why not to trust them", "text"),
+    (
+        "(best_method|recommended|warnings)",
+        "control variates chosen by crossfit-GP; recommended estimator; warnings",
+        "text",
+    ),
     ("(n_3d|predictions_best)", "3D runs; evaluations of the predictor", "1"),
     ("emulator_error", "held-out mean square error of the emulator over the variance", "1"),
 )
@@ -165,7 +169,7 @@ COVERAGE: Columns = (
     ("(problem|method|quantity|row)", "problem, estimator, estimated quantity", "text"),
     ("cpu_s", "CPU time", "s"),
     ("empirical_std", "standard deviation of the estimates over the trials", "that of the problem's quantity"),
-    (".+", "number of runs or trials, share covered, or ratio of claim and truth", "1"),
+    (".+", "number of runs or trials, fraction covered, or reported over empirical standard error", "1"),
 )
 DRIVE: Columns = (("t", "time", "s"), ("value", "pressure or flow", "mmHg or dyn/cm2, as the model; mL/s"))
 LOCATED: Columns = (
@@ -191,5 +195,5 @@ BENCHMARK: Columns = (
         "text",
     ),
     ("cpu_s", "CPU time of a search", "s"),
-    (".+", "number of cases, or share of them with its 95 % interval", "1"),
+    (".+", "number of cases, or fraction of them with its 95 % interval", "1"),
 )

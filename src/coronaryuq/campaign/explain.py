@@ -147,7 +147,7 @@ class Origin:
     def __str__(self) -> str:
         note, state = self.note, "as its job wrote it"
         if not self.unchanged:
-            state = "CHANGED since its job wrote it: make it again"
+            state = "MODIFIED after the job wrote it: regenerate it"
         lines = [f"{self.name}: {state}", "", f"made by     {note['job']}, {note['made']}"]
         if "cached" in note:
             lines.append(f"taken from  the cache; first made as {note['cached']}")
@@ -164,7 +164,7 @@ class Origin:
             state = _state(self.home.parents[1] / file, content)
             lines.append(f"  {content[:16]}  {file}" + (f"  ({state})" if state != UNCHANGED else ""))
         lines += ["results", *(f"  {content[:16]}  {file}" for file, content in note["results"].items())]
-        return "\n".join([*lines, "make it again", f"  {self.command}"])
+        return "\n".join([*lines, "to reproduce it", f"  {self.command}"])
 
     __repr__ = __str__
 
@@ -294,7 +294,7 @@ def _note(home: Path, path: Path, name: str) -> tuple[dict, str]:
             note = read_json(copy)
             (entry,) = (e for e, content in note["results"].items() if content == copy.stem and _same_place(e, name))
             return note | {"results": {name: copy.stem}, "cached": entry}, name
-    raise InputError(path, None, None, f"no note in {home / FOLDER} mentions this file; make it again")
+    raise InputError(path, None, None, f"no note in {home / FOLDER} mentions this file; regenerate it")
 
 
 def _same_place(one: str, other: str) -> bool:

@@ -67,7 +67,7 @@ KINDS = (
     Kind(r"runs/failures\.json", "runs that failed, and the cost of a run (CPU s)"),
     Kind(r"allocation/round_\d+\.json", "plan and decision of a round of a growing campaign"),
     Kind(r"estimation/networks\.npz", "the trained shared space"),
-    Kind(r"estimation/resampled\.csv", "the 0D inputs that the shared space asks for", columns.THETA),
+    Kind(r"estimation/resampled\.csv", "the 0D inputs that the shared space requires", columns.THETA),
     Kind(r"(?:estimation|paper)/estimates\.json", "every estimator of every quantity (docs/reference/formats.md)"),
     Kind(
         r"(?:estimation|paper)/(?:budget|convergence|tuning)\.json",

@@ -73,7 +73,7 @@ def take_folder(campaign: Campaign, folder: str) -> None:
     """
     _taken.append(lock_results(folder))
     if future := reset_future_times(folder):
-        print(f"note: {len(future)} results were dated later than now: the clock has been set back", file=sys.stderr)
+        print(f"note: {len(future)} results have modification times in the future; reset to now", file=sys.stderr)
     if not cache_is_writable():
         print(f"note: {os.environ[explain.CACHE]} cannot be written: no cache is used", file=sys.stderr)
     whole = yaml.safe_dump(campaign.model_dump(mode="json"), sort_keys=False, allow_unicode=True)

@@ -34,7 +34,7 @@ class Targets:
     def grows(self) -> bool:
         """Whether a checkpoint decides how many samples are run."""
         estimation = self.campaign.estimation
-        return bool(estimation.wanted and (estimation.most_3d or estimation.most_0d))
+        return bool(estimation.target_half_width and (estimation.max_3d or estimation.max_0d))
 
     @cached_property
     def first_counts(self) -> dict[str, int]:
@@ -46,7 +46,7 @@ class Targets:
         """3D and 0D runs that the campaign may grow to."""
         if not self.grows:
             return self.first_counts
-        bounds = {"n_3d": self.campaign.estimation.most_3d, "n_0d": self.campaign.estimation.most_0d}
+        bounds = {"n_3d": self.campaign.estimation.max_3d, "n_0d": self.campaign.estimation.max_0d}
         return {name: max(count, bounds[name] or 0) for name, count in self.first_counts.items()}
 
     @cached_property

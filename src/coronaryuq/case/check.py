@@ -41,10 +41,10 @@ def describe(case: AssembledCase) -> list[str]:
         extent = "" if start is None else f", {start:.2f} to {stenosis.end:.2f} cm"
         lines.append(f"stenosis {stenosis.name}: vessel {stenosis.vessel}{extent}{narrowing}")
     if case.description.anatomy is None:
-        lines.append("no anatomy, so no 3D runs: the campaign ends at its target posterior")
+        lines.append("no anatomy, so no 3D runs: only the target `posterior` can be run")
     elif not summary.stenoses:
         lines.append(
-            "stenoses: none, so no 3D runs: the campaign ends at its target posterior; for FFR and wall shear, name a "
+            "stenoses: none, so no 3D runs: only the target `posterior` can be run; for FFR and wall shear, name a "
             f"stretch of an artery, stenosed or not, such as stenoses: [{example_stenosis(case.tree)}]"
         )
     targets = check_targets(summary.targets, case.description.targets or "targets")

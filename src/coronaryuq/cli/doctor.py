@@ -217,7 +217,7 @@ def _run(command: list[str], timeout: float) -> str | None:
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=timeout)
     except subprocess.TimeoutExpired:
-        return f"no answer within {timeout:.0f} s"
+        return f"timed out after {timeout:.0f} s"
     except OSError as error:
         return str(error)
     if done.returncode == 0:

@@ -30,7 +30,7 @@ EXAMPLES: dict[str, list[tuple[str, str]]] = {
     ],
     "verify": [
         ("coronaryuq verify results/smoke", "list results that changed after their jobs wrote them"),
-        ("coronaryuq verify results/smoke --remove", "delete them as well, so that they are made again"),
+        ("coronaryuq verify results/smoke --remove", "delete them as well, so that they are regenerated"),
     ],
     "doctor": [
         ("coronaryuq doctor", "check everything that a campaign needs of this machine"),

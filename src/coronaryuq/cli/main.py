@@ -103,7 +103,7 @@ def _parser(arguments: Sequence[str], whole: bool = False) -> argparse.ArgumentP
     demo.add_argument("--cores", default="all", help="cores of this machine to use (default: all)")
     check = add_command("check", "check a case or a configuration, and all files that it names", _check)
     check.add_argument("file", metavar="FILE", help="path of a case.yaml, or of a campaign's configuration")
-    explain = add_command("explain", "show how a result was made, and the command that makes it again", _explain)
+    explain = add_command("explain", "show how a result was made, and the command to reproduce it", _explain)
     explain.add_argument("result", metavar="RESULT", help="a result file of a campaign, under results/NAME")
     verify = add_command("verify", "list results that have changed since their jobs wrote them", _verify)
     verify.add_argument("results", metavar="FOLDER", help="results folder of a campaign, results/NAME")

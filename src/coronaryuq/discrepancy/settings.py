@@ -2,43 +2,16 @@
 
 import re
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-EffectName = Literal[
-    "quadratic_stenosis",
-    "stenosis_with_friction",
-    "diffuse_narrowing",
-    "collateral",
-    "side_branch_leak",
-    "epicardial_compliance",
-    "inertance",
-    "intramyocardial_pressure",
-    "intramyocardial_delay",
-    "compressed_resistance",
-    "back_pressure",
-    "autoregulation",
-    "incomplete_hyperaemia",
-    "ostial_loss",
-    "bifurcation_loss",
-    "haematocrit",
-    "aortic_stenosis",
-    "aortic_regurgitation",
-    "mbf_underestimation",
-    "shifted_territory",
-    "rotated_territories",
-    "pressure_offset",
-    "shared_offset",
-    "pressure_gain",
-    "pressure_delay",
-    "flow_gain",
-    "flow_delay",
-    "trigger_delay",
-    "drive_gain",
-    "exchanged_outlets",
-]
-"""Effects that can be hidden: the names of the library, which is not imported so that reading settings stays fast."""
+from coronaryuq.zerod.effects.names import EFFECTS
+
+if TYPE_CHECKING:
+    EffectName = str
+else:
+    EffectName = Literal[EFFECTS]
 
 CASES = ("case", "hidden", "pairs", "benchmark")
 """Result folders that an animal cannot be called."""
@@ -144,7 +117,7 @@ class Settings(BaseModel):
         10, ge=1, description="candidates fitted in full per round, chosen by a score test of all candidates"
     )
     max_effects: int = Field(3, ge=0, description="maximum number of effects that may be added")
-    least_log_odds: float = Field(
+    min_log_odds: float = Field(
         3.0,
         ge=0,
         description="log evidence plus log prior by which an effect, or its class of indistinguishable effects, must "

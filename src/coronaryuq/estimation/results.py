@@ -30,9 +30,9 @@ class Interval:
 
 @dataclass(frozen=True)
 class Value:
-    """An estimated quantity with its claimed standard deviation and interval.
+    """An estimated quantity with its reported standard error and interval.
 
-    warning: why its interval is not verified, where it is not.
+    warning: why the coverage of its interval is not tested, where it is not.
     """
 
     value: float
@@ -116,9 +116,10 @@ class Parts:
 class RowReport:
     """All estimates of one row.
 
-    recommended: the estimator with the least claimed std among those without a warning. levels: with a coarse 3D level,
-    variances of the parts of the estimator `multilevel`. emulator_error: held-out mean square error over variance of
-    the 0D output's emulator. integrated_exactly: the input with a known law that was integrated. warnings: of the runs.
+    recommended: the estimator with the smallest reported standard error among those without a warning. levels: with a
+    coarse 3D level, variances of the parts of the estimator `multilevel`. emulator_error: held-out mean square error
+    over variance of the 0D output's emulator. integrated_exactly: the input with a known law that was integrated.
+    warnings: of the runs.
     """
 
     row: str
@@ -137,7 +138,7 @@ class RowReport:
     warnings: list[str]
 
     @property
-    def best(self) -> EstimatorReport:
+    def recommended_report(self) -> EstimatorReport:
         """The recommended estimator."""
         return self.estimators[self.recommended]
 
@@ -147,9 +148,9 @@ class LevelWorth:
     """What a coarse 3D level gained for one row; see `level_allocation.worth`."""
 
     without: str
-    claim_ratio: float
+    std_ratio: float
     gain: float
-    best_runs_per_fine: float
+    optimal_runs_per_fine: float
 
 
 @dataclass(frozen=True)
@@ -185,7 +186,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class RowBudget:
-    """Budget curves of one row, over budgets in 3D runs and over the wanted variance as a factor on today's."""
+    """Budget curves of one row, over budgets in 3D runs and over the target variance as a factor on the present one."""
 
     row: str
     label: str
@@ -198,12 +199,12 @@ class RowBudget:
 
 
 @dataclass(frozen=True)
-class Want:
-    """A row's wanted half-width of the calibrated interval, today's, and what is missing (costs in 3D runs)."""
+class TargetPlan:
+    """Target and present half-width of a row's calibrated interval, and the runs still needed (costs in 3D runs)."""
 
     row: str
-    wanted: float
-    now: float
+    target: float
+    half_width: float
     more_3d: int
     more_0d: int
     cost: float
@@ -215,7 +216,7 @@ class Budget:
     """`budget.json`."""
 
     budget: list[RowBudget]
-    plan: list[Want]
+    plan: list[TargetPlan]
 
 
 @dataclass(frozen=True)
@@ -228,11 +229,14 @@ class Counts:
 
 @dataclass(frozen=True)
 class Round:
-    """`round_R.json` of a growing campaign. why: what ended it (`met`, `bounds reached`, `rounds spent`), or None."""
+    """`round_R.json` of a growing campaign.
+
+    why: what ended the campaign (`met`, `bounds reached`, `rounds exhausted`), or None.
+    """
 
     round: int
     counts: Counts
-    plan: list[Want]
+    plan: list[TargetPlan]
     next: Counts
     done: bool
     why: str | None
@@ -247,7 +251,7 @@ class Convergence:
     n_3d: int
     rho_original: list[float]
     mean_mc: list[float]
-    rho_best_held_out: list[float]
+    rho_crossfit_gp_held_out: list[float]
     rho_ae_in_sample: list[float] | None = None
     rho_ae_held_out: list[float] | None = None
 

@@ -36,17 +36,23 @@ class Settings(BaseModel):
         description="correlation term of the second stage: through a kernel distribution function, or the paper's "
         "empirical count",
     )
-    tuning_trials: int = Field(20, ge=1, description="trials of the target `tuning`; the first uses these settings")
+    optuna_trials: int = Field(
+        20, ge=1, description="Optuna trials of the target `tuning`; the first uses these settings"
+    )
     rows: list[str] = Field([], description="names of the rows to estimate; empty for all rows of rows.csv")
-    trials: int = Field(200, ge=2, description="subsamples per size of the convergence study")
-    trials_fitted: int = Field(
+    convergence_subsamples: int = Field(200, ge=2, description="subsamples per size of the convergence study")
+    convergence_subsamples_fitted: int = Field(
         20, ge=0, description="number of those subsamples that train networks and control variates (paper: all 200)"
     )
-    wanted: dict[str, float] = Field({}, description="row name: half-width of the calibrated interval to be reached")
-    most_3d: int | None = Field(
-        None, ge=8, description="maximum number of 3D runs of a campaign that grows to reach `wanted`; null: no growth"
+    target_half_width: dict[str, float] = Field(
+        {}, description="row name: target half-width of its calibrated interval"
     )
-    most_0d: int | None = Field(None, ge=16, description="maximum number of propagation runs; null: no growth")
+    max_3d: int | None = Field(
+        None,
+        ge=8,
+        description="maximum number of 3D runs of a campaign that grows to reach `target_half_width`; null: no growth",
+    )
+    max_0d: int | None = Field(None, ge=16, description="maximum number of propagation runs; null: no growth")
     rounds: int = Field(5, ge=1, le=20, description="rounds of growth, each at most doubling the runs")
     convergence_rows: list[str] = Field(
         [], description="rows of the convergence study; empty for those whose 3D column is an OSI"
@@ -55,5 +61,5 @@ class Settings(BaseModel):
         [25, 50, 100, 150, 200, 250, 300, 400], description="3D runs per subsample of the convergence study"
     )
     coverage_sizes: list[int] = Field([25, 50, 100, 250], description="pilot sizes of the target `coverage`")
-    coverage_trials: int = Field(400, ge=2, description="trials per cell of the target `coverage`")
+    coverage_replicates: int = Field(400, ge=2, description="replicates per cell of the target `coverage`")
     min_3d: int = Field(20, ge=4, description="fewest usable 3D runs for any estimate")

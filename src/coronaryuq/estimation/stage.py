@@ -7,8 +7,8 @@ from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.core.io.typed import plain
 from coronaryuq.core.provenance import stamp
-from coronaryuq.estimation.campaign import analysis, convergence_and_budget, tables
-from coronaryuq.estimation.campaign.allocation import check_wanted
+from coronaryuq.estimation.analysis import convergence_and_budget, estimate_rows, tables
+from coronaryuq.estimation.analysis.allocation import check_targets
 from coronaryuq.estimation.estimators.level_allocation import Costs, worth
 from coronaryuq.estimation.results import Budget, CoarseLevel, Estimates, RowReport, read_estimates
 from coronaryuq.estimation.runs.gather import coarse_cost, measured_cost_ratio
@@ -42,7 +42,7 @@ def estimate(
     runs, rows = read_chosen(runs_folder, rows_csv, settings)
     networks = read_networks(networks_npz) if networks_npz else None
     outputs = read_resampled(zerod_tables) if networks else None
-    results = analysis.analyse(runs, rows, settings, seed, networks, outputs)
+    results = estimate_rows.analyse(runs, rows, settings, seed, networks, outputs)
     coarse = _coarse_level(Path(runs_folder) / "failures.json", results, settings)
     estimates = Estimates(results, coarse, settings.model_dump(mode="json"), stamp(seed=seed))
     write_json(estimates_json, plain(estimates))
@@ -63,14 +63,14 @@ def convergence(
 def budget(
     estimates_json: str | Path, settings: Settings, out_json: str | Path, failures_json: str | Path | None = None
 ) -> None:
-    """Write the curves of both budget figures and the plan for wanted intervals (`budget.json`).
+    """Write the curves of both budget figures and the plan for target intervals (`budget.json`).
 
     Parameters
     ----------
     estimates_json
         Estimates of this stage.
     settings
-        With the declared cost ratio and the wanted half-widths.
+        With the declared cost ratio and the target half-widths.
     out_json
         File to write.
     failures_json
@@ -79,12 +79,12 @@ def budget(
     Raises
     ------
     InputError
-        If `settings.wanted` names a row that does not exist.
+        If `settings.target_half_width` names a row that does not exist.
     """
     rows = read_estimates(estimates_json).rows
     ratio = (measured_cost_ratio(failures_json) if failures_json else None) or settings.cost_ratio
-    check_wanted(settings, [row.row for row in rows])
-    plan = convergence_and_budget.plan(rows, settings.wanted, ratio)
+    check_targets(settings, [row.row for row in rows])
+    plan = convergence_and_budget.plan(rows, settings.target_half_width, ratio)
     write_json(out_json, plain(Budget(convergence_and_budget.budget(rows, ratio), plan)))
 
 

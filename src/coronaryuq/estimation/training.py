@@ -46,7 +46,7 @@ def write_networks(
         return
     networks = train(runs, rows, settings, seed)
     write_npz(networks_npz, networks.arrays())
-    write_csv(resampled_csv, wanted_0d(networks, runs, settings.curve_nodes))
+    write_csv(resampled_csv, resampled_inputs(networks, runs, settings.curve_nodes))
 
 
 def read_chosen(runs_folder: str | Path, rows_csv: str | Path | None, settings: Settings) -> tuple[Runs, list[Row]]:
@@ -108,7 +108,7 @@ def train_on(runs: Runs, rows: list[Row], fits: list[np.ndarray], settings: Sett
     return mfmc_ae.train(runs.theta, box(runs), pairs, fits, training_settings(settings), seed)
 
 
-def wanted_0d(networks: mfmc_ae.Networks, runs: Runs, nodes: int) -> pd.DataFrame:
+def resampled_inputs(networks: mfmc_ae.Networks, runs: Runs, nodes: int) -> pd.DataFrame:
     """0D inputs that MFMC-AE needs: `sample` (ROW.FOLD.NODE, fold `all` for the in-sample fit) and θ."""
     frames = []
     for row in networks.rows:

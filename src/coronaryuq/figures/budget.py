@@ -13,7 +13,7 @@ SERIES = (
     ("rho_original", "3D against 0D, same θ", MUTED),
     ("rho_ae_in_sample", "MFMC-AE, in-sample", "#E7B394"),
     ("rho_ae_held_out", "MFMC-AE, held out", ESTIMATORS["MFMC-AE"]),
-    ("rho_best_held_out", "best, held out", ESTIMATORS["best"]),
+    ("rho_crossfit_gp_held_out", "crossfit-GP, held out", ESTIMATORS["crossfit-GP"]),
 )
 
 

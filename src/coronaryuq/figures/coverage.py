@@ -1,4 +1,4 @@
-"""Calibration of the intervals in the benchmark: claimed over empirical spread, and coverage."""
+"""Calibration of the intervals in the benchmark: reported over empirical standard error, and coverage."""
 
 import numpy as np
 from matplotlib.ticker import FixedLocator, NullLocator
@@ -7,7 +7,7 @@ from coronaryuq.core.io.tables import read_csv
 from coronaryuq.figures.style import ESTIMATORS, MUTED, saved
 
 RATIO, COVERAGE = (0.85, 1.15), (93, 97)
-"""Targets: a claim within 15 % of the spread, and a coverage of 93 to 97 %."""
+"""Targets: reported within 15 % of the empirical standard error, and a coverage of 93 to 97 %."""
 
 
 def coverage(table: str, output: str) -> None:
@@ -45,7 +45,7 @@ def coverage(table: str, output: str) -> None:
             ratios.xaxis.set_minor_locator(NullLocator())
             ratios.set_xlim(0.9 * min(0.7, ratio_all.min()), 1.1 * max(1.5, ratio_all.max()))
             ratios.set_title(f"{size} 3D runs", loc="left")
-            ratios.set_xlabel("claimed / empirical spread")
+            ratios.set_xlabel("reported / empirical standard error")
             shares.set_xlim(100 * cells["coverage_95_low"].min() - 1, 100.5)
             shares.set_xlabel("coverage of 95 % intervals (%)")
             for axis in (ratios, shares):

@@ -192,8 +192,8 @@ def sizes(table: str | Path, output: str | Path) -> None:
 
 
 def gap(table: str | Path, output: str | Path) -> None:
-    """Draw the misfit on held-out data with 90 % intervals, and the noise floor."""
-    frame: pd.DataFrame = read_csv(table, ("model", "misfit", "low", "high", "noise_floor"))
+    """Draw the misfit on held-out data with 90 % intervals, and that expected from noise alone."""
+    frame: pd.DataFrame = read_csv(table, ("model", "misfit", "low", "high", "expected_misfit"))
     with saved(output, figsize=(5.5, 0.7 + 0.375 * len(frame))) as (_, axes):
         heights = np.arange(len(frame))[::-1]
         colours = [BEFORE, AFTER, FLEXIBLE, TOGETHER, MEASURED][: len(frame)]
@@ -201,7 +201,7 @@ def gap(table: str | Path, output: str | Path) -> None:
         for y, row, colour, a, b in zip(heights, frame.itertuples(), colours, low, high, strict=True):
             axes.errorbar(row.misfit, y, xerr=[[a], [b]], fmt="o", color=colour, capsize=3)
         axes.axvline(1.0, color=MUTED, ls="--", lw=1)
-        axes.text(1.0, len(frame) - 0.55, "noise floor", fontsize=7, color=MUTED)
+        axes.text(1.0, len(frame) - 0.55, "expected (noise only)", fontsize=7, color=MUTED)
         axes.set_yticks(heights, frame.model)
         axes.set_ylim(-0.6, len(frame) - 0.3)
         axes.set_xlim(left=0)

@@ -5,12 +5,12 @@ import numpy as np
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.figures.style import ESTIMATORS, saved
 
-COLOURS = [ESTIMATORS[name] for name in ("MFMC", "MFMC-AE", "multilevel", "BLUE", "best", "MC")]
+COLOURS = [ESTIMATORS[name] for name in ("MFMC", "MFMC-AE", "multilevel", "BLUE", "crossfit-GP", "MC")]
 
 
 def hidden_effects(shares: str, answers: str, output: str) -> None:
-    """Draw cases of the first network by hidden effect and first answer (left), and shares of all networks (right)."""
-    table = read_csv(shares, columns=("tested", "on", "share", "low", "high", "wanted_from", "wanted_to"))
+    """Draw cases of the first network by hidden effect and first answer (left), and all fractions correct (right)."""
+    table = read_csv(shares, columns=("tested", "on", "fraction", "low", "high", "target_from", "target_to"))
     answered = read_csv(answers, columns=("network", "hidden", "named", "cases"))
     first = answered["network"].iloc[0]
     height = max(4.5, 1.8 + 0.22 * answered.loc[answered["network"] == first, "hidden"].nunique())
@@ -47,13 +47,13 @@ def _shares(axes, table) -> None:
         row, number = tested.index(share.tested), networks.index(share.on)
         y, colour = row + apart * (number - 2 if len(networks) > 2 else number), COLOURS[number % len(COLOURS)]
         axes.plot([share.low, share.high], [y, y], color=colour, lw=1.5)
-        axes.plot(share.share, y, "o", color=colour, ms=4, label=None if share.on in labelled else share.on)
+        axes.plot(share.fraction, y, "o", color=colour, ms=4, label=None if share.on in labelled else share.on)
         labelled.add(share.on)
     for row, name in enumerate(tested):
         target = table[table["tested"] == name].iloc[0]
-        axes.barh(row, target.wanted_to - target.wanted_from, 0.8, target.wanted_from, color="0.88", zorder=0)
+        axes.barh(row, target.target_to - target.target_from, 0.8, target.target_from, color="0.88", zorder=0)
         axes.text(0.5, row - 0.46, name, ha="center", va="bottom", fontsize=8)
-    axes.set(xlabel="share, 95 % interval; grey: target", xlim=(-0.02, 1.02), yticks=[])
+    axes.set(xlabel="fraction, 95 % interval; grey: target", xlim=(-0.02, 1.02), yticks=[])
     axes.set_ylim(len(tested) - 0.4, -0.8)
     axes.spines["left"].set_visible(False)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=2, fontsize=8)

@@ -19,7 +19,7 @@ ESTIMATORS = {
     "MFMC": "#0072B2",
     "MFMC-AE": "#D55E00",
     "BLUE": "#CC79A7",
-    "best": "#009E73",
+    "crossfit-GP": "#009E73",
     "multilevel": "#E69F00",
 }
 BRANCHES = {"LAD": "#D55E00", "LCx": "#0072B2", "RCA": "#009E73"}

@@ -13,7 +13,7 @@ from coronaryuq.case.case_json import read_case
 from coronaryuq.case.network.network import Network
 from coronaryuq.core.ranks import Ranks
 from coronaryuq.flow3d.mesh.coupling.cut_network import CutNetwork, cut_network
-from coronaryuq.flow3d.mesh.domain import Domain, read_domain
+from coronaryuq.flow3d.mesh.read_mesh import Domain, read_domain
 from coronaryuq.zerod.network.beds import read_theta
 from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.solver.engine import Engine

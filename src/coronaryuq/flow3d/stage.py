@@ -2,7 +2,7 @@
 
 from coronaryuq.core.errors import InputError
 from coronaryuq.flow3d.adapter import Adapter, Batch, FlowModel, Outputs, Processes
-from coronaryuq.flow3d.ensemble.adapter import EnsembleAdapter
+from coronaryuq.flow3d.ensemble.ensemble_adapter import EnsembleAdapter
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.flow3d.simvascular.coupled_case import CoupledCase
 from coronaryuq.flow3d.simvascular.svmultiphysics import SvMultiPhysics

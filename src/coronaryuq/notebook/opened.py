@@ -75,7 +75,7 @@ class Opened:
         -------
         pandas.DataFrame
             Index: artery. `mean`: mean of FFR over the posterior of the outlet resistances. `std`, `low`, `high`:
-            claimed standard deviation and calibrated 95 % interval of that mean; they hold the error of estimating it
+            reported standard error and calibrated 95 % interval of that mean; they hold the error of estimating it
             from a finite number of runs, neither the patient's spread nor the error of mesh and model. `q05`,
             `median`, `q95`: quantiles of FFR over the posterior, the patient's spread. `probability`: of FFR at or
             below `threshold`. `estimator`; `warnings`: why not to trust it.
@@ -97,7 +97,7 @@ class Opened:
         Returns
         -------
         pandas.DataFrame
-            `mean` is the estimated mean over the posterior, `std` its claimed standard deviation; the intervals
+            `mean` is the estimated mean over the posterior, `std` its reported standard error; the intervals
             (`chebyshev_95_*`, `chebyshev_99_*`, `calibrated_*`) are for that mean and hold the error of a finite number
             of runs only. `unit` is that of these columns; `recommended` marks the estimator to quote.
         """
@@ -212,7 +212,7 @@ class Opened:
 
 
 def _ffr(row: RowReport) -> dict[str, Any]:
-    best, beyond = row.best, row.beyond_the_mean
+    best, beyond = row.recommended_report, row.beyond_the_mean
     quantiles, at_or_below = beyond.quantiles or {}, beyond.probability_at_or_below
     values: dict[str, Any] = {
         "mean": best.mean,

@@ -126,13 +126,13 @@ def _join(chunks: Sequence[str | Path], settings: Settings) -> tuple[dict[str, n
     expected = 0
     for first, path, arrays in parts:
         if first != expected:
-            raise InputError(path, "first", first, f"wanted realisation {expected}: a chunk is missing or occurs twice")
+            raise InputError(path, "first", first, f"expected realisation {expected}: a chunk is missing or duplicated")
         for name in settings.models:
             if f"flow_{name}" not in arrays:
                 raise InputError(path, f"flow_{name}", None, "not in this chunk; delete it and run again")
         expected += len(arrays[f"flow_{settings.use}"])
     if expected != settings.realisations:
-        raise InputError(parts[-1][1], "realisations", expected, f"wanted {settings.realisations} in all chunks")
+        raise InputError(parts[-1][1], "realisations", expected, f"expected {settings.realisations} in all chunks")
     flows = {name: np.concatenate([arrays[f"flow_{name}"] for _, _, arrays in parts]) for name in settings.models}
     volumes = {name: np.concatenate([arrays[f"volume_{name}"] for _, _, arrays in parts]) for name in settings.models}
     return flows, volumes, seeds.pop()

@@ -11,7 +11,7 @@ from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.typed import checked
 from coronaryuq.perfusion.settings import NoiseModel
 
-REMEDY = "gather the perfusion stage again"
+REMEDY = "rerun the rule `perfusion_gather`"
 
 Array = Annotated[np.ndarray, BeforeValidator(lambda values: np.asarray(values, dtype=float))]
 
@@ -97,8 +97,8 @@ def read_perfusion_targets(path: str | Path) -> PerfusionTargets:
     for name, shape in (("mean", (n,)), ("covariance", (n, n)), ("volume", (n,))):
         actual = getattr(targets, name).shape
         if actual != shape:
-            raise InputError(path, name, actual, f"wanted {' by '.join(map(str, shape))} numbers; {REMEDY}")
+            raise InputError(path, name, actual, f"expected {' by '.join(map(str, shape))} numbers; {REMEDY}")
     for bc, flow in zip(targets.bc, targets.mean.tolist(), strict=True):
         if not flow > 0.0:
-            raise InputError(path, f"mean of {bc}", flow, "wanted a positive flow")
+            raise InputError(path, f"mean of {bc}", flow, "expected a positive flow")
     return targets

@@ -244,7 +244,7 @@ def _read_targets(targets_json: str | Path, case_json: str | Path) -> tuple[Targ
     outlets = {outlet.bc: outlet for outlet in read_case(case_json).outlets}
     for bc in targets.bc:
         if bc not in outlets:
-            raise InputError(targets_json, "bc", bc, "no such outlet in the case; gather the perfusion stage again")
+            raise InputError(targets_json, "bc", bc, "no such outlet in the case; rerun the rule `perfusion_gather`")
     if len(targets.bc) < 2:
         raise InputError(targets_json, "bc", targets.bc, "expected at least two outlets that perfuse the LV")
     flows = TargetFlows(targets.bc, targets.mean, targets.covariance, targets_json)

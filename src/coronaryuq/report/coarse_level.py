@@ -12,7 +12,8 @@ def sentence(rows: list[RowReport], coarse: CoarseLevel | None) -> str:
         if row.row in coarse.rows:
             quantity, _, branch = (row.label.split(", ") + ["", ""])[:3]
             gain = coarse.rows[row.row].gain
-            # Rows of one 3D quantity differ in their estimator without the level; the level has to beat the best.
+            # Rows of one 3D quantity differ in their estimator without the level; the level has to beat the one with
+            # the smallest standard error.
             name = f"{quantity} {branch}".strip()
             gains[name] = min(gain, gains.get(name, gain))
     failed = f", {coarse.failed} of them failed" if coarse.failed else ""
@@ -20,6 +21,6 @@ def sentence(rows: list[RowReport], coarse: CoarseLevel | None) -> str:
     lost = ", ".join(f"{name} ({gain:.2g})" for name, gain in gains.items() if gain <= 1)
     return (
         f"Coarse 3D level: {coarse.runs} runs of {coarse.coarse_cpu_s:.2g} CPU-s each{failed}; a fine run took "
-        f"{coarse.fine_cpu_s:.2g} CPU-s. It reduced variance times cost (ratio without to with the level) for "
+        f"{coarse.fine_cpu_s:.2g} CPU-s. It reduced the cost-weighted variance (ratio without/with the level) for "
         f"{paid or 'no quantity'}" + (f", but not for {lost}." if lost else ".")
     )

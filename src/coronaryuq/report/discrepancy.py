@@ -126,9 +126,9 @@ def _verdict(truth: dict, named: list[dict]) -> str:
     classes = [[(member["effect"], member["place"]) for member in answer["class"]] for answer in named]
     found = True
     if named and (named[0]["effect"], named[0]["place"]) == (effect, place):
-        verdict = "Its first answer has the right name and place"
+        verdict = "The first answer is the true effect at its location"
     elif any((effect, place) in members for members in classes):
-        verdict = "The right name and place are in a class of answers that these data cannot distinguish"
+        verdict = "The true effect at its location is in a class of answers that these data cannot distinguish"
     elif any(effect == name for members in classes for name, _ in members):
         verdict = "It named the effect at another place"
     else:
@@ -147,20 +147,20 @@ def _named(effect: dict) -> dict:
         *(_interval(term["unit"], term, term["term"]) for term in effect["terms"]),
     ]
     others = [f"{member['effect']} at {member['place']}" for member in effect["class"][1:]]
-    next_measurement = effect.get("separate_by", [])[:1]
+    next_measurement = effect.get("next_measurements", [])[:1]
     return {
         "effect": effect["effect"].replace("_", " "),
         "place": effect["place"],
         "probability": _probability(effect),
         "sizes": ", ".join(sizes),
         "others": ", ".join(others).replace("_", " ") or "–",
-        "separate_by": "".join(
+        "next_measurements": "".join(
             f"mean {m['quantity']} at {m['location']} under {m['condition']}" for m in next_measurement
         ),
         "formula": effect["formula"],
-        "looks_like": effect.get("looks_like", ""),
+        "signature": effect.get("signature", ""),
         "source": effect["source"],
-        "written_as": effect.get("written_as", ""),
+        "encoding": effect.get("encoding", ""),
     }
 
 
@@ -201,11 +201,10 @@ def _gaps(answer: dict, true_gap: dict | None) -> dict:
         errors = [_rmse(quantity, value) for quantity, value in gap["rmse"].items()]
         values = [f"{gap['misfit']:.2f} ({low:.2f} to {high:.2f})", ", ".join(errors)]
         rows.append({"name": name, "values": [*values, f"{gap['log_predictive_density_per_row']:.2f}"]})
-    conditions = held["conditions"]
-    kept = conditions if isinstance(conditions, str) else ", ".join(conditions)
+    conditions = ", ".join(held["conditions"])
     return {
-        "gap_heading": f"Held out: {kept}",
-        "gap_columns": ["Misfit (1 is perfect)", "RMSE", "Log predictive density per row"],
+        "gap_heading": f"Held out: {conditions}" + (", each in turn" if held["scheme"] == "each in turn" else ""),
+        "gap_columns": ["Misfit (1 is expected from noise)", "RMSE", "Log predictive density per row"],
         "gaps": rows,
     }
 

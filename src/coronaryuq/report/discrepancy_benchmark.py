@@ -11,7 +11,7 @@ from coronaryuq.figures.discrepancy_benchmark import cell_label
 from coronaryuq.report.discrepancy import embedded, environment
 
 CAPTION = (
-    "Left: cases of the first network by hidden effect and first answer. Right: shares on all networks, with 95 % "
+    "Left: cases of the first network by hidden effect and first answer. Right: fractions on all networks, with 95 % "
     "intervals; grey: targets."
 )
 
@@ -52,8 +52,14 @@ def target(least: float, most: float) -> str:
 
 
 def _share(row) -> dict:
-    share = {"tested": row.tested, "on": row.on, "held": row.held, "trials": row.trials, "share": f"{row.share:.3f}"}
-    return share | {"interval": f"{row.low:.3f} to {row.high:.3f}", "target": target(row.wanted_from, row.wanted_to)}
+    share = {
+        "tested": row.tested,
+        "on": row.on,
+        "held": row.held,
+        "trials": row.trials,
+        "fraction": f"{row.fraction:.3f}",
+    }
+    return share | {"interval": f"{row.low:.3f} to {row.high:.3f}", "target": target(row.target_from, row.target_to)}
 
 
 def _cell(row, answers: pd.DataFrame) -> dict:

@@ -6,7 +6,7 @@ from coronaryuq.core import provenance
 from coronaryuq.core.io.atomic import read_json
 
 EXTREMES = ("tawss_min_", "osi_max_")
-COMPARE = "compare them between draws on this mesh, not with other meshes."
+COMPARE = "they are valid only for comparing draws on the same mesh."
 
 
 class MeshError:

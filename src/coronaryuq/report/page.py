@@ -14,7 +14,7 @@ from coronaryuq.core.io.tables import read_csv
 from coronaryuq.estimation.results import RowReport, read_estimates
 from coronaryuq.perfusion.targets import PerfusionTargets, read_perfusion_targets
 from coronaryuq.posterior.results import Summary, read_summary
-from coronaryuq.report import coarse_level, discrepancy, wanted
+from coronaryuq.report import coarse_level, discrepancy, interval_targets
 from coronaryuq.report.costs import costs
 from coronaryuq.report.discrepancy import embedded
 from coronaryuq.report.mesh_error import MeshError
@@ -89,7 +89,7 @@ def write_report(
         "table": [table_row(row, notes) | {"mesh": mesh.of(row.column_3d)} for row in rows],
         "notes": notes.texts,
         "coarse_level": coarse_level.sentence(estimates.rows, estimates.coarse),
-        "wanted": wanted.sentences(rows, files["budget"], files.get("allocation")),
+        "interval_targets": interval_targets.sentences(rows, files["budget"], files.get("allocation")),
         "mesh": mesh.sentence,
         "matched": _matched(read_csv(files["fit"]), summary),
         "noise": _noise(targets),
@@ -135,14 +135,16 @@ def _matched(fit, summary: Summary) -> dict:
         "posterior": f"Chains: {summary.verdict}; largest R-hat {summary.rhat_max:.3f}, smallest bulk effective "
         f"sample size {summary.ess_bulk_min:.0f}.",
         "predictive": f"{100 * check.coverage_95:.0f} % of the target flows lie in the central 95 % of the posterior "
-        f"predictive distribution; the Mahalanobis distance of the mean flows is {check.mahalanobis:.2f}, and data "
-        f"farther away have probability {check.p_value:.2f}. The fitted resistances reproduce the "
+        f"predictive distribution; the Mahalanobis distance of the mean flows is {check.mahalanobis:.2f} (p = "
+        f"{check.p_value:.2f}). The fitted resistances reproduce the "
         f"{len(check.flow_mean)} target fractions to within {100 * met:.2g} %; the posterior mean, which the prior "
         f"shifts, to within {100 * check.largest_fraction_error:.2g} % (posterior/fractions.csv).",
     }
 
 
 def _noise(targets: PerfusionTargets) -> list[dict]:
+    scaled = targets.branch_sd
+    used = "covariance" if scaled is None else f"correlations only; sd scaled to {100 * scaled:.0f} %"
     lines = []
     for name, model in targets.models.items():
         correlation = model.correlation
@@ -154,7 +156,7 @@ def _noise(targets: PerfusionTargets) -> list[dict]:
                 "sd": f"{spread.min():.1f} to {spread.max():.1f}",
                 "lowest": number(pairs.min(), 2),
                 "highest": number(pairs.max(), 2),
-                "used": "for its correlations" if name == targets.use else "",
+                "used": used if name == targets.use else "",
             }
         )
     return lines

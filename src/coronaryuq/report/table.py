@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from coronaryuq.estimation.results import RowReport
 from coronaryuq.report.numbers import correlation, interval, number
 
-ESTIMATORS = ("MC", "MFMC", "MFMC-AE", "BLUE", "best", "multilevel")
+ESTIMATORS = ("MC", "MFMC", "MFMC-AE", "BLUE", "crossfit-GP", "multilevel")
 
 
 class Notes:

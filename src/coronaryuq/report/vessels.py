@@ -48,9 +48,9 @@ def vessel_card(artery: str, rows: list[RowReport], outlets: Mapping[str, str], 
 
 
 def _recommended(rows: list[RowReport], column: str) -> tuple[RowReport, EstimatorReport]:
-    """Return the row of a 3D column whose recommended estimator claims the smallest error, and that estimate."""
-    row = min((row for row in rows if row.column_3d == column), key=lambda row: row.best.std)
-    return row, row.best
+    """Return the row of a 3D column whose recommended estimator has the smallest standard error, and that estimate."""
+    row = min((row for row in rows if row.column_3d == column), key=lambda row: row.recommended_report.std)
+    return row, row.recommended_report
 
 
 def _draws(quantiles: Mapping[str, Value]) -> str:
@@ -104,4 +104,4 @@ def _verdict(probability: Probability | None) -> dict:
         return {"class": "bad", "verdict": "Very likely flow-limiting."}
     if probability.high < 1 - LIKELY:
         return {"class": "good", "verdict": "Very likely not flow-limiting."}
-    return {"class": "warn", "verdict": "Uncertain whether it limits flow."}
+    return {"class": "warn", "verdict": "Indeterminate."}

@@ -45,7 +45,7 @@ def test_a_stenosis_in_3d_is_found_and_a_healthy_vessel_raises_no_alarm():
     found = {e["shape"]: e for e in trial.trials_3d(range(9101, 9102), ("lca1:severe", "lca1:healthy"))}
     severe, healthy = found["lca1:severe"], found["lca1:healthy"]
     assert not healthy["alarmed"] and healthy["first"] == "none"
-    assert "stenosis_with_friction@lca1" in [member for members in severe["classes"] for member in members]
+    assert "stenosis_with_viscous_loss@lca1" in [member for members in severe["classes"] for member in members]
     assert severe["after"] < severe["before"]
 
 

@@ -26,12 +26,14 @@ def test_right_answers_have_the_right_name_and_place():
 def test_each_case_counts_in_its_measures():
     cases = [LEAK, LEAK | {"placed": True, "covered": True, "after": 1.4}, NOTHING | {"oracle": None}, SKIPPED]
     found = measures(chosen(cases, "open loop"))
-    assert found["right name (or its class) first"] == (2, 2)
-    assert found["right place"] == (1, 2)
-    assert found["90 % interval holds the size"] == (1, 1)
+    assert found["correct effect (or its class) first"] == (2, 2)
+    assert found["correct location"] == (1, 2)
+    assert found["coverage of the 90 % interval"] == (1, 1)
     assert found["false alarm, nothing hidden"] == (0, 1)
-    assert found["≥ 90 % of the gap closed that the true effect closes"] == (1, 2)
-    assert found["named, and worse than recalibration"] == (0, 2), "an answer without a name is recalibration"
+    assert found["closes ≥ 90 % of the held-out gap closed by the true effect"] == (1, 2)
+    assert found["named effects predict worse than recalibration"] == (0, 2), (
+        "an answer without a name is recalibration"
+    )
     assert not chosen(cases, "open loop", "weak") and not chosen(cases, "bundled patient")
 
 
@@ -46,9 +48,9 @@ def test_strong_cases_with_a_stenosis_are_those_of_a_closed_loop():
 
 def test_a_share_has_an_interval_and_a_cell_its_skipped_seeds():
     table = shares({"open loop": [LEAK, LEAK | {"placed": True}]}).set_index("tested")
-    half = table.loc["right place"]
-    assert (half["held"], half["trials"], half["share"]) == (1, 2, 0.5)
-    assert half["low"] < 0.1 and half["high"] > 0.9 and half["wanted_from"] == 0.9
+    half = table.loc["correct location"]
+    assert (half["held"], half["trials"], half["fraction"]) == (1, 2, 0.5)
+    assert half["low"] < 0.1 and half["high"] > 0.9 and half["target_from"] == 0.9
     assert "abstention outside the library" not in table.index, "no trial, no line"
     (cell,) = cells([LEAK, LEAK | {"seed": 2, "placed": True}, SKIPPED]).to_dict("records")
     assert (cell["right"], cell["cases"], cell["skipped"], cell["cpu_s"]) == (1, 2, 1, 3.0)

@@ -15,7 +15,7 @@ from coronaryuq.bench.estimation.problems import from_pair
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.core.seeds import generator
-from coronaryuq.estimation.campaign.diagnostics import SMALL_SHARE, VERIFIED_FROM, VERIFIED_WHERE_SMALL, unverified
+from coronaryuq.estimation.analysis.diagnostics import SMALL_FRACTION, TESTED_FROM, TESTED_WHERE_SMALL, untested
 from coronaryuq.estimation.settings import Settings
 
 TRIALS = 300
@@ -65,7 +65,7 @@ def test_linear_methods_keep_their_claims_at_25_runs(name, method):
 def test_the_selector_keeps_its_claims_on_analytic_pairs(name, n):
     """Bounds: three binomial standard errors of 95 %; a claim no shorter than wanted, and at most 15 % and its own
     error, 4 %, too wide."""
-    got = run_cell(from_pair(PAIRS[name]), n, "best", TRIALS)
+    got = run_cell(from_pair(PAIRS[name]), n, "crossfit-GP", TRIALS)
     assert 0.85 <= got["claimed_over_empirical"] <= 1.19
     assert got["coverage_95"] >= 0.95 - 3 * np.sqrt(0.95 * 0.05 / TRIALS)
     assert abs(got["bias_z"]) < 4
@@ -92,9 +92,9 @@ def test_a_method_that_a_measured_cell_contradicts_carries_a_warning():
     """Published cells from a method's first verified size on: claim within 15 % of the spread, and a coverage whose
     Wilson interval reaches 93 %. That size is among the measured ones. More than 97 % is no ground for a warning."""
     cells = published_cells()
-    for method in {cell["method"] for cell in cells} & VERIFIED_FROM.keys():
-        verified = [cell for cell in cells if cell["method"] == method and unverified(method, cell["n_3d"]) is None]
-        assert VERIFIED_FROM[method] in {None, *(cell["n_3d"] for cell in verified)}
+    for method in {cell["method"] for cell in cells} & TESTED_FROM.keys():
+        verified = [cell for cell in cells if cell["method"] == method and untested(method, cell["n_3d"]) is None]
+        assert TESTED_FROM[method] in {None, *(cell["n_3d"] for cell in verified)}
         for cell in verified:
             assert cell["trials"] >= 400 and abs(cell["claimed_over_empirical"] - 1) <= 0.15, cell
             assert wilson(cell).high >= 0.93, cell
@@ -103,12 +103,12 @@ def test_a_method_that_a_measured_cell_contradicts_carries_a_warning():
 def test_the_selector_has_no_warning_only_where_its_worst_cell_does_no_harm():
     """With residuals the allowed share of the variance, and missing by as much more than claimed as the lower end of a
     cell's Wilson interval says, an interval of 95 % holds in 93 %."""
-    cells = [cell for cell in published_cells() if cell["method"] == "best"]
-    verified = [cell for cell in cells if cell["n_3d"] >= VERIFIED_WHERE_SMALL["best"]]
+    cells = [cell for cell in published_cells() if cell["method"] == "crossfit-GP"]
+    verified = [cell for cell in cells if cell["n_3d"] >= TESTED_WHERE_SMALL["crossfit-GP"]]
     assert {50, 100} <= {cell["n_3d"] for cell in verified}
     for cell in verified:
         missed = max(1.0, norm.ppf(0.975) / norm.ppf((1 + wilson(cell).low) / 2))
-        wide = np.sqrt(1 + SMALL_SHARE * (missed**2 - 1))
+        wide = np.sqrt(1 + SMALL_FRACTION * (missed**2 - 1))
         assert 2 * norm.cdf(norm.ppf(0.975) / wide) - 1 >= 0.93, cell
 
 

@@ -20,7 +20,7 @@ def script():
     return module
 
 
-def cell(first, trials, method="best", problem="row 9", n_3d=250):
+def cell(first, trials, method="crossfit-GP", problem="row 9", n_3d=250):
     """Cells of one long list of trials."""
     rng = generator(1, "page")
     errors, stds = rng.normal(0.1, 1, 400)[first : first + trials], rng.uniform(0.8, 1.2, 400)[first : first + trials]
@@ -32,7 +32,7 @@ def test_the_page_holds_the_tables_of_the_cells(script):
     page, cells = script.PAGE.read_text(encoding="utf-8"), script.read(script.CELLS)
     for method in script.METHODS:
         assert script.put(page, f"coverage of {method}", script.table(cells, method)) == page, method
-    assert script.put(page, "summary of best", script.summary(cells)) == page
+    assert script.put(page, "summary of crossfit-GP", script.summary(cells)) == page
 
 
 def test_trials_that_follow_a_cells_own_are_pooled_with_it(script):
@@ -42,6 +42,12 @@ def test_trials_that_follow_a_cells_own_are_pooled_with_it(script):
 
 
 def test_a_former_selectors_cell_is_replaced_where_the_present_one_is_measured(script):
-    former = [cell(0, 400, "best, without reach"), cell(0, 400, "best, without reach", problem="row 8")]
-    assert [c["method"] for c in script.merged(former, [cell(0, 100)])] == ["best, without reach", "best"]
+    former = [
+        cell(0, 400, "crossfit-GP, without extrapolation factor"),
+        cell(0, 400, "crossfit-GP, without extrapolation factor", problem="row 8"),
+    ]
+    assert [c["method"] for c in script.merged(former, [cell(0, 100)])] == [
+        "crossfit-GP, without extrapolation factor",
+        "crossfit-GP",
+    ]
     assert script.merged([cell(0, 100)], former[:1]) == [cell(0, 100)]

@@ -83,7 +83,7 @@ def test_a_flag_cannot_be_scaled():
 
 def test_a_drive_in_a_different_unit_is_rejected():
     time = np.linspace(0.0, PERIOD, 9)
-    with pytest.raises(InputError, match=r"rest\.drive\.AORTA = 0\.000\d+: times the network's own"):
+    with pytest.raises(InputError, match=r"rest\.drive\.AORTA: mean over the network's own = 0\.000\d+: use"):
         apply_condition(left_coronary(), Condition("rest", drive={"AORTA": (time, np.full(9, 90.0))}))
 
 

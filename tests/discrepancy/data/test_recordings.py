@@ -105,20 +105,20 @@ def beats(frame, count, share=1.0):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda f: beats(f, 3), "LVP [mmHg] = 3: systoles in the recording; cut out one beat"),
+        (lambda f: beats(f, 3), "LVP [mmHg]: number of systoles = 3: expected one; cut out one beat"),
         (lambda f: f.iloc[:65], "of its range between start and end; expected one whole beat"),
         (
             lambda f: f.assign(**{"AoP [mmHg]": f["LVP [mmHg]"], "LVP [mmHg]": f["AoP [mmHg]"]}),
             "check whether the two are exchanged",
         ),
         (lambda f: f.assign(**{"LAD Flow [ml/s]": -f["LAD Flow [ml/s]"]}), "change the sign if the probe was reversed"),
-        (lambda f: f.assign(**{"AoP [mmHg]": 0.1333 * f["AoP [mmHg]"]}), "expected 20 to 250; check its unit"),
+        (lambda f: f.assign(**{"AoP [mmHg]": 0.1333 * f["AoP [mmHg]"]}), "outside 20 to 250; check the unit"),
         (
             lambda f: f.assign(**{"t abs [s]": 1000 * f["t abs [s]"]}),
-            "expected one beat, 0.1 to 3.0 s; check the unit of time",
+            "outside 0.1 to 3.0 s; give one beat and check the unit of time",
         ),
         (lambda f: f.iloc[[0, 2, 1, *range(3, len(f))]], "line 4: times must increase"),
-        (lambda f: f.drop(index=range(20, 50)), "= '39%': of the beat without a reading"),
+        (lambda f: f.drop(index=range(20, 50)), "largest gap over the beat = 0.39"),
         (
             lambda f: f.assign(**{"LAD Flow [ml/s]": f["LAD Flow [ml/s]"].where(f.index != 4, np.inf)}),
             "LAD Flow [ml/s] = 'inf': line 6: expected a number",
@@ -161,7 +161,7 @@ def test_a_flow_too_small_for_its_unit_is_rejected(tmp_path):
         recording(tmp_path, name, 0.6)
         path = tmp_path / f"{name}.csv"
         path.write_text(path.read_text().replace("ml/s", "ml/min"))
-    with pytest.raises(InputError, match="X1: flow = 0.6.*below the error of such a flow"):
+    with pytest.raises(InputError, match=r"X1: mean flow \(mL/min\) = 0.6.*below the error of a flow reading"):
         prepare_case(tmp_path, "X1", tmp_path / "case")
 
 
@@ -231,7 +231,7 @@ def test_held_out_conditions_are_chosen_by_name_or_listed(tmp_path, names, held_
 
 def test_one_condition_is_not_enough(tmp_path):
     recording(tmp_path, "X1_baseline", 30.0)
-    with pytest.raises(InputError, match="X1_CONDITION.csv of at least two"):
+    with pytest.raises(InputError, match="expected at least two files X1_CONDITION.csv"):
         prepare_case(tmp_path, "X1", tmp_path / "case")
     assert not (tmp_path / "case").exists()
 

@@ -62,7 +62,7 @@ def test_the_second_effect_acts_on_the_network_changed_by_the_first():
 
 
 def test_two_additions_to_one_parameter_are_summed():
-    """Back pressure at all beds and at one bed; friction of a stenosis and of a narrowing."""
+    """Back pressure at all beds and at one bed; viscous loss of a stenosis and of a narrowing."""
     forward = model()
 
     def change(effects, name, present):
@@ -70,14 +70,14 @@ def test_two_additions_to_one_parameter_are_summed():
         return forward.condition_changes("rest", z, assume(*effects))[0].get(name, present) - present
 
     back = [(effect("back_pressure"), place) for place in ("all beds", "BC_lad")]
-    friction = [(effect(name), "lad_proximal") for name in ("stenosis_with_friction", "diffuse_narrowing")]
+    viscous = [(effect(name), "lad_proximal") for name in ("stenosis_with_viscous_loss", "diffuse_narrowing")]
     vessel = next(v for v in forward.network["vessels"] if v["vessel_name"] == "lad_proximal")
     vessel["zero_d_element_values"].pop("C", None)
     forward = model(forward.network)
     linear = vessel["zero_d_element_values"]["R_poiseuille"]
     for both, name, present in (
         (back, "BC_lad.P_v", 5.0 * units.MMHG),
-        (friction, "lad_proximal.R_poiseuille", linear),
+        (viscous, "lad_proximal.R_poiseuille", linear),
     ):
         each = [change([one], name, present) for one in both]
         assert min(each) > 0.0 and change(both, name, present) == pytest.approx(sum(each))

@@ -6,7 +6,7 @@ import pytest
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN
 from support.hypotheses import assume, placed
 
-TWO_SIZES, ONE_SIZE = placed("stenosis_with_friction", "lad"), placed("pressure_offset", "lad:BC_lad")
+TWO_SIZES, ONE_SIZE = placed("stenosis_with_viscous_loss", "lad"), placed("pressure_offset", "lad:BC_lad")
 BOTH = assume(TWO_SIZES, ONE_SIZE)
 Z = np.arange(5.0)
 

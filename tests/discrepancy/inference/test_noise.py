@@ -19,7 +19,7 @@ from coronaryuq.discrepancy.inference.noise import (
     estimated_noise,
     scatter,
     white_and_correlated,
-    with_lasting,
+    with_correlated,
 )
 from coronaryuq.discrepancy.inference.read_problem import read_problem
 from coronaryuq.discrepancy.result.summary_text import paragraph
@@ -44,14 +44,14 @@ def case(residual):
     return problem, Fit(np.zeros(1), residual.ravel(), np.zeros((residual.size, 1)))
 
 
-def correlation(time, lasting):
+def correlation(time, correlation_time):
     """The shorter way round the beat."""
     apart = np.abs(time[:, None] - time)
-    return np.exp(-np.minimum(apart, PERIOD - apart) / lasting)
+    return np.exp(-np.minimum(apart, PERIOD - apart) / correlation_time)
 
 
-def lasting_noise(random, time, lasting):
-    return np.linalg.cholesky(correlation(time, lasting)) @ random.standard_normal(time.size)
+def correlated_noise(random, time, correlation_time):
+    return np.linalg.cholesky(correlation(time, correlation_time)) @ random.standard_normal(time.size)
 
 
 def test_white_noise_has_the_stated_scatter():
@@ -80,39 +80,39 @@ def test_the_size_of_larger_noise_is_estimated():
     random = np.random.default_rng(2)
     found = [estimated_noise(*case(2.0 * random.standard_normal((SERIES, SAMPLES))))["flow"] for _ in range(50)]
     factors = np.array([one.scatter for one in found])
-    assert all(one.lasting == 0.0 for one in found)
+    assert all(one.correlation_time == 0.0 for one in found)
     assert abs(factors.mean() - 2.0) < 4.0 * factors.std() / np.sqrt(50) + 0.03
 
 
-@pytest.mark.parametrize("lasting", [0.05, 0.1])
-def test_the_correlation_time_is_estimated(lasting):
+@pytest.mark.parametrize("correlation_time", [0.05, 0.1])
+def test_the_correlation_time_is_estimated(correlation_time):
     """Of the standard deviation that is said: the mean logarithm of 50 trials within four standard errors."""
     random, found = np.random.default_rng(3), []
     for _ in range(50):
-        noise = [lasting_noise(random, series(number).time, lasting) for number in range(SERIES)]
-        found.append(estimated_noise(*case(np.array(noise)))["flow"].lasting)
-    logarithms = np.log(np.array(found) / lasting)
+        noise = [correlated_noise(random, series(number).time, correlation_time) for number in range(SERIES)]
+        found.append(estimated_noise(*case(np.array(noise)))["flow"].correlation_time)
+    logarithms = np.log(np.array(found) / correlation_time)
     assert abs(logarithms.mean()) < 4.0 * logarithms.std() / np.sqrt(50) + 0.03, logarithms.mean()
 
 
 @given(st.floats(0.005, 2.0))
-def test_the_parts_of_correlated_noise_make_up_its_covariance(lasting):
+def test_the_parts_of_correlated_noise_make_up_its_covariance(correlation_time):
     """The variance in all exactly, and no direction off by more than the shapes without weights differ."""
     one = series()
-    white, shapes = white_and_correlated(one, Noise(0.5, lasting))
+    white, shapes = white_and_correlated(one, Noise(0.5, correlation_time))
     made = white**2 * np.eye(SAMPLES) + shapes.T @ shapes
-    true = correlation(one.time, lasting)
+    true = correlation(one.time, correlation_time)
     assert np.trace(made) == pytest.approx(SAMPLES)
     assert np.abs(np.linalg.eigvalsh(made - true)).max() <= white**2 + 1e-9
 
 
 @given(st.floats(0.0, 1.0), st.floats(0.01, 0.5))
-def test_correlated_noise_does_not_depend_on_where_a_beat_is_cut(cut, lasting):
+def test_correlated_noise_does_not_depend_on_where_a_beat_is_cut(cut, correlation_time):
     one = series()
     moved = replace(one, time=(one.time + cut * PERIOD) % PERIOD)
     covariances = []
     for each in (one, moved):
-        white, shapes = white_and_correlated(each, Noise(0.5, lasting))
+        white, shapes = white_and_correlated(each, Noise(0.5, correlation_time))
         covariances.append(white**2 * np.eye(SAMPLES) + shapes.T @ shapes)
     np.testing.assert_allclose(covariances[1], covariances[0], atol=1e-6)
 
@@ -133,8 +133,8 @@ def named(found):
     return [entry.named.placed for entry in found.named]
 
 
-def test_understated_standard_deviations_hide_no_stenosis(tmp_path):
-    truth, _ = hide(Case(("quadratic_stenosis",), "medium", "understated", 100), open_loop(), tmp_path)
+def test_a_stenosis_is_found_with_underestimated_standard_deviations(tmp_path):
+    truth, _ = hide(Case(("quadratic_stenosis",), "medium", "underestimated", 100), open_loop(), tmp_path)
     found = searched(tmp_path)
     assert named(found) == list(truth.hypothesis)
     assert {name: one.scatter for name, one in found.noise.items()} == pytest.approx(
@@ -148,11 +148,11 @@ def test_understated_standard_deviations_hide_no_stenosis(tmp_path):
 
 
 def test_correlated_noise_raises_no_alarm(tmp_path):
-    hide(Case((), "none", "lasting", 101), open_loop(), tmp_path)
+    hide(Case((), "none", "correlated", 101), open_loop(), tmp_path)
     found = searched(tmp_path)
-    assert not found.alarm and all(one.lasting > 0.0 for one in found.noise.values())
+    assert not found.alarm and all(one.correlation_time > 0.0 for one in found.noise.values())
     assert set(found.noise) == {"flow", "pressure"}
-    said, made = np.concatenate([one.sd for one in found.measured]), with_lasting(found.problem)
+    said, made = np.concatenate([one.sd for one in found.measured]), with_correlated(found.problem)
     assert np.sqrt(np.mean((made / said) ** 2)) == pytest.approx(1.0, abs=0.05)
     assert "correlated in time" in paragraph(summary(found))
     said = searched(tmp_path, Settings(noise="stated"))
@@ -160,6 +160,6 @@ def test_correlated_noise_raises_no_alarm(tmp_path):
 
 
 def test_a_stenosis_under_correlated_noise_is_named(tmp_path):
-    truth, _ = hide(Case(("quadratic_stenosis",), "medium", "lasting", 100), open_loop(), tmp_path)
+    truth, _ = hide(Case(("quadratic_stenosis",), "medium", "correlated", 100), open_loop(), tmp_path)
     found = searched(tmp_path)
     assert named(found) == list(truth.hypothesis) and not found.remaining.alarm(0.01)

@@ -25,7 +25,7 @@ def test_an_absurd_value_is_rejected(error_of):
         return table
 
     message = error_of(change)
-    assert "rest/flow/AORTA:left_main/waveform, t = " in message and "see the number and its unit" in message
+    assert "rest/flow/AORTA:left_main/waveform, t = " in message and "check the value and its unit" in message
 
 
 @pytest.mark.parametrize(
@@ -33,7 +33,10 @@ def test_an_absurd_value_is_rejected(error_of):
 )
 def test_values_in_another_unit_than_stated_are_rejected(error_of, quantity, factor, times):
     message = error_of(lambda t: t.assign(value=np.where(t.quantity == quantity, factor * t.value, t.value)))
-    assert f"{quantity}: value = {times}" in message and "see the units of both" in message
+    assert (
+        f"{quantity}: ratio of measured to simulated values = {times}" in message
+        and "check the units of both" in message
+    )
 
 
 def test_flows_of_opposite_sign_are_rejected(error_of):
@@ -41,7 +44,7 @@ def test_flows_of_opposite_sign_are_rejected(error_of):
         return table.assign(value=np.where(table.quantity == "flow", -table.value, table.value))
 
     message = error_of(turned)
-    assert "flow: value = -" in message and "see their signs" in message
+    assert "mean flow (mL/s) = -" in message and "check the sign convention" in message
 
 
 def test_a_network_in_another_unit_than_detected_is_rejected(stenosis_case, tmp_path, capsys):

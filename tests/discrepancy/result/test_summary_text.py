@@ -7,7 +7,7 @@ from coronaryuq.discrepancy.forward.nuisance import Nuisance
 from coronaryuq.discrepancy.inference.locate import Located, PriorConflict
 from coronaryuq.discrepancy.inference.outliers import Outlier
 from coronaryuq.discrepancy.result import summary_text
-from coronaryuq.discrepancy.result.account import by_condition, described_sizes, noise_excess, prior_conflicts
+from coronaryuq.discrepancy.result.facts import by_condition, described_sizes, noise_excess, prior_conflicts
 from coronaryuq.discrepancy.selection.size_constancy import Constancy
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.library import effect

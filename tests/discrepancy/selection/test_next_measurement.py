@@ -29,7 +29,7 @@ def test_information_in_between_agrees_with_sampling():
 
 def test_another_instrument_does_not_share_a_measurement_error():
     """A new reading shows only the part of a hypothesis that concerns the patient."""
-    offset, loss = ("pressure_offset", "a:b"), ("stenosis_with_friction", "a")
+    offset, loss = ("pressure_offset", "a:b"), ("stenosis_with_viscous_loss", "a")
     z, hypothesis = without_measurement_errors(np.arange(5.0), assume(offset, loss))
     assert z.tolist() == [0.0, 1.0, 3.0, 4.0] and hypothesis == assume(loss)
     z, hypothesis = without_measurement_errors(np.arange(3.0), assume(offset))

@@ -44,5 +44,5 @@ def test_the_order_of_conditions_decides_nothing(tmp_path):
 def test_what_held_out_recordings_refuse_is_not_the_last_word(tmp_path):
     prepare_case(RECORDINGS, "DSEA08", tmp_path, None, False)
     found = searched(tmp_path)
-    assert [effect.name for effect, _ in found.not_borne_out] == ["flow_delay"]
+    assert [effect.name for effect, _ in found.not_confirmed] == ["flow_delay"]
     assert set(named(found)) == {"diffuse_narrowing", "intramyocardial_pressure", "inertance"}

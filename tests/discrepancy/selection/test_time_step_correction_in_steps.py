@@ -73,7 +73,7 @@ def test_an_effect_that_the_time_steps_caused_is_given_up_again():
     hypothesis = assume(OTHER, RIGHT)
     named = Candidate(RIGHT, -1.0, z_score=9.0, guess=1.0, fit=problem.calibrate(hypothesis))
     current = Round([named], {}, named, [named], [named], others=assume(NEIGHBOUR, OTHER))
-    assert named.log_weight - problem.calibrate(assume(OTHER)).evidence > problem.settings.least_log_odds
+    assert named.log_weight - problem.calibrate(assume(OTHER)).evidence > problem.settings.min_log_odds
     after, fit = problem.corrected(hypothesis, named.fit)
     plain, kept, without, decided = compare_again(problem, after, current, assume(OTHER), fit)
     assert kept == assume(OTHER) and decided.accepted is None and decided.probabilities["none"] > 0.5
@@ -93,6 +93,6 @@ def test_an_effect_distorted_by_coarse_steps_is_found_with_its_own_correction():
     candidate = Candidate(RIGHT, -9.0, z_score=4.0, guess=1.0, estimate=coarse.evidence)
     expected = min(1.0, np.exp(base.evidence - better.evidence - candidate.log_prior) * RULE.prior_named)
     assert evidence_p_value(problem, base, PLAIN, [candidate]) == pytest.approx(expected) and expected < 0.01
-    assert coarse.evidence - base.evidence + candidate.log_prior < problem.settings.least_log_odds
+    assert coarse.evidence - base.evidence + candidate.log_prior < problem.settings.min_log_odds
     step = forward_step(problem, base, PLAIN, np.zeros((ROWS, 1)), [candidate], base)
     assert step.accepted.placed == RIGHT and step.accepted.fit.evidence == pytest.approx(better.evidence)

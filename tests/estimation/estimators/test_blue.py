@@ -5,7 +5,7 @@ import pytest
 
 from coronaryuq.core.seeds import generator
 from coronaryuq.estimation.estimators.blue import Group, estimate, weights
-from coronaryuq.estimation.estimators.montecarlo import mfmc_variance
+from coronaryuq.estimation.estimators.formulas import mfmc_variance
 
 # A 3D model, its coarse mesh, two 0D outputs.
 COVARIANCE = np.array([[4.0, 3.6, 1.8, 0.6], [3.6, 4.0, 1.7, 0.5], [1.8, 1.7, 1.0, 0.1], [0.6, 0.5, 0.1, 1.0]])

@@ -30,10 +30,10 @@ def test_no_counts_on_a_grid_beat_the_closed_form(fine, coarse, cheap, cost, cos
 
 
 def test_worth_compares_variance_times_cost_without_and_with_the_level():
-    claims = {"MC": 2.0, "best": 1.0, "multilevel": 0.5}
+    claims = {"MC": 2.0, "crossfit-GP": 1.0, "multilevel": 0.5}
     estimators = {name: estimator(std=std, n_3d=10) for name, std in claims.items()}
     levels = row(levels=Parts(1.0, 4.0, 1.0), estimators=estimators, n_propagation=1000)
     got = worth(levels, 40, Costs(0.1, 1e-9))
-    assert got.without == "best" and got.claim_ratio == 0.5
-    assert got.gain == pytest.approx(4 * 10 / 14) and got.best_runs_per_fine == pytest.approx(np.sqrt(40))
+    assert got.without == "crossfit-GP" and got.std_ratio == 0.5
+    assert got.gain == pytest.approx(4 * 10 / 14) and got.optimal_runs_per_fine == pytest.approx(np.sqrt(40))
     assert worth(replace(levels, levels=None), 40, Costs(0.1, 1e-9)) is None

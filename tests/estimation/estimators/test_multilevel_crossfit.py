@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from coronaryuq.estimation.estimators.folds_and_blocks import make_design
+from coronaryuq.estimation.estimators.design import make_design
 from coronaryuq.estimation.estimators.multilevel_crossfit import multilevel
 from coronaryuq.estimation.surrogates import selector
 from coronaryuq.estimation.surrogates.control_variates import METHODS

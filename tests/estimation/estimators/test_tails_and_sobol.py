@@ -8,8 +8,8 @@ from coronaryuq.bench.estimation.problems import ROW as ANY
 from coronaryuq.bench.estimation.problems import Trial, as_design
 from coronaryuq.core.seeds import generator
 from coronaryuq.estimation.estimators import tails_and_sobol
+from coronaryuq.estimation.estimators.design import Block, Design
 from coronaryuq.estimation.estimators.folds import assign
-from coronaryuq.estimation.estimators.folds_and_blocks import Block, Design
 from coronaryuq.estimation.estimators.per_row import predict
 from coronaryuq.estimation.runs.table import Row
 from coronaryuq.estimation.settings import Settings

@@ -48,7 +48,7 @@ def test_the_influence_on_a_process_of_the_logarithm_is_that_on_its_exponential(
     rng = generator(4, "influence", "logarithm")
     x, new = rng.normal(size=(25, 2)), rng.normal(size=(7, 2))
     y = np.exp(0.3 * x[:, 0] + 0.1 * x[:, 1] ** 2)
-    model, fitted = gp.fit(np.column_stack([x, x]), np.log(y)), METHODS["process of logarithm"](seen_of(x), y)
+    model, fitted = gp.fit(np.column_stack([x, x]), np.log(y)), METHODS["GP of log y"](seen_of(x), y)
     both = np.column_stack([new, new])
     np.testing.assert_allclose(fitted.predict(seen_of(new)), np.exp(model.predict(both)), rtol=1e-12)
     without = np.exp(model.predict(both)[:, None] - model.influence(both))
@@ -61,7 +61,7 @@ def test_a_rival_that_differs_adds_the_variance_of_a_mixture():
     rng = generator(4, "rival")
     x, far = seen_of(rng.uniform(0, 1, (20, 1))), seen_of(np.full((3, 1), 3.0))
     y = 1 + x.row_output
-    line, curve = (METHODS[name](x, y + 0.01 * np.cos(9 * y)) for name in ("linear 0D", "process of logarithm"))
+    line, curve = (METHODS[name](x, y + 0.01 * np.cos(9 * y)) for name in ("linear 0D", "GP of log y"))
     weights = np.array([line.missed, curve.missed]) ** (-20 / RUNS_PER_POWER)
     weights /= weights.sum()
     apart = line.predict(far) - curve.predict(far)

@@ -10,9 +10,9 @@ from coronaryuq.case.anatomy.surface import surface_of
 from coronaryuq.case.anatomy.tree import write_tree
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_json
-from coronaryuq.flow3d.mesh.domain import read_domain
 from coronaryuq.flow3d.mesh.generation import folder
 from coronaryuq.flow3d.mesh.imported_lumen import adopt_folder, mesh_closed_surface
+from coronaryuq.flow3d.mesh.read_mesh import read_domain
 from coronaryuq.flow3d.mesh.settings import Settings
 from coronaryuq.flow3d.mesh.stage import make_mesh, mesh_tree
 from support.case_files import write_case_json

@@ -226,7 +226,8 @@ def test_a_case_without_stenosis_is_rejected_before_anything_runs(stenosed, tmp_
     write_tree(tmp_path / "t.vtp", stenosed[2])
     settings = Settings(domain=domain)
     with pytest.raises(
-        InputError, match=r"no vessel to make a 3D model of.*stenoses: \[\{name: LAD, vessel: LAD, start: "
+        InputError,
+        match=r"no stenosis or segment selected, so no 3D model.*stenoses: \[\{name: LAD, vessel: LAD, start: ",
     ):
         make_mesh(tmp_path / "case.json", tmp_path / "t.vtp", tmp_path / "n.json", settings, tmp_path / "out")
     assert not (tmp_path / "out").exists()
@@ -241,7 +242,7 @@ def test_an_anatomy_that_cannot_be_meshed_is_reported_on_one_line(stenosed, coar
     given = (tmp_path / f"{name}" for name in ("case.json", "tree.vtp", "network.json"))
     short = coarse.model_copy(update={"time_limit": 0.01, "attempts": 1})
     with pytest.raises(
-        InputError, match=r"tree.vtp: piece LAD could not be meshed: attempt 1: .*; look at the anatomy"
+        InputError, match=r"tree.vtp: piece LAD could not be meshed: attempt 1: .*; inspect the geometry"
     ):
         make_mesh(*given, short, tmp_path / "out")
 

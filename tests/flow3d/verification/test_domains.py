@@ -9,7 +9,7 @@ from coronaryuq.core.units import BLOOD_DENSITY, BLOOD_VISCOSITY
 from coronaryuq.flow3d.adapter import FlowModel
 from coronaryuq.flow3d.ensemble.ensemble import Ensemble
 from coronaryuq.flow3d.mesh.description import Couples
-from coronaryuq.flow3d.mesh.domain import read_domain
+from coronaryuq.flow3d.mesh.read_mesh import read_domain
 from coronaryuq.flow3d.mesh.settings import Settings as MeshSettings
 from coronaryuq.flow3d.mesh.stage import mesh_tree
 from coronaryuq.flow3d.settings import Settings

@@ -73,7 +73,7 @@ def test_a_negative_resistance_is_taken_with_a_note(campaign, tmp_path, capsys):
     ("columns", "names", "expected"),
     [
         ({"flow": SHARES}, ["0", "1", "2", "3", "x"], "name = 'x': not a coronary bed; there are BC_0"),
-        ({"flow": SHARES}, ["0", "1", "2", "3", "BC_0"], "name = 'BC_0': occurs twice"),
+        ({"flow": SHARES}, ["0", "1", "2", "3", "BC_0"], "name = 'BC_0': duplicate"),
         ({"flow": [1, 2, -3, 4, 5]}, range(5), "flow of BC_2 = -3.0: must be a positive number"),
         ({"volume": [1, 2, "", 4, 5]}, range(5), "volume of BC_2 = nan: must be a positive number"),
         ({"mbf": SHARES}, range(5), "flow: column missing; expected flow, or mbf and volume, or volume"),

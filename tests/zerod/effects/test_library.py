@@ -96,12 +96,12 @@ def test_a_stenosis_takes_its_share_of_the_pressure_at_the_reference_flow(tree):
     assert drop == pytest.approx(0.2 * anatomy.pressure)
 
 
-def test_a_stenosis_with_friction_loses_pressure_to_both(tree):
+def test_a_stenosis_with_viscous_loss_loses_pressure_to_both(tree):
     """At the reference flow, S Q^2 is the first size times the mean pressure and R Q the second size times that."""
     network, anatomy = tree
-    one, flow = effect("stenosis_with_friction"), anatomy.flow["lcx"]
+    one, flow = effect("stenosis_with_viscous_loss"), anatomy.flow["lcx"]
     network = one.insert(network, "lcx", anatomy)
-    sizes = {"loss": np.array([0.02, 0.05]), "friction": np.array([2.0, 0.5])}
+    sizes = {"loss": np.array([0.02, 0.05]), "viscous": np.array([2.0, 0.5])}
     found = one.changes(network, "lcx", sizes, anatomy, situation(anatomy))
     assert found["lcx_loss.stenosis_coefficient"] * flow**2 == pytest.approx(sizes["loss"] * anatomy.pressure)
     assert found["lcx_loss.R_poiseuille"] * flow == pytest.approx(0.04 * anatomy.pressure * np.array([1.0, 0.625]))

@@ -45,7 +45,7 @@ FAULTS = {
     ),
     "text for a number": (
         lambda n: n["boundary_conditions"][1]["bc_values"].update(Rd="big"),
-        ("RCR_left", "Rd", "'big'", "want a number"),
+        ("RCR_left", "Rd", "'big'", "expected a number"),
     ),
     "not a number": (
         lambda n: n["vessels"][0]["zero_d_element_values"].update(R_poiseuille=float("nan")),

@@ -14,8 +14,8 @@ NOISES = {
     "half": Noise(scale=0.5),
     "nominal": Noise(),
     "double": Noise(scale=2.0),
-    "understated": Noise(stated=2.0 / 3.0),
-    "lasting": Noise(correlation=0.7),
+    "underestimated": Noise(stated=2.0 / 3.0),
+    "correlated": Noise(correlation=0.7),
 }
 NOTHING_PER_SEED = 5
 """Cases without a hidden effect per seed: such a search is short, and a small rate needs many."""

@@ -21,7 +21,7 @@ from coronaryuq.flow3d.adapter import FlowModel
 from coronaryuq.flow3d.ensemble.ensemble import Ensemble
 from coronaryuq.flow3d.fem.lanes import LANES
 from coronaryuq.flow3d.mesh.description import Couples, Face, MeshDescription
-from coronaryuq.flow3d.mesh.domain import Domain
+from coronaryuq.flow3d.mesh.read_mesh import Domain
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.flow3d.verification.tube import tube
 from coronaryuq.zerod.effects.anatomy import Anatomy
@@ -55,7 +55,7 @@ class Shape:
     @property
     def effects(self) -> tuple[str, ...]:
         """Effects of the library that represent it."""
-        return {"healthy": (), "narrowed": ("diffuse_narrowing",)}.get(self.kind, ("stenosis_with_friction",))
+        return {"healthy": (), "narrowed": ("diffuse_narrowing",)}.get(self.kind, ("stenosis_with_viscous_loss",))
 
     def radius(self, along: np.ndarray) -> np.ndarray:
         """Return the relative radius at fractions of the length; a stenosis is a cosine over the middle 40 %."""
@@ -204,9 +204,9 @@ def _nearest(shape: Shape, case: make_case.ExternalCase, waveforms: dict[str, di
     hypothesis = Hypothesis(tuple(PlacedEffect(effect(name), shape.place) for name in shape.effects))
     if not hypothesis:
         return hypothesis, np.zeros(0)
-    friction = (resistance - network.vessel_values(shape.place)["R_poiseuille"]) * scale
-    sizes: tuple[float, ...] = (square * scale**2 / anatomy.pressure, friction / (square * scale**2))
+    viscous = (resistance - network.vessel_values(shape.place)["R_poiseuille"]) * scale
+    sizes: tuple[float, ...] = (square * scale**2 / anatomy.pressure, viscous / (square * scale**2))
     if shape.kind not in STENOSES:
-        sizes = (friction / anatomy.pressure,)
+        sizes = (viscous / anatomy.pressure,)
     parameters = hypothesis.effects[0].effect.parameters
     return hypothesis, np.array([float(p.to_standard(size)) for p, size in zip(parameters, sizes, strict=True)])

@@ -93,7 +93,7 @@ def _covered(answer: Discovery, truth: make_case.Truth) -> bool | None:
 
 
 def wilson(successes: int, trials: int) -> dict:
-    """Return a share with its 95 % interval (Wilson 1927)."""
+    """Return a fraction with its 95 % interval (Wilson 1927)."""
     if trials == 0:
         return {"share": None, "low": None, "high": None, "trials": 0}
     interval = binomtest(successes, trials).proportion_ci(method="wilson")

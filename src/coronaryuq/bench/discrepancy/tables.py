@@ -1,4 +1,4 @@
-"""Tables of the benchmark's cases: shares of right answers with intervals, cells, and first answers.
+"""Tables of the benchmark's cases: fractions of correct answers with intervals, cells, and first answers.
 
 A case is one entry of `coronaryuq bench discrepancy`; cases of several networks, strengths and noises are combined.
 """
@@ -15,17 +15,17 @@ from coronaryuq.core.io.tables import write_csv
 
 OPEN_LOOP = "open loop"
 """The network without cases with a known stenosis."""
-WANTED = {
-    "right name (or its class) first": (0.95, 1.0),
-    "right place": (0.90, 1.0),
-    "90 % interval holds the size": (0.85, 0.95),
+TARGETS = {
+    "correct effect (or its class) first": (0.95, 1.0),
+    "correct location": (0.90, 1.0),
+    "coverage of the 90 % interval": (0.85, 0.95),
     "false alarm, nothing hidden": (0.0, 0.05),
     "abstention outside the library": (0.85, 1.0),
-    "both of two effects named": (0.80, 1.0),
-    "≥ 90 % of the gap closed that the true effect closes": (0.90, 1.0),
-    "named, and worse than recalibration": (0.0, 0.0),
+    "both effects named": (0.80, 1.0),
+    "closes ≥ 90 % of the held-out gap closed by the true effect": (0.90, 1.0),
+    "named effects predict worse than recalibration": (0.0, 0.0),
 }
-"""Required range of each share."""
+"""Target range of each fraction."""
 
 
 def chosen(cases: Iterable[dict], network: str, strength: str = "medium", noise: str = "nominal") -> list[dict]:
@@ -42,7 +42,7 @@ def chosen(cases: Iterable[dict], network: str, strength: str = "medium", noise:
 
 
 def measures(cases: Sequence[dict]) -> dict[str, tuple[int, int]]:
-    """Count successes and trials of every measure, by the names of `WANTED`."""
+    """Count successes and trials of every measure, by the names of `TARGETS`."""
     nothing = [c for c in cases if c["effect"] == "none"]
     outside = [c for c in cases if c["effect"].startswith("outside")]
     double = [c for c in cases if is_pair(c)]
@@ -58,7 +58,7 @@ def measures(cases: Sequence[dict]) -> dict[str, tuple[int, int]]:
         [s >= 0.9 for s in shares if s is not None],
         [c["worse"] for c in cases if names_something(c) and c.get("worse") is not None],
     ]
-    return {name: (sum(map(bool, held)), len(held)) for name, held in zip(WANTED, outcomes, strict=True)}
+    return {name: (sum(map(bool, held)), len(held)) for name, held in zip(TARGETS, outcomes, strict=True)}
 
 
 def is_pair(case: dict) -> bool:
@@ -89,15 +89,16 @@ def in_order(effects: Iterable[str]) -> list[str]:
 
 
 def shares(parts: Mapping[str, Sequence[dict]]) -> pd.DataFrame:
-    """Return a row per measure and part with trials: successes, trials, share, 95 % Wilson interval, required range."""
+    """Return a row per measure and part with trials: successes, trials, fraction, 95 % Wilson interval, target."""
     rows = []
-    for name, (least, most) in WANTED.items():
+    for name, (least, most) in TARGETS.items():
         for part, selected in parts.items():
             held, trials = measures(selected)[name]
             if trials:
-                row = {"tested": name, "on": part, "held": held} | wilson(held, trials)
-                rows.append(row | {"wanted_from": least, "wanted_to": most})
-    columns = ["tested", "on", "held", "trials", "share", "low", "high", "wanted_from", "wanted_to"]
+                interval = wilson(held, trials)
+                row = {"tested": name, "on": part, "held": held, "fraction": interval.pop("share")} | interval
+                rows.append(row | {"target_from": least, "target_to": most})
+    columns = ["tested", "on", "held", "trials", "fraction", "low", "high", "target_from", "target_to"]
     return pd.DataFrame(rows, columns=columns)
 
 

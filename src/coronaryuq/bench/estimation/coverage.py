@@ -1,4 +1,4 @@
-"""Benchmark `coverage`: claimed against empirical spread, and coverage of 95 % intervals, over repeated trials."""
+"""Benchmark `coverage`: reported and empirical standard error, and coverage of 95 % intervals, over many trials."""
 
 import argparse
 import sys
@@ -16,10 +16,10 @@ from coronaryuq.bench.estimation.problems import SEED, Problem, Trial, from_pair
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import write_csv
-from coronaryuq.estimation.campaign.diagnostics import unverified
+from coronaryuq.estimation.analysis.diagnostics import untested
 from coronaryuq.estimation.estimators.crossfit import CrossFit, Estimate, Options, Propagated, combine
-from coronaryuq.estimation.estimators.fold_covariance import CENTRE, Influence, changes
 from coronaryuq.estimation.estimators.folds import assign, count
+from coronaryuq.estimation.estimators.influence import CENTRE, Influence, changes
 from coronaryuq.estimation.runs.table import read_rows, read_runs
 from coronaryuq.estimation.surrogates import selector
 from coronaryuq.estimation.surrogates.control_variates import METHODS, Method
@@ -29,7 +29,7 @@ SIZES = (25, 50, 100, 250)
 CONTROL_VARIATES: dict[str, Method] = {
     "MC": METHODS["constant"],
     "MFMC": METHODS["linear 0D"],
-    "best": selector.choose,
+    "crossfit-GP": selector.choose,
 }
 
 
@@ -84,7 +84,7 @@ def run_cell(problem: Problem, n: int, method: str, trials: int, first: int = 0)
     values = [(e.mean - truth, e.std, e.interval.holds(truth)) for truth, e in estimates]
     errors, stds, holds = (np.array(v) for v in zip(*values, strict=True))
     return {"problem": problem.name, "method": method, "n_3d": n} | judged(errors, stds, holds) | {
-        "warned": unverified(method, n) is not None
+        "warned": untested(method, n) is not None
     }  # fmt: skip
 
 
@@ -92,13 +92,13 @@ def run_tail_cells(name: str, n: int, trials: int, first: int = 0) -> list[dict]
     """One cell per quantity beyond the mean of an analytic pair; `quantity` names it. first: as of `cell`."""
     found = coverage_tails.errors(name, n, trials, FOLDS, first)
     return [
-        {"problem": name, "quantity": quantity, "method": "best", "n_3d": n} | judged(*values)
+        {"problem": name, "quantity": quantity, "method": "crossfit-GP", "n_3d": n} | judged(*values)
         for quantity, values in found.items()
     ]
 
 
 def judged(errors: np.ndarray, stds: np.ndarray, holds: np.ndarray) -> dict:
-    """Claims (T,), errors (T,) and whether the interval held (T,) as one cell."""
+    """Return standard errors (T,), errors (T,) and whether the interval covered (T,) as one cell."""
     trials, empirical = len(errors), errors.std(ddof=1)
     wilson = binomtest(int(holds.sum()), trials).proportion_ci(method="wilson")
     return {

@@ -35,7 +35,7 @@ def truths(pair: Pair) -> dict[str, float]:
 def errors(
     name: str, n: int, trials: int, folds: int, first: int = 0
 ) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Quantity → errors, claims and whether the interval held, each (trials,), of one analytic pair.
+    """Return quantity → errors, standard errors and whether the interval covered, each (trials,), of one analytic pair.
 
     first: number of the first trial.
     """
@@ -46,8 +46,8 @@ def errors(
     found = {}
     for quantity, t in truth.items():
         values = [trial[quantity] for trial in every]
-        wrong, claims = np.array([value.value - t for value in values]), np.array([value.std for value in values])
-        found[quantity] = wrong, claims, np.array([value.holds(t) for value in values])
+        errors, stds = np.array([value.value - t for value in values]), np.array([value.std for value in values])
+        found[quantity] = errors, stds, np.array([value.holds(t) for value in values])
     return found
 
 

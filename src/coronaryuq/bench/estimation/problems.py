@@ -10,7 +10,7 @@ import pandas as pd
 
 from coronaryuq.bench.estimation.pairs import Pair
 from coronaryuq.core.seeds import generator
-from coronaryuq.estimation.estimators.folds_and_blocks import Block, Design
+from coronaryuq.estimation.estimators.design import Block, Design
 from coronaryuq.estimation.runs.table import Row, Runs, pair
 from coronaryuq.estimation.surrogates.control_variates import Seen
 from coronaryuq.estimation.surrogates.emulator import Emulator, informative
@@ -21,10 +21,10 @@ ROW = Row("row", "y", "q0", "")
 
 @dataclass(frozen=True)
 class Trial:
-    """One trial: pilot and its 3D outputs (n,), propagation samples; and the mean of the law.
+    """One trial: pilot and its 3D outputs (n,), propagation samples; and the true mean.
 
     more_y (m,): 3D outputs at the propagation samples, which no estimator may use, if their mean is the truth instead
-    of the law's.
+    of `mean`.
     """
 
     seen: Seen
@@ -77,8 +77,8 @@ def from_runs(runs: Runs, row: Row) -> Problem:
     """Draw pilots from published runs without replacement.
 
     The runs left over are the propagation samples, and the mean of their 3D outputs, which no estimator uses, is the
-    truth: a finite set that shares no run with the pilot, so its residuals add var(residuals) / rest to the claim. The
-    0D model at other inputs is an emulator of all runs.
+    truth: a finite set that shares no run with the pilot, so its residuals add var(residuals) / rest to the variance.
+    The 0D model at other inputs is an emulator of all runs.
     """
     y, q = pair(runs, row)
     outputs = runs.q[informative(runs.q, [row.column_0d])].to_numpy(float)

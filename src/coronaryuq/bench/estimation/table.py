@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.estimation.campaign.paper_table import paper_table
+from coronaryuq.estimation.analysis.paper_table import paper_table
 from coronaryuq.estimation.settings import Settings
 
 SEED = 20241117

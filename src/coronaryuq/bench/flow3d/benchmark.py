@@ -190,7 +190,7 @@ def convergence(data: str | Path) -> list[dict]:
         for found in sorted(Path(data).glob("*/mesh.json"))
     }
     if len(meshes) < 2:
-        raise InputError(data, None, None, "want at least two folders with mesh.json and batch*.jsonl")
+        raise InputError(data, None, None, "expected at least two folders with mesh.json and batch*.jsonl")
     _, nodes, _, found = compare(meshes, data)
     size = np.array(nodes, float) ** (-1 / 3)
     rows = []

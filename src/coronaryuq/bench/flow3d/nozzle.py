@@ -172,7 +172,7 @@ def measured(folder: str | Path) -> dict[str, dict[str, np.ndarray]]:
             curves[name] = rows * [LENGTHS["m"], factor]
         found[path.stem.rsplit("_", 1)[-1]] = curves
     if len(found) < 2:
-        raise InputError(folder, "*_500_*.txt", len(found), "want the files of two laboratories at least")
+        raise InputError(folder, "*_500_*.txt", len(found), "expected the files of two laboratories at least")
     return found
 
 

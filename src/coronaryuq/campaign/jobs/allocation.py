@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from coronaryuq.campaign.jobs.runs import limits_of
-from coronaryuq.estimation.campaign.allocation import allocate
+from coronaryuq.estimation.analysis.allocation import allocate
 from coronaryuq.estimation.results import Counts, read_round
 from coronaryuq.estimation.runs.gather import RunFiles
 from coronaryuq.estimation.settings import Settings

@@ -2,7 +2,7 @@
 
 from coronaryuq.bench.estimation import coverage
 from coronaryuq.core.io.atomic import write_json
-from coronaryuq.estimation.campaign.paper_table import published
+from coronaryuq.estimation.analysis.paper_table import published
 
 
 def coverage_of_size(data: str | None, size: int, trials: int, cells: str) -> None:

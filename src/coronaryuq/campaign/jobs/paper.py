@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 from coronaryuq.estimation import stage
-from coronaryuq.estimation.campaign.paper_table import paper_table, published
+from coronaryuq.estimation.analysis.paper_table import paper_table, published
 from coronaryuq.estimation.settings import Settings
 
 

@@ -36,7 +36,7 @@ def read_project(folder: str | Path, scale: float) -> tuple[Tree, tuple[str, ...
     folder = Path(folder)
     paths, groups = sorted((folder / "Paths").glob("*.pth")), sorted((folder / "Segmentations").glob("*.ctgr"))
     if not paths or not groups:
-        raise InputError(folder, None, None, "wanted Paths/*.pth and Segmentations/*.ctgr")
+        raise InputError(folder, None, None, "expected Paths/*.pth and Segmentations/*.ctgr")
     of_path = {_path_name(group): group for group in groups} | {group.stem: group for group in groups}
     contoured = {path.stem: _contoured(path, of_path) for path in paths}
     left_out = [name for name, contours in contoured.items() if contours is None]
@@ -73,7 +73,9 @@ def join_lines(folder: Path, lines: list[Vessel], notes: tuple[str, ...] = ()) -
     attempts = [_attached(first, lines) for first in lines]
     reached, origins, worst, (line, other) = min(attempts, key=lambda attempt: attempt[2])
     if worst > ATTACH:
-        remedy = f"starts {worst:.1f} radii from the nearest vessel, {other}; wanted at most {ATTACH}"
+        remedy = (
+            f"path starts {worst:.1f} radii from {other}, the nearest; expected at most {ATTACH} (paths must overlap)"
+        )
         raise InputError(folder, line, None, "; ".join([remedy, *notes]))
     return _cut(reached, origins)
 
@@ -135,7 +137,7 @@ def _contoured(path: Path, groups: dict[str, Path]) -> Contoured | None:
     root = _xml(path)
     control = _points(path, root, ".//control_points/point")
     if len(control) < 2:
-        raise InputError(path, "control_points", len(control), "wanted two or more points")
+        raise InputError(path, "control_points", len(control), "expected two or more points")
     if path.stem not in groups:
         return None
     centres, radii = [], []

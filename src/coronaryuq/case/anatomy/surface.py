@@ -69,7 +69,7 @@ def read_surface(path: str | Path, scale: float = 1.0) -> Surface:
     Raises
     ------
     InputError
-        If the file is missing or holds no surface, edges are shared by more than two triangles, or there are fewer
+        If the file is missing or contains no surface, edges are shared by more than two triangles, or there are fewer
         than three caps.
     """
     import pyvista as pv
@@ -84,7 +84,7 @@ def read_surface(path: str | Path, scale: float = 1.0) -> Surface:
     except Exception as error:
         raise InputError(path, None, None, f"not a readable surface ({error})") from None
     if not isinstance(mesh, pv.PolyData) or mesh.n_cells == 0:
-        raise InputError(path, None, None, "holds no surface")
+        raise InputError(path, None, None, "contains no surface")
     mesh.clear_data()
     mesh = mesh.triangulate().clean(tolerance=WELD, absolute=False)
     if mesh.n_cells > MOST_TRIANGLES:
@@ -102,7 +102,7 @@ def surface_of(points: np.ndarray, triangles: np.ndarray, path: str | Path = "su
         notes.append(f"surface: kept the largest of {pieces} pieces")
     triangles, superfluous = _without_fins(triangles)
     if superfluous:
-        notes.append(f"surface: removed {superfluous} triangles that are duplicates or stand off the surface")
+        notes.append(f"surface: removed {superfluous} triangles that are duplicates or not part of the surface (fins)")
     edges, count = np.unique(np.sort(_edges(triangles), axis=1), axis=0, return_counts=True)
     if (count > 2).any():
         raise InputError(path, "edges", int((count > 2).sum()), "shared by more than two triangles; repair the surface")
@@ -118,7 +118,7 @@ def surface_of(points: np.ndarray, triangles: np.ndarray, path: str | Path = "su
     caps = find_caps(points, triangles)
     if len(caps) < 3:
         raise InputError(
-            path, "caps", len(caps), "flat ends found; wanted at least the aortic inlet, its outlet and one "
+            path, "caps", len(caps), "flat ends found; expected at least the aortic inlet, its outlet and one "
             "coronary outlet, cut flat with a sharp rim",
         )  # fmt: skip
     return Surface(points, triangles, caps, tuple(notes))

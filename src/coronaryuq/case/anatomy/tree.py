@@ -106,13 +106,13 @@ class Tree:
     def _admit(self, vessel: Vessel) -> None:
         points, radii = np.asarray(vessel.points, dtype=float), np.asarray(vessel.radii, dtype=float)
         if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2 or radii.shape != (len(points),):
-            raise ValueError(f"vessel {vessel.name}: wanted two or more points with one radius each")
+            raise ValueError(f"vessel {vessel.name}: expected two or more points with one radius each")
         if not (np.isfinite(points).all() and np.isfinite(radii).all() and (radii > 0).all()):
             raise ValueError(f"vessel {vessel.name}: points must be finite and radii positive")
         if (np.linalg.norm(np.diff(points, axis=0), axis=1) <= 0).any():
             raise ValueError(f"vessel {vessel.name}: repeats a point")
         if vessel.name in self.vessels:
-            raise ValueError(f"vessel {vessel.name}: the name occurs twice")
+            raise ValueError(f"vessel {vessel.name}: duplicate name")
         if vessel.branch not in BRANCHES:
             raise ValueError(f"vessel {vessel.name}: branch {vessel.branch!r} is none of {', '.join(BRANCHES)}")
         if vessel.parent is None and self.vessels:
@@ -297,7 +297,7 @@ def read_tree(path: str | Path, scale: float = 1.0) -> Tree:
 
     mesh = read_vtk(path)
     if not isinstance(mesh, pv.PolyData) or mesh.n_lines == 0:
-        raise InputError(path, None, None, "holds no polylines; wanted one polyline per vessel")
+        raise InputError(path, None, None, "contains no polylines; expected one polyline per vessel")
     if "Radius" not in mesh.point_data:
         raise InputError(
             path, "Radius", None, f"point data missing; the file has {', '.join(mesh.point_data) or 'none'}"
@@ -309,7 +309,7 @@ def read_tree(path: str | Path, scale: float = 1.0) -> Tree:
     names = [str(n) for n in _cell_data(mesh, "VesselName", [f"branch{i}" for i in range(len(cells))])]
     if len(set(names)) != len(names):
         twice = next(n for n in names if names.count(n) > 1)
-        raise InputError(path, "VesselName", twice, "occurs twice; every vessel needs its own name")
+        raise InputError(path, "VesselName", twice, "duplicate; every vessel needs its own name")
     if "Parent" in mesh.cell_data:
         parents = [str(p) or None for p in mesh.cell_data["Parent"]]
     else:
@@ -346,7 +346,9 @@ def _join_by_ends(path, polylines: list[np.ndarray], names: list[str]) -> list[s
         parents.append(names[int(np.argmin(gaps))] if min(gaps, default=np.inf) < 1e-4 * span else None)
     roots = [n for n, p in zip(names, parents, strict=True) if p is None]
     if len(roots) != 1:
-        raise InputError(path, "Parent", ", ".join(roots), "start at no other vessel's end; wanted one root")
+        raise InputError(
+            path, "Parent", ", ".join(roots), "more than one root vessel; all but one must start on another vessel"
+        )
     return parents
 
 

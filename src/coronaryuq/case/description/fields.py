@@ -273,7 +273,7 @@ def _one_line(path: str | Path, errors: ValidationError) -> InputError:
     value = None if first["type"] in ("missing", "value_error") else first["input"]
     message = first["msg"].removeprefix("Value error, ")
     if "literal['auto']" in first["loc"]:
-        message = "wanted auto, a list such as [{name: LAD, vessel: LAD, start: 2.0, end: 3.0}], or [] for none"
+        message = "expected auto, a list such as [{name: LAD, vessel: LAD, start: 2.0, end: 3.0}], or [] for none"
         faults = [fault for fault in faults if fault["loc"][:1] != first["loc"][:1]]
         faults.insert(0, first)
     if first["type"] == "extra_forbidden":

@@ -25,11 +25,11 @@ class _Loader(yaml.SafeLoader):
             if not isinstance(key, str):
                 raise yaml.YAMLError(f"line {node.start_mark.line + 1}: key {key!r} is not text; quote it")
             if keys.count(key) > 1:
-                raise yaml.YAMLError(f"line {node.start_mark.line + 1}: {key} is given twice")
+                raise yaml.YAMLError(f"line {node.start_mark.line + 1}: {key} is a duplicate")
         return super().construct_mapping(node, deep)
 
 
-def read_yaml(path: str | Path, wanted: str = "wanted a mapping of fields") -> dict[str, Any]:
+def read_yaml(path: str | Path, wanted: str = "expected a mapping of fields") -> dict[str, Any]:
     """Read a YAML mapping.
 
     Parameters
@@ -47,7 +47,7 @@ def read_yaml(path: str | Path, wanted: str = "wanted a mapping of fields") -> d
     try:
         size = Path(path).stat().st_size
         if size > LARGEST:
-            raise InputError(path, None, f"{size} bytes", f"more than {LARGEST} bytes; wanted a short text file")
+            raise InputError(path, None, f"{size} bytes", f"more than {LARGEST} bytes; expected a short text file")
         content = yaml.load(Path(path).read_text(encoding="utf-8"), Loader=_Loader)
     except FileNotFoundError:
         raise InputError(path, None, None, "no such file") from None

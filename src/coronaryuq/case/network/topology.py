@@ -133,7 +133,7 @@ def closed_loop_tree(network: Mapping[str, Any], path: str | Path) -> Topology:
         _blocks(network, key, path) for key in ("vessels", "boundary_conditions", "junctions", "closed_loop_blocks")
     )
     if len(loops) != 1 or loops[0].get("closed_loop_type") != HEART_TYPE:
-        raise InputError(path, "closed_loop_blocks", None, f"wanted one block of type {HEART_TYPE}")
+        raise InputError(path, "closed_loop_blocks", None, f"expected one block of type {HEART_TYPE}")
     roots = _get(loops[0], "outlet_blocks", "closed_loop_blocks", path)
     names = {_get(v, "vessel_id", "vessels", path): str(_get(v, "vessel_name", "vessels", path)) for v in vessels}
     if len(set(names.values())) != len(vessels):
@@ -156,22 +156,22 @@ def closed_loop_tree(network: Mapping[str, Any], path: str | Path) -> Topology:
             if number not in names:
                 raise InputError(path, f"junction {label}", number, "no vessel has this id")
         if len(inlets) != 1:
-            raise InputError(path, f"junction {label}", len(inlets), "inlet vessels; wanted one, vessels form a tree")
+            raise InputError(path, f"junction {label}", len(inlets), "a junction must have exactly one inlet vessel")
         feeder = names[inlets[0]]
         if feeder in ends_at:
             raise InputError(path, f"junction {label}", feeder, f"already ends at {ends_at[feeder]}")
         ends_at[feeder] = label
         for name in (names[number] for number in outlets):
             if name in fed:
-                raise InputError(path, f"junction {label}", name, "is fed twice; vessels form a tree")
+                raise InputError(path, f"junction {label}", name, "has two upstream junctions")
             fed.add(name)
     if len(roots) != 1 or roots[0] not in names.values():
-        raise InputError(path, "outlet_blocks", roots, "wanted the one vessel that leaves the heart")
+        raise InputError(path, "outlet_blocks", roots, "expected the one vessel that leaves the heart")
     for name in names.values():
         if name not in fed and name != roots[0]:
             raise InputError(path, f"vessel {name}", None, "nothing feeds it")
         if name not in ends_at:
-            raise InputError(path, f"vessel {name}", None, "has no outlet; give it a boundary condition or a junction")
+            raise InputError(path, f"vessel {name}", None, "has no downstream boundary condition or junction")
     topology = Topology(network)
     if topology.roots != roots or len(topology.subtree(roots[0])) < len(vessels):
         raise InputError(path, "vessels", None, f"some are not fed by {roots[0]}; vessels form one tree")
@@ -185,7 +185,7 @@ def _ends(vessel: Entry) -> dict[str, str]:
 def _blocks(network: Mapping[str, Any], key: str, path: str | Path) -> list[Entry]:
     blocks = network.get(key) if isinstance(network, Mapping) else None
     if not isinstance(blocks, list) or not all(isinstance(block, dict) for block in blocks):
-        raise InputError(path, key, None, "missing; wanted a closed-loop network as svZeroDSolver writes it")
+        raise InputError(path, key, None, "missing; expected a closed-loop network as svZeroDSolver writes it")
     return blocks
 
 

@@ -57,7 +57,7 @@ def detect_pressure_unit(network: Network, file: str | Path) -> str:
             return system
     raise InputError(
         file, "boundary_conditions.Rp+Rd", resistance,
-        "systemic resistance is neither in mmHg s/mL (about 1) nor in dyn s/cm5 (about 1300); say units: cgs or mmHg",
+        "systemic resistance neither in mmHg s/mL (about 1) nor in dyn s/cm5 (about 1300); set `units: cgs` or `mmHg`",
     )  # fmt: skip
 
 

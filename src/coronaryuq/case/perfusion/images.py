@@ -56,7 +56,7 @@ def read_image(path: str | Path, like: Image | None = None, path_like: str | Pat
         last = str(error).strip().splitlines()[-1]
         raise InputError(path, None, None, f"not a readable image ({last})") from None
     if image.GetDimension() != 3 or image.GetNumberOfComponentsPerPixel() != 1:
-        raise InputError(path, "size", image.GetSize(), "wanted a 3D image with one value per voxel")
+        raise InputError(path, "size", image.GetSize(), "expected a 3D image with one value per voxel")
     values = np.asarray(sitk.GetArrayFromImage(image)).transpose(2, 1, 0)
     matrix = np.eye(4)
     matrix[:3, :3] = np.array(image.GetDirection()).reshape(3, 3) * np.array(image.GetSpacing())

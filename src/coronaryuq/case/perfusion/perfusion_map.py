@@ -64,7 +64,7 @@ def read_wall(file: Path, map_: Perfusion, tissue_density: float, most_cells: in
     sizes = grid.compute_cell_sizes(length=False, area=False, volume=True).cell_data["Volume"]
     volumes = np.abs(np.asarray(sizes, dtype=float))
     if not (volumes > 0).any():
-        raise InputError(path, "cells", grid.n_cells, "no cell has a volume; wanted tetrahedra, hexahedra or voxels")
+        raise InputError(path, "cells", grid.n_cells, "no cell has a volume; expected tetrahedra, hexahedra or voxels")
     values = np.asarray(grid.cell_data["value"], dtype=float)
     _check_lengths(file, map_, grid, volumes)
     values, notes = _filled(path, values, np.asarray(grid.cell_centers().points, dtype=float), invalid)
@@ -127,7 +127,7 @@ def _from_vtk(file, path: Path, map_: Perfusion):
     except Exception as error:
         raise InputError(path, None, None, f"not a readable VTK file ({error})") from None
     if isinstance(mesh, pv.MultiBlock) or mesh.n_cells == 0:
-        raise InputError(path, "cells", mesh.n_cells, "wanted one mesh with volume cells")
+        raise InputError(path, "cells", mesh.n_cells, "expected one mesh with volume cells")
     arrays = sorted({*mesh.cell_data.keys(), *mesh.point_data.keys()} - {"vtkGhostType"})
     array = map_.array
     if array is None:
@@ -200,7 +200,7 @@ def _on_cells(file, field: str, mesh, array: str, arrays: list[str]) -> np.ndarr
     else:
         raise InputError(file, field, array, f"no such array; the map has {', '.join(arrays) or 'none'}")
     if values.ndim != 1:
-        raise InputError(file, field, array, f"has {values.shape[1]} components; wanted one")
+        raise InputError(file, field, array, f"has {values.shape[1]} components; expected one")
     return values
 
 

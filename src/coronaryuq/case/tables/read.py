@@ -45,7 +45,7 @@ def read_outlets(path: Path) -> list[OutletRow]:
     _check_size(path)
     frame = read_csv(path, ("name", "perfuses", "branch"))
     if not 1 <= len(frame) <= MOST_OUTLETS:
-        raise InputError(path, "rows", len(frame), f"wanted 1 to {MOST_OUTLETS} outlets")
+        raise InputError(path, "rows", len(frame), f"expected 1 to {MOST_OUTLETS} outlets")
     known = {"name", "bc", "vessel", "x", "y", "z", "perfuses", "branch", "label"}
     for column in frame.columns:
         if column not in known:
@@ -60,7 +60,7 @@ def read_outlets(path: Path) -> list[OutletRow]:
         values = [getattr(row, field) for row in rows]
         for value in values:
             if values.count(value) > 1:
-                raise InputError(path, field, value, "occurs twice; every outlet needs its own")
+                raise InputError(path, field, value, "duplicate; every outlet needs its own")
     if not any(row.perfuses == "LV" for row in rows):
         raise InputError(path, "perfuses", None, "no outlet perfuses the LV; at least one must")
     return rows
@@ -77,7 +77,7 @@ def _outlet(path: Path, number: int, record: dict[str, Any]) -> OutletRow:
 
     name = cells.get("name")
     if name is None or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_.-]{0,63}", name):
-        raise InputError(path, f"row {number}, name", name, "wanted a letter, then letters, digits, _ . or -")
+        raise InputError(path, f"row {number}, name", name, "expected a letter, then letters, digits, _ . or -")
     perfuses, branch = choice("perfuses", TISSUES), choice("branch", BRANCHES)
     return OutletRow(
         name,
@@ -99,9 +99,9 @@ def _point(path: Path, number: int, record: dict[str, Any]) -> Point | None:
     try:
         x, y, z = (float(str(value)) for value in values)
     except ValueError:
-        raise InputError(path, f"row {number}, x y z", values, "wanted numbers") from None
+        raise InputError(path, f"row {number}, x y z", values, "expected numbers") from None
     if not all(map(math.isfinite, (x, y, z))):
-        raise InputError(path, f"row {number}, x y z", (x, y, z), "wanted finite numbers")
+        raise InputError(path, f"row {number}, x y z", (x, y, z), "expected finite numbers")
     return x, y, z
 
 
@@ -148,7 +148,7 @@ def _outlet_names(path: Path, frame, lv: dict[str, str]) -> list[str]:
         if name is None:
             raise InputError(path, "name", cell, f"not an outlet that perfuses the LV; those are {', '.join(lv)}")
         if name in names:
-            raise InputError(path, "name", cell, "occurs twice")
+            raise InputError(path, "name", cell, "duplicate")
         names.append(name)
     for name in lv:
         if name not in names:
@@ -234,11 +234,11 @@ def csv_targets(path: Path) -> dict[str, tuple[str | None, float | None, str | N
             cells = {"name": row[0], "description": ", ".join(row[1:-1]), "value": row[-1]}
         else:
             wanted = ", ".join(header) if headed else "name, description, value; or a header with name and value"
-            raise InputError(path, f"line {line_number(path, number - 2)}", separator.join(row), f"wanted {wanted}")
+            raise InputError(path, f"line {line_number(path, number - 2)}", separator.join(row), f"expected {wanted}")
         name, value = cells["name"], cells["value"]
         value = value.replace(",", ".") if separator == ";" else value
         if name in targets:
-            raise InputError(path, name, value, "given twice")
+            raise InputError(path, name, value, "duplicate")
         targets[name] = cells.get("description") or None, _number(path, name, value), cells.get("unit") or None
     return targets
 
@@ -260,7 +260,7 @@ def _number(path: Path, name: str, value: Any) -> float | None:
     except (TypeError, ValueError):
         number = math.nan
     if isinstance(value, bool) or not math.isfinite(number):
-        remedy = "wanted a number or none"
+        remedy = "expected a number or none"
         if isinstance(value, str) and re.match(r"[-+]?[\d.]+\s*[A-Za-z%]", value):
             remedy += "; put units into a column `unit`, with a header"
         raise InputError(path, name, value, remedy)
@@ -272,7 +272,7 @@ def _numbers(path: Path, frame, column: str) -> np.ndarray:
     for number, cell in enumerate(frame[column], start=1):
         value = _number(path, f"row {number}, {column}", cell if isinstance(cell, str) else float(cell))
         if value is None:
-            raise InputError(path, f"row {number}, {column}", cell, "wanted a number")
+            raise InputError(path, f"row {number}, {column}", cell, "expected a number")
         values.append(value)
     return np.array(values)
 
@@ -281,4 +281,6 @@ def _check_size(path: Path) -> None:
     if not path.is_file():
         raise InputError(path, None, None, "no such file")
     if path.stat().st_size > LARGEST_TABLE:
-        raise InputError(path, None, f"{path.stat().st_size} bytes", f"more than {LARGEST_TABLE} bytes; wanted a table")
+        raise InputError(
+            path, None, f"{path.stat().st_size} bytes", f"more than {LARGEST_TABLE} bytes; expected a table"
+        )

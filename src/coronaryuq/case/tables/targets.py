@@ -95,7 +95,7 @@ def check_targets(targets: Mapping[str, TargetValue], file: str | Path) -> dict[
         low, high = target.plausible
         if not low <= number <= high:
             unit = "" if target.unit == "1" else f" {target.unit}"
-            remedy = f"implausible: {number:.6g}{unit}, wanted {low:g} to {high:g}{unit}"
+            remedy = f"implausible: {number:.6g}{unit}, expected {low:g} to {high:g}{unit}"
             if target.unit == "1" and low <= number / 100 <= high:
                 remedy += "; give a fraction, not per cent"
             raise InputError(file, name, value, remedy)
@@ -112,5 +112,5 @@ def _factor(target: Target, unit: str | None, file: str | Path) -> float:
         return 1.0
     table = next(table for table in (PRESSURES, VOLUMES, RATIOS) if target.unit in table)
     if unit not in table:
-        raise InputError(file, f"{target.name}.unit", unit, f"wanted one of {', '.join(table)}")
+        raise InputError(file, f"{target.name}.unit", unit, f"expected one of {', '.join(table)}")
     return table[unit] / table[target.unit]

@@ -114,8 +114,8 @@ def _drive(anatomy: Anatomy, condition: Condition, period: float, file: str | Pa
         if block["bc_type"] == "PRESSURE":
             own, given = (float(np.abs(np.mean(values))) for values in (block["bc_values"]["P"], value))
             if own > 0.0 and not 1.0 / LARGEST_DRIVE <= given / own <= LARGEST_DRIVE:
-                remedy = "times the network's own mean pressure; use the network's unit of pressure"
-                raise InputError(file, f"{condition.name}.drive.{name}", float(f"{given / own:.3g}"), remedy)
+                where = f"{condition.name}.drive.{name}: mean over the network's own"
+                raise InputError(file, where, float(f"{given / own:.3g}"), "use the network's unit of pressure")
         block["bc_values"]["t"], block["bc_values"][WAVEFORMS[block["bc_type"]]] = time.tolist(), value.tolist()
     return target
 
@@ -132,14 +132,14 @@ def _own_period(condition: Condition, period: float, file: str | Path) -> float:
     if condition.period_scale == 1.0 and driving:
         target = driving[0]
     for name, length in lengths.items():
-        where = f"{condition.name}.drive.{name}"
+        where = f"{condition.name}.drive.{name}: length (s)"
         if condition.period_scale == 1.0:
             allowed = SAME_BEAT if name in COVARIATES else 1e-9
             if abs(length - target) > allowed * target:
-                remedy = f"s long; expected {target:.4g}" + (", as the other drives" if driving else "")
+                remedy = f"expected {target:.4g}" + (", like the other drives" if driving else "")
                 raise InputError(file, where, length, remedy)
         elif min(abs(length - beat) / beat for beat in (period, target)) > SAME_BEAT:
-            remedy = f"s long; with a period_scale, expected the network's beat ({period:.4g}) or this condition's "
+            remedy = f"with a period_scale, expected the network's beat ({period:.4g}) or that of the condition "
             remedy += f"({target:.4g})"
             raise InputError(file, where, length, remedy)
     return target

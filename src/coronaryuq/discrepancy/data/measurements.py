@@ -172,13 +172,14 @@ def _number(value: Any) -> bool:
 def _check_waveform(path: str | Path, key: Iterable, time: np.ndarray, period: float) -> None:
     where = "/".join(map(str, key))
     if len(time) < LEAST_POINTS:
-        raise InputError(path, where, len(time), f"points; a waveform needs at least {LEAST_POINTS} over the cycle")
+        remedy = f"expected at least {LEAST_POINTS} over the cycle; add points or give the mean"
+        raise InputError(path, f"{where}: number of points", len(time), remedy)
     if np.ptp(time) > LONGEST * period:
-        remedy = f"times span {np.ptp(time) / period:.3g} cycles of {period:.4g} s; give one beat with times in s"
-        raise InputError(path, where, float(np.ptp(time)), remedy)
+        remedy = f"{np.ptp(time) / period:.3g} cycles of {period:.4g} s; give one beat with times in s"
+        raise InputError(path, f"{where}: time span (s)", float(np.ptp(time)), remedy)
     if time[0] < 0.0 or time[-1] > (1.0 + LATE) * period:
         remedy = f"outside the beat of {period:.4g} s; give times in s from its start, or set period_scale"
-        raise InputError(path, where, float(time[0] if time[0] < 0.0 else time[-1]), remedy)
+        raise InputError(path, f"{where}: time (s)", float(time[0] if time[0] < 0.0 else time[-1]), remedy)
     if (np.diff(time) == 0.0).any():
         duplicate = float(time[np.argmin(np.diff(time))])
         raise InputError(path, f"{where}: time", duplicate, "duplicate time; keep one row")
@@ -187,10 +188,10 @@ def _check_waveform(path: str | Path, key: Iterable, time: np.ndarray, period: f
     if gap > WIDEST_GAP:
         raise InputError(
             path,
-            where,
+            f"{where}: largest gap over period",
             round(gap, 3),
-            f"gap over the period: the waveform does not cover the cycle of {period:.4g} s; give the whole cycle, or "
-            "set the condition's period_scale",
+            f"the waveform does not cover the cycle of {period:.4g} s; give the whole cycle, or set the condition's "
+            "period_scale",
         )
 
 

@@ -137,8 +137,8 @@ def _flow_unit(folder: Path, animal: str, beats: dict[str, pd.DataFrame], headin
         note = f"note: {folder}: {animal}: flow with heading ml/s, mean {largest:.3g}, is read as mL/min"
         print(note, file=sys.stderr, flush=True)
     if largest < SD_FLOW * per_minute:
-        remedy = f"{unit} on average, below the error of such a flow ({SD_FLOW * per_minute:.2g}); check its unit"
-        raise InputError(folder, f"{animal}: flow", float(f"{largest:.3g}"), remedy)
+        remedy = f"below the error of a flow reading ({SD_FLOW * per_minute:.2g}); check the unit"
+        raise InputError(folder, f"{animal}: mean flow ({unit})", float(f"{largest:.3g}"), remedy)
     return unit, per_minute
 
 
@@ -181,8 +181,8 @@ def _beats(folder: Path, animal: str) -> tuple[dict[str, pd.DataFrame], str, str
         headings.setdefault((artery, unit), path)
     if len(beats) < 2:
         columns = ", ".join((TIME, AORTA, VENTRICLE, FLOW))
-        remedy = f"conditions; expected {animal}_CONDITION.csv of at least two, with columns {columns}"
-        raise InputError(folder, animal, len(beats), remedy)
+        remedy = f"expected at least two files {animal}_CONDITION.csv, with columns {columns}"
+        raise InputError(folder, f"{animal}: number of conditions", len(beats), remedy)
     if len(headings) > 1:
         (first, _), (other, path) = list(headings.items())[:2]
         raise InputError(
@@ -225,25 +225,29 @@ def _check_beat(path: Path, frame: pd.DataFrame) -> None:
             f"line {line_number(path, row)}: times must increase; sort the table",
         )
     if not SHORTEST <= time[-1] - time[0] <= LONGEST:
-        remedy = f"s long; expected one beat, {SHORTEST} to {LONGEST} s; check the unit of time"
-        raise InputError(path, TIME, float(time[-1] - time[0]), remedy)
+        remedy = f"outside {SHORTEST} to {LONGEST} s; give one beat and check the unit of time"
+        raise InputError(path, f"{TIME}: duration", float(time[-1] - time[0]), remedy)
     gap = float(np.diff(time).max() / (time[-1] - time[0]))
     if gap > WIDEST_GAP:
         raise InputError(
-            path, TIME, f"{gap:.0%}", "of the beat without a reading; remove the recording, or cut out another beat"
+            path,
+            f"{TIME}: largest gap over the beat",
+            float(f"{gap:.2g}"),
+            f"expected at most {WIDEST_GAP:g}; remove the recording, or cut out another beat",
         )
     if not AORTIC[0] <= aorta.mean() <= AORTIC[1]:
-        remedy = f"mmHg on average, expected {AORTIC[0]:g} to {AORTIC[1]:g}; check its unit"
-        raise InputError(path, AORTA, round(float(aorta.mean()), 3), remedy)
+        remedy = f"outside {AORTIC[0]:g} to {AORTIC[1]:g}; check the unit"
+        raise InputError(path, f"mean {AORTA}", round(float(aorta.mean()), 3), remedy)
     if ventricle.mean() > aorta.mean():
-        remedy = f"mmHg on average, above the aortic {aorta.mean():.3g}; check whether the two are exchanged"
-        raise InputError(path, VENTRICLE, round(float(ventricle.mean()), 3), remedy)
+        remedy = f"above the mean aortic pressure, {aorta.mean():.3g}; check whether the two are exchanged"
+        raise InputError(path, f"mean {VENTRICLE}", round(float(ventricle.mean()), 3), remedy)
     if frame[FLOW].mean() <= 0.0:
-        remedy = "on average; change the sign if the probe was reversed"
-        raise InputError(path, FLOW, round(float(frame[FLOW].mean()), 3), remedy)
+        remedy = "not positive; change the sign if the probe was reversed"
+        raise InputError(path, f"mean {FLOW}", round(float(frame[FLOW].mean()), 3), remedy)
     systoles = _systoles(ventricle)
     if systoles != 1:
-        raise InputError(path, VENTRICLE, systoles, "systoles in the recording; cut out one beat, or average the beats")
+        remedy = "expected one; cut out one beat, or average the beats"
+        raise InputError(path, f"{VENTRICLE}: number of systoles", systoles, remedy)
     for name, values in ((AORTA, aorta), (VENTRICLE, ventricle)):
         jump = abs(values[-1] - values[0]) / np.ptp(values)
         if jump > LARGEST_JUMP:

@@ -39,19 +39,19 @@ _SPREAD = np.sqrt(3.0 * float(stats.chi2.cdf(_BOUND, 5)) + TRIMMED * _BOUND**2 -
 class Noise:
     """Noise of the waveforms of one quantity.
 
-    scatter: from sample to sample, over the stated standard deviation; lasting: correlation time (s), with the stated
-    standard deviation; 0: white noise as large as its scatter.
+    scatter: from sample to sample, over the stated standard deviation; correlation_time: correlation time (s), with the
+    stated standard deviation; 0: white noise as large as its scatter.
     """
 
     scatter: float
-    lasting: float = 0.0
+    correlation_time: float = 0.0
 
 
 def noise_text(noise: dict[str, Noise]) -> str:
     """Return the noise of several quantities in words."""
     parts = []
     for quantity, entry in noise.items():
-        correlated = f", correlated over {entry.lasting:.2g} s" if entry.lasting else ""
+        correlated = f", correlated over {entry.correlation_time:.2g} s" if entry.correlation_time else ""
         parts.append(f"{quantity} {entry.scatter:.2f} times{correlated}")
     return "; ".join(parts)
 
@@ -71,8 +71,8 @@ class Scatter:
 def estimated_noise(problem: Problem, fit: Fit) -> dict[str, Noise]:
     """Return the noise of quantities whose waveforms scatter more than their standard deviations, or less.
 
-    Noise that scatters less is correlated: it has the stated standard deviation and the correlation exp(-|t| / lasting)
-    (Ornstein-Uhlenbeck) that leaves this scatter.
+    Noise that scatters less is correlated: it has the stated standard deviation and the correlation exp(-|t| /
+    correlation_time) (Ornstein-Uhlenbeck) that leaves this scatter.
     """
     noise = {}
     for quantity, seen in scatter(problem, fit).items():
@@ -158,11 +158,11 @@ def _time(series: Measured) -> np.ndarray:
     return series.time
 
 
-def _correlation(series: Measured, lasting: float) -> np.ndarray:
+def _correlation(series: Measured, correlation_time: float) -> np.ndarray:
     """Return correlations (k, k) of samples, the shorter way round the beat: where it is cut makes no difference."""
     time = _time(series)
     apart = np.abs(time[:, None] - time[None, :]) % series.period
-    return np.exp(-np.minimum(apart, series.period - apart) / lasting)
+    return np.exp(-np.minimum(apart, series.period - apart) / correlation_time)
 
 
 def white_and_correlated(series: Measured, noise: Noise) -> tuple[float, np.ndarray]:
@@ -170,9 +170,9 @@ def white_and_correlated(series: Measured, noise: Noise) -> tuple[float, np.ndar
 
     Returns the standard deviation of its white part, and shapes (n, k) with standard normal weights.
     """
-    if noise.lasting == 0.0:
+    if noise.correlation_time == 0.0:
         return noise.scatter, np.zeros((0, series.value.size))
-    variances, shapes = np.linalg.eigh(_correlation(series, noise.lasting))
+    variances, shapes = np.linalg.eigh(_correlation(series, noise.correlation_time))
     variances, shapes = variances[::-1], shapes.T[::-1]
     rest = np.cumsum(variances[::-1])[::-1] / np.arange(variances.size, 0, -1)
     count = int(np.argmax(variances < SMOOTH * rest))
@@ -180,7 +180,7 @@ def white_and_correlated(series: Measured, noise: Noise) -> tuple[float, np.ndar
     return float(np.sqrt(white)), shapes[:count] * np.sqrt(variances[:count] - white)[:, None]
 
 
-def with_lasting(problem: Problem) -> np.ndarray:
+def with_correlated(problem: Problem) -> np.ndarray:
     """Return the standard deviations (N,) of the measurements, including correlated noise."""
     rows = [n.shape for n in problem.forward.nuisances if n.noise and n.shape is not None]
     all_shapes = problem.forward.shapes

@@ -25,21 +25,21 @@ from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.solver.periodic import Periodicity
 
 MISTYPED = {"perfusion": 1e4}
-"""Times the largest that the model has, beyond which a number cannot be a measurement; 50 of other quantities."""
+"""Largest plausible ratio of a measured value to the largest simulated value; 50 for other quantities."""
 UNITS_APART = {"pressure": 6.0, "ratio": 20.0, "flow": 20.0, "volume": 20.0}
-"""Times what the model has that the middle one of all series cannot be; kPa and mmHg are 7.5 apart."""
+"""Largest plausible ratio of the median measured/simulated value; kPa and mmHg differ by a factor of 7.5."""
 
 MARKS = (":", "~", "<")
-"""What stands between the blocks of a place."""
+"""Separators of the blocks of a place."""
 KNOWN = 1.0
-"""Ratio of a perfusion to its standard deviation above which it may set a tissue mass."""
+"""Ratio of a perfusion to its standard deviation above which it may determine a tissue mass."""
 LEAST_WHITE = 0.1
-"""Least share of a standard deviation that remains white noise, whatever floor and time steps add."""
-STEPS_WHERE_LASTING = 4
-"""Refinement of an open loop's time steps where noise is correlated in time: little noise is left to sharp features.
+"""Smallest fraction of a standard deviation that remains white noise, whatever floor and time steps add."""
+STEPS_WHERE_CORRELATED = 4
+"""Refinement of an open loop's time steps where noise is correlated in time: sharp features are weighted strongly.
 
-There the steps err, and far from the data, where no correction at a fit is right, their error would decide which effect
-is best. In a closed loop some ringing persists with shorter steps, and runs are expensive."""
+Time-step errors are largest there, and far from the data, where no correction at a fit applies, they would decide which
+effect is best. In a closed loop some oscillation persists with shorter steps, and runs are expensive."""
 
 
 def locations(network: Network) -> dict[str, list[str]]:
@@ -57,23 +57,25 @@ def locations(network: Network) -> dict[str, list[str]]:
 
 
 def check_searchable(network: Network, file: str | Path) -> None:
-    """Raise `InputError` for what a network may be and a search has no use of; `file` for messages.
+    """Raise `InputError` if the network contains elements the search does not support; `file` for messages.
 
-    Places are written BLOCK:BLOCK, BED~BED and BED<BED, so that no name may hold these marks.
+    Places are written BLOCK:BLOCK, BED~BED and BED<BED, so no name may contain these separators.
     """
     if not network.vessels:
         raise InputError(file, "vessels", None, "missing; there is no vessel or bed that an effect could act on")
     for block in network.couplings:
-        remedy = "driven by another solver, of which a search knows nothing; put a boundary condition in its place"
+        remedy = (
+            "coupled to an external solver, which the search does not support; replace it with a boundary condition"
+        )
         raise InputError(file, f"external_solver_coupling_blocks.{block['name']}", None, remedy)
     for vessel in network.vessels:
         if vessel["zero_d_element_type"] == "BloodVesselRC":
-            remedy = "no effect is written for it; want BloodVessel, or BloodVesselCRL with R_poiseuille and C"
+            remedy = "element not supported by the search; use BloodVessel, or BloodVesselCRL with R_poiseuille and C"
             raise InputError(file, vessel["vessel_name"], "BloodVesselRC", remedy)
     for part, key in (("vessels", "vessel_name"), ("boundary_conditions", "bc_name"), ("junctions", "junction_name")):
         for block in network.get(part, []):
             if any(mark in block[key] for mark in MARKS):
-                raise InputError(file, f"{part}.{key}", block[key], f"want a name without {' '.join(MARKS)}")
+                raise InputError(file, f"{part}.{key}", block[key], f"expected a name without {' '.join(MARKS)}")
 
 
 def read_problem(
@@ -88,16 +90,18 @@ def read_problem(
     measured = read_measurements(measurements, conditions, locations(network), periods)
     used = measured_conditions(measured)
     if len(used) < 2:
-        remedy = "measurements of one condition only; a second is needed, to be kept out of the fit"
+        remedy = "the only measured condition; at least two are needed, one of them to be held out"
         raise InputError(measurements, "condition", used[0], remedy)
     held = [name for name in used if conditions[name].held_out]
     if len(held) == len(used):
-        raise InputError(file, "held_out", held, "every measured condition is held out; leave one to fit")
+        raise InputError(file, "held_out", held, "every measured condition is held out; fit at least one")
     problem = make_problem(network, {name: conditions[name] for name in conditions if name in used}, measured, settings)
     _check_root(problem)
     _check_sizes(problem, measurements)
     if not folds_of(problem, held):
-        remedy = "means of conditions with a free parameter set that parameter: nothing is left to verify on; add more"
+        remedy = (
+            "held-out means only determine the free parameters, so nothing remains for validation; add measurements"
+        )
         raise InputError(measurements, "condition", ", ".join(held or used), remedy)
     return with_time_steps(problem)
 
@@ -107,14 +111,15 @@ def _check_root(problem: Problem) -> None:
     pressure = problem.forward.anatomy.pressure * problem.forward.pressure_factor / units.MMHG
     if problem.settings.pressure_unit == "auto" and not AORTIC[0] <= pressure <= AORTIC[1]:
         unit = "mmHg" if problem.forward.pressure_factor == units.MMHG else "dyn/cm2"
-        remedy = f"mmHg at the root if the network is in {unit}, want {AORTIC[0]:g} to {AORTIC[1]:g}; give its unit"
-        raise InputError("model", "pressure_unit", float(f"{pressure:.3g}"), remedy)
+        remedy = f"assuming the network is in {unit}; expected {AORTIC[0]:g} to {AORTIC[1]:g}; set pressure_unit"
+        raise InputError("model", "mean root pressure (mmHg)", float(f"{pressure:.3g}"), remedy)
 
 
 def _check_sizes(problem: Problem, file: str | Path) -> None:
-    """Measurements that are far from anything that the model has are in another unit, or mistyped.
+    """Reject measurements far from all simulated values: they are in another unit, or mistyped.
 
-    One flow may be much less than the model's, in a vessel all but closed; the scale of perfusion is the data's own.
+    One flow may be much less than the model's, in a nearly closed vessel; the scale of perfusion is determined by the
+    data.
     """
     forward = problem.forward
     predicted = forward.split(forward.predict(np.zeros(problem.count)))
@@ -125,24 +130,24 @@ def _check_sizes(problem: Problem, file: str | Path) -> None:
             continue
         places = {s.location for s, _ in mine}
         if quantity == "flow" and len(places) > 1 and all(_opposite(s, p) for s, p in mine):
-            remedy = "mL/s on average where the model's flow runs the other way, and so all flows; see their signs"
-            raise InputError(file, "flow: value", float(f"{mine[0][0].value.mean():.3g}"), remedy)
+            remedy = "all measured flows have the opposite sign to the model; check the sign convention"
+            raise InputError(file, "mean flow (mL/s)", float(f"{mine[0][0].value.mean():.3g}"), remedy)
         for series, _ in mine:
             worst = int(np.argmax(np.abs(series.value)))
             times = abs(float(series.value[worst])) / largest
             if times > MISTYPED.get(quantity, 50.0):
                 where = "/".join((series.condition, quantity, series.location, series.statistic))
                 where += "" if series.time is None else f", t = {series.time[worst]:.4g} s"
-                remedy = "times the largest that the model has; see the number and its unit"
-                raise InputError(file, where, float(f"{times:.3g}"), remedy)
+                where = f"{where}: ratio to the largest simulated value"
+                raise InputError(file, where, float(f"{times:.3g}"), "check the value and its unit")
         middle = float(np.median([np.abs(s.value).mean() / max(np.abs(p).mean(), 1e-9 * largest) for s, p in mine]))
         most = max(float(np.abs(s.value).max()) for s, _ in mine) / largest
         limit = UNITS_APART.get(quantity, np.inf)
         times = middle if middle > limit else most
         several = quantity != "flow" or len(places) > 1
         if middle > limit or (several and most < 1.0 / limit):
-            remedy = "times what the model has; see the units of both"
-            raise InputError(file, f"{quantity}: value", float(f"{times:.3g}"), remedy)
+            where = f"{quantity}: ratio of measured to simulated values"
+            raise InputError(file, where, float(f"{times:.3g}"), "check the units of both")
 
 
 def _opposite(series: Measured, predicted: np.ndarray) -> bool:
@@ -163,7 +168,7 @@ def with_noise(problem: Problem, noise: dict[str, Noise]) -> Problem:
     """Return the problem with estimated noise of the waveforms of some quantities.
 
     Relative to standard deviations with the model's floor and the time-step allowance. Shapes of correlated noise get
-    weights, as those of the time steps have; open loops then run with `STEPS_WHERE_LASTING` times the steps.
+    weights, as those of the time steps have; open loops then run with `STEPS_WHERE_CORRELATED` times the steps.
 
     Parameters
     ----------
@@ -200,7 +205,7 @@ def with_noise(problem: Problem, noise: dict[str, Noise]) -> Problem:
             measured.append(series)
     settings = problem.settings
     if shapes and not forward.anatomy.closed_loop:
-        settings = settings.model_copy(update={"steps_per_cycle": STEPS_WHERE_LASTING * settings.steps_per_cycle})
+        settings = settings.model_copy(update={"steps_per_cycle": STEPS_WHERE_CORRELATED * settings.steps_per_cycle})
     noisy = with_time_steps(make_problem(forward.network, forward.conditions, measured, settings))
     of_steps = noisy.forward.shapes
     if not shapes or of_steps is None:

@@ -17,16 +17,16 @@ LEAST_INFORMATION = 0.1
 """Expected information (nats) below which a measurement does not distinguish a class; two equal members hold 0.69."""
 EXPECTED_MISFIT = "1 is expected from noise and fit uncertainty"
 QUIET, UNLIKELY = 0.5, 1e-4
-"""Scatter over the stated standard deviation, and its probability, below which the latter is called too large."""
+"""Scatter over the stated standard deviation, and its probability, below which the latter is reported as too large."""
 MOST_LISTED = 4
 """Maximum number of nuisance parameters or samples listed in one sentence."""
-STAND_IN = "it may stand in for something that the library does not contain. "
+STAND_IN = "it may be a surrogate for a mechanism outside the library. "
 DENSITY = "log_predictive_density_per_row"
 
 
 def write_paragraph(answer_json: str | Path, paragraph_txt: str | Path) -> str:
     """Write the summary of an answer (`discrepancy.json`) to a text file and return it."""
-    text = paragraph(read_json(answer_json, ("account",)))
+    text = paragraph(read_json(answer_json, ("facts",)))
     write_text(paragraph_txt, text + "\n")
     return text
 
@@ -39,41 +39,42 @@ def paragraph(answer: Mapping) -> str:
     answer
         Content of `discrepancy.json`, as `result.write.summary` returns it.
     """
-    facts, gaps, held_out = answer["account"], answer["held_out"], _held_out(answer)
+    facts, gaps, held_out = answer["facts"], answer["held_out"], _held_out(answer)
     count, p = facts["measurements"], answer["global_test"]["p"]
-    data_notes = noise_notes(answer["noise"]) + outlier_notes(answer["spikes"])
+    data_notes = noise_notes(answer["noise"]) + outlier_notes(answer["outliers"])
     if not answer["alarm"]:
         text = data_notes + (
             f"After recalibration within its priors, the model agrees with the {count} fitted measurements "
             f"(global test {p_text(p)}): there is nothing to explain. "
             f"On {_held_out_text(held_out)} its misfit is {gaps['before']['misfit']:.2f} ({EXPECTED_MISFIT})."
         )
-        return text + _overstated_sd(facts["objective"], count) + prediction_warning(gaps["p_of_foretold"], held_out)
+        return text + _overstated_sd(facts["objective"], count) + prediction_warning(gaps["p_held_out"], held_out)
     worst = facts["worst"]
     text = data_notes + (
         f"The model disagrees with the {count} fitted measurements beyond what recalibration can explain "
         f"(global test {p_text(p)}), most strongly in the {worst['quantity']} at {worst['location']} "
         f"under {worst['condition']}. "
     )
-    text += conflict_text("Recalibration has to move", answer["strained"])
+    text += conflict_text("Recalibration has to move", answer["prior_conflicts"])
     excess = facts["noise_excess"]
     if not answer["named"] and excess is not None:
         return text + (
             f"No test finds a pattern in the residuals: the noise appears to be {excess:.2f} times as large as the "
-            "stated standard deviations. Check whether they are those of the measurements; no effect is named."
+            "stated standard deviations. Check the stated standard deviations; no effect is named."
         )
     if answer["outside_library"]:
         return text + _outside_library(answer, held_out)
     if not answer["named"]:
         text += f"No effect of the library explains this well enough to be named{_nearest(facts['likeliest'])}. "
     for number, effect in enumerate(answer["named"]):
-        text += f"{'Missing' if number == 0 else 'Also missing'} is {_named_effect(effect, facts['best'])}"
+        text += "The best explanation is " if number == 0 else "A further effect is "
+        text += _named_effect(effect, facts["best"])
     return (text + _not_confirmed(answer) + _remaining(answer, held_out)).rstrip()
 
 
 def _outside_library(answer: Mapping, held_out: list[str]) -> str:
     """Explain why the best candidates are not named."""
-    gaps, verdict, best = answer["held_out"], answer["account"]["verdict"], answer["account"]["best"]
+    gaps, verdict, best = answer["held_out"], answer["facts"]["verdict"], answer["facts"]["best"]
     one = len(best) == 1
     labels, candidate = (
         listed([_label(effect) for effect in best]),
@@ -83,21 +84,21 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
         f"With {'it' if one else 'them'}, the misfit on {_held_out_text(held_out)} "
         f"{misfit_change(gaps['before']['misfit'], gaps['after']['misfit'])}."
     )
-    if answer["mistakes"]:
-        mistakes = {(mistake["mistake"], mistake["place"]) for mistake in answer["mistakes"]}
-        pairs = ", ".join(mistake["place"].replace("~", " and ") for mistake in answer["mistakes"])
-        others = [_label(effect) for effect in best if (effect["effect"], effect["place"]) not in mistakes]
+    if answer["wiring_errors"]:
+        errors = {(error["error"], error["place"]) for error in answer["wiring_errors"]}
+        pairs = ", ".join(error["place"].replace("~", " and ") for error in answer["wiring_errors"])
+        others = [_label(effect) for effect in best if (effect["effect"], effect["place"]) not in errors]
         text = (
-            f"The measurements look as if outlets had been exchanged in the model: {pairs}. That is not an effect of "
-            "the library, and no effect is named; check whether each bed is at its own vessel, and search again."
+            f"The measurements indicate a wiring error of the model, exchanged outlets: {pairs}. No effect is named; "
+            "check whether each bed is attached to the correct vessel, and search again."
         )
         return text + (f" {_capitalised(listed(others))} may also be present." if others else "")
     if verdict["redistributed"]:
         places = " and ".join(effect["place"] for effect in best if effect["effect"] == PROBE)
         return (
-            f"Errors of the flow probes at {places} would explain it, but one reads too high by what the other reads "
-            "too low. Blood that takes another path than in the network, as through exchanged or wrongly connected "
-            "outlets, explains the same with a single cause, which the library does not contain. No effect is named."
+            f"Gain errors of the flow probes at {places} would explain it, but their errors cancel. Flow rerouted "
+            "between the branches, e.g. by swapped outlets, explains the same with a single cause, which the library "
+            "does not contain. No effect is named."
         )
     implausible = [effect for effect in best if effect["implausible"]]
     if verdict["refuted"]:
@@ -117,7 +118,7 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
     elif verdict["unpredicted"]:
         reason = (
             f"{candidate} for the fitted measurements, {labels}, {'does' if one else 'do'} not predict the held-out "
-            f"data ({p_text(gaps['p_of_foretold'])}). No effect is named. {change}"
+            f"data ({p_text(gaps['p_held_out'])}). No effect is named. {change}"
         )
     else:
         reason = (
@@ -132,7 +133,7 @@ def _named_effect(named: Mapping, best: Sequence[Mapping]) -> str:
     """Describe a named effect: probability, size, measurements that would distinguish its class, and doubts."""
     facts = next(e for e in best if (e["effect"], e["place"]) == (named["effect"], named["place"]))
     text = f"{_label(named)} ({class_probability_text(named['class'])}; {size_text(facts['sizes'])}). "
-    text += next_measurement_text(named["separate_by"]) + facts["assumption"]
+    text += next_measurement_text(named["next_measurements"]) + facts["assumption"]
     for size in facts["beyond_prior"]:
         text += (
             f"Its {size['label']} lies outside the central 99 % of its prior "
@@ -142,7 +143,7 @@ def _named_effect(named: Mapping, best: Sequence[Mapping]) -> str:
         text += (
             "Its size differs when it is fitted to each condition separately "
             f"({sizes_by_condition(facts['varying'])}): "
-            f"it may change between conditions, or {STAND_IN.removeprefix('it may ')}"
+            f"it may change between conditions, or {STAND_IN.removeprefix('it ')}"
         )
     nats = (named["log_evidence"] or {}).get("held_out")
     if nats is not None and nats < 0.0:
@@ -151,16 +152,16 @@ def _named_effect(named: Mapping, best: Sequence[Mapping]) -> str:
 
 
 def _not_confirmed(answer: Mapping) -> str:
-    """List effects that the fitted measurements ask for and the held-out data do not confirm."""
-    if not (answer["named"] and answer["not_borne_out"]):
+    """List effects that the fitted measurements suggest but the held-out data do not confirm."""
+    if not (answer["named"] and answer["not_confirmed"]):
         return ""
-    effects = [_label(effect) for effect in answer["not_borne_out"]]
+    effects = [_label(effect) for effect in answer["not_confirmed"]]
     them = "it" if len(effects) == 1 else "them"
     return f"The fitted measurements also suggest {listed(effects)}, but the held-out data do not confirm {them}. "
 
 
 def _remaining(answer: Mapping, held_out: list[str]) -> str:
-    """Tell how far the held-out misfit has fallen, and what remains unexplained."""
+    """State the change of the held-out misfit and what remains unexplained."""
     gaps, p, named = answer["held_out"], answer["remaining"]["p"], bool(answer["named"])
     before, after = gaps["before"], gaps["after"]
     text = f"On {_held_out_text(held_out)} the misfit {misfit_change(before['misfit'], after['misfit'])}. "
@@ -173,22 +174,26 @@ def _remaining(answer: Mapping, held_out: list[str]) -> str:
             "The held-out data are predicted worse with the named effects than with recalibration alone (log "
             f"predictive density per row {after[DENSITY]:.2f}, {before[DENSITY]:.2f}). "
         )
-    if named and answer["account"]["verdict"]["unpredicted"]:
-        text += f"The named effects do not predict all of the held-out data ({p_text(gaps['p_of_foretold'])}). "
-    if answer["account"]["unexplained"]:
+    if named and answer["facts"]["verdict"]["unpredicted"]:
+        text += f"The named effects do not predict all of the held-out data ({p_text(gaps['p_held_out'])}). "
+    if answer["facts"]["unexplained"]:
         after, flexible, both = (gaps[model][DENSITY] for model in ("after", "flexible", "both"))
         text += f"Something remains unexplained ({p_text(p)}){flexible_text(after, flexible, both, named)}. "
     else:
         text += f"The remaining misfit is within the noise ({p_text(p)}). "
     if named:
-        text += conflict_text("With the named effects, recalibration still moves", answer["still_strained"])
+        text += conflict_text("With the named effects, recalibration still moves", answer["prior_conflicts_remaining"])
     return text
 
 
 def noise_notes(noise: Mapping[str, Mapping]) -> str:
     """Report waveform noise that is larger than stated, or correlated in time."""
-    larger = [f"{name} by a factor of {one['scatter']:.2f}" for name, one in noise.items() if not one["lasting"]]
-    correlated = [f"{one['lasting']:.2g} s for {name}" for name, one in noise.items() if one["lasting"]]
+    larger = [
+        f"{name} by a factor of {one['scatter']:.2f}" for name, one in noise.items() if not one["correlation_time"]
+    ]
+    correlated = [
+        f"{one['correlation_time']:.2g} s for {name}" for name, one in noise.items() if one["correlation_time"]
+    ]
     text = ""
     if larger:
         text += (
@@ -276,7 +281,7 @@ def next_measurement_text(best_first: Sequence[Mapping]) -> str:
 
 
 def varying_text(best: Sequence[Mapping]) -> str:
-    """Tell which of the best candidates would need a different size under each condition."""
+    """State which of the best candidates would need a different size under each condition."""
     sizes = [(_label(effect), sizes_by_condition(effect["varying"])) for effect in best if effect["varying"]]
     if len(best) == 1:
         ((label, text),) = sizes
@@ -313,7 +318,7 @@ def misfit_change(before: float, after: float) -> str:
 
 
 def flexible_text(after: float, flexible: float, both: float, named: bool) -> str:
-    """Tell that a flexible discrepancy predicts the held-out data better, if it does.
+    """State that a flexible discrepancy predicts the held-out data better, if it does.
 
     Parameters
     ----------
@@ -369,8 +374,8 @@ def p_text(p: float) -> str:
 
 def _held_out(answer: Mapping) -> list[str]:
     """Return the conditions that were held out of every fit."""
-    conditions = answer["held_out"]["conditions"]
-    return conditions if isinstance(conditions, list) else []
+    held_out = answer["held_out"]
+    return held_out["conditions"] if held_out["scheme"] == "held out" else []
 
 
 def _held_out_text(held_out: list[str]) -> str:

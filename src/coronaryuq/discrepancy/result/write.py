@@ -1,4 +1,4 @@
-"""What a search leaves behind: one JSON for the command line, tables for figures, the repaired model."""
+"""Files of a search: one JSON with the answer, tables for the figures, the repaired model."""
 
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -9,12 +9,13 @@ import pandas as pd
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.discrepancy.data.conditions import drive_paths, held_out_names
+from coronaryuq.discrepancy.data.measurements import measured_conditions
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, PlacedEffect
 from coronaryuq.discrepancy.forward.nuisance import without_noise
 from coronaryuq.discrepancy.inference.cross_validation import Gap
-from coronaryuq.discrepancy.inference.noise import with_lasting
-from coronaryuq.discrepancy.result.account import Z_90, account, prior_conflicts
+from coronaryuq.discrepancy.inference.noise import with_correlated
+from coronaryuq.discrepancy.result.facts import Z_90, facts, prior_conflicts
 from coronaryuq.discrepancy.result.repair import repaired
 from coronaryuq.discrepancy.selection.candidates import Candidate, Round
 from coronaryuq.discrepancy.selection.discovery import Discovery
@@ -34,11 +35,11 @@ def summary(found: Discovery) -> dict:
     ]
     return {
         "alarm": found.alarm,
-        "spikes": [vars(one) for one in found.outliers],
+        "outliers": [vars(one) for one in found.outliers],
         "noise": {quantity: vars(one) for quantity, one in found.noise.items()},
         "global_test": {"p": found.located.p, **found.located.tests},
-        "strained": conflicts[0],
-        "still_strained": conflicts[1],
+        "prior_conflicts": conflicts[0],
+        "prior_conflicts_remaining": conflicts[1],
         "located": [vars(group) | {"unit": "CGS"} for group in found.located.groups if group.q < level][:40],
         "named": told,
         "probabilities": [
@@ -53,28 +54,29 @@ def summary(found: Discovery) -> dict:
             for entry in found.rounds
         ],
         "outside_library": found.outside_library,
-        "not_borne_out": [
+        "not_confirmed": [
             {"effect": entry.refuted.effect.name, "place": entry.refuted.place, "log_evidence": _adds(entry)}
             for entry in found.rounds
             if entry.refuted is not None
         ],
-        "mistakes": [{"mistake": one.name, "place": place} for one, place in found.verdict.mistaken],
+        "wiring_errors": [{"error": one.name, "place": place} for one, place in found.verdict.wiring_errors],
         "gap_before": found.gaps.before.misfit,
         "gap_after": found.gaps.before.misfit if found.outside_library else found.gaps.after.misfit,
         "gap_flexible": found.gaps.flexible.misfit,
-        "noise_floor": 1.0,
+        "expected_misfit": 1.0,
         "held_out": {
-            "conditions": held_out or "each in turn",
+            "scheme": "held out" if held_out else "each in turn",
+            "conditions": held_out or measured_conditions(found.measured),
             "before": found.gaps.before.summary(),
             "after": found.gaps.after.summary(),
             "flexible": found.gaps.flexible.summary(),
             "both": found.gaps.both.summary(),
-            "p_of_foretold": found.verdict.predictive_p,
+            "p_held_out": found.verdict.predictive_p,
         },
         "remaining": {"p": found.remaining.p, **found.remaining.tests},
         "candidates_tested": found.candidates_tested,
         "decision_rule": asdict(RULE),
-        "account": account(found),
+        "facts": facts(found),
     }
 
 
@@ -106,10 +108,10 @@ def named(found: Discovery) -> list[dict]:
                 "beyond_prior": [parameter.name for parameter in found.beyond_prior(placed)],
                 "physical": effect.physical(place, values, forward.anatomy),
                 "formula": effect.formula,
-                "looks_like": effect.signature,
+                "signature": effect.signature,
                 "source": effect.source,
-                "written_as": effect.native,
-                "separate_by": next_measurements(found, entry),
+                "encoding": effect.native,
+                "next_measurements": next_measurements(found, entry),
             }
         )
     order = [entry.named.placed for entry in found.named]
@@ -117,9 +119,9 @@ def named(found: Discovery) -> list[dict]:
 
 
 def _adds(entry: Round) -> dict | None:
-    """Nats that an effect adds to all the others: to what was fitted, and to what was not; None: it is alone.
+    """Return the nats that an effect adds to the others, for fitted and for held-out data; None if it is alone.
 
-    Nats are null where the model does not run without it.
+    Null where the model does not run without it.
     """
     if entry.held_out_gain is None:
         return None
@@ -128,7 +130,7 @@ def _adds(entry: Round) -> dict | None:
 
 
 def _by_condition(found: Discovery, placed: PlacedEffect) -> dict:
-    """Log odds that the first size differs between conditions, and its 90 % interval under each that tells of it."""
+    """Return the log odds that the first size differs between conditions, and its 90 % interval under each."""
     one = next(c for c in found.verdict.constancies if c.placed == placed)
     parameter = placed.effect.parameters[0]
     sizes = {
@@ -151,13 +153,13 @@ WRITTEN = (
     *("gap.csv", "repaired.json", "measurements.csv", "conditions.yaml", "difference.txt"),
     *("pairs.csv", "laws.csv", "effects.csv"),
 )
-"""All that a search may leave behind, beside the folder `drives`."""
+"""All files that a search may write, apart from the folder `drives`."""
 A_CASE = ("measurements.csv", "conditions.yaml")
-"""Those that a case has as well: beside a repaired model alone they are an earlier search's."""
+"""Files that a case has as well: only next to a repaired model are they those of an earlier search."""
 
 
 def clear(folder: Path) -> None:
-    """Remove what an earlier search left in `folder`: another answer has no repaired model, perhaps."""
+    """Remove the files of an earlier search from `folder`: the new answer may have no repaired model."""
     drives, repaired = [], (folder / "repaired.json").exists()
     if repaired and (folder / "conditions.yaml").exists():
         drives = [path for path in drive_paths(folder / "conditions.yaml") if path.parent == folder / "drives"]
@@ -167,7 +169,7 @@ def clear(folder: Path) -> None:
 
 
 def write(found: Discovery, folder: Path) -> dict:
-    """Write everything into `folder`; returns the summary.
+    """Write all files into `folder` and return the summary.
 
     discrepancy.json; located.csv; residuals.csv; ranking.csv; sizes.csv; tree.csv; gap.csv; and,
     unless the effect is outside the library, repaired.json, measurements.csv, conditions.yaml, difference.txt.
@@ -191,7 +193,7 @@ def write(found: Discovery, folder: Path) -> dict:
         write_csv(folder / name, table)
     if mended is not None:
         mended.write(folder)
-    # Last, so that where it stands all the others do.
+    # Last: where it exists, all other files exist.
     write_json(folder / "discrepancy.json", answer)
     return answer
 
@@ -212,7 +214,7 @@ def _residuals(found: Discovery) -> pd.DataFrame:
             "time": times,
             "phase": times / np.array([s.period for s in series]),
             "measured": problem.y,
-            "sd": with_lasting(problem),
+            "sd": with_correlated(problem),
             "recalibrated": problem.y - plain * problem.sd,
             "repaired": problem.y - repaired * problem.sd,
             "fitted": problem.train,
@@ -290,13 +292,13 @@ def vessels_of(place: str, anatomy: Anatomy) -> list[str]:
 def _gaps(found: Discovery) -> pd.DataFrame:
     models = (
         ("recalibration alone", found.gaps.before),
-        ("with the named effects" if found.named else "with what comes nearest", found.gaps.after),
+        ("with the named effects" if found.named else "with the most probable effect", found.gaps.after),
         ("flexible discrepancy", found.gaps.flexible),
         ("both together", found.gaps.both),
     )
     return pd.DataFrame(
         [gap_row(*one) for one in models],
-        columns=["model", "misfit", "low", "high", "log_predictive_density", "noise_floor"],
+        columns=["model", "misfit", "low", "high", "log_predictive_density", "expected_misfit"],
     )
 
 

@@ -33,17 +33,17 @@ class Gaps:
 class Verdict:
     """What speaks against the effects of a hypothesis.
 
-    mistaken: those that are errors of the model. redistributed: they are flow gains that blood on another path explains
-    as well, with one cause. refuted: held-out data lower their evidence below what naming takes, or recalibration alone
-    predicts them better while something remains. implausible: a size beyond `DecisionRule.implausible`; or, where
-    something remains and held-out data are not predicted, a measurement error beyond the central 99 % of its prior.
-    outperformed: they are doubtful, and gain less than a flexible discrepancy. constancies: sizes by condition, of each
-    effect; varying: those that differ between conditions. predictive_p: p-value of the held-out data; unpredicted: that
-    is below the threshold. gain_beside_flexible: nats per held-out row that they add to a flexible discrepancy, None
-    where nothing is doubtful.
+    wiring_errors: those that are wiring errors of the model. redistributed: they are flow gains that blood on another
+    path explains as well, with one cause. refuted: held-out data lower their evidence below what naming takes, or
+    recalibration alone predicts them better while something remains. implausible: a size beyond
+    `DecisionRule.implausible`; or, where something remains and held-out data are not predicted, a measurement error
+    beyond the central 99 % of its prior. outperformed: they are doubtful, and gain less than a flexible discrepancy.
+    constancies: sizes by condition, of each effect; varying: those that differ between conditions. predictive_p:
+    p-value of the held-out data; unpredicted: that is below the threshold. gain_beside_flexible: nats per held-out row
+    that they add to a flexible discrepancy, None where nothing is doubtful.
     """
 
-    mistaken: list[PlacedEffect]
+    wiring_errors: list[PlacedEffect]
     redistributed: bool
     refuted: bool
     implausible: bool
@@ -57,7 +57,7 @@ class Verdict:
     @property
     def refused(self) -> bool:
         """Whether nothing is named however much it would help a flexible discrepancy."""
-        return bool(self.mistaken) or self.redistributed or self.refuted or self.implausible or self.outperformed
+        return bool(self.wiring_errors) or self.redistributed or self.refuted or self.implausible or self.outperformed
 
     @property
     def abstains(self) -> bool:
@@ -82,7 +82,7 @@ def judge(
     base, fit: without and with its effects; log_priors: of the class of each effect; effects: how many the library has
     here; unexplained: whether they leave something to explain; predictive_p: p-value of the held-out data with them.
     """
-    least = problem.settings.least_log_odds
+    least = problem.settings.min_log_odds
     redistributed = bool(redistribution(problem, fit, hypothesis, log_priors, effects) > 0.0)
     # What effects add to the log evidence of the fitted data, and to the log predictive density of the others, is their
     # log evidence from all data.
@@ -101,7 +101,7 @@ def judge(
         implausible |= any(placed.effect.is_measurement_error for placed in errors)
     outperformed = gain is not None and gaps.gain(gaps.after) < RULE.share_of_flexible * gaps.gain(gaps.flexible)
     return Verdict(
-        mistaken=[placed for placed in hypothesis if not placed.effect.nameable],
+        wiring_errors=[placed for placed in hypothesis if not placed.effect.nameable],
         redistributed=redistributed,
         refuted=refuted,
         implausible=implausible,

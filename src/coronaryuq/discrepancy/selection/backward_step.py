@@ -51,7 +51,7 @@ def backward_step(problem: Problem, hypothesis: Hypothesis, fit: Fit, rounds: Ro
         best, tried, _ = _weigh_again(
             problem, current, present, others, drop(fit, columns), least, without=without.evidence
         )
-        if class_log_weight(best, tried) - without.evidence < problem.settings.least_log_odds:
+        if class_log_weight(best, tried) - without.evidence < problem.settings.min_log_odds:
             return others, without, replaced(rounds, current, replace(current, accepted=None))
         rounds = replaced(rounds, current, _decided(current, best, tried, without.evidence, others))
         if best.placed != placed:
@@ -95,7 +95,7 @@ def compare_again(
         plain, without = before.corrected(others, without)
     evidence = -np.inf if without is None else without.evidence
     decided = _decided(current, best, tried, evidence, others)
-    if without is not None and class_log_weight(best, tried) - evidence < problem.settings.least_log_odds:
+    if without is not None and class_log_weight(best, tried) - evidence < problem.settings.min_log_odds:
         return plain, others, without, replace(decided, accepted=None)
     return problems.get(best.placed, problem), others.with_(best.placed), best.fitted, decided
 

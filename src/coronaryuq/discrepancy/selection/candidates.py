@@ -140,7 +140,7 @@ def updated(candidates: Iterable[Candidate], changed: Iterable[Candidate]) -> li
 
 
 def all_candidates(problem: Problem, hypothesis: Hypothesis, library: tuple[Effect, ...] = SEARCHED) -> list[Candidate]:
-    """Return every effect and every model error of the library at each possible place, without those assumed."""
+    """Return every effect and every wiring error of the library at each possible place, without those assumed."""
     forward = problem.forward
     used = {placed.key for placed in hypothesis}
     fitted = {forward.measured[i].condition for i in np.unique(problem.owner[problem.train])}
@@ -244,7 +244,7 @@ def indistinguishable(best: Candidate, candidates: Iterable[Candidate]) -> list[
 
 
 def class_log_weight(candidate: Candidate, candidates: Iterable[Candidate]) -> float:
-    """Return the log weight of a candidate with its class; effects and model errors are not counted as one.
+    """Return the log weight of a candidate with its class; effects and wiring errors are not counted as one.
 
     Three places that data cannot distinguish share the odds that one of them would have alone.
     """
@@ -253,7 +253,7 @@ def class_log_weight(candidate: Candidate, candidates: Iterable[Candidate]) -> f
 
 
 def preferred(candidates: Iterable[Candidate]) -> Candidate:
-    """Return the best candidate; an effect is preferred to a model error that data cannot distinguish from it."""
+    """Return the best candidate; an effect is preferred to a wiring error that data cannot distinguish from it."""
     candidates = list(candidates)
     best = max(candidates, key=lambda c: c.log_weight)
     return next((c for c in indistinguishable(best, candidates) if c.effect.nameable), best)

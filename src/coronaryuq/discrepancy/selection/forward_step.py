@@ -111,7 +111,7 @@ def forward_step(
 
 def _worth_naming(problem: Problem, fit: Fit, candidates: list[Candidate]) -> list[Candidate]:
     """Return those whose class has the required odds over the present model."""
-    least = problem.settings.least_log_odds
+    least = problem.settings.min_log_odds
     return [c for c in candidates if class_log_weight(c, candidates) - fit.evidence >= least]
 
 

@@ -35,7 +35,7 @@ def held_out_check(
             evidence_gain = np.inf if without is None else fit.evidence - without.evidence
             held_out_gain = np.inf if without_it is None else present.total_lpd - without_it.total_lpd
             total = evidence_gain + entry.class_log_prior + held_out_gain
-            outweighed = has_held_out and total < problem.settings.least_log_odds
+            outweighed = has_held_out and total < problem.settings.min_log_odds
             if outweighed or (unexplained and without_it is not None and predicts_better(without_it, present)):
                 odds[number] = total
             checked = replace(entry, evidence_gain=evidence_gain, held_out_gain=held_out_gain)

@@ -16,7 +16,7 @@ from coronaryuq.discrepancy.inference import gp_discrepancy
 from coronaryuq.discrepancy.inference.cross_validation import Folds, folds_of, gap, linearise, predictive_p
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.locate import Located, locate
-from coronaryuq.discrepancy.inference.noise import estimated_noise, noise_text, with_lasting
+from coronaryuq.discrepancy.inference.noise import estimated_noise, noise_text, with_correlated
 from coronaryuq.discrepancy.inference.outliers import find_outliers
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.read_problem import with_noise
@@ -72,7 +72,7 @@ def discover(problem: Problem, seed: int, library: Library = SEARCHED, report: R
     discovery = _search_with_noise(problem, seed, library, report)
     (residual,) = discovery.problem.whitened([(discovery.fit.z, discovery.hypothesis)])
     # In units of the stated sd: relative to correlated noise, the model's own sharp corners would stand out too.
-    in_stated_sd = residual * discovery.problem.sd / with_lasting(discovery.problem)
+    in_stated_sd = residual * discovery.problem.sd / with_correlated(discovery.problem)
     return replace(discovery, outliers=find_outliers(discovery.problem, in_stated_sd))
 
 
@@ -81,7 +81,7 @@ def _search_with_noise(problem: Problem, seed: int, library: Library, report: Re
     first = search_without_confounder(_search, problem, seed, library, report)
     noise = first.scatter if first.alarm and problem.settings.noise == "estimated" else {}
     if not first.outside_library and not first.remaining.alarm(problem.settings.alarm_level):
-        noise = {quantity: entry for quantity, entry in noise.items() if entry.lasting == 0.0}
+        noise = {quantity: entry for quantity, entry in noise.items() if entry.correlation_time == 0.0}
     if not noise:
         return first
     report(f"waveform noise differs from the stated standard deviations ({noise_text(noise)}): repeating the search")
@@ -127,7 +127,7 @@ def _search(problem: Problem, seed: int, library: Library, report: Report) -> Di
             break
         before, state = state, _select(state, features, library, report)
         if state.implausible and not before.implausible:
-            report("with an implausibly large size: not added")
+            report("rejected: implausibly large")
             state = before
             break
     else:
@@ -236,9 +236,9 @@ def _select(state: _State, features: np.ndarray, library: Library, report: Repor
         problem, hypothesis, fit, rounds = correct_time_steps(state.problem, state.hypothesis, state.fit, state.rounds)
         state = replace(state, problem=problem, hypothesis=hypothesis, fit=fit, rounds=rounds).reassessed(library)
         state = replace(state, tested=state.tested + len(state.candidates))
-        report(f"beside {_listed(hypothesis)}: {_progress(state)}")
+        report(f"given {_listed(hypothesis)}: {_progress(state)}")
         if len(hypothesis) < count:
-            report("the last effect came from the time-step error")
+            report("the last effect was an artefact of the time step; removed")
             break
     if state.hypothesis:
         state = state.converged()

@@ -206,7 +206,7 @@ def _summary(answers: list[dict]) -> dict:
             "terms": a["terms"],
             "size": a["sizes"][name],
             "formula": effect(name).formula,
-            "looks_like": effect(name).signature,
+            "signature": effect(name).signature,
             "source": effect(name).source,
         }
         for a in answers
@@ -220,7 +220,7 @@ def _summary(answers: list[dict]) -> dict:
         "gap_before": over_branches("before"),
         "gap_after": over_branches("after"),
         "gap_recalibrated": over_branches("recalibration_alone"),
-        "noise_floor": over_branches("flexible"),
+        "expected_misfit": over_branches("flexible"),
         "gap_unit": "root mean square error of FFR on held-out samples",
         "held_out": {"samples": f"{FOLDS} folds", "branches": answers},
         "paragraph": " ".join(branch_text(a) for a in answers),

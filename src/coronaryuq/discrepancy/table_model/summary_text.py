@@ -41,7 +41,7 @@ def branch_text(answer: dict) -> str:
         return f"{drops}, which recalibration explains: it {own_loss}. No effect is needed.{room} O{error}"
     if not answer["effects"]:
         return f"{artery(answer['branch'])}: simulated and measured pressure drops agree; nothing to explain."
-    return f"{drops}; missing is {_named_text(answer)}O{error}{_doubts(answer, own_loss)}"
+    return f"{drops}; the best explanation is {_named_text(answer)}O{error}{_doubts(answer, own_loss)}"
 
 
 def _error_text(rmse: dict[str, float]) -> str:
@@ -83,8 +83,8 @@ def _doubts(answer: dict, own_loss: str) -> str:
     rmse, text = answer["ffr_rmse"], ""
     if answer["doubt"]:
         text += (
-            " In doubt: the Gaussian process predicts clearly better, so the missing loss has another form than this "
-            "law; the sizes are those of the best law of this form."
+            " In doubt: the Gaussian process predicts clearly better, so the missing loss has a different functional "
+            "form; the sizes are those of the best law of this form."
         )
     if rmse["after"] > AS_WELL * rmse["recalibration_alone"]:
         text += (

@@ -94,9 +94,8 @@ def read_pairs(simulated: str | Path, measured: str | Path) -> tuple[pd.DataFram
     common = [name for name in tables[0].index if name in tables[1].index]
     if len(common) < LEAST_SAMPLES:
         first_samples = " and ".join(repr(table.index.tolist()[0]) for table in tables if len(table))
-        remedy = f"samples in common with {simulated}; need at least {LEAST_SAMPLES}; compare the sample names "
-        remedy += f"({first_samples})"
-        raise InputError(measured, "sample", len(common), remedy)
+        remedy = f"expected at least {LEAST_SAMPLES}; compare the sample names ({first_samples})"
+        raise InputError(measured, f"number of samples in common with {simulated}", len(common), remedy)
     first, second = (table.loc[common].apply(pd.to_numeric, errors="coerce") for table in tables)
     return first, second
 
@@ -105,8 +104,8 @@ def _check_ffr(path: str | Path, table: pd.DataFrame) -> None:
     for column in (c for c in table.columns if str(c).startswith("ffr_")):
         middle = pd.to_numeric(table[column], errors="coerce").median()
         if not (np.isnan(middle) or 0.0 < middle <= LARGEST_FFR):
-            remedy = "is the median; expected distal over root pressure, 0 to 1 (not in %)"
-            raise InputError(path, column, float(f"{middle:.4g}"), remedy)
+            remedy = "expected distal over root pressure, 0 to 1 (not in %)"
+            raise InputError(path, f"median {column}", float(f"{middle:.4g}"), remedy)
 
 
 def branches(
@@ -228,7 +227,7 @@ def _same_pressure(simulated: pd.DataFrame, root: str, file: str | Path, name: s
         same = np.abs(simulated[other] / simulated[best] - 1.0).max() < EXACT
         more = squares[other] - squares[best]
         if not same and more.mean() < AS_NEAR * more.std() / np.sqrt(len(more)):
-            remedy = f"times the root pressure is {best} or {other} within rounding; give more digits"
+            remedy = f"the product with the root pressure equals {best} and {other} within rounding; give more digits"
             raise InputError(file, f"ffr_{name}", None, remedy)
     return best.split(":", 1)[1]
 
@@ -258,7 +257,7 @@ def _outlet(
     """Return the outlet at a place, or the one whose relative pressure correlates best with that of the place."""
     shared = {block: pair for (_, block), pair in outlets.items() if ("mean_flow", block) in flows}
     if not shared:
-        remedy = "no outlet has both in both tables; give mean_pressure and mean_flow of at least one"
+        remedy = "no outlet has both in both tables; give both for at least one outlet"
         raise InputError(file, "mean_pressure:A:B, mean_flow:A:B", None, remedy)
     if place.split(":")[-1] in shared:
         return place.split(":")[-1]

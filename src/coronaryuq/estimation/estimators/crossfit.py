@@ -1,6 +1,6 @@
 """Cross-fitted estimate of a mean: a surrogate predicts only folds that it was not fitted on.
 
-The claimed variance therefore holds.
+The reported variance therefore holds.
 
 With folds k of n_k runs, g_k fitted without fold k, and a block B_k of propagation samples that belongs to fold k,
 
@@ -8,8 +8,8 @@ With folds k of n_k runs, g_k fitted without fold k, and a block B_k of propagat
 
 is unbiased whatever g_k is, because g_k has seen neither the runs of fold k nor the samples of B_k. Its variance is
 estimated by R var(residuals) / n + β² R C + β² Σ_k (n_k / n)² var(g_k on B_k) / |B_k|, with the covariance C between
-folds and the reach R of module `fold_covariance`. Each propagation sample serves one fold only, which costs nothing:
-K blocks of M / K samples have together the variance of M samples.
+folds and the extrapolation factor R of module `influence`. Each propagation sample serves one fold only, which costs
+nothing: K blocks of M / K samples have together the variance of M samples.
 """
 
 from collections.abc import Sequence
@@ -18,8 +18,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import stdtrit
 
-from coronaryuq.estimation.estimators.fold_covariance import Between
-from coronaryuq.estimation.estimators.montecarlo import correlation
+from coronaryuq.estimation.estimators.formulas import correlation
+from coronaryuq.estimation.estimators.influence import Between
 from coronaryuq.estimation.results import Interval
 
 # How far the interval's variance goes from the covariance between folds to that covariance's bound.
@@ -68,7 +68,7 @@ class CrossFit:
 
 @dataclass(frozen=True)
 class Options:
-    """How a cross-fitted mean is combined and how its variance is claimed.
+    """How a cross-fitted mean is combined and how its variance is estimated.
 
     level: of the calibrated interval. beta: coefficient of the control variate; None takes the value that minimises
     the variance for a g that is the conditional mean of y, which depends on g alone and not on y. weights (n,), mean
@@ -93,10 +93,10 @@ PLAIN = Options()
 
 @dataclass(frozen=True)
 class Estimate:
-    """A mean with its claimed standard deviation and what is needed to judge it.
+    """A mean with its reported standard error and what is needed to judge it.
 
-    rho_in_sample, std_in_sample: correlation and claim of the same method fitted and judged on all runs, as the paper
-    prints them, where they were computed.
+    rho_in_sample, std_in_sample: correlation and standard error of the same method fitted and evaluated on all runs, as
+    the paper prints them, where they were computed.
     """
 
     method: str
@@ -142,7 +142,7 @@ def combine(method: str, fit: CrossFit, n_0d: int, options: Options = PLAIN) -> 
     Returns
     -------
     Estimate
-        Mean, claimed standard deviation and interval, in the unit of y.
+        Mean, standard error and interval, in the unit of y.
 
     References
     ----------
@@ -167,8 +167,10 @@ def combine(method: str, fit: CrossFit, n_0d: int, options: Options = PLAIN) -> 
     values, covariance, towards = weights * centred, 0.0, 0.0
     if between is not None:
         values = values - beta * between.indirect
-        from_residuals *= between.reach
-        covariance, bound = (beta**2 * between.reach * part for part in (between.covariance, between.bound))
+        from_residuals *= between.extrapolation_factor
+        covariance, bound = (
+            beta**2 * between.extrapolation_factor * part for part in (between.covariance, between.bound)
+        )
         towards = TO_BOUND * max(0.0, bound - covariance)
     from_residuals += covariance + (from_residuals * n / target if target else 0.0)
     bound = from_residuals + towards

@@ -6,7 +6,7 @@ import numpy as np
 
 from coronaryuq.estimation.results import LevelWorth, Parts, RowReport
 
-WITHOUT = ("MC", "MFMC", "MFMC-AE", "best")
+WITHOUT = ("MC", "MFMC", "MFMC-AE", "crossfit-GP")
 """Estimators that use no coarse level."""
 
 
@@ -48,10 +48,10 @@ def allocation(parts: Parts, costs: Costs) -> Allocation:
 def worth(row: RowReport, n_coarse: int, costs: Costs) -> LevelWorth | None:
     """Return what the coarse level gained for one row at the counts that were run; None without one.
 
-    without: the estimator with the least claimed error among those that use no coarse level. claim_ratio: claimed
+    without: the estimator with the smallest standard error among those that use no coarse level. std_ratio: standard
     standard deviation with the level over that. gain: variance times cost without the level over the same with it;
     above 1 the level has paid, if the error without it falls as one over the square root of the fine runs.
-    best_runs_per_fine: what would be best for these variances.
+    optimal_runs_per_fine: the optimum for these variances.
     """
     if row.levels is None:
         return None
@@ -63,7 +63,7 @@ def worth(row: RowReport, n_coarse: int, costs: Costs) -> LevelWorth | None:
     cost = cost_without + n_coarse * costs.coarse + max(0, n_coarse - n) * costs.cheap
     return LevelWorth(
         without,
-        claim_ratio=(variance / variance_without) ** 0.5,
+        std_ratio=(variance / variance_without) ** 0.5,
         gain=variance_without * cost_without / (variance * cost),
-        best_runs_per_fine=allocation(row.levels, costs).coarse,
+        optimal_runs_per_fine=allocation(row.levels, costs).coarse,
     )

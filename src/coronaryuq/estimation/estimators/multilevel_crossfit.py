@@ -24,9 +24,9 @@ from dataclasses import replace
 import numpy as np
 
 from coronaryuq.estimation.estimators.crossfit import CrossFit, Estimate, Options, Propagated, combine
-from coronaryuq.estimation.estimators.fold_covariance import CENTRE, Influence, changes
-from coronaryuq.estimation.estimators.folds_and_blocks import Design
-from coronaryuq.estimation.estimators.montecarlo import correlation
+from coronaryuq.estimation.estimators.design import Design
+from coronaryuq.estimation.estimators.formulas import correlation
+from coronaryuq.estimation.estimators.influence import CENTRE, Influence, changes
 from coronaryuq.estimation.estimators.per_row import tally
 from coronaryuq.estimation.results import Parts
 from coronaryuq.estimation.runs.table import CoarseRuns, Row, pair

@@ -1,4 +1,4 @@
-"""The estimators of one row: MC, MFMC, MFMC-AE and the best cross-fitted control variate, side by side."""
+"""The estimators of one row: MC, MFMC, MFMC-AE, BLUE and crossfit-GP."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -10,9 +10,9 @@ import numpy as np
 from coronaryuq.estimation.estimators import blue
 from coronaryuq.estimation.estimators.blue import Group
 from coronaryuq.estimation.estimators.crossfit import CrossFit, Estimate, Options, Propagated, combine
-from coronaryuq.estimation.estimators.fold_covariance import CENTRE, Influence, changes
-from coronaryuq.estimation.estimators.folds_and_blocks import Design
-from coronaryuq.estimation.estimators.montecarlo import control_coefficient, correlation
+from coronaryuq.estimation.estimators.design import Design
+from coronaryuq.estimation.estimators.formulas import control_coefficient, correlation
+from coronaryuq.estimation.estimators.influence import CENTRE, Influence, changes
 from coronaryuq.estimation.runs.table import Row, pair
 from coronaryuq.estimation.surrogates import mfmc_ae, selector
 from coronaryuq.estimation.surrogates.control_variates import METHODS, Fitted, Seen
@@ -115,7 +115,7 @@ def several_models(design: Design, row: Row, seed: int, level: float) -> Estimat
     """Multilevel BLUE over the coarse level and 0D outputs, the row's own first; None if no coarse level was run.
 
     One cheap model for every ten pilot runs, and these two at least: weights of more are not known. None if a coarse
-    run failed, too: group means without it would be of another law.
+    run failed, too: group means without it would belong to another distribution.
     """
     runs, coarse = design.runs, design.runs.coarse
     if coarse is None or row.column_3d not in coarse.outputs:
@@ -135,12 +135,12 @@ def several_models(design: Design, row: Row, seed: int, level: float) -> Estimat
     return blue.estimate([g for g in groups if len(g.outputs) >= 2 * folds], folds, seed, level)
 
 
-def best(
+def crossfit_gp(
     design: Design, row: Row, predictions: Predictions, level: float, weights: np.ndarray | None = None
 ) -> Estimate:
     """Mean by the control variate that the selector chose within each training set."""
     y, _ = pair(design.runs, row)
-    name = "best: " + tally(predictions.methods)
+    name = "crossfit-GP: " + tally(predictions.methods)
     between = predictions.influence.between(shares=weights)
     fit = CrossFit(y, predictions.held, design.propagate(predictions.raw), design.fold)
     return combine(name, fit, len(y), Options(level, weights=weights, between=between, target=design.target))
@@ -175,7 +175,7 @@ def autoencoder(
     Returns
     -------
     Estimate
-        The mean, with its claimed standard deviation and interval.
+        The mean, with its standard error and interval.
     """
     y, _ = pair(design.runs, row)
     held, raw = follow(design, row, networks, curves)

@@ -12,14 +12,15 @@ from numpy.polynomial import legendre
 from scipy.special import ndtr, ndtri
 
 from coronaryuq.estimation.estimators.crossfit import CrossFit, Estimate, Options, combine
-from coronaryuq.estimation.estimators.fold_covariance import Between
-from coronaryuq.estimation.estimators.folds_and_blocks import NODES, WEIGHTS, Design
+from coronaryuq.estimation.estimators.design import NODES, WEIGHTS, Design
+from coronaryuq.estimation.estimators.influence import Between
 from coronaryuq.estimation.estimators.per_row import Predictions
 from coronaryuq.estimation.results import BeyondTheMean, Probability, Value
 from coronaryuq.estimation.runs.table import Row, pair
 from coronaryuq.estimation.settings import Settings
 
-# Runs beyond a quantile below which its interval is not verified: with 2.5 of them it has been tried on few pairs only.
+# Runs beyond a quantile below which the coverage of its interval is not tested: with 2.5 of them it has been tried on
+# few pairs only.
 TAIL_RUNS = 10
 # Expected runs on another side of a threshold than predicted from which they correct the predictions: there
 # sqrt(D) / n, what the correction costs, is as large as the bound of what it corrects, some D / (0.56 n).
@@ -35,7 +36,7 @@ SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 
 def everything(design: Design, row: Row, predictions: Predictions, settings: Settings) -> BeyondTheMean:
-    """Everything beyond the mean of one row; a quantile whose interval is not verified carries a warning."""
+    """Everything beyond the mean of one row; a quantile whose coverage is not tested carries a warning."""
     y, _ = pair(design.runs, row)
     level = settings.level
     found = BeyondTheMean(
@@ -268,7 +269,7 @@ def _probability(
     counted = [len(weights) for weights in predictions.influence.weights]
     steep = [_slope(z[:m], w) for z, w, m in zip(away, per_fold, counted, strict=True)]
     held = (threshold - predictions.held) / wide
-    between = replace(_between(predictions, _slope(held, wide), steep), reach=1.0)
+    between = replace(_between(predictions, _slope(held, wide), steep), extrapolation_factor=1.0)
     # The variance of few disagreements is less certain than the predictions' own, which counts as PRIOR of them.
     options = Options(
         level, between=between, expected=float(unsure) / len(y), trust=float(PRIOR / (PRIOR + len(y) * unsure)),
@@ -309,4 +310,4 @@ def _rare(n: int, share: float) -> str | None:
     beyond = n * min(share, 1 - share)
     if beyond >= TAIL_RUNS - 1e-9:
         return None
-    return f"only about {beyond:.3g} of {n} runs lie beyond it; its interval is not verified below {TAIL_RUNS}"
+    return f"only about {beyond:.3g} of {n} runs lie beyond it; coverage is not tested below {TAIL_RUNS}"

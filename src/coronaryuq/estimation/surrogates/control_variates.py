@@ -101,7 +101,7 @@ def linear(name: str, columns: Callable[[Seen], np.ndarray]) -> Method:
     return fit
 
 
-def process(name: str, columns: Callable[[Seen], np.ndarray], directions: int = 0, evaluations: int = 60) -> Method:
+def gp_on(name: str, columns: Callable[[Seen], np.ndarray], directions: int = 0, evaluations: int = 60) -> Method:
     """Gaussian process on columns (m, p) of what is seen."""
 
     def fit(seen: Seen, y: np.ndarray) -> Fitted:
@@ -114,7 +114,7 @@ def process(name: str, columns: Callable[[Seen], np.ndarray], directions: int = 
     return fit
 
 
-def process_of_logarithm(name: str, columns: Callable[[Seen], np.ndarray], evaluations: int = 60) -> Method:
+def gp_of_logarithm(name: str, columns: Callable[[Seen], np.ndarray], evaluations: int = 60) -> Method:
     """Gaussian process of log y > 0: FFR, shear and flows are closer to products of the inputs' powers than to sums.
 
     The prediction is the median of y, its variance that of a log-normal. Logarithms beyond the runs' by more than their
@@ -186,8 +186,10 @@ METHODS: dict[str, Method] = {
     "linear coarse and 0D": linear("linear coarse and 0D", lambda s: np.column_stack([s.coarse_run, s.row_output])),
     "linear theta": linear("linear theta", lambda s: s.log_theta),
     "quadratic 0D outputs": linear("quadratic 0D outputs", lambda s: quadratic(s.outputs[:, :5])),
-    "process theta": process("process theta", lambda s: s.log_theta),
-    "process theta and 0D": process("process theta and 0D", lambda s: s.everything),
-    "process of logarithm": process_of_logarithm("process of logarithm", lambda s: s.everything),
-    "process with direction": process("process with direction", lambda s: s.everything, directions=1, evaluations=120),
+    "GP(θ)": gp_on("GP(θ)", lambda s: s.log_theta),
+    "GP(θ, 0D)": gp_on("GP(θ, 0D)", lambda s: s.everything),
+    "GP of log y": gp_of_logarithm("GP of log y", lambda s: s.everything),
+    "GP with active direction": gp_on(
+        "GP with active direction", lambda s: s.everything, directions=1, evaluations=120
+    ),
 }

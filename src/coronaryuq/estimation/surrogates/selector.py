@@ -8,7 +8,8 @@ from coronaryuq.estimation.surrogates.control_variates import METHODS, Fitted, S
 QUADRATIC_RUNS = 60
 # A direction across inputs adds parameters: it is tried if there are runs to fit it and variance left to explain.
 DIRECTION_RUNS, DIRECTION_SHARE = 80, 1e-4
-# With fewer runs two processes differ so often that the claim was 1.4 times the spread (three levels, 25 runs).
+# With fewer runs two processes differ so often that the reported standard error was 1.4 times the empirical one (three
+# levels, 25 runs).
 LOGARITHM_RUNS = 40
 # Residual share of the variance that is good enough: less would not change any interval.
 GOOD_ENOUGH = 1e-9
@@ -52,12 +53,12 @@ def choose(seen: Seen, y: np.ndarray, simple: bool = False) -> Fitted:
         return candidates[0]
     logarithm = None
     if not simple and min(candidate.missed for candidate in candidates) > GOOD_ENOUGH * spread:
-        candidates.append(METHODS["process theta and 0D"](seen, y))
+        candidates.append(METHODS["GP(θ, 0D)"](seen, y))
         best = min(candidate.missed for candidate in candidates)
         if len(y) >= DIRECTION_RUNS and best > DIRECTION_SHARE * spread:
-            candidates.append(METHODS["process with direction"](seen, y))
+            candidates.append(METHODS["GP with active direction"](seen, y))
         if len(y) >= LOGARITHM_RUNS and y.min() > 0:
-            logarithm = METHODS["process of logarithm"](seen, y)
+            logarithm = METHODS["GP of log y"](seen, y)
     taken = candidates[0]
     for candidate in candidates[1:]:
         if candidate.missed < BETTER * taken.missed:

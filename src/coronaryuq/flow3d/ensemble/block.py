@@ -196,7 +196,7 @@ class Block:
         for k in np.flatnonzero(self.alive & ~(within_limit & (self.zerod.failed[0, :LANES] == 0))).tolist():
             cycles = self.total_steps / self.steps
             what = "0D side did not converge" if within_limit[k] else f"speed {speed[k]:.3g} cm/s"
-            self.reasons[k] = f"blew up at {cycles:.3f} cycles with {self.steps} steps per cycle: {what}"
+            self.reasons[k] = f"diverged at {cycles:.3f} cycles with {self.steps} steps per cycle: {what}"
             self.alive[k] = False
             self.zerod.failed[0, k] = 1.0
             self.stepper.drop(k)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from coronaryuq.core.io.vtk import write_vtk
-from coronaryuq.flow3d.mesh.domain import Domain
+from coronaryuq.flow3d.mesh.read_mesh import Domain
 
 
 def write_fields(folder: Path, sample: str, domain: Domain, fields: dict[str, np.ndarray]) -> None:

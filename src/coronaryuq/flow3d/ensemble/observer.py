@@ -9,7 +9,7 @@ from coronaryuq.flow3d.fem.discretisation import Discretisation
 from coronaryuq.flow3d.fem.lanes import LANES, load, splat
 from coronaryuq.flow3d.fem.time_step import Stepper
 from coronaryuq.flow3d.fem.wall_shear import WallShear
-from coronaryuq.flow3d.mesh.domain import Domain
+from coronaryuq.flow3d.mesh.read_mesh import Domain
 from coronaryuq.flow3d.quantities import nodal_area, stenosis_quantities
 
 

@@ -41,7 +41,7 @@ def section_weights(
     above = height[tets] >= 0.0
     cut = np.flatnonzero(above.any(axis=1) & ~above.all(axis=1))
     if not len(cut):
-        raise InputError("mesh.json", f"planes.{name}", None, "the plane does not cut the mesh; mesh the case again")
+        raise InputError("mesh.json", f"planes.{name}", None, "the plane does not cut the mesh; regenerate the mesh")
     here = tets[cut]
     used, local = np.unique(here, return_inverse=True)
     local = local.reshape(here.shape)

@@ -130,5 +130,5 @@ def read_description(path: str | Path) -> MeshDescription:
     description = checked(MeshDescription, content, path)
     for face in description.faces:
         if face.kind == "cap" and face.couples is None:
-            raise InputError(path, f"faces.{face.name}", None, "cap without `couples`; mesh the case again")
+            raise InputError(path, f"faces.{face.name}", None, "cap without `couples`; regenerate the mesh")
     return description

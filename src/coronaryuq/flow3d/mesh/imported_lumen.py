@@ -10,7 +10,6 @@ from coronaryuq.case.anatomy.surface import Surface
 from coronaryuq.case.anatomy.tree import Stenosis, Tree
 from coronaryuq.case.network.network import Network
 from coronaryuq.core.errors import InputError
-from coronaryuq.flow3d.mesh.describe import describe
 from coronaryuq.flow3d.mesh.description import MeshDescription
 from coronaryuq.flow3d.mesh.generation import folder, mmg_process
 from coronaryuq.flow3d.mesh.generation.build import Built, assemble
@@ -20,6 +19,7 @@ from coronaryuq.flow3d.mesh.geometry.grading import Grading
 from coronaryuq.flow3d.mesh.geometry.implicit import Implicit
 from coronaryuq.flow3d.mesh.geometry.lumen import simplified
 from coronaryuq.flow3d.mesh.geometry.paths import Cap, Size
+from coronaryuq.flow3d.mesh.make_description import describe
 from coronaryuq.flow3d.mesh.settings import Settings
 
 SHORTEST = 0.01

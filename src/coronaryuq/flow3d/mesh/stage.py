@@ -13,11 +13,11 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.units import LENGTHS
 from coronaryuq.flow3d.mesh import imported_lumen
-from coronaryuq.flow3d.mesh.describe import describe
 from coronaryuq.flow3d.mesh.description import MeshDescription
 from coronaryuq.flow3d.mesh.generation import folder
 from coronaryuq.flow3d.mesh.generation.build import build
 from coronaryuq.flow3d.mesh.geometry.errors import MeshError
+from coronaryuq.flow3d.mesh.make_description import describe
 from coronaryuq.flow3d.mesh.settings import Settings
 from coronaryuq.zerod.network.read import read_network
 
@@ -53,7 +53,7 @@ def make_mesh(
     try:
         return _make_mesh(case, tree, network, settings, out_dir, lumen)
     except MeshError as error:
-        remedy = "look at the anatomy there, or choose another mesh.domain or mesh.resolution"
+        remedy = "inspect the geometry there or change mesh.domain or mesh.resolution"
         raise InputError(lumen or tree, None, None, f"{error}; {remedy}") from None
 
 
@@ -76,8 +76,8 @@ def _make_mesh(
     if not stenoses:
         # Refused here rather than after all runs, when there is nothing to estimate.
         remedy = (
-            "no vessel to make a 3D model of, so the campaign ends at its target posterior; name a stretch of an "
-            f"artery in case.yaml, stenosed or not, such as stenoses: [{example_stenosis(whole)}]"
+            "no stenosis or segment selected, so no 3D model; run the target `posterior`, or add a segment under "
+            f"`stenoses`, such as stenoses: [{example_stenosis(whole)}]"
         )
         raise InputError(case, "stenoses", [], remedy)
     loop = read_network(network)

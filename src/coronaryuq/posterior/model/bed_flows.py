@@ -68,7 +68,9 @@ class BedFlows:
         self.weights = (1.0 / self.resistances) / np.sum(1.0 / self.resistances)
         at_r_hat = self._run({}, None)
         if not np.all(at_r_hat.ok):
-            raise InputError(network_json, None, None, f"does not run: {at_r_hat.status[0]}; tune it first")
+            raise InputError(
+                network_json, None, None, f"the simulation fails ({at_r_hat.status[0]}); calibrate the network first"
+            )
         self.start = at_r_hat.state[0]
 
     def flows(self, multipliers: np.ndarray) -> np.ndarray:

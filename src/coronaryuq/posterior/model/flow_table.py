@@ -82,10 +82,10 @@ def _proportions(path: str | Path, known: Mapping[str, Bed]) -> tuple[list[str],
         if name not in known:
             raise InputError(path, "name", cell, f"not a coronary bed; there are {', '.join(known) or 'none'}")
         if name in names:
-            raise InputError(path, "name", cell, "occurs twice")
+            raise InputError(path, "name", cell, "duplicate")
         names.append(name)
     if len(names) < 2:
-        raise InputError(path, "rows", len(names), "expected at least two beds to share the flow")
+        raise InputError(path, "rows", len(names), "at least two beds are required")
     product = np.ones(len(names))
     for column in columns:
         values = _numbers(frame[column])

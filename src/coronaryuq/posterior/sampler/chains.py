@@ -172,6 +172,6 @@ def _progress(
     acceptance = float(np.mean(state.accepted)) / max(int(state.proposed), 1)
     print(
         f"generation {int(state.generation)}/{total}{worst}  acceptance {acceptance:.2f}"
-        f"  outliers {int(state.outliers)}  left {left / 60:.1f} min",
+        f"  outliers {int(state.outliers)}  ETA {left / 60:.1f} min",
         file=sys.stderr, flush=True,
     )  # fmt: skip

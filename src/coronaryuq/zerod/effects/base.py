@@ -115,7 +115,7 @@ class Effect(ABC):
         True if the response changes its shape with the size, so that a small size does not predict a large one: a
         wave delayed by a quarter of its period differs in another shape than one that is hardly late.
     nameable
-        False for a mistake in the model: if it explains best, the missing cause is not an effect.
+        False for a wiring error of the model: if it explains best, the missing cause is not an effect.
     """
 
     name: ClassVar[str]

@@ -8,7 +8,7 @@ from coronaryuq.zerod.effects.intramyocardial import IntramyocardialDelay, Intra
 from coronaryuq.zerod.effects.kinetic import BifurcationLoss, OstialLoss
 from coronaryuq.zerod.effects.leak import SideBranchLeak
 from coronaryuq.zerod.effects.narrowing import DiffuseNarrowing
-from coronaryuq.zerod.effects.perfusion import RenkinCrone, RotatedTerritories, ShiftedTerritories
+from coronaryuq.zerod.effects.perfusion import MBFUnderestimation, RotatedTerritories, ShiftedTerritory
 from coronaryuq.zerod.effects.sensors import (
     FlowDelay,
     FlowGain,
@@ -18,7 +18,7 @@ from coronaryuq.zerod.effects.sensors import (
     SharedOffset,
     TriggerDelay,
 )
-from coronaryuq.zerod.effects.stenosis import QuadraticStenosis, StenosisWithFriction
+from coronaryuq.zerod.effects.stenosis import QuadraticStenosis, StenosisWithViscousLoss
 from coronaryuq.zerod.effects.storage import EpicardialCompliance, Inertance
 from coronaryuq.zerod.effects.valve import AorticRegurgitation, AorticStenosis
 from coronaryuq.zerod.effects.viscosity import Haematocrit
@@ -26,7 +26,7 @@ from coronaryuq.zerod.effects.wiring import ExchangedOutlets
 
 LIBRARY: tuple[Effect, ...] = (
     QuadraticStenosis(),
-    StenosisWithFriction(),
+    StenosisWithViscousLoss(),
     DiffuseNarrowing(),
     Collateral(),
     SideBranchLeak(),
@@ -43,8 +43,8 @@ LIBRARY: tuple[Effect, ...] = (
     Haematocrit(),
     AorticStenosis(),
     AorticRegurgitation(),
-    RenkinCrone(),
-    ShiftedTerritories(),
+    MBFUnderestimation(),
+    ShiftedTerritory(),
     RotatedTerritories(),
     PressureOffset(),
     SharedOffset(),
@@ -56,12 +56,12 @@ LIBRARY: tuple[Effect, ...] = (
     DriveGain(),
 )
 
-MISTAKES: tuple[Effect, ...] = (ExchangedOutlets(),)
-"""Mistakes in the model that the data may reveal: searched like effects, but never named as such."""
+WIRING_ERRORS: tuple[Effect, ...] = (ExchangedOutlets(),)
+"""Wiring errors of the model that the data may reveal: searched like effects, but never named as such."""
 
-SEARCHED = (*LIBRARY, *MISTAKES)
+SEARCHED = (*LIBRARY, *WIRING_ERRORS)
 
 
 def effect(name: str) -> Effect:
-    """Return the effect or mistake called `name`; raise KeyError if there is none."""
+    """Return the effect or wiring error called `name`; raise KeyError if there is none."""
     return {entry.name: entry for entry in SEARCHED}[name]

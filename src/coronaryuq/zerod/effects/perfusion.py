@@ -11,7 +11,7 @@ NATIVE = "acts on predicted perfusion; the network stays the same"
 MAP = "perfusion map"
 
 
-class RenkinCrone(Effect):
+class MBFUnderestimation(Effect):
     """Myocardial blood flow underestimated at high flow, where less tracer is extracted."""
 
     name = "mbf_underestimation"
@@ -46,7 +46,7 @@ class RenkinCrone(Effect):
         return observed
 
 
-class ShiftedTerritories(Effect):
+class ShiftedTerritory(Effect):
     """Part of one territory attributed to another."""
 
     name = "shifted_territory"

@@ -1,4 +1,4 @@
-"""Outlets exchanged when the network was made: a mistake in the model, not an effect in the patient."""
+"""Outlets exchanged when the network was made: a wiring error of the model, not an effect in the patient."""
 
 from collections.abc import Sequence
 from itertools import combinations
@@ -15,7 +15,7 @@ class ExchangedOutlets(Effect):
 
     name = "exchanged_outlets"
     formula = "x_a -> x_a (x_b / x_a)^s and x_b -> x_b (x_a / x_b)^s for every positive value x that both beds have"
-    source = "mistake in the names or the order of the outlet table"
+    source = "error in the names or the order of the outlet table"
     signature = (
         "resistance and stiffness of one outlet too high by the factor by which the other's are too low, in every "
         "condition"

@@ -94,7 +94,7 @@ def resistance_changes(
             raise InputError("network", name, None, remedy)
     for name, factor in {**multipliers, SCALING: scaling, "hyperaemia": hyperaemia}.items():
         if not np.all(np.asarray(factor, float) > 0.0):
-            raise InputError("network", name, "not positive", "want positive factors")
+            raise InputError("network", name, "not positive", "expected positive factors")
     changes = {}
     for name, bed in coronary.items():
         total = np.asarray(multipliers.get(name, 1.0), float) * np.asarray(scaling, float)
@@ -137,7 +137,7 @@ def read_theta(
     table = read_csv(samples_csv, ("sample",))
     theta = table.iloc[first : first + count]
     if len(theta) < count:
-        raise InputError(samples_csv, "sample", len(table), f"want at least {first + count} rows")
+        raise InputError(samples_csv, "sample", len(table), f"expected at least {first + count} rows")
     known = {*beds(network), SCALING, "sample"}
     for column in theta.columns:
         if column not in known:

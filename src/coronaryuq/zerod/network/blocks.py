@@ -47,14 +47,14 @@ def check_shapes(network: dict[str, Any], file) -> None:
     for part, keys in _SHAPES.items():
         entries = network.get(part, [])
         if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
-            raise InputError(file, part, None, "want a list of objects")
+            raise InputError(file, part, None, "expected a list of objects")
         for number, entry in enumerate(entries):
             for key, (fits, wanted) in keys.items():
                 if key in entry and not fits(entry[key]):
-                    raise InputError(file, f"{part}[{number}].{key}", entry[key], f"want {wanted}")
+                    raise InputError(file, f"{part}[{number}].{key}", entry[key], f"expected {wanted}")
     for part in ("initial_condition", "initial_condition_d"):
         if not isinstance(network.get(part, {}), dict):
-            raise InputError(file, part, network[part], "want an object")
+            raise InputError(file, part, network[part], "expected an object")
 
 
 def named(network: dict[str, Any], part: str, key: str, file) -> Iterable[dict]:
@@ -62,7 +62,7 @@ def named(network: dict[str, Any], part: str, key: str, file) -> Iterable[dict]:
     blocks = network.get(part, [])
     for number, block in enumerate(blocks):
         if not isinstance(block.get(key), str) or not block[key]:
-            raise InputError(file, f"{part}[{number}].{key}", block.get(key), "want a name")
+            raise InputError(file, f"{part}[{number}].{key}", block.get(key), "expected a name")
     return blocks
 
 
@@ -70,7 +70,7 @@ def register(block: dict, name_key: str, type_key: str, known: dict, names: dict
     """Check a block's element against `known`, enter its name into `names` (name → where it stands) and return it."""
     name, kind = block[name_key], block.get(type_key)
     if kind not in known:
-        raise InputError(file, f"{part}.{name}.{type_key}", kind, f"unknown element; know {', '.join(known)}")
+        raise InputError(file, f"{part}.{name}.{type_key}", kind, f"unknown element; known: {', '.join(known)}")
     if name in names:
         raise InputError(file, f"{part}.{name}", None, f"name already taken by {names[name]}; rename one")
     names[name] = f"{part}.{name}"
@@ -82,14 +82,14 @@ def check_keys(block: dict, known: set[str], file, where: str) -> None:
     for key in block:
         if key not in known and not key.startswith("_"):
             field = f"{where}.{key}" if where else key
-            raise InputError(file, field, None, f"unknown key; know {', '.join(sorted(known))}")
+            raise InputError(file, field, None, f"unknown key; known: {', '.join(sorted(known))}")
 
 
 def check_values(block: dict, key: str, parameters: Parameters, file, where: str) -> None:
     """Raise `InputError` unless `block[key]` holds all required parameters of an element, each of the right type."""
     values = block.get(key)
     if not isinstance(values, dict):
-        raise InputError(file, f"{where}.{key}", values, "want an object")
+        raise InputError(file, f"{where}.{key}", values, "expected an object")
     check_keys(values, set(parameters), file, f"{where}.{key}")
     series = [name for name, spec in parameters.items() if spec.series]
     for name, spec in parameters.items():
@@ -101,16 +101,16 @@ def check_values(block: dict, key: str, parameters: Parameters, file, where: str
         value = values[name]
         if spec.flag:
             if not isinstance(value, bool):
-                raise InputError(file, field, value, "want true or false")
+                raise InputError(file, field, value, "expected true or false")
         elif spec.series:
             if not isinstance(value, list) or not value or not all(map(finite, value)):
-                raise InputError(file, field, value, "want a list of numbers")
+                raise InputError(file, field, value, "expected a list of numbers")
             if len(value) > 1 and len(value) != len(values.get("t", [])):
                 raise InputError(file, field, len(value), f"has not as many entries as t ({len(values.get('t', []))})")
         elif not finite(value):
-            raise InputError(file, field, value, "want a number")
+            raise InputError(file, field, value, "expected a number")
         elif spec.positive and not value > 0:
-            raise InputError(file, field, value, "want a positive number")
+            raise InputError(file, field, value, "expected a positive number")
     times = values.get("t", [])
     if series and any(later <= earlier for earlier, later in zip(times, times[1:], strict=False)):
         raise InputError(file, f"{where}.{key}.t", None, "times must increase")

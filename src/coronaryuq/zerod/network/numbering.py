@@ -214,11 +214,11 @@ class Model:
         ends = len(block.inlets), len(block.outlets)
         if block.kind in VESSELS and ends != (1, 1):
             remedy = (
-                f"has {ends[0]} inlets and {ends[1]} outlets; wanted one of each: a junction or a boundary condition"
+                f"has {ends[0]} inlets and {ends[1]} outlets; expected one of each: a junction or a boundary condition"
             )
             raise InputError(self.file, f"vessels.{block.name}", None, remedy)
         if block.kind in ("NORMAL_JUNCTION", "internal_junction", "BloodVesselJunction") and 0 in ends:
-            remedy = f"has {ends[0]} inlets and {ends[1]} outlets; wanted one of each at least"
+            remedy = f"has {ends[0]} inlets and {ends[1]} outlets; expected at least one inlet and one outlet"
             raise InputError(self.file, f"junctions.{block.name}", None, remedy)
         if block.kind in BOUNDARIES and not any(ends):
             raise InputError(self.file, f"boundary_conditions.{block.name}", None, "is connected to no vessel")

@@ -20,7 +20,7 @@ def parse(name: str, model: Model) -> Quantity:
     """Parse `STATISTIC_UNKNOWN`, with svZeroDSolver's name of the unknown; `InputError` if the network lacks it."""
     statistic, _, variable = name.partition("_")
     if statistic not in STATISTICS:
-        raise InputError(model.file, name, None, f"want a name that begins with {', '.join(STATISTICS)} and _")
+        raise InputError(model.file, name, None, f"expected a name that begins with {', '.join(STATISTICS)} and _")
     return Quantity(statistic, unknown(variable, model))
 
 

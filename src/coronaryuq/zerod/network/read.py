@@ -91,7 +91,7 @@ def check_network(content: Any, file: str | Path = "network") -> Network:
         At the first fault; names block, key and value.
     """
     if not isinstance(content, dict):
-        raise InputError(file, None, None, "want a JSON object with simulation_parameters, vessels, ...")
+        raise InputError(file, None, None, "expected a JSON object with simulation_parameters, vessels, ...")
     network = content if isinstance(content, Network) else Network(content)
     check_keys(network, _TOP, file, "")
     for unsupported in ("valves", "chambers"):
@@ -106,7 +106,7 @@ def check_network(content: Any, file: str | Path = "network") -> Network:
         if required not in network:
             raise InputError(file, required, None, "missing")
     if not isinstance(network["simulation_parameters"], dict):
-        raise InputError(file, "simulation_parameters", network["simulation_parameters"], "want an object")
+        raise InputError(file, "simulation_parameters", network["simulation_parameters"], "expected an object")
     check_shapes(network, file)
     _check_simulation(network["simulation_parameters"], file)
     names: dict[str, str] = {}
@@ -117,7 +117,7 @@ def check_network(content: Any, file: str | Path = "network") -> Network:
     for block in named(network, "boundary_conditions", "bc_name", file):
         _check_boundary(block, names, file)
     if len(network.vessel_names) < len(network.vessels):
-        raise InputError(file, "vessels", None, "two vessels share a vessel_id; number them apart")
+        raise InputError(file, "vessels", None, "two vessels share a vessel_id; give each vessel its own vessel_id")
     for junction in named(network, "junctions", "junction_name", file):
         _check_junction(junction, names, network, file)
     _check_closed_loop(network, names, file)
@@ -154,7 +154,7 @@ def _check_simulation(block: dict, file) -> None:
             str: isinstance(value, str),
         }[kind]
         if not fits:
-            raise InputError(file, f"{where}.{key}", value, f"want a {kind.__name__}")
+            raise InputError(file, f"{where}.{key}", value, f"expected a {kind.__name__}")
     needed = ["number_of_cardiac_cycles", "number_of_time_pts_per_cardiac_cycle"]
     if block.get("coupled_simulation", False):
         needed = ["number_of_time_pts"]
@@ -164,10 +164,10 @@ def _check_simulation(block: dict, file) -> None:
         if block[key] < (2 if "time_pts" in key else 1):
             raise InputError(file, f"{where}.{key}", block[key], "too small")
     if not 0.0 <= block.get("rho_infty", 0.5) <= 1.0:
-        raise InputError(file, f"{where}.rho_infty", block["rho_infty"], "want a spectral radius from 0 to 1")
+        raise InputError(file, f"{where}.rho_infty", block["rho_infty"], "expected a spectral radius from 0 to 1")
     for key in ("absolute_tolerance", "maximum_nonlinear_iterations", "output_interval", "external_step_size"):
         if key in block and block[key] <= 0:
-            raise InputError(file, f"{where}.{key}", block[key], "want a positive number")
+            raise InputError(file, f"{where}.{key}", block[key], "expected a positive number")
 
 
 def _check_vessel(vessel: dict, names: dict[str, str], file) -> None:
@@ -175,11 +175,11 @@ def _check_vessel(vessel: dict, names: dict[str, str], file) -> None:
     where = f"vessels.{name}"
     check_keys(vessel, _VESSEL, file, where)
     if not isinstance(vessel.get("vessel_id"), int) or isinstance(vessel.get("vessel_id"), bool):
-        raise InputError(file, f"{where}.vessel_id", vessel.get("vessel_id"), "want an integer")
+        raise InputError(file, f"{where}.vessel_id", vessel.get("vessel_id"), "expected an integer")
     check_values(vessel, "zero_d_element_values", VESSELS[vessel["zero_d_element_type"]], file, where)
     for side in vessel.get("boundary_conditions", {}):
         if side not in ("inlet", "outlet"):
-            raise InputError(file, f"{where}.boundary_conditions", side, "want inlet or outlet")
+            raise InputError(file, f"{where}.boundary_conditions", side, "expected inlet or outlet")
 
 
 def _check_boundary(block: dict, names: dict[str, str], file) -> None:
@@ -194,9 +194,9 @@ def _check_coupling(block: dict, names: dict[str, str], file) -> None:
     check_keys(block, _COUPLING, file, where)
     check_values(block, "values", COUPLINGS[block["type"]], file, where)
     if block.get("location") not in ("inlet", "outlet"):
-        raise InputError(file, f"{where}.location", block.get("location"), "want inlet or outlet")
+        raise InputError(file, f"{where}.location", block.get("location"), "expected inlet or outlet")
     if not isinstance(block.get("connected_block"), str):
-        raise InputError(file, f"{where}.connected_block", block.get("connected_block"), "want a block's name")
+        raise InputError(file, f"{where}.connected_block", block.get("connected_block"), "expected a block's name")
 
 
 def _check_junction(block: dict, names: dict[str, str], network: Network, file) -> None:
@@ -229,7 +229,7 @@ def _check_junction(block: dict, names: dict[str, str], network: Network, file) 
                 file,
                 f"{where}.junction_values.{key}",
                 numbers,
-                f"want a list of {len(outlets)} numbers, one per outlet",
+                f"expected a list of {len(outlets)} numbers, one per outlet",
             )
 
 
@@ -244,13 +244,17 @@ def _check_closed_loop(network: Network, names: dict[str, str], file) -> None:
         check_keys(block, _LOOP, file, where)
         kind = block.get("closed_loop_type")
         if kind not in CLOSED_LOOP:
-            raise InputError(file, f"{where}.closed_loop_type", kind, f"unknown element; know {', '.join(CLOSED_LOOP)}")
+            raise InputError(
+                file, f"{where}.closed_loop_type", kind, f"unknown element; known: {', '.join(CLOSED_LOOP)}"
+            )
         check_values(block, "parameters", CLOSED_LOOP[kind], file, where)
         period = block.get("cardiac_cycle_period")
         if not finite(period) or period <= 0:
-            raise InputError(file, f"{where}.cardiac_cycle_period", period, "want a positive time in s")
+            raise InputError(file, f"{where}.cardiac_cycle_period", period, "expected a positive time in s")
         if not isinstance(block.get("outlet_blocks"), list) or not block["outlet_blocks"]:
-            raise InputError(file, f"{where}.outlet_blocks", block.get("outlet_blocks"), "want a list of block names")
+            raise InputError(
+                file, f"{where}.outlet_blocks", block.get("outlet_blocks"), "expected a list of block names"
+            )
         for name in (HEART, BEFORE_HEART, AFTER_HEART):
             if name in names:
                 raise InputError(
@@ -289,4 +293,4 @@ def _check_references(network: Network, names: dict[str, str], file) -> None:
     for part in ("initial_condition", "initial_condition_d"):
         for key, value in network.get(part, {}).items():
             if not key.startswith("_") and not finite(value):
-                raise InputError(file, f"{part}.{key}", value, "want a number")
+                raise InputError(file, f"{part}.{key}", value, "expected a number")

@@ -247,13 +247,13 @@ class Engine:
             value = np.asarray(value, float)
             if name in waveforms:
                 if value.ndim != 2 or value.shape[1] < 2:
-                    raise InputError(self.model.file, name, value.shape, "want a waveform per sample, (n, points)")
+                    raise InputError(self.model.file, name, value.shape, "expected a waveform per sample, (n, points)")
             elif name not in known:
                 raise InputError(self.model.file, name, None, "no such scalar parameter in the network")
             elif value.ndim > 1:
-                raise InputError(self.model.file, name, value.shape, "want one number per sample, (n,)")
+                raise InputError(self.model.file, name, value.shape, "expected one number per sample, (n,)")
             if not np.all(np.isfinite(value)):
-                raise InputError(self.model.file, name, "nan or inf", "want finite numbers")
+                raise InputError(self.model.file, name, "nan or inf", "expected finite numbers")
             values[name] = value
         return values, sizes.pop() if sizes else 1
 
@@ -261,7 +261,9 @@ class Engine:
         start = np.atleast_2d(np.asarray(start, float))
         width = len(self.state_names)
         if start.shape[1] != width:
-            raise InputError(self.model.file, "start", start.shape[1], f"want {width} columns, a state of this network")
+            raise InputError(
+                self.model.file, "start", start.shape[1], f"expected {width} columns, a state of this network"
+            )
         return np.broadcast_to(start, (samples, width))
 
     def _coarse_approach(
@@ -303,5 +305,5 @@ def _status(failed_at: float, error: float, cycles: int, tolerance: float | None
     if failed_at:
         return f"Newton's method did not converge at step {int(failed_at)} of a cycle"
     if tolerance is not None and not error < tolerance:
-        return f"not periodic after {cycles} cycles: cycle error {error:.2g}, wanted {tolerance:g}"
+        return f"not periodic after {cycles} cycles: cycle error {error:.2g}, expected {tolerance:g}"
     return OK

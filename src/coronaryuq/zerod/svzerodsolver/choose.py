@@ -56,4 +56,4 @@ def make(name: str, network: Network, file: str | Path = "network") -> Backend:
                 "configuration", "zerod.backend", name, "install svzerodsolver or pysvzerod, or use coronaryuq"
             )
         return SvZeroD(network, file)
-    raise InputError("configuration", "zerod.backend", name, "want coronaryuq or svzerod")
+    raise InputError("configuration", "zerod.backend", name, "expected coronaryuq or svzerod")

@@ -68,7 +68,7 @@ def cut_network(network: Network, mesh: MeshDescription, file: str = "mesh.json"
     known = set(network.vessel_names.values())
     for name in [*mesh.replaces, *mesh.cut]:
         if name not in known:
-            raise InputError(file, "replaces", name, "the network has no such vessel; mesh the case again")
+            raise InputError(file, "replaces", name, "the network has no such vessel; regenerate the mesh")
     left, topology = remaining_network(network, mesh), Topology(network)
     blocks = {block["name"]: block["connected_block"] for block in left.couplings}
     connection, place, pressures, flows = {}, {}, {}, {}
@@ -80,7 +80,7 @@ def cut_network(network: Network, mesh: MeshDescription, file: str = "mesh.json"
             before, after = topology.inlet(vessel), topology.outlet(vessel)
             outside = mesh.cut[vessel].upstream if couples.enters else mesh.cut[vessel].downstream
             if outside is None:
-                raise InputError(file, f"cut.{vessel}", None, f"lacks the side of cap {cap}; mesh the case again")
+                raise InputError(file, f"cut.{vessel}", None, f"lacks the side of cap {cap}; regenerate the mesh")
             share = outside["R_poiseuille"] if couples.enters else 1.0 - outside["R_poiseuille"]
             connection[cap] = place[cap]
             pressures[cap] = [(1.0 - share, before), (share, after)]

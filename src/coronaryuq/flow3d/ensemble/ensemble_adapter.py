@@ -86,7 +86,7 @@ class Progress:
         left = spent * max(whole - done, 0.0) / max(done, 1e-9)
         speed = abs(block.stepper.u[..., : block.samples]).max()
         print(
-            f"3D samples {block.label}: cycle {block.cycle + 1}, {100 * share:.0f} % done, fastest {speed:.0f} cm/s, "
-            f"{spent:.0f} s elapsed, at most {left:.0f} s left for these",
+            f"3D samples {block.label}: cycle {block.cycle + 1}, {100 * share:.0f} % done, peak {speed:.0f} cm/s, "
+            f"{spent:.0f} s elapsed, at most {left:.0f} s remaining",
             file=sys.stderr,
         )

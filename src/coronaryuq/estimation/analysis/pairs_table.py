@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from coronaryuq.core.io.tables import write_csv
-from coronaryuq.estimation.campaign.analysis import curves_of
+from coronaryuq.estimation.analysis.estimate_rows import curves_of
 from coronaryuq.estimation.estimators.folds import assign, count
 from coronaryuq.estimation.estimators.per_row import aligned
 from coronaryuq.estimation.runs.table import Row, Runs, pair, read_rows, read_runs

@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from coronaryuq.estimation.campaign.paper import paper_row
+from coronaryuq.estimation.analysis.paper import paper_row
 from coronaryuq.estimation.runs.table import pair, read_rows, read_runs
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from coronaryuq.estimation.estimators.crossfit import Estimate
-from coronaryuq.estimation.estimators.montecarlo import chebyshev
+from coronaryuq.estimation.estimators.formulas import chebyshev
 from coronaryuq.estimation.results import EstimatorReport, RowReport
 
 

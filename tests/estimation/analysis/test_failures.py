@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from coronaryuq.core.seeds import generator
-from coronaryuq.estimation.campaign import failures
+from coronaryuq.estimation.analysis import failures
 from support.runs import runs_of
 
 BEDS, SCALING = 14, "R_cor_scaling"

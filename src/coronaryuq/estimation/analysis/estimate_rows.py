@@ -6,14 +6,14 @@ import numpy as np
 import pandas as pd
 
 from coronaryuq.estimation import training
-from coronaryuq.estimation.campaign import diagnostics, failures
-from coronaryuq.estimation.campaign.paper import paper_row
-from coronaryuq.estimation.campaign.tables import estimator_report
+from coronaryuq.estimation.analysis import diagnostics, failures
+from coronaryuq.estimation.analysis.paper import paper_row
+from coronaryuq.estimation.analysis.tables import estimator_report
 from coronaryuq.estimation.estimators import multilevel_crossfit, per_row, tails_and_sobol
 from coronaryuq.estimation.estimators.crossfit import Estimate
+from coronaryuq.estimation.estimators.design import Design, make_design
 from coronaryuq.estimation.estimators.folds import count
-from coronaryuq.estimation.estimators.folds_and_blocks import Design, make_design
-from coronaryuq.estimation.estimators.montecarlo import mfmc_variance
+from coronaryuq.estimation.estimators.formulas import mfmc_variance
 from coronaryuq.estimation.estimators.per_row import Curves
 from coronaryuq.estimation.results import BeyondTheMean, Parts, RowReport
 from coronaryuq.estimation.runs.table import Row, Runs, pair
@@ -21,7 +21,7 @@ from coronaryuq.estimation.settings import Settings
 from coronaryuq.estimation.surrogates import mfmc_ae
 
 EMULATOR_SHARE = 1e-2
-ORDER = ("MC", "MFMC", "MFMC-AE", "BLUE", "best", "multilevel")
+ORDER = ("MC", "MFMC", "MFMC-AE", "BLUE", "crossfit-GP", "multilevel")
 """Of the estimators in `estimates.json`, the table and the figures."""
 
 
@@ -52,7 +52,7 @@ def analyse(
     settings, seed
         Settings of the stage and seed of folds and blocks.
     networks, resampled
-        Networks of MFMC-AE and 0D outputs at the inputs of `wanted_0d`, index `sample`; without them there is no
+        Networks of MFMC-AE and 0D outputs at the inputs of `resampled_inputs`, index `sample`; without them there is no
         MFMC-AE.
     design
         Folds and emulated 0D outputs, where they are known already.
@@ -75,7 +75,7 @@ def analyse(
 
 @dataclass
 class Methods:
-    """What the estimators of all rows share. Rows of one 3D output share its `best` and `multilevel`, too.
+    """What the estimators of all rows share. Rows of one 3D output share its `crossfit-GP` and `multilevel`, too.
 
     weights (n,): of the pilot runs, mean one, where the pilot is not distributed as the propagation samples; else None.
     """
@@ -87,19 +87,19 @@ class Methods:
     networks: mfmc_ae.Networks | None
     resampled: pd.DataFrame | None
     beyond_mean: bool
-    _best: dict[str, tuple[Estimate, BeyondTheMean]] = field(default_factory=dict)
+    _crossfit_gp: dict[str, tuple[Estimate, BeyondTheMean]] = field(default_factory=dict)
     _levels: dict[str, tuple[Estimate, Parts] | None] = field(default_factory=dict)
 
-    def best(self, row: Row) -> tuple[Estimate, BeyondTheMean]:
-        if row.column_3d not in self._best:
+    def crossfit_gp(self, row: Row) -> tuple[Estimate, BeyondTheMean]:
+        if row.column_3d not in self._crossfit_gp:
             predictions = per_row.predict(self.design, row)
-            self._best[row.column_3d] = (
-                per_row.best(self.design, row, predictions, self.settings.level, self.weights),
+            self._crossfit_gp[row.column_3d] = (
+                per_row.crossfit_gp(self.design, row, predictions, self.settings.level, self.weights),
                 tails_and_sobol.everything(self.design, row, predictions, self.settings)
                 if self.beyond_mean
                 else BeyondTheMean(),
             )
-        return self._best[row.column_3d]
+        return self._crossfit_gp[row.column_3d]
 
     def autoencoder(self, row: Row) -> Estimate | None:
         """MFMC-AE with the paper's in-sample numbers; None without networks, or where too many 0D runs failed."""
@@ -128,12 +128,12 @@ def estimate_row(row: Row, methods: Methods, findings: tuple[diagnostics.Finding
     """Estimate one row by every method; findings: warnings that hold for all rows."""
     design, settings, runs, weights = methods.design, methods.settings, methods.design.runs, methods.weights
     y, q = pair(runs, row)
-    best, beyond = methods.best(row)
+    crossfit_gp, beyond = methods.crossfit_gp(row)
     estimates: dict[str, Estimate | None] = {
         "MC": per_row.monte_carlo(design, row, settings.level, weights),
         "MFMC": per_row.mfmc(design, row, settings.level, weights),
         "MFMC-AE": methods.autoencoder(row),
-        "best": best,
+        "crossfit-GP": crossfit_gp,
     }
     parts = None
     if weights is None:
@@ -146,8 +146,10 @@ def estimate_row(row: Row, methods: Methods, findings: tuple[diagnostics.Finding
     made = {name: _judged(name, estimate, len(y)) for name in ORDER if (estimate := estimates.get(name)) is not None}
     error = design.emulator_error[row.column_0d]
     if error > EMULATOR_SHARE:
-        made["MFMC"] = made["MFMC"].warned(f"the emulator of {row.column_0d} misses {error:.1%} of its variance")
-    dominated = diagnostics.dominated(best.residuals, runs.samples)
+        made["MFMC"] = made["MFMC"].warned(
+            f"the emulator of {row.column_0d} leaves {error:.1%} of its variance unexplained"
+        )
+    dominated = diagnostics.dominated(crossfit_gp.residuals, runs.samples)
     return RowReport(
         row=row.name, label=row.label, column_3d=row.column_3d, column_0d=row.column_0d,
         variance_3d=float(np.var(y, ddof=1)),
@@ -167,11 +169,11 @@ def _judged(name: str, estimate: Estimate, n: int) -> Estimate:
     """Add the warnings that concern the method to the estimate."""
     total = estimate.residual_variance + estimate.propagation_variance
     share = estimate.residual_variance / total if total > 0 else 1.0
-    estimate = estimate.warned(diagnostics.unverified(name, n, share))
-    return estimate if name == "MC" else estimate.warned(diagnostics.useless(estimate.rho_held_out, n, name))
+    estimate = estimate.warned(diagnostics.untested(name, n, share))
+    return estimate if name == "MC" else estimate.warned(diagnostics.without_gain(estimate.rho_held_out, n, name))
 
 
 def recommended(estimates: dict[str, Estimate]) -> str:
-    """Return the estimator with the least claimed standard deviation among plain MC and those without a warning."""
+    """Return the estimator with the smallest reported standard error among plain MC and those without a warning."""
     sound = [name for name, estimate in estimates.items() if name == "MC" or not estimate.warnings]
     return min(sound, key=lambda name: estimates[name].std)

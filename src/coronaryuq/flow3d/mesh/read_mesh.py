@@ -48,12 +48,12 @@ def read_domain(mesh_folder: str | Path, mesh_json: str | Path) -> Domain:
     caps = {}
     for name in description.caps:
         if name not in number:
-            raise InputError(mesh_json, "faces", name, f"no such cap in {Path(mesh_folder).name}; mesh the case again")
+            raise InputError(mesh_json, "faces", name, f"no such cap in {Path(mesh_folder).name}; regenerate the mesh")
         caps[name] = mesh.triangles[mesh.face == number[name]]
     inlets = [name for name, couples in description.caps.items() if couples.enters]
     regions = {name: mesh.triangles[mesh.region == region.id] for name, region in description.regions.items()}
     for name, triangles in regions.items():
         if not len(triangles):
-            raise InputError(mesh_json, f"regions.{name}", None, "no wall triangle belongs to it; mesh the case again")
+            raise InputError(mesh_json, f"regions.{name}", None, "no wall triangle belongs to it; regenerate the mesh")
     planes = {name: (np.array(plane.point), np.array(plane.normal)) for name, plane in description.planes.items()}
     return Domain(mesh.points, mesh.tets, caps, inlets, regions, planes, description)

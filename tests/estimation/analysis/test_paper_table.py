@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.estimation.campaign.paper_table import paper_table
+from coronaryuq.estimation.analysis.paper_table import paper_table
 from coronaryuq.estimation.settings import Settings
 
 SETTINGS = Settings(steps=(12, 8), restarts=1, curve_nodes=9, folds=2)

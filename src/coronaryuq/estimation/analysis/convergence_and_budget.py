@@ -1,10 +1,10 @@
-"""Convergence with the number of 3D runs, what a budget buys, and what a wanted interval still costs."""
+"""Convergence with the number of 3D runs, variance against budget, and the cost of target intervals."""
 
 import numpy as np
 
 from coronaryuq.core.seeds import generator
-from coronaryuq.estimation.estimators.montecarlo import additional_budget, correlation, optimal_variance
-from coronaryuq.estimation.results import Convergence, Curve, RowBudget, RowReport, Want
+from coronaryuq.estimation.estimators.formulas import additional_budget, correlation, optimal_variance
+from coronaryuq.estimation.results import Convergence, Curve, RowBudget, RowReport, TargetPlan
 from coronaryuq.estimation.runs.table import Row, Runs, pair
 from coronaryuq.estimation.settings import Settings
 from coronaryuq.estimation.surrogates import mfmc_ae, selector
@@ -19,18 +19,19 @@ POINTS = 60
 def convergence(runs: Runs, rows: list[Row], settings: Settings, seed: int) -> list[Convergence]:
     """Study subsamples of the pilot, without replacement: one entry per row and size, one list item per trial.
 
-    `rho_original` and `mean_mc` have `settings.trials` values; `rho_ae_in_sample`, `rho_ae_held_out` and
-    `rho_best_held_out` the first `settings.trials_fitted` of the same subsamples. Held out means: on the pilot runs
-    that the subsample left out. The 0D model at resampled inputs is an emulator of all pilot 0D runs.
+    `rho_original` and `mean_mc` have `settings.convergence_subsamples` values; `rho_ae_in_sample`, `rho_ae_held_out`
+    and `rho_crossfit_gp_held_out` the first `settings.convergence_subsamples_fitted` of the same subsamples. Held out
+    means: on the pilot runs that the subsample left out. The 0D model at resampled inputs is an emulator of all pilot
+    0D runs.
     """
     entries = []
     emulator = Emulator(np.log(runs.theta), runs.q[list(dict.fromkeys(row.column_0d for row in rows))])
     for size in [s for s in settings.convergence_sizes if s <= len(runs) - 20]:
         subsets = [
             np.sort(generator(seed, "estimation", "convergence", size, trial).permutation(len(runs))[:size])
-            for trial in range(settings.trials)
+            for trial in range(settings.convergence_subsamples)
         ]
-        fitted = subsets[: settings.trials_fitted]
+        fitted = subsets[: settings.convergence_subsamples_fitted]
         networks = train_on(runs, rows, fitted, settings, seed) if settings.autoencoder and fitted else None
         for row in rows:
             y, q = pair(runs, row)
@@ -42,7 +43,7 @@ def convergence(runs: Runs, rows: list[Row], settings: Settings, seed: int) -> l
                 row=row.name, label=row.label, n_3d=size,
                 rho_original=[correlation(y[s], q[s]) for s in subsets],
                 mean_mc=[float(y[s].mean()) for s in subsets],
-                rho_best_held_out=[_best_held_out(runs, row, s) for s in fitted],
+                rho_crossfit_gp_held_out=[_crossfit_gp_held_out(runs, row, s) for s in fitted],
                 rho_ae_in_sample=in_sample, rho_ae_held_out=held_out,
             ))  # fmt: skip
     return entries
@@ -52,8 +53,8 @@ def budget(rows: list[RowReport], cost_ratio: float) -> list[RowBudget]:
     """Return the curves of both budget figures for every row and estimator.
 
     `optimal_variance`: under the optimal allocation, against a budget of 1 to 10^5 3D runs. `additional_cost`: extra
-    cost in 3D runs against the wanted variance over today's, 1 down to 0.001. Correlations: original for MFMC; held out
-    for MFMC-AE and best, and for MFMC-AE in-sample too, as the paper has it.
+    cost in 3D runs against the target variance over the present one, 1 down to 0.001. Correlations: original for MFMC;
+    held out for MFMC-AE and crossfit-GP, and for MFMC-AE in-sample too, as the paper has it.
     """
     budgets, factors = np.geomspace(1, 1e5, POINTS), np.geomspace(1, 1e-3, POINTS)
     return [_row_budget(row, cost_ratio, budgets, factors) for row in rows]
@@ -62,7 +63,7 @@ def budget(rows: list[RowReport], cost_ratio: float) -> list[RowBudget]:
 def _row_budget(row: RowReport, cost_ratio: float, budgets: np.ndarray, factors: np.ndarray) -> RowBudget:
     spread, n_3d = row.variance_3d, row.estimators["MC"].n_3d
     n_0d = n_3d + row.n_propagation
-    rho = {"MC": 0.0, "MFMC": row.paper.rho_original, "best": row.estimators["best"].rho_held_out}
+    rho = {"MC": 0.0, "MFMC": row.paper.rho_original, "crossfit-GP": row.estimators["crossfit-GP"].rho_held_out}
     autoencoder = row.estimators.get("MFMC-AE")
     if autoencoder is not None and autoencoder.rho_in_sample is not None:
         rho |= {"MFMC-AE": autoencoder.rho_held_out, "MFMC-AE in-sample": autoencoder.rho_in_sample}
@@ -75,18 +76,18 @@ def _row_budget(row: RowReport, cost_ratio: float, budgets: np.ndarray, factors:
     return RowBudget(row.row, row.label, cost_ratio, n_3d, n_0d, budgets.tolist(), factors.tolist(), curves)
 
 
-def plan(rows: list[RowReport], wanted: dict[str, float], cost_ratio: float) -> list[Want]:
-    """Return what each row still needs for its wanted half-width, with its recommended estimator.
+def plan(rows: list[RowReport], half_widths: dict[str, float], cost_ratio: float) -> list[TargetPlan]:
+    """Return the runs that each row still needs for its target half-width, with its recommended estimator.
 
-    Counts are rounded up; `cost` is in 3D runs; `cost_of_half` is what half the wanted width would cost from here.
-    Today's correlation is assumed: a control variate fitted on more runs only gets better, so for it these are upper
-    bounds on average.
+    Counts are rounded up; `cost` is in 3D runs; `cost_of_half` is what half the target width would cost from here.
+    The present correlation is assumed: a control variate fitted on more runs only gets better, so for it these are
+    upper bounds on average.
     """
-    return [_want(row, wanted[row.row], cost_ratio) for row in rows if row.row in wanted]
+    return [_row_plan(row, half_widths[row.row], cost_ratio) for row in rows if row.row in half_widths]
 
 
-def _want(row: RowReport, width: float, cost_ratio: float) -> Want:
-    estimate = row.best
+def _row_plan(row: RowReport, width: float, cost_ratio: float) -> TargetPlan:
+    estimate = row.recommended_report
     half = estimate.calibrated.half_width
     n_3d, n_0d = estimate.n_3d, estimate.n_3d + row.n_propagation
     residual, explained = estimate.residual_variance * n_3d, estimate.propagation_variance * n_0d
@@ -97,7 +98,7 @@ def _want(row: RowReport, width: float, cost_ratio: float) -> Want:
         return additional_budget(total, rho, n_3d, n_0d, cost_ratio, estimate.std**2 * (width / half) ** 2)
 
     cost, more_3d, more_0d = needed(width)
-    return Want(row.row, width, half, int(np.ceil(more_3d)), int(np.ceil(more_0d)), cost, needed(width / 2)[0])
+    return TargetPlan(row.row, width, half, int(np.ceil(more_3d)), int(np.ceil(more_0d)), cost, needed(width / 2)[0])
 
 
 def _ae_correlations(
@@ -116,7 +117,7 @@ def _ae_correlations(
     return abs(inside), float(np.sign(inside) * correlation(y[others], follows[others]))
 
 
-def _best_held_out(runs: Runs, row: Row, subset: np.ndarray) -> float:
+def _crossfit_gp_held_out(runs: Runs, row: Row, subset: np.ndarray) -> float:
     y, q = pair(runs, row)
     seen = Seen(np.log(runs.theta), q, runs.q[informative(runs.q, [row.column_0d])].to_numpy(float))
     others = np.setdiff1d(np.arange(len(runs)), subset)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from coronaryuq.estimation.estimators.montecarlo import correlation, mfmc_variance, monte_carlo_variance
+from coronaryuq.estimation.estimators.formulas import correlation, mfmc_variance, monte_carlo_variance
 from coronaryuq.estimation.results import PaperRow
 
 N_0D = 10_000

@@ -1,4 +1,4 @@
-"""The facts that the summary of a search states, as JSON holds them: what they are called is left to the summary."""
+"""Facts for the summary of a search, as JSON; the summary chooses the words."""
 
 import numpy as np
 
@@ -17,7 +17,7 @@ Z_90 = 1.6448536269514722
 """Half-width of the central 90 % of a standard normal distribution."""
 
 
-def account(discovery: Discovery) -> dict:
+def facts(discovery: Discovery) -> dict:
     """Return the facts about a search that its tables and named effects do not hold.
 
     Returns

@@ -7,13 +7,15 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.io.typed import plain
 from coronaryuq.estimation import stage
-from coronaryuq.estimation.campaign import convergence_and_budget
-from coronaryuq.estimation.estimators.montecarlo import mfmc_variance
+from coronaryuq.estimation.analysis import convergence_and_budget
+from coronaryuq.estimation.estimators.formulas import mfmc_variance
 from coronaryuq.estimation.results import Interval, read_convergence
 from coronaryuq.estimation.settings import Settings
 from support.estimates import estimator, row
 
-SETTINGS = Settings(autoencoder=False, trials=6, trials_fitted=2, convergence_sizes=[20, 400], min_3d=20)
+SETTINGS = Settings(
+    autoencoder=False, convergence_subsamples=6, convergence_subsamples_fitted=2, convergence_sizes=[20, 400], min_3d=20
+)
 
 
 def report(rho=0.99, n=100, m=900):
@@ -22,15 +24,15 @@ def report(rho=0.99, n=100, m=900):
         rho_held_out=rho, n_3d=n, std=mfmc_variance(spread, rho, n, n + m) ** 0.5, calibrated=Interval(-0.1, 0.1, 0.95),
         residual_variance=spread * (1 - rho**2) / n, propagation_variance=spread * rho**2 / (n + m),
     )  # fmt: skip
-    estimators = {"MC": estimator(n_3d=n), "MFMC": estimator(), "best": best}
-    return row(row="1", variance_3d=spread, n_propagation=m, recommended="best", estimators=estimators)
+    estimators = {"MC": estimator(n_3d=n), "MFMC": estimator(), "crossfit-GP": best}
+    return row(row="1", variance_3d=spread, n_propagation=m, recommended="crossfit-GP", estimators=estimators)
 
 
 def test_convergence_skips_sizes_that_leave_too_few_runs_out(folder):
     stage.convergence(folder, SETTINGS, 3, folder / "convergence.json")
     (entry,) = read_convergence(folder / "convergence.json")
-    assert entry.n_3d == 20 and len(entry.rho_original) == 6 and len(entry.rho_best_held_out) == 2
-    assert min(entry.rho_best_held_out) > 0.9
+    assert entry.n_3d == 20 and len(entry.rho_original) == 6 and len(entry.rho_crossfit_gp_held_out) == 2
+    assert min(entry.rho_crossfit_gp_held_out) > 0.9
 
 
 def test_budget_curves_begin_at_today_and_are_monotone():
@@ -38,22 +40,22 @@ def test_budget_curves_begin_at_today_and_are_monotone():
     for curve in curves.estimators.values():
         assert curve.additional_cost[0] == pytest.approx(0, abs=1e-9)
         assert np.all(np.diff(curve.additional_cost) >= 0) and np.all(np.diff(curve.optimal_variance) < 0)
-    assert curves.estimators["best"].additional_cost[-1] < curves.estimators["MC"].additional_cost[-1]
+    assert curves.estimators["crossfit-GP"].additional_cost[-1] < curves.estimators["MC"].additional_cost[-1]
 
 
-def test_a_plan_that_is_carried_out_meets_the_wanted_width():
-    (want,) = convergence_and_budget.plan([report()], {"1": 0.05}, 1e-3)
-    n, m = 100 + want.more_3d, 1000 + want.more_0d
+def test_a_plan_that_is_carried_out_meets_the_target_width():
+    (one,) = convergence_and_budget.plan([report()], {"1": 0.05}, 1e-3)
+    n, m = 100 + one.more_3d, 1000 + one.more_0d
     assert mfmc_variance(4.0, 0.99, n, m) <= mfmc_variance(4.0, 0.99, 100, 1000) * 0.25 * (1 + 1e-9)
-    assert want.cost_of_half > want.cost > 0
+    assert one.cost_of_half > one.cost > 0
 
 
 def test_a_width_that_is_met_costs_nothing():
-    (want,) = convergence_and_budget.plan([report()], {"1": 0.2}, 1e-3)
-    assert want.more_3d == want.more_0d == 0
+    (one,) = convergence_and_budget.plan([report()], {"1": 0.2}, 1e-3)
+    assert one.more_3d == one.more_0d == 0
 
 
-def test_a_wanted_row_that_is_not_there_is_named(tmp_path):
+def test_a_target_for_an_unknown_row_is_an_error(tmp_path):
     write_json(tmp_path / "e.json", {"rows": plain([report()]), "settings": {}})
     with pytest.raises(InputError, match="no such row"):
-        stage.budget(tmp_path / "e.json", Settings(wanted={"9": 1.0}), tmp_path / "b.json")
+        stage.budget(tmp_path / "e.json", Settings(target_half_width={"9": 1.0}), tmp_path / "b.json")

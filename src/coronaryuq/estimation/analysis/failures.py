@@ -4,7 +4,7 @@ import numpy as np
 from scipy import stats
 
 from coronaryuq.core.seeds import generator
-from coronaryuq.estimation.campaign.diagnostics import Finding
+from coronaryuq.estimation.analysis.diagnostics import Finding
 from coronaryuq.estimation.runs.table import Runs
 
 SIGNIFICANCE = 0.01

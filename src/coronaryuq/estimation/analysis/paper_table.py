@@ -1,4 +1,4 @@
-"""The paper's table from published runs: its own columns beside cross-fitted ones, row by row."""
+"""The paper's table from published runs: its own columns next to cross-fitted ones, row by row."""
 
 import time
 from pathlib import Path
@@ -12,9 +12,9 @@ from coronaryuq.core.io.atomic import write_json, write_text
 from coronaryuq.core.io.tables import read_csv, write_csv
 from coronaryuq.core.io.typed import plain
 from coronaryuq.estimation import training
-from coronaryuq.estimation.campaign import analysis, convergence_and_budget, pairs_table
+from coronaryuq.estimation.analysis import convergence_and_budget, estimate_rows, pairs_table
+from coronaryuq.estimation.estimators.design import make_design
 from coronaryuq.estimation.estimators.folds import count
-from coronaryuq.estimation.estimators.folds_and_blocks import make_design
 from coronaryuq.estimation.results import RowReport
 from coronaryuq.estimation.runs.table import Runs, read_rows, read_runs
 from coronaryuq.estimation.settings import Settings
@@ -61,10 +61,10 @@ def paper_table(
     networks = resampled = None
     if settings.autoencoder:
         networks = training.train(runs, rows, settings, seed)
-        wanted = training.wanted_0d(networks, runs, settings.curve_nodes)
+        wanted = training.resampled_inputs(networks, runs, settings.curve_nodes)
         resampled = emulated(runs, [row.column_0d for row in rows], wanted)
     clock.append(time.process_time())
-    results = analysis.analyse(runs, rows, settings, seed, networks, resampled, design, beyond_mean=False)
+    results = estimate_rows.analyse(runs, rows, settings, seed, networks, resampled, design, beyond_mean=False)
     clock.append(time.process_time())
     printed = _printed(rows_csv)
     lines = [_line(result, printed[result.row]) for result in results]
@@ -111,8 +111,8 @@ def emulated(runs: Runs, names: list[str], wanted: pd.DataFrame) -> pd.DataFrame
 
 def markdown(lines: list[dict[str, Any]]) -> str:
     """Format the table as Markdown, with the paper's printed value in brackets where the rows file has it."""
-    heads = ["row", "quantity", "ρ original", "ρ AE in-sample", "ρ AE held out", "ρ best held out"]
-    heads += ["std MC", "std MFMC", "std MFMC-AE", "std best", "best"]
+    heads = ["row", "quantity", "ρ original", "ρ AE in-sample", "ρ AE held out", "ρ crossfit-GP held out"]
+    heads += ["std MC", "std MFMC", "std MFMC-AE", "std crossfit-GP", "crossfit-GP"]
     text = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
     for line in lines:
         cells = [
@@ -124,7 +124,7 @@ def markdown(lines: list[dict[str, Any]]) -> str:
     notes = sorted({note for line in lines for note in line["warnings"]})
     text += [
         "",
-        "In brackets: as printed in the paper. std MFMC-AE is the cross-fitted claim; the paper's is in-sample.",
+        "In brackets: as printed in the paper. std MFMC-AE: cross-fitted here, in-sample in the paper.",
         "",
     ]
     text += [f"- {note}" for note in notes]
@@ -140,17 +140,17 @@ def _cell(line: dict[str, Any], key: str, printed: str | None = None) -> str:
 
 
 def _line(row: RowReport, printed: dict[str, float]) -> dict[str, Any]:
-    ae, best = row.estimators.get("MFMC-AE"), row.estimators["best"]
+    ae, crossfit_gp = row.estimators.get("MFMC-AE"), row.estimators["crossfit-GP"]
     line = {
         "row": row.row, "label": row.label,
         "rho_original": row.paper.rho_original,
         "rho_ae_in_sample": ae and ae.rho_in_sample, "rho_ae_held_out": ae and ae.rho_held_out,
-        "rho_best_held_out": best.rho_held_out, "best_method": best.method.removeprefix("best: "),
+        "rho_best_held_out": crossfit_gp.rho_held_out, "best_method": crossfit_gp.method.removeprefix("crossfit-GP: "),
         "std_mc": row.paper.std_mc, "std_mfmc": row.paper.std_mfmc,
-        "std_mfmc_ae": ae and ae.std, "std_mfmc_ae_in_sample": ae and ae.std_in_sample, "std_best": best.std,
-        "mean_mc": row.estimators["MC"].mean, "mean_best": best.mean,
-        "calibrated_best": [best.calibrated.low, best.calibrated.high],
-        "n_3d": best.n_3d, "predictions_best": best.predictions,
+        "std_mfmc_ae": ae and ae.std, "std_mfmc_ae_in_sample": ae and ae.std_in_sample, "std_best": crossfit_gp.std,
+        "mean_mc": row.estimators["MC"].mean, "mean_best": crossfit_gp.mean,
+        "calibrated_best": [crossfit_gp.calibrated.low, crossfit_gp.calibrated.high],
+        "n_3d": crossfit_gp.n_3d, "predictions_best": crossfit_gp.predictions,
         "emulator_error": row.emulator_error, "recommended": row.recommended,
         "warnings": [*row.warnings, *(w for estimate in row.estimators.values() for w in estimate.warnings)],
     }  # fmt: skip

@@ -9,7 +9,7 @@ import optuna
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.estimation import training
 from coronaryuq.estimation.estimators.folds import assign, count
-from coronaryuq.estimation.estimators.montecarlo import correlation
+from coronaryuq.estimation.estimators.formulas import correlation
 from coronaryuq.estimation.runs.table import Row, Runs, pair, read_rows, read_runs
 from coronaryuq.estimation.settings import Settings
 from coronaryuq.estimation.surrogates import mfmc_ae
@@ -82,7 +82,7 @@ def tune(
         "first_share": settings.steps[0] / total, "learning_rate": settings.learning_rate,
         "fall": 1 - settings.decay, "batch": settings.batch,
     })  # fmt: skip
-    study.optimize(lambda trial: held_out_loss(runs, rows, suggested(trial), seed), n_trials=settings.tuning_trials)
+    study.optimize(lambda trial: held_out_loss(runs, rows, suggested(trial), seed), n_trials=settings.optuna_trials)
     best = suggested(optuna.trial.FixedTrial(study.best_params))
     result = {
         "best": best.model_dump(mode="json", include={"learning_rate", "decay", "batch", "steps"}),

@@ -1,18 +1,34 @@
-"""Whether requested widths were reached, why a campaign stopped, and the cost of half the width."""
+"""Whether target widths were reached, why a campaign stopped, and the cost of half the width."""
 
 import json
 
 import pytest
 
-from coronaryuq.report.wanted import sentences
+from coronaryuq.report.interval_targets import sentences
 from support.estimates import estimator, row
 
 ROWS = [
     row(row=name, label=f"FFR, FFR, {name}", recommended="MFMC", estimators={"MFMC": estimator(method="MFMC")})
     for name in ("LAD", "LCx")
 ]
-MET = {"row": "LAD", "wanted": 0.01, "now": 0.0081, "more_3d": 0, "more_0d": 0, "cost": 0.0, "cost_of_half": 61.24}
-SHORT = {"row": "LCx", "wanted": 0.002, "now": 0.004, "more_3d": 1077, "more_0d": 20, "cost": 1077, "cost_of_half": 400}
+MET = {
+    "row": "LAD",
+    "target": 0.01,
+    "half_width": 0.0081,
+    "more_3d": 0,
+    "more_0d": 0,
+    "cost": 0.0,
+    "cost_of_half": 61.24,
+}
+SHORT = {
+    "row": "LCx",
+    "target": 0.002,
+    "half_width": 0.004,
+    "more_3d": 1077,
+    "more_0d": 20,
+    "cost": 1077,
+    "cost_of_half": 400,
+}
 
 
 @pytest.fixture
@@ -28,14 +44,14 @@ def written(tmp_path):
 def test_a_reached_and_a_missed_width_are_reported(written):
     met, short = sentences(ROWS, *written([MET, SHORT]))
     assert met["met"] and met["text"] == (
-        "FFR, FFR, LAD: ± 0.01 requested, ± 0.0081 reached by MFMC. "
-        "Half the requested width, ± 0.005, would cost about 61 more 3D runs."
+        "FFR, FFR, LAD: ± 0.01 targeted, ± 0.0081 reached by MFMC. "
+        "Half the target width, ± 0.005, would cost about 61 more 3D runs."
     )
     assert not short["met"] and "reached by MFMC; this needs about 1,077 3D runs and 20 0D runs more." in short["text"]
 
 
 @pytest.mark.parametrize(
-    ("why", "text"), [("met", "all requested widths"), ("bounds reached", "most_3d"), ("rounds spent", "rounds")]
+    ("why", "text"), [("met", "all target widths"), ("bounds reached", "max_3d"), ("rounds exhausted", "rounds")]
 )
 def test_a_campaign_that_grew_reports_why_it_stopped(written, why, text):
     counts = {"n_3d": 48, "n_0d": 400}
@@ -45,5 +61,5 @@ def test_a_campaign_that_grew_reports_why_it_stopped(written, why, text):
     assert last["met"] == (why == "met")
 
 
-def test_without_requested_widths_there_are_no_lines(written):
+def test_without_target_widths_there_are_no_lines(written):
     assert sentences(ROWS, *written([])) == []

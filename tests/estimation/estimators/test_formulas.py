@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from coronaryuq.core.seeds import generator
-from coronaryuq.estimation.estimators.montecarlo import (
+from coronaryuq.estimation.estimators.formulas import (
     additional_budget,
     chebyshev,
     control_coefficient,

@@ -9,7 +9,7 @@ from coronaryuq.bench.estimation.coverage import cross_fitted, run_cell
 from coronaryuq.bench.estimation.problems import Trial, from_runs
 from coronaryuq.core.seeds import generator
 from coronaryuq.estimation.estimators.crossfit import CrossFit, Options, Propagated, combine
-from coronaryuq.estimation.estimators.fold_covariance import Influence
+from coronaryuq.estimation.estimators.influence import Influence
 from coronaryuq.estimation.runs.table import read_rows, read_runs
 from coronaryuq.estimation.surrogates.control_variates import METHODS, Seen
 
@@ -38,7 +38,7 @@ def test_a_process_on_a_small_pilot_claims_enough_with_the_covariance(menon):
     """Published FFR of the LCx from 50 runs: 86 % of the spread without the covariance, 93 % with it (400 trials)."""
     runs = read_runs(menon)
     row = next(row for row in read_rows(menon / "table1.csv") if row.name == "8")
-    got = run_cell(from_runs(runs, row), 50, "best", 400)
+    got = run_cell(from_runs(runs, row), 50, "crossfit-GP", 400)
     assert got["claimed_over_empirical"] == pytest.approx(1, abs=0.15)
     assert got["coverage_95"] >= 0.93 - 1e-9
 
@@ -56,6 +56,6 @@ def test_a_pilot_without_a_corner_of_the_inputs_claims_more():
             Seen(more, more[:, 0], more),
             more_y=np.zeros(200),
         )
-        got = cross_fitted(trial, fold, METHODS["process theta"])
+        got = cross_fitted(trial, fold, METHODS["GP(θ)"])
         claims.append(got.residual_variance / np.var(got.residuals, ddof=1) * 30 * 200 / 230)
     assert claims[0] < 10 < 1000 < claims[1]

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from coronaryuq.estimation.campaign.analysis import analyse
+from coronaryuq.estimation.analysis.estimate_rows import analyse
 from coronaryuq.estimation.runs.table import read_rows, read_runs
 from coronaryuq.estimation.settings import Settings
 
@@ -21,7 +21,7 @@ def test_a_coarse_mesh_gives_two_more_estimators(with_coarse):
     assert blue.std < mfmc.std and blue.rho_held_out > 0.99
     assert blue.residual_variance < 0.5 * mfmc.residual_variance
     assert blue.calibrated.holds((np.cos(0.5) - np.cos(2)) / 1.5)
-    assert blue.warnings == [] and row.recommended in ("BLUE", "best", "multilevel")
+    assert blue.warnings == [] and row.recommended in ("BLUE", "crossfit-GP", "multilevel")
     assert row.estimators["multilevel"].std < mfmc.std
     assert row.levels.fine < row.levels.cheap, "the coarse run explains most of the fine one"
 

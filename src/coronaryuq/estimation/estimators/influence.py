@@ -1,20 +1,20 @@
 """The covariance between folds that cross-fitting leaves: each run influences the predictions in other folds.
 
-Folds of a cross-fitted estimate are not independent: run l helps to predict run i, and run i to predict run l. With
-a_il the influence of run l on g(θ_i), minus its mean over all θ, the second-order term of Hoeffding's decomposition
-gives
+Folds of a cross-fitted estimate are not independent: run l helps to predict run i, and run i to predict run l. Let
+a_il be the influence of run l on g(θ_i), minus its mean over all θ. By the second-order term of Hoeffding's
+decomposition, the variance of the estimate exceeds var(residuals) / n by
 
-    Σ_{i ≠ l} a_il a_li / (n (n − 1)),    at most Σ a_il² / (n (n − 1)) in size,
+    Σ_{i ≠ l} a_il a_li / (n (n − 1)),    at most Σ a_il² / (n (n − 1)) in size.
 
-that var(residuals) / n falls short of the variance. It is of the order (effective parameters) / n: small for MFMC's one
+This is of the order (effective parameters) / n: small for MFMC's one
 coefficient, but not for a Gaussian process on a small pilot, whose residuals are interpolation errors of a smooth
 function. A leave-one-out update at fixed hyper-parameters gives a_il in closed form for least squares and Gaussian
 processes alike: the weight of y_l in g(θ_i), times the leave-one-out residual of run l. Decomposition: Efron and Stein
 1981.
 
-Residuals of the pilot hold no information on places where it has no run. A pilot that by bad luck lacks a corner of the
-inputs has small residuals, but large errors in that corner. The control variate's own posterior variance shows it:
-`reach` is its mean at the propagation samples over its mean at the held-out runs.
+Residuals of the pilot are not informative about regions without runs. A pilot that by chance lacks a corner of the
+inputs has small residuals, but large errors in that corner. The posterior variance of the control variate reveals this:
+`extrapolation_factor` is its mean at the propagation samples over its mean at the held-out runs.
 """
 
 from collections.abc import Sequence
@@ -26,21 +26,23 @@ from coronaryuq.estimation.surrogates.control_variates import Fitted, Seen
 
 # Propagation samples per fold over which a change is averaged.
 CENTRE = 50
-# A pilot that happens to hold the hard corners has larger residuals than the rest: this counts, but only so far.
-LEAST_REACH = 0.8
+# A pilot that happens to contain the difficult corners has larger residuals than the rest: the factor is below 1, but
+# at least this.
+MIN_EXTRAPOLATION_FACTOR = 0.8
 
 
 @dataclass(frozen=True)
 class Between:
     """Of the mean of y − g: covariance between folds, its bound, and each run's effect through others' g (n,).
 
-    reach: expected square of y − g at the propagation samples over that at the pilot's runs; `LEAST_REACH` at least.
+    extrapolation_factor: expected square of y − g at the propagation samples over that at the pilot's runs;
+    `MIN_EXTRAPOLATION_FACTOR` at least.
     """
 
     covariance: float
     bound: float
     indirect: np.ndarray
-    reach: float = 1.0
+    extrapolation_factor: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ class Influence:
         Per fold, changes (m, n) at some propagation samples, and the weights (m,) of these samples.
     variance, variances
         Variance of y given the prediction at the held-out runs (n,), and per fold at the propagation samples (m,);
-        without them the reach is 1.
+        without them the extrapolation factor is 1.
     """
 
     fold: np.ndarray
@@ -70,7 +72,7 @@ class Influence:
     def between(
         self, slope: np.ndarray | None = None, slopes: Sequence[np.ndarray] = (), shares: np.ndarray | None = None
     ) -> Between:
-        """Return covariance and reach for the mean of y − h(g).
+        """Return covariance and extrapolation factor for the mean of y − h(g).
 
         Parameters
         ----------
@@ -92,20 +94,26 @@ class Influence:
         a = np.where(self.fold[:, None] == self.fold[None, :], 0.0, a)
         if shares is not None:
             a = a * shares[:, None]
-        # A negative covariance does not reduce the claim.
+        # A negative covariance does not reduce the reported standard error.
         pairs = len(a) * (len(a) - 1)
         both, bound = np.sum(a * a.T) / pairs, np.sum(a**2) / pairs
-        return Between(max(0.0, float(both)), float(bound), a.sum(axis=0), self._reach(slope, slopes, shares))
+        return Between(
+            max(0.0, float(both)), float(bound), a.sum(axis=0), self._extrapolation_factor(slope, slopes, shares)
+        )
 
-    def _reach(self, slope: np.ndarray | None, slopes: Sequence[np.ndarray], shares: np.ndarray | None) -> float:
+    def _extrapolation_factor(
+        self, slope: np.ndarray | None, slopes: Sequence[np.ndarray], shares: np.ndarray | None
+    ) -> float:
         if self.variance is None:
             return 1.0
         held = self.variance if slope is None else slope**2 * self.variance
         there = self.variances if slope is None else [s**2 * v for s, v in zip(slopes, self.variances, strict=True)]
         runs = np.bincount(self.fold, shares, len(there))
-        wanted = np.average([np.average(v, weights=w) for v, w in zip(there, self.weights, strict=True)], weights=runs)
+        at_samples = np.average(
+            [np.average(v, weights=w) for v, w in zip(there, self.weights, strict=True)], weights=runs
+        )
         at_runs = np.average(held, weights=shares)
-        return max(LEAST_REACH, float(wanted / at_runs)) if at_runs > 0 else 1.0
+        return max(MIN_EXTRAPOLATION_FACTOR, float(at_samples / at_runs)) if at_runs > 0 else 1.0
 
 
 def changes(fitted: Fitted, seen: Seen, train: np.ndarray, n: int) -> np.ndarray:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from coronaryuq.core.seeds import generator
-from coronaryuq.estimation.campaign import diagnostics
+from coronaryuq.estimation.analysis import diagnostics
 from coronaryuq.estimation.runs.table import read_runs
 from support import three_levels
 from support.runs import runs_of
@@ -60,9 +60,9 @@ def test_resampled_inputs_outside_the_training_box_are_found():
 
 
 def test_a_useless_model_is_named_and_a_useful_one_is_not():
-    assert diagnostics.useless(0.05, 100, "MFMC") is not None
-    assert diagnostics.useless(0.5, 100, "MFMC") is None
-    assert diagnostics.useless(-0.9, 100, "best") is not None
+    assert diagnostics.without_gain(0.05, 100, "MFMC") is not None
+    assert diagnostics.without_gain(0.5, 100, "MFMC") is None
+    assert diagnostics.without_gain(-0.9, 100, "crossfit-GP") is not None
 
 
 def test_a_run_with_most_of_the_squared_residuals_is_named():
@@ -74,15 +74,15 @@ def test_a_run_with_most_of_the_squared_residuals_is_named():
 
 
 def test_unverified_methods_carry_a_warning():
-    assert "below 25 3D runs" in diagnostics.unverified("MFMC", 24).text and diagnostics.unverified("MFMC", 25) is None
-    assert "repeated trials" in diagnostics.unverified("MFMC-AE", 500).text
+    assert "below 25 3D runs" in diagnostics.untested("MFMC", 24).text and diagnostics.untested("MFMC", 25) is None
+    assert "repeated trials" in diagnostics.untested("MFMC-AE", 500).text
 
 
 def test_the_selector_is_verified_only_where_its_residuals_are_small():
-    assert "more than 25% of its variance; here 40%" in str(diagnostics.unverified("best", 500, 0.4))
-    assert diagnostics.unverified("best", 50, 0.25) is None
-    assert "below 50 3D runs" in str(diagnostics.unverified("best", 40, 0.01))
-    assert diagnostics.unverified("MFMC", 25, 1.0) is None
+    assert "more than 25% of its variance; here 40%" in str(diagnostics.untested("crossfit-GP", 500, 0.4))
+    assert diagnostics.untested("crossfit-GP", 50, 0.25) is None
+    assert "below 50 3D runs" in str(diagnostics.untested("crossfit-GP", 40, 0.01))
+    assert diagnostics.untested("MFMC", 25, 1.0) is None
 
 
 def test_many_failed_coarse_runs_carry_a_warning():

@@ -4,10 +4,10 @@ import pytest
 
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
-from coronaryuq.estimation.campaign.tuning import tune
+from coronaryuq.estimation.analysis.tuning import tune
 from coronaryuq.estimation.settings import Settings
 
-SETTINGS = Settings(steps=(40, 30), curve_nodes=9, restarts=1, folds=2, tuning_trials=3)
+SETTINGS = Settings(steps=(40, 30), curve_nodes=9, restarts=1, folds=2, optuna_trials=3)
 
 
 def test_it_starts_from_the_settings_and_says_what_it_found(folder):

@@ -1,0 +1,50 @@
+"""Whether target interval widths were reached, why a growing campaign stopped, and the cost of narrower ones."""
+
+from coronaryuq.estimation.results import RowReport, TargetPlan, read_budget, read_round
+from coronaryuq.report.numbers import number
+
+ENDED = {
+    "met": "all target widths were reached",
+    "bounds reached": "it reached the largest number of runs (max_3d, max_0d)",
+    "rounds exhausted": "it reached the largest number of rounds (rounds)",
+}
+
+
+def sentences(rows: list[RowReport], budget: str, last_round: str | None) -> list[dict]:
+    """Return a line for each target width and one for the end of a campaign that grew.
+
+    Parameters
+    ----------
+    rows
+        Rows of `estimates.json`.
+    budget
+        `budget.json`, with the plan for the target widths.
+    last_round
+        The last `allocation/round_R.json` of a campaign that grew, else None.
+
+    Returns
+    -------
+    list of dict
+        `text`, and `met`: whether the width was reached.
+    """
+    by_name = {row.row: row for row in rows}
+    lines = [_row_line(one, by_name[one.row]) for one in read_budget(budget).plan]
+    if not last_round:
+        return lines
+    ended = read_round(last_round)
+    runs = f"{ended.counts.n_3d} 3D and {ended.counts.n_0d} propagation runs"
+    text = f"The campaign ended in round {ended.round + 1} with {runs}: {ENDED[ended.why or '']}."
+    return [*lines, {"text": text, "met": ended.why == "met"}]
+
+
+def _row_line(one: TargetPlan, row: RowReport) -> dict:
+    met = one.half_width <= one.target
+    method = row.recommended_report.method
+    text = f"{row.label}: ± {number(one.target)} targeted, ± {number(one.half_width)} reached by {method}"
+    text += "." if met else f"; this needs about {_runs(one)} more."
+    half, cost = number(one.target / 2), f"{one.cost_of_half:,.0f}"
+    return {"text": f"{text} Half the target width, ± {half}, would cost about {cost} more 3D runs.", "met": met}
+
+
+def _runs(one: TargetPlan) -> str:
+    return " and ".join(f"{more:,} {name} runs" for more, name in ((one.more_3d, "3D"), (one.more_0d, "0D")) if more)
