@@ -1,6 +1,7 @@
 """Examples that the commands show in their help; they run where the campaign `smoke` has been run."""
 
 LOOP = "results/smoke/calibration/hyperaemia.json"
+PUBLISHED = "../shared/data/menon2024"
 HIDDEN = "results/smoke/discrepancy/hidden/case"
 
 EXAMPLES: dict[str, list[tuple[str, str]]] = {
@@ -41,7 +42,7 @@ EXAMPLES: dict[str, list[tuple[str, str]]] = {
     "bench perfusion": [("coronaryuq bench perfusion --quick", "less than a minute")],
     "bench dream": [("coronaryuq bench dream --quick", "less than a minute")],
     "bench flow3d": [("coronaryuq bench flow3d --quick", "less than a minute")],
-    "bench table": [("coronaryuq bench table --quick --data ../shared/data/menon2024", "needs the published runs")],
+    "bench table": [(f"coronaryuq bench table --quick --data {PUBLISHED}", "needs the published runs")],
     "bench coverage": [("coronaryuq bench coverage --quick", "analytic pairs only")],
     "bench discrepancy": [("coronaryuq bench discrepancy --quick --seeds 1", "one hidden case per cell")],
     "bench campaign": [("coronaryuq bench campaign --quick", "up to the perfusion targets")],
@@ -65,9 +66,8 @@ EXAMPLES: dict[str, list[tuple[str, str]]] = {
             "after `snakemake discrepancy --configfile config/smoke.yaml`, which hides an effect; minutes",
         ),
         (
-            "coronaryuq discrepancy --pairs results/smoke/runs/outputs_0d.csv results/smoke/runs/outputs_3d.csv "
-            "--out pairs",
-            "what the 0D runs lack of the 3D runs, from tables alone",
+            f"coronaryuq discrepancy --pairs {PUBLISHED}/outputs_0d.csv {PUBLISHED}/outputs_3d.csv --out pairs",
+            "what the published 0D runs lack of the 3D runs, from tables alone",
         ),
     ],
     "serve": [
