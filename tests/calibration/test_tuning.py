@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from coronaryuq.calibration import parameters
-from coronaryuq.calibration.coronary_flow_reserve import Reserve, hyperaemic_flow, meet_reserve
+from coronaryuq.calibration.hyperaemic_flow import HyperaemicTarget, hyperaemic_flow, meet_hyperaemic_flow
 from coronaryuq.calibration.initial_scaling import scaled
 from coronaryuq.calibration.loop import Loop
 from coronaryuq.calibration.search import cost
@@ -26,7 +26,9 @@ from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.svzerodsolver import program
 from support.case_files import write_case_json, write_perfusion_targets
 
-QUICK = Settings(candidates=16, starts=2, approach=5, rounds=1, evaluations_per_parameter=4, final_steps_per_cycle=500)
+QUICK = Settings(
+    candidates=16, starts=2, least_squares_steps=5, rounds=1, evaluations_per_parameter=4, final_steps_per_cycle=500
+)
 LV = ("BC_lca1", "BC_lca2")
 
 
@@ -45,8 +47,8 @@ def patient(loop_network, adult, tmp_path_factory):
     shift = np.random.default_rng(5).uniform(-0.5, 0.5, len(parameters.NAMES))
     point = np.clip(parameters.INITIAL + width * shift, parameters.LOWER, parameters.UPPER)
     truth = loop.evaluate(point, tolerance=1e-5)
-    reserve = Reserve(1.0, LV, 0.24)
-    stress = float(hyperaemic_flow(loop, point[None], truth.state, reserve, None)[0])
+    target = HyperaemicTarget(1.0, LV, 0.24)
+    stress = float(hyperaemic_flow(loop, point[None], truth.state, target, None)[0])
     targets = {name: {"value": float(truth.measures[name][0]), "unit": BY_NAME[name].unit} for name in TUNED}
     radii = {"BC_lca1": 0.08, "BC_lca2": 0.08 * 0.5 ** (1 / 2.6), "BC_rca1": 0.08}
     outlets = [
@@ -114,19 +116,19 @@ def test_the_tables_say_what_the_parameters_are(out):
 def test_flow_reserve_fixes_the_venous_share(loop):
     state = loop.evaluate(parameters.INITIAL, cycles=12).state[0]
     split = float(loop.evaluate(parameters.INITIAL, state[None], 4).measures["AorCorSplit"][0])
-    reserve = Reserve(1.0, LV, 0.24)
-    now = float(hyperaemic_flow(loop, parameters.INITIAL[None], state[None], reserve, 8)[0])
+    target = HyperaemicTarget(1.0, LV, 0.24)
+    now = float(hyperaemic_flow(loop, parameters.INITIAL[None], state[None], target, 8)[0])
     for wanted in (0.85 * now, 1.15 * now):
-        point = meet_reserve(loop, parameters.INITIAL, state, split, Reserve(wanted, LV, 0.24), 6)
+        point = meet_hyperaemic_flow(loop, parameters.INITIAL, state, split, HyperaemicTarget(wanted, LV, 0.24), 6)
         after = loop.evaluate(point, state[None], 10)
         assert after.measures["AorCorSplit"][0] == pytest.approx(split, rel=0.01)
-        assert hyperaemic_flow(loop, point[None], after.state, reserve, 10)[0] == pytest.approx(wanted, rel=0.01)
+        assert hyperaemic_flow(loop, point[None], after.state, target, 10)[0] == pytest.approx(wanted, rel=0.01)
 
 
 def test_a_reserve_out_of_reach_leaves_the_resting_split_met(loop):
     state = loop.evaluate(parameters.INITIAL, cycles=12).state[0]
     split = float(loop.evaluate(parameters.INITIAL, state[None], 4).measures["AorCorSplit"][0])
-    point = meet_reserve(loop, parameters.INITIAL, state, split, Reserve(50.0, LV, 0.24), 6)
+    point = meet_hyperaemic_flow(loop, parameters.INITIAL, state, split, HyperaemicTarget(50.0, LV, 0.24), 6)
     venous = parameters.NAMES.index("Rv_cor")
     assert point[venous] == parameters.LOWER[venous]
     assert loop.evaluate(point, state[None], 10).measures["AorCorSplit"][0] == pytest.approx(split, rel=0.05)
@@ -188,7 +190,7 @@ def test_a_network_of_22_outlets_in_mmhg_is_tuned_and_runs(shared, tmp_path):
     """Briefly: near its pressures and stroke volume, and what is written is periodic."""
     data = shared / "data/closed-loop-22"
     write_json(tmp_path / "mmhg.json", rescaled(read_network(data / "svzerod_tuning_cgs.json"), 1.0 / MMHG))
-    brief = Settings(candidates=8, starts=1, approach=3, rounds=1, evaluations_per_parameter=2)
+    brief = Settings(candidates=8, starts=1, least_squares_steps=3, rounds=1, evaluations_per_parameter=2)
     said = []
     tuned = tune_files(
         tmp_path / "mmhg.json", data / "coronary_cgs.csv", brief, 1, tmp_path / "out", report=said.append
@@ -203,7 +205,7 @@ def test_a_network_of_22_outlets_in_mmhg_is_tuned_and_runs(shared, tmp_path):
 def test_a_network_in_mmhg_tunes_as_the_same_network_in_cgs(loop_network, adult, tmp_path):
     """Only the first few evaluations: their costs agree, so the network, the table and the parameters mean the same."""
     brief = Settings(
-        candidates=8, starts=1, approach=2, rounds=1, evaluations_per_parameter=2, final_steps_per_cycle=250
+        candidates=8, starts=1, least_squares_steps=2, rounds=1, evaluations_per_parameter=2, final_steps_per_cycle=250
     )
     table = "".join(f"{name},text,{value}\n" for name, value in adult.items())
     (tmp_path / "targets.csv").write_text(table)

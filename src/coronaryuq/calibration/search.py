@@ -84,7 +84,7 @@ class Search:
         kept = np.array([place for place, name in enumerate(parameters.NAMES) if name not in frozen])
         for turn in range(self.settings.rounds):
             starts = self.corrected(starts)
-            if self.settings.approach:
+            if self.settings.least_squares_steps:
                 starts = [self.approached(start, kept) for start in starts]
                 self.report(f"round {turn + 1}, least squares: cost {_least(starts):.4g}")
             for block in parameters.BLOCKS:
@@ -92,10 +92,10 @@ class Search:
                 effort = max(2, round(EFFORT.get(block, 1.0) * self.settings.evaluations_per_parameter))
                 starts = self.descend(starts, columns, effort, FIRST_STEP / 2**turn)
                 self.report(f"round {turn + 1}, {block}: cost {_least(starts):.4g}")
-        if self.settings.polish:
+        if self.settings.final_nelder_mead:
             starts = self.corrected(starts)
             first_step = FIRST_STEP / 2 ** (self.settings.rounds + 1)
-            starts = self.descend(starts, kept, self.settings.polish, first_step)
+            starts = self.descend(starts, kept, self.settings.final_nelder_mead, first_step)
             self.report(f"all together: cost {_least(starts):.4g}")
         starts = self.corrected(starts)
         return min(starts, key=lambda start: start.cost)
@@ -103,7 +103,7 @@ class Search:
     def candidates(self, seed: int) -> list[Start]:
         """Return the best `starts` of the initial values and random parameter sets about them."""
         random = seeds.generator(seed, "calibration", "candidates")
-        width = self.settings.spread * (parameters.UPPER - parameters.LOWER)
+        width = self.settings.sampling_width * (parameters.UPPER - parameters.LOWER)
         shifts = random.uniform(-0.5, 0.5, (self.settings.candidates, len(parameters.NAMES)))
         points = np.clip(parameters.INITIAL + width * shifts, parameters.LOWER, parameters.UPPER)
         points[0] = parameters.INITIAL
@@ -120,7 +120,7 @@ class Search:
         kept = [place for place, name in enumerate(parameters.NAMES) if name not in frozen]
         columns = np.intersect1d(parameters.columns(block), kept)
         (start,) = self.corrected([start])
-        if self.settings.approach:
+        if self.settings.least_squares_steps:
             start = self.approached(start, columns)
         (start,) = self.descend([start], columns, self.settings.evaluations_per_parameter, FIRST_STEP)
         self.report(f"{block} again: cost {start.cost:.4g}")
@@ -134,14 +134,18 @@ class Search:
             points = np.tile(start.point, (len(values), 1))
             points[:, columns] = values
             states = np.tile(start.state, (len(points), 1))
-            evaluation = self.loop.evaluate(points, states, self.settings.approach_cycles)
+            evaluation = self.loop.evaluate(points, states, self.settings.least_squares_cycles)
             measures = {name: value + start.defect.get(name, 0.0) for name, value in evaluation.measures.items()}
-            found = residuals(measures, points, smooth, self.settings.pull)
+            found = residuals(measures, points, smooth, self.settings.regularisation)
             return np.where(evaluation.ok[:, None], found, UNDEFINED)
 
         point = start.point.copy()
         point[columns] = approach(
-            values_of, point[columns], parameters.LOWER[columns], parameters.UPPER[columns], self.settings.approach
+            values_of,
+            point[columns],
+            parameters.LOWER[columns],
+            parameters.UPPER[columns],
+            self.settings.least_squares_steps,
         )
         evaluation = self.loop.evaluate(point[None], start.state[None], self.settings.first_cycles)
         measures = {name: value + start.defect.get(name, 0.0) for name, value in evaluation.measures.items()}
@@ -198,7 +202,7 @@ class Search:
         return best
 
     def _costs(self, measures: Mapping[str, np.ndarray], ok: np.ndarray, points: np.ndarray) -> np.ndarray:
-        return np.where(ok, cost(measures, points, self.targets, self.settings.pull), FAILED)
+        return np.where(ok, cost(measures, points, self.targets, self.settings.regularisation), FAILED)
 
 
 def _least(starts: list[Start]) -> float:

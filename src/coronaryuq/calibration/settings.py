@@ -11,24 +11,24 @@ class Settings(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     candidates: int = Field(64, ge=1, description="Random parameter sets tried first; the best become starts.")
-    spread: float = Field(
+    sampling_width: float = Field(
         0.5, gt=0, le=1, description="Width of the candidates' box, as a fraction of each parameter's range."
     )
     starts: int = Field(
         12, ge=1, description="Nelder-Mead searches in parallel; up to sixteen cost the engine as much as one."
     )
-    approach: int = Field(
+    least_squares_steps: int = Field(
         6, ge=0, description="Least-squares steps of every start at the beginning of a round; 0: none."
     )
-    approach_cycles: int = Field(6, ge=1, description="Cardiac cycles of a run in those steps.")
+    least_squares_cycles: int = Field(6, ge=1, description="Cardiac cycles of a run in those steps.")
     rounds: int = Field(3, ge=1, description="Rounds over the parameter blocks.")
     evaluations_per_parameter: int = Field(
         6, ge=2, description="Maximum number of loop runs of one search, per parameter of its block."
     )
-    polish: int = Field(
+    final_nelder_mead: int = Field(
         0, ge=0, description="Loop runs per parameter of the last search, over all 36 at once; 0: no such search."
     )
-    pull: float = Field(
+    regularisation: float = Field(
         0.2, ge=0, description="Cost of moving a parameter from its initial value over its whole range."
     )
     steps_per_cycle: int = Field(250, ge=50, description="Time steps per cycle of a loop run during the search.")

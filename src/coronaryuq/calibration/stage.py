@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from coronaryuq.calibration.conductance_shares import shares
-from coronaryuq.calibration.coronary_flow_reserve import Reserve
+from coronaryuq.calibration.hyperaemic_flow import HyperaemicTarget
 from coronaryuq.calibration.settings import Settings
 from coronaryuq.calibration.targets import read_targets
 from coronaryuq.calibration.tuning import Goal, Tuned, tune_loop
@@ -58,8 +58,9 @@ def tune(
     perfusion = read_perfusion_targets(targets_json)
     targets = _check_needed(check_targets(case.targets, case_json), case_json)
     flows = _flows(case, network, perfusion, targets_json)
-    reserve = Reserve(sum(flows.values()), tuple(flows), case.hyperaemia) if settings.hyperaemic_total else None
-    goal = Goal(targets, case.hyperaemia, shares(case.outlets, flows), reserve)
+    met = settings.hyperaemic_total
+    hyperaemic = HyperaemicTarget(sum(flows.values()), tuple(flows), case.hyperaemia) if met else None
+    goal = Goal(targets, case.hyperaemia, shares(case.outlets, flows), hyperaemic)
     _write(tune_loop(network, goal, settings, seed, threads, report), out_dir)
 
 

@@ -1,4 +1,4 @@
-"""Calibration as a whole: initial scaling, search, flow reserve, and the tuned loop at rest and under hyperaemia."""
+"""Calibration as a whole: initial scaling, search, hyperaemic flow, and the tuned loop at rest and under hyperaemia."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -7,7 +7,12 @@ import numpy as np
 import pandas as pd
 
 from coronaryuq.calibration import conductance_shares, parameters
-from coronaryuq.calibration.coronary_flow_reserve import Reserve, hyperaemic_changes, hyperaemic_flow, meet_reserve
+from coronaryuq.calibration.hyperaemic_flow import (
+    HyperaemicTarget,
+    hyperaemic_changes,
+    hyperaemic_flow,
+    meet_hyperaemic_flow,
+)
 from coronaryuq.calibration.initial_scaling import scaled
 from coronaryuq.calibration.loop import Evaluation, Loop
 from coronaryuq.calibration.search import Report, Search, Start
@@ -37,21 +42,21 @@ class Goal:
     """What a loop is tuned to.
 
     targets: in their own units (`calibration.targets`). hyperaemia: factor on Ra and Ram of every coronary bed. shares:
-    share of coronary conductance of every bed (`conductance_shares`); None keeps the network's own. reserve:
+    share of coronary conductance of every bed (`conductance_shares`); None keeps the network's own. hyperaemic:
     hyperaemic flow to be met by the venous share of resistance; without it the waveforms determine that share.
     """
 
     targets: Mapping[str, float]
     hyperaemia: float
     shares: Mapping[str, float] | None = None
-    reserve: Reserve | None = None
+    hyperaemic: HyperaemicTarget | None = None
 
 
 def tune_loop(
     network: Network, goal: Goal, settings: Settings, seed: int, threads: int = 1, report: Report = lambda line: None
 ) -> Tuned:
     """Tune a CGS network. Results depend on the seed, not on `threads`; `report` gets lines of progress."""
-    targets, reserve = goal.targets, goal.reserve
+    targets, hyperaemic = goal.targets, goal.hyperaemic
     period = network.heart["cardiac_cycle_period"]
     network = scaled(network, targets, period)
     if goal.shares is not None:
@@ -60,12 +65,14 @@ def tune_loop(
     search = Search(loop, targets, settings, report)
     split = targets.get("AorCorSplit")
     starts = search.candidates(seed)
-    if reserve is None:
+    if hyperaemic is None:
         best = search.descend_from(starts)
     else:
 
         def with_reserve(start: Start) -> Start:
-            return replace(start, point=meet_reserve(loop, start.point, start.state, split, reserve, settings.cycles))
+            return replace(
+                start, point=meet_hyperaemic_flow(loop, start.point, start.state, split, hyperaemic, settings.cycles)
+            )
 
         best = search.descend_from([with_reserve(start) for start in starts], frozen=("Rv_cor",))
         # The last totals shift the phase of coronary flow; the other coronary parameters restore it.
@@ -76,7 +83,7 @@ def tune_loop(
 
 def _tuned(loop: Loop, best: Start, goal: Goal, settings: Settings) -> Tuned:
     """Both conditions at the final resolution, as networks and tables."""
-    targets, reserve = goal.targets, goal.reserve
+    targets, hyperaemic = goal.targets, goal.hyperaemic
     fine = Loop(loop.network, settings.final_steps_per_cycle, loop.threads)
     point, state = best.point, best.state
     points = point[None]
@@ -92,9 +99,9 @@ def _tuned(loop: Loop, best: Start, goal: Goal, settings: Settings) -> Tuned:
     for name in ("PaoMin", "PaoMax", "PaoMean", "AbsQin"):
         simulated[f"{name}_conv"] = abs(float(next_cycle.measures[name][0]) - simulated[name])
     fit = fit_table(simulated, targets)
-    if reserve is not None:
-        flow = float(hyperaemic_flow(fine, points, stress.state, reserve, 1)[0])
-        fit = pd.concat([fit, _reserve_row(flow, reserve)], ignore_index=True)
+    if hyperaemic is not None:
+        flow = float(hyperaemic_flow(fine, points, stress.state, hyperaemic, 1)[0])
+        fit = pd.concat([fit, _hyperaemic_row(flow, hyperaemic)], ignore_index=True)
     return Tuned(
         _network(fine, parameters.changes(points, fine.network), rest),
         _network(fine, relaxed, stress),
@@ -137,15 +144,15 @@ def fit_table(simulated: Mapping[str, float], targets: Mapping[str, float]) -> p
     return pd.DataFrame(rows)
 
 
-def _reserve_row(flow: float, reserve: Reserve) -> pd.DataFrame:
-    relative = flow / reserve.flow - 1.0
+def _hyperaemic_row(flow: float, hyperaemic: HyperaemicTarget) -> pd.DataFrame:
+    relative = flow / hyperaemic.flow - 1.0
     return pd.DataFrame(
         [
             {
                 "target": "QLVHyper",
                 "description": "Hyperaemic flow of the LV-perfusing outlets",
                 "unit": "mL/min",
-                "measured": reserve.flow / ML_PER_MIN,
+                "measured": hyperaemic.flow / ML_PER_MIN,
                 "simulated": flow / ML_PER_MIN,
                 "misfit": relative / RESERVE_TOLERANCE,
                 "relative": relative,

@@ -25,32 +25,36 @@ class DecisionRule:
     shortlist_score: float = _threshold(
         2.0,
         "sd",
-        "Score-test statistic above which a candidate may be shortlisted, run larger or reconsidered.",
+        "Score-test statistic that a candidate must exceed to be shortlisted, run at larger sizes or reconsidered.",
     )
     shortlist_effect_score: float = _threshold(
         3.0, "sd", "Score-test statistic above which the best place of an effect is shortlisted whatever its rank."
     )
-    full_fits: int = _threshold(5, "candidates", "Shortlisted candidates fitted in full, at most.")
+    full_fits: int = _threshold(5, "candidates", "Maximum number of shortlisted candidates that are fitted in full.")
     contender_gap: float = _threshold(
-        15.0, "nats", "Log weight behind the best within which a candidate still competes and is fitted in full."
+        15.0, "nats", "A candidate whose log weight is within this distance of the best is fitted in full."
     )
     contender_share: float = _threshold(
         0.2,
         "1",
-        "Share of the best candidate's gain added to that gap: frozen sensitivities err more, the farther a fit moved.",
+        "Fraction of the best candidate's gain added to that distance: frozen sensitivities err more after long moves.",
     )
     diverged_gap: float = _threshold(
-        10.0, "nats", "Log evidence below the model without the effect at which a candidate's fit has diverged."
+        10.0, "nats", "A fit has diverged if its log evidence is this far below that of the model without the effect."
     )
     diverged_refits: int = _threshold(
-        5, "effects", "Diverged effects refitted from other starting points, at most; each takes three full fits."
+        5,
+        "effects",
+        "Maximum number of diverged effects refitted from other starting points; each takes three full fits.",
     )
-    reconsidered: int = _threshold(40, "candidates", "Candidates screened again about a better fit, at most.")
-    second_looks: int = _threshold(3, "times", "Repetitions of that screening per round, at most.")
+    reconsidered: int = _threshold(40, "candidates", "Maximum number of candidates screened again at a better fit.")
+    second_looks: int = _threshold(3, "times", "Maximum number of such screenings per round.")
     second_look_gain: float = _threshold(
-        0.5, "nats", "Gain of a new estimate over a candidate's fit above which the candidate is fitted again."
+        0.5, "nats", "A candidate is fitted again if a new estimate exceeds its fit by more than this."
     )
-    rivals: int = _threshold(5, "candidates", "Rivals fitted in full in a backward step or a second look, at most.")
+    rivals: int = _threshold(
+        5, "candidates", "Maximum number of rivals fitted in full in a backward step or after re-screening."
+    )
     likeliest_effects: int = _threshold(
         3, "effects", "Effects whose best candidate is fitted where no test alarms or no candidate is worth naming."
     )
@@ -73,19 +77,25 @@ class DecisionRule:
     )
     visible_size: float = _threshold(2.0, "prior sd", "Size at which the response has to exceed that.")
     larger_sizes: int = _threshold(
-        40, "candidates", "Candidates run at larger sizes, of visible small responses and of others, at most each."
+        40,
+        "candidates",
+        "Maximum number of candidates run at larger sizes, for detectable small responses and for others, each.",
     )
-    rerun: int = _threshold(150, "candidates", "Candidates with a known response that are run again, at most.")
-    rerun_per_effect: int = _threshold(5, "candidates", "Candidates of every effect that are run again in any case.")
+    rerun: int = _threshold(150, "candidates", "Maximum number of candidates with a known response that are run again.")
+    rerun_per_effect: int = _threshold(
+        5, "candidates", "Number of candidates of every effect that are always run again."
+    )
     distorted: float = _threshold(
         3.0, "prior sd", "Move of a nuisance parameter above which recalibration has left its prior."
     )
     far_behind: float = _threshold(
-        40.0, "nats", "Log evidence behind the best after two iterations at which a candidate is fitted no further."
+        40.0, "nats", "A candidate is dropped if, after two iterations, its log evidence is this far below the best."
     )
-    further_searches: int = _threshold(2, "times", "Continuations of a search after the held-out check, at most.")
+    further_searches: int = _threshold(
+        2, "times", "Maximum number of continuations of a search after the held-out check."
+    )
     better_prediction: float = _threshold(
-        3.0, "nats", "Gain of held-out log predictive density above which a model predicts better."
+        3.0, "nats", "A model predicts better if its held-out log predictive density is larger by more than this."
     )
     better_prediction_errors: float = _threshold(
         0.5, "standard errors", "The same, in standard errors of that gain; the larger of both applies."
@@ -93,10 +103,12 @@ class DecisionRule:
     unpredicted: float = _threshold(
         0.001,
         "1",
-        "p-value of held-out data below which named effects do not predict them; 1 in 1000 right names is doubted.",
+        "Named effects fail to predict held-out data with a p-value below this; so do 1 in 1000 correct ones.",
     )
     implausible: float = _threshold(
-        4.0, "prior sd", "Size beyond which no effect is believed; none named in the benchmark's searches lies there."
+        4.0,
+        "prior sd",
+        "Size beyond which an effect is implausible; none named in the benchmark's searches is so large.",
     )
     prior_bound: float = _threshold(
         2.5758293035489004, "prior sd", "Bound of the central 99 % of a prior, beyond which a size is reported."
@@ -104,18 +116,18 @@ class DecisionRule:
     gain_beside_flexible: float = _threshold(
         0.2,
         "nats per row",
-        "Held-out density that doubtful effects must add to a flexible discrepancy to be named beside it.",
+        "Held-out density that doubtful effects must add to a flexible discrepancy to be named together with it.",
     )
     share_of_flexible: float = _threshold(
-        0.9, "1", "Share of a flexible discrepancy's held-out gain that doubtful effects must reach by themselves."
+        0.9, "1", "Fraction of a flexible discrepancy's held-out gain that doubtful effects must achieve by themselves."
     )
     informed_size: float = _threshold(
         0.5**0.5,
         "prior sd",
-        "Posterior sd up to which a condition's data inform a size: they take away half of the prior's variance.",
+        "A condition's data determine a size if its posterior sd is below this, i.e. half the prior variance remains.",
     )
     informed_nuisance: float = _threshold(
-        0.01, "1", "Share of a nuisance parameter's prior variance that data must take away for it to be tested."
+        0.01, "1", "Fraction by which data must reduce a nuisance parameter's prior variance for it to be tested."
     )
     larger_noise: float = _threshold(1.2, "1", "Scatter over the stated sd above which noise is larger than stated.")
     larger_noise_p: float = _threshold(1e-4, "1", "p-value of such a scatter below which noise is estimated.")

@@ -1,4 +1,4 @@
-"""Flow reserve: the venous share of coronary resistance that gives both the resting split and the hyperaemic total."""
+"""Hyperaemic flow: the venous fraction of coronary resistance that meets the resting split and hyperaemic total."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ ROUNDS = 4
 
 
 @dataclass(frozen=True)
-class Reserve:
+class HyperaemicTarget:
     """The measured hyperaemia: mean flow (mL/s) of the named beds together, with Ra and Ram times `scale`."""
 
     flow: float
@@ -34,18 +34,18 @@ def hyperaemic_changes(network: Network, points: np.ndarray, scale: float) -> di
 
 
 def hyperaemic_flow(
-    loop: Loop, points: np.ndarray, start: np.ndarray, reserve: Reserve, cycles: int | None
+    loop: Loop, points: np.ndarray, start: np.ndarray, target: HyperaemicTarget, cycles: int | None
 ) -> np.ndarray:
-    """Return the mean flow (n,) in mL/s of the reserve's beds together, at points (n, 36), from states (n, columns)."""
-    extra = hyperaemic_changes(loop.network, points, reserve.scale)
-    names = loop.bed_flows(reserve.beds)
+    """Return the mean flow (n,) in mL/s of the target's beds together, at points (n, 36), from states (n, columns)."""
+    extra = hyperaemic_changes(loop.network, points, target.scale)
+    names = loop.bed_flows(target.beds)
     evaluation = loop.evaluate(points, start, cycles, extra=extra, waveforms=names)
     total = sum(evaluation.waves[name] for name in names)
     return np.trapezoid(total, evaluation.time, axis=1) / (evaluation.time[-1] - evaluation.time[0])
 
 
-def meet_reserve(
-    loop: Loop, point: np.ndarray, state: np.ndarray, split: float | None, reserve: Reserve, cycles: int
+def meet_hyperaemic_flow(
+    loop: Loop, point: np.ndarray, state: np.ndarray, split: float | None, target: HyperaemicTarget, cycles: int
 ) -> np.ndarray:
     """Return the point with R_cor and Rv_cor such that split (%) and hyperaemic flow are met, if their ranges allow.
 
@@ -60,17 +60,17 @@ def meet_reserve(
         points[2, VENOUS] += STEP
         states = np.tile(state, (3, 1))
         rest = loop.evaluate(points, states, cycles)
-        values = np.log([rest.measures["AorCorSplit"], hyperaemic_flow(loop, points, rest.state, reserve, cycles)])
+        values = np.log([rest.measures["AorCorSplit"], hyperaemic_flow(loop, points, rest.state, target, cycles)])
         if split is None:
             split = float(rest.measures["AorCorSplit"][0])
-        missing = np.log([split, reserve.flow]) - values[:, 0]
+        missing = np.log([split, target.flow]) - values[:, 0]
         slopes = (values[:, 1:] - values[:, :1]) / STEP
         step = np.linalg.solve(slopes, missing)
         for place, change in zip(moved, step, strict=True):
-            wanted = point[place] + np.clip(change, -1.0, 1.0)
-            point[place] = np.clip(wanted, parameters.LOWER[place], parameters.UPPER[place])
+            moved_to = point[place] + np.clip(change, -1.0, 1.0)
+            point[place] = np.clip(moved_to, parameters.LOWER[place], parameters.UPPER[place])
         if point[VENOUS] in (parameters.LOWER[VENOUS], parameters.UPPER[VENOUS]):
-            # At the wall the reserve cannot be met; the resting split still can.
+            # At the bound the target cannot be met; the resting split still can.
             left = missing[0] - slopes[0, 1] * (point[VENOUS] - points[0, VENOUS])
             point[ARTERIAL] = points[0, ARTERIAL] + np.clip(left / slopes[0, 0], -1.0, 1.0)
         state = rest.state[0]
