@@ -49,7 +49,7 @@ def test_none_is_skipped(tmp_path):
         ("EFLV,Ejection,0.6\n", "PaoMean"),
     ],
 )
-def test_a_wrong_value_is_named_on_one_line(tmp_path, text, field):
+def test_a_wrong_value_is_reported_on_one_line(tmp_path, text, field):
     with pytest.raises(InputError) as error:
         read_targets(written(tmp_path, text))
     assert error.value.field == field
@@ -87,7 +87,7 @@ def test_a_table_may_have_a_header_units_and_a_spreadsheet_s_marks(tmp_path, tex
         ("name,value,unit\nPaoMean,93,bar\n", "PaoMean.unit = 'bar': expected one of dyn/cm2, mmHg"),
     ],
 )
-def test_what_is_wrong_with_a_table_is_told(tmp_path, text, said):
+def test_an_error_in_a_table_is_reported(tmp_path, text, said):
     with pytest.raises(InputError) as error:
         read_targets(written(tmp_path, text))
     assert said in str(error.value)

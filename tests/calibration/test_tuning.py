@@ -147,7 +147,7 @@ def test_cost_grows_steeply_where_a_clinical_target_is_missed_by_more_than_the_l
     assert at(3.0, "PpulMean") == pytest.approx(9.0)
 
 
-def test_missing_targets_and_foreign_beds_are_named(patient, tmp_path):
+def test_missing_targets_and_unknown_beds_are_reported(patient, tmp_path):
     folder, targets, _ = patient
     case = json.loads((folder / "case.json").read_text())
     for name in ("network.json", "targets.json"):

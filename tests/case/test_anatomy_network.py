@@ -121,7 +121,7 @@ def test_the_split_vessels_resistance_is_that_of_the_narrow_lumen(small_tree):
     assert without["rca1_seg1"]["stenosis_coefficient"] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_what_feeds_several_arteries_is_named_by_what_parts_behind_it(small_tree):
+def test_a_vessel_that_feeds_several_arteries_is_named_after_the_branches_behind_it(small_tree):
     """Also in a heart with a single coronary artery, whose trunk feeds LAD, LCx and RCA."""
 
     def branches(tree, **ends):
@@ -137,7 +137,7 @@ def test_what_feeds_several_arteries_is_named_by_what_parts_behind_it(small_tree
     assert named["branch1"] == "coronary" and named["aorta"] == "aorta" and named["rca1"] == "RCA"
 
 
-def test_an_end_without_a_bed_is_named(small_tree):
+def test_an_end_without_a_bed_is_reported(small_tree):
     with pytest.raises(ValueError, match="without an outlet: rca1"):
         network_from_tree(small_tree, BEDS[:2], {"BC_RCR1": "aorta_outlet"})
 

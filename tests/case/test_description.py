@@ -192,14 +192,14 @@ TARGETS = {
 
 
 @pytest.mark.parametrize("mistake", TARGETS)
-def test_a_wrong_target_is_named(small_tree, tmp_path, mistake):
+def test_a_wrong_target_is_reported(small_tree, tmp_path, mistake):
     text, expected = TARGETS[mistake]
     path = write_case(tmp_path, small_tree)
     (tmp_path / "targets.csv").write_text(text + "\n")
     assert expected in check_case(path)[0][0]
 
 
-def test_targets_are_told_with_their_sizes_in_one_unit(small_tree, tmp_path):
+def test_implausible_targets_are_reported_in_one_unit(small_tree, tmp_path):
     path = write_case(tmp_path, small_tree)
     (tmp_path / "targets.csv").write_text("PaoMean,x,123989.46\nPraMean,x,none\nEFLV,x,0.61\nAorCorSplit,x,4\n")
     assert "targets: PaoMean 93 mmHg, EFLV 0.61, AorCorSplit 4 %" in check_case(path)[1]

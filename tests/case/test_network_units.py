@@ -69,7 +69,7 @@ def test_the_unit_is_found_and_the_conversion_undone(loop):
     assert_same(converted, loop)
 
 
-def test_a_converted_network_beats_as_the_given_one(loop):
+def test_a_converted_network_has_the_periodic_state_of_the_original(loop):
     quantities = ["mean_pressure:J_heart_outlet:aorta", "mean_flow:J_heart_outlet:aorta", "max_V_LV:CLH"]
     given = Engine(in_mmhg(loop)).run_cycles(quantities=quantities, cycles=4, steps_per_cycle=500).values
     cgs = (

@@ -125,7 +125,7 @@ def test_a_surface_has_no_volume_to_integrate_over(tmp_path):
         ({"affine": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1]]}, "the matrix invertible"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_is_named(wall, tmp_path, fields, expected):
+def test_an_impossible_map_is_reported(wall, tmp_path, fields, expected):
     mesh = wall.copy()
     mesh.cell_data["MBF"] = flow_field(mesh.cell_centers().points)
     mesh.save(tmp_path / "map.vtu")

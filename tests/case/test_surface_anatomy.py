@@ -88,7 +88,7 @@ def topology(tree: Tree) -> set[frozenset[str]]:
     ("seed", "outlets"),
     [(1, 4), pytest.param(2, 9, marks=pytest.mark.long), pytest.param(3, 14, marks=pytest.mark.long)],
 )
-def test_a_surface_gives_back_the_tree_that_it_was_made_of(seed, outlets):
+def test_the_tree_extracted_from_a_surface_is_that_it_was_made_from(seed, outlets):
     tree = random_tree(seed, outlets)
     surface = surface_of(*tube_surface(tree, 0.045))
     assert len(surface.caps) == outlets + 2
@@ -279,7 +279,7 @@ def test_a_path_without_contours_is_left_out_and_named(project):
         read_project(project, 0.1)
 
 
-def test_a_contour_that_encloses_nothing_is_named(project):
+def test_a_contour_that_encloses_nothing_is_reported(project):
     group = project / "Segmentations" / "LAD.ctgr"
     text = group.read_text()
     contour = re.findall("<contour .*?</contour>", text, flags=re.DOTALL)[4]

@@ -26,7 +26,7 @@ def configuration(tmp_path, monkeypatch):
     return write
 
 
-def test_a_configuration_is_told_from_a_case_and_its_case_is_read_too(configuration, capsys):
+def test_a_configuration_is_distinguished_from_a_case_and_its_case_is_read_too(configuration, capsys):
     assert main(["check", configuration("name: mine\nseed: 3\ncase: given/case.yaml\n")]) == 0
     printed = capsys.readouterr().out
     assert "mine.yaml: the configuration of a campaign, whose results are in results/mine" in printed

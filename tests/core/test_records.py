@@ -29,7 +29,7 @@ def test_records_survive_the_round_trip_to_the_bit(tmp_path_factory, value, text
 @pytest.mark.parametrize(
     "text", ["", '{"sample": "a"', '{"sample": "a"}\n', '{"sample": "a", "inputs": {}, "x": 1}\n', "[1]\n"]
 )
-def test_broken_records_are_named(tmp_path, text):
+def test_broken_records_are_reported(tmp_path, text):
     path = tmp_path / "batch_3.jsonl"
     path.write_text(text)
     with pytest.raises(InputError, match="batch_3.jsonl"):

@@ -28,7 +28,7 @@ def test_an_empty_folder_name_is_rejected():
         command.main(arguments("--model", "x.json", "--out", ""))
 
 
-def test_missing_options_are_named(tmp_path):
+def test_missing_options_are_reported(tmp_path):
     with pytest.raises(InputError, match="--measurements"):
         command.main(arguments("--model", "x.json", "--out", tmp_path))
 

@@ -18,7 +18,7 @@ def exchanged(network, condition):
     return network
 
 
-def test_two_exchanged_outlets_are_said_and_not_named(tmp_path):
+def test_two_exchanged_outlets_are_reported_as_a_wiring_error(tmp_path):
     make_case.hide(open_loop(), assume(), np.zeros(0), make_case.Noise(), 11, tmp_path, exchanged)
     found = analyse(tmp_path)
     assert [place for _, place in found.verdict.wiring_errors] == ["BC_lad~BC_lcx"]

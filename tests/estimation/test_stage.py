@@ -76,6 +76,6 @@ def test_too_few_3d_runs_are_refused(folder):
     assert not (folder / "networks.npz").exists()
 
 
-def test_a_row_that_is_not_there_is_named(folder):
+def test_a_row_that_is_not_there_is_reported(folder):
     with pytest.raises(InputError, match="no such row; the file has 1"):
         training.write_networks(folder, Settings(rows=["7"]), 3, folder / "networks.npz", folder / "resampled.csv")

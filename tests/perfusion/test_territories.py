@@ -45,7 +45,7 @@ def test_an_empty_territory_is_an_error_that_names_the_outlet(ventricle, tmp_pat
     assert not (tmp_path / "x.npz").exists()
 
 
-def test_a_cell_without_a_finite_value_is_named(ventricle, tmp_path):
+def test_a_cell_without_a_finite_value_is_reported(ventricle, tmp_path):
     mesh = pyvista.read(ventricle[1])
     mesh["MBF"][3] = np.nan
     mesh.save(ventricle[1])

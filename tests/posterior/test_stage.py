@@ -223,7 +223,7 @@ def test_papers_rescaling_is_offered(campaign, tmp_path):
     assert np.allclose(np.sum(chains["weights"] / chains["multipliers"], axis=2), 1)
 
 
-def test_a_bed_that_the_loop_lacks_is_named(campaign, tmp_path):
+def test_a_bed_that_the_loop_lacks_is_reported(campaign, tmp_path):
     case = read_json(campaign[0])
     case["outlets"][2]["bc"] = "BC_other"
     write_json(campaign[0], case)

@@ -22,5 +22,5 @@ def test_numbers_have_three_digits_or_are_a_dash(value, text):
 
 
 @pytest.mark.parametrize(("value", "text"), [(0.5, "0.50"), (-0.953, "-0.953"), (0.99962, "0.99962"), (None, "–")])
-def test_a_correlation_keeps_its_nines(value, text):
+def test_a_correlation_near_one_is_shown_with_enough_digits(value, text):
     assert numbers.correlation(value) == text

@@ -33,7 +33,7 @@ def test_the_volume_of_the_mesh_converges_at_second_order():
 
 
 @pytest.mark.parametrize("cells", [5_000, 20_000, 50_000])
-def test_the_mesh_has_about_the_wanted_number_of_similar_cells_and_no_gaps(cells):
+def test_the_mesh_has_about_the_requested_number_of_similar_cells_and_no_gaps(cells):
     mesh = VENTRICLE.mesh(cells)
     volume = volumes(mesh)
     assert 0.7 < mesh.n_cells / cells < 1.45

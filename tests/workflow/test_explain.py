@@ -71,7 +71,7 @@ def test_the_command_makes_the_same_bytes_again(campaign):
     assert again.unchanged and str(again).partition("made by ")[2].splitlines()[0] >= made
 
 
-def test_an_altered_result_and_an_altered_input_are_told(campaign):
+def test_an_altered_result_and_an_altered_input_are_reported(campaign):
     chunk = campaign / "results/small/perfusion/chunk_0.npz"
     whole = chunk.read_bytes()
     chunk.write_bytes(whole[:-1])

@@ -105,7 +105,7 @@ def test_failures_at_random_are_left_out(at_random):
     check_estimates(at_random)
 
 
-def test_failures_that_depend_on_theta_are_named_told_and_corrected(at_random, campaign):
+def test_failures_that_depend_on_theta_are_listed_reported_and_corrected(at_random, campaign):
     """The three runs with the largest scaling of resistance fail, each in its own way."""
     pilot = read_csv(at_random / "samples" / "pilot.csv")
     faults = dict(zip(pilot.nlargest(3, "R_cor_scaling")["sample"], REASONS, strict=True))

@@ -49,7 +49,7 @@ def test_3d_and_0d_agree_on_what_both_know(results):
         assert np.corrcoef(outputs_3d[f"ffr_{branch}"], outputs_0d[f"ffr_{branch}"])[0, 1] > 0.8
 
 
-def test_the_report_holds_its_pictures_and_no_loose_ends(results):
+def test_the_report_contains_its_pictures_and_no_unfilled_fields(results):
     page = (results / "report.html").read_text()
     assert page.count("data:image/png;base64,") >= 9
     assert not re.search(r"\b(nan|None|undefined)\b", re.sub(r"base64,[^\"]*|<pre>.*</pre>", "", page, flags=re.S))
@@ -83,7 +83,7 @@ def spoil_every_kind(folder: Path) -> list[Path]:
     return sorted(kinds.values())
 
 
-def test_a_spoiled_file_of_any_kind_is_told(results, tmp_path):
+def test_a_spoiled_file_of_any_kind_is_reported(results, tmp_path):
     copy = shutil.copytree(results, tmp_path / "results" / "smoke")
     assert explain.verify(copy).changed == []
     spoiled = spoil_every_kind(tmp_path)

@@ -47,7 +47,7 @@ def test_a_failed_sample_has_a_row_without_values(inputs):
     assert rows["reason"].str.contains("not periodic").all() and rows["ffr_lad"].isna().all()
 
 
-def test_a_bed_that_the_network_lacks_is_named(inputs):
+def test_a_bed_that_the_network_lacks_is_reported(inputs):
     table = pd.read_csv(inputs / "samples.csv").rename(columns={"BC_left": "BC_lost"})
     table.to_csv(inputs / "samples.csv", index=False)
     with pytest.raises(InputError, match="BC_lost"):

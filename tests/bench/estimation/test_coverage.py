@@ -100,7 +100,7 @@ def test_a_method_that_a_measured_cell_contradicts_carries_a_warning():
             assert wilson(cell).high >= 0.93, cell
 
 
-def test_the_selector_has_no_warning_only_where_its_worst_cell_does_no_harm():
+def test_the_selector_has_no_warning_where_its_worst_cell_still_covers():
     """With residuals the allowed share of the variance, and missing by as much more than claimed as the lower end of a
     cell's Wilson interval says, an interval of 95 % holds in 93 %."""
     cells = [cell for cell in published_cells() if cell["method"] == "crossfit-GP"]

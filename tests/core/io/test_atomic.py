@@ -17,7 +17,7 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["", "{", '{"a": 1', "\x00\xff"])
-def test_broken_json_is_named_on_one_line(tmp_path, text):
+def test_broken_json_is_reported_on_one_line(tmp_path, text):
     path = tmp_path / "case.json"
     path.write_bytes(text.encode("latin-1"))
     with pytest.raises(InputError) as caught:

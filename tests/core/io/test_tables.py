@@ -36,7 +36,7 @@ def test_a_table_in_windows_western_code_page(tmp_path):
     assert read_csv(tmp_path / "t.csv")["note"].tolist() == ["3 µm"]
 
 
-def test_missing_column_is_named_with_those_present(tmp_path):
+def test_missing_column_is_reported_with_those_present(tmp_path):
     (tmp_path / "t.csv").write_text("a,b\n1,2\n")
     with pytest.raises(InputError, match="t.csv: c: column missing; the file has a, b"):
         read_csv(tmp_path / "t.csv", columns=("c",))

@@ -111,7 +111,7 @@ def test_what_runs_do_not_settle_to_is_not_learned_from_a_short_step():
     assert search.jacobian == pytest.approx(g, abs=0.06)
 
 
-def test_sensitivities_are_recomputed_where_a_step_went_as_far_as_they_are_believed():
+def test_sensitivities_are_recomputed_where_a_step_was_as_long_as_they_are_valid():
     """Steps that may not go farther all gain what they promise, and would follow one direction for ever."""
     renewed = []
 

@@ -41,7 +41,7 @@ def verdict(
     return judge(problem, base, fit, assume(effect), [PRIOR], 20, unexplained, gaps, p)
 
 
-def test_an_effect_that_nothing_speaks_against_is_named():
+def test_an_effect_that_passes_all_checks_is_named():
     assert not verdict().abstains and verdict().gain_beside_flexible is None
 
 

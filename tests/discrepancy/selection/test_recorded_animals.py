@@ -41,7 +41,7 @@ def test_the_order_of_conditions_decides_nothing(tmp_path):
         assert otherwise[name] == pytest.approx(sizes, rel=0.05), name
 
 
-def test_what_held_out_recordings_refuse_is_not_the_last_word(tmp_path):
+def test_the_search_continues_after_a_held_out_rejection(tmp_path):
     prepare_case(RECORDINGS, "DSEA08", tmp_path, None, False)
     found = searched(tmp_path)
     assert [effect.name for effect, _ in found.not_confirmed] == ["flow_delay"]

@@ -172,7 +172,7 @@ def test_tables_without_common_samples_are_rejected(tmp_path):
 
 @pytest.mark.parametrize("file", ["0d.csv", "3d.csv"])
 @pytest.mark.parametrize("prefix", ["ffr_", "mean_pressure:", "mean_flow:"])
-def test_the_table_that_lacks_a_column_is_named(tmp_path, file, prefix):
+def test_the_table_that_lacks_a_column_is_reported(tmp_path, file, prefix):
     exact_pairs(tmp_path, 4.0)
     table = pd.read_csv(tmp_path / file)
     table.drop(columns=[column for column in table if column.startswith(prefix)]).to_csv(tmp_path / file, index=False)

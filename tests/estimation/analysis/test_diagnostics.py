@@ -59,13 +59,13 @@ def test_resampled_inputs_outside_the_training_box_are_found():
     assert "most of them in c" in diagnostics.outside_support(beyond, inside, ("a", "b", "c")).text
 
 
-def test_a_useless_model_is_named_and_a_useful_one_is_not():
+def test_a_model_without_gain_carries_a_warning():
     assert diagnostics.without_gain(0.05, 100, "MFMC") is not None
     assert diagnostics.without_gain(0.5, 100, "MFMC") is None
     assert diagnostics.without_gain(-0.9, 100, "crossfit-GP") is not None
 
 
-def test_a_run_with_most_of_the_squared_residuals_is_named():
+def test_a_run_with_most_of_the_squared_residuals_is_reported():
     left = generator(3, "dominated").normal(size=40)
     names = tuple(f"sample_{i}" for i in range(40))
     assert diagnostics.dominated(left, names) is None and diagnostics.dominated(0 * left, names) is None
@@ -73,12 +73,12 @@ def test_a_run_with_most_of_the_squared_residuals_is_named():
     assert diagnostics.dominated(left, names).text.startswith("sample_7 alone has 9")
 
 
-def test_unverified_methods_carry_a_warning():
+def test_methods_without_tested_coverage_carry_a_warning():
     assert "below 25 3D runs" in diagnostics.untested("MFMC", 24).text and diagnostics.untested("MFMC", 25) is None
     assert "repeated trials" in diagnostics.untested("MFMC-AE", 500).text
 
 
-def test_the_selector_is_verified_only_where_its_residuals_are_small():
+def test_the_coverage_of_crossfit_gp_is_tested_where_its_residuals_are_small():
     assert "more than 25% of its variance; here 40%" in str(diagnostics.untested("crossfit-GP", 500, 0.4))
     assert diagnostics.untested("crossfit-GP", 50, 0.25) is None
     assert "below 50 3D runs" in str(diagnostics.untested("crossfit-GP", 40, 0.01))

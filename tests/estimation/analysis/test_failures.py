@@ -48,7 +48,7 @@ DIFFERENCES = {
 @pytest.mark.parametrize(("reason", "failed", "count"), [
     ("one input", 3, 60), ("mean resistance", 3, 60), ("total resistance", 3, 60), ("half of the beds", 6, 60),
 ])  # fmt: skip
-def test_failures_of_the_extreme_runs_in_a_direction_are_finding_of(reason, failed, count):
+def test_failures_of_the_extreme_runs_in_a_direction_are_detected(reason, failed, count):
     theta = drawn(generator(5, "sharp", reason), count)
     finding = finding_of(*split(theta, REASONS[reason](np.log(theta)), failed))
     assert finding.text.startswith(f"{failed} of {count} 3D runs failed, not at random: {DIFFERENCES[reason]}")

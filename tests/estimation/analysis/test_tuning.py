@@ -21,6 +21,6 @@ def test_it_starts_from_the_settings_and_says_what_it_found(folder):
     Settings(**found["best"])
 
 
-def test_a_row_that_is_not_there_is_named(folder):
+def test_a_row_that_is_not_there_is_reported(folder):
     with pytest.raises(InputError, match="no such row"):
         tune(folder, folder / "rows.csv", SETTINGS.model_copy(update={"rows": ["9"]}), 3, folder / "tuning.json")

@@ -18,7 +18,7 @@ def variance(counts, covariance=COVARIANCE):
     return sum(w @ covariance[np.ix_(models, models)] @ w / n for (models, n), w in pairs)
 
 
-def test_weights_of_the_wanted_model_add_up_to_one_and_those_of_the_others_to_zero():
+def test_weights_of_the_target_model_add_up_to_one_and_those_of_the_others_to_zero():
     total = np.zeros(4)
     for (models, _), w in zip(COUNTS, weights(COUNTS, COVARIANCE), strict=True):
         total[list(models)] += w

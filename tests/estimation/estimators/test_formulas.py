@@ -63,7 +63,7 @@ def test_allocation_spends_the_budget_and_nothing_beats_it(rho):
 
 @pytest.mark.parametrize("wanted", [0.9, 0.5, 0.1, 1e-3])
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.99])
-def test_additional_budget_reaches_the_wanted_variance_at_the_least_cost(rho, wanted):
+def test_additional_budget_reaches_the_target_variance_at_least_cost(rho, wanted):
     n, m, w = 50, 500, 1e-3
     start = mfmc_variance(1.0, rho, n, m)
     cost, more_3d, more_0d = additional_budget(1.0, rho, n, m, w, wanted * start)

@@ -51,7 +51,7 @@ def test_too_few_3d_runs_are_refused_with_the_most_frequent_reason(campaign):
         campaign(failed_3d=["pilot_00003", "pilot_00007"], min_3d=11)
 
 
-def test_a_sample_without_a_3d_run_is_named(campaign):
+def test_a_sample_without_a_3d_run_is_reported(campaign):
     with pytest.raises(InputError, match="pilot_00005.*has no 3D run"):
         campaign(lost=["pilot_00005"])
 

@@ -62,7 +62,7 @@ def test_leave_one_out_is_what_leaving_one_out_gives():
         assert model.leave_one_out[i] == pytest.approx(model.spread * wanted, rel=1e-6)
 
 
-def test_useless_inputs_are_ignored_and_a_constant_one_does_no_harm():
+def test_useless_inputs_are_ignored_and_a_constant_one_changes_nothing():
     x, y = problem(60)
     crowd = np.column_stack([x, generator(2, "crowd").normal(size=(60, 10)), np.ones(60)])
     fresh = problem(300)[0]

@@ -26,14 +26,14 @@ def test_periods_that_differ_by_rounding_are_accepted():
     assert Model(network).period == pytest.approx(period, rel=1e-12)
 
 
-def test_periods_that_disagree_are_named():
+def test_periods_that_disagree_are_reported():
     network = bifurcation()
     network["simulation_parameters"]["cardiac_period"] = 1.2
     with pytest.raises(InputError, match="inconsistent cardiac period; INFLOW"):
         Model(network)
 
 
-def test_a_vessel_without_an_outlet_is_named():
+def test_a_vessel_without_an_outlet_is_reported():
     network = bifurcation()
     network["junctions"][0]["outlet_vessels"] = [1]
     with pytest.raises(InputError, match="right"):

@@ -75,7 +75,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_is_named_on_one_line(fault, tmp_path):
+def test_a_fault_is_reported_on_one_line(fault, tmp_path):
     spoil, expected = FAULTS[fault]
     network = copy.deepcopy(bifurcation())
     spoil(network)
@@ -88,7 +88,7 @@ def test_a_fault_is_named_on_one_line(fault, tmp_path):
     assert all(part in line for part in expected), line
 
 
-def test_a_truncated_file_is_named(tmp_path):
+def test_a_truncated_file_is_reported(tmp_path):
     path = tmp_path / "network.json"
     path.write_text(json.dumps(bifurcation())[:200])
     with pytest.raises(InputError, match="network.json"):
