@@ -1,5 +1,9 @@
 """`coronaryuq doctor` checks the folders that environment variables name."""
 
+import json
+import subprocess
+import sys
+
 import pytest
 
 from coronaryuq.cli.doctor import examine
@@ -48,3 +52,14 @@ def test_without_any_folder_for_kernels_the_variable_to_set_is_named(monkeypatch
     monkeypatch.setattr("coronaryuq.cli.doctor.check_scratch", lambda: None)
     found = finding("kernels")
     assert not found.sound and f"set {numba_cache.VARIABLE}" in found.detail
+
+
+@pytest.mark.slow
+def test_the_json_has_every_check_and_the_verdict():
+    command = [sys.executable, "-m", "coronaryuq.cli.main", "doctor", "--environment", "--json"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    told = json.loads(done.stdout)
+    checks = {check["what"]: check for check in told["checks"]}
+    assert {"python", "numpy", "pydantic", "3D rendering"} <= set(checks)
+    assert all(check["detail"] for check in checks.values())
+    assert told["sound"] == all(check["sound"] for check in checks.values()) == (done.returncode == 0)

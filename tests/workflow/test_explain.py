@@ -1,5 +1,6 @@
 """`coronaryuq explain`: what a job wrote down about its results, and the command that makes them again."""
 
+import json
 import os
 import subprocess
 import sys
@@ -69,6 +70,33 @@ def test_the_command_makes_the_same_bytes_again(campaign):
     assert (campaign / TARGETS).read_bytes() == before
     again = explain.explain(campaign / TARGETS)
     assert again.unchanged and str(again).partition("made by ")[2].splitlines()[0] >= made
+
+
+def printed(campaign: Path, *words: str) -> tuple[int, dict]:
+    """Exit code and JSON of a command."""
+    command = [sys.executable, "-m", "coronaryuq.cli.main", *words, "--json"]
+    environment = os.environ | {"PYTHONPATH": str(campaign / "src")}
+    done = subprocess.run(command, cwd=campaign, env=environment, capture_output=True, text=True)
+    return done.returncode, json.loads(done.stdout)
+
+
+def test_the_json_says_the_same(campaign):
+    code, told = printed(campaign, "explain", TARGETS)
+    assert code == 0 and told["unchanged"] and told["result"] == TARGETS and told["job"] == "perfusion"
+    assert told["inputs"]["results/small/perfusion/chunk_0.npz"] == "unchanged"
+    assert told["command"] == said(campaign, TARGETS).stdout.splitlines()[-1].strip()
+    code, verified = printed(campaign, "verify", "results/small")
+    assert code == 0 and verified["changed"] == [] and verified["missing"] == [] and not verified["removed"]
+    assert verified["verified"] == sum(verified["by_folder"].values()) == 9 and verified["jobs"] == 3
+    whole = (campaign / TARGETS).read_bytes()
+    (campaign / TARGETS).write_bytes(whole[:-1])
+    try:
+        code, told = printed(campaign, "explain", TARGETS)
+        assert code == 1 and not told["unchanged"]
+        code, verified = printed(campaign, "verify", "results/small")
+        assert code == 1 and verified["changed"] == [str(campaign / TARGETS)]
+    finally:
+        (campaign / TARGETS).write_bytes(whole)
 
 
 def test_an_altered_result_and_an_altered_input_are_reported(campaign):
