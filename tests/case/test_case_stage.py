@@ -132,11 +132,12 @@ def test_a_ready_network_needs_no_anatomy(shared, tmp_path):
         ),
         (
             "{name: RCA, block: branch20_seg0}",
-            "case.yaml: stenoses.RCA.block = 'branch20_seg0': feeds LCx; expected a vessel towards the RCA",
+            "case.yaml: stenoses.RCA.block = 'branch20_seg0': feeds LCx; choose a vessel upstream of an RCA outlet",
         ),
         (
             "{name: RCA, block: aorta_outlet}",
-            "case.yaml: stenoses.RCA.block = 'aorta_outlet': feeds no coronary outlet; expected a vessel towards",
+            "case.yaml: stenoses.RCA.block = 'aorta_outlet': feeds no coronary outlet; choose a vessel upstream of an "
+            "RCA outlet",
         ),
     ],
 )

@@ -241,7 +241,9 @@ def _stenoses(
             raise InputError(path, f"stenoses.{name}.block", block, "not a vessel of the given network")
         fed = {outlet.branch for outlet in outlets if outlet.bc in topology.outlets_below(block)}
         if name not in fed:
-            remedy = f"feeds {', '.join(sorted(fed)) or 'no coronary outlet'}; expected a vessel towards the {name}"
+            remedy = (
+                f"feeds {', '.join(sorted(fed)) or 'no coronary outlet'}; choose a vessel upstream of an {name} outlet"
+            )
             raise InputError(path, f"stenoses.{name}.block", block, remedy)
         parents, children = topology.parents(block), topology.children(block)
         stenosis = by_name.get(name)

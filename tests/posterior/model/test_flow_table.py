@@ -77,7 +77,7 @@ def test_a_negative_resistance_is_taken_with_a_note(campaign, tmp_path, capsys):
         ({"flow": [1, 2, -3, 4, 5]}, range(5), "flow of BC_2 = -3.0: must be a positive number"),
         ({"volume": [1, 2, "", 4, 5]}, range(5), "volume of BC_2 = nan: must be a positive number"),
         ({"mbf": SHARES}, range(5), "flow: column missing; expected flow, or mbf and volume, or volume"),
-        ({"flow": [1]}, ["0"], "rows = 1: expected at least two beds"),
+        ({"flow": [1]}, ["0"], "rows = 1: at least two beds are required"),
     ],
 )
 def test_a_wrong_table_is_one_line(campaign, tmp_path, capsys, columns, names, expected):
