@@ -3,6 +3,7 @@
 import json
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -16,6 +17,7 @@ from coronaryuq.cli.examples import EXAMPLES
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import read_csv
 from support.served import served
+from support.tutorials import follow
 
 pytestmark = pytest.mark.workflow
 
@@ -164,3 +166,10 @@ def test_the_examples_in_the_help_run(results, tmp_path):
         command = line.replace("coronaryuq ", f"{shlex.quote(sys.executable)} -m coronaryuq.cli.main ", 1)
         done = subprocess.run(["bash", "-c", command], cwd=tmp_path, capture_output=True, text=True)
         assert done.returncode == 0, (line, done.stderr)
+
+
+def test_the_commands_of_the_first_tutorial_run_and_more_0d_runs_repeat_no_3d_run(results, tmp_path):
+    shutil.copytree(results.parents[1], tmp_path / "reader", symlinks=True)
+    printed = follow("bundled-patient.md", tmp_path / "reader")
+    jobs = dict(re.findall(r"^(\w+) +(\d+)$", printed, re.MULTILINE))
+    assert jobs["zerod_chunk"] == "2" and not {"mesh", "flow3d_batch", "posterior_chains"} & set(jobs)

@@ -1,4 +1,4 @@
-"""The tutorials: every command runs."""
+"""The tutorials: every command runs. Those on a finished smoke campaign are also run in `test_notebook.py`."""
 
 import shutil
 
