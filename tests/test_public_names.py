@@ -66,3 +66,15 @@ def test_wrong_arguments_of_discover_are_one_line(given, line):
     with pytest.raises(InputError) as caught:
         coronaryuq.discover(**given)
     assert str(caught.value).startswith(line)
+
+
+def test_results_of_another_version_are_opened_all_the_same(tmp_path):
+    (tmp_path / "campaign.yaml").write_text("name: old\nsetting_of_yesterday: 1\n")
+    draws = tmp_path / "posterior" / "draws.csv"
+    draws.parent.mkdir()
+    draws.write_text("chain,generation,BC_a,log_density\n0,1,1.5,2.0\n")
+    opened = coronaryuq.open(tmp_path)
+    assert opened.draws["BC_a"].tolist() == [1.5] and opened.draws.attrs["units"]["BC_a"] == "1"
+    with pytest.raises(InputError, match="setting_of_yesterday = 1: unknown setting"):
+        _ = opened.configuration
+    assert "unknown setting" in opened._repr_html_()

@@ -49,6 +49,11 @@ def test_every_meaning_and_unit_is_written_out():
 
 
 def test_a_folder_that_cannot_be_described_is_a_note_and_a_missing_one_stays_missing(home, tmp_path, capsys):
+    table = home / "zerod" / "pilot_0.parquet"
+    write_text(table, "not a table")
+    describe_results(home)
+    assert "note: no index of" in capsys.readouterr().err
+    table.unlink()
     write_text(home / "provenance" / "broken.json", "{")
     describe_results(home)
     assert "note: no index of" in capsys.readouterr().err and not (home / "index.json").exists()

@@ -8,7 +8,6 @@ from typing import Any
 from coronaryuq import config
 from coronaryuq.campaign import explain
 from coronaryuq.campaign.files import FOLDERS, described, kind_of
-from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json, write_json, write_text
 from coronaryuq.core.io.tables import read_table_text
 
@@ -22,7 +21,7 @@ def describe_results(home: str | Path) -> None:
     if Path(home).is_dir():
         try:
             write_index(home)
-        except (OSError, InputError) as error:
+        except (OSError, ValueError) as error:  # what a broken note or table raises is a ValueError
             print(f"note: no index of {home}: {error}", file=sys.stderr)
 
 

@@ -21,13 +21,16 @@ class ResultsFolder:
 
     @cached_property
     def configuration(self) -> config.Campaign:
-        """The configuration of the campaign's last run."""
-        path = self.home / explain.CAMPAIGN
-        if not path.is_file():
+        """The configuration of the campaign's last run; `InputError` if another version has written it."""
+        self.check()
+        return config.load(self.home / explain.CAMPAIGN)
+
+    def check(self) -> None:
+        """Raise `InputError` if the folder is not that of a campaign."""
+        if not (self.home / explain.CAMPAIGN).is_file():
             raise InputError(
                 self.home, None, None, f"not the results folder of a campaign: it has no {explain.CAMPAIGN}"
             )
-        return config.load(path)
 
     def path(self, *parts: str) -> Path:
         """Return the path of a result.

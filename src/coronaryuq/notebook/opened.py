@@ -50,7 +50,7 @@ class Opened:
 
     def __init__(self, home: str | Path):
         self._folder = ResultsFolder(Path(home))
-        self._configuration = self._folder.configuration
+        self._folder.check()
 
     @property
     def name(self) -> str:
@@ -65,7 +65,7 @@ class Opened:
     @property
     def configuration(self) -> Campaign:
         """Every setting of the last run."""
-        return self._configuration
+        return self._folder.configuration
 
     @cached_property
     def ffr(self) -> "pd.DataFrame":
@@ -193,14 +193,14 @@ class Opened:
         return [name for name in super().__dir__() if not name.startswith("_")]
 
     def _repr_html_(self) -> str:
-        settings = self.configuration
-        case = "the bundled patient" if settings.case == "bundled" else settings.case
-        lines = [
-            f"<h3>Campaign {escape(self.name)}</h3>",
-            f"<p>{escape(case)}; {settings.samples.n_3d} 3D runs ({settings.backend}), {settings.samples.n_0d} 0D runs "
-            f"per input set; seed {settings.seed}; <code>{escape(str(self.path))}</code></p>",
-        ]
+        lines = [f"<h3>Campaign {escape(self.name)}</h3>", f"<p><code>{escape(str(self.path))}</code></p>"]
         try:
+            settings = self.configuration
+            case = "the bundled patient" if settings.case == "bundled" else settings.case
+            lines.append(
+                f"<p>{escape(case)}; {settings.samples.n_3d} 3D runs ({settings.backend}), {settings.samples.n_0d} 0D "
+                f"runs per input set; seed {settings.seed}</p>"
+            )
             shown = self.ffr[["mean", "low", "high", "q05", "median", "q95", "probability", "estimator"]]
             lines.append("<p>FFR: mean with its 95 % interval; the patient's spread; P(FFR &le; 0.80)</p>")
             lines.append(shown.to_html(float_format="{:.3f}".format))
