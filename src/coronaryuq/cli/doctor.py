@@ -15,7 +15,6 @@ from pathlib import Path
 from coronaryuq.core import numba_cache, provenance
 
 EXTERNAL = {
-    "svzerodsolver": "0D backend `svzerod`",
     "svsolver": "3D backend `svsolver`",
     "svpre": "3D backend `svsolver`",
     "svmultiphysics": "3D backend `svmultiphysics`",
@@ -61,6 +60,7 @@ def examine(environment_only: bool = False) -> Iterator[Finding]:
     yield check_kernels()
     yield from check_scheduler()
     yield check_umbridge()
+    yield check_svzerodsolver()
     for program, purpose in EXTERNAL.items():
         path = shutil.which(program)
         yield Finding(program, True, path or f"not installed; needed only by the {purpose}")
@@ -105,6 +105,23 @@ def check_umbridge() -> Finding:
     except importlib.metadata.PackageNotFoundError:
         needs = "`coronaryuq serve` and the backend `umbridge`"
         return Finding("umbridge", True, f"not installed; needed only by {needs}: pip install 'coronaryuq[umbridge]'")
+
+
+def check_svzerodsolver() -> Finding:
+    """Report svZeroDSolver's Python module or program, which is optional."""
+    from coronaryuq.zerod.svzerodsolver import program
+
+    name = program.installed()
+    if name is None:
+        detail = "not installed; needed only by the 0D backend `svzerod`: pip install svzerod"
+    elif name == program.COMMAND:
+        detail = str(shutil.which(name))
+    else:
+        failure = _run([sys.executable, "-c", f"import {name}"], timeout=120)
+        if failure is not None:
+            return Finding("svZeroDSolver", False, f"module {name} cannot be imported: {failure}")
+        detail = f"module {name} {importlib.metadata.version(name)}"
+    return Finding("svZeroDSolver", True, detail)
 
 
 def check_mpi(ranks: int = 2) -> Finding:

@@ -14,7 +14,7 @@ from coronaryuq.discrepancy.inference.read_problem import check_searchable, read
 from coronaryuq.discrepancy.result import write
 from coronaryuq.discrepancy.selection.search import discover
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.zerod.network.read import note_negative_resistances, read_network
+from coronaryuq.zerod.network.read import print_notes, read_network
 
 UNNAMED = ("model", "network")
 """Names under which error messages refer to the network where its file is unknown."""
@@ -59,7 +59,7 @@ def search_case(
         If a file is invalid or the model does not run, before anything is written.
     """
     network = read_network(model)
-    note_negative_resistances(network, model)
+    print_notes(network, model)
     check_searchable(network, model)
     try:
         problem = read_problem(network, measurements, read_conditions(conditions), conditions, settings)

@@ -28,12 +28,12 @@ def main(chosen: argparse.Namespace) -> int:
     from coronaryuq.core.io.atomic import check_folder
     from coronaryuq.core.io.tables import write_csv
     from coronaryuq.posterior.model.flow_table import fit_table
-    from coronaryuq.zerod.network.read import note_negative_resistances, read_network, write_network
+    from coronaryuq.zerod.network.read import print_notes, read_network, write_network
 
     if chosen.out:
         check_folder(chosen.out)
     network = read_network(chosen.network)
-    note_negative_resistances(network, chosen.network)
+    print_notes(network, chosen.network)
     table, fitted = fit_table(network, chosen.network, chosen.flows, chosen.hyperaemia)
     if chosen.out:
         write_csv(Path(chosen.out) / "fractions.csv", table)

@@ -7,26 +7,47 @@ from pathlib import Path
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import check_file
 from coronaryuq.core.io.tables import write_csv
-from coronaryuq.zerod.network.read import note_negative_resistances, read_network
+from coronaryuq.zerod.network.read import print_notes, read_network
 from coronaryuq.zerod.svzerodsolver.tables import simulate
+
+DEFAULT_TABLE = "output.csv"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = "March a 0D network as its simulation_parameters say and write svZeroDSolver's table."
+    """Add the command's arguments, which are those of `svzerodsolver`."""
+    parser.description = (
+        "March a 0D network as its simulation_parameters say and write svZeroDSolver's table. "
+        "Arguments, columns and exit codes (0, or 1 on failure) are those of svzerodsolver."
+    )
     parser.add_argument("network", metavar="NETWORK.json", help="0D network, svZeroDSolver JSON")
-    parser.add_argument("table", metavar="TABLE.csv", help="by vessel or by variable, as the network says")
+    parser.add_argument(
+        "table",
+        metavar="TABLE.csv",
+        nargs="?",
+        help=f"by vessel or by variable, as the network says (default: {DEFAULT_TABLE} beside the network)",
+    )
 
 
 def main(chosen: argparse.Namespace) -> int:
-    """Run the command; returns the exit code, 1 where Newton's method does not converge. `InputError` for bad input."""
-    if check_file(chosen.table).resolve() == Path(chosen.network).resolve():
-        raise InputError("command line", "TABLE.csv", chosen.table, "is the network itself; name another file")
-    network = read_network(chosen.network)
-    note_negative_resistances(network, chosen.network)
+    """Run the command; returns svzerodsolver's exit codes: 0, or 1 after one line on standard error."""
     try:
-        table = simulate(network, chosen.network)
-    except RuntimeError as error:
-        print(f"error: {chosen.network}: {error}", file=sys.stderr)
+        _solve(chosen.network, chosen.table)
+    except (InputError, RuntimeError) as error:
+        print(f"error: {error}", file=sys.stderr)
         return 1
-    write_csv(chosen.table, table)
     return 0
+
+
+def _solve(source: str, target: str | None) -> None:
+    if target is None:
+        target = str(Path(source).parent / DEFAULT_TABLE)
+        print(f"Output will be written to '{target}'.", file=sys.stderr)
+    if check_file(target).resolve() == Path(source).resolve():
+        raise InputError("command line", "TABLE.csv", target, "is the network itself; name another file")
+    network = read_network(source)
+    print_notes(network, source)
+    try:
+        table = simulate(network, source)
+    except RuntimeError as error:
+        raise RuntimeError(f"{source}: {error}") from error
+    write_csv(target, table)

@@ -13,7 +13,7 @@ class Settings(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     backend: Literal["coronaryuq", "svzerod", "umbridge"] = Field(
-        "coronaryuq", description="solver; svzerod needs svzerodsolver or pysvzerod installed, umbridge a server"
+        "coronaryuq", description="solver; svzerod needs svZeroDSolver (pip install svzerod), umbridge a server"
     )
     umbridge: RemoteSettings = Field(
         default_factory=RemoteSettings, description="Server of the 0D model, if the `backend` is umbridge."

@@ -46,6 +46,15 @@ class Network(dict[str, Any]):
         return self.get("external_solver_coupling_blocks", [])
 
     @property
+    def valves(self) -> list[Entry]:
+        return self.get("valves", [])
+
+    @property
+    def chambers(self) -> list[Entry]:
+        """Chambers of the heart, each a block of its own."""
+        return self.get("chambers", [])
+
+    @property
     def closed_loop(self) -> bool:
         return bool(self.get("closed_loop_blocks"))
 
@@ -87,7 +96,7 @@ class Network(dict[str, Any]):
         return list(junction.get("inlet_blocks", [])), list(junction.get("outlet_blocks", []))
 
     def elements(self) -> Iterator[Element]:
-        """Yield every block with its parameters: vessels, boundary conditions, junctions, couplings, the heart."""
+        """Yield every block with its parameters; a chamber and its activation function are two elements of one name."""
         for block in self.vessels:
             yield Element("vessels", block["vessel_name"], block["zero_d_element_type"], block["zero_d_element_values"])
         for block in self.boundary_conditions:
@@ -98,6 +107,12 @@ class Network(dict[str, Any]):
             yield Element("external_solver_coupling_blocks", block["name"], block["type"], block["values"])
         for block in self.get("closed_loop_blocks", []):
             yield Element("closed_loop_blocks", HEART, block["closed_loop_type"], block["parameters"])
+        for block in self.valves:
+            yield Element("valves", block["name"], block["type"], block["params"])
+        for block in self.chambers:
+            yield Element("chambers", block["name"], block["type"], block["values"])
+            activation = block["activation_function"]
+            yield Element("chambers", block["name"], activation["type"], activation)
 
     def deep_copy(self) -> "Network":
         """Copy the network and all its blocks, much faster than the general `copy.deepcopy`."""

@@ -29,6 +29,10 @@ PRESSURE_PER = {
         "Erv_s", "Elv_s", "Lra_v", "Rra_v", "Lrv_a", "Rrv_a", "Lla_v", "Rla_v", "Llv_a", "Rlv_ao", "Rpd", "Kxp_ra",
         "Kxp_la", "Emax_ra", "Emax_la",
     ),
+    "ValveTanh": ("Rmax", "Rmin"), "PiecewiseValve": ("Rmax", "Rmin"),
+    "LinearElastanceChamber": ("Emax", "Epass"), "ChamberElastanceInductor": ("Emax", "Emin", "Impedance"),
+    "ChamberElastanceInductorExponential": ("Emax", "Kxp", "Impedance"),
+    "half_cosine": (), "piecewise_cosine": (), "two_hill": (), "fourier": (), "wrapping_cosine": (),
 }  # fmt: skip
 """Parameters of each element that are proportional to pressure; times 1333.22 from mmHg."""
 
@@ -36,6 +40,7 @@ PER_PRESSURE = {
     "BloodVessel": ("C",), "BloodVesselCRL": ("C",), "BloodVesselRC": ("Cp",), "RCR": ("C",), "CORONARY": ("Ca", "Cc"),
     "CORONARY_VAR_RES": ("Ca", "Cc"), "ClosedLoopRCR": ("C",), "ClosedLoopCoronaryLeft": ("Ca", "Cim"),
     "ClosedLoopCoronaryRight": ("Ca", "Cim"), "ClosedLoopHeartAndPulmonary": ("Cp", "Cpa", "Gao_leak"),
+    "ValveTanh": ("Steepness",),
 }  # fmt: skip
 """Parameters of each element that are inversely proportional to pressure."""
 

@@ -32,6 +32,8 @@ _SHAPES: dict[str, dict[str, tuple[Callable[[Any], bool], str]]] = {
         "closed_loop_type": (_is_text, "text"),
         "outlet_blocks": (_is_list_of(str), "a list of block names"),
     },
+    "valves": {"type": (_is_text, "text")},
+    "chambers": {"type": (_is_text, "text"), "activation_function": (_is_object, "an object")},
     "junctions": {
         "junction_type": (_is_text, "text"),
         "junction_values": (_is_object, "an object"),
@@ -102,6 +104,9 @@ def check_values(block: dict, key: str, parameters: Parameters, file, where: str
         if spec.flag:
             if not isinstance(value, bool):
                 raise InputError(file, field, value, "expected true or false")
+        elif spec.name:
+            if not _is_text(value):
+                raise InputError(file, field, value, "expected a block's name")
         elif spec.series:
             if not isinstance(value, list) or not value or not all(map(finite, value)):
                 raise InputError(file, field, value, "expected a list of numbers")

@@ -32,6 +32,12 @@ def with_changes(network: Network, changes: Mapping[str, float], file: str | Pat
     """
     changed = network.deep_copy()
     values = {element.name: element.values for element in changed.elements()}
+    own = {
+        f"{element.name}.{key}": element.values
+        for element in changed.elements()
+        if element.part == "chambers"
+        for key in element.values
+    }
     for name, value in changes.items():
         if name == PERIOD:
             _set_period(changed, float(value))
@@ -43,7 +49,7 @@ def with_changes(network: Network, changes: Mapping[str, float], file: str | Pat
         if place:
             values[block][parameter][int(place.rstrip("]"))] = float(value)
         else:
-            values[block][parameter] = float(value)
+            own.get(name, values[block])[parameter] = float(value)
     return changed
 
 

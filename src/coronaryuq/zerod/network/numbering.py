@@ -10,7 +10,15 @@ import numpy as np
 
 from coronaryuq.case.network.network import AFTER_HEART, BEFORE_HEART, HEART, HEART_TYPE
 from coronaryuq.core.errors import InputError
-from coronaryuq.zerod.network.parameters import BOUNDARIES, CLOSED_LOOP, JUNCTIONS, VESSELS
+from coronaryuq.zerod.network.parameters import (
+    ACTIVATIONS,
+    BOUNDARIES,
+    CHAMBERS,
+    CLOSED_LOOP,
+    JUNCTIONS,
+    VALVES,
+    VESSELS,
+)
 from coronaryuq.zerod.network.read import check_network
 
 INTERNAL = {
@@ -24,6 +32,8 @@ INTERNAL = {
         *("V_RA", "Q_RA", "P_RV", "V_RV", "Q_RV", "P_pul"),
         *("P_LA", "V_LA", "Q_LA", "P_LV", "V_LV", "Q_LV"),
     ),
+    "ValveTanh": ("valve_status",),
+    **dict.fromkeys(CHAMBERS, ("Vc",)),
 }
 """Internal variables of each element, in svZeroDSolver's order."""
 
@@ -74,6 +84,8 @@ class Block:
     outlets: list[int] = field(default_factory=list)
     variables: list[int] = field(default_factory=list)
     equations: list[int] = field(default_factory=list)
+    activation: str = ""
+    """Activation function of a chamber."""
 
 
 class Model:
@@ -177,12 +189,21 @@ class Model:
             connections += [(name, BEFORE_HEART) for name in to_heart]
             connections.append((HEART, AFTER_HEART))
             connections += [(AFTER_HEART, name) for name in network.heart["outlet_blocks"]]
+        for block in network.valves:
+            name, values = block["name"], block["params"]
+            self._add(name, block["type"], values, VALVES[block["type"]])
+            connections += [(values["upstream_block"], name), (name, values["downstream_block"])]
+        for block in network.chambers:
+            name, activation = block["name"], block["activation_function"]
+            parameters = CHAMBERS[block["type"]] | ACTIVATIONS[activation["type"]]
+            self._add(name, block["type"], block["values"] | activation, parameters)
+            self.blocks[name].activation = activation["type"]
         return connections
 
     def _add(self, name: str, kind: str, values: dict, parameters: dict, periodic: bool = True) -> None:
         scalars, series = {}, {}
         for key, spec in parameters.items():
-            if spec.flag or key == "t":
+            if spec.flag or spec.name or key == "t":
                 continue
             if spec.series:
                 series[key] = Series(np.asarray(values["t"], float), np.asarray(values[key], float), periodic)
@@ -217,6 +238,10 @@ class Model:
                 f"has {ends[0]} inlets and {ends[1]} outlets; expected one of each: a junction or a boundary condition"
             )
             raise InputError(self.file, f"vessels.{block.name}", None, remedy)
+        if block.kind in VALVES | CHAMBERS and ends != (1, 1):
+            part = "valves" if block.kind in VALVES else "chambers"
+            remedy = f"has {ends[0]} inlets and {ends[1]} outlets; wanted one of each: a valve or a junction"
+            raise InputError(self.file, f"{part}.{block.name}", None, remedy)
         if block.kind in ("NORMAL_JUNCTION", "internal_junction", "BloodVesselJunction") and 0 in ends:
             remedy = f"has {ends[0]} inlets and {ends[1]} outlets; expected at least one inlet and one outlet"
             raise InputError(self.file, f"junctions.{block.name}", None, remedy)
@@ -249,6 +274,7 @@ def _equations(block: Block) -> int:
     fixed = {"FLOW": 1, "PRESSURE": 1, "RESISTANCE": 1, "ClosedLoopHeartAndPulmonary": 14}
     if block.kind.startswith("ClosedLoop"):
         fixed.setdefault(block.kind, 3)
+    fixed |= dict.fromkeys(("ValveTanh", *CHAMBERS), 3)
     return fixed.get(block.kind, 2)
 
 

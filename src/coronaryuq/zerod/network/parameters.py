@@ -5,11 +5,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Parameter:
-    """One entry of an element's values: scalar unless `series` (a list over `t`) or `flag` (true or false)."""
+    """One entry of an element's values: a number unless `series` (a list over `t`), `flag` or `name` (of a block)."""
 
     required: bool = True
     series: bool = False
     flag: bool = False
+    name: bool = False
     positive: bool = False
 
 
@@ -17,6 +18,7 @@ Parameters = dict[str, Parameter]
 
 _SCALAR, _OPTIONAL, _SERIES = Parameter(), Parameter(required=False), Parameter(series=True)
 _POSITIVE, _FLAG = Parameter(positive=True), Parameter(required=False, flag=True)
+_NAME = Parameter(name=True)
 
 
 def _scalars(names: str) -> Parameters:
@@ -73,3 +75,27 @@ CLOSED_LOOP: dict[str, Parameters] = {
         "Gao_leak": _OPTIONAL,  # ours: svZeroDSolver's aortic valve has no leak
     }
 }
+_VALVE = {**_scalars("Rmax Rmin"), "upstream_block": _NAME, "downstream_block": _NAME}
+VALVES: dict[str, Parameters] = {"ValveTanh": {**_VALVE, "Steepness": _POSITIVE}, "PiecewiseValve": _VALVE}
+CHAMBERS: dict[str, Parameters] = {
+    "LinearElastanceChamber": _scalars("Emax Epass Vrest"),
+    "ChamberElastanceInductor": _scalars("Emax Emin Vrd Vrs Impedance"),
+    "ChamberElastanceInductorExponential": _scalars("Emax Kxp Kxv Vaso Impedance"),
+}
+ACTIVATIONS: dict[str, Parameters] = {
+    "half_cosine": {"t_active": _SCALAR, "t_twitch": _POSITIVE},
+    "piecewise_cosine": {
+        **_scalars("contract_start relax_start"),
+        "contract_duration": _POSITIVE,
+        "relax_duration": _POSITIVE,
+    },
+    "two_hill": {"t_shift": _SCALAR, **dict.fromkeys(("tau_1", "tau_2", "m1", "m2"), _POSITIVE)},
+    "fourier": {},
+    "wrapping_cosine": {"Tsa": _POSITIVE, "tpwave": _POSITIVE},
+}
+"""Activation functions of chambers, under `activation_function`."""
+IGNORED: dict[str, frozenset[str]] = {
+    "": frozenset({"calibration_parameters", "y", "dy"}),
+    "vessels": frozenset({"vessel_D", "generation", "viscosity", "density"}),
+}
+"""Keys that svZeroDSolver's companions (its calibrator, svZeroDTrees) write into its files and the solver ignores."""

@@ -12,7 +12,18 @@ from coronaryuq.case.network.network import AFTER_HEART, BEFORE_HEART, HEART, HE
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.zerod.network.blocks import check_keys, check_shapes, check_values, finite, named, register
-from coronaryuq.zerod.network.parameters import BOUNDARIES, CLOSED_LOOP, COUPLINGS, JUNCTIONS, VESSELS
+from coronaryuq.zerod.network.parameters import (
+    ACTIVATIONS,
+    BOUNDARIES,
+    CHAMBERS,
+    CLOSED_LOOP,
+    COUPLINGS,
+    IGNORED,
+    JUNCTIONS,
+    VALVES,
+    VESSELS,
+    Parameter,
+)
 
 _TOP = {
     "description",
@@ -56,6 +67,7 @@ _BOUNDARY = {"bc_name", "bc_type", "bc_values"}
 _JUNCTION = {"junction_name", "junction_type", "junction_values", "areas"}
 _JUNCTION |= {"inlet_vessels", "outlet_vessels", "inlet_blocks", "outlet_blocks"}
 _LOOP = {"name", "outlet_blocks", "closed_loop_type", "cardiac_cycle_period", "parameters"}
+_VALVE, _CHAMBER = {"name", "type", "params"}, {"name", "type", "values", "activation_function"}
 _COUPLING = {"name", "type", "location", "connected_block", "periodic", "values"}
 
 
@@ -93,15 +105,7 @@ def check_network(content: Any, file: str | Path = "network") -> Network:
     if not isinstance(content, dict):
         raise InputError(file, None, None, "expected a JSON object with simulation_parameters, vessels, ...")
     network = content if isinstance(content, Network) else Network(content)
-    check_keys(network, _TOP, file, "")
-    for unsupported in ("valves", "chambers"):
-        if network.get(unsupported):
-            entry = network[unsupported][0]
-            kind = entry.get("type") if isinstance(entry, dict) else entry
-            name = entry.get("name") if isinstance(entry, dict) else None
-            raise InputError(
-                file, f"{unsupported}.{name}.type", kind, "unknown element; use ClosedLoopHeartAndPulmonary"
-            )
+    check_keys(network, _TOP | IGNORED[""], file, "")
     for required in ("simulation_parameters", "boundary_conditions"):
         if required not in network:
             raise InputError(file, required, None, "missing")
@@ -116,6 +120,12 @@ def check_network(content: Any, file: str | Path = "network") -> Network:
         _check_coupling(block, names, file)
     for block in named(network, "boundary_conditions", "bc_name", file):
         _check_boundary(block, names, file)
+    for valve in named(network, "valves", "name", file):
+        register(valve, "name", "type", VALVES, names, file, "valves")
+        check_keys(valve, _VALVE, file, f"valves.{valve['name']}")
+        check_values(valve, "params", VALVES[valve["type"]], file, f"valves.{valve['name']}")
+    for chamber in named(network, "chambers", "name", file):
+        _check_chamber(chamber, names, file)
     if len(network.vessel_names) < len(network.vessels):
         raise InputError(file, "vessels", None, "two vessels share a vessel_id; give each vessel its own vessel_id")
     for junction in named(network, "junctions", "junction_name", file):
@@ -125,9 +135,12 @@ def check_network(content: Any, file: str | Path = "network") -> Network:
     return network
 
 
-def note_negative_resistances(network: Network, file: str | Path) -> None:
-    """Print one line on standard error if a checked network has negative resistances, which svZeroDSolver accepts."""
-    found = [
+def print_notes(network: Network, file: str | Path) -> None:
+    """Print on standard error, a line each, what svZeroDSolver accepts in a checked network though it may be a mistake.
+
+    Negative resistances, and keys that svZeroDSolver ignores.
+    """
+    negative = [
         f"{name}.{key} = {value:g}"
         for _, name, _, values in network.elements()
         for key, given in values.items()
@@ -135,9 +148,14 @@ def note_negative_resistances(network: Network, file: str | Path) -> None:
         for value in (given if isinstance(given, list) else [given])
         if value < 0
     ]
-    if found:
-        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-        print(f"note: {file}: {found[0]}: negative resistance{more}", file=sys.stderr)
+    if negative:
+        more = f" (and {len(negative) - 1} more)" if len(negative) > 1 else ""
+        print(f"note: {file}: {negative[0]}: negative resistance{more}", file=sys.stderr)
+    for part, known in IGNORED.items():
+        entries = network.get(part, []) if part else [network]
+        for key in sorted(known & {key for entry in entries for key in entry}):
+            where = f"{part}.{key}" if part else key
+            print(f"note: {file}: {where}: ignored, as svZeroDSolver does", file=sys.stderr)
 
 
 def _check_simulation(block: dict, file) -> None:
@@ -173,7 +191,7 @@ def _check_simulation(block: dict, file) -> None:
 def _check_vessel(vessel: dict, names: dict[str, str], file) -> None:
     name = register(vessel, "vessel_name", "zero_d_element_type", VESSELS, names, file, "vessels")
     where = f"vessels.{name}"
-    check_keys(vessel, _VESSEL, file, where)
+    check_keys(vessel, _VESSEL | IGNORED["vessels"], file, where)
     if not isinstance(vessel.get("vessel_id"), int) or isinstance(vessel.get("vessel_id"), bool):
         raise InputError(file, f"{where}.vessel_id", vessel.get("vessel_id"), "expected an integer")
     check_values(vessel, "zero_d_element_values", VESSELS[vessel["zero_d_element_type"]], file, where)
@@ -186,6 +204,20 @@ def _check_boundary(block: dict, names: dict[str, str], file) -> None:
     name = register(block, "bc_name", "bc_type", BOUNDARIES, names, file, "boundary_conditions")
     check_keys(block, _BOUNDARY, file, f"boundary_conditions.{name}")
     check_values(block, "bc_values", BOUNDARIES[block["bc_type"]], file, f"boundary_conditions.{name}")
+
+
+def _check_chamber(chamber: dict, names: dict[str, str], file) -> None:
+    name = register(chamber, "name", "type", CHAMBERS, names, file, "chambers")
+    where = f"chambers.{name}"
+    check_keys(chamber, _CHAMBER, file, where)
+    check_values(chamber, "values", CHAMBERS[chamber["type"]], file, where)
+    activation = chamber.get("activation_function", {})
+    kind = activation.get("type")
+    if kind not in ACTIVATIONS:
+        told = f"unknown activation function; know {', '.join(ACTIVATIONS)}"
+        raise InputError(file, f"{where}.activation_function.type", kind, told)
+    parameters = {"type": Parameter(name=True), **ACTIVATIONS[kind]}
+    check_values(chamber, "activation_function", parameters, file, where)
 
 
 def _check_coupling(block: dict, names: dict[str, str], file) -> None:
@@ -285,6 +317,12 @@ def _check_references(network: Network, names: dict[str, str], file) -> None:
         for target in block["outlet_blocks"]:
             if target not in names:
                 raise InputError(file, f"closed_loop_blocks.{HEART}.outlet_blocks", target, "no block has this name")
+    for valve in network.valves:
+        for side in ("upstream_block", "downstream_block"):
+            if valve["params"][side] not in names:
+                raise InputError(
+                    file, f"valves.{valve['name']}.params.{side}", valve["params"][side], "no block has this name"
+                )
     for block in network.couplings:
         target = block["connected_block"]
         if target not in names and target != HEART_TYPE:

@@ -89,8 +89,13 @@ class Context:
     @property
     def ventricular_elastance(self) -> np.ndarray:
         """Normalised elastance, (1, times)."""
-        angle = 2.0 * np.pi * np.arange(len(ELASTANCE_MODES))[:, None] * np.fmod(self.phases, 1.0)
-        return (ELASTANCE_MODES[:, :1] * np.cos(angle) - ELASTANCE_MODES[:, 1:] * np.sin(angle)).sum(axis=0)[None, :]
+        return fourier_elastance(self.phases)[None, :]
+
+
+def fourier_elastance(phases: np.ndarray) -> np.ndarray:
+    """Evaluate the ventricles' normalised elastance at times (times,) over the cardiac period."""
+    angle = 2.0 * np.pi * np.arange(len(ELASTANCE_MODES))[:, None] * np.fmod(phases, 1.0)
+    return (ELASTANCE_MODES[:, :1] * np.cos(angle) - ELASTANCE_MODES[:, 1:] * np.sin(angle)).sum(axis=0)
 
 
 @dataclass
@@ -112,8 +117,11 @@ class Assembly:
     Jacobian; `f_time`, `e_time` (row, column, shape), `c_time` (row, shape)
     multiply a shape over time; `f_valve` (row, column, valve). Solution-dependent terms: `square` (row, column) for
     a |y| y, `square_rate` (row, column) for a |y| ẏ, `exponentials` (row, column, shape) for
-    shape · Kxp (exp(Kxv (y − rest)) − 1).
-    `shapes`: arrays (samples or 1, times). `valves`: (upstream pressure, downstream pressure, flow).
+    shape · Kxp (exp(Kxv (y − rest)) − 1), `f_gate` (row, column, gate) for a s y, `constant_gate` (row, gate) for a s,
+    with s = (1 + tanh(k (P_downstream − P_upstream))) / 2 of a gate of steepness k, or a step where k is 0;
+    `gate_slope` (row, pressure, gate, column or -1) are their derivatives with respect to the pressures.
+    `shapes`: arrays (samples or 1, times). `valves`: (upstream pressure, downstream pressure, flow). `gates`: (upstream
+    pressure, downstream pressure), of `steepness` (samples,).
     """
 
     def __init__(self):
@@ -121,6 +129,9 @@ class Assembly:
         self.f_lagged = Terms()
         self.e_time, self.f_time, self.constant_time = Terms(), Terms(), Terms()
         self.f_valve, self.square, self.square_rate, self.exponentials = Terms(), Terms(), Terms(), Terms()
+        self.f_gate, self.constant_gate, self.gate_slope = Terms(), Terms(), Terms()
+        self.gates: list[tuple[int, int]] = []
+        self.steepness: list[np.ndarray | float] = []
         self.shapes: list[np.ndarray] = []
         self.valves: list[tuple[int, int, int]] = []
         self._shape_number: dict[int, int] = {}
@@ -161,6 +172,24 @@ class Assembly:
     def valve(self, upstream: int, downstream: int, flow: int) -> int:
         self.valves.append((upstream, downstream, flow))
         return len(self.valves) - 1
+
+    def gate(self, upstream: int, downstream: int, steepness: np.ndarray | float) -> int:
+        self.gates.append((upstream, downstream))
+        self.steepness.append(steepness)
+        return len(self.gates) - 1
+
+    def F_gate(self, row, column, value, gate):
+        self.f_gate.add((row, column, gate), value)
+        self._gate_slopes(row, gate, column, value)
+
+    def c_gate(self, row, value, gate):
+        self.constant_gate.add((row, gate), value)
+        self._gate_slopes(row, gate, -1, value)
+
+    def _gate_slopes(self, row, gate, column, value):
+        upstream, downstream = self.gates[gate]
+        self.gate_slope.add((row, upstream, gate, column), -value)
+        self.gate_slope.add((row, downstream, gate, column), value)
 
     def _shape(self, shape: np.ndarray) -> int:
         if id(shape) not in self._shape_number:

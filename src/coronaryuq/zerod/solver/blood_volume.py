@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from coronaryuq.zerod.network.numbering import INTERNAL, Block, Model
+from coronaryuq.zerod.network.parameters import CHAMBERS
 
 
 class BloodVolume:
@@ -82,7 +83,12 @@ def _heart(block, state, parameter):
     return chambers + parameter["Cpa"] * aorta
 
 
+def _chamber(block, state, parameter):
+    return state[:, block.variables[-1]]
+
+
 _HOLDS = {
+    **dict.fromkeys(CHAMBERS, _chamber),
     "BloodVessel": _vessel,
     "BloodVesselCRL": _vessel_crl,
     "ClosedLoopCoronaryLeft": _coronary,

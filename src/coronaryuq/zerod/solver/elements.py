@@ -11,6 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from coronaryuq.zerod.network.numbering import Block
+from coronaryuq.zerod.solver import chambers
 from coronaryuq.zerod.solver.assembly import Assembly, Context
 
 Write = Callable[[Block, Context, Assembly], None]
@@ -337,4 +338,9 @@ ELEMENTS: dict[str, Write] = {
     "ClosedLoopCoronaryLeft": closed_loop_coronary,
     "ClosedLoopCoronaryRight": closed_loop_coronary,
     "ClosedLoopHeartAndPulmonary": heart_and_pulmonary,
+    "ValveTanh": chambers.valve_tanh,
+    "PiecewiseValve": chambers.piecewise_valve,
+    "LinearElastanceChamber": chambers.linear_elastance_chamber,
+    "ChamberElastanceInductor": chambers.chamber_elastance_inductor,
+    "ChamberElastanceInductorExponential": chambers.chamber_elastance_inductor_exponential,
 }

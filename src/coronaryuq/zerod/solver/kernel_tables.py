@@ -44,6 +44,10 @@ class Structure(NamedTuple):
     exponential: np.ndarray  # border row, column, entry, place in table, shape
     valve: np.ndarray  # upstream pressure, downstream pressure, flow
     valve_term: np.ndarray  # border row, column, entry, place in table, valve
+    gate: np.ndarray  # upstream pressure, downstream pressure
+    gate_term: np.ndarray  # border row, column, entry, place in table, gate
+    gate_constant: np.ndarray  # border row, gate
+    gate_slope: np.ndarray  # border row, pressure, entry, place in table, gate, column of the term (none: beyond n)
     factor_first: np.ndarray  # (pivots + 1, 2): first upper and first lower target of each border pivot
     factor: np.ndarray  # source, destination of each target, in order: pivot, upper row, lower column
     pairs_first: np.ndarray
@@ -68,6 +72,10 @@ class Values(NamedTuple):
     square_rate: np.ndarray
     exponential: np.ndarray  # three rows each: scale, rate, rest
     valve_term: np.ndarray
+    gate: np.ndarray  # steepness, 0 for a step
+    gate_term: np.ndarray
+    gate_constant: np.ndarray
+    gate_slope: np.ndarray
     lagged: np.ndarray  # largest coefficient by which a row sees each lagged unknown's increment
     step: np.ndarray  # one row: γ Δt, factor from ẏ's increment to y's
 
@@ -87,6 +95,7 @@ class Work(NamedTuple):
     open: np.ndarray  # valve positions
     factored: np.ndarray  # valve positions when the border was factorised
     flow: np.ndarray  # valve flows at the end of the step
+    shut: np.ndarray  # two rows for each gate: how far it is shut, and the derivative
 
 
 class Record(NamedTuple):

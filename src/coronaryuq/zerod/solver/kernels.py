@@ -9,17 +9,7 @@ step solve them exactly; Newton's loop sees only the border.
 from typing import Any
 
 from coronaryuq.core.jit import numba
-from coronaryuq.core.simd import (
-    absolute,
-    any_lane,
-    both,
-    choose,
-    less,
-    less_equal,
-    nearest,
-    power_of_two,
-    store,
-)
+from coronaryuq.core.simd import absolute, any_lane, both, choose, less, less_equal, nearest, power_of_two, store
 from coronaryuq.zerod.solver.lanes import load, splat
 
 STRIDE = 8
@@ -163,6 +153,39 @@ def _subtract_solution_dependent(s, v, w, state, scheme, time, times):
         store(w.residual, row, load(w.residual, row) - scale * (grown - 1.0))
         store(w.slope, slope, scale * grown * rate * to_y)
         slope += 1
+    _subtract_gates(s, v, w, state, to_y, slope)
+
+
+@numba.njit(**KERNEL)
+def _subtract_gates(s, v, w, state, to_y, slope):
+    """Take the terms of gates from w.residual; their derivatives into w.slope from `slope` on."""
+    n = v.constant.shape[0]
+    for k in range(s.gate.shape[0]):
+        up = load(state, s.gate[k, 0]) + load(w.total, s.gate[k, 0]) * to_y
+        down = load(state, s.gate[k, 1]) + load(w.total, s.gate[k, 1]) * to_y
+        steepness = load(v.gate, k)
+        smooth = 1.0 / (_exponential(steepness * (up - down) * 2.0) + 1.0)
+        step = choose(less(down, up), splat(0.0), splat(1.0))
+        share = choose(less(splat(0.0), steepness), smooth, step)
+        store(w.shut, 2 * k, share)
+        store(w.shut, 2 * k + 1, steepness * share * (1.0 - share) * 2.0 * to_y)
+    for k in range(s.gate_term.shape[0]):
+        row, column, gate = s.gate_term[k, 0], s.gate_term[k, 1], s.gate_term[k, 4]
+        y = load(state, column) + load(w.total, column) * to_y
+        coefficient = load(v.gate_term, k) * load(w.shut, 2 * gate)
+        store(w.residual, row, load(w.residual, row) - coefficient * y)
+        store(w.slope, slope, coefficient * to_y)
+        slope += 1
+    for k in range(s.gate_constant.shape[0]):
+        row, gate = s.gate_constant[k, 0], s.gate_constant[k, 1]
+        store(w.residual, row, load(w.residual, row) - load(v.gate_constant, k) * load(w.shut, 2 * gate))
+    for k in range(s.gate_slope.shape[0]):
+        gate, column = s.gate_slope[k, 4], s.gate_slope[k, 5]
+        coefficient = load(v.gate_slope, k) * load(w.shut, 2 * gate + 1)
+        if column < n:
+            coefficient = coefficient * (load(state, column) + load(w.total, column) * to_y)
+        store(w.slope, slope, coefficient)
+        slope += 1
 
 
 @numba.njit(inline="always")
@@ -189,6 +212,8 @@ def _factorise(s, w, which, everywhere):
     slope = _put_slopes(s.square, w, slope, which, everywhere)
     slope = _put_slopes(s.square_rate, w, slope, which, everywhere)
     slope = _put_slopes(s.exponential, w, slope, which, everywhere)
+    slope = _put_slopes(s.gate_term, w, slope, which, everywhere)
+    slope = _put_slopes(s.gate_slope, w, slope, which, everywhere)
     for p in range(w.inverse.shape[0]):
         upper, lower, end = (s.factor_first[p, 0], s.factor_first[p, 1], s.factor_first[p + 1, 0])
         reciprocal = splat(0.0)
@@ -284,7 +309,7 @@ def _step(s, v, w, state, scheme, time, times, sound):
             moved = splat(0.0)
             for k in range(s.valve.shape[0]):
                 moved = moved + absolute(load(w.open, k) - load(w.factored, k))
-            late = splat(1.0) if solves >= _PATIENCE else moved
+            late = splat(1.0) if solves >= _PATIENCE or s.gate.shape[0] > 0 else moved
             which = both(less(splat(0.5), late), going)
             if any_lane(which):
                 _factorise(s, w, which, False)

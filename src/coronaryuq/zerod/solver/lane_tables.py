@@ -72,6 +72,10 @@ def fill(program: Program, system: Assembly, periods: np.ndarray, times: int, sc
         square_rate=_aligned(rows("square_rate")),
         exponential=exponential,
         valve_term=_aligned(rows("f_valve")),
+        gate=_aligned(_spread_rows(system.steepness, lanes)),
+        gate_term=_aligned(rows("f_gate")),
+        gate_constant=_aligned(rows("constant_gate")),
+        gate_slope=_aligned(rows("gate_slope")),
         lagged=lagged,
         step=step,
     )
@@ -85,10 +89,18 @@ def fill(program: Program, system: Assembly, periods: np.ndarray, times: int, sc
         total=table(n + len(s.lagged)),
         matrix=table(program.border_rows),
         inverse=table(border),
-        slope=table(len(s.valve_term) + len(s.square) + len(s.square_rate) + len(s.exponential)),
+        slope=table(
+            len(s.valve_term)
+            + len(s.square)
+            + len(s.square_rate)
+            + len(s.exponential)
+            + len(s.gate_term)
+            + len(s.gate_slope)
+        ),
         open=table(len(s.valve)),
         factored=table(len(s.valve)),
         flow=table(len(s.valve)),
+        shut=table(2 * len(s.gate)),
     )
     return Group(values, work)
 

@@ -6,6 +6,12 @@ import numpy as np
 
 from coronaryuq.zerod.solver.elimination import Tape
 
+SLOPED = (
+    *(("f_valve", 3), ("square", 2), ("square_rate", 2), ("exponentials", 3)),
+    *(("f_gate", 3), ("gate_slope", 4)),
+)
+"""Kinds of terms whose derivatives change from iteration to iteration, and how many numbers say where each stands."""
+
 
 class Border:
     """The border's part of a tape; `rows` returns the places of a kind of term.
@@ -28,11 +34,7 @@ class Border:
         self.slots = np.array(inner, dtype=np.int64)
         self._entry = {places[slot]: k for k, slot in enumerate(inner)}
         zero_row = len(inner)
-        dependent = [
-            tuple(map(int, place))
-            for kind, width in (("f_valve", 3), ("square", 2), ("square_rate", 2), ("exponentials", 3))
-            for place in rows(kind, width)[:, :2]
-        ]
+        dependent = [tuple(map(int, place)) for kind, width in SLOPED for place in rows(kind, width)[:, :2]]
         if len(set(dependent)) < len(dependent):
             raise ValueError("two solution-dependent terms share an entry of the Jacobian")
         self.sloped = {place: zero_row + 1 + k for k, place in enumerate(dependent)}

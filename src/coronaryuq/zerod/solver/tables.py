@@ -11,7 +11,7 @@ from coronaryuq.zerod.solver.assembly import Assembly, Context, Terms
 from coronaryuq.zerod.solver.elements import ELEMENTS, Write
 from coronaryuq.zerod.solver.elimination import Singular, Tape, eliminate
 from coronaryuq.zerod.solver.kernel_tables import Scheme, Structure
-from coronaryuq.zerod.solver.nonlinear_block import Border, flatten
+from coronaryuq.zerod.solver.nonlinear_block import SLOPED, Border, flatten
 
 _SCENARIOS = 8
 
@@ -53,6 +53,9 @@ _KINDS = (
     "square",
     "square_rate",
     "exponentials",
+    "f_gate",
+    "constant_gate",
+    "gate_slope",
 )
 
 
@@ -84,10 +87,8 @@ def make_program(
     e, f, f_lagged = rows("e", 2), rows("f", 2), rows("f_lagged", 2)
     lagged = np.unique(f_lagged[:, 1])
     e_time, f_time = rows("e_time", 3), rows("f_time", 3)
-    square, square_rate = rows("square", 2), rows("square_rate", 2)
-    exponential, valve_term = rows("exponentials", 3), rows("f_valve", 3)
     changing = np.zeros((n, n), bool)
-    for part in (e_time, f_time, square, square_rate, exponential, valve_term):
+    for part in (e_time, f_time, *(rows(kind, width) for kind, width in SLOPED)):
         changing[part[:, 0], part[:, 1]] = True
     pattern = np.concatenate([changing, np.zeros((n, len(lagged)), bool)], axis=1)
     for part in (e, f, np.stack([f_lagged[:, 0], n + np.searchsorted(lagged, f_lagged[:, 1])], axis=1)):
@@ -95,7 +96,7 @@ def make_program(
     inner_columns = np.logical_not(changing.any(axis=0))
     inner_columns[lagged] = False
     # The unknowns that decide a valve's state must be known inside Newton's loop.
-    inner_columns[[column for valve in system.valves for column in valve]] = False
+    inner_columns[[column for valve in [*system.valves, *system.gates] for column in valve]] = False
 
     def tape_of(judged: Assembly) -> Tape:
         scenarios = _scenarios(n, lagged, judged, kept, scheme, step)
@@ -148,6 +149,10 @@ def _scenarios(n: int, lagged: np.ndarray, system: Assembly, kept, scheme: Schem
             row, column, valve = system.f_valve.where[k]
             if (number >> (valve % 3)) & 1 == 0:
                 matrix[row, column] += to_y * _first(system.f_valve.coefficients[k][0])
+        for k in kept["f_gate"]:
+            row, column, gate = system.f_gate.where[k]
+            if (number >> (gate % 3)) & 1 == 0:
+                matrix[row, column] += to_y * _first(system.f_gate.coefficients[k][0])
     return matrices
 
 
@@ -190,6 +195,8 @@ def _structure(n: int, tape: Tape, lagged: np.ndarray, system: Assembly, kept, r
         ]
         return np.array(entries, dtype=np.int64).reshape(-1, columns + 2)
 
+    gate_constant = rows("constant_gate", 2)
+    gate_constant[:, 0] = position[gate_constant[:, 0]] - tape.interior
     structure = Structure(
         pivots=tape.pivots[:, :2],
         terms_first=np.searchsorted(position[entries[order, 0]], np.arange(n + 1)),
@@ -212,6 +219,10 @@ def _structure(n: int, tape: Tape, lagged: np.ndarray, system: Assembly, kept, r
         exponential=dependent("exponentials", 3),
         valve=np.array(system.valves, dtype=np.int64).reshape(-1, 3),
         valve_term=dependent("f_valve", 3),
+        gate=np.array(system.gates, dtype=np.int64).reshape(-1, 2),
+        gate_term=dependent("f_gate", 3),
+        gate_constant=gate_constant,
+        gate_slope=dependent("gate_slope", 4),
         factor_first=border.factor_first,
         factor=border.factor,
         pairs_first=border.pairs_first,

@@ -52,8 +52,6 @@ def make(name: str, network: Network, file: str | Path = "network") -> Backend:
         return Engine(network, file)
     if name == "svzerod":
         if installed() is None:
-            raise InputError(
-                "configuration", "zerod.backend", name, "install svzerodsolver or pysvzerod, or use coronaryuq"
-            )
+            raise InputError("configuration", "zerod.backend", name, "pip install svzerod, or use coronaryuq")
         return SvZeroD(network, file)
     raise InputError("configuration", "zerod.backend", name, "expected coronaryuq or svzerod")

@@ -4,10 +4,13 @@ import importlib
 import importlib.util
 import io
 import json
+import os
 import shutil
 import subprocess
+import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -22,20 +25,28 @@ from coronaryuq.zerod.solver.engine import Changes
 from coronaryuq.zerod.solver.periodic import Periodicity
 from coronaryuq.zerod.solver.result import OK, Result
 
+MODULES = ("svzerod", "pysvzerod")
+"""Its Python module, as PyPI and as a build from source names it."""
 COMMAND = "svzerodsolver"
 
 
 def installed() -> str | None:
-    """Return `pysvzerod`, `svzerodsolver`, or None."""
-    if importlib.util.find_spec("pysvzerod") is not None:
-        return "pysvzerod"
+    """Return how svZeroDSolver can be run here: one of `MODULES`, `COMMAND`, or None."""
+    for module in MODULES:
+        if importlib.util.find_spec(module) is not None:
+            return module
     return COMMAND if shutil.which(COMMAND) else None
 
 
 def simulate(network: Network) -> pd.DataFrame:
-    """Run svZeroDSolver on a network and return its table as it prints it."""
-    if installed() == "pysvzerod":
-        return importlib.import_module("pysvzerod").simulate(network)
+    """Run svZeroDSolver on a network and return its table as it prints it; `RuntimeError` with its reason if it fails.
+
+    What it says on standard output goes to standard error, where it does not mix with results.
+    """
+    name = installed()
+    if name in MODULES:
+        with _output_as_errors():
+            return importlib.import_module(name).simulate(network)
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder) / "in.json", Path(folder) / "out.csv"
         source.write_text(json.dumps(network))
@@ -43,6 +54,19 @@ def simulate(network: Network) -> pd.DataFrame:
         if run.returncode or not target.exists():
             raise RuntimeError(" ".join((run.stderr or run.stdout).split()) or f"{COMMAND} ended with {run.returncode}")
         return pd.read_csv(io.StringIO(target.read_text()))
+
+
+@contextmanager
+def _output_as_errors() -> Iterator[None]:
+    """Send standard output to standard error, also what a library writes past Python."""
+    sys.stdout.flush()
+    output = os.dup(1)
+    os.dup2(2, 1)
+    try:
+        yield
+    finally:
+        os.dup2(output, 1)
+        os.close(output)
 
 
 class SvZeroD:

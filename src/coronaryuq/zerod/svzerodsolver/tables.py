@@ -10,7 +10,8 @@ from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.network.numbering import Model
 from coronaryuq.zerod.solver.engine import Engine
 
-_VESSELS = ("BloodVessel", "BloodVesselCRL")
+_VESSELS = ("BloodVessel", "BloodVesselCRL", "LinearElastanceChamber", "PiecewiseValve")
+"""Elements that svZeroDSolver's table by vessel shows."""
 
 
 def simulate(network: Network, file: str = "network") -> pd.DataFrame:
