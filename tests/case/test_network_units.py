@@ -9,13 +9,25 @@ from coronaryuq.case.network.build import Bed, network_from_tree
 from coronaryuq.case.network.units import PER_PRESSURE, PRESSURE_PER, detect_pressure_unit, rescaled, to_cgs
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import MMHG
-from coronaryuq.zerod.network.parameters import BOUNDARIES, CLOSED_LOOP, COUPLINGS, JUNCTIONS, VESSELS
+from coronaryuq.zerod.network.parameters import (
+    ACTIVATIONS,
+    BOUNDARIES,
+    CHAMBERS,
+    CLOSED_LOOP,
+    COUPLINGS,
+    JUNCTIONS,
+    VALVES,
+    VESSELS,
+)
 from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.solver.engine import Engine
+from support.zerod_networks import built_heart
 
 NEITHER = {
     "Tsa", "tpwave", "iml", "imr", "Vrv_u", "Vlv_u", "Kxv_ra", "Kxv_la", "Vaso_ra", "Vaso_la", "closed_loop_outlet",
-    "t", "Q", "T_vc", "T_vr",
+    "t", "Q", "T_vc", "T_vr", "upstream_block", "downstream_block", "Vrest", "Vrd", "Vrs", "Vaso", "Kxv", "t_active",
+    "t_twitch", "contract_start", "relax_start", "contract_duration", "relax_duration", "t_shift", "tau_1", "tau_2",
+    "m1", "m2",
 }  # fmt: skip
 """Times, volumes, flows and shares: the same in mmHg and in dyn/cm2."""
 
@@ -96,6 +108,15 @@ def test_open_loops_convert_too(shared, case):
         assert np.abs(found[name] - factor * wave).max() <= 1e-7 * factor * np.abs(wave).max(), name
 
 
+@pytest.mark.parametrize("smooth", [False, True])
+def test_a_heart_of_chambers_and_valves_converts_too(smooth):
+    network = built_heart(smooth=smooth)
+    names = [name for name in Engine(network).unknowns if name.startswith(("flow", "Vc"))]
+    found = Engine(rescaled(network, 8.0)).run_cycles(waveforms=names).waveforms
+    for name, wave in Engine(network).run_cycles(waveforms=names).waveforms.items():
+        assert np.abs(found[name] - wave).max() <= 1e-6 * np.abs(wave).max(), name
+
+
 def test_a_resistance_of_no_circulation_is_refused(loop):
     for bc in loop["boundary_conditions"]:
         if bc["bc_type"] == "ClosedLoopRCR":
@@ -106,7 +127,7 @@ def test_a_resistance_of_no_circulation_is_refused(loop):
 
 def test_every_parameter_of_every_element_has_its_place():
     """Resistances, inductances, elastances, compliances: all; times, volumes and shares: none."""
-    known = {**VESSELS, **JUNCTIONS, **COUPLINGS, **BOUNDARIES, **CLOSED_LOOP}
+    known = {**VESSELS, **JUNCTIONS, **COUPLINGS, **BOUNDARIES, **CLOSED_LOOP, **VALVES, **CHAMBERS, **ACTIVATIONS}
     assert set(PRESSURE_PER) == set(known)
     for kind, parameters in known.items():
         placed = [*PRESSURE_PER[kind], *PER_PRESSURE.get(kind, ())]

@@ -8,6 +8,7 @@ import pytest
 
 from coronaryuq.cli.doctor import examine
 from coronaryuq.core import numba_cache
+from coronaryuq.zerod.svzerodsolver import program
 
 CHECKS = {"SNAKEMAKE_OUTPUT_CACHE": "cache", numba_cache.VARIABLE: "kernels", "TMPDIR": "scratch"}
 
@@ -63,3 +64,14 @@ def test_the_json_has_every_check_and_the_verdict():
     assert {"python", "numpy", "pydantic", "3D rendering"} <= set(checks)
     assert all(check["detail"] for check in checks.values())
     assert told["sound"] == all(check["sound"] for check in checks.values()) == (done.returncode == 0)
+
+
+@pytest.mark.parametrize("installed", [None, "svzerodsolver", "svzerod"])
+def test_svzerodsolver_is_found_as_module_or_program_and_may_be_absent(monkeypatch, installed):
+    if installed == "svzerod":
+        pytest.importorskip("svzerod")
+    monkeypatch.setattr(program, "installed", lambda: installed)
+    found = finding("svZeroDSolver")
+    assert found.sound
+    assert ("pip install svzerod" in found.detail) == (installed is None)
+    assert found.detail.startswith("module svzerod ") == (installed == "svzerod")

@@ -133,3 +133,55 @@ def varied(engine, samples: int, names: list[str], seed: int = 1) -> dict[str, n
     """Draw factors from 0.6 to 1.6 on some parameters of an `Engine`."""
     random = np.random.default_rng(seed)
     return {name: engine.parameters[name] * random.uniform(0.6, 1.6, samples) for name in names}
+
+
+def valve(name: str, upstream: str, downstream: str, kind: str = "PiecewiseValve", **parameters):
+    ends = {"upstream_block": upstream, "downstream_block": downstream}
+    return {"name": name, "type": kind, "params": {**parameters, **ends}}
+
+
+def chamber(name: str, kind: str, activation: dict, **values):
+    return {"name": name, "type": kind, "values": values, "activation_function": activation}
+
+
+def built_heart(steps: int = 200, cycles: int = 3, smooth: bool = False) -> Network:
+    """A left heart and a systemic circulation in a loop, of chambers and valves as blocks of their own; mmHg and mL.
+
+    smooth: chambers with inertances and valves that shut gradually.
+    """
+    inductor, kind = {"Impedance": 2e-4}, "ChamberElastanceInductor"
+    atrium_active = {"type": "wrapping_cosine", "Tsa": 0.4, "tpwave": 9.0}
+    ventricle_active = {"type": "two_hill", "t_shift": 0.1, "tau_1": 0.2, "tau_2": 0.35, "m1": 1.3, "m2": 20.0}
+    if smooth:
+        atrium = {"Emax": 0.3, "Kxp": 9.0, "Kxv": 0.008, "Vaso": 9.0, **inductor}
+        chambers = [
+            chamber("LA", "ChamberElastanceInductorExponential", atrium_active, **atrium),
+            chamber("LV", kind, ventricle_active, Emax=2.5, Emin=0.08, Vrd=10.0, Vrs=5.0, **inductor),
+        ]
+        flaps = {"kind": "ValveTanh", "Rmin": 5e-3, "Rmax": 100.0, "Steepness": 1e4}
+    else:
+        chambers = [
+            chamber("LA", "LinearElastanceChamber", atrium_active, Emax=0.2, Epass=0.15, Vrest=4.0),
+            chamber("LV", "LinearElastanceChamber", ventricle_active, Emax=2.5, Epass=0.08, Vrest=5.0),
+        ]
+        flaps = {"kind": "PiecewiseValve", "Rmin": 7.5e-3, "Rmax": 75.0}
+    loop = network(
+        [
+            vessel(0, "artery", kind="BloodVesselCRL", R_poiseuille=1.1, C=1.2, L=5e-3),
+            vessel(1, "vein", kind="BloodVesselCRL", R_poiseuille=0.1, C=30.0, L=5e-4),
+        ],
+        [],
+        [
+            {"junction_name": name, "junction_type": "NORMAL_JUNCTION", "inlet_blocks": [into], "outlet_blocks": [out]}
+            for name, into, out in (("J0", "artery", "vein"), ("J1", "vein", "LA"))
+        ],
+        steps=steps,
+        cycles=cycles,
+        cardiac_period=0.8,
+        steady_initial=False,
+    )
+    loop["valves"] = [valve("MV", "LA", "LV", **flaps), valve("AV", "LV", "artery", **flaps)]
+    loop["chambers"] = chambers
+    volumes = {"Vc:LA": 60.0, "Vc:LV": 110.0}
+    loop["initial_condition"] = {**volumes, "pressure:AV:artery": 110.0, "pressure:J0:vein": 13.0}
+    return loop

@@ -5,7 +5,7 @@ import pytest
 
 from coronaryuq.core.errors import InputError
 from coronaryuq.zerod.network.numbering import Model
-from support.zerod_networks import bifurcation, closed_loop
+from support.zerod_networks import bifurcation, built_heart, closed_loop
 
 
 def test_unknowns_are_named_and_ordered_as_svzerodsolver_does():
@@ -38,3 +38,10 @@ def test_a_vessel_without_an_outlet_is_reported():
     network["junctions"][0]["outlet_vessels"] = [1]
     with pytest.raises(InputError, match="right"):
         Model(network)
+
+
+def test_a_chamber_without_a_valve_is_named():
+    loop = built_heart()
+    del loop["valves"][0]
+    with pytest.raises(InputError, match="chambers.LA: has 1 inlets and 0 outlets"):
+        Model(loop)

@@ -8,12 +8,13 @@ import pytest
 from coronaryuq.core.errors import InputError
 from coronaryuq.zerod.network.numbering import Model
 from coronaryuq.zerod.network.read import check_network, read_network, write_network
-from support.zerod_networks import bifurcation, boundary, closed_loop
+from support.zerod_networks import bifurcation, boundary, built_heart, chamber, closed_loop, valve
 
 
-def test_a_network_is_written_and_read_back_unchanged(tmp_path):
-    write_network(tmp_path / "loop.json", closed_loop())
-    assert read_network(tmp_path / "loop.json") == closed_loop()
+@pytest.mark.parametrize("make", [closed_loop, built_heart])
+def test_a_network_is_written_and_read_back_unchanged(tmp_path, make):
+    write_network(tmp_path / "loop.json", make())
+    assert read_network(tmp_path / "loop.json") == make()
 
 
 def test_every_shared_case_is_read(shared):
@@ -28,11 +29,46 @@ def _without(entry: dict, key: str) -> None:
     del entry[key]
 
 
+def _chamber(activation: dict | None) -> dict:
+    entry = chamber("LV", "LinearElastanceChamber", activation or {}, Emax=1.0, Epass=0.1, Vrest=5.0)
+    if activation is None:
+        del entry["activation_function"]
+    return entry
+
+
 FAULTS = {
     "unknown element": (lambda n: n["vessels"][0].update(zero_d_element_type="Pump"), ("trunk", "Pump")),
     "unknown valve": (
-        lambda n: n.update(valves=[{"name": "mitral", "type": "ValveTanh"}]),
-        ("mitral", "ValveTanh", "unknown element"),
+        lambda n: n.update(valves=[{"name": "mitral", "type": "ValveTan"}]),
+        ("valves.mitral.type", "ValveTan", "unknown element; know ValveTanh"),
+    ),
+    "valve without ends": (
+        lambda n: n.update(valves=[{"name": "mitral", "type": "PiecewiseValve", "params": {"Rmin": 1.0, "Rmax": 9.0}}]),
+        ("valves.mitral.params.upstream_block", "missing"),
+    ),
+    "valve after nothing": (
+        lambda n: n.update(valves=[valve("mitral", "lost", "trunk", Rmin=1.0, Rmax=9.0)]),
+        ("valves.mitral.params.upstream_block", "lost", "no block has this name"),
+    ),
+    "valve of no steepness": (
+        lambda n: n.update(valves=[valve("mitral", "a", "b", kind="ValveTanh", Rmin=1.0, Rmax=9.0, Steepness=0.0)]),
+        ("valves.mitral.params.Steepness", "positive"),
+    ),
+    "chamber without activation": (
+        lambda n: n.update(chambers=[_chamber(None)]),
+        ("chambers.LV.activation_function.type", "unknown activation function; know half_cosine"),
+    ),
+    "unknown activation": (
+        lambda n: n.update(chambers=[_chamber({"type": "double_tanh"})]),
+        ("chambers.LV.activation_function.type", "double_tanh", "unknown activation function"),
+    ),
+    "missing time of activation": (
+        lambda n: n.update(chambers=[_chamber({"type": "half_cosine", "t_active": 0.1})]),
+        ("chambers.LV.activation_function.t_twitch", "missing"),
+    ),
+    "chamber of another element": (
+        lambda n: n.update(chambers=[_chamber({"type": "fourier"}) | {"type": "ChamberSphere"}]),
+        ("chambers.LV.type", "ChamberSphere", "unknown element"),
     ),
     "unknown parameter": (
         lambda n: n["vessels"][1]["zero_d_element_values"].update(R=3.0),

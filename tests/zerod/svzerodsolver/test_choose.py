@@ -6,16 +6,17 @@ import shutil
 import numpy as np
 import pytest
 
+from coronaryuq.core.errors import InputError
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.svzerodsolver import choose, program
-from support.zerod_networks import bifurcation, closed_loop
+from support.zerod_networks import bifurcation, built_heart, closed_loop
 
 
-@pytest.fixture(params=["pysvzerod", "svzerodsolver"])
+@pytest.fixture(params=["svzerod", "svzerodsolver"])
 def make_svzerod(request, monkeypatch):
     """svZeroDSolver as a backend, by its Python module and by its command, each where it is installed."""
-    module = importlib.util.find_spec("pysvzerod") is not None
-    if not (module if request.param == "pysvzerod" else shutil.which("svzerodsolver")):
+    module = importlib.util.find_spec("svzerod") is not None
+    if not (module if request.param == "svzerod" else shutil.which("svzerodsolver")):
         pytest.skip(f"needs {request.param}, which is not installed")
     monkeypatch.setattr(program, "installed", lambda: request.param)
     return lambda network: choose.make("svzerod", network)
@@ -46,3 +47,27 @@ def test_both_backends_continue_from_a_state(make_svzerod):
     start = Engine(network).run_cycles(cycles=2).state
     ours, other = (make(network).run_cycles(waveforms=[name], cycles=1, start=start) for make in (Engine, make_svzerod))
     assert np.allclose(ours.waveforms[name], other.waveforms[name], rtol=1e-8)
+
+
+def test_both_backends_solve_a_heart_of_chambers_and_valves(make_svzerod):
+    network, changes = built_heart(), {"LV.Emax": np.array([2.0, 3.0]), "LV.tau_1": 0.18, "AV.Rmin": 0.01}
+    names = Engine(network).unknowns
+    ours, other = (make(network).run_cycles(changes, waveforms=names, cycles=2) for make in (Engine, make_svzerod))
+    assert list(other.status) == ["ok", "ok"]
+    for name in names:
+        difference = np.abs(ours.waveforms[name] - other.waveforms[name]).max()
+        assert difference <= 1e-8 * np.abs(other.waveforms[name]).max(), name
+
+
+@pytest.mark.parametrize(
+    ("modules", "command", "said"),
+    [(("svzerod", "pysvzerod"), True, "svzerod"), (("pysvzerod",), True, "pysvzerod"), ((), True, "svzerodsolver")]
+    + [((), False, None)],
+)
+def test_the_module_is_preferred_to_the_program(monkeypatch, modules, command, said):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: object() if name in modules else None)
+    monkeypatch.setattr(shutil, "which", lambda name: "/bin/svzerodsolver" if command else None)
+    assert program.installed() == said
+    if said is None:
+        with pytest.raises(InputError, match="pip install svzerod"):
+            choose.make("svzerod", bifurcation())
