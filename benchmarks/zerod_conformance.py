@@ -1,4 +1,4 @@
-"""Put a run of `coronaryuq bench conformance --json` into zerod-conformance.json and its table into docs/zerod.md.
+"""Put a run of `coronaryuq bench conformance --json` into zerod-conformance.json and the page on the 0D solver.
 
 Argument: a file with that JSON, or none to write the table of the recorded run again.
 """
@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 FOLDER = Path(__file__).parent
-RUN, PAGE = FOLDER / "zerod-conformance.json", FOLDER.parent / "docs" / "zerod.md"
+RUN, PAGE = FOLDER / "zerod-conformance.json", FOLDER.parent / "docs" / "explanation" / "zerod.md"
 BEGIN, END = "<!-- table of conformance -->\n", "<!-- end of table of conformance -->\n"
 
 
