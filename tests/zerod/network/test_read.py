@@ -40,7 +40,7 @@ FAULTS = {
     "unknown element": (lambda n: n["vessels"][0].update(zero_d_element_type="Pump"), ("trunk", "Pump")),
     "unknown valve": (
         lambda n: n.update(valves=[{"name": "mitral", "type": "ValveTan"}]),
-        ("valves.mitral.type", "ValveTan", "unknown element; know ValveTanh"),
+        ("valves.mitral.type", "ValveTan", "unknown element; known: ValveTanh"),
     ),
     "valve without ends": (
         lambda n: n.update(valves=[{"name": "mitral", "type": "PiecewiseValve", "params": {"Rmin": 1.0, "Rmax": 9.0}}]),

@@ -93,7 +93,7 @@ def test_a_loop_of_chambers_keeps_its_blood(smooth, elastance, resistance):
     first = engine.run_cycles(changes, cycles=1)
     last = engine.run_cycles(changes, cycles=4, start=first.state)
     assert last.ok.all(), last.status
-    of = BloodVolume(engine.model).of
+    of = BloodVolume(engine.model).evaluate
     before, after = (of(result.state[:, : len(engine.unknowns)], changes)[0] for result in (first, last))
     assert after == pytest.approx(before, rel=1e-6)
 

@@ -240,7 +240,7 @@ class Model:
             raise InputError(self.file, f"vessels.{block.name}", None, remedy)
         if block.kind in VALVES | CHAMBERS and ends != (1, 1):
             part = "valves" if block.kind in VALVES else "chambers"
-            remedy = f"has {ends[0]} inlets and {ends[1]} outlets; wanted one of each: a valve or a junction"
+            remedy = f"has {ends[0]} inlets and {ends[1]} outlets; expected one of each: a valve or a junction"
             raise InputError(self.file, f"{part}.{block.name}", None, remedy)
         if block.kind in ("NORMAL_JUNCTION", "internal_junction", "BloodVesselJunction") and 0 in ends:
             remedy = f"has {ends[0]} inlets and {ends[1]} outlets; expected at least one inlet and one outlet"
