@@ -252,15 +252,15 @@ def verify(home: str | Path) -> Verified:
     if not (home / FOLDER).is_dir():
         raise InputError(home, None, None, f"no folder {FOLDER}/ in it; name the results folder of a campaign")
     newest: dict[str, tuple[str, str]] = {}
-    notes = list(_notes(home / FOLDER))
-    for note in notes:
+    every = list(notes(home / FOLDER))
+    for note in every:
         for name, content in note["results"].items():
             newest[name] = max(newest.get(name, ("", "")), (note["made"], content))
     expected = {home.parents[1] / name: content for name, (_, content) in sorted(newest.items())}
     there = {path: content for path, content in expected.items() if path.exists()}
     folders = Counter(next(iter(path.relative_to(home).parts[:-1]), "") for path in there)
     changed = [path for path, content in there.items() if checksum(path) != content]
-    return Verified(home, len(notes), dict(sorted(folders.items())), changed, [p for p in expected if p not in there])
+    return Verified(home, len(every), dict(sorted(folders.items())), changed, [p for p in expected if p not in there])
 
 
 def remove_changed(home: str | Path) -> Verified:
@@ -280,10 +280,10 @@ def remove_changed(home: str | Path) -> Verified:
 
 def _note(home: Path, path: Path, name: str) -> tuple[dict, str]:
     """Return the note about a result, and the entry of its `results` that is the file or a folder that holds it."""
-    notes = list(_notes(home / FOLDER))
+    every = list(notes(home / FOLDER))
     parents = [name, *(parent.as_posix() for parent in Path(name).parents)]
     # The latest note counts: with more samples, a job of the same name may have run a larger portion.
-    found = [(note, entry) for note in notes for entry in parents if entry in note["results"]]
+    found = [(note, entry) for note in every for entry in parents if entry in note["results"]]
     if found:
         content = {entry: checksum(home.parents[1] / entry) for _, entry in found}
         return max(found, key=lambda pair: (content[pair[1]] == pair[0]["results"][pair[1]], pair[0]["made"]))
@@ -302,7 +302,8 @@ def _same_place(one: str, other: str) -> bool:
     return Path(one).parts[2:] == Path(other).parts[2:]
 
 
-def _notes(folder: Path) -> Iterator[dict]:
+def notes(folder: Path) -> Iterator[dict]:
+    """Yield the notes in a folder by file name; `InputError` if one is not a note."""
     for path in sorted(folder.glob("*.json")):
         note = read_json(path)
         if not isinstance(note, dict) or not isinstance(note.get("results"), dict) or "made" not in note:

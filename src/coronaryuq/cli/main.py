@@ -29,6 +29,7 @@ BENCHMARKS = {
 """Benchmark → module within `coronaryuq.bench`, with a function `run` and, if it has options, `add_arguments`."""
 COMMANDS = {
     "run": ("cli.run", "run a campaign in the current folder"),
+    "crate": ("cli.crate", "pack a campaign with its workflow, inputs and jobs as an RO-Crate"),
     "solve": ("zerod.command", "solve one 0D network; reads and writes svZeroDSolver's formats"),
     "tune": ("calibration.command", "tune a closed loop to a table of clinical targets"),
     "fit": ("posterior.command", "fit the resistances of coronary beds to a table of flows"),

@@ -33,8 +33,8 @@ def snakefile() -> Path:
 
 
 def configurations() -> dict[str, Path]:
-    """Return the configurations by name."""
-    return {path.stem: path for path in sorted((home() / "config").glob("*.yaml"))}
+    """Return the configurations by name, without `config.yaml`, which is for `snakedeploy`."""
+    return {path.stem: path for path in sorted((home() / "config").glob("*.yaml")) if path.stem != "config"}
 
 
 def configuration(name: str) -> Path:
