@@ -67,6 +67,8 @@ class Checkout:
         folder.mkdir(parents=True, exist_ok=True)
         for part in ("workflow", "config", "src"):
             shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
+        for name in ("LICENSE", "CITATION.cff"):
+            shutil.copy(ROOT / name, folder)
         self.settings = {"name": "tiny", "samples": {"n_3d": 16, "n_0d": 64, "batch_3d": 8, "chunk_0d": 32}}
 
     def command(self, *arguments: str, settings: dict | None = None) -> dict:

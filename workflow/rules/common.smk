@@ -21,9 +21,6 @@ from coronaryuq.figures.draw import module_of
 container: "envs/coronaryuq.sif"
 
 
-os.environ[shipped.VARIABLE] = os.path.abspath(workflow.main_snakefile)
-
-
 # Jobs find this environment's python and mpiexec whether or not it is activated.
 shell.prefix(f'set -euo pipefail; export PATH={shlex.quote(Path(sys.executable).parent.as_posix())}:"$PATH"; ')
 
@@ -35,6 +32,7 @@ try:
     targets = Targets(campaign)
     searches = Searches(campaign.discrepancy, paths, tuned=results("calibration", "rest.json"))
     searches.check()
+    start.announce(campaign, workflow.main_snakefile)
 except InputError as error:
     start.refuse(error)
 
@@ -45,7 +43,7 @@ cached = start.cache_is_writable()
 
 onstart:
     try:
-        start.take_folder(campaign, results())
+        start.take_folder(results())
     except InputError as error:
         start.refuse(error)
 

@@ -23,12 +23,14 @@ import yaml
 
 from coronaryuq.core import provenance, shipped
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.atomic import read_json, write_json
+from coronaryuq.core.io.atomic import read_json, write_json, write_text
 from coronaryuq.core.io.lock import lock_results
 
 FOLDER = "provenance"
 CAMPAIGN = "campaign.yaml"
 """File in the results folder with the whole configuration of the last run."""
+CONFIGURATIONS = "CORONARYUQ_CAMPAIGNS"
+"""Environment variable with the whole configuration of every campaign that a workflow runs, by name (JSON)."""
 OF_THE_CAMPAIGN = (CAMPAIGN, ".lock", "README.md", "index.json")
 """Files in the results folder that belong to the campaign, not to one of its jobs."""
 UNCHANGED = "unchanged"
@@ -77,11 +79,20 @@ def write_note(
         "folder": Path.cwd().as_posix(),
         "snakefile": os.path.abspath(snakefile),
     }
+    _write_configuration(campaign)
     write_json(campaign / FOLDER / f"{re.sub('[ /]', '-', job)}.json", note)
     cache = os.environ.get(CACHE)
     if cache and os.access(cache, os.W_OK):
         for content in results.values():
             write_json(Path(cache, CACHED, f"{content}.json"), note)
+
+
+def _write_configuration(campaign: Path) -> None:
+    """Write the whole configuration of the campaign that runs this job, if it is not there yet."""
+    whole = json.loads(os.environ.get(CONFIGURATIONS, "{}")).get(campaign.name)
+    path = campaign / CAMPAIGN
+    if whole is not None and not (path.is_file() and path.read_text(encoding="utf-8") == whole):
+        write_text(path, whole)
 
 
 def checksum(path: str | Path) -> str:

@@ -1,5 +1,6 @@
 """Start of a campaign: read its configuration, and take its results folder when the first job is about to run."""
 
+import json
 import os
 import sys
 from collections.abc import Sequence
@@ -15,8 +16,8 @@ from coronaryuq.campaign import explain
 from coronaryuq.case.description.dependencies import files_named, lumen
 from coronaryuq.case.description.fields import read_description
 from coronaryuq.config import Campaign
+from coronaryuq.core import shipped
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.atomic import write_text
 from coronaryuq.core.io.lock import lock_results
 from coronaryuq.core.io.mtime import reset_future_times
 
@@ -63,8 +64,20 @@ def read_campaign(settings: dict[str, Any], configfiles: Sequence[str], default:
     return Given(campaign, files_named(campaign.case, description), surface)
 
 
-def take_folder(campaign: Campaign, folder: str) -> None:
-    """Lock the results folder for this process, repair times in the future, and write the whole configuration there.
+def announce(campaign: Campaign, snakefile: str) -> None:
+    """Tell the jobs which Snakefile runs them, and their whole configuration, which the first job writes down.
+
+    Environment variables reach them everywhere: on a cluster every job reads the workflow, and so this, again. A hook
+    of the workflow would not do, because Snakemake runs none of those of a module.
+    """
+    os.environ[shipped.VARIABLE] = os.path.abspath(snakefile)
+    whole = yaml.safe_dump(campaign.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+    known = json.loads(os.environ.get(explain.CONFIGURATIONS, "{}"))
+    os.environ[explain.CONFIGURATIONS] = json.dumps(known | {campaign.name: whole})
+
+
+def take_folder(folder: str) -> None:
+    """Lock the results folder for this process, and repair times in the future.
 
     Raises
     ------
@@ -76,8 +89,6 @@ def take_folder(campaign: Campaign, folder: str) -> None:
         print(f"note: {len(future)} results have modification times in the future; reset to now", file=sys.stderr)
     if not cache_is_writable():
         print(f"note: {os.environ[explain.CACHE]} cannot be written: no cache is used", file=sys.stderr)
-    whole = yaml.safe_dump(campaign.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
-    write_text(Path(folder, explain.CAMPAIGN), whole)
 
 
 def cache_is_writable() -> bool:

@@ -12,7 +12,7 @@ from datetime import datetime
 from pathlib import Path
 
 import coronaryuq
-from coronaryuq.cli import explain
+from coronaryuq.campaign import explain
 from coronaryuq.cli.crate_metadata import Credits, Packed, describe
 from coronaryuq.core import shipped
 from coronaryuq.core.errors import InputError
@@ -21,18 +21,11 @@ from coronaryuq.core.io.atomic import check_file, check_folder, replacing
 METADATA = "ro-crate-metadata.json"
 INPUTS = "inputs"
 """Folder in the crate for input files from outside the folder that the campaign ran in."""
-EXAMPLES = """examples:
-  coronaryuq crate results/laptop                                 writes laptop.crate.zip
-  coronaryuq crate results/laptop --out laptop-crate              writes a folder
-  coronaryuq crate results/laptop --no-data --agent "Ada Example"
-"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `coronaryuq crate`."""
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.description = "Pack a campaign as a Provenance Run Crate: workflow, configuration, inputs, results, jobs."
-    parser.epilog = EXAMPLES
     parser.add_argument("results", metavar="FOLDER", help="results folder of a campaign, results/NAME")
     parser.add_argument("--out", metavar="PATH", help="a new folder, or a file NAME.zip (default: NAME.crate.zip)")
     parser.add_argument("--no-data", action="store_true", help="describe inputs and results, but leave them out")
@@ -93,7 +86,7 @@ def read(home: Path) -> Packed:
     InputError
         If the folder is no campaign, or if a result or an input has changed since its job ran.
     """
-    if changed := explain.altered(home):
+    if changed := explain.verify(home).changed:
         remedy = f"changed since its job wrote it ({len(changed)} such results); run the campaign again"
         raise InputError(changed[0], None, None, remedy)
     if not (home / explain.CAMPAIGN).is_file():

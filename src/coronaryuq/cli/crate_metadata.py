@@ -17,7 +17,7 @@ from rocrate.model import ContextEntity
 from rocrate.model.entity import Entity
 from rocrate.rocrate import ROCrate
 
-from coronaryuq.cli import explain
+from coronaryuq.campaign import explain
 from coronaryuq.core import provenance
 
 WORKFLOW = "workflow/Snakefile"

@@ -33,6 +33,11 @@ EXAMPLES: dict[str, list[tuple[str, str]]] = {
         ("coronaryuq verify results/smoke", "list results that changed after their jobs wrote them"),
         ("coronaryuq verify results/smoke --remove", "delete them as well, so that they are regenerated"),
     ],
+    "crate": [
+        ("coronaryuq crate results/smoke", "writes smoke.crate.zip"),
+        ("coronaryuq crate results/smoke --out smoke-crate", "writes a folder"),
+        ('coronaryuq crate results/smoke --no-data --agent "Ada Example"', "what was run, without the data"),
+    ],
     "doctor": [
         ("coronaryuq doctor", "check everything that a campaign needs of this machine"),
         ("coronaryuq doctor --environment --json", "only the Python environment, for a program"),
