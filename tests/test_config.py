@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 from coronaryuq import config
+from coronaryuq.core import shipped
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.units import PRESSURES
@@ -19,7 +20,7 @@ from coronaryuq.zerod.network.beds import SCALING
 FOLDER = Path(__file__).parents[1] / "config"
 
 
-@pytest.mark.parametrize("path", sorted(FOLDER.glob("*.yaml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sorted(shipped.configurations().values()), ids=lambda path: path.stem)
 def test_shipped_configurations_are_valid_and_named_like_their_files(path):
     assert config.load(path).name == path.stem
 

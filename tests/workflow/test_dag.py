@@ -140,7 +140,7 @@ def test_figures_alone_compute_nothing_else(finished):
     [
         ({"name": "../up"}, "name = '../up'"),
         ({"name": "x", "seed": -1}, "seed = -1"),
-        ({"name": "x", "sampels": {}}, "sampels = {}: unknown setting; known here: name, seed"),
+        ({"name": "x", "sampels": {}}, "sampels = {}: unknown setting; did you mean samples? known here: name, seed"),
         ({"name": "x", "samples": {"n_3d": "many"}}, "samples.n_3d = 'many'"),
         ({"name": "x", "backend": "fluent"}, "backend = 'fluent'"),
         ({"name": "x", "case": "nowhere/case.yaml"}, "nowhere/case.yaml: no such file"),

@@ -53,11 +53,11 @@ def _rename(network, part, key, name):
             lambda n: n["vessels"][2].update(
                 zero_d_element_type="BloodVesselRC", zero_d_element_values={"Rpd": 1, "Cp": 1}
             ),
-            "lad = 'BloodVesselRC': no effect is written for it",
+            "lad = 'BloodVesselRC': element not supported by the search",
         ),
         (
             lambda n: n.update(external_solver_coupling_blocks=[{"name": "IN"}]),
-            "external_solver_coupling_blocks.IN: driven by another solver",
+            "external_solver_coupling_blocks.IN: coupled to an external solver",
         ),
     ],
 )

@@ -16,7 +16,7 @@ from coronaryuq.zerod.network.read import read_network
 
 def test_a_single_condition_is_rejected(error_of):
     message = error_of(lambda t: t[t.condition == "rest"])
-    assert "one condition only" in message
+    assert "the only measured condition; at least two are needed" in message
 
 
 def test_an_absurd_value_is_rejected(error_of):
@@ -60,8 +60,8 @@ def test_a_network_in_another_unit_than_detected_is_rejected(stenosis_case, tmp_
     assert main.main(["discrepancy", *map(str, words)]) == InputError.EXIT_CODE
     line = capsys.readouterr().err
     assert (
-        f"{tmp_path / 'model.json'}: pressure_unit = " in line
-        and "if the network is in dyn/cm2" in line
+        f"{tmp_path / 'model.json'}: mean root pressure (mmHg) = " in line
+        and "assuming the network is in dyn/cm2" in line
         and line.count("\n") == 1
     )
 
@@ -95,7 +95,7 @@ def test_means_that_set_a_free_parameter_cannot_also_verify_it(stenosis_case, tm
     for name, entry in content.items():
         content[name] = entry | ({"free": ["coronary_resistance_scale"]} if entry.get("held_out") else {})
     (tmp_path / "c.yaml").write_text(yaml.safe_dump(content))
-    with pytest.raises(InputError, match="nothing is left to verify on"):
+    with pytest.raises(InputError, match="nothing remains for validation"):
         read_problem(
             read_network(folder / "model.json"),
             tmp_path / "m.csv",

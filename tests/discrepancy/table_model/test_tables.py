@@ -72,7 +72,7 @@ def test_a_different_pressure_is_not_mistaken_for_rounding(tmp_path, decimals, a
 def test_two_pressures_that_rounding_cannot_distinguish_are_rejected(tmp_path):
     files = noisy_pairs(tmp_path, 1, quadratic=10.0)
     rewrite(files[0], lambda t: with_neighbour(t, 1.0002).assign(ffr_x=t["ffr_x"].round(2)))
-    with pytest.raises(InputError, match=r"is mean_pressure:v.:J.? or mean_pressure:v.:J.? within rounding"):
+    with pytest.raises(InputError, match=r"equals mean_pressure:v.:J.? and mean_pressure:v.:J.? within rounding"):
         read_branch(files)
 
 
