@@ -48,6 +48,7 @@ def test_the_digest_covers_templates_beside_the_modules():
     assert {"template.html", "style.css"} <= templates
 
 
+@pytest.mark.slow
 def test_every_module_can_be_digested():
     for path in sorted(ROOT.rglob("*.py")):
         ast.parse(path.read_text())

@@ -29,6 +29,7 @@ def test_the_synthetic_loop_has_the_size_of_the_real_one_and_physiological_press
     assert result.ok[0] and 40 < result.values[pressure][0] / 1333.22 < 180
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shared_data", [True, False])
 def test_the_benchmark_has_the_fixed_keys(monkeypatch, tmp_path, request, shared_data):
     if shared_data:

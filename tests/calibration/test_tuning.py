@@ -26,6 +26,8 @@ from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.svzerodsolver import program
 from support.case_files import write_case_json, write_perfusion_targets
 
+pytestmark = pytest.mark.slow
+
 QUICK = Settings(
     candidates=16, starts=2, least_squares_steps=5, rounds=1, evaluations_per_parameter=4, final_steps_per_cycle=500
 )

@@ -10,6 +10,8 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import MBF_PER_MIN_PER_G, TISSUE_DENSITY
 from coronaryuq.synthetic.ventricle import Ventricle
 
+pytestmark = pytest.mark.slow
+
 sitk = pytest.importorskip("SimpleITK")
 
 

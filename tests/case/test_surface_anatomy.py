@@ -115,6 +115,7 @@ def test_the_tree_extracted_from_a_surface_is_that_it_was_made_from(seed, outlet
             assert radius == pytest.approx(float(vessel.radius_at(arc)), rel=0.08)
 
 
+@pytest.mark.slow
 def test_a_stenosis_survives_the_way_through_a_surface(small_tree):
     stenosis = Stenosis("RCA", "rca1", 3.0, 4.2)
     made = Tree(
@@ -190,6 +191,7 @@ def test_a_ball_is_no_lumen(tmp_path):
         read_surface(tmp_path / "ball.stl")
 
 
+@pytest.mark.slow
 def test_a_case_with_a_surface_names_the_caps_that_it_lacks_points_for(tmp_path):
     tree = random_tree(1, 4)
     points, triangles = tube_surface(tree, 0.05)
@@ -208,6 +210,7 @@ def test_a_case_with_a_surface_names_the_caps_that_it_lacks_points_for(tmp_path)
     assert "no row of the table matches this coronary-sized cap; add one" in check_case(path)[0][0]
 
 
+@pytest.mark.slow
 def test_the_real_aortic_root_becomes_a_case(shared, tmp_path):
     path = write_aortic_root_case(shared, tmp_path)
     case = assemble(path, Settings())

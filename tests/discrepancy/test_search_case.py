@@ -20,6 +20,7 @@ from support.discrepancy_command import arguments, case_arguments
 from support.hypotheses import assume
 
 
+@pytest.mark.slow
 def test_a_stenosis_case_is_named_located_and_repaired(stenosis_case, tmp_path, capsys):
     folder, truth = stenosis_case
     assert command.main(case_arguments(folder, tmp_path)) == 0
@@ -66,6 +67,7 @@ def test_overstated_standard_deviations_raise_a_warning(stenosis_case, tmp_path,
     assert "nothing to explain" in message and "check that these are correct and in the unit of the values" in message
 
 
+@pytest.mark.slow
 def test_names_without_a_held_out_condition_are_called_untested(stenosis_case, tmp_path, capsys):
     for name in ("model.json", "measurements.csv"):
         (tmp_path / name).write_text((stenosis_case[0] / name).read_text())
@@ -78,6 +80,7 @@ def test_names_without_a_held_out_condition_are_called_untested(stenosis_case, t
     assert "The best explanation is quadratic stenosis" in message and "hold a condition out" in message
 
 
+@pytest.mark.slow
 def test_a_size_outside_its_prior_is_named_with_a_doubt(stenosis_case, tmp_path, capsys):
     """A sensor error of four prior standard deviations is named with a doubt, one within its prior without."""
     acting = assume(("pressure_offset", "lad:BC_lad"))
@@ -89,6 +92,7 @@ def test_a_size_outside_its_prior_is_named_with_a_doubt(stenosis_case, tmp_path,
         assert ("outside the central 99 %" in answer["paragraph"]) == bool(beyond)
 
 
+@pytest.mark.slow
 def test_a_repaired_case_leaves_nothing_to_explain(stenosis_case, tmp_path, capsys):
     """The files of a result are searched again unchanged."""
     command.main(case_arguments(stenosis_case[0], tmp_path / "out"))
@@ -125,6 +129,7 @@ def test_a_network_without_vessels_is_rejected(stenosis_case, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_failed_search_keeps_the_earlier_result(stenosis_case, tmp_path, monkeypatch):
     paths = [stenosis_case[0] / name for name in ("model.json", "measurements.csv", "conditions.yaml")]
     search_case.search_case(*paths, tmp_path, Settings(max_effects=0), 1)

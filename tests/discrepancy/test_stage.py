@@ -14,6 +14,8 @@ from coronaryuq.report.discrepancy import write_page
 from coronaryuq.zerod.effects.library import effect
 from coronaryuq.zerod.network.read import read_network
 
+pytestmark = pytest.mark.slow
+
 SEED = 4
 
 

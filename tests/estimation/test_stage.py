@@ -42,6 +42,7 @@ def test_two_phases_give_every_estimator_and_the_intervals_hold_the_truth(folder
     assert len(pd.read_csv(folder / "resampled.csv")) == 17 * (10 + 1)
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(folder):
     first = [campaign(folder), (folder / "networks.npz").read_bytes(), (folder / "table.csv").read_bytes()]
     again = [campaign(folder), (folder / "networks.npz").read_bytes(), (folder / "table.csv").read_bytes()]

@@ -148,6 +148,7 @@ def test_a_table_with_too_few_rows_is_rejected(campaign):
         run(campaign, 2, 3)
 
 
+@pytest.mark.slow
 def test_blocks_over_mpi_ranks_give_the_same_numbers(campaign, tmp_path):
     """Nine samples are two blocks: one on each of two ranks, and the second rank's is a block that is not full."""
     multipliers = np.linspace(0.7, 1.5, 9)

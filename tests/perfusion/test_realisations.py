@@ -1,6 +1,7 @@
 """Each pattern of noise has the statistics that its name says."""
 
 import numpy as np
+import pytest
 from scipy.spatial import cKDTree
 
 from coronaryuq.case.case_json import read_case
@@ -50,6 +51,7 @@ def test_noise_per_point_averages_out_over_a_territory(ventricle):
     assert np.all(expected < 0.02 * np.bincount(owner, weights=weight))
 
 
+@pytest.mark.slow
 def test_shared_borders_correlate_neighbours_negatively(ventricle):
     """Distance noise only moves tissue from one outlet to another: rows of the covariance add up to zero."""
     n = 800

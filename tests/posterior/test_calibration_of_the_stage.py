@@ -57,12 +57,14 @@ SHORT = Settings(
 )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_simulation_based_calibration(tmp_path, capsys):
     """Truth from the prior, data from the model and its noise: ranks are uniform (Talts et al. 2018; Modrak 2023)."""
     p = uniformity(ranks_of_truth(200, SHORT, tmp_path), 12)
     assert np.all(p > 1e-3 / len(p)), p
 
 
+@pytest.mark.slow
 def test_calibration_notices_a_wrong_covariance(tmp_path, capsys):
     """The same ranks are far from uniform when the stage believes the noise to be twice as large."""
     ranks = []
@@ -85,6 +87,7 @@ def test_simulation_based_calibration_long(tmp_path, capsys, emulated):
     assert np.all(p > 1e-3 / len(p)), p
 
 
+@pytest.mark.slow
 def test_agrees_with_emcee_through_the_0d_engine(campaign, tmp_path, capsys):
     """Posterior mean and covariance of log resistances, DREAM with its emulator against an ensemble sampler."""
     import emcee

@@ -63,6 +63,7 @@ def test_engine_flows_are_those_of_the_resistors(campaign, tree):
     assert np.allclose(model.flows(m), tree.flows(m), rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_from_files_to_files(campaign, tmp_path):
     settings = SMALL.model_copy(deep=True)
     settings.dream.generations, settings.emulator.generations = 6000, 50
@@ -127,6 +128,7 @@ def test_samples_extend_without_changing(campaign, tmp_path):
     assert long["sample"].is_unique
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("before", "after"), [(None, None), (3, 2)])
 def test_killed_run_continues_to_the_same_bits(campaign, tmp_path, before, after):
     """SIGKILL to every process of the job soon after its first checkpoint; more ranks or fewer carry on."""
@@ -156,6 +158,7 @@ def descendants(number):
     return [number, *(one for child in children for one in descendants(int(child)))]
 
 
+@pytest.mark.slow
 def test_resume_from_every_checkpoint_and_with_torn_chain_files(campaign, tmp_path, monkeypatch):
     whole = sampled(campaign, tmp_path / "whole")
 
@@ -202,6 +205,7 @@ def test_checkpoint_of_other_inputs_is_not_continued(campaign, tmp_path):
     same(first, fresh)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ranks", [2, 3, 24])
 def test_same_bits_for_any_number_of_ranks(campaign, tmp_path, ranks):
     alone = sampled(campaign, tmp_path / "alone")

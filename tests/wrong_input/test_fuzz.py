@@ -156,6 +156,7 @@ def test_meshes_and_images_with_altered_headers_are_read_or_reported(corrupted):
     assert done.returncode == 0 and done.stdout.strip().endswith("through"), done.stderr[-2000:]
 
 
+@pytest.mark.slow
 def test_the_sources_never_execute_code_from_data():
     """No pickle, no unsafe load, no shell, by the syntax tree of every source file."""
     import ast

@@ -25,6 +25,8 @@ from coronaryuq.posterior.stage import draw_samples
 from coronaryuq.zerod.network.read import read_network
 from support.sound_inputs import BEDS, PERFUSION
 
+pytestmark = pytest.mark.slow
+
 
 def configuration(given, out):
     config.load(given / "campaign.yaml")

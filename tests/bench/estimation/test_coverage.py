@@ -49,6 +49,7 @@ def test_networks_of_trials_trained_together_give_each_trial_its_own_estimate():
         assert abs(estimate.mean - truth) < 5 * estimate.std
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["MC", "MFMC"])
 @pytest.mark.parametrize("name", PAIRS)
 def test_linear_methods_keep_their_claims_at_25_runs(name, method):

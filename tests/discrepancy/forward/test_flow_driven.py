@@ -100,6 +100,7 @@ def test_a_large_compliance_error_is_named(tmp_path):
     assert elements(repaired, "descending")["C"] == pytest.approx(4.5e-4, rel=0.1)
 
 
+@pytest.mark.slow
 def test_an_error_of_the_inflow_is_named_and_repaired(tmp_path):
     found = searched(tmp_path, less)
     assert [(one.name, place) for one, place in found.hypothesis] == [("drive_gain", "INFLOW")]
@@ -115,6 +116,7 @@ def test_an_error_of_the_inflow_is_named_and_repaired(tmp_path):
         assert np.mean(flow[:-1]) == pytest.approx(64.0, rel=0.02)
 
 
+@pytest.mark.slow
 def test_gain_errors_of_probes_are_not_mistaken_for_an_inflow_error(tmp_path):
     """No single probe explains as much as the drive, which the search tries first."""
     probes = {"J0:carotid", "J1:renal", "iliac_r:RCR_iliac_r"}

@@ -172,6 +172,7 @@ def test_a_vessel_with_a_declared_stenosis_gets_no_compliance():
         assert "left_main" in places and ("lad" in places) == expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_errors_of_bed_compliances_leave_nothing_to_explain(seed, tmp_path):
     """Independent errors of a tenth: with a single common factor they would look like gains and exchanged outlets."""

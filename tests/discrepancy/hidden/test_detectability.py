@@ -46,6 +46,7 @@ def test_no_effect_leaves_no_trace(problem):
     assert trace(problem, np.zeros(len(problem.y))) == 0.0
 
 
+@pytest.mark.slow
 def test_a_recalibration_leaves_at_most_its_prior_cost(problem):
     """Two standard deviations of any nuisance parameter can be taken up for two."""
     rows = [(2.0 * unit, assume()) for unit in np.eye(problem.count)]

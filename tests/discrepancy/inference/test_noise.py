@@ -133,6 +133,7 @@ def named(found):
     return [entry.named.placed for entry in found.named]
 
 
+@pytest.mark.slow
 def test_a_stenosis_is_found_with_underestimated_standard_deviations(tmp_path):
     truth, _ = hide(Case(("quadratic_stenosis",), "medium", "underestimated", 100), open_loop(), tmp_path)
     found = searched(tmp_path)
@@ -147,6 +148,7 @@ def test_a_stenosis_is_found_with_underestimated_standard_deviations(tmp_path):
     assert not said.noise and said.outside_library
 
 
+@pytest.mark.slow
 def test_correlated_noise_raises_no_alarm(tmp_path):
     hide(Case((), "none", "correlated", 101), open_loop(), tmp_path)
     found = searched(tmp_path)
@@ -159,6 +161,7 @@ def test_correlated_noise_raises_no_alarm(tmp_path):
     assert said.alarm and said.problem.settings.steps_per_cycle < found.problem.settings.steps_per_cycle
 
 
+@pytest.mark.slow
 def test_a_stenosis_under_correlated_noise_is_named(tmp_path):
     truth, _ = hide(Case(("quadratic_stenosis",), "medium", "correlated", 100), open_loop(), tmp_path)
     found = searched(tmp_path)

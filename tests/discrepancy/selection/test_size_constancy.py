@@ -79,6 +79,7 @@ def test_sizes_that_differ_are_seen():
     assert all(judged(*case(random, (0.0, 1.5, 3.0))).log_odds > 3.0 for _ in range(50))
 
 
+@pytest.mark.slow
 def test_a_drifting_vessel_is_not_named_as_a_narrowing(tmp_path):
     """Its resistance differs between conditions, which a flexible discrepancy alone does not predict better here."""
     hide(Case((), "medium", "nominal", 701, "drifting_vessel"), open_loop(), tmp_path)
@@ -90,6 +91,7 @@ def test_a_drifting_vessel_is_not_named_as_a_narrowing(tmp_path):
     assert "would need a different size under each condition (loss: rest 0." in text
 
 
+@pytest.mark.slow
 def test_a_narrowing_has_one_size(tmp_path):
     hide(Case(("diffuse_narrowing",), "medium", "nominal", 701), open_loop(), tmp_path)
     found = analyse(tmp_path)

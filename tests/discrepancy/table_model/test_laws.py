@@ -24,6 +24,7 @@ def branch(random, loss, count=60, noise=0.004):
     return Branch("x", "v:BC", root, root, distal0, read, distal0, distal3, flow0, flow3, 0.0, "measured")
 
 
+@pytest.mark.slow
 def test_an_offset_common_to_the_outlet_is_estimated_without_bias():
     """An offset of -5 mmHg: the 90 % interval covers it in at least nine of ten trials, up to four standard errors."""
     trials, offset, random = 60, -5.0, generator(3, "test", "pairs, sizes")
@@ -39,6 +40,7 @@ def test_an_offset_common_to_the_outlet_is_estimated_without_bias():
     assert held >= trials * 0.9 - 4.0 * np.sqrt(trials * 0.9 * 0.1)
 
 
+@pytest.mark.slow
 def test_the_interval_of_a_loss_covers_it():
     trials, loss, random = 100, 2.0, generator(1, "test", "pairs, sizes")
     held, of_root = 0, 0

@@ -11,6 +11,7 @@ from coronaryuq.discrepancy.table_model.summary_text import TOGETHER
 from support.pair_tables import exact_pairs, noisy_pairs
 
 
+@pytest.mark.slow
 def test_a_quadratic_loss_is_named(tmp_path):
     exact_pairs(tmp_path, 4.0)
     answer = discover_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv", tmp_path / "out", 1)
@@ -19,12 +20,14 @@ def test_a_quadratic_loss_is_named(tmp_path):
     assert answer["gap_after"] < 0.05 * answer["gap_before"]
 
 
+@pytest.mark.slow
 def test_equal_tables_leave_nothing_to_explain(tmp_path):
     exact_pairs(tmp_path, 0.0)
     answer = discover_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv", tmp_path / "out", 1)
     assert not answer["alarm"] and answer["named"] == []
 
 
+@pytest.mark.slow
 def test_no_effect_is_named_if_no_law_explains_the_pairs(tmp_path):
     """The distal pressure depends on something other than a loss law."""
     exact_pairs(tmp_path, 4.0)
@@ -39,6 +42,7 @@ def test_no_effect_is_named_if_no_law_explains_the_pairs(tmp_path):
     assert "no pressure-loss law explains it" in answer["paragraph"]
 
 
+@pytest.mark.slow
 def test_the_column_of_the_distal_pressure_is_reported(tmp_path):
     files = noisy_pairs(tmp_path, 1, quadratic=10.0)
     answer = discover_pairs(*files, tmp_path / "out", 1)
@@ -46,6 +50,7 @@ def test_the_column_of_the_distal_pressure_is_reported(tmp_path):
     assert "the pressure drop to v0:J is " in answer["paragraph"]
 
 
+@pytest.mark.slow
 def test_permuted_rows_raise_a_doubt(tmp_path):
     files = noisy_pairs(tmp_path, 1, quadratic=10.0)
     same = discover_pairs(*files, tmp_path / "same", 1)
@@ -60,6 +65,7 @@ def test_permuted_rows_raise_a_doubt(tmp_path):
     assert "check that a row of both tables is the same sample" in answer["paragraph"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.2, 0.35])
 def test_a_model_with_too_large_a_loss_lacks_no_effect(tmp_path, share):
     """The model's loss is 3; the measurements have a fraction of it."""
@@ -68,24 +74,28 @@ def test_a_model_with_too_large_a_loss_lacks_no_effect(tmp_path, share):
     assert "The model appears to have a loss that is absent in reality, or too large a loss" in answer["paragraph"]
 
 
+@pytest.mark.slow
 def test_a_drop_explained_by_recalibration_is_reported_as_such(tmp_path):
     answer = discover_pairs(*noisy_pairs(tmp_path, 6, linear=1.0), tmp_path / "out", 1)
     assert not answer["named"] and not answer["alarm"]
     assert "which recalibration explains: it multiplies the model's own loss by 1.3" in answer["paragraph"]
 
 
+@pytest.mark.slow
 def test_a_loss_beyond_recalibration_raises_an_alarm(tmp_path):
     """Two and a half times the model's own loss, in the same form."""
     answer = discover_pairs(*noisy_pairs(tmp_path, 7, linear=4.5), tmp_path / "out", 1)
     assert answer["alarm"] and not answer["outside_library"]
 
 
+@pytest.mark.slow
 def test_a_stenosis_with_an_offset_is_not_mistaken_for_too_large_a_loss(tmp_path):
     answer = discover_pairs(*noisy_pairs(tmp_path, 8, quadratic=1.5, offset=3.0), tmp_path / "out", 1)
     assert "quadratic_stenosis" in [one["effect"] for one in answer["named"]]
     assert not answer["held_out"]["branches"][0]["overstated"]
 
 
+@pytest.mark.slow
 def test_constant_inputs_leave_the_gaussian_process_the_mean(tmp_path):
     """Runs of a single parameter set contain nothing else to learn from."""
     files = noisy_pairs(tmp_path, 1)
@@ -98,6 +108,7 @@ def test_constant_inputs_leave_the_gaussian_process_the_mean(tmp_path):
     assert flexible.to_numpy() == pytest.approx(measured.ffr_x.mean(), abs=3 * measured.ffr_x.std())
 
 
+@pytest.mark.slow
 def test_a_prescribed_root_pressure_is_no_input_of_the_gaussian_process(tmp_path):
     """A prescribed root pressure is the same in every sample and uninformative."""
     exact_pairs(tmp_path, 4.0)
@@ -113,6 +124,7 @@ def test_a_prescribed_root_pressure_is_no_input_of_the_gaussian_process(tmp_path
     assert errors[0] < 0.3 * errors[1]
 
 
+@pytest.mark.slow
 def test_results_replace_those_of_an_earlier_search(tmp_path):
     out = tmp_path / "out"
     left = ("repaired.json", "measurements.csv", "difference.txt", "drives/rest_AORTA.csv", "drives/own.csv")

@@ -9,6 +9,7 @@ from coronaryuq.discrepancy.table_model.tables import zero_flow_pressure
 from support.pair_tables import ZERO_FLOW, noisy_pairs, read_branch, rewrite
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hidden", [{}, {"gain": -0.04}, {"flow_gain": 0.15}, {"quadratic": 1.2}])
 @pytest.mark.parametrize("outlet", [0.003, 0.01, 0.02])
 def test_noise_does_not_produce_a_zero_flow_pressure(tmp_path, hidden, outlet):
@@ -36,6 +37,7 @@ def test_an_outlet_must_be_in_both_tables(tmp_path):
         read_branch(files)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("outlet", [0.001, 0.01, 0.02])
 def test_the_zero_flow_pressure_is_estimated_if_flow_changes(tmp_path, outlet):
     """The mean over trials is within three standard errors, plus a bias due to the prior."""

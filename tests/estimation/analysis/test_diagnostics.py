@@ -23,6 +23,7 @@ def test_inputs_of_one_distribution_pass_and_shifted_ones_do_not():
     assert diagnostics.different_inputs(runs(0.15)).code == "inputs differ"
 
 
+@pytest.mark.slow
 def test_false_alarms_are_rare():
     alarms = 0
     for trial in range(200):

@@ -66,6 +66,7 @@ def trials(number: int, count: int, failed: int, reason=None, permutations: int 
     return p
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("count", "failed"), [(24, 2), (60, 3), (100, 8)])
 def test_false_alarms_have_the_nominal_rate(count, failed):
     """Within three binomial standard errors; a test with ties may fall short of its level, never beyond."""

@@ -39,6 +39,7 @@ def test_two_models_are_mfmc_and_every_further_model_helps():
     assert variance(COUNTS) < variance([((0, 1), 40), ((1,), 160)]) < variance([((0,), 40)]) == pytest.approx(4 / 40)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [25, 50])
 def test_cross_fitted_claims_hold_and_approach_the_closed_form(n):
     """Skewed models with means far from zero; 400 trials, bounds 15 % and three binomial standard errors."""

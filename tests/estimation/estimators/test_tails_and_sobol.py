@@ -16,6 +16,8 @@ from coronaryuq.estimation.settings import Settings
 from coronaryuq.estimation.surrogates.control_variates import Seen
 from support.runs import runs_of
 
+pytestmark = pytest.mark.slow
+
 TRIALS, N, M, FOLDS = 200, 60, 1500, 10
 ROW = Row("1", "ffr_lad", "q", "")
 

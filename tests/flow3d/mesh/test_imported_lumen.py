@@ -18,6 +18,8 @@ from coronaryuq.flow3d.mesh.stage import make_mesh, mesh_tree
 from support.case_files import write_case_json
 from support.random_trees import network_of, random_tree
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def forked(tmp_path_factory):

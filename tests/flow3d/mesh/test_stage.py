@@ -113,6 +113,7 @@ def test_plane_lies_on_the_axis_distal_to_the_stenosis(stenosed):
     assert plane.point[0] > stenoses[0].end
 
 
+@pytest.mark.slow
 def test_equal_input_gives_equal_bytes(stenosed, coarse, tmp_path):
     out, _, tree, stenoses, network = stenosed
     mesh_tree(tree, stenoses, network, coarse, tmp_path)
@@ -128,6 +129,7 @@ def test_reverse_cuthill_mckee_narrows_the_band(stenosed):
     assert np.ptp(mesh.tets, axis=1).max() < len(mesh.points) / 4
 
 
+@pytest.mark.slow
 def test_several_pieces_are_one_mesh_and_couple_to_a_closed_loop(tmp_path):
     tree, stenoses = next(
         (tree, found) for tree, found in map(random_tree, range(100)) if len(found) == 2 and len(tree) < 12

@@ -22,6 +22,8 @@ from coronaryuq.flow3d.simvascular.svsolver import SvSolver
 from coronaryuq.flow3d.stage import run_batch
 from support.sv_case import batch_of, make_case
 
+pytestmark = pytest.mark.slow
+
 SAMPLE = Sample("s1", 0, {"R_cor_scaling": 1.0})
 
 

@@ -17,6 +17,8 @@ from coronaryuq.zerod.network.numbering import Model
 from coronaryuq.zerod.network.read import check_network, read_network
 from support.sv_case import make_case
 
+pytestmark = pytest.mark.slow
+
 SAMPLE = Sample("s7", 6, {"BC_LAD": 1.3, "R_cor_scaling": 0.9})
 
 

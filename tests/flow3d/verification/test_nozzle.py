@@ -7,6 +7,8 @@ from coronaryuq.bench.flow3d import nozzle
 from coronaryuq.core.errors import InputError
 from coronaryuq.flow3d.fem.elements import face_vectors, gradients
 
+pytestmark = pytest.mark.slow
+
 
 def test_mesh_has_the_nozzles_volume_and_ends():
     points, tets, caps = nozzle.mesh(4, 4, 0.1)

@@ -6,6 +6,8 @@ import pytest
 from coronaryuq.bench.flow3d import unstructured
 from coronaryuq.flow3d.fem.lanes import LANES
 
+pytestmark = pytest.mark.slow
+
 FLOW = np.linspace(0.5, 2.0, LANES)
 FACETS = 0.25
 """Facets whose corners lie on the circle enclose a radius less by h²/(12 R²) of itself, and wall shear goes with

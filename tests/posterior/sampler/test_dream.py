@@ -101,6 +101,7 @@ def test_twisted_target(twist, generations):
     assert_moments(normal, np.zeros(5), np.eye(5))
 
 
+@pytest.mark.slow
 def test_bimodal_target_keeps_the_weights():
     """Modes at -4 and 4 in every coordinate with weights 1/3 and 2/3; jump rate 1 leaps between them."""
     d, chains = 5, 24
@@ -118,6 +119,7 @@ def test_bimodal_target_keeps_the_weights():
     assert np.mean(right[1:] != right[:-1]) > 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("boundary", ["reflect", "fold", "reject"])
 def test_box(boundary):
     """An exponential on [0, 2] x [0, 1]: walls keep the stationary distribution."""
@@ -134,6 +136,7 @@ def test_box(boundary):
     assert stats.kstest(thinned[:, 1], "uniform").pvalue > 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("every", [1, 15])
 def test_a_wrong_emulator_costs_time_and_no_correctness(every):
     mean, covariance, log_density = gaussian(4)

@@ -12,6 +12,8 @@ from coronaryuq.zerod.effects.base import ConditionState, Series
 from coronaryuq.zerod.effects.library import SEARCHED, effect
 from coronaryuq.zerod.solver.engine import Engine
 
+pytestmark = pytest.mark.slow
+
 NETWORK_SIDE = [one for one in SEARCHED if one.side == "network" and not one.name.startswith("aortic")]
 
 

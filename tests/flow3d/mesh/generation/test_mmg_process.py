@@ -19,6 +19,7 @@ def importable(monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(mesh_jobs.__file__).parents[1]), prepend=os.pathsep)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("function", "limit", "message"),
     [
