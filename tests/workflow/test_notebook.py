@@ -19,7 +19,7 @@ from coronaryuq.core.io.tables import read_csv
 from support.served import served
 from support.tutorials import follow
 
-pytestmark = pytest.mark.workflow
+pytestmark = [pytest.mark.workflow, pytest.mark.long]
 
 ROOT = Path(__file__).parents[2]
 NOT_RUN = {"run", "demo", "completion", "doctor", "bench", "tune", "serve", "discrepancy", "--remove", "--help"}
