@@ -24,4 +24,4 @@ def test_two_exchanged_outlets_are_reported_as_a_wiring_error(tmp_path):
     assert [place for _, place in found.verdict.wiring_errors] == ["BC_lad~BC_lcx"]
     assert found.outside_library and not found.named
     assert summary(found)["wiring_errors"] == [{"error": "exchanged_outlets", "place": "BC_lad~BC_lcx"}]
-    assert "outlets had been exchanged in the model: BC_lad and BC_lcx." in paragraph(summary(found))
+    assert "a wiring error of the model, exchanged outlets: BC_lad and BC_lcx." in paragraph(summary(found))

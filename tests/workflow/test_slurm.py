@@ -24,7 +24,7 @@ SMALL = {
     "samples": {"n_3d": 8, "n_0d": 16, "chunk_0d": 8, "chunk_realisations": 20},
     "synthetic": {"cells": 3000},
     "perfusion": {"realisations": 40},
-    "calibration": {"candidates": 4, "starts": 1, "rounds": 1, "evaluations_per_parameter": 2, "polish": 0},
+    "calibration": {"candidates": 4, "starts": 1, "rounds": 1, "evaluations_per_parameter": 2, "final_nelder_mead": 0},
     "posterior": {"dream": {"chains": 12, "generations": 40}},
 }
 ON_SLURM = [
@@ -173,5 +173,5 @@ def test_a_node_that_goes_down_costs_time_and_nothing_else(slurm, tmp_path):
 def test_doctor_runs_a_tiny_job_of_two_ranks(slurm, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (found,) = doctor.check_scheduler()
-    assert found.sound and "a job of 2 MPI ranks ran by srun" in found.detail, found
+    assert found.sound and "srun ran a job of 2 MPI ranks" in found.detail, found
     assert list(tmp_path.iterdir()) == []
