@@ -36,7 +36,9 @@ class Samples(BaseModel):
     )
     batch_3d: int = Field(16, ge=1, description="3D samples per job; use 1 for an external solver.")
     chunk_0d: int = Field(500, ge=1, description="0D samples per job.")
-    chunks_resampled: int = Field(8, ge=1, description="Number of jobs that share the 0D runs at resampled inputs.")
+    chunks_resampled: int = Field(
+        8, ge=1, description="Number of jobs into which the 0D runs at resampled inputs are divided."
+    )
     chunk_realisations: int = Field(500, ge=1, description="Noisy perfusion realisations per job.")
 
 
@@ -47,8 +49,8 @@ class Report(BaseModel):
 
     mesh_study: bool = Field(
         False,
-        description="run the mesh study and quote its numerical errors in the report; it costs about three batches of "
-        "3D runs on a finer mesh",
+        description="Run the mesh study and report its numerical errors; it costs about as much as three batches of "
+        "3D runs on a finer mesh.",
     )
 
 
@@ -67,7 +69,7 @@ class Campaign(BaseModel):
     )
     paper_data: str | None = Field(
         None,
-        description="Folder of the paper's published runs, needed by the targets `paper_*` only.",
+        description="Folder of the paper's published runs; only the targets `paper_*` and `coverage` need it.",
     )
     samples: Samples = Field(default_factory=Samples, description="Sample counts and portions.")
     synthetic: SyntheticSettings = Field(default_factory=SyntheticSettings, description="The bundled patient.")
@@ -86,7 +88,7 @@ class Campaign(BaseModel):
     discrepancy: DiscrepancySettings = Field(
         default_factory=DiscrepancySettings, description="Search for effects that the model is missing."
     )
-    report: Report = Field(default_factory=Report, description="contents of the report")
+    report: Report = Field(default_factory=Report, description="Optional parts of the report.")
 
 
 def load(path: str | Path) -> Campaign:

@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class Settings(BaseModel):
-    """How a case is read and completed; the patient's own data belong in `case.yaml`."""
+    """Settings for reading and completing a case; the patient's own data belong in `case.yaml`."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -19,7 +19,7 @@ class Settings(BaseModel):
     )
     walls: Literal["rigid", "elastic"] = Field(
         "rigid",
-        description="Vessel walls: rigid, without capacitance, as in the paper, or elastic, with C from E h/r.",
+        description="Vessel walls: rigid (no capacitance, as in the paper) or elastic (C from E h/r).",
     )
     young: float = Field(1.15e7, gt=0, description="Young's modulus of elastic walls (Gow & Hadfield 1979), dyn/cm2.")
     thickness_ratio: float = Field(0.1, gt=0, lt=1, description="Thickness of elastic walls divided by the radius.")
@@ -33,7 +33,7 @@ class Settings(BaseModel):
         0.04,
         gt=0,
         lt=0.5,
-        description="Coronary share of cardiac output for initial resistances, if it is not a target.",
+        description="Coronary fraction of cardiac output for initial resistances, if it is not a target.",
     )
     wall_cells: int = Field(
         60_000,
@@ -45,7 +45,7 @@ class Settings(BaseModel):
         None,
         gt=0,
         le=0.5,
-        description="Spacing of points on a closed surface for its centrelines, cm; null: from the smallest outlet.",
+        description="Point spacing on a closed surface for centreline extraction, cm; null: from the smallest outlet.",
     )
     narrowing: float = Field(
         0.7, gt=0, lt=1, description="Area ratio below which `stenoses: auto` counts a narrowing as a stenosis."

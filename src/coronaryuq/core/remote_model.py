@@ -19,12 +19,14 @@ class RemoteSettings(BaseModel):
 
     url: str = Field("http://127.0.0.1:4242", pattern="^https?://", description="Address of the server.")
     model: str | None = Field(
-        None, description="Name of the model there; null: `zerod` for 0D, `flow3d` for 3D, `flow3d_coarse` for coarse."
+        None,
+        description="Name of the model on the server; null: `zerod` for 0D, `flow3d` for 3D, `flow3d_coarse` "
+        "for coarse.",
     )
     outputs: list[str] | None = Field(
-        None, description="Names of the components of its output, in order; null: those that the server tells."
+        None, description="Names of the components of the output, in order; null: those that the server reports."
     )
-    parallel: int = Field(16, ge=1, le=1024, description="Requests at a time.")
+    parallel: int = Field(16, ge=1, le=1024, description="Number of simultaneous requests.")
 
 
 class RemoteModel:

@@ -27,11 +27,11 @@ class Benchmark(BaseModel):
     networks: list[str] = Field(
         ["campaign", "open_loop"],
         min_length=1,
-        description="networks to hide effects in: `campaign`, the tuned loop of this campaign; `open_loop`, a bundled "
-        "coronary tree driven by measured pressure; or a svZeroDSolver JSON file of any tuned loop",
+        description="Networks to hide effects in: `campaign`, the tuned loop of this campaign; `open_loop`, a bundled "
+        "coronary tree driven by measured pressure; or a svZeroDSolver JSON file of any tuned loop.",
     )
-    seeds: int = Field(2, ge=1, description="repetitions of every benchmark cell; each is a job of its own")
-    first_seed: int = Field(1, ge=0, description="first seed; the others follow it")
+    seeds: int = Field(2, ge=1, description="Number of repetitions of every benchmark cell, one job each.")
+    first_seed: int = Field(1, ge=0, description="Seed of the first repetition; the others count up from it.")
 
     @property
     def all_seeds(self) -> range:
@@ -59,103 +59,106 @@ class Settings(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     model: str | None = Field(
-        None, description="network to examine, svZeroDSolver JSON; if omitted, the tuned loop of this campaign"
+        None, description="Network to examine, svZeroDSolver JSON; if omitted, the tuned loop of this campaign."
     )
     measurements: str | None = Field(
         None,
-        description="measurement table; if omitted, synthetic data are generated from the tuned loop with "
-        "`hidden_effect` in it",
+        description="Measurement table; if omitted, synthetic data are generated from the tuned loop with "
+        "`hidden_effect` in it.",
     )
-    conditions: str | None = Field(None, description="conditions file for `measurements`")
+    conditions: str | None = Field(None, description="Conditions file for `measurements`.")
     pairs: tuple[str, str] | None = Field(
         None,
-        description="search a table model: a table of simulated and a table of measured outputs, joined on the column "
-        "`sample`",
+        description="Search a table model: a table of simulated and a table of measured outputs, joined on the column "
+        "`sample`.",
     )
     recordings: str | None = Field(
         None,
-        description="folder of recordings `ANIMAL_CONDITION.csv`: flow in one artery driven by measured pressures",
+        description="Folder of recordings `ANIMAL_CONDITION.csv`: flow in one artery driven by measured pressures.",
     )
     animals: list[str] = Field(
-        default_factory=list, description="animals of `recordings`; each gets a search of its own"
+        default_factory=list, description="Animals of `recordings`; each is searched separately."
     )
     held_out: list[str] | None = Field(
         None,
-        description="conditions of `recordings` held out of every fit; if omitted, those whose names end in `dob...`",
+        description="Conditions of `recordings` held out of every fit; if omitted, those whose names end in `dob...`.",
     )
     free_bed: bool = Field(
         False,
-        description="calibrate the shape of the bed of `recordings`, and a stenosis of unknown severity in each "
-        "condition named `...sten...`",
+        description="Calibrate the shape of the bed of `recordings`, and a stenosis of unknown severity in each "
+        "condition named `...sten...`.",
     )
-    in_report: bool = Field(False, description="include the search in the campaign and its report")
-    benchmark: Benchmark = Field(default_factory=Benchmark, description="benchmark on hidden effects")
+    in_report: bool = Field(False, description="Include the search in the campaign and its report.")
+    benchmark: Benchmark = Field(default_factory=Benchmark, description="Benchmark on hidden effects.")
     hidden_effect: EffectName = Field(
-        "quadratic_stenosis", description="effect to hide in the synthetic data when no measurements are given"
+        "quadratic_stenosis", description="Effect to hide in the synthetic data if no measurements are given."
     )
-    hidden_size: float = Field(1.0, description="size of the hidden effect, in prior standard deviations")
+    hidden_size: float = Field(1.0, description="Size of the hidden effect, in prior standard deviations.")
     pressure_unit: Literal["auto", "dyn/cm2", "mmHg", "Pa", "kPa"] = Field(
         "auto",
-        description="pressure unit of the network; `auto` chooses dyn/cm2 or mmHg from the simulated root pressure",
+        description="Pressure unit of the network; `auto` chooses dyn/cm2 or mmHg from the simulated root pressure.",
     )
     noise: Literal["estimated", "stated"] = Field(
         "estimated",
-        description="noise of waveforms: `stated` uses the standard deviations of the table; `estimated` re-estimates "
-        "their scale and correlation time when the model misfits, if that improves the held-out prediction",
+        description="Noise of waveforms: `stated` uses the standard deviations of the table; `estimated` re-estimates "
+        "their scale and correlation time if the model misfits and this improves the held-out prediction.",
     )
-    alarm_level: float = Field(0.01, gt=0, lt=1, description="significance level of the global test")
+    alarm_level: float = Field(0.01, gt=0, lt=1, description="Significance level of the global test.")
     false_discovery_rate: float = Field(
-        0.05, gt=0, lt=1, description="false-discovery rate of the list of located disagreements"
+        0.05, gt=0, lt=1, description="False discovery rate of the list of located misfits."
     )
     model_floor: float = Field(
         0.003,
         ge=0,
-        description="numerical error of the model as a fraction of each series' largest value, added to its standard "
-        "deviation",
+        description="Numerical error of the model as a fraction of each series' largest value, added to its standard "
+        "deviation.",
     )
     shortlist: int = Field(
-        10, ge=1, description="candidates fitted in full per round, chosen by a score test of all candidates"
+        10, ge=1, description="Candidates fitted in full per round, chosen by a score test of all candidates."
     )
-    max_effects: int = Field(3, ge=0, description="maximum number of effects that may be added")
+    max_effects: int = Field(3, ge=0, description="Maximum number of effects that may be added.")
     min_log_odds: float = Field(
         3.0,
         ge=0,
-        description="log evidence plus log prior by which an effect, or its class of indistinguishable effects, must "
-        "exceed the log evidence of the current model; 3 corresponds to posterior odds of 45 to 1",
+        description="Log evidence plus log prior by which an effect, or its class of indistinguishable effects, must "
+        "exceed the log evidence of the current model; 3 corresponds to posterior odds of 45 to 1.",
     )
-    starts: int = Field(3, ge=1, le=6, description="starting sizes of an effect in each multistart fit")
-    iterations: int = Field(12, ge=1, description="maximum number of Gauss-Newton iterations per fit")
-    steps_per_cycle: int = Field(300, ge=50, description="time steps per cardiac cycle of the 0D runs")
-    threads: int = Field(1, ge=1, description="threads of the 0D solver")
-    sd_bed: float = Field(0.15, gt=0, description="prior sd of the log resistance of each bed")
+    starts: int = Field(3, ge=1, le=6, description="Starting sizes of an effect in each multistart fit.")
+    iterations: int = Field(12, ge=1, description="Maximum number of Gauss-Newton iterations per fit.")
+    steps_per_cycle: int = Field(300, ge=50, description="Time steps per cardiac cycle of the 0D runs.")
+    threads: int = Field(1, ge=1, description="Threads of the 0D solver.")
+    sd_bed: float = Field(0.15, gt=0, description="Prior sd of the log resistance of each bed.")
     sd_coronary: float = Field(
-        0.25, gt=0, description="prior sd of the log of a common factor on the resistance of all coronary beds"
+        0.25, gt=0, description="Prior sd of the log of a common factor on the resistance of all coronary beds."
     )
     sd_compliance: float = Field(
-        0.25, gt=0, description="prior sd of the log of a common factor on the compliance of all coronary beds"
+        0.25, gt=0, description="Prior sd of the log of a common factor on the compliance of all coronary beds."
     )
-    sd_bed_compliance: float = Field(0.15, gt=0, description="prior sd of the log compliance of each bed")
+    sd_bed_compliance: float = Field(0.15, gt=0, description="Prior sd of the log compliance of each bed.")
     sd_bed_shape: float = Field(
         0.5,
         gt=0,
-        description="prior sd, where a condition lists `bed_shape` under `free`, of the log proximal resistance and "
-        "log proximal compliance of the beds and of the log compliance of the vessels",
+        description="Prior sd, where a condition lists `bed_shape` under `free`, of the log proximal resistance and "
+        "log proximal compliance of the beds and of the log compliance of the vessels.",
     )
     sd_stenosis: float = Field(
         2.0,
         gt=0,
-        description="prior sd of the log loss coefficient of a stenosis listed under `stenosis`, about the value that "
-        "`set` gives it",
+        description="Prior sd of the log loss coefficient of a stenosis listed under `stenosis`, about the value that "
+        "`set` gives it.",
     )
     sd_systemic: float = Field(
-        0.2, gt=0, description="prior sd of the log systemic resistance and of the log systemic compliance"
+        0.2, gt=0, description="Prior sd of the log systemic resistance and of the log systemic compliance."
     )
-    sd_heart: float = Field(0.15, gt=0, description="prior sd of the log left ventricular elastance")
+    sd_heart: float = Field(0.15, gt=0, description="Prior sd of the log left ventricular elastance.")
     sd_condition: float = Field(
-        0.1, gt=0, description="prior sd of the log coronary resistance of a condition about the value it declares"
+        0.1,
+        gt=0,
+        description="Prior sd of the log coronary resistance of a condition about the value given in the "
+        "conditions file.",
     )
     sd_free: float = Field(
-        1.0, gt=0, description="prior sd of the log coronary resistance of a condition that lists it under `free`"
+        1.0, gt=0, description="Prior sd of the log coronary resistance of a condition that lists it under `free`."
     )
 
     @model_validator(mode="after")

@@ -22,12 +22,12 @@ class Coarse(BaseModel):
         0.75,
         gt=0.0,
         lt=1.0,
-        description="Resolution of the coarse mesh divided by that of `mesh`, but never below the smallest value "
-        "allowed.",
+        description="Resolution of the coarse mesh divided by that of `mesh`; clipped at the smallest value allowed "
+        "there.",
     )
     steps: float = Field(0.5, gt=0.0, le=1.0, description="Time steps per cycle divided by those of the fine runs.")
     max_cycles: int = Field(
-        2, ge=2, le=200, description="Largest number of whole cycles; never more than the fine runs."
+        2, ge=2, le=200, description="Maximum number of whole cycles; never more than for the fine runs."
     )
 
     @field_validator("runs_per_fine")
@@ -39,49 +39,49 @@ class Coarse(BaseModel):
 
 
 class Settings(BaseModel):
-    """How the 3D samples are run. Step counts are per cardiac cycle, so that one set fits any heart rate."""
+    """Settings of the 3D runs. Step counts are per cardiac cycle, so that one set fits any heart rate."""
 
     model_config = ConfigDict(extra="forbid")
 
     steps_per_cycle: int = Field(
-        800, ge=100, le=100000, description="Time steps per cardiac cycle, of the 3D and the coupled 0D side."
+        800, ge=100, le=100000, description="Time steps per cardiac cycle of the 3D model and the coupled 0D network."
     )
     ramp_cycles: float = Field(
         0.25,
         ge=0.0,
         le=2.0,
-        description="Part of a cycle run before the first whole one, starting from fluid at rest and the periodic 0D "
+        description="Fraction of a cycle run before the first whole cycle, from fluid at rest and the periodic 0D "
         "state.",
     )
     min_cycles: int = Field(
-        2, ge=2, le=50, description="Smallest number of whole cycles; two are needed for a comparison."
+        2, ge=2, le=50, description="Minimum number of whole cycles; two are needed to judge convergence."
     )
     max_cycles: int = Field(
         6,
         ge=2,
         le=200,
-        description="Largest number of whole cycles; a sample that still changes by more than `tolerance` is marked as "
-        "not "
-        "converged.",
+        description="Maximum number of whole cycles; a sample that still changes by more than `tolerance` is marked "
+        "as not converged.",
     )
     tolerance: float = Field(
         2e-3,
         gt=0.0,
         le=0.1,
-        description="Largest change of any quantity of interest between cycles at which a sample is done: FFR and OSI "
-        "absolute, wall shear stress relative to the region's mean.",
+        description="Largest change of any quantity of interest between cycles at which a sample counts as converged: "
+        "absolute for FFR and OSI, relative to the region's mean for wall shear stress.",
     )
     wall_samples_per_cycle: int = Field(
         200,
         ge=20,
         le=10000,
-        description="Number of times per cycle that wall shear stress and pressure on the planes are sampled.",
+        description="Number of times per cycle at which wall shear stress and the pressure on the FFR planes "
+        "are sampled.",
     )
     momentum_tolerance: float = Field(
         3e-3, gt=0.0, lt=1.0, description="Relative change at which the Gauss-Seidel sweeps of a momentum step stop."
     )
     momentum_sweeps: int = Field(
-        60, ge=5, le=1000, description="Largest number of Gauss-Seidel sweeps of a momentum step."
+        60, ge=5, le=1000, description="Maximum number of Gauss-Seidel sweeps of a momentum step."
     )
     backflow_stabilisation: float = Field(
         0.5,
@@ -93,16 +93,16 @@ class Settings(BaseModel):
         2,
         ge=0,
         le=4,
-        description="Number of times that a sample which blew up is run again, each time with twice the steps.",
+        description="Number of times that a diverged sample is run again, each time with twice as many steps.",
     )
-    speed_limit: float = Field(3000.0, gt=0.0, description="Speed (cm/s) above which a sample counts as blown up.")
+    speed_limit: float = Field(3000.0, gt=0.0, description="Speed above which a sample counts as diverged, cm/s.")
     checkpoints: bool = Field(
         True, description="Save the state at the end of every cycle, to resume after an interruption."
     )
     fields: int = Field(
         1,
         ge=0,
-        description="Number of samples, from the campaign's first, whose fields are kept for pictures (VTU, VTP).",
+        description="Number of samples, counted from the first, whose fields are kept for figures (VTU, VTP).",
     )
     coarse: Coarse = Field(default_factory=Coarse, description="A coarse 3D level for the estimates, off by default.")
     umbridge: RemoteSettings = Field(

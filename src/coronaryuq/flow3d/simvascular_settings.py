@@ -10,7 +10,7 @@ class SimVascularSettings(BaseModel):
 
     mpi: str = Field("mpiexec", min_length=1, description="MPI launcher, called as `{mpi} -n {tasks} program`.")
     svpre: str = Field("svpre", description="svSolver's preprocessor.")
-    svsolver: str = Field("svsolver", description="svSolver with svZeroD coupling.")
+    svsolver: str = Field("svsolver", description="svSolver, built with svZeroD coupling.")
     svpost: str = Field("svpost", description="svSolver's postprocessor.")
     svmultiphysics: str = Field("svmultiphysics", description="svMultiPhysics.")
     zerod_library: str = Field(
@@ -31,8 +31,8 @@ class SimVascularSettings(BaseModel):
     stop_after: int | None = Field(
         None,
         ge=1,
-        description="Time steps after which to stop, for trials; the sample is then recorded as failed. None: all "
-        "cycles.",
+        description="Number of time steps after which to stop, for trials; the sample is then recorded as "
+        "failed. Null: all cycles.",
     )
     time_limit: float = Field(172800.0, gt=0.0, description="Largest wall time of one sample, s.")
     keep: bool = Field(False, description="Keep the run directory of a sample that succeeded.")

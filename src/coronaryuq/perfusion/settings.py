@@ -68,14 +68,18 @@ class Settings(BaseModel):
         1.0, gt=0, description="Length l of smooth noise with correlation exp(-d^2 / 2 l^2), cm."
     )
     mean: Literal["baseline", "realisations"] = Field(
-        "baseline", description="Target flows: those without noise (paper), or the mean over realisations"
+        "baseline",
+        description="Target flows: those without noise (`baseline`, paper) or their mean over `realisations`.",
     )
     distance_to: Literal["outlet", "centreline"] = Field(
         "outlet",
-        description="Distance of an LV point: to the outlet (paper), or to the centreline of the outlet's vessel.",
+        description="Distance of an LV point: to the `outlet` (paper) or to the `centreline` of the outlet's vessel.",
     )
     radius_power: float = Field(
-        0.0, ge=0, le=4, description="Power of the outlet radius by which distances are divided; 0 is unweighted."
+        0.0,
+        ge=0,
+        le=4,
+        description="Power of the outlet radius by which distances are divided; 0: unweighted distances.",
     )
 
     @model_validator(mode="after")

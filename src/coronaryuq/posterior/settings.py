@@ -1,4 +1,4 @@
-"""Settings of the posterior stage: sampler, prior, constraint, emulator, verdict, draws."""
+"""Settings of the posterior stage: sampler, prior, constraint, emulator, convergence, draws."""
 
 from typing import Literal
 
@@ -10,24 +10,25 @@ class DreamSettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    chains: int = Field(24, ge=6, description="parallel chains (paper: 24)")
-    generations: int = Field(10_000, ge=2, description="proposals per chain, burn-in included (paper: 10000)")
-    burn_in: float = Field(0.5, gt=0, lt=1, description="fraction of the generations discarded (paper: 0.5)")
-    pairs: int = Field(3, ge=1, le=5, description="maximum number of pairs of chains in one proposal")
-    crossovers: int = Field(3, ge=1, le=20, description="number n of crossover probabilities, 1/n to 1")
+    chains: int = Field(24, ge=6, description="Parallel chains (paper: 24).")
+    generations: int = Field(10_000, ge=2, description="Proposals per chain, burn-in included (paper: 10000).")
+    burn_in: float = Field(0.5, gt=0, lt=1, description="Fraction of the generations discarded (paper: 0.5).")
+    pairs: int = Field(3, ge=1, le=5, description="Maximum number of pairs of chains in one proposal.")
+    crossovers: int = Field(3, ge=1, le=20, description="Number n of crossover probabilities, 1/n to 1.")
     adapt_crossovers: bool = Field(
-        True, description="adapt how often each crossover probability is used, during burn-in"
+        True, description="Adapt how often each crossover probability is used, during burn-in."
     )
     unit_jump: float = Field(
-        0.2, ge=0, lt=1, description="probability of jump rate 1, which allows jumps between modes"
+        0.2, ge=0, lt=1, description="Probability of a jump rate of 1, which allows jumps between modes."
     )
-    snooker: float = Field(0.0, ge=0, lt=1, description="probability of a snooker update (ter Braak & Vrugt 2008)")
-    spread: float = Field(0.05, ge=0, lt=1, description="half-width b of the uniform e in the factor 1 + e of a jump")
-    jitter: float = Field(1e-6, gt=0, description="standard deviation b* of the noise added to a jump")
-    remove_outliers: bool = Field(True, description="during burn-in, restart chains stuck at low density")
+    snooker: float = Field(0.0, ge=0, lt=1, description="Probability of a snooker update (ter Braak & Vrugt 2008).")
+    spread: float = Field(0.05, ge=0, lt=1, description="Half-width b of the uniform e in the factor 1 + e of a jump.")
+    jitter: float = Field(1e-6, gt=0, description="Standard deviation b* of the noise added to a jump.")
+    remove_outliers: bool = Field(True, description="During burn-in, restart chains stuck at low density.")
     boundary: Literal["reflect", "fold", "reject"] = Field(
         "reflect",
-        description="handling of proposals outside the prior's box with `constraint: rescaled`; else they are rejected",
+        description="Handling of proposals outside the prior's bounds with `constraint: rescaled`; otherwise "
+        "they are rejected.",
     )
 
     @model_validator(mode="after")
@@ -44,11 +45,20 @@ class EmulatorSettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    use: bool = Field(True, description="screen proposals with an emulator; the posterior remains that of the 0D model")
-    generations: int = Field(
-        50, ge=1, description="generations on the emulator between two decisions of the 0D model; 1: as Christen & Fox"
+    use: bool = Field(
+        True, description="Screen proposals with an emulator; the posterior remains that of the 0D model."
     )
-    design: int = Field(0, ge=0, description="0D runs to fit the emulator to; 0: twice the number of its coefficients")
+    generations: int = Field(
+        50,
+        ge=1,
+        description="Generations on the emulator between two decisions of the 0D model; 1: as in Christen & "
+        "Fox (2005).",
+    )
+    design: int = Field(
+        0,
+        ge=0,
+        description="Number of 0D runs to which the emulator is fitted; 0: twice the number of its coefficients.",
+    )
 
 
 class Settings(BaseModel):
@@ -56,28 +66,38 @@ class Settings(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    dream: DreamSettings = Field(default_factory=DreamSettings, description="the sampler")
-    emulator: EmulatorSettings = Field(default_factory=EmulatorSettings, description="delayed acceptance")
-    prior: tuple[float, float] = Field((0.5, 2.0), description="uniform prior of each multiplier of r-hat (1)")
+    dream: DreamSettings = Field(default_factory=DreamSettings, description="The DREAM sampler.")
+    emulator: EmulatorSettings = Field(
+        default_factory=EmulatorSettings, description="Delayed acceptance with an emulator."
+    )
+    prior: tuple[float, float] = Field(
+        (0.5, 2.0), description="Bounds of the uniform prior of each multiplier of r-hat."
+    )
     constraint: Literal["conditioned", "rescaled"] = Field(
         "conditioned",
-        description="total resistance of the LV-perfusing beds: `conditioned` samples the prior given that total, "
-        "`rescaled` rescales states after acceptance as the paper does, which changes the stationary distribution",
+        description="Total resistance of the LV-perfusing beds: `conditioned` samples the prior given that total, "
+        "`rescaled` rescales states after acceptance as the paper does, which changes the stationary distribution.",
     )
     scale_targets: bool = Field(
-        True, description="scale target flows and covariance such that their total is the model's LV flow at r-hat"
+        True, description="Scale target flows and covariance such that their total is the model's LV flow at r-hat."
     )
-    cycle_tolerance: float = Field(1e-4, gt=0, description="relative cycle-to-cycle error of a 0D run (1)")
+    cycle_tolerance: float = Field(
+        1e-4, gt=0, description="Relative cycle-to-cycle error at which a 0D run counts as periodic."
+    )
     steps_per_cycle: int | None = Field(
-        None, ge=50, description="0D time steps per cycle; null: as in the network file"
+        None, ge=50, description="0D time steps per cycle; null: as in the network file."
     )
-    checkpoint: int = Field(500, ge=1, description="generations between two checkpoints")
-    rhat_limit: float = Field(1.01, gt=1, description="converged below this rank-normalised split R-hat (paper: 1.1)")
-    ess_limit: float = Field(400.0, gt=0, description="converged above this bulk and tail effective sample size")
-    draws: int = Field(10_000, ge=10, description="maximum number of thinned draws in the table of draws")
+    checkpoint: int = Field(500, ge=1, description="Generations between checkpoints.")
+    rhat_limit: float = Field(
+        1.01, gt=1, description="Largest rank-normalised split R-hat of converged chains (paper: 1.1)."
+    )
+    ess_limit: float = Field(
+        400.0, gt=0, description="Smallest bulk and tail effective sample size of converged chains."
+    )
+    draws: int = Field(10_000, ge=10, description="Maximum number of thinned draws in the table of draws.")
     scaling: tuple[float, float] = Field(
         (0.7, 1.25),
-        description="bounds of s, the uniformly distributed scaling of total coronary resistance (paper, 2.3)",
+        description="Bounds of s, the uniformly distributed scaling of total coronary resistance (paper, 2.3).",
     )
 
     @model_validator(mode="after")

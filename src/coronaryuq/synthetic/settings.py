@@ -33,7 +33,9 @@ class Settings(BaseModel):
         0.06, ge=0, lt=0.3, description="Relative standard deviation of perfusion within a territory."
     )
     texture_length: float = Field(1.2, gt=0.1, description="Correlation length of perfusion within a territory, cm.")
-    venous_share: float = Field(0.025, gt=0, lt=0.5, description="Share of Rv in a coronary bed's resistance at rest.")
+    venous_share: float = Field(
+        0.025, gt=0, lt=0.5, description="Fraction of a coronary bed's resistance at rest that is venous (Rv)."
+    )
     hyperaemia: float = Field(
         0.24, gt=0, le=1, description="Factor on Ra and Ram under hyperaemia (paper, section 2.2)."
     )

@@ -1,4 +1,4 @@
-"""What the 0D stage may be told: time steps, how periodic, and by which solver."""
+"""Settings of the 0D stage: solver, time steps, periodicity, jobs."""
 
 from typing import Literal
 
@@ -13,19 +13,19 @@ class Settings(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     backend: Literal["coronaryuq", "svzerod", "umbridge"] = Field(
-        "coronaryuq", description="solver; svzerod needs svZeroDSolver (pip install svzerod), umbridge a server"
+        "coronaryuq", description="Solver; svzerod needs svZeroDSolver (pip install svzerod), umbridge needs a server."
     )
     umbridge: RemoteSettings = Field(
         default_factory=RemoteSettings, description="Server of the 0D model, if the `backend` is umbridge."
     )
     steps_per_cycle: int | None = Field(
-        None, ge=10, description="time steps per cardiac cycle (1); the network's own when null"
+        None, ge=10, description="Time steps per cardiac cycle; null: as in the network file."
     )
     periodic: bool = Field(
-        True, description="run until periodic; otherwise exactly `cycles` from the initial condition"
+        True, description="Run to the periodic state; if false, exactly `cycles` cycles from the initial condition."
     )
-    cycles: int = Field(60, ge=1, description="cardiac cycles: the most when periodic, else exactly these (1)")
-    tolerance: float = Field(1e-4, gt=0, lt=1, description="relative cycle-to-cycle error that counts as periodic (1)")
-    batch: int = Field(64, ge=1, description="samples advanced together (1)")
-    threads: int = Field(1, ge=1, description="threads over groups of samples (1)")
-    chunk: int = Field(500, ge=1, description="samples per job (1)")
+    cycles: int = Field(60, ge=1, description="Number of cardiac cycles; the maximum if `periodic`.")
+    tolerance: float = Field(1e-4, gt=0, lt=1, description="Relative cycle-to-cycle error that counts as periodic.")
+    batch: int = Field(64, ge=1, description="Samples advanced together.")
+    threads: int = Field(1, ge=1, description="Threads, each with its own groups of samples.")
+    chunk: int = Field(500, ge=1, description="Samples per job.")

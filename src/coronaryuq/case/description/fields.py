@@ -36,17 +36,17 @@ class Anatomy(_Model):
 
     centrelines: str | None = Field(
         None,
-        description="VTP of centrelines: one polyline per vessel, point data Radius, cell data VesselName and Branch",
+        description="VTP of centrelines: one polyline per vessel, point data Radius, cell data VesselName and Branch.",
     )
-    surface: str | None = Field(None, description="closed surface of the lumen, including caps (STL, VTP, PLY)")
+    surface: str | None = Field(None, description="Closed surface of the lumen, including caps (STL, VTP, PLY).")
     simvascular: str | None = Field(
-        None, description="SimVascular project folder with Paths/*.pth and Segmentations/*.ctgr"
+        None, description="SimVascular project folder with Paths/*.pth and Segmentations/*.ctgr."
     )
-    mesh: str | None = Field(None, description="SimVascular mesh-complete folder")
-    unit: LengthUnit = Field("cm", description="length unit of these files, and of points in this description")
+    mesh: str | None = Field(None, description="SimVascular mesh-complete folder.")
+    unit: LengthUnit = Field("cm", description="Length unit of these files, and of points in this description.")
     inlet: Point | None = Field(
         None,
-        description="a point near the aortic inlet (at the valve); needed only if the two aortic ends are confused",
+        description="A point near the aortic inlet (at the valve); needed only if the two aortic ends are confused.",
     )
 
     @model_validator(mode="after")
@@ -69,39 +69,39 @@ class Anatomy(_Model):
 class Label(_Model):
     """Labels of the cells, points or voxels in the left ventricular wall."""
 
-    file: str | None = Field(None, description="label image on the map's grid, if the labels are in a separate file")
-    array: str | None = Field(None, description="label array in a VTK file")
-    values: list[int] = Field(min_length=1, description="label values of the left ventricular wall")
+    file: str | None = Field(None, description="Label image on the map's grid, if the labels are in a separate file.")
+    array: str | None = Field(None, description="Label array in a VTK file.")
+    values: list[int] = Field(min_length=1, description="Label values of the left ventricular wall.")
 
 
 class Registration(_Model):
     """An affine map from the perfusion image to the anatomy, computed from two images."""
 
-    fixed: str = Field(description="image in the anatomy's space (CT angiography)")
-    moving: str | None = Field(None, description="image in the map's space to register to it; default: the map itself")
+    fixed: str = Field(description="Image in the anatomy's space (CT angiography).")
+    moving: str | None = Field(None, description="Image in the map's space to register to it; default: the map itself.")
 
 
 class Perfusion(_Model):
     """The map of myocardial blood flow under hyperaemia."""
 
-    file: str = Field(description="VTU, VTP, VTK, VTI, NIfTI or NRRD")
+    file: str = Field(description="VTU, VTP, VTK, VTI, NIfTI or NRRD.")
     array: str | None = Field(
-        None, description="point or cell array with the flow; may be left out if the file has only one"
+        None, description="Point or cell array with the flow; may be left out if the file has only one."
     )
-    unit: PerfusionUnit = Field(description="unit of the values")
-    length_unit: LengthUnit = Field(description="length unit of the map's points (mm for NIfTI and NRRD)")
-    label: Label | None = Field(None, description="select the left ventricular wall by label")
+    unit: PerfusionUnit = Field(description="Unit of the values.")
+    length_unit: LengthUnit = Field(description="Length unit of the map's points (mm for NIfTI and NRRD).")
+    label: Label | None = Field(None, description="Select the left ventricular wall by label.")
     threshold: float | None = Field(
         None,
         gt=0,
-        description="select the left ventricular wall as the largest connected part above this value, in `unit`",
+        description="Select the left ventricular wall as the largest connected part above this value, in `unit`.",
     )
     affine: list[list[float]] | None = Field(
         None,
         description="4 x 4 matrix from the map's space (in its length unit; LPS for NIfTI and NRRD) to the anatomy's "
-        "space in cm",
+        "space in cm.",
     )
-    registration: Registration | None = Field(None, description="compute the affine matrix from two images instead")
+    registration: Registration | None = Field(None, description="Compute the affine matrix from two images instead.")
 
     @model_validator(mode="after")
     def _consistent(self):
@@ -119,14 +119,14 @@ class TerritoryFlows(_Model):
 
     file: str = Field(
         description="CSV with one row per LV-perfusing outlet: its name (or that of its boundary condition) and "
-        "either flow (with volume, cm3, if known), or mbf and volume, or only volume"
+        "either flow (with volume, cm3, if known), or mbf and volume, or only volume."
     )
     unit: TerritoryUnit = Field(
-        description="unit of flow; or `fraction` of the total; or unit of mbf, the territory's mean perfusion; or "
-        "`volume`, which divides the total in proportion to territory volumes"
+        description="Unit of the table's flow; or of its mbf, the territory's mean perfusion; or `fraction` of "
+        "`total`; or `volume`, which divides `total` in proportion to territory volumes."
     )
-    total: float | None = Field(None, gt=0, description="total LV flow, divided by fractions or volumes")
-    total_unit: FlowUnit = Field("mL/s", description="unit of total")
+    total: float | None = Field(None, gt=0, description="Total LV flow, divided in proportion to fractions or volumes.")
+    total_unit: FlowUnit = Field("mL/s", description="Unit of `total`.")
 
     @model_validator(mode="after")
     def _total_where_shared(self):
@@ -138,15 +138,15 @@ class TerritoryFlows(_Model):
 class StenosisPlace(_Model):
     """A stenosis, located by its extent along a vessel, by a nearby point, or by a block of the given network."""
 
-    name: Branch = Field(description="artery whose FFR, TAWSS and OSI are predicted")
-    vessel: str | None = Field(None, description="vessel of the tree; give start and end, too")
-    start: float | None = Field(None, ge=0, description="start of the stenosis, cm along the vessel")
-    end: float | None = Field(None, gt=0, description="end of the stenosis, cm along the vessel")
-    point: Point | None = Field(None, description="a point near the throat, in the anatomy's length unit")
+    name: Branch = Field(description="Artery whose FFR, TAWSS and OSI are predicted.")
+    vessel: str | None = Field(None, description="Vessel of the tree; needs `start` and `end`.")
+    start: float | None = Field(None, ge=0, description="Start of the stenosis, cm along the vessel.")
+    end: float | None = Field(None, gt=0, description="End of the stenosis, cm along the vessel.")
+    point: Point | None = Field(None, description="A point near the throat, in the anatomy's length unit.")
     length: float | None = Field(
-        None, gt=0, le=10, description="length in cm, with point; default: measured on the vessel"
+        None, gt=0, le=10, description="Length of the stenosis at `point`, cm; default: measured on the vessel."
     )
-    block: str | None = Field(None, description="0D vessel of a given network that carries the stenosis coefficient")
+    block: str | None = Field(None, description="0D vessel of a given network that carries the stenosis coefficient.")
 
     @model_validator(mode="after")
     def _one_way(self):
@@ -165,56 +165,57 @@ class StenosisPlace(_Model):
 class SystemicOutlet(_Model):
     """An outlet of the aorta, which ends in a Windkessel."""
 
-    name: Name = Field(description="boundary condition, for example BC_RCR1")
-    vessel: str | None = Field(None, description="vessel of the tree, or block of the network, that ends there")
-    point: Point | None = Field(None, description="a point near the cap, in the anatomy's length unit")
+    name: Name = Field(description="Boundary condition, for example BC_RCR1.")
+    vessel: str | None = Field(None, description="Vessel of the tree, or block of the network, that ends there.")
+    point: Point | None = Field(None, description="A point near the cap, in the anatomy's length unit.")
 
 
 class Description(_Model):
     """One patient. Paths are relative to the folder of `case.yaml`."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.-]{0,63}$")] = Field(description="name of the case")
-    description: str = Field("", max_length=2000, description="anything that readers should know")
-    anatomy: Anatomy | None = Field(None, description="the vessels; may be left out if a network is given")
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.-]{0,63}$")] = Field(description="Name of the case.")
+    description: str = Field("", max_length=2000, description="Free text for readers.")
+    anatomy: Anatomy | None = Field(None, description="The vessels; may be left out if a network is given.")
     network: str | None = Field(
-        None, description="0D network (svZeroDSolver JSON) to use instead of one built from the anatomy"
+        None, description="0D network (svZeroDSolver JSON) to use instead of one built from the anatomy."
     )
     network_units: Literal["auto", "cgs", "mmHg"] = Field(
         "auto",
-        description="pressure unit of that network: dyn/cm2 (cgs) or mmHg; auto infers it from the systemic resistance",
+        description="Pressure unit of that network: dyn/cm2 (cgs) or mmHg; auto infers it from the systemic "
+        "resistance.",
     )
-    perfusion: Perfusion | None = Field(None, description="map of myocardial blood flow")
-    territory_flows: TerritoryFlows | None = Field(None, description="measured flow of each outlet, instead of a map")
+    perfusion: Perfusion | None = Field(None, description="Map of myocardial blood flow.")
+    territory_flows: TerritoryFlows | None = Field(None, description="Measured flow of each outlet, instead of a map.")
     outlets: str = Field(
         description="CSV of coronary outlets: name; vessel or x, y, z; perfuses (LV, RV or septum); branch (LAD, LCx "
-        "or RCA); optional bc (default BC_name) and label"
+        "or RCA); optional bc (default BC_name) and label."
     )
     systemic_outlets: list[SystemicOutlet] = Field(
-        default_factory=list, description="outlets of the aorta; default: every aortic end, named BC_RCR1, BC_RCR2, ..."
+        default_factory=list, description="Outlets of the aorta; default: all aortic ends, named BC_RCR1, BC_RCR2, ..."
     )
     stenoses: Literal["auto"] | list[StenosisPlace] = Field(
-        description="at most one each for LAD, LCx and RCA; or auto, the narrowest one of each"
+        description="At most one each for LAD, LCx and RCA; or `auto`: the narrowest of each artery."
     )
     targets: str | None = Field(
-        None, description="clinical targets: CSV of name, description and value (or none), or the same in YAML"
+        None, description="Clinical targets: CSV of name, description and value (or none), or the same in YAML."
     )
     period: float | None = Field(
-        None, gt=0.2, lt=3, description="cardiac period, s; default: that of the network, or 1.0"
+        None, gt=0.2, lt=3, description="Cardiac period, s; default: that of the network, or 1.0."
     )
-    density: float = Field(BLOOD_DENSITY, ge=0.9, le=1.2, description="blood density, g/cm3")
-    viscosity: float = Field(BLOOD_VISCOSITY, ge=0.005, le=0.2, description="blood viscosity, poise")
+    density: float = Field(BLOOD_DENSITY, ge=0.9, le=1.2, description="Blood density, g/cm3.")
+    viscosity: float = Field(BLOOD_VISCOSITY, ge=0.005, le=0.2, description="Blood viscosity, poise.")
     haematocrit: float | None = Field(
         None,
         gt=0.1,
         lt=0.7,
-        description="volume fraction of red cells; only recorded, viscosity is not derived from it",
+        description="Volume fraction of red cells; recorded only: viscosity is not derived from it.",
     )
-    tissue_density: float = Field(TISSUE_DENSITY, ge=0.9, le=1.2, description="density of myocardium, g/mL")
+    tissue_density: float = Field(TISSUE_DENSITY, ge=0.9, le=1.2, description="Density of myocardium, g/mL.")
     hyperaemia: float = Field(
         0.24,
         gt=0,
         le=1,
-        description="factor on coronary resistance from rest to the state in which the map was acquired",
+        description="Coronary resistance in the state in which the map was acquired, relative to rest.",
     )
 
     @property

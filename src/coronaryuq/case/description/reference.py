@@ -32,7 +32,7 @@ def reference() -> str:
     parts = []
     for name, model in BLOCKS.items():
         each = " (each)" if name in ("stenoses", "systemic_outlets") else ""
-        parts += [f"### `{name}`{each}", "", "| field | default | what |", "|---|---|---|", *_rows(model), ""]
+        parts += [f"### `{name}`{each}", "", "| field | default | description |", "|---|---|---|", *_rows(model), ""]
     return "\n".join(parts)
 
 
@@ -41,8 +41,8 @@ def _rows(model: type[BaseModel]) -> list[str]:
     for name, field in model.model_fields.items():
         default = "required" if field.is_required() else field.get_default(call_default_factory=True)
         shown = "required" if default == "required" else "none" if default in (None, "", []) else f"`{default}`"
-        what = field.description or f"see `{name}` below"
+        what = field.description or f"See `{name}` below."
         if get_origin(field.annotation) is Literal:
-            what += f": {', '.join(get_args(field.annotation))}"
+            what = f"{what.rstrip('.')}; one of {', '.join(f'`{choice}`' for choice in get_args(field.annotation))}."
         rows.append(f"| `{name}` | {shown} | {what.replace('|', '¦')} |")
     return rows

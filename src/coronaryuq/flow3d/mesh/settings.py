@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class Settings(BaseModel):
-    """Which part of the anatomy is meshed, and how finely; in vessel diameters or ratios, so that one set fits all."""
+    """Part of the anatomy to mesh, and its resolution; in vessel diameters or ratios, so that one set fits all."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -41,15 +41,15 @@ class Settings(BaseModel):
         0.5,
         ge=0.0,
         le=1.0,
-        description="How strongly nodes are drawn to the wall at a throat, where the boundary layer is thin: relative "
-        "depth becomes its power of 1 plus this; 0: not at all.",
+        description="Grading of nodes towards the wall at a throat, where the boundary layer is thin: relative depth "
+        "is raised to the power of 1 plus this value; 0: no grading.",
     )
     axial_stretch: float = Field(
         2.0,
         ge=1.0,
         le=3.0,
-        description="Length over width of elements from a throat to the end of the stenosis region, where flow changes "
-        "slowly along the vessel; the resolutions above refer to widths.",
+        description="Ratio of length to width of elements from a throat to the end of the stenosis region, "
+        "where flow changes slowly along the vessel; the resolutions above refer to widths.",
     )
     gradation: float = Field(1.3, gt=1.0, le=2.0, description="Largest ratio of neighbouring edge lengths.")
     upstream_diameters: float = Field(
@@ -71,13 +71,16 @@ class Settings(BaseModel):
         description="Extent of the stenosis region for wall shear upstream of the stenosis, in local diameters.",
     )
     region_downstream_diameters: float = Field(
-        2.0, ge=0.0, le=10.0, description="Extent of the region downstream of the stenosis, in local diameters."
+        2.0,
+        ge=0.0,
+        le=10.0,
+        description="Extent of the stenosis region downstream of the stenosis, in local diameters.",
     )
     ffr_diameters: float = Field(
         2.5,
         ge=0.0,
         le=50.0,
-        description="Distance from the stenosis to the plane of distal pressure, in local diameters.",
+        description="Distance from the stenosis to the plane of the distal pressure of FFR, in local diameters.",
     )
-    time_limit: float = Field(600.0, gt=0.0, description="Largest CPU time of one meshing attempt of one piece, s.")
+    time_limit: float = Field(600.0, gt=0.0, description="Maximum CPU time of one meshing attempt of one piece, s.")
     attempts: int = Field(4, ge=1, le=10, description="Meshing attempts per piece before the case is rejected.")
