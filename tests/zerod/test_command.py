@@ -35,7 +35,7 @@ def test_a_fault_is_one_line_and_nothing_is_written(tmp_path, capsys):
         (".", ".: is a folder; name a file in it"),
         ("held", "held: is a folder; name a file in it"),
         ("tree.json/out.csv", "tree.json: expected a folder for results, but tree.json is a file"),
-        ("./tree.json", "command line: TABLE.csv = './tree.json': is the network itself; name another file"),
+        ("./tree.json", "command line: TABLE.csv = './tree.json': is the network file; choose another file"),
     ],
 )
 def test_a_table_that_cannot_be_written_is_rejected_before_the_march(tmp_path, monkeypatch, capsys, table, error):

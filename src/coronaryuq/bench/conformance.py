@@ -77,7 +77,7 @@ def run(quick: bool = False, cases: str | None = None) -> dict:
     folder = Path(cases) if cases else case_folder()
     files = case_files(folder)
     if not files:
-        raise InputError("command line", "--cases", folder, "holds no network files")
+        raise InputError("command line", "--cases", folder, "contains no network files")
     found = [compare(path, folder) for path in files if not quick or _steps(path) <= _QUICK_STEPS]
     return {
         "svzerodsolver": _version(),

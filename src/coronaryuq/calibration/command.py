@@ -1,4 +1,4 @@
-"""`coronaryuq tune`: a closed loop and a table of clinical targets in, the tuned loop and its fit out."""
+"""`coronaryuq tune`: tune a closed loop to a table of clinical targets."""
 
 import argparse
 import sys
@@ -12,15 +12,19 @@ from coronaryuq.core.io.atomic import check_folder
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = "Tune a closed 0D loop to clinical targets; write rest.json, hyperaemia.json and two tables."
     parser.add_argument("network", metavar="NETWORK.json", help="0D network, svZeroDSolver JSON")
-    parser.add_argument("targets", metavar="TARGETS.csv", help="name, description, value (or none)")
-    parser.add_argument("--out", metavar="DIR", required=True, help="folder for results")
+    parser.add_argument(
+        "targets", metavar="TARGETS.csv", help="clinical targets, columns name, description, value (or none)"
+    )
+    parser.add_argument("--out", metavar="DIR", required=True, help="output folder")
     parser.add_argument("--units", choices=("auto", "cgs", "mmHg"), default="auto", help="pressure unit of the network")
-    parser.add_argument("--seed", type=non_negative_int, default=1, help="seed of the starts (default 1)")
+    parser.add_argument(
+        "--seed", type=non_negative_int, default=1, help="seed of the random starting points (default 1)"
+    )
     parser.add_argument("--threads", type=positive_int, default=1, help="threads of the 0D engine (default 1)")
 
 
 def main(chosen: argparse.Namespace) -> int:
-    """Run the command, progress on standard error and the fit on standard output; returns the exit code."""
+    """Run the command, with progress on standard error and the fit on standard output; return the exit code."""
     check_folder(chosen.out)
     tuned = tune_files(
         chosen.network,

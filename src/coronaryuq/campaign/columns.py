@@ -11,12 +11,12 @@ THETA: Columns = (
 )
 OUTPUTS: Columns = (
     *SAMPLE,
-    ("(mean|min|max)_flow:.+", "flow at the 0D location: mean, least or largest over a cycle", "mL/s"),
-    ("(mean|min|max)_pressure:.+", "pressure at the 0D location: mean, least or largest over a cycle", "dyn/cm2"),
-    ("ffr_.+", "fractional flow reserve behind the stenosis: distal over aortic mean pressure", "1"),
-    ("tawss_.+", "time-averaged wall shear stress at the stenosis: least, mean or 1 % quantile by area", "dyn/cm2"),
-    ("osi_.+", "oscillatory shear index at the stenosis: largest, mean or 99 % quantile by area", "1"),
-    ("distal_pressure_.+", "mean pressure behind the stenosis", "dyn/cm2"),
+    ("(mean|min|max)_flow:.+", "flow at the 0D location: mean, minimum or maximum over a cycle", "mL/s"),
+    ("(mean|min|max)_pressure:.+", "pressure at the 0D location: mean, minimum or maximum over a cycle", "dyn/cm2"),
+    ("ffr_.+", "fractional flow reserve distal to the stenosis: distal over aortic mean pressure", "1"),
+    ("tawss_.+", "time-averaged wall shear stress at the stenosis: minimum, mean or 1 % quantile by area", "dyn/cm2"),
+    ("osi_.+", "oscillatory shear index at the stenosis: maximum, mean or 99 % quantile by area", "1"),
+    ("distal_pressure_.+", "mean pressure distal to the stenosis", "dyn/cm2"),
     ("aortic_pressure", "mean pressure in the aorta", "dyn/cm2"),
 )
 RUN: Columns = (
@@ -25,7 +25,7 @@ RUN: Columns = (
     ("cpu_s", "CPU time", "s"),
     ("cycles", "cardiac cycles until periodic", "1"),
     ("cycle_error", "relative change over the last cycle", "1"),
-    ("refinement", "factor by which time steps had to be shorter", "1"),
+    ("refinement", "factor by which the time step was reduced", "1"),
 )
 ROW: Columns = (
     ("row", "name of the estimated quantity", "text"),
@@ -33,40 +33,40 @@ ROW: Columns = (
     ("column_3d", "3D quantity, a column of runs/outputs_3d.csv", "text"),
     ("column_0d", "0D quantity that predicts it, a column of runs/outputs_0d.csv", "text"),
 )
-OF_ROW = "that of column_3d"
+OF_ROW = "unit of column_3d"
 MEASUREMENTS: Columns = (
     ("condition", "condition of the measurement", "text"),
     ("quantity", "pressure, flow, volume, ...", "text"),
     ("location", "0D location", "text"),
     ("statistic", "mean, min, max or waveform", "text"),
     ("time", "time within the cycle, of waveforms", "s"),
-    ("phase", "time within the cycle over its period, or the part of the cycle", "1"),
-    ("value", "measured value", "that of the column unit"),
+    ("phase", "time within the cycle divided by its period, or part of the cycle", "1"),
+    ("value", "measured value", "see column unit"),
     ("measured", "measured value", "CGS: mL/s, dyn/cm2, mL"),
-    ("sd", "standard deviation of the measurement", "that of the value"),
+    ("sd", "standard deviation of the measurement", "unit of the value"),
     ("unit", "unit of value and sd", "text"),
     ("recalibrated", "value of the recalibrated model", "CGS: mL/s, dyn/cm2, mL"),
     ("repaired", "value of the model with the named effects", "CGS: mL/s, dyn/cm2, mL"),
-    ("fitted", "whether the fit used it; otherwise it was held out", "yes/no"),
-    ("named", "whether an effect is named in this case", "yes/no"),
+    ("fitted", "whether the value was fitted; otherwise it was held out", "yes/no"),
+    ("named", "whether the search named an effect in this case", "yes/no"),
 )
 EFFECT: Columns = (
     ("branch", "artery", "text"),
-    ("effect", "effect that the model may lack", "text"),
-    ("place", "vessel, bed or sensor where it acts", "text"),
-    ("parameter", "its parameter", "text"),
+    ("effect", "effect that the model may be missing", "text"),
+    ("place", "vessel, bed or sensor at which it acts", "text"),
+    ("parameter", "parameter of the effect", "text"),
     ("probability", "posterior probability", "1"),
     ("round", "round of the forward step", "1"),
     ("score", "score test, in standard deviations", "1"),
     ("accepted", "whether the round added it", "yes/no"),
     ("unit", "unit of the size", "text"),
-    ("size(_low|_high)?", "size of the effect, with its 95 % interval", "that of the effect's parameter"),
-    ("(posterior|prior)", "density of the size", "1 over that of the size"),
-    ("named", "whether the answer names it", "yes/no"),
+    ("size(_low|_high)?", "size of the effect, with its 95 % interval", "unit of the effect's parameter"),
+    ("(posterior|prior)", "density of the size", "1 over the unit of the size"),
+    ("named", "whether the search named it", "yes/no"),
 )
 GAP: Columns = (
     ("model", "compared model", "text"),
-    ("misfit", "root mean square of the held-out residuals over their standard deviations", "1"),
+    ("misfit", "root mean square of the held-out residuals, in standard deviations", "1"),
     ("(low|high)", "95 % interval of the misfit", "1"),
     ("log_predictive_density", "mean log predictive density of the held-out values", "1"),
     ("expected_misfit", "misfit expected from noise alone", "1"),
@@ -74,11 +74,11 @@ GAP: Columns = (
 PAIRS: Columns = (
     *SAMPLE,
     ("branch", "artery", "text"),
-    ("flow", "measured mean flow through the stenosis", "that of the given tables, of a campaign mL/s"),
+    ("flow", "measured mean flow through the stenosis", "mL/s in a campaign, otherwise unit of the given tables"),
     (
         "drop_.+",
         "mean pressure drop: measured, or of the model at the measured flow",
-        "that of the given tables, of a campaign dyn/cm2",
+        "dyn/cm2 in a campaign, otherwise unit of the given tables",
     ),
     ("ffr_.+", "fractional flow reserve: measured, simulated, recalibrated, repaired, flexible", "1"),
 )
@@ -89,31 +89,31 @@ OUTLETS: Columns = (
     ("vessel", "vessel that ends there", "text"),
     ("perfuses", "LV, RV or septum", "text"),
     ("branch", "LAD, LCx or RCA", "text"),
-    ("label", "name for a reader", "text"),
+    ("label", "name for figures and tables", "text"),
 )
 TARGETS: Columns = (
     ("name", "name of the target", "text"),
     ("description", "the target in words", "text"),
-    ("value", "measured value, or none", "that of the target: docs/reference/case.md"),
+    ("value", "measured value, or none", "unit of the target: docs/reference/case.md"),
 )
 PARAMETERS: Columns = (
     ("name", "name of the parameter", "text"),
     ("description", "the parameter in words", "text"),
     ("unit", "unit of the values", "text"),
-    ("(value|initial|lower|upper)", "tuned value, start, bounds", "that of the column unit"),
-    ("block", "group that is tuned together", "text"),
+    ("(value|initial|lower|upper)", "tuned value, start, bounds", "see column unit"),
+    ("block", "block of parameters that are tuned together", "text"),
 )
 FIT: Columns = (
     ("target", "name of the target", "text"),
     ("description", "the target in words", "text"),
     ("unit", "unit of the values", "text"),
-    ("(measured|simulated)", "value", "that of the column unit"),
+    ("(measured|simulated)", "value", "see column unit"),
     ("misfit", "difference over the target's standard deviation", "1"),
     ("relative", "difference over the measured value", "1"),
-    ("(tuned|clinical)", "whether the tuning used it; whether it was measured in this patient", "yes/no"),
+    ("(tuned|clinical)", "whether it was used in tuning; whether it was measured in this patient", "yes/no"),
 )
 DRAWS: Columns = (
-    ("(chain|generation)", "which chain, which of its generations", "1"),
+    ("(chain|generation)", "number of the chain, number of its generation", "1"),
     ("log_density", "log density of the posterior up to a constant", "1"),
     *THETA,
 )
@@ -142,20 +142,20 @@ TABLE: Columns = (
         "interval of the mean: Chebyshev 95 %, 99 %; calibrated 95 %",
         OF_ROW,
     ),
-    ("rho_.+", "correlation of the 3D quantity with its predictor: 0D as it is, in sample, held out", "1"),
+    ("rho_.+", "correlation of the 3D quantity with its predictor: plain 0D, in-sample, held-out", "1"),
     ("(n_3d|n_0d|predictions)", "3D runs, 0D runs, evaluations of the predictor", "1"),
-    ("warnings", "why not to trust it", "text"),
+    ("warnings", "reasons for caution", "text"),
 )
 OUTPUT_PAIRS: Columns = (
     *ROW,
     *SAMPLE,
-    ("y", "3D output", "that of the row's column_3d"),
-    ("q.*", "0D output", "that of the row's column_0d"),
+    ("y", "3D output", "unit of the row's column_3d"),
+    ("q.*", "0D output", "unit of the row's column_0d"),
 )
 PAPER_TABLE: Columns = (
     *ROW,
     ("(mean|std|calibrated)_.+", "estimate of the mean, its standard deviation, its interval", OF_ROW),
-    ("paper_std_.+", "as the paper prints it", OF_ROW),
+    ("paper_std_.+", "as printed in the paper", OF_ROW),
     ("(paper_)?rho_.+", "correlation with the predictor", "1"),
     (
         "(best_method|recommended|warnings)",
@@ -168,14 +168,14 @@ PAPER_TABLE: Columns = (
 COVERAGE: Columns = (
     ("(problem|method|quantity|row)", "problem, estimator, estimated quantity", "text"),
     ("cpu_s", "CPU time", "s"),
-    ("empirical_std", "standard deviation of the estimates over the trials", "that of the problem's quantity"),
+    ("empirical_std", "standard deviation of the estimates over the trials", "unit of the estimated quantity"),
     (".+", "number of runs or trials, fraction covered, or reported over empirical standard error", "1"),
 )
-DRIVE: Columns = (("t", "time", "s"), ("value", "pressure or flow", "mmHg or dyn/cm2, as the model; mL/s"))
+DRIVE: Columns = (("t", "time", "s"), ("value", "pressure or flow", "pressure unit of the model; mL/s"))
 LOCATED: Columns = (
     ("mean", "mean residual", "CGS: mL/s, dyn/cm2, mL"),
-    ("score", "over its standard deviation", "1"),
-    ("(p|q)", "p-value; false-discovery rate", "1"),
+    ("score", "mean residual in standard deviations", "1"),
+    ("(p|q)", "p-value; false discovery rate", "1"),
     *MEASUREMENTS,
 )
 TREE: Columns = (

@@ -1,4 +1,4 @@
-"""What the files of a results folder are; the columns of its tables are in `columns`."""
+"""Descriptions of the files of a results folder; those of table columns are in `columns`."""
 
 import re
 from collections.abc import Iterable
@@ -23,22 +23,25 @@ KINDS = (
     Kind(r"patient/case\.yaml", "the bundled patient: description of the case (docs/reference/case.md)"),
     Kind(r"patient/truth\.json", "the bundled patient: flows and quantities that the campaign should find, CGS"),
     Kind(r"patient/outlets\.csv", "the bundled patient: outlets", columns.OUTLETS),
-    Kind(r"patient/targets\.csv", "the bundled patient: clinical targets; the file has no heading", columns.TARGETS),
+    Kind(r"patient/targets\.csv", "the bundled patient: clinical targets; the file has no header", columns.TARGETS),
     Kind(r"(?:patient|case)/tree\.vtp", "centreline tree; lengths in cm"),
     Kind(
         r"(?:patient|case)/lv\.vtu",
         "cells of the left ventricle: Volume (cm3), MBF (patient/: mL/min/g; case/: mL/s/g)",
     ),
-    Kind(r"case/case\.json", "the checked case, CGS (docs/explanation/architecture.md)"),
+    Kind(r"case/case\.json", "the validated case, CGS (docs/explanation/architecture.md)"),
     Kind(r"case/network\.json", "0D network at rest before tuning, svZeroDSolver JSON, CGS"),
-    Kind(r"perfusion/chunk_\d+\.npz", "flows of a block of noisy realisations, mL/s"),
+    Kind(r"perfusion/chunk_\d+\.npz", "outlet flows of a block of noisy realisations, mL/s"),
     Kind(r"perfusion/targets\.json", "target flows (mL/s), their covariance, territory volumes (cm3)"),
     Kind(r"calibration/(?:rest|hyperaemia)\.json", "the tuned loop, svZeroDSolver JSON, CGS"),
     Kind(r"calibration/parameters\.csv", "the tuned parameters", columns.PARAMETERS),
     Kind(r"calibration/fit\.csv", "clinical targets, measured against simulated", columns.FIT),
     Kind(r"posterior/chains\.npz", "every recorded state of every chain (docs/reference/formats.md)"),
     Kind(r"posterior/chains/.+", "state of the sampler, to resume from"),
-    Kind(r"posterior/posterior\.nc", "a DataTree for ArviZ: r (1), flows (mL/s) and log density of the kept states"),
+    Kind(
+        r"posterior/posterior\.nc",
+        "a DataTree for ArviZ: r (dimensionless), flows (mL/s) and log density of the kept states",
+    ),
     Kind(r"posterior/summary\.json", "convergence, fit, marginals, predictive checks (docs/reference/formats.md)"),
     Kind(r"posterior/fitted\.json", "the hyperaemic loop with the fitted resistances, svZeroDSolver JSON, CGS"),
     Kind(r"posterior/draws\.csv", "thinned draws of the posterior", columns.DRAWS),
@@ -63,7 +66,7 @@ KINDS = (
     Kind(r"runs/outputs_3d(?:_coarse)?\.csv", "3D quantities of the pilot", columns.OUTPUTS),
     Kind(r"runs/outputs_0d(?:_coarse|_propagation)?\.csv", "0D quantities", columns.OUTPUTS),
     Kind(r"runs/rows\.csv", "the quantities to estimate", columns.ROWS),
-    Kind(r"runs/param_limits\.json", "bounds of θ (1)"),
+    Kind(r"runs/param_limits\.json", "bounds of θ (dimensionless)"),
     Kind(r"runs/failures\.json", "runs that failed, and the cost of a run (CPU s)"),
     Kind(r"allocation/round_\d+\.json", "plan and decision of a round of a growing campaign"),
     Kind(r"estimation/networks\.npz", "the trained shared space"),
@@ -79,13 +82,13 @@ KINDS = (
         "3D and 0D outputs, at the same and at the resampled inputs",
         columns.OUTPUT_PAIRS,
     ),
-    Kind(r"paper_table\.csv", "the published runs' table beside the paper's columns", columns.PAPER_TABLE),
-    Kind(r"paper_table\.md", "the published runs' table for a reader"),
+    Kind(r"paper_table\.csv", "the published runs' table next to the paper's columns", columns.PAPER_TABLE),
+    Kind(r"paper_table\.md", "the published runs' table as Markdown"),
     Kind(r"coverage/n_\d+\.json", "coverage of the intervals at one pilot size"),
     Kind(r"coverage/table\.csv", "coverage of the intervals at all pilot sizes", columns.COVERAGE),
     Kind(
         r"discrepancy/[^/]+/case/(?:model\.json|conditions\.yaml|truth\.json)",
-        "a case to search, CGS unless it says otherwise",
+        "a case to search, CGS unless stated otherwise",
     ),
     Kind(r"discrepancy/[^/]+/(?:case|found)/measurements\.csv", "its measurements", columns.MEASUREMENTS),
     Kind(
@@ -93,10 +96,10 @@ KINDS = (
         "waveform that drives the model, in the model's units",
         columns.DRIVE,
     ),
-    Kind(r"discrepancy/[^/]+/found/discrepancy\.json", "answer of the search (docs/how-to/discrepancy.md)"),
+    Kind(r"discrepancy/[^/]+/found/discrepancy\.json", "result of the search (docs/how-to/discrepancy.md)"),
     Kind(
         r"discrepancy/[^/]+/found/(?:paragraph|difference)\.txt",
-        "the answer in words; the difference of the repaired model",
+        "the result in words; changes made in the repaired model",
     ),
     Kind(r"discrepancy/[^/]+/found/(?:repaired\.json|conditions\.yaml)", "the repaired model, in the model's units"),
     Kind(r"discrepancy/[^/]+/found/located\.csv", "where the recalibrated model misfits", columns.LOCATED),
@@ -112,12 +115,12 @@ KINDS = (
     Kind(r"discrepancy/pairs/found/pairs\.csv", "pairs of measured and simulated values", columns.PAIRS),
     Kind(r"discrepancy/pairs/found/laws\.csv", "laws of the pressure drop that were compared", columns.LAWS),
     Kind(r"discrepancy/[^/]+/figures/[^/]+\.(?:png|svg)", "figure of a search"),
-    Kind(r"discrepancy/(?:benchmark/)?report\.html", "page of the searches, or of their benchmark"),
-    Kind(r"discrepancy/benchmark/[^/]+/seed_\d+\.json", "hidden cases of one seed, and their answers"),
+    Kind(r"discrepancy/(?:benchmark/)?report\.html", "report on the searches, or on their benchmark"),
+    Kind(r"discrepancy/benchmark/[^/]+/seed_\d+\.json", "hidden cases of one seed, and the search's answers"),
     Kind(r"discrepancy/benchmark/(?:shares|cells|answers)\.csv", "how often the search is right", columns.BENCHMARK),
     Kind(r"discrepancy/benchmark/[^/]+\.png", "how often the search is right"),
     Kind(r"(?:figures|paper|coverage)/[^/]+\.(?:png|svg)", "figure"),
-    Kind(r"costs/.+\.json", "what a job has cost: wall and CPU time (s), memory (MB)"),
+    Kind(r"costs/.+\.json", "cost of a job: wall and CPU time (s), memory (MB)"),
 )
 """Every kind of file that a campaign may write."""
 

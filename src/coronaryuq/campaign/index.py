@@ -87,7 +87,8 @@ def _readme(home: Path, settings: config.Campaign | None, files: list[dict[str, 
             "",
         ]
     lines += [
-        "Units are CGS (pressure dyn/cm2, flow mL/s, lengths cm) unless `index.json` says otherwise: it lists every",
+        "Units are CGS (pressure dyn/cm2, flow mL/s, lengths cm) unless `index.json` gives another "
+        "unit. It lists every",
         "file with the job that wrote it, and every column of every table with its meaning and unit.",
         "",
         "| folder | contents | files |",

@@ -25,17 +25,19 @@ INPUTS = "inputs"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `coronaryuq crate`."""
-    parser.description = "Pack a campaign as a Provenance Run Crate: workflow, configuration, inputs, results, jobs."
+    parser.description = (
+        "Pack a campaign as a Provenance Run Crate: workflow, configuration, inputs, results and records of its jobs."
+    )
     parser.add_argument("results", metavar="FOLDER", help="results folder of a campaign, results/NAME")
     parser.add_argument("--out", metavar="PATH", help="a new folder, or a file NAME.zip (default: NAME.crate.zip)")
-    parser.add_argument("--no-data", action="store_true", help="describe inputs and results, but leave them out")
+    parser.add_argument("--no-data", action="store_true", help="describe inputs and results without including them")
     parser.add_argument("--agent", metavar="NAME", help="person who ran the campaign")
     parser.add_argument("--orcid", metavar="URL", help="ORCID of that person, https://orcid.org/...")
     parser.add_argument("--license", metavar="URL", help="licence of the data (default: none is granted)")
 
 
 def main(options: argparse.Namespace) -> int:
-    """Write the crate and say where it is."""
+    """Write the crate and print where it is."""
     home = Path(os.path.abspath(options.results))
     out = Path(options.out or f"{home.name}.crate.zip")
     if options.orcid and not (options.agent and options.orcid.startswith("https://orcid.org/")):

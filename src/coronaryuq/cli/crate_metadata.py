@@ -26,7 +26,7 @@ RUNNER = ("function", "code")
 PROFILES = {"process": "Process", "workflow": "Workflow", "provenance": "Provenance"}
 TERMS = "https://w3id.org/ro/terms/workflow-run#"
 PARAMETER_PROFILE = "https://bioschemas.org/profiles/FormalParameter/1.0-RELEASE"
-NO_LICENCE = "No licence is granted for the data of this campaign; the workflow is licensed as LICENSE says."
+NO_LICENCE = "No licence is granted for the data of this campaign; the file LICENSE licenses the workflow."
 UNITS = {"wall_s": "s", "cpu_s": "s", "memory_mb": "MB"}
 FORMATS = {
     ".json": "application/json", ".jsonl": "application/jsonl", ".csv": "text/csv", ".html": "text/html",

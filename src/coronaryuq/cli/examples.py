@@ -1,4 +1,4 @@
-"""Examples that the commands show in their help; they run where the campaign `smoke` has been run."""
+"""Examples for the help of the commands; they work where the campaign `smoke` has been run."""
 
 LOOP = "results/smoke/calibration/hyperaemia.json"
 PUBLISHED = "../shared/data/menon2024"
@@ -8,7 +8,7 @@ EXAMPLES: dict[str, list[tuple[str, str]]] = {
     "": [
         ("coronaryuq demo", "every stage once on the bundled patient"),
         ("coronaryuq check config/smoke.yaml", "check a configuration before its campaign is run"),
-        ("coronaryuq explain results/smoke/estimation/table.csv", "say where a result comes from"),
+        ("coronaryuq explain results/smoke/estimation/table.csv", "show where a result comes from"),
         ("coronaryuq solve --help", "show the options of one command"),
     ],
     "run": [
@@ -16,31 +16,34 @@ EXAMPLES: dict[str, list[tuple[str, str]]] = {
         ("coronaryuq run config/smoke.yaml --dry-run", "show what would run"),
         ("coronaryuq run smoke figures", "redraw the figures"),
         ("coronaryuq run paper --profile slurm", "on a cluster, with workflow/profiles/slurm"),
-        ("coronaryuq run smoke --dry-run -- --until posterior", "what follows -- goes to snakemake"),
+        ("coronaryuq run smoke --dry-run -- --until posterior", "arguments after -- are passed to snakemake"),
     ],
     "demo": [("coronaryuq demo", "results/smoke/report.html, in about four minutes")],
     "completion": [("coronaryuq completion bash", 'in ~/.bashrc, as eval "$(coronaryuq completion bash)"')],
     "check": [
-        ("coronaryuq check results/smoke/patient/case.yaml", "a case, and all files that it names"),
-        ("coronaryuq check config/smoke.yaml", "a configuration, and the case that it names"),
-        ("coronaryuq check config/smoke.yaml --json", "the same for a program"),
+        ("coronaryuq check results/smoke/patient/case.yaml", "a case, and all files that it refers to"),
+        ("coronaryuq check config/smoke.yaml", "a configuration, and the case that it refers to"),
+        ("coronaryuq check config/smoke.yaml --json", "the same as JSON, for scripts"),
     ],
     "explain": [
-        ("coronaryuq explain results/smoke/estimation/table.csv", "code, settings, inputs and machine behind it"),
-        ("coronaryuq explain results/smoke/report.html --json", "the same for a program"),
+        (
+            "coronaryuq explain results/smoke/estimation/table.csv",
+            "the code, settings, inputs and machine that produced it",
+        ),
+        ("coronaryuq explain results/smoke/report.html --json", "the same as JSON, for scripts"),
     ],
     "verify": [
-        ("coronaryuq verify results/smoke", "list results that changed after their jobs wrote them"),
+        ("coronaryuq verify results/smoke", "list results that have changed since their jobs wrote them"),
         ("coronaryuq verify results/smoke --remove", "delete them as well, so that they are regenerated"),
     ],
     "crate": [
         ("coronaryuq crate results/smoke", "writes smoke.crate.zip"),
         ("coronaryuq crate results/smoke --out smoke-crate", "writes a folder"),
-        ('coronaryuq crate results/smoke --no-data --agent "Ada Example"', "what was run, without the data"),
+        ('coronaryuq crate results/smoke --no-data --agent "Ada Example"', "provenance only, without the data"),
     ],
     "doctor": [
-        ("coronaryuq doctor", "check everything that a campaign needs of this machine"),
-        ("coronaryuq doctor --environment --json", "only the Python environment, for a program"),
+        ("coronaryuq doctor", "check everything that a campaign needs on this machine"),
+        ("coronaryuq doctor --environment --json", "only the Python environment, as JSON"),
     ],
     "bench": [("coronaryuq bench zerod --quick", "speed of the 0D solver, in less than a minute")],
     "bench zerod": [("coronaryuq bench zerod --quick", "less than a minute")],
@@ -56,24 +59,24 @@ EXAMPLES: dict[str, list[tuple[str, str]]] = {
     "tune": [
         (
             "coronaryuq tune results/smoke/calibration/rest.json results/smoke/patient/targets.csv --out tuned",
-            "tune a loop again; minutes on a laptop",
+            "retune a loop; takes minutes on a laptop",
         )
     ],
     "fit": [
         (
             f"printf 'name,flow\\nlca1,3\\nlca2,2\\n' > ratio.csv && coronaryuq fit {LOOP} ratio.csv --out fitted",
-            "share the flow of two beds 3 to 2",
+            "divide the flow of two beds in the ratio 3 to 2",
         )
     ],
     "discrepancy": [
         (
             f"coronaryuq discrepancy --model {HIDDEN}/model.json --measurements {HIDDEN}/measurements.csv "
             f"--conditions {HIDDEN}/conditions.yaml --out found",
-            "after `snakemake discrepancy --configfile config/smoke.yaml`, which hides an effect; minutes",
+            "after `snakemake discrepancy --configfile config/smoke.yaml`, which hides an effect; takes minutes",
         ),
         (
             f"coronaryuq discrepancy --pairs {PUBLISHED}/outputs_0d.csv {PUBLISHED}/outputs_3d.csv --out pairs",
-            "what the published 0D runs lack of the 3D runs, from tables alone",
+            "effects of the published 3D runs that the 0D runs lack, from tables alone",
         ),
     ],
     "serve": [
@@ -81,4 +84,4 @@ EXAMPLES: dict[str, list[tuple[str, str]]] = {
         ("coronaryuq serve results/smoke --port 0", "at a free port, which is printed"),
     ],
 }
-"""Command → pairs of a command line and a remark."""
+"""Command → pairs of a command line and a comment."""

@@ -20,21 +20,21 @@ BENCHMARKS = {
     "conformance": ("conformance", "agreement of the 0D solver with svZeroDSolver, case by case"),
     "perfusion": ("perfusion", "cost of noisy perfusion realisations on a large left ventricle"),
     "dream": ("dream", "posterior sampling of the bundled patient, compared with emcee"),
-    "flow3d": ("flow3d.benchmark", "cost and verification of the 3D solver, mesh convergence"),
+    "flow3d": ("flow3d.benchmark", "cost, verification and mesh convergence of the 3D solver"),
     "table": ("estimation.table", "the paper's table of estimates from published runs"),
     "coverage": ("estimation.coverage", "coverage of the confidence intervals over repeated trials"),
-    "discrepancy": ("discrepancy.benchmark", "how often hidden effects are found"),
+    "discrepancy": ("discrepancy.benchmark", "how often the search finds hidden effects"),
     "campaign": ("campaign", "a campaign's planning time, overhead and number of files"),
 }
 """Benchmark → module within `coronaryuq.bench`, with a function `run` and, if it has options, `add_arguments`."""
 COMMANDS = {
     "run": ("cli.run", "run a campaign in the current folder"),
     "crate": ("cli.crate", "pack a campaign with its workflow, inputs and jobs as an RO-Crate"),
-    "solve": ("zerod.command", "solve one 0D network; reads and writes svZeroDSolver's formats"),
+    "solve": ("zerod.command", "solve one 0D network, in svZeroDSolver's formats"),
     "tune": ("calibration.command", "tune a closed loop to a table of clinical targets"),
     "fit": ("posterior.command", "fit the resistances of coronary beds to a table of flows"),
-    "discrepancy": ("discrepancy.command", "find what a model of a case is missing"),
-    "serve": ("serve.command", "serve the models of a campaign to any UM-Bridge client"),
+    "discrepancy": ("discrepancy.command", "find physical effects that a model is missing"),
+    "serve": ("serve.command", "serve the models of a campaign to UM-Bridge clients"),
 }
 """Command → module with its `add_arguments` and `main`."""
 
@@ -103,13 +103,13 @@ def _parser(arguments: Sequence[str], whole: bool = False) -> argparse.ArgumentP
 
     demo = add_command("demo", "run every stage once on the bundled patient: four minutes to a report", _demo)
     demo.add_argument("--cores", default="all", help="cores of this machine to use (default: all)")
-    check = add_command("check", "check a case or a configuration, and all files that it names", _check)
+    check = add_command("check", "check a case or a configuration, and all files that it refers to", _check)
     check.add_argument("file", metavar="FILE", help="path of a case.yaml, or of a campaign's configuration")
-    explain = add_command("explain", "show how a result was made, and the command to reproduce it", _explain)
+    explain = add_command("explain", "show how a result was computed, and the command to reproduce it", _explain)
     explain.add_argument("result", metavar="RESULT", help="a result file of a campaign, under results/NAME")
     verify = add_command("verify", "list results that have changed since their jobs wrote them", _verify)
     verify.add_argument("results", metavar="FOLDER", help="results folder of a campaign, results/NAME")
-    verify.add_argument("--remove", action="store_true", help="also delete them; the campaign then makes them again")
+    verify.add_argument("--remove", action="store_true", help="also delete them, so that the next run regenerates them")
     doctor = add_command("doctor", "check this machine: libraries, MPI, 3D rendering, disk, solvers, SLURM", _doctor)
     doctor.add_argument("--environment", action="store_true", help="check the Python environment only")
     for command in (check, explain, verify, doctor):
@@ -118,7 +118,7 @@ def _parser(arguments: Sequence[str], whole: bool = False) -> argparse.ArgumentP
     completion.add_argument(
         "shell", choices=shtab.SUPPORTED_SHELLS, help='for bash: eval "$(coronaryuq completion bash)"'
     )
-    bench = add_command("bench", "run a benchmark; prints one JSON object", _bench)
+    bench = add_command("bench", "run a benchmark and print one JSON object", _bench)
     names = bench.add_subparsers(required=True, metavar="BENCHMARK")
     for name, (module_name, help) in BENCHMARKS.items():
         benchmark = names.add_parser(name, help=help, description=f"{help[0].upper()}{help[1:]}.")
@@ -126,7 +126,7 @@ def _parser(arguments: Sequence[str], whole: bool = False) -> argparse.ArgumentP
             module = importlib.import_module(f"coronaryuq.bench.{module_name}")
             benchmark.set_defaults(benchmark=name, function=module.run)
             getattr(module, "add_arguments", lambda parser: None)(benchmark)
-        benchmark.add_argument("--quick", action="store_true", help="a smaller size, within 50 s on two cores")
+        benchmark.add_argument("--quick", action="store_true", help="smaller problem, within 50 s on two cores")
         benchmark.add_argument("--json", action="store_true", help="print the JSON on one line")
         benchmark.show_examples(EXAMPLES[f"bench {name}"])
     for name, (module_name, help) in COMMANDS.items():

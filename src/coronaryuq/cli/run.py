@@ -27,14 +27,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"a configuration, or the name of one that comes with the package: {', '.join(shipped.configurations())}"
         " (default: laptop)",
     )
-    parser.add_argument("targets", nargs="*", metavar="TARGET", help="target or file to make; default: the report")
+    parser.add_argument("targets", nargs="*", metavar="TARGET", help="target or file to make (default: the report)")
     parser.add_argument("--cores", default="all", help="cores of this machine to use (default: all)")
     parser.add_argument("--profile", metavar="NAME", help="Snakemake profile: default, slurm, or a folder of your own")
-    parser.add_argument("--dry-run", "-n", action="store_true", help="only show what would run")
+    parser.add_argument("--dry-run", "-n", action="store_true", help="show what would run, without running it")
 
 
 def main(options: argparse.Namespace) -> int:
-    """Run a campaign and say where its report is."""
+    """Run a campaign and print where its report is."""
     return run(
         shipped.configuration(options.config),
         options.targets,

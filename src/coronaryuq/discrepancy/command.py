@@ -1,4 +1,4 @@
-"""The command `coronaryuq discrepancy`: search one case given by files."""
+"""The command `coronaryuq discrepancy`: search for missing effects in one case given by files."""
 
 import argparse
 import json
@@ -22,10 +22,12 @@ SOURCES = ("pairs", "recordings", "model", "measurements", "conditions")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `coronaryuq discrepancy` to `parser`."""
-    parser.description = "Find physical effects that a model lacks: locate the misfit, name, add and verify effects."
+    parser.description = (
+        "Find physical effects that a model is missing: locate the misfit, then name, add and check effects."
+    )
     parser.add_argument("--model", metavar="NETWORK.json", help="0D network, svZeroDSolver JSON")
-    parser.add_argument("--measurements", metavar="M.csv", help="measurement table")
-    parser.add_argument("--conditions", metavar="C.yaml", help="conditions of the measurements")
+    parser.add_argument("--measurements", metavar="M.csv", help="table of measurements")
+    parser.add_argument("--conditions", metavar="C.yaml", help="conditions under which they were measured")
     parser.add_argument(
         "--pairs", nargs=2, metavar=("SIMULATED.csv", "MEASURED.csv"), help="search a table model instead of a network"
     )
@@ -33,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--recordings",
         nargs=2,
         metavar=("FOLDER", "ANIMAL"),
-        help="search recordings of flow in one artery driven by measured pressures, ANIMAL_CONDITION.csv",
+        help="search recordings FOLDER/ANIMAL_CONDITION.csv: flow in one artery driven by measured pressures",
     )
     parser.add_argument(
         "--held-out",
@@ -56,11 +58,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--noise",
         choices=("estimated", "stated"),
         default="estimated",
-        help="noise of waveforms: use the standard deviations of the table (stated), or re-estimate them when the "
-        "model misfits (estimated, default)",
+        help="noise of waveforms: as in the measurement table (stated), or re-estimated if the model "
+        "misfits (estimated, default)",
     )
     parser.add_argument("--out", metavar="DIR", required=True, help="output folder")
-    parser.add_argument("--seed", type=non_negative_int, default=1, help="seed of folds and intervals (default 1)")
+    parser.add_argument(
+        "--seed", type=non_negative_int, default=1, help="seed of cross-validation folds and intervals (default 1)"
+    )
     parser.add_argument("--threads", type=positive_int, default=1, help="threads of the 0D solver (default 1)")
     parser.add_argument(
         "--json", action="store_true", help="print the result as one JSON object instead of a paragraph"

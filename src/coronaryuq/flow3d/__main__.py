@@ -19,7 +19,7 @@ def main() -> int:
     parser.add_argument("mesh", metavar="MESH", help="folder with mesh.json and mesh-complete/")
     parser.add_argument("samples", metavar="SAMPLES", help="table of θ, such as samples/pilot.csv")
     parser.add_argument(
-        "records", metavar="RECORDS", help="where to write, .jsonl; checkpoints and fields go beside it"
+        "records", metavar="RECORDS", help="output file, .jsonl; checkpoints and fields are written to its folder"
     )
     parser.add_argument("--settings", default="{}", metavar="JSON", help="block `flow3d` of a configuration")
     parser.add_argument("--first", type=int, default=0, help="first row of the table to run, from 0")

@@ -174,7 +174,7 @@ class Opened:
         path = self.path / result
         if not path.exists():
             there = [p.relative_to(self.path).as_posix() for p in self.path.rglob("*") if p.is_file()]
-            raise InputError(path, None, None, f"not there; {nearest(result, there)}name a file of {self.path}")
+            raise InputError(path, None, None, f"no such result; {nearest(result, there)}name a file of {self.path}")
         return explain(path)
 
     @cached_property

@@ -13,7 +13,7 @@ def main() -> int:
     parser.add_argument("case", metavar="CASE", help="case.json")
     parser.add_argument("network", metavar="NETWORK", help="hyperaemia.json, the tuned loop")
     parser.add_argument("targets", metavar="TARGETS", help="targets.json of the perfusion stage")
-    parser.add_argument("chains", metavar="CHAINS", help="where to write, .npz; checkpoints go beside it")
+    parser.add_argument("chains", metavar="CHAINS", help="output file, .npz; checkpoints are written to its folder")
     parser.add_argument("--settings", default="{}", metavar="JSON", help="block `posterior` of a configuration")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1, help="threads of each rank")

@@ -1,4 +1,4 @@
-"""`coronaryuq fit`: find the resistances at which a 0D network shares its flow as a table says."""
+"""`coronaryuq fit`: fit bed resistances of a 0D network to the flow fractions of a table."""
 
 import argparse
 import json
@@ -7,20 +7,23 @@ from pathlib import Path
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Find the resistances at which a tuned 0D network shares its flow among coronary beds as a table says. The "
+        "Find the bed resistances at which a tuned 0D network divides coronary flow in the proportions of a table. The "
         "total resistance of the beds in the table is preserved; other beds are not changed."
     )
-    parser.add_argument("network", metavar="NETWORK.json", help="0D network in the state of the flows (hyperaemia)")
+    parser.add_argument(
+        "network", metavar="NETWORK.json", help="0D network in the state in which the flows were measured (hyperaemia)"
+    )
     parser.add_argument(
         "flows", metavar="FLOWS.csv",
-        help="name (of the bed, with or without BC_) and flow, or mbf and volume, or volume; only ratios matter",
+        help="columns: name of the bed (with or without BC_), and flow, or mbf and volume, or volume; "
+"only ratios matter",
     )  # fmt: skip
     parser.add_argument(
         "--hyperaemia", type=float, default=1.0, metavar="FACTOR",
-        help="first multiply Ra and Ram of every bed, for a network at rest (paper: 0.24; default 1)",
+        help="for a network at rest: multiply Ra and Ram of every bed first (paper: 0.24; default 1)",
     )  # fmt: skip
-    parser.add_argument("--out", metavar="DIR", help="folder for fractions.csv and fitted.json")
-    parser.add_argument("--json", action="store_true", help="one JSON object on standard output instead of a table")
+    parser.add_argument("--out", metavar="DIR", help="output folder for fractions.csv and fitted.json")
+    parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
 
 
 def main(chosen: argparse.Namespace) -> int:

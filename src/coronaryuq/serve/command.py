@@ -15,8 +15,8 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `coronaryuq serve` to `parser`."""
     parser.description = (
-        "Serve the models zerod, loglikelihood, flow3d and flow3d_coarse of a campaign by the UM-Bridge protocol; "
-        "requests that arrive together are run together."
+        "Serve the models zerod, loglikelihood, flow3d and flow3d_coarse of a campaign by the UM-Bridge protocol. "
+        "Requests that arrive at the same time are run as one batch."
     )
     parser.add_argument("campaign", metavar="CAMPAIGN", help="results folder of a campaign, results/NAME")
     parser.add_argument("--port", type=non_negative_int, default=4242, help="port; 0: a free one (default 4242)")

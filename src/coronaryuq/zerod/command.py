@@ -1,4 +1,4 @@
-"""`coronaryuq solve`: one 0D network marched in time, svZeroDSolver's input in, its table out."""
+"""`coronaryuq solve`: solve one 0D network in time, with svZeroDSolver's input and output formats."""
 
 import argparse
 import sys
@@ -16,7 +16,7 @@ DEFAULT_TABLE = "output.csv"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments, which are those of `svzerodsolver`."""
     parser.description = (
-        "March a 0D network as its simulation_parameters say and write svZeroDSolver's table. "
+        "Solve a 0D network in time with its own simulation_parameters and write svZeroDSolver's table. "
         "Arguments, columns and exit codes (0, or 1 on failure) are those of svzerodsolver."
     )
     parser.add_argument("network", metavar="NETWORK.json", help="0D network, svZeroDSolver JSON")
@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "table",
         metavar="TABLE.csv",
         nargs="?",
-        help=f"by vessel or by variable, as the network says (default: {DEFAULT_TABLE} beside the network)",
+        help=f"output table, by vessel or by variable as set in the network (default: {DEFAULT_TABLE} in its folder)",
     )
 
 
@@ -43,7 +43,7 @@ def _solve(source: str, target: str | None) -> None:
         target = str(Path(source).parent / DEFAULT_TABLE)
         print(f"Output will be written to '{target}'.", file=sys.stderr)
     if check_file(target).resolve() == Path(source).resolve():
-        raise InputError("command line", "TABLE.csv", target, "is the network itself; name another file")
+        raise InputError("command line", "TABLE.csv", target, "is the network file; choose another file")
     network = read_network(source)
     print_notes(network, source)
     try:

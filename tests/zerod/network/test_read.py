@@ -56,7 +56,7 @@ FAULTS = {
     ),
     "chamber without activation": (
         lambda n: n.update(chambers=[_chamber(None)]),
-        ("chambers.LV.activation_function.type", "unknown activation function; know half_cosine"),
+        ("chambers.LV.activation_function.type", "unknown activation function; known: half_cosine"),
     ),
     "unknown activation": (
         lambda n: n.update(chambers=[_chamber({"type": "double_tanh"})]),

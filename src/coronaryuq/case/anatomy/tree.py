@@ -116,7 +116,7 @@ class Tree:
         if vessel.branch not in BRANCHES:
             raise ValueError(f"vessel {vessel.name}: branch {vessel.branch!r} is none of {', '.join(BRANCHES)}")
         if vessel.parent is None and self.vessels:
-            raise ValueError(f"vessel {vessel.name}: a second root beside {self.root.name}")
+            raise ValueError(f"vessel {vessel.name}: a second root, in addition to {self.root.name}")
         if vessel.parent is not None:
             if vessel.parent not in self.vessels:
                 raise ValueError(f"vessel {vessel.name}: its parent {vessel.parent} does not come before it")

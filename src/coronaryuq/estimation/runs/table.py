@@ -87,7 +87,10 @@ def read_runs(folder: str | Path) -> Runs:
     inputs = tuple(params.columns)
     if not inputs:
         raise InputError(
-            folder / "params.csv", None, None, "contains no inputs; expected one column per input beside `sample`"
+            folder / "params.csv",
+            None,
+            None,
+            "contains no inputs; expected one column per input in addition to `sample`",
         )
     limits = _limits(folder / "param_limits.json", inputs)
     theta = _finite(folder / "params.csv", params)

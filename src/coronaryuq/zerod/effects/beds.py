@@ -88,13 +88,13 @@ class IncompleteHyperaemia(Effect):
 
     name = "incomplete_hyperaemia"
     formula = (
-        "R = R_rest (f + s (1 - f)), f the nominal factor of the condition, s the missing share of the dilatation, "
+        "R = R_rest (f + s (1 - f)), f the nominal factor of the condition, s the missing fraction of the dilatation, "
         "at most 1"
     )
     source = "De Bruyne et al., Circulation 107 (2003) 1877"
     signature = "flow too low in conditions that dilate the beds, correct in the others"
     native = "Ra, Ram (Ra1, Ra2; Rp, Rd) of the beds, one value per condition, written into the conditions file"
-    parameters = (Parameter("share", "1", "lognormal", 0.15, 1.0, "missing share of the dilatation"),)
+    parameters = (Parameter("share", "1", "lognormal", 0.15, 1.0, "missing fraction of the dilatation"),)
 
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return _groups(anatomy)
@@ -105,7 +105,7 @@ class IncompleteHyperaemia(Effect):
         nominal = condition.resistance_scale
         if nominal >= 1.0:
             return {}
-        # A share above 1 would leave the bed more constricted than at rest.
+        # A fraction above 1 would leave the bed more constricted than at rest.
         share = np.minimum(np.asarray(sizes["share"]), 1.0)
         factor = (nominal + share * (1.0 - nominal)) / nominal
         changes: Values = {}

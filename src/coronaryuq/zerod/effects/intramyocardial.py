@@ -18,14 +18,14 @@ PULSING = 1e-3
 
 
 class IntramyocardialPressure(Effect):
-    """Intramyocardial pressure missing from the model: an added share of the left ventricular pressure."""
+    """Intramyocardial pressure missing from the model: an added fraction of the left ventricular pressure."""
 
     name = "intramyocardial_pressure"
     formula = "P_im(t) = P_im,model(t) + s P_LV(t)"
     source = "Spaan et al., Circ. Res. 49 (1981) 584; Kim et al., Ann. Biomed. Eng. 38 (2010) 3195"
     signature = "flow impeded in systole and released in early diastole, with little change of its mean"
     native = "Pim of open-loop CORONARY blocks; iml and imr of the closed-loop heart"
-    parameters = (Parameter("share", "1", "normal", 0.0, 0.75, "added share of the left ventricular pressure"),)
+    parameters = (Parameter("share", "1", "normal", 0.0, 0.75, "added fraction of the left ventricular pressure"),)
 
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         if anatomy.closed_loop:

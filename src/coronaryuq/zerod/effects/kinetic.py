@@ -6,7 +6,7 @@ from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Parameter, Series
 from coronaryuq.zerod.effects.quadratic import QuadraticLoss
 
-LOSS = Parameter("loss", "1", "lognormal", 0.05, 1.2, "share of the mean pressure lost in each vessel at mean flow")
+LOSS = Parameter("loss", "1", "lognormal", 0.05, 1.2, "fraction of the mean pressure lost in each vessel at mean flow")
 
 
 class BifurcationLoss(QuadraticLoss):

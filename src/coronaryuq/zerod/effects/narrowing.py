@@ -26,7 +26,7 @@ class DiffuseNarrowing(Effect):
             "lognormal",
             0.1,
             1.2,
-            "share of the mean pressure lost to the added resistance at mean flow",
+            "fraction of the mean pressure lost to the added resistance at mean flow",
         ),
     )
 

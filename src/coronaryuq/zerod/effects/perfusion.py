@@ -57,7 +57,7 @@ class ShiftedTerritory(Effect):
         "correct"
     )
     native = NATIVE
-    parameters = (Parameter("share", "1", "lognormal", 0.2, 0.7, "share of a territory that belongs to the other"),)
+    parameters = (Parameter("share", "1", "lognormal", 0.2, 0.7, "fraction of a territory that belongs to the other"),)
     side = "measurement"
 
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:

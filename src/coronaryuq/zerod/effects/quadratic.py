@@ -21,7 +21,7 @@ class QuadraticLoss(Effect):
     native = "stenosis_coefficient of the vessel, or of a vessel added ahead if the vessel has a C"
     grafted = True
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("loss", "1", "lognormal", 0.1, 1.2, "share of the mean pressure lost at the model's mean flow"),
+        Parameter("loss", "1", "lognormal", 0.1, 1.2, "fraction of the mean pressure lost at the model's mean flow"),
     )
 
     def vessels(self, place: str, anatomy: Anatomy) -> list[str]:

@@ -21,7 +21,9 @@ class ExchangedOutlets(Effect):
         "condition"
     )
     native = "the values of the two boundary conditions"
-    parameters = (Parameter("share", "1", "lognormal", 1.0, 0.15, "share of the exchange; 1 is a complete exchange"),)
+    parameters = (
+        Parameter("share", "1", "lognormal", 1.0, 0.15, "fraction of the exchange; 1 is a complete exchange"),
+    )
     nameable = False
 
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:

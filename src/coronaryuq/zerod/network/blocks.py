@@ -111,7 +111,9 @@ def check_values(block: dict, key: str, parameters: Parameters, file, where: str
             if not isinstance(value, list) or not value or not all(map(finite, value)):
                 raise InputError(file, field, value, "expected a list of numbers")
             if len(value) > 1 and len(value) != len(values.get("t", [])):
-                raise InputError(file, field, len(value), f"has not as many entries as t ({len(values.get('t', []))})")
+                raise InputError(
+                    file, field, len(value), f"must have as many entries as t ({len(values.get('t', []))})"
+                )
         elif not finite(value):
             raise InputError(file, field, value, "expected a number")
         elif spec.positive and not value > 0:

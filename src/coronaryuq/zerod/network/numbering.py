@@ -145,7 +145,7 @@ class Model:
         (first, period), *others = periods.items()
         for name, other in others:
             if abs(other - period) > SAME_PERIOD * period:
-                raise InputError(self.file, name, other, f"inconsistent cardiac period; {first} says {period}")
+                raise InputError(self.file, name, other, f"inconsistent cardiac period; {first} has {period}")
         return float(period)
 
     def _add_blocks(self) -> list[tuple[str, str]]:

@@ -214,8 +214,8 @@ def _check_chamber(chamber: dict, names: dict[str, str], file) -> None:
     activation = chamber.get("activation_function", {})
     kind = activation.get("type")
     if kind not in ACTIVATIONS:
-        told = f"unknown activation function; know {', '.join(ACTIVATIONS)}"
-        raise InputError(file, f"{where}.activation_function.type", kind, told)
+        remedy = f"unknown activation function; known: {', '.join(ACTIVATIONS)}"
+        raise InputError(file, f"{where}.activation_function.type", kind, remedy)
     parameters = {"type": Parameter(name=True), **ACTIVATIONS[kind]}
     check_values(chamber, "activation_function", parameters, file, where)
 
