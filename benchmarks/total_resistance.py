@@ -64,11 +64,11 @@ def main() -> None:
             density(a[0, i], exact[:, i], fill=True, color="0.8", label="brute force")
             density(a[0, i], conditioned[:, :, i], color=SIMULATED, label="conditioned (default)")
             density(a[0, i], rescaled[:, :, i], color=MEASURED, label="rescaled after acceptance")
-            a[0, i].set_title(f"no data, share of conductance {FEW[i]:g}", fontsize=8)
+            a[0, i].set_title(f"no data, fraction of conductance {FEW[i]:g}", fontsize=8)
             bed = shown[i]
             density(a[1, i], with_data[0][:, :, bed], color=SIMULATED)
             density(a[1, i], with_data[1][:, :, bed], color=MEASURED)
-            a[1, i].set_title(f"14 beds, targets with 20 % noise, share {weights[bed]:.3f}", fontsize=8)
+            a[1, i].set_title(f"14 beds, targets with 20 % noise, fraction {weights[bed]:.3f}", fontsize=8)
         for axis in a.flat:
             axis.set_yticks([])
             axis.set_xlim(0.4, 2.7)
@@ -77,7 +77,7 @@ def main() -> None:
         figure.legend(*a[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
     for i, share in enumerate(FEW):
         p = [stats.ks_2samp(x[:, ::40, i].ravel(), exact[:, i]).pvalue for x in (conditioned, rescaled)]
-        print(f"no data, share {share}: mean {exact[:, i].mean():.4f} exact, {conditioned[..., i].mean():.4f} "
+        print(f"no data, fraction {share}: mean {exact[:, i].mean():.4f} exact, {conditioned[..., i].mean():.4f} "
               f"conditioned, {rescaled[..., i].mean():.4f} rescaled; p {p[0]:.2g}, {p[1]:.2g}")  # fmt: skip
     log = [np.log(x) for x in with_data]
     mean, spread = ([x.mean(axis=(0, 1)) for x in log], [x.std(axis=(0, 1)) for x in log])
