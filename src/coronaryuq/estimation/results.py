@@ -98,6 +98,7 @@ class EstimatorReport:
     beta: float
     residual_variance: float
     propagation_variance: float
+    chain_variance: float
     warnings: list[str]
     rho_in_sample: float | None = None
     std_in_sample: float | None = None

@@ -24,6 +24,7 @@ def estimator_report(estimate: Estimate) -> EstimatorReport:
         beta=estimate.beta,
         residual_variance=estimate.residual_variance,
         propagation_variance=estimate.propagation_variance,
+        chain_variance=estimate.chain_variance,
         warnings=list(estimate.warnings),
         rho_in_sample=estimate.rho_in_sample,
         std_in_sample=estimate.std_in_sample,

@@ -18,6 +18,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import stdtrit
 
+from coronaryuq.estimation.estimators import dependence
+from coronaryuq.estimation.estimators.dependence import INDEPENDENT, Dependence, Segments
 from coronaryuq.estimation.estimators.formulas import correlation
 from coronaryuq.estimation.estimators.influence import Between
 from coronaryuq.estimation.results import Interval
@@ -31,12 +33,14 @@ class Propagated:
     """g_k on a block of propagation samples: values (m_k,).
 
     `integrated`: predictions behind each value, 1 for a plain sample, more where a known input was integrated exactly.
-    `also`: values on further, independent samples, whose means add to this one.
+    `also`: values on further, independent samples, whose means add to this one. segments: of the values, where their
+    samples depend on each other.
     """
 
     values: np.ndarray
     integrated: int = 1
     also: tuple[np.ndarray, ...] = ()
+    segments: Segments | None = None
 
     @property
     def mean(self) -> float:
@@ -57,13 +61,15 @@ class CrossFit:
     """A quantity and its cross-fitted control variate.
 
     y (n,): outputs of the pilot runs. held_out (n,): g at each of them, by the fold that has not seen it. blocks:
-    g at the propagation samples, in fold order. fold (n,): fold of each pilot run.
+    g at the propagation samples, in fold order. fold (n,): fold of each pilot run. dependence: of the samples on
+    each other.
     """
 
     y: np.ndarray
     held_out: np.ndarray
     blocks: Sequence[Propagated]
     fold: np.ndarray
+    dependence: Dependence = INDEPENDENT
 
 
 @dataclass(frozen=True)
@@ -95,6 +101,8 @@ PLAIN = Options()
 class Estimate:
     """A mean with its reported standard error and what is needed to judge it.
 
+    The variance has three parts: of the 3D residuals, of propagation, and what their samples' dependence on each other
+    adds to both (`chain_variance`).
     rho_in_sample, std_in_sample: correlation and standard error of the same method fitted and evaluated on all runs, as
     the paper prints them, where they were computed.
     """
@@ -110,6 +118,7 @@ class Estimate:
     interval: Interval
     residual_variance: float
     propagation_variance: float
+    chain_variance: float
     residuals: np.ndarray = field(repr=False)
     rho_in_sample: float | None = None
     std_in_sample: float | None = None
@@ -154,9 +163,15 @@ def combine(method: str, fit: CrossFit, n_0d: int, options: Options = PLAIN) -> 
     share = np.array([weights[fold == k].sum() for k in range(len(blocks))]) / weights.sum()
     from_blocks = 0.0 if target else float(sum(s**2 * b.variance for s, b in zip(share, blocks, strict=True)))
     spread = np.var(held_out, ddof=1) if n > 1 else 0.0
+    along = [] if target else [_contributions(b, s) for b, s in zip(blocks, share, strict=True)]
+    whole, freedom = dependence.variance(along)
+    beyond = max(0.0, whole - from_blocks)  # what dependence adds to the variance of the propagation means
     beta = options.beta
     if beta is None:
-        beta = float(spread / n / (spread / n + from_blocks)) if spread > 0 else 0.0
+        alone = spread / n
+        here = max(alone, dependence.variance([((held_out - held_out.mean()) / n, fit.dependence.pilot)])[0])
+        there = from_blocks + (0.0 if fit.dependence.shared else beyond)
+        beta = float(here / (here + there)) if spread > 0 else 0.0
     residuals = y - beta * held_out
     mean = float(np.average(residuals, weights=weights))
     mean += beta * float(sum(s * b.mean for s, b in zip(share, blocks, strict=True)))
@@ -173,22 +188,71 @@ def combine(method: str, fit: CrossFit, n_0d: int, options: Options = PLAIN) -> 
         )
         towards = TO_BOUND * max(0.0, bound - covariance)
     from_residuals += covariance + (from_residuals * n / target if target else 0.0)
+    chain = _chain_variance(fit, weights * centred / weights.sum(), estimated, beta, (beyond, freedom))
+    from_chain = sum(part for part, _ in chain)
     bound = from_residuals + towards
-    std = (from_residuals + from_blocks) ** 0.5
+    std = (from_residuals + from_blocks + from_chain) ** 0.5
     well_known = from_blocks + trust * expected
-    half = _quantile(values, bound - trust * expected, well_known, options.level) * (bound + from_blocks) ** 0.5
+    quantile = _quantile(values, bound - trust * expected, well_known, options.level, chain)
+    half = quantile * (bound + from_blocks + from_chain) ** 0.5
     return Estimate(
         method, mean, std, correlation(y, held_out), n, n_0d, sum(b.predictions for b in blocks), beta,
-        Interval(mean - half, mean + half, options.level), from_residuals, from_blocks, residuals,
+        Interval(mean - half, mean + half, options.level), from_residuals, from_blocks, from_chain, residuals,
     )  # fmt: skip
 
 
-def _quantile(values: np.ndarray, from_values: float, rest: float, level: float) -> float:
-    """Student's two-sided quantile for a variance of which a part comes from `values` (n,), the rest is known well."""
+def propagation_variance(blocks: Sequence[Propagated], share: np.ndarray) -> float:
+    """Return the variance of the blocks' means, weighted by the share (k,) of each, with what dependence adds."""
+    alone = float(sum(s**2 * b.variance for s, b in zip(share, blocks, strict=True)))
+    along = [_contributions(b, s) for b, s in zip(blocks, share, strict=True)]
+    return max(alone, dependence.variance(along)[0])
+
+
+def _contributions(block: Propagated, share: float) -> tuple[np.ndarray, Segments | None]:
+    """Return the contributions (m,) of a block's values to the estimate, less their mean, and their segments."""
+    return share * (block.values - block.values.mean()) / len(block.values), block.segments
+
+
+def _chain_variance(
+    fit: CrossFit, contributions: np.ndarray, estimated: float, beta: float, beyond: tuple[float, float]
+) -> list[tuple[float, float]]:
+    """Return what dependence adds to the variance of an estimate: parts and their degrees of freedom.
+
+    A chain that made pilot and propagation alike has an error that no coefficient reduces: the error of the chain's
+    mean of y, which is that of g and of y − g.
+    """
+    added, freedom = beyond
+    if fit.dependence.shared:
+        unexplained = float(np.var(fit.y - (beta > 0) * fit.held_out, ddof=1))
+        return [(added, freedom), (unexplained * fit.dependence.shared, np.inf)]
+    of_pilot, freedom_of_pilot = dependence.variance([(contributions, fit.dependence.pilot)])
+    return [(beta**2 * added, freedom), (max(0.0, of_pilot - estimated), freedom_of_pilot)]
+
+
+def _quantile(
+    values: np.ndarray, from_values: float, rest: float, level: float, chain: Sequence[tuple[float, float]] = ()
+) -> float:
+    """Return Student's two-sided quantile for a variance of several parts (Satterthwaite 1946).
+
+    Parameters
+    ----------
+    values, from_values
+        Numbers (n,), and the part of the variance that comes from them.
+    rest
+        Part that is known well.
+    level
+        Of the interval.
+    chain
+        Further parts and their degrees of freedom.
+    """
     n = len(values)
     spread = np.var(values)
-    if spread == 0 or from_values == 0:
+    uncertain = [(part, freedom) for part, freedom in chain if part > 0]
+    if spread > 0 and from_values > 0:
+        kurtosis = np.mean(((values - values.mean()) / spread**0.5) ** 4)
+        uncertain.append((from_values, min(n - 1, max(2.0, 2 * n / max(kurtosis - 1, 1e-9)))))
+    if not uncertain:
         return float(stdtrit(n - 1, (1 + level) / 2))
-    kurtosis = np.mean(((values - values.mean()) / spread**0.5) ** 4)
-    freedom = min(n - 1, max(2.0, 2 * n / max(kurtosis - 1, 1e-9)))
-    return float(stdtrit(freedom * ((from_values + rest) / from_values) ** 2, (1 + level) / 2))
+    total = sum(part for part, _ in uncertain) + rest
+    freedom = 1 / sum((part / total) ** 2 / of_part for part, of_part in uncertain)
+    return float(stdtrit(freedom, (1 + level) / 2))

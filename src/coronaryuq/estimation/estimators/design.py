@@ -8,6 +8,7 @@ from scipy import stats
 from coronaryuq.core.seeds import generator
 from coronaryuq.estimation.estimators import folds
 from coronaryuq.estimation.estimators.crossfit import Propagated
+from coronaryuq.estimation.estimators.dependence import INDEPENDENT, Dependence, find
 from coronaryuq.estimation.runs.table import CoarseRuns, Row, Runs, pair
 from coronaryuq.estimation.surrogates.control_variates import Seen
 from coronaryuq.estimation.surrogates.emulator import Emulator, informative
@@ -45,7 +46,7 @@ class Design:
     fold (n,); blocks, one per fold; held_out: 0D output → (n,) emulated without the sample's own fold; shared: names
     of the 0D outputs that every control variate may see, those of all rows among them; emulator_error: 0D output →
     held-out mean square error over variance. coarse: per fold its samples of the coarse 3D level beyond the pilot;
-    empty without such a level. target: as in `crossfit.Options`.
+    empty without such a level. target: as in `crossfit.Options`. dependence: how samples depend on each other.
     """
 
     runs: Runs
@@ -57,6 +58,7 @@ class Design:
     integrated: bool
     coarse: tuple[Block, ...] = ()
     target: int = 0
+    dependence: Dependence = INDEPENDENT
 
     @property
     def log_theta(self) -> np.ndarray:
@@ -95,7 +97,12 @@ class Design:
 
     def propagate(self, raw: list[np.ndarray]) -> list[Propagated]:
         """Predictions (m_k · s,) per fold at its propagation samples, integrated over the known input."""
-        return [Propagated(b.average(v), b.repeats) for b, v in zip(self.blocks, raw, strict=True)]
+        return [self.propagated_values(k, b.average(v)) for k, (b, v) in enumerate(zip(self.blocks, raw, strict=True))]
+
+    def propagated_values(self, k: int, values: np.ndarray) -> Propagated:
+        """Return averaged predictions (m_k,) at the propagation samples of fold k, with the samples' segments."""
+        block, more = self.blocks[k], self.dependence.more
+        return Propagated(values, block.repeats, segments=None if more is None else more[block.index[: len(values)]])
 
     def _of(self, row: Row, block: Block) -> Seen:
         outputs = np.column_stack([block.outputs[c] for c in self.shared])
@@ -112,7 +119,12 @@ def make_design(runs: Runs, rows: list[Row], k: int, seed: int, scaling: str | N
     for row in rows:
         pair(runs, row)  # raises for a row that names a missing column
     n, m = len(runs), len(runs.theta_more)
-    fold = folds.assign(n, k, seed)
+    dependence = find(runs)
+    if dependence.groups is None:
+        fold = folds.assign(n, k, seed)
+    else:
+        k = min(k, len(np.unique(dependence.groups)))
+        fold = folds.assign_groups(np.unique(dependence.groups, return_inverse=True)[1], k, seed)
     integrated = scaling is not None and integrable(runs, scaling)
     wanted = list(dict.fromkeys(row.column_0d for row in rows))
     names = informative(runs.q, wanted, max(most, len(wanted)))
@@ -134,7 +146,7 @@ def make_design(runs: Runs, rows: list[Row], k: int, seed: int, scaling: str | N
     error = {
         name: float(np.mean((held_out[name] - runs.q[name]) ** 2) / (np.var(runs.q[name]) or 1.0)) for name in names
     }
-    return Design(runs, fold, blocks, held_out, names, error, integrated, tuple(coarse))
+    return Design(runs, fold, blocks, held_out, names, error, integrated, tuple(coarse), dependence=dependence)
 
 
 def integrable(runs: Runs, scaling: str) -> bool:

@@ -25,7 +25,7 @@ def monte_carlo(design: Design, row: Row, level: float, weights: np.ndarray | No
     """Plain Monte Carlo over the pilot."""
     y, _ = pair(design.runs, row)
     nothing = [Propagated(np.zeros(1)) for _ in design.blocks]
-    fit = CrossFit(y, np.zeros(len(y)), nothing, design.fold)
+    fit = CrossFit(y, np.zeros(len(y)), nothing, design.fold, design.dependence)
     return combine("MC", fit, len(y), Options(level, beta=0.0, weights=weights))
 
 
@@ -42,13 +42,13 @@ def mfmc(design: Design, row: Row, level: float, weights: np.ndarray | None = No
             real = more[row.column_0d].to_numpy(float)[block.index]
             held[index] = fitted.predict(replace(seen, row_output=q[index]))
             at_block = replace(design.propagated(row, k)[: len(real)], row_output=real)
-            blocks.append(Propagated(fitted.predict(at_block)))
+            blocks.append(replace(design.propagated_values(k, fitted.predict(at_block)), integrated=1))
         else:
             held[index] = fitted.predict(seen)
             emulated = fitted.predict(design.propagated(row, k))
-            blocks.append(Propagated(block.average(emulated), block.repeats))
+            blocks.append(design.propagated_values(k, block.average(emulated)))
     n_0d = len(y) + (0 if more is None else len(more))
-    fit = CrossFit(y, held, blocks, design.fold)
+    fit = CrossFit(y, held, blocks, design.fold, design.dependence)
     return replace(combine("MFMC", fit, n_0d, Options(level, weights=weights)), rho_in_sample=correlation(y, q))
 
 
@@ -142,7 +142,7 @@ def crossfit_gp(
     y, _ = pair(design.runs, row)
     name = "crossfit-GP: " + tally(predictions.methods)
     between = predictions.influence.between(shares=weights)
-    fit = CrossFit(y, predictions.held, design.propagate(predictions.raw), design.fold)
+    fit = CrossFit(y, predictions.held, design.propagate(predictions.raw), design.fold, design.dependence)
     return combine(name, fit, len(y), Options(level, weights=weights, between=between, target=design.target))
 
 
@@ -180,7 +180,7 @@ def autoencoder(
     y, _ = pair(design.runs, row)
     held, raw = follow(design, row, networks, curves)
     n_0d = len(y) + sum(len(places) for k, (places, _) in curves.items() if k != mfmc_ae.IN_SAMPLE)
-    fit = CrossFit(y, held, design.propagate(raw), design.fold)
+    fit = CrossFit(y, held, design.propagate(raw), design.fold, design.dependence)
     return combine("MFMC-AE", fit, n_0d, Options(level, weights=weights, target=design.target))
 
 

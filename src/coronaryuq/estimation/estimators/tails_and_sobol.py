@@ -11,7 +11,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from scipy.special import ndtr, ndtri
 
-from coronaryuq.estimation.estimators.crossfit import CrossFit, Estimate, Options, combine
+from coronaryuq.estimation.estimators.crossfit import CrossFit, Estimate, Options, combine, propagation_variance
 from coronaryuq.estimation.estimators.design import NODES, WEIGHTS, Design
 from coronaryuq.estimation.estimators.influence import Between
 from coronaryuq.estimation.estimators.per_row import Predictions
@@ -112,7 +112,7 @@ def variance(design: Design, y: np.ndarray, predictions: Predictions, level: flo
     slopes = [2 * (v - centre) for v in predictions.raw]
     between = _between(predictions, 2 * (predictions.held - centre), slopes)
     blocks = design.propagate([(v - centre) ** 2 for v in predictions.raw])
-    fit = CrossFit((y - centre) ** 2, (predictions.held - centre) ** 2, blocks, design.fold)
+    fit = CrossFit((y - centre) ** 2, (predictions.held - centre) ** 2, blocks, design.fold, design.dependence)
     squares = combine("", fit, len(y), Options(level, between=between, target=design.target))
     value = max(squares.mean, 1e-3 * float(np.var(y)))
     factor = float(np.exp(squares.interval.half_width / value))
@@ -139,7 +139,7 @@ def sobol(design: Design, y: np.ndarray, predictions: Predictions, level: float 
 
 
 def _centre(design: Design, y: np.ndarray, predictions: Predictions) -> float:
-    fit = CrossFit(y, predictions.held, design.propagate(predictions.raw), design.fold)
+    fit = CrossFit(y, predictions.held, design.propagate(predictions.raw), design.fold, design.dependence)
     return combine("", fit, len(y), Options(target=design.target)).mean
 
 
@@ -184,7 +184,7 @@ def _index(
         between = _between(predictions, slope(predictions.held, effect.held), slopes)
         held, blocks = function(predictions.held, effect.held), design.propagate([function(v, h) for v, h in raw])
         # One beta for numerator and denominator: where they share a beta, they share most of their error.
-        fit = CrossFit(function(y, effect.held), held, blocks, design.fold)
+        fit = CrossFit(function(y, effect.held), held, blocks, design.fold, design.dependence)
         return combine("", fit, len(y), Options(level, beta=1.0, between=between))
 
     total = mean(lambda v, h: (v - centre) ** 2, lambda v, h: 2 * (v - centre)).mean
@@ -263,7 +263,7 @@ def _probability(
         same_way = np.average(
             [np.mean(b.average(np.exp(-(z**2) / 2))) for b, z in zip(design.blocks, away, strict=True)], weights=runs
         ) / np.sqrt(2 * np.pi)
-        propagation = 0.0 if design.target else sum((runs / len(y)) ** 2 * [b.variance for b in blocks])
+        propagation = 0.0 if design.target else propagation_variance(blocks, runs / len(y))
         std = float((propagation + same_way**2) ** 0.5)
         return _Share(value, std, float(ndtri((1 + level) / 2)) * std)
     counted = [len(weights) for weights in predictions.influence.weights]
@@ -275,7 +275,12 @@ def _probability(
         level, between=between, expected=float(unsure) / len(y), trust=float(PRIOR / (PRIOR + len(y) * unsure)),
         target=design.target,
     )  # fmt: skip
-    found = combine("", CrossFit((y <= threshold).astype(float), ndtr(held), blocks, design.fold), len(y), options)
+    found = combine(
+        "",
+        CrossFit((y <= threshold).astype(float), ndtr(held), blocks, design.fold, design.dependence),
+        len(y),
+        options,
+    )
     return _Share(found.mean, found.std, found.interval.half_width)
 
 

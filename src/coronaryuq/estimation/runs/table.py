@@ -16,6 +16,18 @@ KEYS = ("row", "column_3d", "column_0d")
 SHOWN = 6
 
 
+STATES = ("chain", "draw")
+"""Columns of tables of inputs that say which state of a Markov chain a sample is."""
+
+
+@dataclass(frozen=True)
+class States:
+    """Chain and draw (n + m,) of the pilot's samples and then of the propagation samples."""
+
+    chain: np.ndarray
+    draw: np.ndarray
+
+
 @dataclass(frozen=True)
 class CoarseRuns:
     """A coarse 3D level: outputs at the n pilot samples and then at m_c further ones, NaN where a run failed.
@@ -35,6 +47,7 @@ class Runs:
     inputs: columns of θ, d of them. theta (n, d): the n samples whose 3D and 0D runs both succeeded. y: 3D outputs,
     q: 0D outputs (n rows each). theta_more (m, d): propagation samples. q_more: their 0D outputs (m rows), or None
     if they were not run. theta_failed (f, d): pilot samples without a 3D run. limits: (d, 2) bounds of θ or None.
+    states: where in a chain all samples stand, if both tables of inputs say so.
     """
 
     folder: Path
@@ -49,6 +62,7 @@ class Runs:
     limits: np.ndarray | None = None
     samples_more: tuple[str, ...] = field(default=())
     coarse: CoarseRuns | None = None
+    states: States | None = None
 
     def __len__(self) -> int:
         return len(self.theta)
@@ -84,6 +98,8 @@ def read_runs(folder: str | Path) -> Runs:
     """
     folder = Path(folder)
     params = _table(folder / "params.csv")
+    states = _states(folder / "params.csv", params)
+    params = params.drop(columns=[name for name in STATES if name in params])
     inputs = tuple(params.columns)
     if not inputs:
         raise InputError(
@@ -109,14 +125,21 @@ def read_runs(folder: str | Path) -> Runs:
         raise InputError(
             folder / "outputs_3d.csv", None, None, f"{int(ended.sum())} usable 3D runs; at least 2 are needed"
         )
-    theta_more, samples_more = _propagation(folder, inputs, limits)
+    theta_more, samples_more, states_more = _propagation(folder, inputs, limits)
     q_more = None
     if (folder / "outputs_0d_propagation.csv").exists():
+        given = samples_more
         theta_more, samples_more, q_more = _propagation_outputs(folder, theta_more, samples_more)
+        states_more = None if states_more is None else states_more[np.isin(given, samples_more)]
+    both = None
+    if states is not None and (states_more is not None or not len(theta_more)):
+        parts = states[ended] if states_more is None else np.vstack([states[ended], states_more])
+        both = States(*parts.T)
     return Runs(
         folder, inputs, tuple(params.index[ended]), theta[ended],
         y[ended].reset_index(drop=True), q[ended].reset_index(drop=True),
         theta_more, q_more, theta[~ended], limits, samples_more, _coarse(folder, y, q, params.index[ended], inputs),
+        both,
     )  # fmt: skip
 
 
@@ -178,6 +201,22 @@ def _table(path: Path) -> pd.DataFrame:
     return frame
 
 
+def _states(path: Path, frame: pd.DataFrame) -> np.ndarray | None:
+    """Return chain and draw (n, 2) of every sample; None without these columns."""
+    present = [name for name in STATES if name in frame]
+    if not present:
+        return None
+    if len(present) == 1:
+        (missing,) = set(STATES) - set(present)
+        raise InputError(path, missing, None, f"column missing; `{present[0]}` alone does not say which state it is")
+    values = frame[list(STATES)].to_numpy(dtype=float)
+    wrong = np.argwhere(~(np.isfinite(values) & (values == np.round(values))))
+    if len(wrong):
+        i, j = wrong[0]
+        raise InputError(path, f"{STATES[j]} of {frame.index[i]}", values[i, j], "expected a whole number")
+    return values
+
+
 def _finite(path: Path, frame: pd.DataFrame) -> np.ndarray:
     values = frame.to_numpy(dtype=float)
     bad = np.argwhere(~np.isfinite(values))
@@ -207,9 +246,9 @@ def _limits(path: Path, inputs: tuple[str, ...]) -> np.ndarray | None:
     return bounds
 
 
-def _further(path: Path, inputs: tuple[str, ...]) -> pd.DataFrame:
-    """Read the samples beyond the pilot: the columns of its inputs, index `sample`."""
-    frame = _table(path)
+def _further(path: Path, inputs: tuple[str, ...], frame: pd.DataFrame | None = None) -> pd.DataFrame:
+    """Return the columns of the pilot's inputs of the samples beyond it, index `sample`; `frame` if it is read."""
+    frame = _table(path) if frame is None else frame
     missing = [name for name in inputs if name not in frame]
     if missing:
         raise InputError(path, missing[0], None, "column missing; expected the columns of params.csv")
@@ -249,13 +288,14 @@ def _coarse(
 
 def _propagation(
     folder: Path, inputs: tuple[str, ...], limits: np.ndarray | None
-) -> tuple[np.ndarray, tuple[str, ...]]:
+) -> tuple[np.ndarray, tuple[str, ...], np.ndarray | None]:
     physical, normalised = folder / "params_propagation.csv", folder / "params_propagation_normalized.csv"
     if physical.exists():
-        frame = _further(physical, inputs)
-        return _finite(physical, frame), tuple(frame.index)
+        table = _table(physical)
+        frame = _further(physical, inputs, table)
+        return _finite(physical, frame), tuple(frame.index), _states(physical, table)
     if not normalised.exists():
-        return np.empty((0, len(inputs))), ()
+        return np.empty((0, len(inputs))), (), None
     if limits is None:
         raise InputError(
             folder / "param_limits.json", None, None, "no such file; normalised propagation inputs need it"
@@ -271,7 +311,7 @@ def _propagation(
     if not np.isfinite(values).all():
         raise InputError(normalised, None, None, "contains a value that is not a finite number")
     theta = limits[:, 0] + (values + 1) / 2 * (limits[:, 1] - limits[:, 0])
-    return theta, tuple(f"propagation_{i:05d}" for i in range(len(theta)))
+    return theta, tuple(f"propagation_{i:05d}" for i in range(len(theta))), None
 
 
 def _propagation_outputs(

@@ -1,0 +1,114 @@
+"""Standard errors of samples that depend on each other, over repeated trials whose true mean is known."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import binom
+
+from coronaryuq.estimation.estimators import dependence, per_row
+from coronaryuq.estimation.estimators.design import make_design
+from coronaryuq.estimation.runs.table import Row, Runs, States
+
+ROW = Row("row", "y", "q", "")
+DIMENSIONS, N, M = 3, 100, 2000
+
+
+def autoregressive(rng, count, time, dimensions=DIMENSIONS):
+    """Return states (count, d) of stationary Gaussian chains whose correlation falls by e in `time` states."""
+    rho = np.exp(-1 / time) if time else 0.0
+    noise = rng.standard_normal((count, dimensions))
+    states = np.empty_like(noise)
+    states[0] = noise[0]
+    for k in range(1, count):
+        states[k] = rho * states[k - 1] + np.sqrt(1 - rho**2) * noise[k]
+    return states
+
+
+def runs_at(pilot, more, rng, states=None):
+    """Return runs of y = 1 + 0.1 (x1 + x2 + 0.3 e) and its 0D output, whose means are 1 and 0 (x: log θ)."""
+
+    def low(x):
+        return pd.DataFrame({"q": 0.1 * (x[:, 0] + x[:, 1])})
+
+    y = 1 + low(pilot)["q"] + 0.03 * rng.standard_normal(len(pilot))
+    names = tuple(f"theta_{j}" for j in range(pilot.shape[1]))
+    samples = tuple(map(str, range(len(pilot))))
+    nothing = np.empty((0, pilot.shape[1]))
+    return Runs(
+        Path("."), names, samples, np.exp(pilot), pd.DataFrame({"y": y}), low(pilot), np.exp(more), low(more), nothing,
+        states=states,
+    )  # fmt: skip
+
+
+def independent(rng):
+    return runs_at(rng.standard_normal((N, DIMENSIONS)), rng.standard_normal((M, DIMENSIONS)), rng)
+
+
+def autocorrelated_propagation(rng):
+    return runs_at(rng.standard_normal((N, DIMENSIONS)), autoregressive(rng, M, 19), rng)
+
+
+def autocorrelated_pilot_and_propagation(rng):
+    return runs_at(autoregressive(rng, N, 3), autoregressive(rng, M, 19), rng)
+
+
+def near_duplicates_in_the_pilot(rng):
+    distinct = rng.standard_normal((N // 3, DIMENSIONS))
+    pilot = distinct[rng.integers(len(distinct), size=N)] + 1e-4 * rng.standard_normal((N, DIMENSIONS))
+    return runs_at(pilot, rng.standard_normal((M, DIMENSIONS)), rng)
+
+
+def drawn_from_a_short_chain(rng):
+    chains, length = 8, 250
+    states = np.stack([autoregressive(rng, length, 5) for _ in range(chains)])
+    at = [rng.integers(chains, size=N + M), rng.integers(length, size=N + M)]
+    drawn = states[at[0], at[1]]
+    return runs_at(drawn[:N], drawn[N:], rng, States(*map(np.asarray, at)))
+
+
+CASES = (
+    independent,
+    autocorrelated_propagation,
+    autocorrelated_pilot_and_propagation,
+    near_duplicates_in_the_pilot,
+    drawn_from_a_short_chain,
+)
+ESTIMATORS = {"MC": per_row.monte_carlo, "MFMC": per_row.mfmc}
+
+
+def trials(case, estimator, count):
+    estimates = []
+    for trial in range(count):
+        runs = case(np.random.default_rng([7, trial]))
+        estimates.append(ESTIMATORS[estimator](make_design(runs, [ROW], 5, trial), ROW, 0.95))
+    return estimates
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("estimator", ESTIMATORS)
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.__name__)
+def test_intervals_cover_and_standard_errors_are_those_of_the_estimates(case, estimator):
+    count = 200
+    found = trials(case, estimator, count)
+    covered = sum(estimate.interval.holds(1.0) for estimate in found)
+    ratio = np.sqrt(np.mean([e.std**2 for e in found])) / np.std([e.mean for e in found], ddof=1)
+    # 93 to 97 % with the binomial scatter of the trials; 15 % with that of an empirical standard deviation.
+    assert binom.ppf(0.001, count, 0.93) <= covered <= binom.ppf(0.999, count, 0.97)
+    error = 3.1 / np.sqrt(2 * count)
+    assert 0.85 - error < ratio < 1.15 + error
+
+
+def test_independent_samples_have_no_dependence():
+    for trial in range(20):
+        found = dependence.find(independent(np.random.default_rng([8, trial])))
+        assert found is dependence.INDEPENDENT or (found.pilot is None and found.more is None and not found.reason)
+
+
+def test_near_duplicates_are_in_one_fold():
+    runs = near_duplicates_in_the_pilot(np.random.default_rng(3))
+    design = make_design(runs, [ROW], 5, 1)
+    labels = dependence.near_duplicates(np.log(runs.theta))
+    assert all(len(set(design.fold[labels == label])) == 1 for label in set(labels))
+    assert "nearly so: " in design.dependence.reason
