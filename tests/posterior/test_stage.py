@@ -122,7 +122,7 @@ def test_samples_extend_without_changing(campaign, tmp_path):
     stage.draw_samples(tmp_path / "draws.csv", SMALL, 3, "propagation", 20, tmp_path / "other.csv")
     short, long, other = (read_csv(tmp_path / f"{n}.csv") for n in ("20", "50", "other"))
     assert short.equals(long.iloc[:20])
-    assert list(short.columns) == ["sample", *(f"BC_{i}" for i in range(6)), "R_cor_scaling"]
+    assert list(short.columns) == ["sample", "chain", "draw", *(f"BC_{i}" for i in range(6)), "R_cor_scaling"]
     assert not np.allclose(short["R_cor_scaling"], other["R_cor_scaling"])
     assert long["R_cor_scaling"].between(0.7, 1.25).all()
     assert long["sample"].is_unique

@@ -6,6 +6,8 @@ Columns = tuple[tuple[str, str, str], ...]
 SAMPLE: Columns = (("sample", "name of the sample", "text"),)
 THETA: Columns = (
     *SAMPLE,
+    ("chain", "chain of the posterior that the sample is a state of", "1"),
+    ("draw", "generation of that chain", "1"),
     ("R_cor_scaling", "s: factor on the resistances of all coronary beds", "1"),
     (".+", "factor on the resistances r-hat of the bed", "1"),
 )

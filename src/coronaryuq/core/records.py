@@ -10,6 +10,9 @@ from coronaryuq.core.io.atomic import json_default, write_text
 
 OK, FAILED = "ok", "failed"
 
+STATE = ("chain", "draw")
+"""Columns of tables of inputs that name the state of a Markov chain that a sample is; they are no inputs."""
+
 
 @dataclass
 class Record:

@@ -199,7 +199,7 @@ def draw_samples(
     number
         Rows of the table.
     out_csv
-        Table to write: `sample`, one multiplier per bed, `R_cor_scaling`.
+        Table to write: `sample`, the state's `chain` and `draw`, one multiplier per bed, `R_cor_scaling`.
 
     Raises
     ------

@@ -23,7 +23,7 @@ from coronaryuq.estimation.runs.table import Runs, States
 
 SIGNIFICANCE = 1e-3
 """Level of the test for autocorrelation, Bonferroni-corrected over inputs."""
-CHANCE = 0.01
+CHANCE = 1e-3
 """Expected number of pairs of independent samples that are taken for near-duplicates."""
 FEWEST = 6
 """Fewest segments from which a variance is estimated."""
@@ -115,7 +115,7 @@ def _states(runs: Runs, states: States) -> Dependence:
     inputs show it on average.
     """
     n, theta = len(runs), np.log(np.vstack([runs.theta, runs.theta_more]))
-    segments = _along_chains(states, _length(states))
+    segments = _along_chains(states)
     moving = theta[:, np.ptp(theta, axis=0) > 0]
     centred = (moving - moving.mean(axis=0)) / len(moving)
     spread = moving.var(axis=0, ddof=1)
@@ -127,23 +127,17 @@ def _states(runs: Runs, states: States) -> Dependence:
     return Dependence(None, more, groups, shared, "states of a chain")
 
 
-def _length(states: States) -> int:
-    """Return the length of a segment: the square root of the draws of a chain (Flegal and Jones 2010)."""
-    per_chain = len(np.unique(states.draw))
-    return max(3, int(np.ceil(np.sqrt(per_chain))))
-
-
-def _along_chains(states: States, length: int) -> Segments:
-    draw = np.unique(states.draw, return_inverse=True)[1]
+def _along_chains(states: States) -> Segments:
+    """Cut each chain into segments of the square root of its draws (Flegal and Jones 2010), by the draws' numbers."""
+    distinct, place = np.unique(states.draw, return_inverse=True)
     chain = np.unique(states.chain, return_inverse=True)[1]
-    per_chain = int(draw.max()) + 1
-    third = max(1, length // 3)
+    per_chain = max(1, round(len(distinct) ** 0.5))
+    reach = (distinct - distinct[0]) / max(1.0, float(np.ptp(distinct)) * (1 + 1e-9))
 
-    def numbered(size: int) -> np.ndarray:
-        segments = -(-per_chain // size)
-        return chain * segments + draw // size
+    def numbered(segments: int) -> np.ndarray:
+        return chain * segments + np.floor(reach * segments).astype(int)[place]
 
-    return Segments(numbered(3 * third), numbered(third))
+    return Segments(numbered(per_chain), numbered(3 * per_chain))
 
 
 def _in_file(log_theta: np.ndarray) -> tuple[Segments | None, str]:

@@ -120,7 +120,7 @@ def gather(
     else:
         for name in COARSE_FILES:  # of an earlier campaign that had a coarse level
             (out / name).unlink(missing_ok=True)
-    columns = [name for name in pilot.columns if name != "sample"]
+    columns = [name for name in pilot.columns if name not in ("sample", *records.STATE)]
     bounds = {name: limits.get(name, limits["r"]) for name in columns}
     ends = (("min", 0), ("max", 1))
     write_json(out / "param_limits.json", {end: {name: bounds[name][k] for name in columns} for end, k in ends})

@@ -10,14 +10,11 @@ import pandas as pd
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import read_csv
+from coronaryuq.core.records import STATE
 
 KEYS = ("row", "column_3d", "column_0d")
 # Columns named where one is missing: those that resemble it most.
 SHOWN = 6
-
-
-STATES = ("chain", "draw")
-"""Columns of tables of inputs that say which state of a Markov chain a sample is."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +96,7 @@ def read_runs(folder: str | Path) -> Runs:
     folder = Path(folder)
     params = _table(folder / "params.csv")
     states = _states(folder / "params.csv", params)
-    params = params.drop(columns=[name for name in STATES if name in params])
+    params = params.drop(columns=[name for name in STATE if name in params])
     inputs = tuple(params.columns)
     if not inputs:
         raise InputError(
@@ -203,17 +200,17 @@ def _table(path: Path) -> pd.DataFrame:
 
 def _states(path: Path, frame: pd.DataFrame) -> np.ndarray | None:
     """Return chain and draw (n, 2) of every sample; None without these columns."""
-    present = [name for name in STATES if name in frame]
+    present = [name for name in STATE if name in frame]
     if not present:
         return None
     if len(present) == 1:
-        (missing,) = set(STATES) - set(present)
+        (missing,) = set(STATE) - set(present)
         raise InputError(path, missing, None, f"column missing; `{present[0]}` alone does not say which state it is")
-    values = frame[list(STATES)].to_numpy(dtype=float)
+    values = frame[list(STATE)].to_numpy(dtype=float)
     wrong = np.argwhere(~(np.isfinite(values) & (values == np.round(values))))
     if len(wrong):
         i, j = wrong[0]
-        raise InputError(path, f"{STATES[j]} of {frame.index[i]}", values[i, j], "expected a whole number")
+        raise InputError(path, f"{STATE[j]} of {frame.index[i]}", values[i, j], "expected a whole number")
     return values
 
 

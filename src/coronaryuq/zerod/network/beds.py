@@ -10,6 +10,7 @@ import pandas as pd
 from coronaryuq.case.network.network import Network
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import read_csv
+from coronaryuq.core.records import STATE
 
 SCALING = "R_cor_scaling"
 """Name of s in tables of θ."""
@@ -118,7 +119,7 @@ def read_theta(
     Parameters
     ----------
     samples_csv
-        CSV with `sample`, one column per coronary bed, and `R_cor_scaling`.
+        CSV with `sample`, one column per coronary bed, and `R_cor_scaling`; columns `chain` and `draw` are dropped.
     first, count
         Rows to read, from 0.
     network, file
@@ -134,7 +135,7 @@ def read_theta(
     InputError
         The table is too short, or a column is not a coronary bed of the network.
     """
-    table = read_csv(samples_csv, ("sample",))
+    table = read_csv(samples_csv, ("sample",)).drop(columns=list(STATE), errors="ignore")
     theta = table.iloc[first : first + count]
     if len(theta) < count:
         raise InputError(samples_csv, "sample", len(table), f"expected at least {first + count} rows")
