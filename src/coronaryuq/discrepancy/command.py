@@ -116,7 +116,7 @@ def _check_overwriting(args: argparse.Namespace, out: Path) -> None:
 
 
 def _check_options(args: argparse.Namespace) -> None:
-    """Raise `InputError` if options are combined of which one would be ignored."""
+    """Raise `InputError` for combinations of options in which one would be ignored."""
 
     def reject(option, value, remedy):
         raise InputError("command line", option, value, remedy)

@@ -1,8 +1,8 @@
 """The decision rule: every threshold by which the search for a missing effect tests, compares, accepts and abstains.
 
-Values were set by looking at the benchmark's cases and at two animals' recordings. Their table, and what
-other values answer, are in docs/explanation/discrepancy-method.md. Numerical constants such as finite-difference steps
-stay with their code.
+Values were set by looking at the benchmark's cases and at two animals' recordings. Their table, and the answers with
+other values, are in docs/explanation/discrepancy-method.md. Numerical constants such as finite-difference steps are
+defined where they are used.
 """
 
 from dataclasses import dataclass, field, fields

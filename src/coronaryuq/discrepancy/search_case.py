@@ -17,7 +17,7 @@ from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.network.read import print_notes, read_network
 
 UNNAMED = ("model", "network")
-"""Names under which error messages refer to the network where its file is unknown."""
+"""Names by which error messages refer to the network if its file is unknown."""
 
 
 def search(
@@ -27,7 +27,7 @@ def search(
     search_case(model, measurements, conditions, Path(out_dir), settings.model_copy(update={"threads": threads}), seed)
 
 
-# The matrices are small: linear-algebra threads would only contend, and rounding would depend on their number.
+# The matrices are small: linear-algebra threads would only slow it down, and rounding would depend on their number.
 @threadpool_limits.wrap(limits=1)
 def search_case(
     model: str | Path,

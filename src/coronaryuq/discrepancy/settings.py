@@ -14,7 +14,7 @@ else:
     EffectName = Literal[EFFECTS]
 
 CASES = ("case", "hidden", "pairs", "benchmark")
-"""Result folders that an animal cannot be called."""
+"""Result folders, which are not allowed as names of animals."""
 GIVEN = ("campaign", "open_loop")
 """Networks of the benchmark that are not read from a file."""
 

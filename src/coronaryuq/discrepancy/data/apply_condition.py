@@ -49,7 +49,7 @@ def apply_condition(network: Network, condition: Condition, file: str | Path = "
     Raises
     ------
     InputError
-        If the condition names blocks, parameters or waveforms that the network lacks.
+        If the condition names blocks, parameters or waveforms that are not in the network.
     """
     network = network.deep_copy()
     anatomy = Anatomy(network)

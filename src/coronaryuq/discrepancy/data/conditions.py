@@ -17,11 +17,11 @@ from coronaryuq.core.io.atomic import write_text
 from coronaryuq.core.io.tables import read_csv, write_csv
 
 COVARIATES = ("LV",)
-"""Measured waveforms that a drive may name although they are no block: left ventricular pressure."""
+"""Measured waveforms that `drive` accepts although they are not blocks: left ventricular pressure."""
 RESISTANCE, BED_SHAPE = "coronary_resistance_scale", "bed_shape"
 FREE = (RESISTANCE, BED_SHAPE)
-"""What may be free: the coronary resistance of a condition, and the distribution of resistance and compliance along the
-beds, common to all conditions."""
+"""Parameters that may be free: the coronary resistance of a condition, and the distribution of resistance and
+compliance along the beds, common to all conditions."""
 LARGEST_SCALE = 20.0
 """Largest factor on a coronary resistance or a period, and the inverse of the smallest."""
 
@@ -47,7 +47,7 @@ class Condition:
 
     @property
     def covariates(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Measured waveforms that drive nothing, over one cycle, possibly of another period than the condition's."""
+        """Measured waveforms that drive no block, over one cycle; their period may differ from the condition's."""
         return {name: self.drive[name] for name in COVARIATES if name in self.drive}
 
 
@@ -172,7 +172,7 @@ def _drive(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def held_out_names(conditions: dict[str, Condition]) -> list[str]:
-    """Return the names of the conditions that enter no fit."""
+    """Return the names of the held-out conditions."""
     return [name for name, condition in conditions.items() if condition.held_out]
 
 

@@ -111,7 +111,7 @@ def prepare_case(
     write_text(out / "conditions.yaml", yaml.safe_dump(content, sort_keys=False))
     network = _network(*reference, artery)
     if stenosed:
-        # A vessel of its own, as the artery stores blood.
+        # A separate vessel, because the artery stores blood.
         network = put_ahead(network, artery, TAG)
         network.vessel_values(stenosis_vessel)[LOSS] = 0.0
     write_json(out / "model.json", network)
@@ -263,7 +263,7 @@ def _systoles(pressure: np.ndarray) -> int:
 
 
 def _recording(path: Path) -> tuple[pd.DataFrame, str, str] | None:
-    """Read one beat, its artery and its unit of flow; None for a table of something else.
+    """Read one beat, its artery and its unit of flow; None if the table is not a recording.
 
     Time in s or ms, `AoP` and `LVP` in any unit of pressure, and one column `ARTERY Flow` in mL/s or mL/min, which
     stays in its unit. Raises `InputError` if one is missing, in another unit, or has gaps.

@@ -18,7 +18,7 @@ MOST_STEPS = 300
 class FastSettling:
     """Slow modes of one network by condition, computed on first use.
 
-    They are used for other parameters and added elements as well: approximate modes cost a run one more cycle.
+    They are used for other parameters and added elements as well: with approximate modes a run takes one cycle more.
     """
 
     def __init__(self) -> None:

@@ -10,7 +10,7 @@ STEEPEST = 0.9
 
 
 class Feedback:
-    """Fixed-point iteration of the bed pressures of many runs, each independent of the others.
+    """Fixed-point iteration of the bed pressures of many independent runs.
 
     At the fixed point the pressures that result from a run equal those assumed for its beds; secant steps find it, bed
     by bed. reference: pressures of the unmodified model, where all runs start. responds: (n,), runs whose resistances

@@ -1,4 +1,4 @@
-"""What a model assumes to be missing: effects, each at its place, and where their sizes stand in the parameters z."""
+"""Hypotheses: missing effects, each at its place, and the positions of their sizes in the parameters z."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -23,10 +23,10 @@ class PlacedEffect(NamedTuple):
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """The effects that a model has beside its nuisance parameters; without any, the model as it is.
+    """The effects of a model in addition to its nuisance parameters; empty for the unmodified model.
 
     Also the layout of the parameter vector z (p,), standard normal a priori: the nuisance parameters first, then the
-    sizes of each effect in turn. It needs no count of the nuisance parameters, as the sizes stand last.
+    sizes of each effect in turn. Because the sizes come last, the number of nuisance parameters is not needed.
     """
 
     effects: tuple[PlacedEffect, ...] = ()
@@ -43,11 +43,11 @@ class Hypothesis:
         return [parameter for effect, _ in self.effects for parameter in effect.parameters]
 
     def with_(self, placed: PlacedEffect) -> "Hypothesis":
-        """Add an effect, whose sizes then stand last in z."""
+        """Add an effect; its sizes come last in z."""
         return Hypothesis((*self.effects, placed))
 
     def without(self, placed: PlacedEffect) -> "Hypothesis":
-        """Leave out an effect."""
+        """Remove an effect."""
         return Hypothesis(tuple(other for other in self.effects if other != placed))
 
     def nuisances(self, z: np.ndarray) -> np.ndarray:
@@ -55,7 +55,7 @@ class Hypothesis:
         return z[: len(z) - len(self.parameters)]
 
     def columns(self, z: np.ndarray, placed: PlacedEffect) -> slice:
-        """Return where the sizes of an effect stand in z (p,)."""
+        """Return the positions of the sizes of an effect in z (p,)."""
         later = self.effects[self.effects.index(placed) :]
         first = len(z) - sum(len(effect.parameters) for effect, _ in later)
         return slice(first, first + len(placed.effect.parameters))
@@ -88,4 +88,4 @@ class Hypothesis:
 
 
 PLAIN = Hypothesis()
-"""The model as it is, without any effect."""
+"""The unmodified model, without any effect."""

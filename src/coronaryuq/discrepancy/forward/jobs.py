@@ -60,7 +60,7 @@ class Job:
 
     @property
     def key(self) -> tuple:
-        """Identity of the run: tissue masses and parameters of other conditions do not need a run of their own."""
+        """Identity of the run: tissue masses and parameters of other conditions do not require a separate run."""
         effects = ((name, np.asarray(value).tobytes()) for name, value in self.effects.items())
         return self.condition, self.factors.tobytes(), *effects
 
@@ -91,7 +91,7 @@ def batches(prepared: Prepared, jobs: list[Job]) -> list[list[int]]:
 def stack(prepared: Prepared, jobs: list[Job]) -> dict[str, np.ndarray]:
     """Return the solver parameters of all jobs, (n,) or (n, points)."""
     nominal = prepared.engine.parameters
-    # Conditions without changes are samples too: one parameter sets their number.
+    # Conditions without changes are samples, too: one parameter determines their number.
     some = next(name for name, value in nominal.items() if value != 0.0)
     values = {some: np.full(len(jobs), nominal[some])}
     by_condition: dict[str, list[int]] = {}

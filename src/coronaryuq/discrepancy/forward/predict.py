@@ -27,7 +27,7 @@ Row = tuple[np.ndarray, Hypothesis]
 Waveforms = dict[str, dict[str, np.ndarray]]
 """Condition → solver name → (n, steps + 1) over a cycle, both ends included."""
 MANY = 20
-"""Number of collaterals that share one network; all pairs of outlets would couple all vessels."""
+"""Number of collaterals in one network; all pairs of outlets together would couple all vessels."""
 
 
 @dataclass
@@ -97,7 +97,7 @@ class Forward:
         conditions
             Conditions to run, by default all. Rows with an effect on the measurements run all.
         grafts
-            Effects that share one network (of many collaterals: a few), inactive except in the rows that have them.
+            Effects inserted into one network (of many collaterals: a few), inactive except in the rows that have them.
 
         Returns
         -------
@@ -238,9 +238,9 @@ class Forward:
         return waveforms, renamed
 
     def condition_changes(self, name: str, z: np.ndarray, hypothesis: Hypothesis) -> tuple[dict, Network]:
-        """Return the changes "BLOCK.parameter" → value at a point z (p,) under one condition, and the network changed.
+        """Return the changes "BLOCK.parameter" → value at a point z (p,) under one condition, and the changed network.
 
-        Effects with feedback use the pressures that the model settles at.
+        Effects with feedback use the pressures to which the model converges.
         """
         prepared = self.simulation.prepared(hypothesis)
         sizes, point = hypothesis.physical_sizes(z), self.point(z, hypothesis)
@@ -268,7 +268,7 @@ class Forward:
         sizes: list[dict[str, float]],
         bed_pressure: dict[str, float],
     ) -> dict[str, np.ndarray | float]:
-        """Return the values that all effects of one sample set under a condition.
+        """Return the parameter values set by all effects of one sample under a condition.
 
         Each acts on the network as changed by those before it, sorted by name, so that the order of the hypothesis does
         not matter.
@@ -361,7 +361,7 @@ class Forward:
 
 
 def shared_grafts(grafts: list[PlacedEffect]) -> dict[PlacedEffect, list[PlacedEffect]]:
-    """Map each graft to all that share its network."""
+    """Map each graft to all grafts in the same network."""
     collaterals = [placed for placed in grafts if placed.effect.name == "collateral"]
     turn = {one: number // MANY for number, one in enumerate(collaterals)}
     shares: dict[int, list[PlacedEffect]] = {}

@@ -22,9 +22,9 @@ MOST_ENGINES = 150
 TOLERANCE = 1e-4
 """Cycle error of a run, well below the changes in finite differences."""
 PATIENCE = 6
-"""Cycles without halving the cycle error after which a run is considered stalled."""
+"""Number of cycles without halving of the cycle error after which a run counts as stalled."""
 LOOSE, MOST_CYCLES = 5e-3, 25
-"""Accepted cycle error if valves that open a step earlier or later keep a run from `TOLERANCE`."""
+"""Accepted cycle error if a run cannot reach `TOLERANCE` because valves open a step earlier or later."""
 NEAR_SETTLED = 0.2
 """Cycle error below which a run that did not settle is continued from its last state."""
 
@@ -52,7 +52,7 @@ class Simulation:
         return replace(self, **fields, runs=0, _engines={})
 
     def fork(self) -> "Simulation":
-        """Return a copy with the known states so far; later ones are not shared."""
+        """Return a copy with the states known so far; later ones are not shared."""
         return replace(self, runs=0, _engines=dict(self._engines), _known_states=self._known_states.fork())
 
     def inserting(self, effects: Iterable[PlacedEffect]) -> list[PlacedEffect]:

@@ -72,7 +72,7 @@ class KnownStates:
         return np.sqrt(squares + OTHER_EFFECT**2 * differing)
 
     def has(self, point: Point, engine: Engine) -> bool:
-        """Whether a close point of the same network is known."""
+        """Whether a close point of the same network is stored."""
         return bool(np.any((self.distances(point) < NEAR) & (self._engines[: len(self.points)] == engine)))
 
     def add(self, point: Point, structure: Structure, state: np.ndarray) -> None:

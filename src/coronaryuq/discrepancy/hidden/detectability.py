@@ -1,4 +1,4 @@
-"""Detectability of effects: the trace that they leave in the data after recalibration without them."""
+"""Detectability of effects: the signal that remains in the data after recalibration without them."""
 
 import copy
 from dataclasses import replace
@@ -19,11 +19,12 @@ Row = tuple[np.ndarray, Hypothesis]
 
 
 def least_trace(problem: Problem, without: list[Row], signals: list[np.ndarray], sd: np.ndarray) -> float:
-    """Return the least norm of the trace of an effect in the fitted data, in noise standard deviations; 0 for none.
+    """Return the smallest signal (norm) of an effect in the fitted data, in noise standard deviations; 0 if none.
 
-    The trace is what neither recalibration within the prior, about the true nuisance parameters, nor the possible
-    time-step error of the analysis can absorb. The model without the effect is fitted in full: to first order, a
-    viscosity a quarter lower appears to leave half as much again, due to the curvature along the resistances.
+    The signal is the part that neither recalibration within the prior, about the true nuisance parameters, nor the
+    possible time-step error of the analysis can absorb. The model without the effect is fitted in full: to first order,
+    the signal of a viscosity lower by a quarter is overestimated by half, because of the curvature along the
+    resistances.
 
     Parameters
     ----------
@@ -32,7 +33,7 @@ def least_trace(problem: Problem, without: list[Row], signals: list[np.ndarray],
     without
         Truth without each effect.
     signals
-        What each effect adds to its row, all data without noise, (N,), CGS.
+        Change of the noise-free data by each effect, (N,), CGS.
     sd
         Standard deviation of the noise, (N,).
 
@@ -72,7 +73,7 @@ def least_trace(problem: Problem, without: list[Row], signals: list[np.ndarray],
 
 
 class Traces:
-    """First-order traces of effects in the fitted data of an experiment, about the unmodified model.
+    """First-order signals of effects in the fitted data of an experiment, about the unmodified model.
 
     noise: multiple of the plan's noise.
     """
@@ -88,7 +89,7 @@ class Traces:
         self._project = _recalibration(problem, origin, np.repeat(sd, sizes)).projection
 
     def norms(self, choices: list[tuple[PlacedEffect, np.ndarray]]) -> np.ndarray:
-        """Return the norm (n,) of the trace of each placed effect with sizes z, in noise standard deviations.
+        """Return the norm (n,) of the signal of each placed effect with sizes z, in noise standard deviations.
 
         Zero if the model does not run with the effect. Does not depend on earlier calls.
         """
@@ -102,7 +103,7 @@ class Traces:
 
 
 def _recalibration(problem: Problem, nuisance: np.ndarray, sd: np.ndarray) -> Fit:
-    """Return the fit that can absorb a trace: nuisance parameters and the shapes of the time-step error.
+    """Return the fit that can absorb a signal: nuisance parameters and the shapes of the time-step error.
 
     sd: of the noise (N,); the problem gets it combined with the time-step error.
     """

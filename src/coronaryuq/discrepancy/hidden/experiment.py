@@ -1,4 +1,4 @@
-"""Experiments in which effects are hidden: a network, its conditions and what is measured under each."""
+"""Experiments in which effects are hidden: a network, its conditions and the measurements under each."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -65,7 +65,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Experiment:
-    """A network, its conditions, and what is measured under each."""
+    """A network, its conditions, and the measurements under each."""
 
     network: Network
     conditions: dict[str, Condition]

@@ -1,4 +1,4 @@
-"""Cases with hidden effects: synthetic measurements of a network with effects that the analysis does not know.
+"""Cases with hidden effects: synthetic measurements of a network with effects that are unknown to the analysis.
 
 The truth is simulated with finer time steps and another time integration than the analysis uses, and its nuisance
 parameters differ from their prior means.
@@ -59,8 +59,8 @@ class Noise:
 class Truth:
     """The hidden effects with sizes in prior standard deviations, and the nuisance parameters; for scoring only.
 
-    visible: norm of the trace of the effect in the fitted data, in noise standard deviations, after recalibration
-    without it (`least_trace`); the least of several effects.
+    visible: norm of the signal of the effect in the fitted data, in noise standard deviations, after recalibration
+    without it (`least_trace`); the smallest of several effects.
     """
 
     hypothesis: Hypothesis
@@ -104,7 +104,7 @@ def hide(
     Returns
     -------
     Truth
-        What was hidden.
+        The hidden effects.
 
     Raises
     ------

@@ -35,7 +35,7 @@ class Linear:
 
 
 def linearise(problem: Problem, z: np.ndarray, hypothesis: Hypothesis) -> Linear:
-    """Linearise a model at its fit, or at the prior's mean with its sizes where it does not run there.
+    """Linearise a model at its fit or, if it does not run there, at the prior mean with the sizes of the fit.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def gap(problem: Problem, model: Linear, folds: Folds, seed: int) -> Gap:
 
 
 def predicts_better(model: Gap, other: Gap) -> bool:
-    """Return whether a model's held-out density is clearly higher, standard errors by rows grouped in eights."""
+    """Return whether a model's held-out density is clearly higher; standard errors are over groups of eight rows."""
     difference = 0.5 * (other.residual**2 - model.residual**2)
     blocks = np.array([part.sum() for part in np.array_split(difference, max(2, len(difference) // 8))])
     error = np.sqrt(len(blocks) * blocks.var(ddof=1))
@@ -152,8 +152,8 @@ def predicts_better(model: Gap, other: Gap) -> bool:
 def predictive_p(problem: Problem, model: Linear, folds: Folds) -> float:
     """Return the p-value of held-out residuals under a model's predictions.
 
-    Predictions have the spread that a fit to the other rows leaves. The least of the tests of `residual_tests` over all
-    folds, times their number (Bonferroni).
+    Predictions have the spread that remains after a fit to the other rows. The smallest p-value of `residual_tests`
+    over all folds, times their number (Bonferroni).
     """
     p_values: list[float] = []
     for train, test in folds:

@@ -31,7 +31,7 @@ class Fit:
     z, residual, jacobian
         Parameters (p,), whitened residual (N,) and sensitivities (N, p).
     renewed
-        z at which all sensitivities were last recomputed; None where some are another model's.
+        z at which all sensitivities were last recomputed; None if some come from another model.
     """
 
     z: np.ndarray
@@ -54,12 +54,12 @@ class Fit:
 
     @cached_property
     def evidence(self) -> float:
-        """Log marginal likelihood in the Laplace approximation, less what is common to all models of the data."""
+        """Log marginal likelihood in the Laplace approximation, up to a constant common to all models."""
         return -0.5 * self.objective - 0.5 * float(np.linalg.slogdet(self.precision)[1])
 
     @property
     def projection(self) -> Callable[[np.ndarray], np.ndarray]:
-        """The map v → P v of vectors (N,) or (N, k): what recalibration within the prior cannot explain of them."""
+        """The map v → P v of vectors (N,) or (N, k): their part that recalibration within the prior cannot explain."""
         factor = cho_factor(self.precision)
         return lambda vectors: vectors - self.jacobian @ cho_solve(factor, self.jacobian.T @ vectors)
 
@@ -75,16 +75,16 @@ class Fit:
 
 
 Label = TypeVar("Label")
-"""What `evaluate` needs to know of a model, its hypothesis say."""
+"""Label that `evaluate` needs to identify a model, e.g. its hypothesis."""
 
 
 @dataclass
 class Search(Generic[Label]):
-    """State of one maximisation: point, sensitivities and which of them are recomputed.
+    """State of one maximisation: point, sensitivities, and which of them to recompute.
 
-    fresh: columns of z whose sensitivities are recomputed; renewed: z at which they were last (None: they have to be at
-    the start); stale: whether they have to be now; exact: columns whose sensitivities are constant, and these (N, k);
-    central: differences to both sides, with twice the runs and without the share of the curvature.
+    fresh: columns of z whose sensitivities are recomputed; renewed: z at which this was last done (None: to be done at
+    the start); stale: whether it is due now; exact: columns whose sensitivities are constant, and these (N, k);
+    central: use central differences, with twice the runs and without the error due to curvature.
     """
 
     label: Label
@@ -124,11 +124,12 @@ class Search(Generic[Label]):
         return cho_factor(np.eye(len(columns)) + values.T @ values)
 
     def settled(self, z: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return a point and its residual with the linear parameters at their optimum beside the others."""
+        """Return a point and its residual with the linear parameters at their optimum given the others."""
         if self.exact is None or not self.linear or not np.isfinite(residual).all():
             return z, residual
         columns, values = self.exact
-        # A row among others may be strided, and its products rounded differently than those of the row alone.
+        # A row of a larger array may be strided, and its products are then rounded differently than those of a single
+        # row.
         residual = np.ascontiguousarray(residual)
         step = cho_solve(self._linear_precision, values.T @ residual - z[columns])
         z = z.copy()
@@ -141,7 +142,7 @@ class Search(Generic[Label]):
 
     @property
     def moved(self) -> np.ndarray:
-        """Distance from where sensitivities were recomputed; they do not depend on the linear parameters."""
+        """Distance from the point where sensitivities were recomputed; they do not depend on the linear parameters."""
         return (self.z - (self.z if self.renewed is None else self.renewed))[self.others]
 
 
@@ -150,17 +151,17 @@ Evaluate = Callable[[list[tuple[np.ndarray, Label]]], np.ndarray]
 
 
 LENGTHS = (1.0, 0.4, 0.1)
-"""Shares of the Gauss-Newton step that are tried side by side."""
+"""Fractions of the Gauss-Newton step that are tried in parallel."""
 GOOD_STEP = 0.7
-"""Share of the predicted gain above which the sensitivities are used for the next step too."""
+"""Fraction of the predicted gain above which the sensitivities are reused in the next step."""
 FARTHEST = 3.0
 """Step of any parameter, in prior standard deviations, beyond which the linear model is not trusted."""
 MOVED = 0.3
-"""Distance, in prior standard deviations, from where they were recomputed at which sensitivities still hold."""
+"""Distance, in prior standard deviations, up to which sensitivities are used without being recomputed."""
 TOLERANCE = 0.02
 """Gain of the objective below which a fit ends: 0.01 nats of log evidence."""
 SHARE = 1e-3
-"""Gain as a share of the objective below which a fit ends too: far from the data many steps gain little."""
+"""Gain as a fraction of the objective below which a fit also ends: far from the data many steps gain little."""
 
 
 def maximise(
@@ -173,8 +174,8 @@ def maximise(
     """Maximise by Gauss-Newton with a step search, all searches in lockstep so that their runs share batches.
 
     Linear parameters are at their optimum at every point that is tried (variable projection; Golub & Pereyra 1973).
-    Sensitivities in `fresh` are recomputed where a step gains less than predicted, or ends `FARTHEST` from where they
-    were last; the others start as given; all are updated by the steps taken.
+    Sensitivities in `fresh` are recomputed if a step gains less than predicted, or ends `FARTHEST` from the point where
+    they were last computed; the others start as given; all are updated by the steps taken.
 
     Parameters
     ----------
@@ -183,10 +184,10 @@ def maximise(
     searches
         Starting points; changed in place.
     iterations
-        Steps, at most.
+        Maximum number of steps.
     tolerance, share
-        A search ends when its objective falls by less than `tolerance`, or by less than a `share` of itself, with
-        sensitivities that were recomputed close by.
+        A search ends when its objective falls by less than `tolerance`, or by less than the fraction `share`, with
+        sensitivities that were recomputed nearby.
 
     Returns
     -------
@@ -252,10 +253,10 @@ def _step(search: Search) -> np.ndarray:
 
 
 def _update(search: Search, step: np.ndarray, change: np.ndarray) -> None:
-    """Update the sensitivities by what a step has shown of them (Broyden).
+    """Update the sensitivities by a step's result (Broyden).
 
-    Not by a step shorter than the finite differences, which would show the tolerance of the runs, nor those of linear
-    parameters.
+    Steps shorter than the finite differences are not used, because they would show the tolerance of the runs.
+    Sensitivities to linear parameters are not updated.
     """
     moved = np.zeros(len(step))
     moved[search.others] = step[search.others]
@@ -265,7 +266,7 @@ def _update(search: Search, step: np.ndarray, change: np.ndarray) -> None:
 
 
 def _promised(search: Search, z: np.ndarray) -> float:
-    """Return by how much the objective falls on the way to z if the model is linear."""
+    """Return the decrease of the objective on the way to z if the model is linear."""
     step = z - search.z
     residual = search.residual - search.slopes @ step
     return search.fit.objective - float(residual @ residual + z @ z)

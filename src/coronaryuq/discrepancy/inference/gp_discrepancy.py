@@ -2,8 +2,8 @@
 
 A Gaussian process over place, phase and condition (Kennedy & O'Hagan 2001), written as a linear model in its features:
 for each measured place and quantity a constant and Fourier waves of the cycle with variance falling as (1 + h^2)^-2,
-half of the variance common to all conditions, half of each condition's own; its amplitude is a share of the series'
-size in the fitted conditions.
+half of the variance common to all conditions, half specific to each condition; its amplitude is a fraction of the
+series' size in the fitted conditions.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from coronaryuq.discrepancy.inference.problem import Problem
 
 HARMONICS = 8
 AMPLITUDES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
-"""Shares of the series' size that the evidence averages over with equal weights."""
+"""Amplitudes, as fractions of the series' size, over which the evidence is averaged with equal weights."""
 
 
 def features(problem: Problem) -> np.ndarray:
@@ -34,7 +34,7 @@ def features(problem: Problem) -> np.ndarray:
     keys = list(dict.fromkeys(each))
     conditions = list(dict.fromkeys(s.condition for s in forward.measured))
     size: dict[tuple, float] = {}
-    # Held-out values do not set the amplitude unless nothing else was measured.
+    # Held-out values do not determine the amplitude unless nothing else was measured.
     for held_out in (False, True):
         known = set(size)
         for key, series in zip(each, forward.measured, strict=True):

@@ -54,11 +54,11 @@ class Located:
     conflicts: list[PriorConflict]
 
     def alarm(self, level: float) -> bool:
-        """Return whether the global test alarms at a significance level."""
+        """Return whether the global test is significant at a level."""
         return self.p < level
 
     def with_test(self, name: str, p: float) -> "Located":
-        """Add a test to the global one: the least p-value times the number of tests."""
+        """Add a test to the global one: the smallest p-value times the number of tests."""
         tests = {**self.tests, name: min(1.0, float(p))}
         return replace(self, p=min(1.0, len(tests) * min(tests.values())), tests=tests)
 
@@ -67,9 +67,9 @@ def locate(problem: Problem, fit: Fit) -> Located:
     """Test the fitted data against a model.
 
     Under the model the score u = P e0 has covariance P (see `gauss_newton`), so W'u has covariance W'PW for any shapes
-    W: what recalibration moved, as far as the prior lets it, is accounted for exactly in the linear case. The global
-    test takes the least of four p-values, times four: all residuals, their smooth part (mean and three harmonics of
-    each series), the worst single series and the worst nuisance parameter (Bonferroni); `search.assess` adds more.
+    W: recalibration within the prior is accounted for exactly in the linear case. The global test takes the smallest of
+    four p-values, times four: all residuals, their smooth part (mean and three harmonics of each series), the worst
+    single series and the worst nuisance parameter (Bonferroni); `search.assess` adds more.
     """
     score = fit.score
     conflicts = _conflicts(problem, fit)
@@ -136,7 +136,7 @@ def _groups(problem: Problem, fit: Fit, score: np.ndarray) -> list[Disagreement]
 
 
 def false_discovery(p: np.ndarray) -> np.ndarray:
-    """Return p-values adjusted for the false-discovery rate (Benjamini & Yekutieli 2001, for any dependence)."""
+    """Return p-values adjusted for the false discovery rate (Benjamini & Yekutieli 2001, for any dependence)."""
     p = np.asarray(p, dtype=float)
     m = p.size
     order = np.argsort(p)

@@ -19,13 +19,13 @@ from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.residual_tests import phases
 
 HARMONICS = 6
-"""Harmonics of the cycle that are removed from each waveform, at most; the rest is scatter."""
+"""Maximum number of harmonics of the cycle that are removed from each waveform; the rest is scatter."""
 TRIMMED = 0.1
-"""Share of the largest squares left out: a valve that shuts a sample late is not noise."""
+"""Fraction of the largest squares left out: a valve that closes one sample late is not noise."""
 LONGEST = 10.0
 """Longest correlation time, in cycles; the shortest is a thousandth of the sampling interval."""
 SMOOTH = 2.0
-"""Variance of a shape of correlated noise, over that of the white rest, above which it gets a weight of its own."""
+"""Variance of a shape of correlated noise, over that of the white remainder, above which it gets a separate weight."""
 
 _BOUND = float(stats.chi2.ppf(1.0 - TRIMMED, 1))
 _MEAN = float(stats.chi2.cdf(_BOUND, 3)) / (1.0 - TRIMMED)
@@ -87,9 +87,9 @@ def scatter(problem: Problem, fit: Fit) -> dict[str, Scatter]:
     """Return the scatter of the fitted waveforms about a fit, by quantity.
 
     Over standard deviations with the model's floor and the time-step allowance. Mean and first harmonics of each
-    residual waveform, as many as leave half of the samples, are projected out, and each sample is divided by the share
-    of its standard deviation that this leaves. p-values are those of the median waveform: missing effects are in some
-    waveforms, noise in all.
+    residual waveform, as many as leave half of the samples, are projected out, and each sample is divided by the
+    fraction of its standard deviation that remains. p-values are those of the median waveform: missing effects are in
+    some waveforms, noise in all.
     """
     squares_of: dict[str, list[tuple[np.ndarray, int]]] = {}
     for series, rows, phase in _waveforms(problem):
@@ -107,9 +107,9 @@ def _waveforms(problem: Problem) -> Iterator[tuple[Measured, np.ndarray, np.ndar
 
 
 def _beyond(phase: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
-    """Return the projection (k, k) on what the first harmonics cannot follow, and its rank.
+    """Return the projection (k, k) that removes the first harmonics, and its rank; between them the variance left.
 
-    Between them the share (k,) of each sample's variance that it leaves, 0 if negligible.
+    The variance left is a fraction (k,) of each sample's variance, 0 if negligible.
     """
     count = min(HARMONICS, (phase.size // 2 - 1) // 2)
     angles = 2.0 * np.pi * np.outer(phase, np.arange(1, count + 1))
@@ -122,7 +122,7 @@ def _beyond(phase: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
 def _scatter(squares: tuple[np.ndarray, ...], freedom: tuple[int, ...]) -> Scatter:
     """Return the scatter from the squares of waveforms and the degrees of freedom of each."""
     middle = float(np.median([_share(part) for part in squares]))
-    # The median of one or two is their mean; of more it varies more than the mean.
+    # The median of one or two values is their mean; that of more values varies more than the mean.
     spread = _SPREAD / np.sqrt(sum(freedom)) * (np.sqrt(np.pi / 2.0) if len(squares) > 2 else 1.0)
     z = (middle - 1.0) / spread
     factor = float(np.sqrt(_share(np.concatenate(squares))))
@@ -159,7 +159,7 @@ def _time(series: Measured) -> np.ndarray:
 
 
 def _correlation(series: Measured, correlation_time: float) -> np.ndarray:
-    """Return correlations (k, k) of samples, the shorter way round the beat: where it is cut makes no difference."""
+    """Return correlations (k, k) of samples by their distance around the beat, whose starting point is irrelevant."""
     time = _time(series)
     apart = np.abs(time[:, None] - time[None, :]) % series.period
     return np.exp(-np.minimum(apart, series.period - apart) / correlation_time)

@@ -1,4 +1,4 @@
-"""Outliers: single samples of waveforms off the line between their neighbours, most likely artefacts."""
+"""Outliers: single samples of waveforms that deviate from the line between their neighbours, most likely artefacts."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from coronaryuq.discrepancy.inference.problem import Problem
 
 @dataclass(frozen=True)
 class Outlier:
-    """A sample (time in s), and how far it is off its neighbours in standard deviations."""
+    """A sample (time in s), and its deviation from its neighbours in standard deviations."""
 
     quantity: str
     location: str
@@ -20,11 +20,12 @@ class Outlier:
 
 
 def find_outliers(problem: Problem, residual: np.ndarray) -> list[Outlier]:
-    """Return the outliers among the whitened residuals (N,) of all data, the worst first.
+    """Return the outliers among the whitened residuals (N,) of all data, worst first.
 
-    A sample's distance from the line between its neighbours is taken over the standard deviation that white noise gives
-    it (Gasser, Sroka & Jennen-Steinmetz 1986); the worst is moved there, and so on. The ends of a waveform, with one
-    neighbour only, are not tested. What stands out in three series at one time of the beat is not an artefact.
+    A sample's distance from the line between its neighbours is divided by its standard deviation under white noise
+    (Gasser, Sroka & Jennen-Steinmetz 1986); the worst sample is moved to the line, and so on. The ends of a waveform,
+    which have only one neighbour, are not tested. Samples that stand out in three series at the same time of the beat
+    are not artefacts.
     """
     outliers, phases, origins = [], [], []
     for number, series in enumerate(problem.forward.measured):

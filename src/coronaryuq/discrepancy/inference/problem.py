@@ -18,9 +18,9 @@ OTHER_STARTS = (-1.0, 1.0, -2.0, 2.0, 0.0)
 RESTARTS = (0.0, 2.0, -1.0)
 """Sizes of all effects, in prior standard deviations, from which `multistart` starts."""
 SMALLER = -2.0
-"""Starting point where a candidate's own does not run, in prior standard deviations."""
+"""Starting point if the model does not run at a candidate's own, in prior standard deviations."""
 CORRECTIONS = 6
-"""Iterations of the time-step correction, at most."""
+"""Maximum number of iterations of the time-step correction."""
 
 
 @dataclass
@@ -41,7 +41,7 @@ class Problem:
     time_steps
         Known error of the time steps.
     shorter
-        The model with shorter time steps, once it was needed.
+        The model with shorter time steps, created when needed.
     """
 
     forward: Forward
@@ -69,7 +69,7 @@ class Problem:
     def fitted(self, rows: list[tuple[np.ndarray, Hypothesis]], grafts: Sequence[PlacedEffect] = ()) -> np.ndarray:
         """Return whitened residuals (n, M) of the fitted data alone, for rows (z, hypothesis).
 
-        Other conditions are run only where a measurement error may depend on them. grafts: see `Forward.predict_rows`.
+        Other conditions are run only if a measurement error may depend on them. grafts: see `Forward.predict_rows`.
         """
         conditions = set(self.condition[self.train])
         predicted = self.forward.predict_rows(rows, conditions, grafts)
@@ -88,7 +88,7 @@ class Problem:
         return columns, values[self.train]
 
     def calibrate(self, hypothesis: Hypothesis, start: np.ndarray | None = None) -> Fit:
-        """Fit nuisance parameters and sizes together, from the prior's mean by default, all sensitivities recomputed.
+        """Fit nuisance parameters and sizes together, by default from the prior mean, recomputing all sensitivities.
 
         Raises FloatingPointError if the model does not run at the start.
         """
@@ -98,7 +98,7 @@ class Problem:
         return fit
 
     def calibrate_each(self, wanted: list[tuple[Hypothesis, np.ndarray | None]]) -> list[Fit | None]:
-        """Fit several hypotheses side by side, each as `calibrate`; None where the model does not run at the start."""
+        """Fit several hypotheses in parallel, each as `calibrate`; None if the model does not run at the start."""
         searches = []
         for hypothesis, start in wanted:
             if start is None:
@@ -108,18 +108,18 @@ class Problem:
         return [None if search.failed else search.fit for search in searches]
 
     def converge(self, hypothesis: Hypothesis, fit: Fit) -> Fit:
-        """Continue a fit until it gains next to nothing, with central differences.
+        """Continue a fit to convergence, with central differences.
 
-        Other fits end within a thousandth of their objective, and where one-sided differences promise no more: enough
-        to compare evidence, but where residuals exceed the noise it leaves sizes, and their posterior standard
-        deviations, off by a good part of these.
+        Other fits end within a thousandth of their objective, or when one-sided differences predict no further gain.
+        That is enough to compare evidence, but if residuals exceed the noise, errors of the sizes are then a
+        considerable part of their posterior standard deviations.
         """
         search = self._in_full(hypothesis, fit.z, jacobian=fit.jacobian.copy(), central=True)
         maximise(self.fitted, [search], self.settings.iterations, share=0.0)
         return fit if search.failed else search.fit
 
     def _in_full(self, label: Label, start: np.ndarray, **known: Any) -> Search[Label]:
-        """Return a search that recomputes all sensitivities but the constant ones; known: what it starts with."""
+        """Return a search that recomputes all sensitivities except constant ones; known: initial sensitivities."""
         exact = self.linear_part()
         fresh = [column for column in range(len(start)) if column not in exact[0]]
         return Search(label, np.array(start, dtype=float), fresh, exact=exact, **known)
@@ -129,11 +129,11 @@ class Problem:
         return self.corrected_each([(hypothesis, fit)])[0]
 
     def corrected_each(self, fits: list[tuple[Hypothesis, Fit]]) -> list[tuple["Problem", Fit]]:
-        """Correct problems and fits as `corrected`, side by side; where the error is small they stay as they are.
+        """Correct problems and fits as `corrected`, in parallel; those with a small error are left unchanged.
 
         The time-step error is known for the plain model, and how it varies with the nuisance parameters; an effect that
-        makes valves open or vessels ring differently changes it. It is evaluated at the fit repeatedly until the fit no
-        longer moves (deferred correction; Pereyra 1968), and the allowances for its variation are kept.
+        makes valves open or vessels ring differently changes it. It is evaluated repeatedly at the fit until the fit no
+        longer changes (deferred correction; Pereyra 1968), and the allowances for its variation are kept.
         """
         corrected = [(self, fit) for _, fit in fits]
         time_steps = self.time_steps
@@ -157,7 +157,7 @@ class Problem:
         return corrected
 
     def _refit(self, wanted: list[tuple["Problem", Hypothesis, Fit]]) -> list[Fit | None]:
-        """Fit problems that differ from this one in their correction, from earlier fits, whose sensitivities hold."""
+        """Fit problems that differ from this one in their correction, from earlier fits and their sensitivities."""
         searches = []
         for other, hypothesis, fit in wanted:
             label = hypothesis, other.change - self.change
@@ -173,23 +173,23 @@ class Problem:
 
     def time_step_change(self, rows: list[tuple[np.ndarray, Hypothesis]]) -> np.ndarray:
         """Return the change (n, N) of predictions by shorter time steps for rows (z, hypothesis), CGS."""
-        # Use a copy of the states met so far: those stored here must not change other runs' results.
+        # Use a copy of the states stored so far: new ones must not change other runs' results.
         own = replace(self.forward, simulation=self.forward.simulation.fork())
         if self.shorter is None:
             self.shorter = finer(own, FINER)
         return self.shorter.predict_rows(rows) - own.predict_rows(rows)
 
     def missed(self, change: np.ndarray) -> float:
-        """Return the norm, in noise sd, of what the time-step allowances leave of another correction (N,)."""
+        """Return the norm, in noise sd, of another correction (N,) beyond the time-step allowances."""
         _, values = self.shape_weights()
         missed, shapes = (change - self.change) / self.sd, values.T
         weights = np.linalg.solve(np.eye(len(shapes)) + shapes @ shapes.T, shapes @ missed)
         return float(np.sqrt(max(missed @ (missed - shapes.T @ weights), 0.0)))
 
     def multistart(self, hypothesis: Hypothesis) -> Fit | None:
-        """Return the best of several fits from the prior's mean, with different sizes of all effects.
+        """Return the best of several fits from the prior mean, with different sizes of all effects.
 
-        Each is fitted to its end, as the leader may change on the way. None where the model runs at no start.
+        Each is fitted to convergence, because their order may change on the way. None if the model runs at no start.
         """
         sizes = len(hypothesis.parameters)
         starts = [np.concatenate([np.zeros(self.count), np.full(sizes, size)]) for size in RESTARTS]
@@ -197,15 +197,15 @@ class Problem:
         return max(fits, key=lambda fit: fit.evidence, default=None)
 
     def distorted(self, fit: Fit) -> bool:
-        """Return whether recalibration has left the prior, so that candidates are better scored elsewhere."""
+        """Return whether recalibration has left the prior, so that candidates are better scored at another point."""
         moved = [z for z, nuisance in zip(fit.z, self.forward.nuisances, strict=False) if nuisance.shape is None]
         return bool(np.abs(moved).max(initial=0.0) > RULE.distorted)
 
     def linearisation_point(self, fit: Fit, hypothesis: Hypothesis) -> Fit:
-        """Return where candidates are scored: the fit or, if it is distorted, the prior's mean with the fit's sizes.
+        """Return the point for scoring candidates: the fit or, if distorted, the prior mean with the fit's sizes.
 
-        With the right effect the nuisance parameters are within their prior, and about its mean that effect shows
-        undistorted; about a distorted fit a neighbour that shares the distortion may look better.
+        With the right effect the nuisance parameters are within their prior, and about its mean that effect appears
+        undistorted; about a distorted fit a neighbour that causes the same distortion may look better.
         """
         if not self.distorted(fit):
             return fit
@@ -223,10 +223,10 @@ class Problem:
     def fit_candidates(
         self, base: Fit, hypothesis: Hypothesis, candidates: list[PlacedEffect], guesses: list[np.ndarray]
     ) -> list[Fit | None]:
-        """Fit one more effect each, as `fit_roughly`, those not far behind the best from other points too.
+        """Fit one more effect each, as `fit_roughly`, and those not far behind the best also from other points.
 
         guesses: starting sizes of each. All take two iterations from there; those not far behind the best continue,
-        also from `starts - 1` other points. Returns the best fit of each, None where no run succeeded.
+        also from `starts - 1` other points. Returns the best fit of each, None if no run succeeded.
         """
         best: list[Fit | None] = [None] * len(candidates)
 
@@ -238,7 +238,7 @@ class Problem:
                     best[number] = fit
 
         search(range(len(candidates)), guesses, 2)
-        # A size may be too much for the solver where a smaller one runs.
+        # The solver may fail at a size although it runs at a smaller one.
         failed = [i for i, fit in enumerate(best) if fit is None]
         search(failed, [np.full(len(guesses[i]), SMALLER) for i in failed], 2)
         leading = max((fit.evidence for fit in best if fit is not None), default=0.0)
@@ -257,10 +257,11 @@ class Problem:
         iterations: int | None = None,
         beside: Sequence[PlacedEffect] = (),
     ) -> list[Fit | None]:
-        """Fit one more effect each, with the sensitivities to all else frozen at those of `base`.
+        """Fit one more effect each, with all other sensitivities frozen at those of `base`.
 
-        starts: sizes of each, beside the point of `base`, or an earlier fit; iterations: at most, by default those of
-        the settings; beside: candidates whose networks these share. None where the model does not run at the start.
+        starts: sizes of each, to be added to the point of `base`, or an earlier fit; iterations: maximum, by default
+        that of the settings; beside: candidates inserted into the same networks. None if the model does not run at the
+        start.
         """
         searches = []
         for candidate, start in zip(candidates, starts, strict=True):
@@ -278,7 +279,7 @@ class Problem:
     def sensitivity(self, z: np.ndarray, residual: np.ndarray, hypothesis: Hypothesis) -> np.ndarray:
         """Return whitened sensitivities (N, p) of all data, held-out ones too, about z (p,) with its residual (N,).
 
-        Zero where the model runs on neither side.
+        Zero if the model runs on neither side.
         """
         columns, values = self.shape_weights()
         others = np.setdiff1d(np.arange(len(z)), columns)

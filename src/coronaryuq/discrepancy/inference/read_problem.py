@@ -34,7 +34,7 @@ MARKS = (":", "~", "<")
 KNOWN = 1.0
 """Ratio of a perfusion to its standard deviation above which it may determine a tissue mass."""
 LEAST_WHITE = 0.1
-"""Smallest fraction of a standard deviation that remains white noise, whatever floor and time steps add."""
+"""Smallest fraction of a standard deviation that remains white noise, whatever floor and time-step allowance add."""
 STEPS_WHERE_CORRELATED = 4
 """Refinement of an open loop's time steps where noise is correlated in time: sharp features are weighted strongly.
 
@@ -43,7 +43,7 @@ effect is best. In a closed loop some oscillation persists with shorter steps, a
 
 
 def locations(network: Network) -> dict[str, list[str]]:
-    """Names that measurements may use, per quantity."""
+    """Location names that measurements may use, by quantity."""
     unknowns = Engine(network).unknowns
     places = [name.split(":", 1)[1] for name in unknowns if name.startswith("flow:")]
     internal = inner_unknowns(unknowns)
@@ -118,8 +118,8 @@ def _check_root(problem: Problem) -> None:
 def _check_sizes(problem: Problem, file: str | Path) -> None:
     """Reject measurements far from all simulated values: they are in another unit, or mistyped.
 
-    One flow may be much less than the model's, in a nearly closed vessel; the scale of perfusion is determined by the
-    data.
+    A single flow may be much smaller than the model's, in a nearly closed vessel; the scale of perfusion is determined
+    by the data.
     """
     forward = problem.forward
     predicted = forward.split(forward.predict(np.zeros(problem.count)))
@@ -151,13 +151,13 @@ def _check_sizes(problem: Problem, file: str | Path) -> None:
 
 
 def _opposite(series: Measured, predicted: np.ndarray) -> bool:
-    """Whether a mean flow runs against the model's, by more than its noise."""
+    """Whether a mean flow has the opposite direction to the model's, beyond its noise."""
     mean, sd = float(series.value.mean()), float(np.abs(series.sd).mean())
     return mean * float(predicted.mean()) < 0.0 and abs(mean) > 3.0 * sd
 
 
 def with_time_steps(problem: Problem) -> Problem:
-    """Return the problem with its time-step error corrected as far as it is known, and allowed for beyond."""
+    """Return the problem with its known time-step error corrected, and an allowance for the rest."""
     error, forward = time_steps(problem.forward, problem.sd), problem.forward
     weights = [Nuisance(f"time steps, shape {k + 1}", 1.0, shape=k) for k in range(len(error.shapes))]
     shaped = replace(forward, nuisances=[*forward.nuisances, *weights], shapes=error.shapes)
@@ -168,7 +168,7 @@ def with_noise(problem: Problem, noise: dict[str, Noise]) -> Problem:
     """Return the problem with estimated noise of the waveforms of some quantities.
 
     Relative to standard deviations with the model's floor and the time-step allowance. Shapes of correlated noise get
-    weights, as those of the time steps have; open loops then run with `STEPS_WHERE_CORRELATED` times the steps.
+    weights, like those of the time steps; open loops then run with `STEPS_WHERE_CORRELATED` times the steps.
 
     Parameters
     ----------
@@ -273,7 +273,7 @@ def make_problem(
 
 
 def _as_it_is(engine: Engine, quantities: list[str], steps_per_cycle: int) -> dict[str, float]:
-    """Return quantities of the plain model, converged as loosely as other runs where valves prevent more."""
+    """Return quantities of the plain model, with the looser tolerance of other runs if valves prevent convergence."""
     for tolerance in (TOLERANCE, LOOSE):
         run = engine.run_to_periodic(
             quantities=quantities, periodicity=Periodicity(tolerance=tolerance), steps_per_cycle=steps_per_cycle
@@ -284,10 +284,10 @@ def _as_it_is(engine: Engine, quantities: list[str], steps_per_cycle: int) -> di
 
 
 def tissue_mass(territory: str, conditions: dict[str, Condition], measured: list[Measured], anatomy: Anatomy) -> float:
-    """Return the tissue mass (g) with which the plain model has the first measured perfusion.
+    """Return the tissue mass (g) with which the plain model reproduces the first measured perfusion.
 
-    Of a fitted condition, if there is one: the prior's mean must not depend on held-out data. Readings below their own
-    noise are skipped, unless all are.
+    A fitted condition is used if there is one, because the prior mean must not depend on held-out data. Readings below
+    their own noise are skipped, unless all are below.
     """
     own = [s for s in measured if s.quantity == "perfusion" and s.location == territory]
     own = [s for s in own if not conditions[s.condition].held_out] or own

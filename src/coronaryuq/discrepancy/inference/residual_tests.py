@@ -48,7 +48,7 @@ def phases(problem: Problem, which: np.ndarray) -> Iterator[tuple[int, np.ndarra
 
 
 def smooth(problem: Problem, which: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return whitened smooth shapes (n, k) of the residual of those rows, and the series of each."""
+    """Return whitened smooth shapes (n, k) of the residual of these rows, and the series of each."""
     sd = problem.sd[which]
     columns, owners = [], []
     for number, own, phase in phases(problem, which):

@@ -1,4 +1,4 @@
-"""Time-step error: how much the time steps change predictions, and how certain that is."""
+"""Time-step error: the change of predictions by the time steps, and its uncertainty."""
 
 from dataclasses import dataclass, replace
 
@@ -8,14 +8,14 @@ from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.forward.predict import Forward
 
 FINER, FINEST = 8, 32
-"""Refinements of the time steps that the model's are compared with, and those where points differ."""
+"""Refinements of the time steps for the comparison, and those used if points differ."""
 DRAWS, MORE, FEW, SPREAD = 16, 32, 2, 0.5
-"""Points at which steps are compared (the plain model, and draws of the nuisance parameters with standard deviation
-`SPREAD`); as many in all, and with the finest steps, where the change differs between points."""
+"""Number of points at which steps are compared (the plain model, and draws of the nuisance parameters with standard
+deviation `SPREAD`); number in all, and with the finest steps, if the change differs between points."""
 SHAPED = 0.3
-"""Norm, in noise standard deviations, above which a difference between points is a shape of its own."""
+"""Norm, in noise standard deviations, above which a difference between points is a separate shape."""
 OWN = 3
-"""Further shapes of each series, at most, for what the common ones leave of it."""
+"""Maximum number of further shapes per series, for its part that common shapes do not describe."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class TimeSteps:
     """Change of predictions by steps `FINER` times as short, CGS.
 
     change: mean (N,); shapes: largest differences between points, of all rows and then of single series, (k, N), with
-    standard normal weights; sd: of the rest (N,), independent between rows.
+    standard normal weights; sd: standard deviation of the rest (N,), independent between rows.
     """
 
     change: np.ndarray
@@ -34,13 +34,12 @@ class TimeSteps:
 def time_steps(forward: Forward, noise: np.ndarray) -> TimeSteps:
     """Estimate the time-step error by comparing steps at points of the prior.
 
-    A valve opens and shuts between two steps, and vessels that store blood ring afterwards: the steps' error there is
-    no disagreement with the data. What is common to all points is corrected. What differs is not independent noise
-    of each row but has few shapes, perhaps those of an effect, such as a valve that damps the ringing: these get
-    weights, as do the shapes of what still shorter steps change. For the rest, what other points would leave, the worst
-    shapes of each series get weights too, and each row of it the root mean square along the worst remaining shape, as
-    noise. Where the change is the same at all points, the error of the shorter steps is, to first order, the same share
-    of it as their length.
+    Valves open and close between two steps, and vessels that store blood then oscillate: the time-step error there is
+    no misfit of the model. The part common to all points is corrected. The rest is not independent noise of each row
+    but has few shapes, perhaps those of an effect, such as a valve that damps the oscillation: these get weights, as do
+    the shapes of the change by still shorter steps. Of what remains at other points, the worst shapes of each series
+    also get weights, and each row gets the root mean square along the worst remaining shape as noise. If the change is
+    the same at all points, the error of the shorter steps is, to first order, the same fraction of it as their length.
 
     Parameters
     ----------
@@ -59,7 +58,7 @@ def time_steps(forward: Forward, noise: np.ndarray) -> TimeSteps:
     compare = _Steps(forward, noise)
     change = compare.change(points[:DRAWS], 1, FINER)
     if len(change) < 3:
-        # Where the model hardly runs, only the size of the change is known.
+        # If the model runs at few points, only the size of the change is known.
         return TimeSteps(np.zeros(forward.size), np.zeros((0, forward.size)), noise * np.abs(change).sum(axis=0))
     further, left = change.mean(axis=0)[None, :] / FINER, np.zeros((0, forward.size))
     differs = _shapes(change - change.mean(axis=0))[0].max() > SHAPED
@@ -86,13 +85,13 @@ def finer(forward: Forward, times: int) -> Forward:
 
 
 class _Steps:
-    """Predictions, in noise standard deviations, with refined time steps."""
+    """Predictions with refined time steps, in noise standard deviations."""
 
     def __init__(self, forward: Forward, noise: np.ndarray) -> None:
         self.forwards, self.noise = {1: forward}, noise
 
     def change(self, points: np.ndarray, steps: int, finer: int) -> np.ndarray:
-        """Return the change (n, N) from one refinement to another, at those of the points (n, p) where both run."""
+        """Return the change (n, N) from one refinement to another, at the points (n, p) where both run."""
         change = self._predicted(points, finer) - self._predicted(points, steps)
         return change[np.isfinite(change).all(axis=1)] / self.noise
 
@@ -116,13 +115,13 @@ def _each_series(forward: Forward, rest: np.ndarray, most: int) -> tuple[np.ndar
 
 
 def _shapes(deviations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return lengths (k,) and shapes (k, N) of these lengths: principal components of the rows of (n, N)."""
+    """Return lengths (k,) and shapes (k, N): principal components of the rows of (n, N)."""
     _, lengths, directions = np.linalg.svd(deviations / np.sqrt(len(deviations)), full_matrices=False)
     return lengths, lengths[:, None] * directions
 
 
 def _left_by_others(change: np.ndarray) -> np.ndarray:
-    """Return what mean and shapes of the others do not explain of each row of (n, N), over the root of n."""
+    """Return the part of each row of (n, N) that mean and shapes of the others do not explain, over the root of n."""
     left = []
     for number, row in enumerate(change):
         others = np.delete(change, number, axis=0)

@@ -1,1 +1,1 @@
-"""The answer: tables, text, the repaired network."""
+"""Results: tables, text, the repaired network."""

@@ -1,4 +1,4 @@
-"""Facts for the summary of a search, as JSON; the summary chooses the words."""
+"""Facts for the summary of a search, as JSON; `summary_text` phrases them."""
 
 import numpy as np
 
@@ -18,15 +18,15 @@ Z_90 = 1.6448536269514722
 
 
 def facts(discovery: Discovery) -> dict:
-    """Return the facts about a search that its tables and named effects do not hold.
+    """Return the facts about a search that are not in its tables and named effects.
 
     Returns
     -------
     dict
         measurements, objective: number of fitted measurements and sum of squares of the recalibrated model.
-        noise_excess: see the function. worst: the group that disagrees most. best: the effects of the best
-        hypothesis, named or not. verdict: reasons against naming them. likeliest: the most probable candidate of the
-        first round, if it is more probable than no effect. unexplained: whether something remains.
+        noise_excess: see the function. worst: the group with the largest misfit. best: the effects of the best
+        hypothesis, named or not. verdict: reasons for not naming them. likeliest: the most probable candidate of the
+        first round, if it is more probable than no effect. unexplained: whether a misfit remains.
     """
     problem, located, verdict = discovery.problem, discovery.located, discovery.verdict
     level, count, objective = problem.settings.alarm_level, len(discovery.base.residual), discovery.base.objective
@@ -118,7 +118,7 @@ def likeliest(rounds: Rounds) -> dict | None:
 
 
 def noise_excess(located: Located, mean_square: float, level: float) -> float | None:
-    """Return the noise over its stated size if residuals are too large but no other test rejects, else None."""
+    """Return the ratio of noise to its stated size if residuals are too large but no other test rejects, else None."""
     if any(p < level for name, p in located.tests.items() if name != "all residuals"):
         return None
     return float(np.sqrt(mean_square))

@@ -84,7 +84,7 @@ def repaired_measurements(forward: Forward, hypothesis: Hypothesis) -> pd.DataFr
 
 
 def difference(forward: Forward, hypothesis: Hypothesis, fit: Fit) -> str:
-    """List all changes: effects, added elements, recalibration factors and values."""
+    """List all changes: effects, added elements, recalibration factors and changed values."""
     before, after = forward.network, repaired_network(forward, hypothesis, fit.z)
     lines = [*_effect_lines(forward, hypothesis, fit), "", "Recalibration (factors)"]
     for nuisance, z in ((n, z) for n, z in zip(forward.nuisances, fit.z, strict=False) if n.shape is None):

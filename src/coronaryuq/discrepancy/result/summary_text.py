@@ -32,7 +32,7 @@ def write_paragraph(answer_json: str | Path, paragraph_txt: str | Path) -> str:
 
 
 def paragraph(answer: Mapping) -> str:
-    """Summarise what disagrees, what is missing, how certain that is and how far the misfit falls.
+    """Summarise the misfit, the missing effects, their probability and the decrease of the held-out misfit.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def paragraph(answer: Mapping) -> str:
 
 
 def _outside_library(answer: Mapping, held_out: list[str]) -> str:
-    """Explain why the best candidates are not named."""
+    """State why the best candidates are not named."""
     gaps, verdict, best = answer["held_out"], answer["facts"]["verdict"], answer["facts"]["best"]
     one = len(best) == 1
     labels, candidate = (

@@ -81,7 +81,7 @@ def summary(found: Discovery) -> dict:
 
 
 def named(found: Discovery) -> list[dict]:
-    """List the named effects: probability, class, sizes and, for a class, the measurements that would split it."""
+    """List the named effects: probability, class, sizes and, for a class, the measurements that best distinguish it."""
     forward = found.problem.forward
     rounds = {entry.named.placed: entry for entry in found.named}
     result = []
@@ -121,7 +121,7 @@ def named(found: Discovery) -> list[dict]:
 def _adds(entry: Round) -> dict | None:
     """Return the nats that an effect adds to the others, for fitted and for held-out data; None if it is alone.
 
-    Null where the model does not run without it.
+    Null if the model does not run without it.
     """
     if entry.held_out_gain is None:
         return None
@@ -155,7 +155,7 @@ WRITTEN = (
 )
 """All files that a search may write, apart from the folder `drives`."""
 A_CASE = ("measurements.csv", "conditions.yaml")
-"""Files that a case has as well: only next to a repaired model are they those of an earlier search."""
+"""Files that a case also has: they belong to an earlier search only if a repaired model is next to them."""
 
 
 def clear(folder: Path) -> None:
@@ -193,7 +193,7 @@ def write(found: Discovery, folder: Path) -> dict:
         write_csv(folder / name, table)
     if mended is not None:
         mended.write(folder)
-    # Last: where it exists, all other files exist.
+    # Last: if it exists, all other files exist.
     write_json(folder / "discrepancy.json", answer)
     return answer
 
@@ -303,5 +303,5 @@ def _gaps(found: Discovery) -> pd.DataFrame:
 
 
 def gap_row(name: str, gap: Gap) -> tuple:
-    """Make a row of `gap.csv`."""
+    """Return a row of `gap.csv`."""
     return name, gap.misfit, *gap.interval, gap.lpd, 1.0

@@ -1,1 +1,1 @@
-"""Which effect is missing: stepwise selection among candidates, and abstention."""
+"""Selection of the missing effect: stepwise among candidates, and abstention."""

@@ -31,16 +31,16 @@ class Gaps:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What speaks against the effects of a hypothesis.
+    """Reasons against the effects of a hypothesis.
 
-    wiring_errors: those that are wiring errors of the model. redistributed: they are flow gains that blood on another
-    path explains as well, with one cause. refuted: held-out data lower their evidence below what naming takes, or
-    recalibration alone predicts them better while something remains. implausible: a size beyond
-    `DecisionRule.implausible`; or, where something remains and held-out data are not predicted, a measurement error
-    beyond the central 99 % of its prior. outperformed: they are doubtful, and gain less than a flexible discrepancy.
+    wiring_errors: those that are wiring errors of the model. redistributed: they are flow gains that are explained as
+    well by blood on another path, a single cause. refuted: held-out data reduce their evidence below that required of a
+    name, or recalibration alone predicts the data better while a misfit remains. implausible: a size beyond
+    `DecisionRule.implausible`; or, if a misfit remains and held-out data are not predicted, a measurement error beyond
+    the central 99 % of its prior. outperformed: they are doubtful, and gain less than a flexible discrepancy.
     constancies: sizes by condition, of each effect; varying: those that differ between conditions. predictive_p:
-    p-value of the held-out data; unpredicted: that is below the threshold. gain_beside_flexible: nats per held-out row
-    that they add to a flexible discrepancy, None where nothing is doubtful.
+    p-value of the held-out data; unpredicted: it is below the threshold. gain_beside_flexible: nats per held-out row
+    that they add to a flexible discrepancy, None if nothing is doubtful.
     """
 
     wiring_errors: list[PlacedEffect]
@@ -56,7 +56,7 @@ class Verdict:
 
     @property
     def refused(self) -> bool:
-        """Whether nothing is named however much it would help a flexible discrepancy."""
+        """Whether nothing is named regardless of the gain over a flexible discrepancy."""
         return bool(self.wiring_errors) or self.redistributed or self.refuted or self.implausible or self.outperformed
 
     @property
@@ -79,13 +79,14 @@ def judge(
 ) -> Verdict:
     """Judge a hypothesis by all data.
 
-    base, fit: without and with its effects; log_priors: of the class of each effect; effects: how many the library has
-    here; unexplained: whether they leave something to explain; predictive_p: p-value of the held-out data with them.
+    base, fit: without and with its effects; log_priors: of the class of each effect; effects: number of effects of the
+    library that are possible here; unexplained: whether a misfit remains; predictive_p: p-value of the held-out data
+    with them.
     """
     least = problem.settings.min_log_odds
     redistributed = bool(redistribution(problem, fit, hypothesis, log_priors, effects) > 0.0)
-    # What effects add to the log evidence of the fitted data, and to the log predictive density of the others, is their
-    # log evidence from all data.
+    # The increase of the log evidence of the fitted data and of the log predictive density of the others by effects is
+    # their log evidence from all data.
     odds = fit.evidence + sum(log_priors) - base.evidence + gaps.after.total_lpd - gaps.before.total_lpd
     has_held_out = held_out_names(problem.forward.conditions)
     constancies = constancy(problem, fit, hypothesis)
@@ -122,8 +123,8 @@ def beyond(fit: Fit, hypothesis: Hypothesis, bound: float) -> list[PlacedEffect]
 def gain_beside_flexible(unexplained: bool, doubtful: bool, gaps: Gaps) -> float | None:
     """Return the nats per held-out row that the effects add to a flexible discrepancy.
 
-    None where the question does not arise: all effects have one size under all conditions and predict the held-out
-    data, and they leave nothing, or a flexible discrepancy alone does not predict held-out data better.
+    None if this is not needed: all effects have one size under all conditions and predict the held-out data, and they
+    leave no misfit, or a flexible discrepancy alone does not predict held-out data better.
     """
     if not doubtful and not (unexplained and predicts_better(gaps.flexible, gaps.after)):
         return None

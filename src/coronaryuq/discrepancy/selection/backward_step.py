@@ -1,4 +1,4 @@
-"""Backward step: is each earlier effect still needed, and the best one, beside the later effects?"""
+"""Backward step: check whether each earlier effect is still needed, and still the best one, given the later effects."""
 
 from dataclasses import replace
 
@@ -35,9 +35,9 @@ from coronaryuq.discrepancy.selection.score_test import screen
 
 
 def backward_step(problem: Problem, hypothesis: Hypothesis, fit: Fit, rounds: Rounds) -> tuple[Hypothesis, Fit, Rounds]:
-    """Test each earlier effect beside the later ones: still needed, still the best, and in which class now.
+    """Test whether each earlier effect is still needed and still the best, given the later ones; update its class.
 
-    Stops at the first effect that goes or is replaced. The fits of its own round knew nothing of the later effects.
+    Stops at the first effect that is removed or replaced. The fits of its own round did not include the later effects.
     """
     for placed in hypothesis.effects[:-1]:
         current, others = round_of(rounds, placed), hypothesis.without(placed)
@@ -46,7 +46,7 @@ def backward_step(problem: Problem, hypothesis: Hypothesis, fit: Fit, rounds: Ro
         without = exact(problem, others)
         if without is None:
             continue
-        # Other effects may have grown since: a rival's estimate is as rough as on the first shortlist.
+        # Other effects may have grown since: a rival's estimate is only as accurate as on the first shortlist.
         least = least_weight(present, without)
         best, tried, _ = _weigh_again(
             problem, current, present, others, drop(fit, columns), least, without=without.evidence
@@ -62,9 +62,9 @@ def backward_step(problem: Problem, hypothesis: Hypothesis, fit: Fit, rounds: Ro
 def correct_time_steps(
     problem: Problem, hypothesis: Hypothesis, fit: Fit, rounds: Rounds
 ) -> tuple[Problem, Hypothesis, Fit, Rounds]:
-    """Correct the time-step error at the fit; where that was much, compare the last effect with its rivals again.
+    """Correct the time-step error at the fit; if it was large, compare the last effect with its rivals again.
 
-    Not where something is left that another effect may explain: a backward step follows then.
+    Not if a misfit remains that another effect may explain: a backward step follows then.
     """
     before = problem
     problem, fit = before.corrected(hypothesis, fit)
@@ -82,8 +82,9 @@ def compare_again(
 ) -> tuple[Problem, Hypothesis, Fit, Round]:
     """Compare a round's candidates again, each with the time-step error corrected at its own fit.
 
-    before: the problem without that correction; problem, fit: with that of the accepted one, whose sizes stand last.
-    Returns problem, hypothesis, fit and round of what is accepted now: only the others where the odds do not suffice.
+    before: the problem without that correction; problem, fit: with that of the accepted one, whose sizes come last.
+    Returns problem, hypothesis, fit and round of the candidate that is accepted now; only of the other effects if the
+    odds do not suffice.
     """
     present = replace(current.named, fit=fit)
     least = present.log_weight - RULE.contender_gap
@@ -112,9 +113,9 @@ def _weigh_again(
 ) -> tuple[Candidate, list[Candidate], dict[PlacedEffect, Problem]]:
     """Return the best of a round's present candidate and of rivals that promise more than `least`, and all by weight.
 
-    If an effect that stood beside it in its round has been replaced, all its candidates are rivals, not only those that
-    were likely then. point: of the present one's fit, without its sizes. own_time_steps: correct the time-step error at
-    the fit of each close rival; returns these problems too. without: log evidence of the others alone.
+    If another effect of its round has been replaced since, all its candidates are rivals, not only those that were
+    likely then. point: of the present one's fit, without its sizes. own_time_steps: correct the time-step error at the
+    fit of each close rival; returns these problems too. without: log evidence of the others alone.
     """
     changed = any(placed not in others for placed in current.others)
     pool = current.scored if changed else likely(current.scored)
@@ -128,7 +129,7 @@ def _weigh_again(
         corrected = problem.corrected_each([(others.with_(c.placed), c.fitted) for c in close])
         problems = {c.placed: own for c, (own, _) in zip(close, corrected, strict=True)}
         first = updated(first, [replace(c, fit=fit) for c, (_, fit) in zip(close, corrected, strict=True)])
-    # In a large class, every pair of outlets perhaps, the sensitivities hardly differ from the present candidate's.
+    # In a large class, e.g. every pair of outlets, the sensitivities hardly differ from the present candidate's.
     members = {member.placed for member in current.members}
     fitted = [c for c in first if c.fit is not None]
     ahead = max([present, *fitted], key=lambda c: c.log_weight)
@@ -145,7 +146,7 @@ def _weigh_again(
 
 
 def _decided(current: Round, best: Candidate, tried: list[Candidate], without: float, others: Hypothesis) -> Round:
-    """Return the round with its outcome beside other effects; without: log evidence of those alone."""
+    """Return the round with its outcome given other effects; without: log evidence of those alone."""
     tried, probabilities = with_probabilities(without, tried, current.outside_evidence)
     (accepted,) = updated([best], tried)
     return replace(

@@ -1,4 +1,4 @@
-"""Candidates for the missing effect: every effect at every place, their weights, and classes that data cannot split."""
+"""Candidates for the missing effect: every effect at every place, their weights, and indistinguishable classes."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -21,12 +21,12 @@ COMPLIANCE = "epicardial_compliance"
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """One more effect at a place, and what is known of it in a round.
+    """A candidate: one more effect at a place, with its results in a round.
 
-    log_prior: its share of the prior of named effects. z_score: score test; p_varying: p-value of the test with one
-    size per condition. estimate: log evidence with it, and guess: its size z, both from a few runs. response: change
-    (N,) of whitened predictions by a small size about the point where it was last run. fit: with the effects beside it,
-    sizes of its own last; multistart: best fit from the prior's mean, where that was needed.
+    log_prior: its part of the prior of named effects. z_score: score test; p_varying: p-value of the test with one size
+    per condition. estimate: log evidence with it, and guess: its size z, both from a few runs. response: change (N,) of
+    whitened predictions by a small size about the point where it was last run. fit: together with the other effects,
+    its own sizes last; multistart: best fit from the prior mean, if that was needed.
     """
 
     placed: PlacedEffect
@@ -55,7 +55,7 @@ class Candidate:
 
     @property
     def p_value(self) -> float:
-        """Of the score test alone."""
+        """Magnitude of the score test alone."""
         return float(stats.norm.sf(self.z_score)) * (1.0 if self.one_sided else 2.0) if self.z_score > 0 else 1.0
 
     @property
@@ -74,7 +74,7 @@ class Candidate:
 
     @property
     def fitted(self) -> Fit:
-        """The fit; raises ValueError where there is none."""
+        """The fit; raises ValueError if there is none."""
         if self.fit is None:
             raise ValueError(f"{self.effect.name} at {self.place} was not fitted")
         return self.fit
@@ -87,13 +87,13 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """One forward step, with what backward steps and the held-out check made of it since.
+    """One forward step, updated by backward steps and the held-out check.
 
-    shortlist: fitted candidates, best first; accepted: the one named, None if none was worth it or it was undone;
-    members: accepted one and those that data cannot distinguish from it; scored: all candidates; others: effects beside
-    the shortlist's in its fits. evidence_gain, held_out_gain: what the accepted effect adds to the log evidence, and to
-    the held-out log predictive density, of all the others (None: it is the only one). refuted: what was accepted until
-    the held-out check. outside_evidence: log evidence of a flexible discrepancy in place of any of them.
+    shortlist: fitted candidates, best first; accepted: the one named, None if none was good enough or it was undone;
+    members: the accepted one and those that data cannot distinguish from it; scored: all candidates; others: other
+    effects in the shortlist's fits. evidence_gain, held_out_gain: increase of the log evidence, and of the held-out log
+    predictive density, by the accepted effect given all the others (None: it is the only one). refuted: the candidate
+    accepted until the held-out check. outside_evidence: log evidence of a flexible discrepancy in place of any of them.
     """
 
     shortlist: list[Candidate]
@@ -109,14 +109,14 @@ class Round:
 
     @property
     def named(self) -> Candidate:
-        """The accepted candidate; raises ValueError where there is none."""
+        """The accepted candidate; raises ValueError if there is none."""
         if self.accepted is None:
             raise ValueError("the round accepted no candidate")
         return self.accepted
 
     @property
     def class_log_prior(self) -> float:
-        """Log prior that the accepted effect would have if it stood for all of its class."""
+        """Log prior of the accepted effect if it represented all of its class."""
         return class_log_weight(self.named, self.members) - self.named.fitted.evidence
 
 
@@ -129,12 +129,12 @@ def round_of(rounds: Rounds, placed: PlacedEffect) -> Round:
 
 
 def replaced(rounds: Rounds, old: Round, new: Round) -> Rounds:
-    """Return the rounds with one of them in another state."""
+    """Return the rounds with one of them replaced by a new state."""
     return tuple(new if entry is old else entry for entry in rounds)
 
 
 def updated(candidates: Iterable[Candidate], changed: Iterable[Candidate]) -> list[Candidate]:
-    """Return the candidates with the changed ones in the place of their earlier states."""
+    """Return the candidates with the changed ones in place of their earlier states."""
     news = {candidate.placed: candidate for candidate in changed}
     return [news.get(candidate.placed, candidate) for candidate in candidates]
 
@@ -145,7 +145,7 @@ def all_candidates(problem: Problem, hypothesis: Hypothesis, library: tuple[Effe
     used = {placed.key for placed in hypothesis}
     fitted = {forward.measured[i].condition for i in np.unique(problem.owner[problem.train])}
     observed = [series for series in forward.measured if series.condition in fitted]
-    # A vessel that was inserted to hold the loss of another is part of it, not a place of its own.
+    # A vessel inserted for the loss of another vessel is part of that vessel, not a separate place.
     inserted = {f"{vessel}_{TAG}" for vessel in forward.anatomy.vessels}
     # A vessel with a declared stenosis has no compliance of its own (`conditions.under`).
     stenosed = {vessel for condition in forward.conditions.values() for vessel in condition.stenosis}
@@ -181,7 +181,7 @@ def shortlist(candidates: Iterable[Candidate], count: int) -> list[Candidate]:
 
 
 def likely(candidates: Iterable[Candidate]) -> list[Candidate]:
-    """Return the most promising of those that the score test does not rule out, for a second look."""
+    """Return the most promising of those that the score test does not exclude, to be screened again."""
     visible = (c for c in candidates if c.z_score > RULE.shortlist_score)
     return sorted(visible, key=lambda c: -c.promise)[: RULE.reconsidered]
 
@@ -204,9 +204,10 @@ def with_probabilities(
 ) -> tuple[list[Candidate], dict[str, float]]:
     """Return the candidates with posterior probabilities, and the probabilities of "none" and "outside" the library.
 
-    Candidates and "none" share 1, given that the truth is in the library; "outside" is the probability that it is not,
-    by evidence alone, which prefers it for any small misfit to many data: `abstention.judge` decides by held-out data.
-    without, outside: log evidence of the model without any of them, and of that with a flexible discrepancy.
+    Candidates and "none" add up to 1, given that the truth is in the library. "outside" is the probability that it is
+    not, by evidence alone, which prefers "outside" for any small misfit to many data; `abstention.judge` decides by
+    held-out data. without, outside: log evidence of the model without any of them, and of that with a flexible
+    discrepancy.
     """
     weights = np.array(
         [
@@ -229,8 +230,8 @@ def with_probabilities(
 def indistinguishable(best: Candidate, candidates: Iterable[Candidate]) -> list[Candidate]:
     """Return a candidate and all with odds, or a Bayes factor, below 20 to 1 against it; most probable first.
 
-    The same loss at a vessel may be two effects of which one could be at forty places: their odds differ, but no datum
-    distinguishes them.
+    The same loss at a vessel may be two effects, one of which is possible at forty places: their odds differ, although
+    no data distinguish them.
     """
     evidence = best.fitted.evidence
     rivals = [
@@ -244,9 +245,9 @@ def indistinguishable(best: Candidate, candidates: Iterable[Candidate]) -> list[
 
 
 def class_log_weight(candidate: Candidate, candidates: Iterable[Candidate]) -> float:
-    """Return the log weight of a candidate with its class; effects and wiring errors are not counted as one.
+    """Return the log weight of a candidate with its class; effects and wiring errors are counted separately.
 
-    Three places that data cannot distinguish share the odds that one of them would have alone.
+    Three places that data cannot distinguish have together the odds that one of them would have alone.
     """
     members = indistinguishable(candidate, candidates)
     return float(logsumexp([c.log_weight for c in members if c.effect.nameable == candidate.effect.nameable]))

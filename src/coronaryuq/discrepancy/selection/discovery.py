@@ -1,4 +1,4 @@
-"""Discovery: the answer of a search, with all that it was found from."""
+"""Discovery: the answer of a search and the results on which it is based."""
 
 from dataclasses import dataclass, field
 
@@ -69,7 +69,7 @@ class Discovery:
 
     @property
     def outside_library(self) -> bool:
-        """Whether something is missing that the library does not have: no effect is named then."""
+        """Whether something outside the library is missing: then no effect is named."""
         return self.alarm and self.verdict.abstains
 
     @property
@@ -80,12 +80,12 @@ class Discovery:
 
     @property
     def unconfirmed(self) -> list[PlacedEffect]:
-        """Effects that the fitted data ask for and held-out data do not confirm."""
+        """Effects that the fitted data suggest but the held-out data do not confirm."""
         return [entry.refuted.placed for entry in self.rounds if entry.refuted is not None]
 
     @property
     def log_weight(self) -> float:
-        """Log evidence of the best hypothesis, with its share of the prior and the held-out log predictive density.
+        """Log evidence of the best hypothesis, including its prior and the held-out log predictive density.
 
         Without held-out conditions, that density would count the fitted data twice.
         """
@@ -95,7 +95,7 @@ class Discovery:
 
     @property
     def implausible(self) -> list[PlacedEffect]:
-        """Effects of the best hypothesis with a size that is not to be believed."""
+        """Effects of the best hypothesis with an implausible size."""
         return beyond(self.fit, self.hypothesis, RULE.implausible)
 
     def beyond_prior(self, placed: PlacedEffect) -> list[Parameter]:

@@ -1,6 +1,6 @@
-"""Flow conservation: gains of several flow probes that together conserve flow are blood on another path.
+"""Flow conservation: gains of several flow probes that together conserve flow indicate blood on another path.
 
-Blood that takes another branch, as through exchanged or wrongly connected outlets, resembles errors of two flow probes
+Blood in another branch, for example through exchanged or wrongly connected outlets, resembles errors of two flow probes
 by the same flow in opposite directions. No effect of the library describes that.
 """
 
@@ -14,7 +14,7 @@ from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 
 PROBE = "flow_gain"
-"""The effect of a flow probe that reads too much or too little."""
+"""Name of the effect of a flow probe with a wrong gain."""
 
 
 def redistribution(
@@ -22,10 +22,10 @@ def redistribution(
 ) -> float:
     """Return the log odds of blood on another path against gains of several probes; -inf without such gains.
 
-    The gains g of probes of which none lies upstream of another conserve flow where the change D = sum g Q of their
-    readings is zero. The Bayes factor of that against free gains is the posterior density of D at zero over its prior
-    density (Savage and Dickey; Dickey 1971). As one cause that the library lacks it has the prior of one of `effects`
-    effects, and the gains have the product of theirs (log_priors: one per effect of the hypothesis).
+    The gains g of probes of which none is upstream of another conserve flow if the change D = sum g Q of their readings
+    is zero. The Bayes factor of that against free gains is the posterior density of D at zero over its prior density
+    (Savage and Dickey; Dickey 1971). As one cause outside the library it has the prior of one of `effects` effects, and
+    the gains have the product of theirs (log_priors: one per effect of the hypothesis).
     """
     probes = [
         (hypothesis.columns(fit.z, placed).start, placed.effect.parameters[0].spread, placed.place, prior)
@@ -54,7 +54,7 @@ def _feeds(problem: Problem, place: str, other: str) -> bool:
 
 
 def _read(problem: Problem, fit: Fit, place: str) -> float:
-    """Return the mean flow that the fit predicts a probe to read."""
+    """Return the predicted mean reading of a flow probe at the fit."""
     series = problem.forward.measured
     own = [i for i, s in enumerate(series) if (s.quantity, s.location) == ("flow", place)]
     rows = np.isin(problem.owner[problem.train], own)

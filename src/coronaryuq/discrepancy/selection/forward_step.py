@@ -1,4 +1,4 @@
-"""Forward step: fit the best candidates, look again about the best of them, and accept one or none."""
+"""Forward step: fit the best candidates, screen again about the best fit, and accept one or none."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -72,10 +72,7 @@ def forward_step(
     candidates: list[Candidate],
     point: Fit,
 ) -> Round:
-    """Fit the shortlist of scored candidates, weigh it, and accept the best if its class has the odds.
-
-    fit: of the present hypothesis; point: where the candidates were scored; features (N, k): of a flexible discrepancy.
-    """
+    """Fit the shortlist of scored candidates, weigh it, and accept the best if the odds of its class suffice."""
     chosen = shortlist(candidates, problem.settings.shortlist)
     pool = Pool({c.placed: c for c in candidates}).choosing(fit_shortlist(problem, fit, hypothesis, chosen, point))
     if hypothesis and point is not fit:
@@ -116,10 +113,10 @@ def _worth_naming(problem: Problem, fit: Fit, candidates: list[Candidate]) -> li
 
 
 def _seen_from_fit(problem: Problem, fit: Fit, hypothesis: Hypothesis, pool: Pool) -> Pool:
-    """Score and shortlist all candidates from a distorted fit too, and keep what looks better from there.
+    """Also score and shortlist all candidates from a distorted fit, and keep those that look better from there.
 
-    From the prior's mean, where they were scored, the effects named already hide candidates that explain less than
-    recalibration does beside them.
+    About the prior mean, where they were scored, the effects named already hide candidates that explain less than
+    recalibration does together with these effects.
     """
     here = screen(problem, fit, hypothesis, [replace(c, fit=None) for c in pool.candidates.values()])
     chosen = fit_shortlist(problem, fit, hypothesis, shortlist(here, problem.settings.shortlist), fit)
@@ -144,8 +141,8 @@ def look_again(
     """Screen candidates about the fit of the best one, and shortlist those that now look as good.
 
     Recalibration without the right effect distorts the nuisance parameters, and about such a point a neighbour of the
-    right place may look best. About the best fit so far they are nearly right, if it has left them within their prior.
-    fit: of the present model. Returns also the candidates as seen from there, those far behind left out.
+    right place may look best. About the best fit so far they are nearly right, provided they are within their prior
+    there. fit: of the present model. Also returns the candidates as seen from there, without those far behind.
     """
     if problem.distorted(best.fitted):
         return pool, []
@@ -165,11 +162,11 @@ def look_again(
 
 
 def fit_class(problem: Problem, best: Candidate, hypothesis: Hypothesis, pool: Pool, near: list[Candidate]) -> Pool:
-    """Fit and shortlist all candidates that may be of the best one's class, as seen from its fit (`near`).
+    """Fit and shortlist all candidates that may be in the best one's class, as seen from its fit (`near`).
 
-    There may be many more than a second look fits in full: each segment of one vessel, say. Sensitivities to all but
-    their own sizes stay those of the best fit, from which theirs hardly differ; one that takes the lead is fitted in
-    full.
+    There may be many more than are fitted in full after screening: each segment of one vessel, for example. All
+    sensitivities except those to their own sizes stay those of the best fit, from which theirs hardly differ; a
+    candidate that becomes the best is fitted in full.
     """
     waiting = [c for c in near if pool.candidates[c.placed].fit is None and may_be_in_class(c, best)]
     if not waiting:

@@ -1,4 +1,4 @@
-"""Held-out check: what each of several effects adds to data that no fit has seen; those that add nothing go."""
+"""Held-out check: remove those of several effects that add nothing to data that entered no fit."""
 
 from dataclasses import replace
 
@@ -18,10 +18,11 @@ def held_out_check(
 ) -> tuple[Hypothesis, Fit, Rounds]:
     """Remove those of several effects that held-out data do not confirm, the one that adds least first.
 
-    What an effect adds to the log evidence of the fitted data and to the log predictive density of the others is its
-    log evidence from all of them, which has to suffice; where no condition is held out, each in turn is, and that would
-    count them twice. Where something remains (`unexplained`), they must not be predicted better without it either: its
-    evidence may then come from what remains. `abstention.judge` asks the same of all effects together.
+    The increase of the log evidence of the fitted data and of the log predictive density of the others by an effect is
+    its log evidence from all data, which has to suffice. If no condition is held out, each is held out in turn, and
+    this sum would count the data twice. If a misfit remains (`unexplained`), held-out data must also not be predicted
+    better without the effect, whose evidence may then come from that misfit. `abstention.judge` applies the same tests
+    to all effects together.
     """
     has_held_out = bool(held_out_names(problem.forward.conditions))
     while len(hypothesis) > 1:
@@ -54,7 +55,7 @@ def held_out_check(
 
 
 def _gap(problem: Problem, fit: Fit, hypothesis: Hypothesis, folds: Folds, seed: int) -> Gap | None:
-    """Return None where the model does not run under the held-out conditions."""
+    """Return None if the model does not run under the held-out conditions."""
     try:
         return gap(problem, linearise(problem, fit.z, hypothesis), folds, seed)
     except FloatingPointError:

@@ -17,9 +17,9 @@ SD_PRESSURE = 2.0 * units.MMHG
 SD_FLOW = 0.1
 """Relative standard deviation of a mean flow (Doppler wire, phase-contrast MRI, perfusion map)."""
 LEAST_FLOW = 1e-6
-"""mL/s, at least, of which a flow's standard deviation is a share."""
+"""Smallest flow, mL/s, of which a flow's standard deviation is a fraction."""
 BEST = 3
-"""Measurements that are returned."""
+"""Maximum number of measurements that are returned."""
 NODES = 40
 """Nodes of the quadrature over the reading."""
 
@@ -28,7 +28,7 @@ def next_measurements(discovery: Discovery, entry: Round) -> list[dict]:
     """Rank mean pressures and flows by the expected information on which candidate of a class is true.
 
     Each candidate is at its best fit, with the noise of the new measurement alone: an upper bound. The new measurement
-    is by another instrument, which does not share an error of those in use.
+    is made by another instrument, which does not have an error of those in use.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def information(predicted: np.ndarray) -> np.ndarray:
 
 
 def without_measurement_errors(z: np.ndarray, hypothesis: Hypothesis) -> tuple[np.ndarray, Hypothesis]:
-    """Return parameters and hypothesis of the patient alone, as another instrument would see them."""
+    """Return parameters and hypothesis without measurement errors, which another instrument would not have."""
     for placed in hypothesis:
         if placed.effect.side == "measurement":
             z, hypothesis = hypothesis.drop(z, placed), hypothesis.without(placed)

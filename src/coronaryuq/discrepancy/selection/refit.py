@@ -1,4 +1,4 @@
-"""Fits of candidates beside other effects: approximate first, in full where they compete, again where they diverged."""
+"""Fits of candidates together with other effects: approximate, in full if they compete, repeated if they diverged."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -17,8 +17,8 @@ def fit_shortlist(
 ) -> list[Candidate]:
     """Fit candidates from a point with its sensitivities frozen, then the best of them in full.
 
-    Where even the best leaves the prior, so much is still missing that a fit may have ended anywhere: contenders are
-    then fitted from other starting points too, as are promising candidates whose fit diverged.
+    If even the best leaves the prior, so large a misfit remains that a fit may have ended anywhere: contenders are then
+    also fitted from other starting points, as are promising candidates whose fit diverged.
     """
     fits = problem.fit_candidates(point, hypothesis, [c.placed for c in candidates], [c.start for c in candidates])
     candidates = _with_fits(candidates, fits)
@@ -39,9 +39,9 @@ def fit_each(
     least: float = -np.inf,
     without: float = -np.inf,
 ) -> list[Candidate]:
-    """Fit candidates from a point with its sensitivities frozen, in full those that weigh more than `least`.
+    """Fit candidates from a point with its sensitivities frozen, and in full those that weigh more than `least`.
 
-    without: log evidence of the other effects alone, below which a fit has diverged and is made from other points.
+    without: log evidence of the other effects alone, below which a fit has diverged and is repeated from other points.
     """
     candidates = _with_fits(candidates, quick_fits(problem, hypothesis, candidates, point))
     close = [c for c in candidates if c.log_weight > least]
@@ -54,8 +54,8 @@ def fit_each(
 def diverged(candidates: Iterable[Candidate], least: float, without: float) -> list[Candidate]:
     """Return those that promise more than `least` but whose fit is worse than without any effect.
 
-    A size near zero would do better, so the fit diverged, perhaps because other sizes make up for what this effect
-    explains. Only the best place of each effect, as a look about its fit finds the others.
+    A size near zero would fit better, so the fit diverged, perhaps because other sizes compensate for the part that
+    this effect explains. Only the best place of each effect, because screening about its fit finds the others.
     """
     worse = [
         c
@@ -66,7 +66,7 @@ def diverged(candidates: Iterable[Candidate], least: float, without: float) -> l
 
 
 def from_other_starts(problem: Problem, hypothesis: Hypothesis, candidates: list[Candidate]) -> list[Candidate]:
-    """Give candidates the best of their fits and of those that start from the prior's mean."""
+    """Replace the fits of candidates by better ones that start from the prior mean."""
     refitted = []
     for candidate in candidates:
         other = candidate.multistart or problem.multistart(hypothesis.with_(candidate.placed))
@@ -82,12 +82,12 @@ def with_own_time_steps(problem: Problem, hypothesis: Hypothesis, candidates: li
 
 
 def quick_fits(problem: Problem, hypothesis: Hypothesis, candidates: list[Candidate], point: Fit) -> list[Fit | None]:
-    """Fit candidates from a point and their guesses, sensitivities to all else frozen."""
+    """Fit candidates from a point and their guesses, with all other sensitivities frozen."""
     return problem.fit_roughly(point, hypothesis, [c.placed for c in candidates], [c.start for c in candidates])
 
 
 def exact(problem: Problem, hypothesis: Hypothesis, start: np.ndarray | None = None) -> Fit | None:
-    """Fit a hypothesis in full; None where the model does not run at the start."""
+    """Fit a hypothesis in full; None if the model does not run at the start."""
     return problem.calibrate_each([(hypothesis, start)])[0]
 
 

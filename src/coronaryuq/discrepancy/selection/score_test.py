@@ -14,28 +14,28 @@ from coronaryuq.discrepancy.inference.residual_tests import chi2_tail
 from coronaryuq.discrepancy.selection.candidates import Candidate
 
 POSITIVE, SIGNED = (-1.0, 0.3, 1.6), (0.3, 1.2, -1.2)
-"""Sizes that are run, in prior standard deviations; the first is that of the score test."""
+"""Sizes that are run, in prior standard deviations; the score test uses the first."""
 SHAPE_CHANGING = (0.3, -0.3, 0.6, -0.6, 1.2, -1.2, 2.0, -2.0)
-"""Those of an effect whose shape changes with its size, all of them tested: one says little of half or twice of it."""
+"""Sizes of an effect whose shape changes with its size; all are tested, because one does not predict the others."""
 MULTIPLES = np.exp(np.linspace(np.log(1.0 / 3.0), np.log(3.0), 61))
-"""Multiples of a run's response that stand for the sizes between the runs."""
+"""Multiples of a run's response that represent the sizes between the runs."""
 NEARER = (0.95, 0.8, 0.5)
-"""Shares of the way from the prior's mean to a point where the model does not run, at which it is tried instead."""
+"""Fractions of the way from the prior mean to a point where the model does not run, at which it is tried instead."""
 
 
 def screen(problem: Problem, point: Fit, hypothesis: Hypothesis, candidates: list[Candidate]) -> list[Candidate]:
     """Return the candidates with score, estimate and guess from runs of a few sizes about a point.
 
     Score test: g'u / sqrt(g'Pg) with g the response to a small size, u the score and P the marginal precision of the
-    present model; sizes that are positive by nature count in their own direction only. Estimate: log evidence with the
-    candidate, linear in the nuisance parameters but not in its size: a strong effect, and the distortion by which
-    recalibration compensates it, are not small changes. Of an effect whose shape changes with its size, the best score
+    present model; for sizes that are positive by nature only their own direction counts. Estimate: log evidence with
+    the candidate, linear in the nuisance parameters but not in its size: a strong effect, and the distortion by which
+    recalibration compensates it, are not small changes. For an effect whose shape changes with its size, the best score
     test of all sizes counts (Bonferroni). The test of a varying size has one size per condition, of either sign: no
-    other test sees what comes and goes.
+    other test detects an effect that is present in some conditions only.
 
-    A response known about another point is used as it is, and run again only where it may matter: it changes little
-    from one point to the next. Where the model does not run at the point, one nearer the prior's mean stands in for it;
-    where it runs at none, every candidate is left without a score.
+    A known response about another point is used unchanged, and run again only if it may matter: it changes little from
+    one point to the next. If the model does not run at the point, one nearer to the prior mean is used; if it runs at
+    none, every candidate is left without a score.
     """
     runnable = _nearest_runnable(problem, point, hypothesis)
     if runnable is None:
@@ -74,7 +74,7 @@ def _unscored(candidate: Candidate) -> Candidate:
 
 
 def _worth_rerunning(known: Iterable[Candidate]) -> list[Candidate]:
-    """Return the most promising by their known responses, the best of each effect, and all that change their shape."""
+    """Return the most promising by their known responses, the best of each effect, and all whose shape changes."""
     ranked, seen = sorted(known, key=lambda c: -c.promise), Counter[str]()
     chosen = []
     for number, candidate in enumerate(ranked):
@@ -102,7 +102,7 @@ def _sizes(candidate: Candidate) -> tuple[float, ...]:
 
 
 def _growth(candidate: Candidate, size: float) -> float:
-    """Return the ratio of the largest visible size to size z, were the effect proportional; 1 if its shape changes."""
+    """Return the ratio of the largest visible size to size z for a proportional effect; 1 if its shape changes."""
     if candidate.effect.changes_shape:
         return 1.0
     if candidate.one_sided:
@@ -122,7 +122,7 @@ def _responses(
 
 
 class _LinearModel:
-    """The present model, linear about one point, against which responses of candidates are weighed."""
+    """The present model, linearised about one point, for the weights of candidates."""
 
     def __init__(self, point: Fit, conditions: np.ndarray):
         linear = point.residual + point.jacobian @ point.z
@@ -144,17 +144,17 @@ class _LinearModel:
         return self.weigh(candidate, size, response)
 
     def sees(self, response: np.ndarray, growth: float = 1.0) -> bool:
-        """Return whether data see what is `growth` times as large as this response."""
+        """Return whether the data can detect `growth` times this response."""
         return self._length(response) * growth > RULE.visible_response
 
     def z_score(self, response: np.ndarray, growth: float) -> float:
-        """Return the score test's standard normal number; zero where data do not see the response however large."""
+        """Return the score test's standard normal number; zero if the data cannot detect the response at any size."""
         if not np.isfinite(response).all() or not self.sees(response, growth):
             return 0.0
         return float(response @ self.score) / self._length(response)
 
     def _length(self, response: np.ndarray) -> float:
-        """Return the whitened norm of what recalibration leaves of a response."""
+        """Return the whitened norm of the part of a response that recalibration cannot absorb."""
         return float(np.sqrt(max(response @ self.project(response), 0.0)))
 
     def weigh(self, candidate: Candidate, size: float, response: np.ndarray) -> Candidate:

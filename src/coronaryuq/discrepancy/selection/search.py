@@ -1,7 +1,8 @@
 """The search for a missing effect: locate, forward and backward steps, held-out check, verdict.
 
-`discover` calls `_search_with_noise`, that `search_without_confounder`, that `_search`: assess the candidates, add
-effects by forward steps (each with backward steps and the time-step correction), check them on held-out data, judge.
+`discover` calls `_search_with_noise`, which calls `search_without_confounder`, which calls `_search`: assess the
+candidates, add effects by forward steps (each with backward steps and the time-step correction), check them on held-out
+data, judge.
 """
 
 from collections.abc import Callable, Iterable
@@ -36,17 +37,17 @@ Library = tuple[Effect, ...]
 Search = Callable[[Problem, int, Library, Report], Discovery]
 
 CONFOUNDER = "drive_gain"
-"""The effect that all readings follow: errors of several readings resemble it at first, each alone less so."""
+"""The effect that acts on all readings: errors of several readings at first resemble it, each alone less so."""
 LARGEST_LOG = 500.0
 """Log Bayes factor beyond which its size does not matter; its exponential is finite."""
 
 
 def discover(problem: Problem, seed: int, library: Library = SEARCHED, report: Report = lambda line: None) -> Discovery:
-    """Search for the effects that a model lacks.
+    """Search for the effects that a model is missing.
 
-    If waveforms scatter more than stated while something is missing, or less while something stays unexplained (as
-    correlated noise does), the search is repeated with the estimated noise, and that answer stands if it predicts the
-    held-out data better.
+    If waveforms scatter more than stated while an effect is missing, or less while a misfit remains unexplained (as
+    with correlated noise), the search is repeated with the estimated noise, and the new answer is kept if it predicts
+    the held-out data better.
 
     Parameters
     ----------
@@ -71,13 +72,13 @@ def discover(problem: Problem, seed: int, library: Library = SEARCHED, report: R
     """
     discovery = _search_with_noise(problem, seed, library, report)
     (residual,) = discovery.problem.whitened([(discovery.fit.z, discovery.hypothesis)])
-    # In units of the stated sd: relative to correlated noise, the model's own sharp corners would stand out too.
+    # In units of the stated sd: relative to correlated noise, sharp corners of the model would stand out as well.
     in_stated_sd = residual * discovery.problem.sd / with_correlated(discovery.problem)
     return replace(discovery, outliers=find_outliers(discovery.problem, in_stated_sd))
 
 
 def _search_with_noise(problem: Problem, seed: int, library: Library, report: Report) -> Discovery:
-    """Search, and again with estimated noise where waveforms scatter differently than stated."""
+    """Search, and repeat with estimated noise if waveforms scatter differently than stated."""
     first = search_without_confounder(_search, problem, seed, library, report)
     noise = first.scatter if first.alarm and problem.settings.noise == "estimated" else {}
     if not first.outside_library and not first.remaining.alarm(problem.settings.alarm_level):
@@ -95,9 +96,9 @@ def _search_with_noise(problem: Problem, seed: int, library: Library, report: Re
 def search_without_confounder(
     search: Search, problem: Problem, seed: int, library: Library, report: Report
 ) -> Discovery:
-    """Search, and again without an effect that is easily confused with others; return the likelier answer.
+    """Search, and repeat without an effect that is easily confused with others; return the likelier answer.
 
-    Such are a named `CONFOUNDER`, and an implausibly large measurement error.
+    Such effects are a named `CONFOUNDER` and an implausibly large measurement error.
     """
     first = search(problem, seed, library, report)
     named = [entry.named.effect for entry in first.named if entry.named.effect.name == CONFOUNDER]
@@ -168,8 +169,8 @@ def _search(problem: Problem, seed: int, library: Library, report: Report) -> Di
 class _State:
     """State of a search.
 
-    remaining: where the fit disagrees with the data; candidates: scored beside it, at linearisation point `point`;
-    tested: how many were scored so far; refused: those that are not considered again.
+    remaining: misfit of the fit; candidates: scored in addition to it, at linearisation point `point`; tested: number
+    of candidates scored so far; refused: those that are not considered again.
     """
 
     problem: Problem
@@ -213,9 +214,9 @@ class _State:
 
 
 def _select(state: _State, features: np.ndarray, library: Library, report: Report) -> _State:
-    """Add one effect after the other until nothing is left to explain or nothing helps."""
+    """Add one effect after the other until no misfit remains or no effect helps."""
     settings = state.problem.settings
-    # Twice as many rounds as effects, in case backward steps undo what is named again and again.
+    # Twice as many rounds as effects, in case backward steps repeatedly undo what was named.
     most = len(state.rounds) + 2 * settings.max_effects
     while state.alarm and len(state.hypothesis) < settings.max_effects and len(state.rounds) < most:
         candidates = [c for c in state.candidates if c.placed not in state.refused]
@@ -249,7 +250,7 @@ def _select(state: _State, features: np.ndarray, library: Library, report: Repor
 def _check(state: _State, folds: Folds, library: Library, seed: int, report: Report) -> tuple[_State, bool]:
     """Remove effects that held-out data do not confirm; return whether they confirm all.
 
-    A refuted effect, with its class, is not considered again: it may have hidden one that they confirm.
+    A refuted effect, with its class, is not considered again: it may have hidden one that held-out data confirm.
     """
     report("checking on the held-out data")
     hypothesis, fit, rounds = held_out_check(
@@ -303,7 +304,8 @@ def _listed(effects: Iterable[PlacedEffect]) -> str:
 def recalibrate(problem: Problem) -> tuple[Problem, Fit]:
     """Fit the model without any effect, with the time-step error corrected at that fit.
 
-    Not corrected if recalibration leaves the prior even so: candidates are then scored elsewhere, and steps with them.
+    Not corrected if recalibration leaves the prior even then: candidates are then scored at another point, with its own
+    correction.
 
     Parameters
     ----------
@@ -332,9 +334,9 @@ def assess(
     library: Library = SEARCHED,
     earlier: Iterable[Candidate] = (),
 ) -> tuple[Located, list[Candidate], Fit]:
-    """Locate what disagrees and score every candidate; the global test includes the best of them (Bonferroni).
+    """Locate the misfit and score every candidate; the global test includes the best of them (Bonferroni).
 
-    earlier: candidates of an earlier round, whose responses may be used again. Returns also the point where candidates
+    earlier: candidates of an earlier round, whose responses may be reused. Also returns the point at which candidates
     were scored.
     """
     known = {c.placed: c.response for c in earlier}
@@ -356,9 +358,9 @@ def assess(
 def evidence_p_value(problem: Problem, fit: Fit, hypothesis: Hypothesis, candidates: list[Candidate]) -> float:
     """Return the p-value of the evidence for the most promising effects, each at its best place.
 
-    A score test does not see what recalibration and size do together, as a narrowed valve does with a stronger
-    ventricle. Where nothing is missing, the Bayes factor of all candidates together, weighed by their priors, exceeds
-    1 / p with a probability of p at most (Markov's inequality; Vovk & Wang 2021); those not fitted count as zero.
+    A score test does not detect the combined change by recalibration and size, as of a narrowed valve and a stronger
+    ventricle. If nothing is missing, the Bayes factor of all candidates together, weighted by their priors, exceeds 1 /
+    p with a probability of p at most (Markov's inequality; Vovk & Wang 2021); those not fitted count as zero.
     """
     likeliest = best_of_effects(sorted(candidates, key=lambda c: -c.promise), RULE.likeliest_effects)
     fitted = [c for c in fit_each(problem, hypothesis, likeliest, fit) if c.fit is not None]

@@ -1,7 +1,7 @@
 """Size constancy: whether an effect has the same size under all conditions.
 
-A vessel whose resistance drifts resembles a narrowing that differs between conditions. No effect of the library does
-so: each has one size, and its formula says what that means under each condition.
+A vessel whose resistance drifts resembles a narrowing that differs between conditions. No effect of the library drifts:
+each has one size, and its formula gives its action under each condition.
 """
 
 from dataclasses import dataclass
@@ -22,8 +22,8 @@ FLAT = 1e3
 class Constancy:
     """Evidence that the size of an effect differs between conditions.
 
-    log_odds: of sizes that differ, by the spread of the prior, against one size. sizes: condition → mean and standard
-    deviation of the first size z, for every condition fitted as a whole (for all, where that is one).
+    log_odds: of sizes that differ, with the spread of the prior, against one size. sizes: condition → mean and standard
+    deviation of the first size z, for every condition fitted as a whole (for all, if there is only one).
     """
 
     placed: PlacedEffect
@@ -32,9 +32,9 @@ class Constancy:
 
     @property
     def known(self) -> dict[str, tuple[float, float]]:
-        """Sizes under conditions whose own data inform them; at least two, as one alone cannot differ.
+        """Sizes under conditions whose own data inform them; at least two, because a single one cannot differ.
 
-        Without data of its own a condition's standard deviation is above 1, whatever the others say.
+        Without data of its own a condition's standard deviation is above 1, whatever the others are.
         """
         second = sorted(sd for _, sd in self.sizes.values())[:2][-1]
         return {name: size for name, size in self.sizes.items() if size[1] <= max(RULE.informed_size, second)}
@@ -45,7 +45,8 @@ def constancy(problem: Problem, fit: Fit, hypothesis: Hypothesis) -> list[Consta
 
     Conditions are separate runs, so the rows of a condition depend on that condition's size alone: sensitivities to it
     are those to the common size, and zero in all other rows. The odds are a Bayes factor with equal priors of the
-    contrasts between conditions; common sizes may be any, as a common size far out in its prior does not differ.
+    contrasts between conditions; the common size is unrestricted, because a common size far out in its prior is not a
+    difference.
     """
     conditions = problem.condition[problem.train]
     names = [str(name) for name in dict.fromkeys(conditions)]
@@ -76,7 +77,7 @@ def _free(fit: Fit, hypothesis: Hypothesis) -> Fit:
 def _sizes(
     fit: Fit, by_condition: np.ndarray, column: int, count: int, names: list[str]
 ) -> dict[str, tuple[float, float]]:
-    """Return the first size under each condition, the common one plus its own, with everything else free."""
+    """Return the first size under each condition, the common one plus a difference, with all other parameters free."""
     sensitivities = np.hstack([fit.jacobian, by_condition])
     covariance = np.linalg.inv(np.eye(sensitivities.shape[1]) + sensitivities.T @ sensitivities)
     mean = covariance @ (sensitivities.T @ (fit.residual + fit.jacobian @ fit.z))

@@ -20,7 +20,7 @@ from coronaryuq.discrepancy.table_model.tables import Branch
 
 FOLDS = 5
 LEAST_GAIN = 3.0
-"""Log evidence over that of no effect above which there is something to explain."""
+"""Log evidence relative to no effect above which there is a misfit to explain."""
 LEFT, LEFT_FLEXIBLE, LEFT_FLOORS = 0.1, 3.0, 2.0
 """Held-out error of FFR that a law may leave: relative to the model's error, to that of a flexible discrepancy and to
 `FLOOR_FFR`. If it leaves more than all three, something outside the library is missing."""
@@ -28,9 +28,9 @@ WORSE = 2.0
 """Standard errors, of the paired difference of squares over held-out samples, by which a law must be worse than
 recalibration to be refuted: rescaling the model's own loss is a linear loss as well, and ties."""
 CONSTANT = 1e-9
-"""Relative spread below which an input is the same in all samples, such as a prescribed root pressure."""
+"""Relative spread below which an input counts as constant over all samples, such as a prescribed root pressure."""
 MOST_FLEXIBLE = 120
-"""Maximum number of samples that the Gaussian process is fitted to."""
+"""Maximum number of samples to which the Gaussian process is fitted."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class BranchSearch:
 
     @property
     def alarm(self) -> bool:
-        """Whether a law is more probable, or recalibration scales the model's own loss beyond its prior."""
+        """Whether a law is more probable than none, or recalibration scales the model's own loss beyond its prior."""
         return self.ranked[0].evidence - self.recalibrated.evidence > LEAST_GAIN or self.recalibrated.own > -SHRUNK
 
     @property
@@ -72,12 +72,12 @@ class BranchSearch:
 
     @property
     def overstated(self) -> bool:
-        """Whether the measurements show much less loss than the model has: it has too much, nothing is missing."""
+        """Whether the measurements show much less loss than the model, which then has too much: nothing is missing."""
         return self.choice.fit.own < SHRUNK and self.measured.mean() > self.before.mean()
 
     @property
     def outside(self) -> bool:
-        """Whether the law leaves too much, predicts worse than recalibration by `WORSE`, or removes the own loss."""
+        """Whether the law leaves too much error, predicts worse than recalibration by `WORSE`, or removes own loss."""
         if self.overstated:
             return True
         if self.misfits and self.rmse(self.after) >= LEFT * self.rmse(self.before):
@@ -99,7 +99,7 @@ def search_branch(branch: Branch, fold: np.ndarray) -> BranchSearch:
         flexible[fold == k] = _gaussian_process(branch, fold != k, fold == k)
     search = _search(branch, fold, flexible, LAWS)
     if search.doubt and len(search.choice.fit.law.effects) > 1:
-        # If the form of the loss is wrong, a sensor's error takes up what it misses.
+        # If the form of the loss is wrong, a sensor error absorbs the difference.
         search = _search(branch, fold, flexible, ONE_EFFECT)
     return search
 
@@ -119,7 +119,7 @@ def _search(branch: Branch, fold: np.ndarray, flexible: np.ndarray, laws: tuple[
 
 
 def _gaussian_process(branch: Branch, train: np.ndarray, test: np.ndarray) -> np.ndarray:
-    """Predict FFR from the simulated outputs by a Gaussian process, a reference for what the pairs can tell."""
+    """Predict FFR from the simulated outputs by a Gaussian process, a reference for the information in the pairs."""
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
@@ -136,7 +136,7 @@ def _gaussian_process(branch: Branch, train: np.ndarray, test: np.ndarray) -> np
     process = GaussianProcessRegressor(kernel, normalize_y=True)
     some = np.flatnonzero(train)[:MOST_FLEXIBLE]
     with warnings.catch_warnings():
-        # A bound reached or an early stop of the optimiser makes the reference only slightly worse.
+        # If the optimiser reaches a bound or stops early, the reference is only slightly worse.
         warnings.simplefilter("ignore", ConvergenceWarning)
         process.fit(inputs[some], target[some])
     return process.predict(inputs[test])

@@ -1,4 +1,4 @@
-"""Selection of the effects in a table model's law, and of those that its samples do not distinguish."""
+"""Selection of the effects in a table model's law, and of those that its samples cannot distinguish."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -86,5 +86,5 @@ def choose(ranked: list[LawFit]) -> Choice:
 
 
 def is_one_of(effects: tuple[str, ...], classes: list[tuple[str, ...]]) -> bool:
-    """Whether a law's effects are one of each class, in their order."""
+    """Whether a law's effects are one from each class, in their order."""
     return len(effects) == len(classes) and all(e in members for e, members in zip(effects, classes, strict=True))

@@ -60,7 +60,7 @@ CURVATURE_STEP = 3e-4
 SLOPE_STEP = float(np.sqrt(np.finfo(float).eps))
 ROOT = "root"
 MOST_EFFECTIVE = 100
-"""Effective sample size at most: the error of a law is common to all samples and does not average out."""
+"""Maximum effective sample size: the error of a law is common to all samples and does not average out."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Search on a table model: which pressure-loss law the simulated outputs lack, branch by branch."""
+"""Search on a table model: find the pressure-loss law that the simulated outputs are missing, branch by branch."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ UNITS = {
     "flow": "",
 }
 LEAST_POSSIBLE = 0.05
-"""Probability above which an effect that is not named may be present."""
+"""Probability above which an effect that is not named may still be present."""
 
 
 @threadpool_limits.wrap(limits=1)
@@ -170,14 +170,14 @@ def _size(size: Size) -> dict[str, float]:
 
 
 def _reference(effect_name: str) -> str:
-    """Say what the size of an effect is a fraction of."""
+    """Name the quantity of which the size of an effect is a fraction."""
     if effect_name not in SENSORS:
         return "the mean root pressure lost at the mean simulated flow"
     return "the mean root pressure" if SENSORS[effect_name] == "offset" else "the reading"
 
 
 def _rank_correlation(branch: Branch) -> float:
-    """Largest rank correlation over the samples of what both tables have: pressures, flow and drop."""
+    """Largest rank correlation over the samples of quantities in both tables: pressures, flow and drop."""
     both = [
         (branch.root0, branch.root3),
         (branch.distal0, branch.distal3),

@@ -5,11 +5,11 @@ from coronaryuq.discrepancy.table_model.laws import FLOOR_FFR
 from coronaryuq.discrepancy.table_model.tables import artery
 
 STRETCHED = 2.0
-"""Prior standard deviations by which recalibration may scale the model's own loss before the summary says so."""
+"""Prior standard deviations by which recalibration may scale the model's own loss before the summary states it."""
 AS_WELL = 0.95
 """Fraction of recalibration's held-out error of FFR above which a law does not predict better."""
 TOGETHER = 0.3
-"""Rank correlation of the two tables, the largest of what both have, below which rows may not be the same samples."""
+"""Rank correlation of the tables, the largest of common quantities, below which rows may not be the same samples."""
 
 
 def branch_text(answer: dict) -> str:
@@ -45,7 +45,7 @@ def branch_text(answer: dict) -> str:
 
 
 def _error_text(rmse: dict[str, float]) -> str:
-    """Describe the change of the held-out error, without its first letter."""
+    """Describe the change of the held-out error, without the first letter."""
     old, new = (f"{rmse[key]:.4f}" for key in ("before", "after"))
     change = f"stays at {new}" if old == new else f"{'falls' if new < old else 'rises'} from {old} to {new}"
     others = f"recalibration alone {rmse['recalibration_alone']:.4f}, Gaussian process {rmse['flexible']:.4f}"

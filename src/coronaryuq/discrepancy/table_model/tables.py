@@ -25,7 +25,7 @@ LARGEST_FFR = 1.5
 LARGEST_RATIO, LARGEST_FLOW_RATIO = 3.0, 20.0
 """Ratios of the mean root pressure, and of the flow of a branch, above which the tables use different units."""
 SAME_PRESSURE = 1e-3
-"""Fraction of the root pressure by which two columns of one pressure may differ, as FFR is rounded."""
+"""Fraction of the root pressure by which two columns of the same pressure may differ, because FFR is rounded."""
 
 
 Key = tuple[str, str]
@@ -170,7 +170,7 @@ def branches(
 
 
 def _column_missing(simulated: pd.DataFrame, file: str | Path, measured_file: str | Path, wanted: str) -> InputError:
-    """Error for a kind of column that the tables do not share, with the file that lacks it."""
+    """Error for a kind of column that is not in both tables, with the file in which it is missing."""
     prefix = wanted.removesuffix("NAME").removesuffix("A:B")
     has = any(str(column).startswith(prefix) for column in simulated.columns)
     return InputError(measured_file if has else file, wanted, None, "no such column in both tables")
