@@ -1,7 +1,7 @@
-"""What a clinic and the literature say of a heart, measured from the waveforms of a closed loop.
+"""Clinical and literature measures of cardiac function, computed from the waveforms of a closed loop.
 
 The names are those of the public svZeroDEstimator's target files (Menon et al. 2023, 2024; Tran et al. 2017), so that
-such a file can be read as it is. Each is a number per sample of a batch, in the units of the network.
+such a file can be read unchanged. Each is a number per sample of a batch, in the units of the network.
 
 Systole is the interval in which the aortic valve passes flow: from the peak of aortic valve flow outwards to where it
 falls below `VALVE_OPEN` of the peak for longer than a flutter, crossing times interpolated linearly, so that a
@@ -22,10 +22,10 @@ CLOSURE = 0.1
 """Fraction of a cycle after valve closure that is left out of the diastolic maximum: the closing transient."""
 
 FLUTTER = 0.06
-"""Fraction of a cycle: a valve that shuts for less, and opens again, is still open (it flutters in the 0D model)."""
+"""Fraction of a cycle: a valve that closes for less, and opens again, counts as open (it flutters in the 0D model)."""
 
 REOPENED = 0.15
-"""Fraction of the peak flow that makes a second opening part of the same systole; less is the valve's recoil."""
+"""Fraction of the peak flow above which a second opening is part of the same systole; less is the valve's recoil."""
 
 PROMINENCE = 0.02
 """A turning point of a coronary flow waveform counts if it stands out by this fraction of the waveform's range."""
@@ -88,7 +88,7 @@ def measure(time: np.ndarray, waves: Mapping[str, np.ndarray]) -> dict[str, np.n
     step = np.diff(time) / period
 
     def mean(wave):
-        # No matrix product: its order of summation, and so its bits, would depend on the size of the batch.
+        # No matrix product: its order of summation, and so its rounding, would depend on the size of the batch.
         return (0.5 * (wave[:, 1:] + wave[:, :-1]) * step).sum(axis=1)
 
     pressure, volume = waves["aortic_pressure"], waves["lv_volume"]

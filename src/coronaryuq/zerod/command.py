@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(chosen: argparse.Namespace) -> int:
-    """Run the command; returns svzerodsolver's exit codes: 0, or 1 after one line on standard error."""
+    """Run the command; return svzerodsolver's exit codes: 0, or 1 after one line on standard error."""
     try:
         _solve(chosen.network, chosen.table)
     except (InputError, RuntimeError) as error:

@@ -1,4 +1,4 @@
-"""Mean pressure along every vessel of the tree at one θ, for pictures: what a pressure wire would read."""
+"""Mean pressure along every vessel of the tree at one θ, for figures: the reading of a pressure wire."""
 
 from pathlib import Path
 

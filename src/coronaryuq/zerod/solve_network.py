@@ -1,4 +1,4 @@
-"""One 0D network marched in time, from Python."""
+"""Solve one 0D network in time, from Python."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def solve(network: str | Path | Mapping[str, Any]) -> "pd.DataFrame":
-    """March a 0D network in time as its `simulation_parameters` say, as `coronaryuq solve` does.
+    """Solve a 0D network in time with its `simulation_parameters`, as `coronaryuq solve` does.
 
     Parameters
     ----------

@@ -71,7 +71,7 @@ class LoopModel:
     Raises
     ------
     InputError
-        If a file is missing or malformed, or if the network lacks a place that the case names.
+        If a file is missing or malformed, or if a place of the case is not in the network.
     """
 
     def __init__(self, network_path: str | Path, case_path: str | Path, settings: Settings):
@@ -117,7 +117,7 @@ class LoopModel:
 
 
 class UmbridgeModel:
-    """A 0D model on an UM-Bridge server, as `LoopModel`; the case is the server's own affair."""
+    """A 0D model on an UM-Bridge server, as `LoopModel`; the server defines the case."""
 
     def __init__(self, network_path: str | Path, case_path: str | Path, settings: Settings):
         self.network = read_network(network_path)
@@ -125,7 +125,7 @@ class UmbridgeModel:
         self.outputs = self._model.outputs
 
     def run(self, theta: pd.DataFrame) -> pd.DataFrame:
-        """Run a batch; the CPU time is the waiting time per sample, since the server does not tell its own."""
+        """Run a batch; the CPU time is the waiting time per sample, because the server does not report its own."""
         names = [name for name in theta.columns if name != "sample"]
         begun = time.perf_counter()
         answers = self._model.evaluate(theta[names].to_numpy(), names)
@@ -147,7 +147,7 @@ def ffr_locations(case: CaseSummary) -> dict[str, str]:
 
 
 def locations(case: CaseSummary, unknowns: list[str], file: str | Path = "case.json") -> list[str]:
-    """Return the 0D locations "A:B" whose flow and pressure are recorded; `InputError` if the network lacks one."""
+    """Return the 0D locations "A:B" whose flow and pressure are recorded; `InputError` if one is missing."""
     known = [name.removeprefix("flow:") for name in unknowns if name.startswith("flow:")]
     found = [case.aorta.pressure]
     for stenosis in case.stenoses:

@@ -1,1 +1,1 @@
-"""Physical effects that a 0D model may lack: one class per effect, one file each."""
+"""Physical effects that a 0D model may be missing: one class per effect, one file each."""

@@ -12,7 +12,7 @@ ARTERIOLAR = ("Ra", "Ram", "Ra1", "Ra2", "Ra2_min", "Ra2_max")
 
 
 class Anatomy(Topology):
-    """Topology of a network, its beds under study, and the scales of a run of the model as it is.
+    """Topology of a network, its beds under study, and the scales of a run of the unmodified model.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Anatomy(Topology):
         return any(bed not in beds for bed in self.outlets_below(vessel))
 
     def vessel_at(self, location: str) -> str | None:
-        """Return the vessel that a location "A:B" belongs to."""
+        """Return the vessel to which a location "A:B" belongs."""
         return next((part for part in location.split(":") if part in self.vessels), None)
 
     def flow_scale(self, vessel: str) -> float:

@@ -1,4 +1,4 @@
-"""Base class of the effects that a model may lack, and what they act on."""
+"""Base class of the effects that a model may be missing, and the objects they act on."""
 
 import inspect
 from abc import ABC
@@ -49,7 +49,7 @@ class Parameter:
 
     @property
     def prior(self) -> str:
-        """The prior in words."""
+        """Description of the prior in words."""
         if self.kind == "lognormal":
             return f"log-normal, median {self.centre:g}, sd of the logarithm {self.spread:g}"
         return f"normal, mean {self.centre:g}, sd {self.spread:g}"
@@ -74,10 +74,9 @@ class Series:
 class ConditionState:
     """State of the condition under which an effect acts.
 
-    resistance_scale: `coronary_resistance_scale` of the condition. period: s.
-    bed_pressure: mean pressure (n,) at each bed, for effects with feedback.
-    reference_pressure: mean pressure at each bed in the reference run of the model.
-    covariates: measured waveforms that are no boundary condition, such as `LV` → (t, value).
+    resistance_scale: `coronary_resistance_scale` of the condition. period: s. bed_pressure: mean pressure (n,) at each
+    bed, for effects with feedback. reference_pressure: mean pressure at each bed in the reference run of the model.
+    covariates: measured waveforms that are not boundary conditions, such as `LV` → (t, value).
     """
 
     resistance_scale: float
@@ -88,7 +87,7 @@ class ConditionState:
 
 
 class Effect(ABC):
-    """One physical effect that a model may lack.
+    """One physical effect that a model may be missing.
 
     Effects on the network override `changes` (and `insert`, `aliases` if they add elements). Effects on the
     measurements override `observe`, or `delay` if they shift a waveform in time. A subclass with a `formula` gets
@@ -99,7 +98,7 @@ class Effect(ABC):
     name, formula, source
         Name in tables and settings, governing equation and reference.
     signature
-        How the effect shows in the data.
+        How the effect appears in the data.
     native
         How a repaired network expresses it in svZeroDSolver's format.
     parameters
@@ -112,8 +111,8 @@ class Effect(ABC):
     feedback
         True if `changes` needs the mean pressures at the beds, which takes repeated runs.
     changes_shape
-        True if the response changes its shape with the size, so that a small size does not predict a large one: a
-        wave delayed by a quarter of its period differs in another shape than one that is hardly late.
+        True if the response changes its shape with the size, so that a small size does not predict a large one: the
+        change by a delay of a quarter of the period differs in shape from that by a short delay.
     nameable
         False for a wiring error of the model: if it explains best, the missing cause is not an effect.
     """
@@ -198,7 +197,7 @@ class Effect(ABC):
         return {}
 
     def delay(self, place: str, sizes: Values, series: Series) -> np.ndarray:
-        """Return by how much a series is read late, (n,), s."""
+        """Return the delay of a series, (n,), s."""
         return np.zeros(1)
 
     def observe(

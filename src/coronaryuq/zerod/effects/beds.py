@@ -12,7 +12,7 @@ ALL = "all beds"
 
 
 def _beds_of(place: str, anatomy: Anatomy) -> list[str]:
-    """Return the beds that a place stands for: all, those below a vessel, or one."""
+    """Return the beds of a place: all, those below a vessel, or one."""
     if place == ALL:
         return list(anatomy.beds)
     return anatomy.beds_below(place) if place in anatomy.vessels else [place]

@@ -9,7 +9,7 @@ def open_end(network: Network, vessel: str, tag: str) -> tuple[Network, str, dic
 
     A vessel that ends in a plain junction keeps it. One that ends in a bed gets a junction and a lossless stub
     `VESSEL_TAG` to the bed; the location `VESSEL:BED`, the flow into the bed, becomes `VESSEL_TAG:BED`. One that ends
-    in a junction with values of its own, which takes no more vessels, gets a stub to that junction; the location
+    in a junction with its own values, to which no vessels can be added, gets a stub to that junction; the location
     becomes that of the vessel's end ahead of the stub.
 
     Returns
@@ -47,7 +47,7 @@ def locations_renamed(anatomy: Anatomy, vessel: str, tag: str) -> dict[str, str]
 
 
 def put_ahead(network: Network, vessel: str, tag: str) -> Network:
-    """Return the network with a lossless vessel `VESSEL_TAG` between a vessel and what feeds it.
+    """Return the network with a lossless vessel `VESSEL_TAG` between a vessel and its feeder.
 
     The location where the vessel began, `FEEDER:VESSEL`, becomes `FEEDER:VESSEL_TAG`.
     """

@@ -1,4 +1,4 @@
-"""Names of the effects, in the order of the library; this module imports nothing, so that settings are read fast."""
+"""Names of the effects, in the order of the library; this module imports nothing, so that settings load fast."""
 
 EFFECTS = (
     "quadratic_stenosis",

@@ -11,10 +11,10 @@ TAG = "loss"
 
 
 class QuadraticLoss(Effect):
-    """Pressure loss S |Q| Q at the start of every vessel that a place stands for.
+    """Pressure loss S |Q| Q at the start of every vessel of a place.
 
-    It enters as the vessel's `stenosis_coefficient`, unless the vessel stores blood: the element's equations then hold
-    C 2 S |Q| dQ/dt, which is not monotone within a time step, so that a strong loss may leave a step without a
+    It enters as the vessel's `stenosis_coefficient`, unless the vessel stores blood: the element's equations then
+    contain C 2 S |Q| dQ/dt, which is not monotone within a time step, so that a strong loss may leave a step without a
     solution. In that case it goes into a vessel ahead, which is an equivalent network.
     """
 
@@ -61,7 +61,7 @@ class QuadraticLoss(Effect):
         }
 
     def _without_stub(self, network: Network, place: str, anatomy: Anatomy) -> list[str]:
-        """Return the vessels that still need a vessel ahead; another effect may have added it."""
+        """Return the vessels that still need a vessel upstream; another effect may have added it."""
         return [
             vessel
             for vessel in self.vessels(place, anatomy)

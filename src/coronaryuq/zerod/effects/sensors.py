@@ -99,8 +99,8 @@ class SharedOffset(PressureOffset):
         shared: dict[tuple, str] = {}
         for place in (EVERY_PRESSURE, *(f"{EVERY_PRESSURE} but {root}" for root in roots)):
             locations = frozenset(s.location for s in read if self._covers(place, s.location))
-            # A single location is left to its own sensor. Two names for the same locations are one place, unless a
-            # ratio distinguishes them. Ratios alone do not determine an offset of all pressures.
+            # An error at a single location is left to its own sensor. Two names for the same locations are one place,
+            # unless a ratio distinguishes them. Ratios alone do not determine an offset of all pressures.
             if len(locations) > 1 and (place != EVERY_PRESSURE or "pressure" in quantities):
                 shared.setdefault((locations, place == EVERY_PRESSURE and "ratio" in quantities), place)
         return list(shared.values())
@@ -181,7 +181,7 @@ class TriggerDelay(_Delay):
         triggered: dict[tuple, str] = {}
         for place in self.quantities_of:
             shifted = {(s.quantity, s.location) for s in observed if self._triggers(place, s)}
-            # A single waveform is left to its own sensor. Two names for the same waveforms are one place.
+            # A delay of a single waveform is left to its own sensor. Two names for the same waveforms are one place.
             if len(shifted) > 1:
                 triggered[tuple(sorted(shifted))] = place
         return list(triggered.values())

@@ -52,7 +52,7 @@ class Inertance(EpicardialCompliance):
     signature = "flow lags pressure; sharp changes of flow are smoothed, means are unchanged"
     native = "L of the vessel"
     # A coronary artery of 3 mm and 5 cm at 1 mL/s has 7e-4, which typical noise hides. The prior covers detectable
-    # values, as of a cannula or of a vessel missing from the model, and extends down to that.
+    # values, as of a cannula or of a vessel missing from the model, and extends down to that value.
     parameters = (
         Parameter(
             "inertia",

@@ -72,7 +72,7 @@ def resistance_changes(
     network : Network
         A checked network.
     multipliers : mapping of str to float or array (n,), optional
-        Bed → r, a factor on Ra, Ram and Rv of that bed; 1 for beds that it does not name.
+        Bed → r, a factor on Ra, Ram and Rv of that bed; 1 for beds that are not named.
     scaling : float or array (n,)
         s, a factor on Ra, Ram and Rv of every bed.
     hyperaemia : float or array (n,)
@@ -86,7 +86,7 @@ def resistance_changes(
     Raises
     ------
     InputError
-        If the network lacks a bed, or if a factor is not positive.
+        If a bed is not in the network, or if a factor is not positive.
     """
     coronary, multipliers = beds(network), multipliers or {}
     for name in multipliers:

@@ -69,7 +69,8 @@ def named(network: dict[str, Any], part: str, key: str, file) -> Iterable[dict]:
 
 
 def register(block: dict, name_key: str, type_key: str, known: dict, names: dict[str, str], file, part: str) -> str:
-    """Check a block's element against `known`, enter its name into `names` (name → where it stands) and return it."""
+    """Check a block's element against `known`, enter its name into `names` (name → place in the file), and return
+    it."""
     name, kind = block[name_key], block.get(type_key)
     if kind not in known:
         raise InputError(file, f"{part}.{name}.{type_key}", kind, f"unknown element; known: {', '.join(known)}")
@@ -80,7 +81,7 @@ def register(block: dict, name_key: str, type_key: str, known: dict, names: dict
 
 
 def check_keys(block: dict, known: set[str], file, where: str) -> None:
-    """Raise `InputError` for an unknown key; keys that begin with _ are remarks."""
+    """Raise `InputError` for an unknown key; keys that begin with _ are comments."""
     for key in block:
         if key not in known and not key.startswith("_"):
             field = f"{where}.{key}" if where else key
@@ -88,7 +89,7 @@ def check_keys(block: dict, known: set[str], file, where: str) -> None:
 
 
 def check_values(block: dict, key: str, parameters: Parameters, file, where: str) -> None:
-    """Raise `InputError` unless `block[key]` holds all required parameters of an element, each of the right type."""
+    """Raise `InputError` unless `block[key]` has all required parameters of an element, each of the right type."""
     values = block.get(key)
     if not isinstance(values, dict):
         raise InputError(file, f"{where}.{key}", values, "expected an object")
@@ -124,7 +125,7 @@ def check_values(block: dict, key: str, parameters: Parameters, file, where: str
 
 
 def finite(value: Any) -> bool:
-    """Tell whether a value is a finite number (and neither true nor false)."""
+    """Return whether a value is a finite number (and neither true nor false)."""
     if not isinstance(value, Real) or isinstance(value, bool):
         return False
     try:

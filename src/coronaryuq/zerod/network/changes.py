@@ -28,7 +28,7 @@ def with_changes(network: Network, changes: Mapping[str, float], file: str | Pat
     Raises
     ------
     InputError
-        If the network lacks a block.
+        If a block is not in the network.
     """
     changed = network.deep_copy()
     values = {element.name: element.values for element in changed.elements()}

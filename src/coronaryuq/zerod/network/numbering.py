@@ -1,4 +1,4 @@
-"""A network as blocks, nodes and unknowns, numbered and named as svZeroDSolver does it."""
+"""A network as blocks, nodes and unknowns, numbered and named as in svZeroDSolver."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -129,7 +129,7 @@ class Model:
         return {**scalars, PERIOD: self.period}
 
     def _consistent_period(self) -> float:
-        """Return the period that parameters, waveforms and heart agree on; 1 s if none states one."""
+        """Return the common period of parameters, waveforms and heart; 1 s if none gives one."""
         periods: dict[str, float] = {}
         for block in self.network.boundary_conditions:
             periods |= _series_period(block["bc_name"], block["bc_values"], BOUNDARIES[block["bc_type"]])
@@ -259,7 +259,7 @@ class Model:
         for vessel in self.network.vessels:
             ends = vessel.get("boundary_conditions", {})
             block = self.blocks[vessel["vessel_name"]]
-            # With both ends at a boundary svZeroDSolver looks at the outlet.
+            # With both ends at a boundary svZeroDSolver uses the outlet.
             if "outlet" in ends:
                 caps.append((block.outlets[0], block.outlets[0] + 1))
             elif "inlet" in ends:

@@ -17,7 +17,7 @@ class Quantity:
 
 
 def parse(name: str, model: Model) -> Quantity:
-    """Parse `STATISTIC_UNKNOWN`, with svZeroDSolver's name of the unknown; `InputError` if the network lacks it."""
+    """Parse `STATISTIC_UNKNOWN`, with svZeroDSolver's name of the unknown; `InputError` if there is none."""
     statistic, _, variable = name.partition("_")
     if statistic not in STATISTICS:
         raise InputError(model.file, name, None, f"expected a name that begins with {', '.join(STATISTICS)} and _")

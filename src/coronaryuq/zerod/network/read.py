@@ -56,7 +56,7 @@ _SIMULATION = {
     "output_derivative": bool,
     "output_all_cycles": bool,
     "cardiac_period": float,
-    # Written by SimVascular's front end and carried along unread by svZeroDSolver.
+    # Written by SimVascular's front end and ignored by svZeroDSolver.
     "model_name": str,
     "density": float,
     "viscosity": float,
@@ -136,7 +136,7 @@ def check_network(content: Any, file: str | Path = "network") -> Network:
 
 
 def print_notes(network: Network, file: str | Path) -> None:
-    """Print on standard error, a line each, what svZeroDSolver accepts in a checked network though it may be a mistake.
+    """Print possible mistakes that svZeroDSolver accepts in a checked network, one line each, on standard error.
 
     Negative resistances, and keys that svZeroDSolver ignores.
     """

@@ -1,4 +1,4 @@
-"""Activation functions of chambers: how far a chamber is contracted, 0 to 1, over the cardiac cycle.
+"""Activation functions of chambers: degree of contraction, 0 to 1, over the cardiac cycle.
 
 Names and formulas are those of svZeroDSolver (`ActivationFunction.cpp`). Each function returns (samples or 1, times).
 """
@@ -12,7 +12,7 @@ from coronaryuq.zerod.network.numbering import Block
 from coronaryuq.zerod.solver.assembly import Context, fourier_elastance
 
 _GRID = 1e-5
-"""Step (s) of the grid on which svZeroDSolver looks for the maximum of the two-hill function."""
+"""Step (s) of the grid on which svZeroDSolver finds the maximum of the two-hill function."""
 _FOURIER_GRID = 10_000
 
 
@@ -61,7 +61,7 @@ def fourier(block: Block, at: Context) -> np.ndarray:
 def wrapping_cosine(block: Block, at: Context) -> np.ndarray:
     """Evaluate the atria's activation, a cosine that wraps around (Sankaran et al. 2012).
 
-    Tsa is a share of the period, tpwave the period over the time of the P wave.
+    Tsa is a fraction of the period, tpwave the period over the time of the P wave.
     """
     return at.atrial_activation(block)
 

@@ -58,7 +58,7 @@ class Batch:
                 self.waves[:, seats[lanes]] = record.waves[:, :, lanes].transpose(1, 2, 0)
 
     def close_ranks(self, live: np.ndarray) -> None:
-        """Move the samples of `live` (n,) into as few groups as possible; lanes compute alike, so no number changes."""
+        """Move the samples of `live` (n,) into as few groups as possible; lanes are identical, so no number changes."""
         places = [(k, int(lane)) for k, seats in enumerate(self.seats) for lane in np.nonzero(live[seats])[0]]
         needed = -(-len(places) // LANES)
         if needed == len({k for k, _ in places}):

@@ -36,7 +36,7 @@ class BatchRunner:
         """Return a batch in its initial state.
 
         start: (samples, columns of `Engine.state_names`); if None, the network's initial condition, made steady if the
-        network says so.
+        network requests it.
         """
         n = self.model.size
         offsets, state = (np.ones((samples, len(self.coronaries))), np.zeros((samples, 2 * n)))

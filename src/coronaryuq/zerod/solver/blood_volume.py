@@ -11,9 +11,9 @@ from coronaryuq.zerod.network.parameters import CHAMBERS
 class BloodVolume:
     """Stressed volume (mL) of a closed loop, as a function of its state and of changed parameters.
 
-    Every compliance holds C times the pressure that its element's equations differentiate; chambers and intramyocardial
-    compartments hold their volume. The sum is constant in time. The pulmonary compliance is not part of it, because
-    svZeroDSolver fills the left atrium with the flow out of the right ventricle.
+    Every compliance stores C times the pressure that its element's equations differentiate; chambers and
+    intramyocardial compartments store their volume. The sum is constant in time. The pulmonary compliance is not part
+    of it, because svZeroDSolver fills the left atrium with the flow out of the right ventricle.
     """
 
     def __init__(self, model: Model):

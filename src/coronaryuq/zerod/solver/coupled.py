@@ -37,7 +37,7 @@ def _cap(block: Block, context: Context, system: Assembly) -> None:
 
 
 class CoupledNetwork:
-    """The 0D side of a 3D domain, for up to LANES samples.
+    """The 0D network coupled to a 3D domain, for up to LANES samples.
 
     network: svZeroDSolver JSON in which every cap is a FLOW block of `external_solver_coupling_blocks`; location
     `inlet` is an outlet of the 3D domain. caps: names of those blocks in the order of the domain's caps.

@@ -196,7 +196,7 @@ def coronary_offset(block: Block, at: Context, y: np.ndarray, ydot: np.ndarray, 
     ra, ca = at.values(block, "Ra1", "Ca")
     p_ca = y[:, p] - ra * y[:, q]
     q_am = y[:, q] - ca * (ydot[:, p] - ra * ydot[:, q])
-    # After a steady initial state svZeroDSolver still holds the mean of Pim at this point.
+    # After a steady initial state svZeroDSolver still has the mean of Pim at this point.
     pim_0 = at.series_start(block, "Pim", steady_initial)
     return pim_0 - (p_ca - initial_ram(block, at) * q_am)
 
@@ -252,9 +252,9 @@ def closed_loop_coronary(block: Block, at: Context, system: Assembly) -> None:
 def heart_and_pulmonary(block: Block, at: Context, system: Assembly) -> None:
     """Write four chambers, four diode valves with inertance and resistance, a pulmonary RC (Sankaran et al. 2012).
 
-    Ventricles: P = E(t) (V − V_u). Atria: P = A(t) Emax (V − V_aso) + (1 − A(t)) Kxp (exp(Kxv (V − V_aso)) − 1).
-    A valve is shut when the pressure across it is adverse and no flow passes; then its flow is zero. Our extension: the
-    aortic valve leaks Gao_leak (P_ao − P_lv), shut or open; Gao_leak is zero unless the network gives it.
+    Ventricles: P = E(t) (V − V_u). Atria: P = A(t) Emax (V − V_aso) + (1 − A(t)) Kxp (exp(Kxv (V − V_aso)) − 1). A
+    valve is closed when the pressure across it is adverse and no flow passes; then its flow is zero. Our extension: the
+    aortic valve leaks Gao_leak (P_ao − P_lv), closed or open; Gao_leak is zero unless given in the network.
     """
     e = block.equations
     (p_ra, q_return, p_ao, q_ao, v_ra, q_ra, p_rv, v_rv, q_rv, p_pul, p_la, v_la, q_la, p_lv, v_lv, q_lv) = (
@@ -301,8 +301,8 @@ def heart_and_pulmonary(block: Block, at: Context, system: Assembly) -> None:
     system.F_valve(e[5], q_ra, -1.0, tricuspid)
     system.F_valve(e[5], q_rv, 1.0, pulmonary)
     system.E(e[9], v_la, 1.0)
-    # What svZeroDSolver writes: the left atrium fills with the flow out of the right ventricle, not with that through
-    # Rpd, so the pulmonary capacitor's volume is not part of the loop's conserved volume.
+    # As in svZeroDSolver: the left atrium fills with the flow out of the right ventricle, not with that through Rpd, so
+    # the pulmonary capacitor's volume is not part of the loop's conserved volume.
     system.F_valve(e[9], q_rv, -1.0, pulmonary)
     system.F_valve(e[9], q_la, 1.0, mitral)
     system.E(e[12], v_lv, 1.0)

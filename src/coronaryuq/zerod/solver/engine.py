@@ -102,7 +102,7 @@ class Engine:
         ----------
         changes : mapping of str to array
             "BLOCK.parameter" → (samples,) or scalar; "BLOCK.waveform" → (samples, points) on an even grid over the
-            cycle, both ends included. What it does not name keeps the network's value.
+            cycle, both ends included. All other parameters keep the network's values.
         quantities : sequence of str
             Statistics of the last cycle such as `mean_flow:A:B`, see `network.output_names`.
         waveforms : sequence of str
@@ -112,8 +112,8 @@ class Engine:
         steps_per_cycle : int, optional
             The network's number by default.
         start : array, (columns,) or (samples, columns), optional
-            A `Result.state`; by default the network's own initial condition, steady if it says so. A closed loop keeps
-            the blood volume that it starts with.
+            A `Result.state`; by default the network's own initial condition, steady if the network requests it. A
+            closed loop keeps the blood volume that it starts with.
         threads : int
             Threads over groups of samples; results do not depend on it.
 
@@ -125,7 +125,7 @@ class Engine:
         Raises
         ------
         InputError
-            If the network lacks what a name refers to, or if a value has the wrong shape or is not finite.
+            If a name does not exist in the network, or if a value has the wrong shape or is not finite.
         """
         return self._run(
             changes or {}, quantities, waveforms, start, self._steps(steps_per_cycle), threads, cycles or self.cycles
@@ -148,7 +148,7 @@ class Engine:
         changes, quantities, waveforms, steps_per_cycle, threads
             As in `run_cycles`.
         periodicity : Periodicity, optional
-            When a sample counts as periodic, and how to get there.
+            Criterion of periodicity, and the method of reaching it.
         start : array, (columns,) or (samples, columns), optional
             As in `run_cycles`. One start for all is taken for the network's own periodic state, from which samples are
             first approached with longer time steps; those cycles are not counted.

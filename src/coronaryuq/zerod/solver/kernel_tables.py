@@ -95,7 +95,7 @@ class Work(NamedTuple):
     open: np.ndarray  # valve positions
     factored: np.ndarray  # valve positions when the border was factorised
     flow: np.ndarray  # valve flows at the end of the step
-    shut: np.ndarray  # two rows for each gate: how far it is shut, and the derivative
+    shut: np.ndarray  # two rows for each gate: degree of closure, and its derivative
 
 
 class Record(NamedTuple):

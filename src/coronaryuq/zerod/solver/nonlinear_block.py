@@ -10,7 +10,7 @@ SLOPED = (
     *(("f_valve", 3), ("square", 2), ("square_rate", 2), ("exponentials", 3)),
     *(("f_gate", 3), ("gate_slope", 4)),
 )
-"""Kinds of terms whose derivatives change from iteration to iteration, and how many numbers say where each stands."""
+"""Kinds of terms whose derivatives change from iteration to iteration, and how many numbers give the place of each."""
 
 
 class Border:

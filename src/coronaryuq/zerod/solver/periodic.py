@@ -17,8 +17,8 @@ DEPTH = 5
 PATIENCE, REST = 6, 8
 """Accelerated cycles in which a sample's least error must halve; else `REST` plain cycles before a fresh start.
 
-Valves open and close between two time steps, so on a coarse grid the map has small jumps. Acceleration may leap back
-and forth across one for ever, where plain cycles settle on one side.
+Valves open and close between two time steps, so on a coarse grid the map has small jumps. Acceleration may jump back
+and forth across one for ever, whereas plain cycles settle on one side.
 """
 
 _RANK = 1e-8
@@ -31,20 +31,20 @@ than the end is."""
 
 @dataclass(frozen=True)
 class Periodicity:
-    """When a sample counts as periodic, and how it is brought there.
+    """Criterion of periodicity, and the method of reaching it.
 
     Attributes
     ----------
     tolerance : float
         Cycle error (see `drift`) below which a sample is periodic.
     cycles : int
-        Most cycles to march.
+        Maximum number of cycles.
     patience : int, optional
-        A sample whose cycle error has not halved for so many cycles is given up.
+        A sample fails if its cycle error has not halved within this number of cycles.
     accelerate : bool
         Use Anderson acceleration; otherwise wait.
     extrapolate : callable, optional
-        What acceleration combines instead of the ends of cycles, see `Extrapolate`.
+        States that acceleration combines instead of the ends of cycles, see `Extrapolate`.
     """
 
     tolerance: float = 1e-4

@@ -19,8 +19,8 @@ from coronaryuq.zerod.solver.lanes import LANES
 from coronaryuq.zerod.solver.periodic import Periodicity
 
 SLOW, LASTING = 0.5, 0.98
-"""Range of the share of a slow mode that is left after a cycle. Faster modes, such as those of coronary beds (a
-quarter), need no help; a mode that hardly decays cannot be extrapolated from one cycle."""
+"""Range of the fraction of a slow mode that remains after a cycle. Faster modes, such as those of coronary beds (a
+quarter), decay by themselves; a mode that hardly decays cannot be extrapolated from one cycle."""
 PROBES, ROUNDS = LANES - 1, 4
 """Number of disturbances, which fill one group of samples, and of rounds of the subspace iteration."""
 PROBE = 3e-2

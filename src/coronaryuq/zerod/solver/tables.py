@@ -95,7 +95,7 @@ def make_program(
         pattern[part[:, 0], part[:, 1]] = True
     inner_columns = np.logical_not(changing.any(axis=0))
     inner_columns[lagged] = False
-    # The unknowns that decide a valve's state must be known inside Newton's loop.
+    # The unknowns that determine a valve's state must be known inside Newton's loop.
     inner_columns[[column for valve in [*system.valves, *system.gates] for column in valve]] = False
 
     def tape_of(judged: Assembly) -> Tape:

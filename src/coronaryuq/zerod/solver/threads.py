@@ -1,4 +1,4 @@
-"""Threads that march groups of samples, shared by all runs of a process."""
+"""Threads that advance groups of samples, shared by all runs of a process."""
 
 import os
 from concurrent.futures import ThreadPoolExecutor
@@ -11,5 +11,5 @@ def thread_pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, thread_name_prefix="march")
 
 
-# A forked child has none of its parent's threads.
+# A forked child process has none of its parent's threads.
 os.register_at_fork(after_in_child=thread_pool.cache_clear)

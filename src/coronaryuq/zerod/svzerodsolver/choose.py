@@ -1,4 +1,4 @@
-"""Choice of the 0D solver: our engine, or svZeroDSolver where it is installed, behind the same methods."""
+"""Choice of the 0D solver: our engine, or svZeroDSolver if it is installed, with the same methods."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -41,7 +41,7 @@ def installed() -> str | None:
 def simulate(network: Network) -> pd.DataFrame:
     """Run svZeroDSolver on a network and return its table as it prints it; `RuntimeError` with its reason if it fails.
 
-    What it says on standard output goes to standard error, where it does not mix with results.
+    Its standard output is sent to standard error, so that it does not mix with results.
     """
     name = installed()
     if name in MODULES:
@@ -96,7 +96,7 @@ class SvZeroD:
         start: np.ndarray | None = None,
         threads: int = 1,
     ) -> Result:
-        """Do what `Engine.run_cycles` does."""
+        """Run as `Engine.run_cycles` does."""
         return self._run(changes or {}, quantities, waveforms, cycles or self.cycles, steps_per_cycle, start, np.inf)
 
     def run_to_periodic(

@@ -15,7 +15,7 @@ _VESSELS = ("BloodVessel", "BloodVesselCRL", "LinearElastanceChamber", "Piecewis
 
 
 def simulate(network: Network, file: str = "network") -> pd.DataFrame:
-    """March a network in time as its `simulation_parameters` say and return svZeroDSolver's output table.
+    """Solve a network in time with its `simulation_parameters` and return svZeroDSolver's output table.
 
     With `use_cycle_to_cycle_error` the number of cycles follows from the largest RCR time constant (Pfaller et al.
     2021, eq. 21), or, without an RCR, cycles are added until mean flow and pressure at the caps change by less than
