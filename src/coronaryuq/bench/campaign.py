@@ -28,8 +28,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(quick: bool, config: str | None = None) -> dict:
     """Plan a whole campaign (default `smoke`) and run it (quick: up to the perfusion targets) in a temporary folder.
 
-    `snakemake_overhead_fraction` is the share of the wall time without a running job, by the start and end times that
-    Snakemake records.
+    `snakemake_overhead_fraction` is the fraction of the wall time without a running job, by the start and end times
+    that Snakemake records.
     """
     configuration = shipped.configuration(config or "smoke")
     name = _name(configuration)

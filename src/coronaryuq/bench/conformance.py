@@ -17,7 +17,7 @@ from coronaryuq.zerod.network.read import check_network
 from coronaryuq.zerod.svzerodsolver import program, tables
 
 FOLDER_VARIABLE = "CORONARYUQ_SVZEROD_CASES"
-"""Environment variable that names a folder of cases, such as `tests/cases` of svZeroDSolver's repository."""
+"""Environment variable with a folder of cases, such as `tests/cases` of svZeroDSolver's repository."""
 TOLERANCE = 1e-6
 _QUICK_STEPS = 10_000
 _NOISE = 1e-9
@@ -39,8 +39,8 @@ class Comparison:
     where : str
         Unknown or vessel, and column, of that difference.
     own_change : float or None
-        Only where the difference exceeds `TOLERANCE`: by how much svZeroDSolver's own table changes when each initial
-        value is replaced by the next floating-point number.
+        Only where the difference exceeds `TOLERANCE`: change of svZeroDSolver's own table when each initial value is
+        replaced by the next floating-point number.
     refused, refused_here : str
         Why svZeroDSolver and the solver here fail; empty if they run.
     """
@@ -91,13 +91,13 @@ def run(quick: bool = False, cases: str | None = None) -> dict:
 
 
 def case_folder() -> Path:
-    """Return the folder that `FOLDER_VARIABLE` names, else that of the cases in ../shared; it may not exist."""
+    """Return the folder given by `FOLDER_VARIABLE`, else that of the cases in ../shared; it may not exist."""
     named = os.environ.get(FOLDER_VARIABLE)
     return Path(named) if named else Path(__file__).parents[4] / "shared" / "data" / "svzerod-cases"
 
 
 def case_files(folder: Path) -> list[Path]:
-    """Return the network files of a folder of cases, without the reference results beside them."""
+    """Return the network files of a folder of cases, without the reference results in it."""
     files = sorted(folder.rglob("*.json"))
     return [path for path in files if "results" not in path.relative_to(folder).parts]
 
@@ -118,8 +118,8 @@ def compare(path: Path, folder: Path) -> Comparison:
 def difference(ours: pd.DataFrame, theirs: pd.DataFrame) -> tuple[float, str]:
     """Return the largest difference of two tables, over the largest value of the same unknown, and where it is.
 
-    Infinite if the tables have not the same columns, names and gaps. What is below 1e-9 of a column's largest value
-    counts as zero.
+    Infinite if the tables differ in columns, names or gaps. Values below 1e-9 of a column's largest value count as
+    zero.
     """
     if list(ours.columns) != list(theirs.columns) or list(ours["name"]) != list(theirs["name"]):
         return math.inf, "columns or names"

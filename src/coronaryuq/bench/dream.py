@@ -1,4 +1,4 @@
-"""Benchmark `dream`: posterior of the bundled patient at the paper's size, beside a sampler from a library."""
+"""Benchmark `dream`: posterior of the bundled patient at the paper's size, compared with a sampler from a library."""
 
 import resource
 import sys
@@ -36,9 +36,9 @@ WALKERS = 32
 def run(quick: bool) -> dict:
     """Run 24 chains of 10,000 generations (quick: 1000), screened by the emulator as by default.
 
-    The loop is the bundled patient's true one with resistances shared by the target flows, so no calibration is needed.
-    `library_ess_per_cpu_s`: emcee on the same posterior through the same engine. Its autocorrelation time comes from
-    this run; a quick one takes it from a long run on the emulated posterior, and only the cost from the engine.
+    The loop is the bundled patient's true one with conductances in proportion to the target flows, so no calibration is
+    needed. `library_ess_per_cpu_s`: emcee on the same posterior through the same engine. Its autocorrelation time comes
+    from this run; a quick one takes it from a long run on the emulated posterior, and only the cost from the engine.
     """
     settings = Settings(
         dream=DreamSettings(generations=1000 if quick else 10_000),

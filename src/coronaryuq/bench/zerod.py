@@ -136,7 +136,8 @@ def _against_svzerod(engine: Engine, network: Network, cycles: int, steps: int, 
     for name in engine.unknowns:
         here, there = ours.waveforms[name][0], theirs.waveforms[name][0]
         difference = max(difference, np.abs(here - there).max() / max(np.abs(there).max(), 1e-12))
-    # svZeroDSolver only marches in time: at the same cycle error it needs as many cycles as we do without acceleration.
+    # svZeroDSolver only steps in time: to the same cycle error it needs as many cycles as our solver without
+    # acceleration.
     plain = engine.run_to_periodic(periodicity=Periodicity(accelerate=False), steps_per_cycle=steps)
     return spent, spent / cycles * float(plain.cycles[0]) / settled, float(difference)
 

@@ -1,4 +1,4 @@
-"""How total coronary conductance is shared among the beds before anything is tuned (paper, section 2.3)."""
+"""Initial division of total coronary conductance among the beds, before tuning (paper, section 2.3)."""
 
 from collections.abc import Mapping, Sequence
 
@@ -11,11 +11,11 @@ COMPLIANCES = ("Ca", "Cim")
 
 
 def shares(outlets: Sequence[CaseOutlet], flows: Mapping[str, float]) -> dict[str, float]:
-    """Return each bed's share of total coronary conductance (boundary condition → share, sum 1).
+    """Return each bed's fraction of total coronary conductance (boundary condition → fraction, sum 1).
 
-    `outlets` as in `case.json`; `flows`: perfusion's mean flow of every bed that perfuses the left ventricle.
-    Murray's law over all outlets gives the share of all LV-perfusing beds together; among themselves they share it in
-    proportion to their flows.
+    `outlets` as in `case.json`; `flows`: perfusion's mean flow of every bed that perfuses the left ventricle. Murray's
+    law over all outlets gives the fraction of all LV-perfusing beds together, which is divided among them in proportion
+    to their flows.
     """
     by_radius = murray_shares([outlet.radius for outlet in outlets])
     total = sum(flows.values())
@@ -27,7 +27,7 @@ def shares(outlets: Sequence[CaseOutlet], flows: Mapping[str, float]) -> dict[st
 
 
 def share_out(network: Network, wanted: Mapping[str, float]) -> None:
-    """Change the coronary beds of `network` in place to the wanted shares of conductance (boundary condition → share).
+    """Change the coronary beds of `network` in place to the given fractions of conductance, by boundary condition.
 
     The parallel resistance of all beds and the total of each compliance are preserved, and so are, within a bed, the
     proportions of Ra, Ram and Rv; compliances are proportional to conductance, so that every bed has the same time

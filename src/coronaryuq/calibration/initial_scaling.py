@@ -11,19 +11,21 @@ RIGHT_ATRIAL_PRESSURE = 5.0
 """mmHg, if no target gives it."""
 
 PERIPHERAL_SHARE = 0.1
-"""Least share of the arterial compliance that is left to the peripheral beds, however stiff the aorta has to be."""
+"""Smallest fraction of the arterial compliance that remains in the peripheral beds, however stiff the aorta has to
+be."""
 
 ARTERIAL_TIME, MYOCARDIAL_TIME = 0.08, 0.8
-"""s: total coronary resistance of a side times its arterial and its intramyocardial compliance; between the values that
-svZeroDSolver's closed-loop coronary case and the svZeroDEstimator example end at (0.03 to 0.2 s and 0.1 to 1.7 s)."""
+"""s: total coronary resistance of a side times its arterial and its intramyocardial compliance; between the final
+values of svZeroDSolver's closed-loop coronary case and the svZeroDEstimator example (0.03 to 0.2 s and 0.1 to 1.7
+s)."""
 
 
 def scaled(network: Network, targets: Mapping[str, float], period: float) -> Network:
     """Return a copy of a CGS network whose totals agree with the targets (own units) by a hand calculation.
 
     Systemic and coronary resistance from mean pressure, stroke volume and split (mean flow through parallel beds,
-    vessels neglected); systemic compliance from stroke volume over pulse pressure less what the vessels hold;
-    coronary compliances from time constants; initial pressures and volumes from the pressures and volumes to be met.
+    vessels neglected); systemic compliance from stroke volume over pulse pressure minus that of the vessels; coronary
+    compliances from time constants; initial pressures and volumes from the pressures and volumes to be met.
     """
     network = copy.deepcopy(network)
     output = targets["AbsQin"] / period

@@ -36,9 +36,9 @@ class Evaluation:
 class Loop:
     """A network (CGS, closed loop) whose 36 parameters can be set, run to its periodic state with a given blood volume.
 
-    A closed loop keeps its blood, so it has one periodic state for every stressed volume. The volume is that of the
-    network's initial condition times the parameter V_blood; a run that starts from a neighbour's state first adds or
-    removes the difference at the right atrium, so that its result does not depend on where it started.
+    A closed loop conserves its blood volume, so it has one periodic state for every stressed volume. The volume is that
+    of the network's initial condition times the parameter V_blood; a run that starts from a neighbour's state first
+    adds or removes the difference at the right atrium, so that its result does not depend on the starting state.
     """
 
     def __init__(self, network: Network, steps_per_cycle: int, threads: int = 1):
@@ -80,7 +80,8 @@ class Loop:
         """Run points (n, 36), from states (n, columns of the engine's state) where given, and measure the last cycle.
 
         Exactly `cycles` cycles, or, without a number, until the cycle-to-cycle error is below `tolerance`. `extra`
-        changes come on top of the parameters'; `waveforms` are 0D names to give beside the roles of `waveform_names`.
+        changes are applied in addition to the parameters; `waveforms` are 0D names to return in addition to the roles
+        of `waveform_names`.
         """
         points = np.atleast_2d(points)
         changed = parameters.changes(points, self.network) | dict(extra or {})

@@ -25,7 +25,7 @@ FACTORS = {
 class Parameter:
     """One parameter, with `initial`, `lower` and `upper` in `unit`.
 
-    The search uses the logarithm of `logarithmic` parameters. `block` says which search owns it (see
+    The search uses the logarithm of `logarithmic` parameters. `block` is the search that tunes it (see
     `calibration.search`); `heart` names a parameter of the heart block, `beds` a factor on that parameter of every bed
     of the named types.
     """
@@ -105,9 +105,9 @@ PARAMETERS = (
 )  # fmt: skip
 """Initial values and ranges of the heart and lungs: Tran et al. 2017 and Menon et al. 2023, as the public
 svZeroDEstimator example has them, widened for the aortic pulse (Cpa, Llv_a, Rlv_ao) and for right atrial volume. The
-bed totals are relative to the analytic initial scaling (`calibration.initial_scaling`); R_cor to C_sys are that
-example's eight, V_blood is ours: a closed loop keeps the blood of its initial condition, so that amount is a parameter
-whether it is named or not."""
+bed totals are relative to the analytic initial scaling (`calibration.initial_scaling`); R_cor to C_sys are the eight of
+that example, V_blood is ours: a closed loop conserves the blood volume of its initial condition, which is therefore a
+parameter in any case."""
 
 BY_NAME = {parameter.name: parameter for parameter in PARAMETERS}
 NAMES = tuple(BY_NAME)
@@ -115,7 +115,7 @@ BLOCKS = ("circulation", "timing", "filling", "right", "coronary")
 
 
 def columns(*blocks: str) -> np.ndarray:
-    """Return the positions of the parameters that the named blocks own."""
+    """Return the positions of the parameters of the named blocks."""
     return np.array([place for place, parameter in enumerate(PARAMETERS) if parameter.block in blocks])
 
 

@@ -1,8 +1,8 @@
 """The search for the loop's parameters: candidates, least squares from the best of them, then Nelder-Mead by blocks.
 
-Twenty targets cannot determine 36 parameters, and Nelder-Mead slows down with dimension. So the search goes block by
-block (subspace searches as in Subplex, Rowan 1990), each block being the parameters that one group of targets depends
-on; a weak pull keeps parameters that no target depends on at their published values.
+Twenty targets cannot determine 36 parameters, and Nelder-Mead slows down with dimension. Therefore the search proceeds
+block by block (subspace searches as in Subplex, Rowan 1990), each block containing the parameters on which one group of
+targets depends; a weak regularisation keeps parameters on which no target depends at their published values.
 
 The search uses coarse time steps. Before each round every start is also run with the final steps, and the difference of
 the measures is added to the coarse ones for that round (defect correction), so that the final loop is the one tuned.
@@ -25,14 +25,14 @@ FAILED = 1e9
 """Cost of a loop that has no periodic state."""
 
 LIMIT, STEEPER = 2.0, 30.0
-"""Beyond two tolerances (4 %) the misfit of a clinical target costs so much more: all of them should end within 5 %,
+"""Factor on the cost of a clinical target's misfit beyond two tolerances (4 %): all of them should end within 5 %,
 which matters more than a close fit of the others when targets contradict each other."""
 
 UNDEFINED = 1e3
-"""Misfit of a measure that does not exist, such as the timing of a valve that stays shut."""
+"""Misfit of a measure that does not exist, such as the timing of a valve that stays closed."""
 
 EFFORT = {"filling": 0.5, "right": 0.3}
-"""Share of the evaluations per parameter for blocks that few targets depend on."""
+"""Fraction of the evaluations per parameter for blocks on which few targets depend."""
 
 FIRST_STEP = 0.1
 """Size of a search's first simplex, as a fraction of the box; halved in each later round."""
@@ -53,7 +53,7 @@ class Start:
 def residuals(
     measures: Mapping[str, np.ndarray], points: np.ndarray, targets: Mapping[str, float], pull: float
 ) -> np.ndarray:
-    """Return residuals (n, m) whose squares add up to the cost: misfits, the excess of clinical ones, the weak pull."""
+    """Return residuals (n, m) whose squares add up to the cost: misfits, excess of clinical ones, regularisation."""
     moved = (points - parameters.INITIAL) / (parameters.UPPER - parameters.LOWER)
     columns = list((np.sqrt(pull) * moved).T)
     for name, misfit in misfits(measures, targets).items():
@@ -116,7 +116,7 @@ class Search:
         return [Start(points[i], float(costs[i]), evaluation.state[i]) for i in order]
 
     def settled(self, start: Start, block: str, frozen: tuple[str, ...]) -> Start:
-        """Return a start with the block's parameters tuned again, after others were changed from outside."""
+        """Return a start with the block's parameters retuned, after others were changed."""
         kept = [place for place, name in enumerate(parameters.NAMES) if name not in frozen]
         columns = np.intersect1d(parameters.columns(block), kept)
         (start,) = self.corrected([start])

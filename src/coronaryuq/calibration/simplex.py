@@ -1,8 +1,8 @@
 """Many Nelder-Mead searches at once: scipy's optimiser for each start, with evaluations gathered into batches.
 
 Every start runs `scipy.optimize.minimize(method="Nelder-Mead")` unchanged in its own thread. When all threads that are
-still searching have asked for a value, their points go to the objective as one batch. A start therefore takes exactly
-the path that it would take alone: the batch only makes the model cheaper.
+still searching have requested a value, their points are evaluated as one batch. A start therefore takes exactly the
+path that it would take alone: the batch only makes the model cheaper.
 """
 
 import threading
@@ -13,12 +13,13 @@ import numpy as np
 from scipy.optimize import minimize
 
 BatchObjective = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""Values (k,) of points (k, d); the second argument says which start asks, (k,) in rising order, each at most once."""
+"""Values (k,) of points (k, d); the second argument gives the requesting starts, (k,) in rising order, each at most
+once."""
 
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where one start ended: its point (d,), value there, and number of evaluations."""
+    """Result of one start: its final point (d,), value there, and number of evaluations."""
 
     point: np.ndarray
     value: float
@@ -84,7 +85,7 @@ class _Stopped(Exception):
 
 
 class _Gather:
-    """Meeting point of the searching threads and the one that evaluates."""
+    """Synchronisation of the searching threads and the evaluating one."""
 
     def __init__(self, objective: BatchObjective, starts: int, lower: np.ndarray, width: np.ndarray):
         self.objective, self.lower, self.width = objective, lower, width

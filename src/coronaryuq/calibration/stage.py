@@ -33,8 +33,8 @@ def tune(
 ) -> None:
     """Tune the case's loop; write rest.json, hyperaemia.json, parameters.csv and fit.csv.
 
-    LV-perfusing beds share their conductance by the perfusion's flows, the others by Murray's law; the totals are
-    tuned.
+    Conductance is divided among LV-perfusing beds by the flows of the perfusion stage, among the others by Murray's
+    law; the totals are tuned.
 
     Parameters
     ----------
@@ -45,9 +45,9 @@ def tune(
     out_dir
         Folder to write to.
     threads
-        Of the 0D engine.
+        Threads of the 0D engine.
     report
-        Gets lines of progress.
+        Called with lines of progress.
 
     Raises
     ------
@@ -73,10 +73,10 @@ def tune_files(
     threads: int = 1,
     report: Callable[[str], None] = print,
 ) -> Tuned:
-    """Tune a network with a table of targets and nothing else, such as the published examples.
+    """Tune a network given only a table of targets, such as the published examples.
 
-    Its pressures may be in dyn/cm2 or mmHg, and those of the table in the other unit; the results are CGS. The beds'
-    shares are kept, and hyperaemia is the paper's 0.24.
+    Its pressures may be in dyn/cm2 or mmHg, and those of the table in the other unit; the results are CGS. The beds
+    keep their fractions of conductance, and hyperaemia is the paper's 0.24.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ from coronaryuq.core.units import ML_PER_MIN
 from coronaryuq.zerod.network.changes import with_changes
 
 RESERVE_TOLERANCE = 0.05
-"""Relative; of the hyperaemic total, for its misfit in fit.csv."""
+"""Relative tolerance of the hyperaemic total, for its misfit in fit.csv."""
 
 
 @dataclass(frozen=True)
@@ -39,11 +39,11 @@ class Tuned:
 
 @dataclass(frozen=True)
 class Goal:
-    """What a loop is tuned to.
+    """Targets and conditions to which a loop is tuned.
 
     targets: in their own units (`calibration.targets`). hyperaemia: factor on Ra and Ram of every coronary bed. shares:
-    share of coronary conductance of every bed (`conductance_shares`); None keeps the network's own. hyperaemic:
-    hyperaemic flow to be met by the venous share of resistance; without it the waveforms determine that share.
+    fraction of coronary conductance of every bed (`conductance_shares`); None keeps the network's own. hyperaemic:
+    hyperaemic flow to be met by the venous fraction of resistance; without it the waveforms determine that fraction.
     """
 
     targets: Mapping[str, float]

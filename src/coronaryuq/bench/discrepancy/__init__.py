@@ -1,1 +1,1 @@
-"""The benchmark `discrepancy`: effects hidden on purpose."""
+"""The benchmark `discrepancy`: effects hidden in synthetic data."""

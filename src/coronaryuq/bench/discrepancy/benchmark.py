@@ -1,4 +1,4 @@
-"""Benchmark `discrepancy`: hidden effects, searched from a model that lacks them and noisy measurements."""
+"""Benchmark `discrepancy`: search for hidden effects with a model that lacks them and noisy measurements."""
 
 import argparse
 import json
@@ -143,7 +143,7 @@ def _trials(
 
 
 class FinishedCases:
-    """Finished cases of a run, JSON lines after one that identifies the code and the network.
+    """Finished cases of a run, as JSON lines after a line that identifies the code and the network.
 
     entries: key of a case → entry, from an earlier run of the same code on the same network.
     """
@@ -158,11 +158,11 @@ class FinishedCases:
         write_text(self.path, "".join(json.dumps(line) + "\n" for line in [head, *lines]))
 
     def _read(self) -> list[dict]:
-        """Read the file's lines; none if there is no file, `InputError` if the file is something else."""
+        """Read the file's lines; none if there is no file, `InputError` for another kind of file."""
         if not self.path.exists():
             return []
         try:
-            # The part after the last line break was being written when the run was killed.
+            # The part after the last line break was incomplete when the run was killed.
             lines = [json.loads(line) for line in self.path.read_text(encoding="utf-8").split("\n")[:-1]]
             if not lines or set(lines[0]) != {"made_by"} or any(set(line) != {"key", "entry"} for line in lines[1:]):
                 raise ValueError

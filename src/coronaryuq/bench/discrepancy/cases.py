@@ -32,7 +32,7 @@ LOOP_PAIRS = (("quadratic_stenosis", "pressure_offset"), ("intramyocardial_press
 
 @dataclass(frozen=True)
 class Case:
-    """One case. effects: names; places are drawn by `seed`. known: with a stenosis that the model has."""
+    """One case. effects: names; places are drawn by `seed`. known: with a stenosis that is in the model."""
 
     effects: tuple[str, ...]
     strength: str
@@ -72,7 +72,7 @@ def open_loop_cases(quick: bool, seeds: range, strengths: Sequence[str], noises:
 
 
 def _special_noises(noises: Sequence[str]) -> list[str]:
-    """Noises under which pairs and effects outside the library are hidden: all but its other scales."""
+    """Noises under which pairs and effects outside the library are hidden: all except other scales."""
     return [noise for noise in noises if noise not in ("half", "double")] or ["nominal"]
 
 

@@ -54,7 +54,7 @@ class Shape:
 
     @property
     def effects(self) -> tuple[str, ...]:
-        """Effects of the library that represent it."""
+        """Effects of the library that represent the shape."""
         return {"healthy": (), "narrowed": ("diffuse_narrowing",)}.get(self.kind, ("stenosis_with_viscous_loss",))
 
     def radius(self, along: np.ndarray) -> np.ndarray:
@@ -99,7 +99,7 @@ def loop_3d() -> Experiment:
 def hide(shape: Shape, seeds: Sequence[int], folders: Sequence[Path]) -> list[make_case.Truth]:
     """Run a vessel of this shape in 3D under all conditions and write a case for each seed into its folder.
 
-    Seeds differ in nuisance parameters and noise; as many as fill the lanes run in one batch.
+    Seeds differ in nuisance parameters and noise; a batch runs as many as there are lanes.
     """
     experiment = loop_3d()
     cases = [make_case.prepare_external(experiment, seed) for seed in seeds]
@@ -155,7 +155,7 @@ def healthy_radius(network: Network, place: str) -> float:
 
 
 def shape_in_0d(shape: Shape, network: Network) -> Network:
-    """Return the network with the shape in 0D, from which the 3D runs start to need few cycles."""
+    """Return the network with the shape in 0D, from which the 3D runs start so that few cycles suffice."""
     network, healthy = copy.deepcopy(network), healthy_radius(network, shape.place)
     values = network.vessel_values(shape.place)
     values["R_poiseuille"] *= float(np.mean(shape.radius(np.linspace(0.0, 1.0, 401)) ** -4.0))

@@ -20,7 +20,7 @@ from coronaryuq.zerod.effects.leak import SideBranchLeak
 from coronaryuq.zerod.solver.engine import Engine
 
 Change = Callable[[Network, str], Network]
-"""Changes the network of a condition, given by name."""
+"""Change of the network of a condition, given by name."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class BenchmarkExperiment(Experiment):
         return {}
 
     def traces(self, noise: float) -> Traces:
-        """Return the traces of effects under a multiple of the plan's noise."""
+        """Return the signals of effects under a multiple of the plan's noise."""
         if noise not in self._traces:
             self._traces[noise] = Traces(self, noise)
         return self._traces[noise]
@@ -71,8 +71,8 @@ def closed_loop(network: Network) -> BenchmarkExperiment:
 
 
 WITH_STENOSIS = ("collateral", "shifted_territory", "rotated_territories", "delayed_collateral")
-"""Effects that are detectable only if beds differ: in closed loops they are hidden together with a stenosis that the
-model has, those of the library strong, at half the noise."""
+"""Effects that are detectable only if beds differ: in closed loops they are hidden together with a stenosis that is in
+the model; effects of the library are then strong, at half the noise."""
 KNOWN_LOSS = 0.5
 """Pressure loss of the known stenosis at the model's mean flow, over the mean pressure."""
 
@@ -80,8 +80,8 @@ KNOWN_LOSS = 0.5
 def known_stenosis(experiment: BenchmarkExperiment) -> BenchmarkExperiment:
     """Return the experiment with a stenosis in the model, in the vessel that feeds about half of an artery's beds.
 
-    Beds that differ neither in pressure nor in dilatation reveal neither a collateral between them nor misplaced
-    territories.
+    If beds differ neither in pressure nor in dilatation, a collateral between them or misplaced territories cannot be
+    detected.
     """
     network = copy.deepcopy(experiment.network)
     anatomy = Anatomy(network)
@@ -174,7 +174,7 @@ def outside(name: str, network: Network, random: np.random.Generator) -> Change 
 def _transient(
     name: str, network: Network, vessel: str, vessels: list[str], random: np.random.Generator
 ) -> Change | None:
-    """Return a change present under some conditions only; None if the loop lacks the junctions for it.
+    """Return a change present under some conditions only; None if the loop has no suitable junctions.
 
     vessels: candidates for a second vessel with other beds.
     """
@@ -220,4 +220,4 @@ OUTSIDE = ("thrombosed_side_vessel", "drifting_vessel", "drifting_bed", "miswire
 TRANSIENT = ("spasm", "thrombosed_side_vessel", "delayed_collateral")
 """Effects in a closed loop that are present under some conditions only."""
 OUTSIDE_LOOP = ("drifting_vessel", "drifting_bed", "miswired_outlets", *TRANSIENT)
-"""Effects outside the library in a closed loop, which conserves its blood volume and has a heart of its own."""
+"""Effects outside the library in a closed loop, which conserves its blood volume and includes the heart."""

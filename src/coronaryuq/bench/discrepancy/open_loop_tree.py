@@ -31,7 +31,7 @@ def pressures(points: int = POINTS, period: float = PERIOD) -> tuple[np.ndarray,
 def left_coronary(compressed: bool = True) -> Network:
     """Return left main, LAD with a diagonal, and circumflex; beds with or without intramyocardial pressure; CGS.
 
-    The total flow at rest is 2.1 mL/s; shares of a bed's resistance follow Kim et al., Ann. Biomed. Eng. 38 (2010).
+    The total flow at rest is 2.1 mL/s; fractions of a bed's resistance follow Kim et al., Ann. Biomed. Eng. 38 (2010).
     """
     time, aortic, ventricular = pressures()
     pim = 0.85 * ventricular if compressed else np.full_like(ventricular, 0.0)

@@ -13,15 +13,15 @@ from coronaryuq.discrepancy.result.write import named
 from coronaryuq.discrepancy.selection.discovery import Discovery
 
 WORTHS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
-"""Values of `DecisionRule.gain_beside_flexible` for which answers are counted; other cases stay as they are."""
+"""Values of `DecisionRule.gain_beside_flexible` for which answers are counted; other cases are not affected."""
 
 
 def scored(truth: make_case.Truth, answer: Discovery) -> dict:
     """Score one answer against the hidden truth.
 
     oracle, oracle_z: held-out misfit with the true effect, fitted from its true size, and the error of that size in
-    posterior standard deviations, which tells whether an interval misses due to the search or to the noise. first: an
-    alarm without a name is "outside".
+    posterior standard deviations, which shows whether an interval misses because of the search or of the noise. first:
+    an alarm without a name is "outside".
     """
     problem = answer.base_problem
     classes = [[(c.effect.name, c.place) for c in entry.members] for entry in answer.named]
@@ -164,7 +164,7 @@ def names_something(case: dict) -> bool:
 
 
 def _with_worth(worth: float, single: list[dict], outside: list[dict]) -> dict:
-    """Abstentions if named effects had to add `worth` nats per row to a flexible discrepancy."""
+    """Return the abstentions if named effects had to add `worth` nats per row to a flexible discrepancy."""
 
     def abstained(entry: dict) -> bool:
         return entry["abstained"] if entry.get("helped") is None else entry["helped"] <= worth

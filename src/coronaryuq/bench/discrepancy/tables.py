@@ -14,7 +14,7 @@ from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import write_csv
 
 OPEN_LOOP = "open loop"
-"""The network without cases with a known stenosis."""
+"""Name of the network without cases with a known stenosis."""
 TARGETS = {
     "correct effect (or its class) first": (0.95, 1.0),
     "correct location": (0.90, 1.0),

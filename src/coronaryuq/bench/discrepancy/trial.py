@@ -27,8 +27,8 @@ from coronaryuq.zerod.effects.library import effect
 from coronaryuq.zerod.network.read import read_network
 
 LEAST_VISIBLE = 6.0
-"""Trace in the fitted data, in noise standard deviations, below which an effect is drawn again elsewhere, and counted;
-each of two effects must leave one in addition to the other."""
+"""Signal in the fitted data, in noise standard deviations, below which an effect is drawn again at another place, and
+counted; of two effects, each must leave such a signal given the other."""
 DRAWS = 6
 MANY = 60
 """Maximum number of places of one effect in one network from which one is drawn."""
@@ -101,7 +101,7 @@ NAMES_OF_SEEDS = {
 
 
 def hide(case: Case, experiment: BenchmarkExperiment, folder: Path) -> tuple[Truth | None, int]:
-    """Write one case into `folder`; return what was hidden, None if undetectable, and the number of redraws."""
+    """Write one case into `folder`; return the hidden truth, None if undetectable, and the number of redraws."""
     experiment = experiment.with_stenosis if case.known else experiment
     names = [NAMES_OF_SEEDS.get(name, name) for name in (*case.effects, case.outside, case.strength, case.noise)]
     random = generator(case.seed, "discrepancy", "bench", *names)
@@ -124,7 +124,7 @@ def hide(case: Case, experiment: BenchmarkExperiment, folder: Path) -> tuple[Tru
         change = outside(case.outside, experiment.network, random) if case.outside else None
         if case.outside and change is None:
             return None, 0
-        # Every cell has noise and nuisance parameters of its own, so that trials are independent.
+        # Every cell has its own noise and nuisance parameters, so that trials are independent.
         seed = int(random.integers(2**31))
         hypothesis = Hypothesis(tuple(effects))
         truth = make_case.hide(experiment, hypothesis, np.array(sizes), NOISES[case.noise], seed, folder, change)

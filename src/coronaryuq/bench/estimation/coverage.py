@@ -43,7 +43,7 @@ def run(
     quick: bool = False, data: str | None = None, rows: str | None = None, trials: int = 400,
     sizes: tuple[int, ...] = (), methods: tuple[str, ...] = (), problems: tuple[str, ...] = (),
 ) -> dict:  # fmt: skip
-    """Run the benchmark on the analytic pairs, and on published runs if `data` names their folder.
+    """Run the benchmark on the analytic pairs, and on published runs if `data` is their folder.
 
     `coverage_95_error` is the binomial standard error of the coverage, `coverage_95_low` and `_high` its Wilson 95 %
     interval. `methods` may name MFMC-AE, which takes some 5 CPU-s per trial and is left out by default. `quick`: linear
@@ -56,7 +56,7 @@ def run(
     start, cells = time.process_time(), []
     sources = [from_pair(p) for p in PAIRS.values()]
     if data:
-        folder = Path(data).absolute()  # so that a message about one of its files says where that is, for "." too
+        folder = Path(data).absolute()  # so that a message about one of its files contains its full path, also for "."
         runs = read_runs(folder)
         sources += [from_runs(runs, row) for row in read_rows(rows or folder / "table1.csv")]
     for problem in sources:
@@ -74,7 +74,7 @@ def run(
 def run_cell(problem: Problem, n: int, method: str, trials: int, first: int = 0) -> dict:
     """Run one cell: a problem, pilot size and method.
 
-    first: number of the first trial; a rule that was chosen by looking at some trials is judged by others.
+    first: number of the first trial; a rule chosen on some trials is tested on others.
     """
     numbers = range(first, first + trials)
     if method == "MFMC-AE":

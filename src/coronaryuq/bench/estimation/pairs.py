@@ -1,4 +1,4 @@
-"""Analytic pairs of a 3D and a 0D model with known means, each hard in its own way, for the coverage benchmark."""
+"""Analytic pairs of a 3D and a 0D model with known means, difficult in different ways, for the coverage benchmark."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ def _smooth() -> Pair:
 
 
 def _dissimilar() -> Pair:
-    """Make a pair whose 0D and 3D models share only one of five inputs."""
+    """Make a pair whose 0D and 3D models have only one of five inputs in common."""
     return Pair(
         "dissimilar inputs", _box(5), lambda t: t[:, 0] * t[:, 1] + t[:, 2] ** 3,
         lambda t: np.column_stack([t[:, 2] * t[:, 3], t[:, 3] + t[:, 4]]), moment(1) ** 2 + moment(3),
@@ -49,7 +49,7 @@ def _useless() -> Pair:
 
 
 def _non_monotone() -> Pair:
-    """Make a pair whose 3D quantity is a parabola of the 0D output: almost no linear correlation."""
+    """Make a pair whose 3D quantity is quadratic in the 0D output: almost no linear correlation."""
     return Pair(
         "non-monotone", _box(2), lambda t: (t[:, 0] + t[:, 1] - 2.5) ** 2,
         lambda t: np.column_stack([t[:, 0] + t[:, 1]]), 2 * (moment(2) - moment(1) ** 2),

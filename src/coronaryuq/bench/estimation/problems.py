@@ -77,8 +77,8 @@ def from_runs(runs: Runs, row: Row) -> Problem:
     """Draw pilots from published runs without replacement.
 
     The runs left over are the propagation samples, and the mean of their 3D outputs, which no estimator uses, is the
-    truth: a finite set that shares no run with the pilot, so its residuals add var(residuals) / rest to the variance.
-    The 0D model at other inputs is an emulator of all runs.
+    truth: a finite set without runs of the pilot, so its residuals add var(residuals) / rest to the variance. The 0D
+    model at other inputs is an emulator of all runs.
     """
     y, q = pair(runs, row)
     outputs = runs.q[informative(runs.q, [row.column_0d])].to_numpy(float)

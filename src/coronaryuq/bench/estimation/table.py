@@ -19,13 +19,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(quick: bool = False, data: str | None = None, rows: str | None = None) -> dict:
-    """Keys as in the list of benchmarks; `cpu_s` is user + system time of the whole run, `cpu_s_parts` by part.
+    """Return the keys of the list of benchmarks; `cpu_s` is user + system time of the whole run, `cpu_s_parts` by part.
 
     `quick` trains the autoencoders for a tenth of the steps. `rows` defaults to `table1.csv` in `data`.
     """
     if data is None:
         raise InputError("bench table", "--data", None, "name the folder of published runs")
-    folder = Path(data).absolute()  # so that a message about one of its files says where it is, for "." too
+    folder = Path(data).absolute()  # so that a message about one of its files contains its full path, also for "."
     settings = Settings(steps=(300, 200)) if quick else Settings()
     start, wall = _cpu(), time.perf_counter()
     lines, parts = paper_table(folder, rows or folder / "table1.csv", settings, SEED)

@@ -1,7 +1,7 @@
 """Steady axisymmetric Navier-Stokes flow through a tube or nozzle: an independent reference for the 3D solver.
 
 Taylor-Hood triangles (quadratic velocity, linear pressure) in the (z, r) half plane, Newton's method with continuation
-in density, direct solves. Nothing in it is shared with the 3D solver.
+in density, direct solves. It has no code in common with the 3D solver.
 """
 
 from collections.abc import Callable
@@ -42,7 +42,7 @@ class AxisymmetricFlow:
 
 @dataclass(frozen=True)
 class Grid:
-    """Node coordinates of the axisymmetric mesh, and which rings hold fluid.
+    """Node coordinates of the axisymmetric mesh, and the rings with fluid.
 
     z: (levels,) cm. r: (levels, rings + 1) cm, from the axis outwards. wet: (levels − 1,) number of rings with fluid
     between two levels, counted from the axis.

@@ -5,7 +5,8 @@ Geometry and conditions: Stewart et al. 2012 (Cardiovasc Eng Technol 3:139); mea
 into a tube of 12 mm at z = 0.
 
 `reference` solves the same problem by the axisymmetric solver. It separates the 3D solver's error from the
-laboratories': where the exact solution of the stated problem lies outside their range, any correct solver must too.
+laboratories': where the exact solution of the stated problem is outside their range, that of any correct solver must be
+outside as well.
 """
 
 from dataclasses import dataclass
@@ -29,9 +30,10 @@ TUBE, THROAT = 0.6, 0.2
 INLET, CONE, NECK, OUTLET = -9.6, -6.2685, -4.0, 16.0
 """Positions along z, cm: inlet, beginning and end of the cone, outlet."""
 SPEED = FLOW / (np.pi * THROAT**2)
-"""Mean in the throat, cm/s."""
+"""Mean velocity in the throat, cm/s."""
 BREAKDOWN = 6.0
-"""z (cm) up to which velocity is compared; behind it cells grow fourfold and the jet of the experiment breaks up."""
+"""z (cm) up to which velocity is compared; downstream of it cells grow fourfold and the jet of the experiment breaks
+up."""
 
 
 def mesh(rings: int, outer: int, finest: float) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:

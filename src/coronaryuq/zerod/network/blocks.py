@@ -69,8 +69,7 @@ def named(network: dict[str, Any], part: str, key: str, file) -> Iterable[dict]:
 
 
 def register(block: dict, name_key: str, type_key: str, known: dict, names: dict[str, str], file, part: str) -> str:
-    """Check a block's element against `known`, enter its name into `names` (name → place in the file), and return
-    it."""
+    """Check a block's element against `known`, add its name to `names` (name → place in file), and return it."""
     name, kind = block[name_key], block.get(type_key)
     if kind not in known:
         raise InputError(file, f"{part}.{name}.{type_key}", kind, f"unknown element; known: {', '.join(known)}")

@@ -11,8 +11,8 @@ from coronaryuq.zerod.solver.assembly import Assembly, Context
 def valve_tanh(block: Block, at: Context, system: Assembly) -> None:
     """Write a resistance that rises smoothly as the pressure turns adverse (Pfaller et al. 2019, eqs 16 and 22).
 
-    P_in - P_out - (Rmin + (Rmax - Rmin) s) Q_in = 0,  Q_in - Q_out = 0,  s = (1 + tanh(k (P_out - P_in))) / 2, with k
-    the steepness and s the unknown `valve_status`: 0 open, 1 closed.
+    P_in - P_out - (Rmin + (Rmax - Rmin) s) Q_in = 0,  Q_in - Q_out = 0,  s = (1 + tanh(k (P_out - P_in))) / 2,
+    with k the steepness and s the unknown `valve_status`: 0 open, 1 closed.
     """
     (momentum, mass, status), (p_in, q_in, p_out, q_out, shut) = block.equations, block.variables
     rmin, rmax, steepness = at.values(block, "Rmin", "Rmax", "Steepness")

@@ -252,9 +252,9 @@ def closed_loop_coronary(block: Block, at: Context, system: Assembly) -> None:
 def heart_and_pulmonary(block: Block, at: Context, system: Assembly) -> None:
     """Write four chambers, four diode valves with inertance and resistance, a pulmonary RC (Sankaran et al. 2012).
 
-    Ventricles: P = E(t) (V − V_u). Atria: P = A(t) Emax (V − V_aso) + (1 − A(t)) Kxp (exp(Kxv (V − V_aso)) − 1). A
-    valve is closed when the pressure across it is adverse and no flow passes; then its flow is zero. Our extension: the
-    aortic valve leaks Gao_leak (P_ao − P_lv), closed or open; Gao_leak is zero unless given in the network.
+    Ventricles: P = E(t) (V − V_u). Atria: P = A(t) Emax (V − V_aso) + (1 − A(t)) Kxp (exp(Kxv (V − V_aso)) − 1).
+    A valve is closed when the pressure across it is adverse and no flow passes; then its flow is zero. Our extension:
+    the aortic valve leaks Gao_leak (P_ao − P_lv), closed or open; Gao_leak is zero unless given in the network.
     """
     e = block.equations
     (p_ra, q_return, p_ao, q_ao, v_ra, q_ra, p_rv, v_rv, q_rv, p_pul, p_la, v_la, q_la, p_lv, v_lv, q_lv) = (

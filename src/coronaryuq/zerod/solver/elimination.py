@@ -19,12 +19,13 @@ THRESHOLD = 1e-3
 class Tape:
     """Slots are the matrix entries, original ones first, then fill-in; row numbers and columns are the system's own.
 
-    slot_row, slot_column: (slots,) the position of each slot. divide: (·, 2) slots: entry, pivot. update: (·, 3) slots:
-    target −= factor × entry. Both are in order; pivot k's operations start at `divide_first[k]` and `update_first[k]`.
-    forward: (·, 3): row, slot, pivot row: b[row] −= a[slot] b[pivot row]. backward: (·, 3): pivot row, slot, column:
-    b[pivot row] −= a[slot] x[column]. pivots: (n, 3): row, column, slot, in order of elimination. interior: number of
-    interior pivots. inner_slots: number of slots after elimination of the interior; later ones are fill-in of the
-    border.
+    slot_row, slot_column: (slots,) position of each slot.
+    divide: (·, 2) slots: entry, pivot. update: (·, 3) slots: target −= factor × entry.
+    Both are in order; pivot k's operations start at `divide_first[k]` and `update_first[k]`.
+    forward: (·, 3): row, slot, pivot row: b[row] −= a[slot] b[pivot row].
+    backward: (·, 3): pivot row, slot, column: b[pivot row] −= a[slot] x[column].
+    pivots: (n, 3): row, column, slot, in order of elimination. interior: number of interior ones.
+    inner_slots: number of slots once the interior is eliminated; later ones are fill-in of the border.
     """
 
     slot_row: np.ndarray
