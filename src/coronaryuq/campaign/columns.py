@@ -1,7 +1,7 @@
 """Columns of the tables of a campaign: meaning and unit. "1": no unit; "text": a name or sentence; "yes/no"."""
 
 Columns = tuple[tuple[str, str, str], ...]
-"""Regular expression of a column's name, meaning, unit; the first that fits the whole name counts."""
+"""Regular expression of a column's name, meaning, unit; the first that matches the whole name counts."""
 
 SAMPLE: Columns = (("sample", "name of the sample", "text"),)
 THETA: Columns = (

@@ -1,10 +1,10 @@
-"""The figures of a campaign and of the published runs, with the result files that each is drawn from."""
+"""The figures of a campaign and of the published runs, with the result files from which they are drawn."""
 
 from coronaryuq.campaign.paths import Paths
 from coronaryuq.config import Campaign
 
 HELD_BACK = 20
-"""3D runs that the convergence study keeps to judge a subsample by."""
+"""Number of 3D runs that the convergence study holds out to judge a subsample."""
 CASE = {"case": "case/case.json", "tree": "case/tree.vtp"}
 FLOWS = {
     "posterior": "posterior/posterior.nc",
@@ -26,7 +26,7 @@ ESTIMATES = {
     "intervals_ffr": {"estimates": "estimates.json"},
     "budget": {"budget": "budget.json"},
 }
-"""Figures that the published runs have as well, by files in the folder of estimates."""
+"""Figures also drawn for the published runs, by files in the folder of estimates."""
 
 
 def figures(campaign: Campaign, paths: Paths) -> dict[str, dict[str, str]]:

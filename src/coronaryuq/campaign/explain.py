@@ -1,8 +1,8 @@
 """Provenance notes of jobs, and `coronaryuq explain` and `verify`, which read them.
 
-Every job writes one note, `results/NAME/provenance/JOB.json`: what it read and wrote, with which settings, code and
-libraries, on which machine. Notes lie beside the results, because results are the same to the bit on every machine and
-notes are not. If campaigns share a cache, it holds a copy of the note under the checksum of each result.
+Every job writes one note, `results/NAME/provenance/JOB.json`: its inputs and outputs, settings, code, libraries and
+machine. Notes are kept apart from the results, because results are bitwise identical on every machine and notes are
+not. A cache shared between campaigns contains a copy of the note under the checksum of each result.
 """
 
 import json
@@ -57,7 +57,7 @@ def write_note(
     params, resources
         Parameters of the rule, with `function` and the digest of its `code`; threads, MPI ranks and cost.
     snakefile
-        The Snakefile that has the rule, or that uses the workflow as a module.
+        The Snakefile that contains the rule, or that uses the workflow as a module.
     """
     results = {path: checksum(path) for path in _flat(outputs.values()) if Path(path).exists()}
     campaign = next((folder for folder in map(_campaign_folder, results) if folder), None)
@@ -109,20 +109,20 @@ def checksum(path: str | Path) -> str:
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a result comes from.
+    """Origin of a result.
 
     Attributes
     ----------
     name
-        Path of the result, from the folder that holds `results/`.
+        Path of the result, relative to the folder that contains `results/`.
     note
         The note of the job that wrote it.
     entry
-        The entry of the note's `results` that is the file, or a folder that holds it.
+        The entry of the note's `results` that is the file, or a folder that contains it.
     home
         Results folder of the campaign.
     unchanged
-        Whether it is as its job wrote it.
+        Whether it is unchanged since its job wrote it.
     """
 
     name: str
@@ -137,11 +137,11 @@ class Origin:
 
     @property
     def command(self) -> str:
-        """The shell command that makes the result again, from any folder."""
+        """The shell command that reproduces the result, from any folder."""
         return remake(self.note, self.entry, self.home)
 
     def as_json(self) -> dict[str, Any]:
-        """Return what is known, as `coronaryuq explain --json` prints it (docs/reference/formats.md)."""
+        """Return the origin as `coronaryuq explain --json` prints it (docs/reference/formats.md)."""
         kept = ("job", "made", "code", "python", "libraries", "machine", "resources", "params")
         inputs = {file: _state(self.home.parents[1] / file, content) for file, content in self.note["inputs"].items()}
         return {
@@ -181,7 +181,7 @@ class Origin:
 
 
 def explain(result: str | Path) -> Origin:
-    """Return where a result comes from, and whether it is unchanged since its job wrote it.
+    """Return the origin of a result, and whether it is unchanged since its job wrote it.
 
     Raises
     ------
@@ -206,7 +206,7 @@ def explain(result: str | Path) -> Origin:
 
 @dataclass(frozen=True)
 class Verified:
-    """Results compared with the checksums that their jobs wrote down.
+    """Results compared with the checksums that their jobs recorded.
 
     Attributes
     ----------
@@ -215,11 +215,11 @@ class Verified:
     jobs
         Number of jobs whose notes were read.
     checked
-        Number of results compared, by the folder of the stage that they belong to ("" for the results folder itself).
+        Number of results compared, by folder of the stage ("" for the results folder itself).
     changed
-        Results that are not as their job wrote them.
+        Results that have changed since their job wrote them.
     missing
-        Results that are no longer there; the campaign makes them again where they are needed.
+        Results that no longer exist; the campaign regenerates them if they are needed.
     """
 
     home: Path
@@ -229,7 +229,7 @@ class Verified:
     missing: list[Path]
 
     def as_json(self) -> dict[str, Any]:
-        """Return it as `coronaryuq verify --json` prints it (docs/reference/formats.md)."""
+        """Return the comparison as `coronaryuq verify --json` prints it (docs/reference/formats.md)."""
         return {
             "folder": self.home.as_posix(),
             "jobs": self.jobs,
@@ -252,7 +252,7 @@ class Verified:
 def verify(home: str | Path) -> Verified:
     """Compare the results of a campaign with the checksums in the notes of their jobs.
 
-    Files that no note mentions are not looked at.
+    Files that no note mentions are ignored.
 
     Raises
     ------
@@ -275,7 +275,7 @@ def verify(home: str | Path) -> Verified:
 
 
 def remove_changed(home: str | Path) -> Verified:
-    """Delete the results of a campaign that have changed since their jobs wrote them, and return what was verified.
+    """Delete the results of a campaign that have changed since their jobs wrote them, and return the verified results.
 
     Raises
     ------
@@ -290,7 +290,7 @@ def remove_changed(home: str | Path) -> Verified:
 
 
 def _note(home: Path, path: Path, name: str) -> tuple[dict, str]:
-    """Return the note about a result, and the entry of its `results` that is the file or a folder that holds it."""
+    """Return the note about a result, and the entry of its `results` that is the file or a folder that contains it."""
     every = list(notes(home / FOLDER))
     parents = [name, *(parent.as_posix() for parent in Path(name).parents)]
     # The latest note counts: with more samples, a job of the same name may have run a larger portion.
@@ -323,7 +323,7 @@ def notes(folder: Path) -> Iterator[dict]:
 
 
 def _campaign_folder(path: str | Path) -> Path | None:
-    """Return the folder `results/NAME` that a path lies in."""
+    """Return the folder `results/NAME` that contains a path."""
     parts = Path(path).parts
     for k in range(len(parts) - 2, -1, -1):
         if parts[k] == "results":
@@ -332,7 +332,7 @@ def _campaign_folder(path: str | Path) -> Path | None:
 
 
 def _behind(params: Mapping[str, Any]) -> str:
-    """Return the function of a job and the digest of the code behind it, if its rule names them."""
+    """Return the function of a job and the digest of its code, if its rule has them."""
     return f"; {params['function']}, code digest {params['code']}" if {"function", "code"} <= params.keys() else ""
 
 
@@ -343,7 +343,7 @@ def _state(path: Path, content: str) -> str:
 
 
 def remake(note: Mapping[str, Any], entry: str, home: Path) -> str:
-    """Return the shell command that makes a result again, from any folder."""
+    """Return the shell command that reproduces a result, from any folder."""
     folder = home.parents[1]
     snakefile = Path(note.get("snakefile", shipped.snakefile()))
     where = [] if snakefile == folder / "workflow" / "Snakefile" else ["--snakefile", snakefile.as_posix()]
@@ -356,7 +356,7 @@ def remake(note: Mapping[str, Any], entry: str, home: Path) -> str:
 
 
 def _solvers(path: Path) -> list[str]:
-    """Return the solvers that the records of a batch name."""
+    """Return the solvers named in the records of a batch."""
     if path.suffix != ".jsonl":
         return []
     from coronaryuq.core import records

@@ -155,7 +155,7 @@ def kind_of(path: str) -> Kind | None:
 
 
 def described(kind: Kind, names: Iterable[str]) -> list[dict[str, str]]:
-    """Return name, meaning and unit of columns; a column that no expression fits is left out."""
+    """Return name, meaning and unit of columns; a column that matches no expression is left out."""
     found = []
     for name in names:
         for expression, what, unit in kind.columns:

@@ -1,4 +1,4 @@
-"""README.md and index.json of a results folder: what every file is, which job wrote it, columns and units."""
+"""README.md and index.json of a results folder: every file, the job that wrote it, columns and units."""
 
 import sys
 from collections.abc import Iterator
@@ -17,16 +17,16 @@ APART = ("logs", explain.FOLDER, "costs")
 
 
 def describe_results(home: str | Path) -> None:
-    """Write both files at the end of a campaign; one that cannot be described has ended all the same."""
+    """Write both files at the end of a campaign; an error in describing it does not make the campaign fail."""
     if Path(home).is_dir():
         try:
             write_index(home)
-        except (OSError, ValueError) as error:  # what a broken note or table raises is a ValueError
+        except (OSError, ValueError) as error:  # broken notes and tables raise a ValueError
             print(f"note: no index of {home}: {error}", file=sys.stderr)
 
 
 def write_index(home: str | Path) -> None:
-    """Describe the files that a results folder has now; the two files are the same bytes for the same results."""
+    """Describe the present files of a results folder; the same results give the same bytes."""
     home = Path(home)
     jobs = _jobs(home)
     files, columns = [], {}
@@ -70,7 +70,7 @@ def _heading(path: Path, name: str) -> list[str]:
         import pyarrow.parquet
 
         return list(pyarrow.parquet.read_schema(path).names)
-    if name == "patient/targets.csv":  # svZeroDSolver's format has no heading
+    if name == "patient/targets.csv":  # svZeroDSolver's format has no header
         return ["name", "description", "value"]
     text, separator = read_table_text(path)
     return next(iter(text.splitlines()), "").split(separator)

@@ -1,4 +1,4 @@
-"""What a job needs: its files and parameters from Snakemake or the command line, a log, a note, one-line errors.
+"""The frame of a job: its files and parameters from Snakemake or the command line, a log, a note, one-line errors.
 
     with job(globals()) as this:
         this.call()
@@ -10,10 +10,10 @@ Under Snakemake the rule provides them. By hand:
 
 A name that is given more than once is a list. Progress goes to the terminal and to the log alike.
 
-Keywords of the function are the names of the rule's inputs, outputs and parameters. Inputs and outputs that it does
-not take are dependencies. It also gets, if it takes them and the rule does not name them: `threads`, `mpi` and `tasks`;
-`out_dir`, the folder of the outputs; `NAME_folder`, the folder of the files that are the input NAME. Settings become
-the model that they are annotated with. An output `cost` is written here: what the job cost.
+Keywords of the function are the names of the rule's inputs, outputs and parameters. Inputs and outputs that it does not
+take are dependencies. It also receives, if it takes them and the rule does not name them: `threads`, `mpi` and `tasks`;
+`out_dir`, the folder of the outputs; `NAME_folder`, the folder of the files that are the input NAME. Settings are
+converted to the model of their annotation. An output `cost`, the cost of the job, is written here.
 """
 
 import argparse
@@ -41,7 +41,7 @@ from coronaryuq.core.errors import InputError, os_error_line
 from coronaryuq.core.io.atomic import write_json
 
 RUNNER = ("function", "code")
-"""Parameters of a rule that are not the function's."""
+"""Parameters of a rule that are not passed to the function."""
 
 
 @dataclass
@@ -58,12 +58,12 @@ class Job:
     tasks: int = 1
 
     def function(self) -> Callable:
-        """Return the function that the parameters name."""
+        """Return the function named in the parameters."""
         module, _, name = self.params["function"].partition(":")
         return getattr(importlib.import_module(module), name)
 
     def call(self) -> None:
-        """Run that function; what it prints goes where progress goes."""
+        """Run that function; its output is treated as progress."""
         arguments = self.arguments(self.function())
         with redirect_stdout(sys.stderr):
             self.function()(**arguments)
@@ -74,7 +74,8 @@ class Job:
         Raises
         ------
         TypeError
-            If the function takes a keyword that the rule does not name, or not one of its parameters.
+            If the function requires a keyword that the rule does not have, or does not take one of the rule's
+            parameters.
         """
         params = {name: value for name, value in self.params.items() if name not in RUNNER}
         files = self.input | self.output
@@ -104,7 +105,7 @@ def _several(files: Any) -> bool:
 
 
 def _as(hint: Any, value: Any) -> Any:
-    """Return a value as its annotation wants it: a model of settings, a `Path`."""
+    """Convert a value to the type of its annotation: a model of settings, a `Path`."""
     if isinstance(hint, type) and issubclass(hint, BaseModel) and isinstance(value, dict):
         return hint(**value)
     if isinstance(value, str) and str not in typing.get_args(hint) and (hint is Path or Path in typing.get_args(hint)):
@@ -113,14 +114,14 @@ def _as(hint: Any, value: Any) -> Any:
 
 
 class Tee:
-    """Text stream that writes to several streams."""
+    """A text stream that writes to several streams."""
 
     def __init__(self, *streams):
         self.streams = streams
 
     def write(self, text: str) -> int:
         for stream in self.streams:
-            with suppress(OSError):  # a log on a full disk keeps nothing from the terminal
+            with suppress(OSError):  # a full disk for the log must not suppress output on the terminal
                 stream.write(text)
                 stream.flush()
         return len(text)
@@ -146,8 +147,8 @@ def job(script_globals: dict[str, Any]) -> Iterator[Job]:
     started = time.perf_counter()
     print(f"{this.name}: started", file=sys.stderr)
     try:
-        this.function()  # loads its libraries, as the limit only holds for those that are there
-        with threadpool_limits(this.threads):  # linear algebra takes no more cores than the job was given
+        this.function()  # loads its libraries, because the limit applies only to loaded ones
+        with threadpool_limits(this.threads):  # linear algebra uses no more cores than the job has
             yield this
         used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
         cpu = sum(usage.ru_utime + usage.ru_stime for usage in used)

@@ -1,4 +1,4 @@
-"""Paths of a campaign's results, logs and costs, as Snakemake wants them: relative, with forward slashes."""
+"""Paths of a campaign's results, logs and costs in Snakemake's form: relative, with forward slashes."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +19,7 @@ class Paths:
         return self.results("logs", *parts)
 
     def cost(self, *parts: str) -> str:
-        """Return the path of the file in which a job declares its cost."""
+        """Return the path of the file with a job's cost."""
         return self.results("costs", *parts)
 
     def discrepancy(self, case: str, *parts: str) -> str:
@@ -28,7 +28,7 @@ class Paths:
 
 
 def files_under(path: str | Path | None) -> list[str]:
-    """Return a file, or all files of a folder, as inputs of a rule; a missing path is left for the rule to report."""
+    """Return a file, or all files of a folder, as inputs of a rule; the rule reports a missing path."""
     if path is None:
         return []
     path = Path(path)

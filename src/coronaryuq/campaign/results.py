@@ -1,4 +1,4 @@
-"""A results folder whose files may not be there yet."""
+"""A results folder, possibly incomplete."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,7 +21,7 @@ class ResultsFolder:
 
     @cached_property
     def configuration(self) -> config.Campaign:
-        """The configuration of the campaign's last run; `InputError` if another version has written it."""
+        """The configuration of the campaign's last run; `InputError` if another version wrote it."""
         self.check()
         return config.load(self.home / explain.CAMPAIGN)
 
@@ -38,7 +38,7 @@ class ResultsFolder:
         Raises
         ------
         InputError
-            If it has not been computed yet; names the target that makes it.
+            If it has not been computed yet; names the target to run.
         """
         path = self.home.joinpath(*parts)
         if not path.exists():

@@ -1,4 +1,4 @@
-"""The cases that the discrepancy search examines: their files, their tables for figures, and what is missing."""
+"""The cases of the discrepancy search: their files, their tables for figures, and missing inputs."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ INPUTS = {
     *("model", "measurements", "conditions", "pairs", "recordings", "animals"),
     *("held_out", "free_bed", "in_report", "benchmark"),
 }
-"""Settings that say what is searched, not how."""
+"""Settings of the cases, as opposed to those of the search."""
 TABLES = ("tree", "residuals", "ranking", "sizes", "gap")
 PAIRS_TABLES = {"pairs": "pairs", "pairs_gap": "pairs", "pairs_effects": "effects"}
 
@@ -26,8 +26,8 @@ PAIRS_TABLES = {"pairs": "pairs", "pairs_gap": "pairs", "pairs_effects": "effect
 class Searches:
     """Searches of one campaign.
 
-    The cases are the files that the settings name, recorded animals and pairs of simulated and measured outputs; if
-    the settings name none, an effect is hidden in the campaign's tuned loop.
+    The cases are the files in the settings, recorded animals and pairs of simulated and measured outputs; if there are
+    none, an effect is hidden in the campaign's tuned loop.
 
     settings: block `discrepancy`; paths: of the campaign; tuned: the campaign's tuned loop at rest.
     """
@@ -69,7 +69,7 @@ class Searches:
 
     @cached_property
     def tables(self) -> dict[tuple[str, str], str]:
-        """Case and figure → the table that the figure is drawn from."""
+        """Case and figure → the table from which the figure is drawn."""
         tables = {
             (case, name): self.paths.discrepancy(case, "found", f"{name}.csv") for case in self.cases for name in TABLES
         }
@@ -90,21 +90,21 @@ class Searches:
         return [path.as_posix() for path in sorted(Path(self.settings.recordings or "").glob(f"{animal}_*.csv"))]
 
     def block(self, *, hiding: bool) -> dict[str, Any]:
-        """Return the settings of the search, those of the hidden effect with them or not."""
+        """Return the settings of the search, with or without those of the hidden effect."""
         return self.settings.model_dump(mode="json", exclude=INPUTS if hiding else INPUTS | HIDING)
 
     def shown(self) -> dict[str, Any]:
-        """Return the settings that the page of the searches shows."""
+        """Return the settings shown on the page of the searches."""
         hidden = set() if "hidden" in self.cases else HIDING
         return self.settings.model_dump(mode="json", exclude={"benchmark"} | hidden)
 
     def hidden_in(self, network: str) -> dict[str, str]:
-        """Return the file that the benchmark hides effects in; none for the bundled open loop."""
+        """Return the network file in which the benchmark hides effects; none for the bundled open loop."""
         chosen = self.settings.benchmark.named[network]
         return {"campaign": {"network": self.tuned}, "open_loop": {}}.get(chosen, {"network": chosen})
 
     def check(self) -> None:
-        """Raise `InputError` for a file, an animal or a condition that the settings name and that does not exist."""
+        """Raise `InputError` for a file, an animal or a condition in the settings that does not exist."""
         for field, path in self._named():
             if path and not Path(path).is_file():
                 raise InputError("configuration", f"discrepancy.{field}", path, "no such file")

@@ -1,4 +1,4 @@
-"""Start of a campaign: read its configuration, and take its results folder when the first job is about to run."""
+"""Start of a campaign: read its configuration, and lock its results folder before the first job."""
 
 import json
 import os
@@ -22,12 +22,12 @@ from coronaryuq.core.io.lock import lock_results
 from coronaryuq.core.io.mtime import reset_future_times
 
 _taken: list[AbstractContextManager] = []
-"""Lock of the results folder, held until this process ends."""
+"""Lock of the results folder, kept until this process ends."""
 
 
 @dataclass(frozen=True)
 class Given:
-    """A campaign's configuration, the files that its case names, and its lumen if that is meshed as it is."""
+    """A campaign's configuration, the files of its case, and its lumen if that is meshed directly."""
 
     campaign: Campaign
     named: list[Path]
@@ -35,14 +35,14 @@ class Given:
 
 
 def read_campaign(settings: dict[str, Any], configfiles: Sequence[str], default: Path) -> Given:
-    """Read and check a configuration and the case that it names.
+    """Read and check a configuration and its case.
 
     Parameters
     ----------
     settings
         The configuration as Snakemake merged it; if empty, the file `default` is read.
     configfiles
-        Files that it came from, for error messages.
+        Files from which it was read, for error messages.
 
     Raises
     ------
@@ -65,10 +65,10 @@ def read_campaign(settings: dict[str, Any], configfiles: Sequence[str], default:
 
 
 def announce(campaign: Campaign, snakefile: str) -> None:
-    """Tell the jobs which Snakefile runs them, and their whole configuration, which the first job writes down.
+    """Pass the path of the Snakefile and the whole configuration, which the first job writes to a file, to all jobs.
 
-    Environment variables reach them everywhere: on a cluster every job reads the workflow, and so this, again. A hook
-    of the workflow would not do, because Snakemake runs none of those of a module.
+    Environment variables work everywhere: on a cluster every job reads the workflow, and calls this, again. A hook of
+    the workflow would not suffice, because Snakemake does not run the hooks of a module.
     """
     os.environ[shipped.VARIABLE] = os.path.abspath(snakefile)
     whole = yaml.safe_dump(campaign.model_dump(mode="json"), sort_keys=False, allow_unicode=True)

@@ -1,4 +1,4 @@
-"""The jobs of a campaign: how its counts are cut into portions, and which portions a number of runs needs."""
+"""The jobs of a campaign: division of its counts into portions, and the portions required for a number of runs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ def portions(total: int, size: int) -> Portions:
 
 
 def within(cut: Portions, total: int) -> list[int]:
-    """Return the indices of the portions that hold the first `total` samples."""
+    """Return the indices of the portions that contain the first `total` samples."""
     return [k for k, (first, _) in cut.items() if first < total]
 
 
@@ -43,7 +43,7 @@ class Targets:
 
     @cached_property
     def most(self) -> dict[str, int]:
-        """3D and 0D runs that the campaign may grow to."""
+        """Maximum number of 3D and 0D runs of a growing campaign."""
         if not self.grows:
             return self.first_counts
         bounds = {"n_3d": self.campaign.estimation.max_3d, "n_0d": self.campaign.estimation.max_0d}
@@ -56,7 +56,7 @@ class Targets:
 
     @cached_property
     def coarse_tables(self) -> tuple[str, ...]:
-        """Tables of runs that only a campaign with a coarse level has."""
+        """Tables of runs that exist only with a coarse level."""
         return ("params_coarse", "outputs_3d_coarse", "outputs_0d_coarse") if self.coarse_runs else ()
 
     @cached_property
@@ -93,7 +93,7 @@ class Targets:
         return range(self.campaign.samples.chunks_resampled if self.campaign.estimation.autoencoder else 0)
 
     def needed(self, counts: Mapping[str, int]) -> dict[str, list[int]]:
-        """Return the portions of 3D, coarse and 0D runs that hold the first `counts` runs."""
+        """Return the portions of 3D, coarse and 0D runs that contain the first `counts` runs."""
         coarse = self.coarse_runs * counts["n_3d"]
         return {
             "flow3d": within(self.batches, counts["n_3d"]),

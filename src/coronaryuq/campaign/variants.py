@@ -9,9 +9,10 @@ from coronaryuq.config import Campaign
 STUDY = {"mesh_study/coarse": 3 / 4, "mesh_study/fine": 4 / 3}
 """Resolution of the mesh study's other meshes divided by the campaign's."""
 STUDY_RUNS = 8
-"""Samples at most that the mesh study runs on every mesh."""
+"""Maximum number of samples that the mesh study runs on every mesh."""
 RESOLUTIONS = {"throat_resolution": 2.0, "resolution": 1.5, "jet_resolution": 1.5, "core_resolution": 1.5}
-"""Settings that a coarser or finer mesh scales, and their least value (one that is 0 is off and stays off)."""
+"""Settings that are scaled for a coarser or finer mesh, and their smallest value (a setting of 0 is off and stays
+off)."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ def meshes(campaign: Campaign) -> dict[str, dict[str, Any]]:
 
 
 def scaled(campaign: Campaign, scale: float) -> dict[str, Any]:
-    """Return the campaign's mesh settings with every resolution times `scale`, clipped at the least value allowed."""
+    """Return the campaign's mesh settings with every resolution times `scale`, clipped at the smallest allowed."""
     settings = campaign.mesh.model_dump(mode="json")
     if scale != 1.0:
         for name, least in RESOLUTIONS.items():

@@ -44,14 +44,14 @@ class AssembledCase:
 
 
 def assemble(case_yaml: str | Path, settings: Settings) -> AssembledCase:
-    """Read a case and everything that it names.
+    """Read a case and all files that it refers to.
 
     Parameters
     ----------
     case_yaml : str or Path
         The case's description.
     settings : Settings
-        Of the case stage.
+        Settings of the case stage.
 
     Returns
     -------

@@ -20,7 +20,7 @@ class _Part(BaseModel):
 
 
 class AnatomySource(_Part):
-    """Kind of files that the vessels were read from, and the length unit of these files."""
+    """Kind of files from which the vessels were read, and the length unit of these files."""
 
     kind: AnatomyKind
     unit: str
@@ -33,7 +33,7 @@ class Aorta(_Part):
 
 
 class CaseOutlet(_Part):
-    """A coronary outlet: where it lies (cm), its 0D boundary condition and block, and what it perfuses."""
+    """A coronary outlet: its position (cm), its 0D boundary condition and block, and the wall that it perfuses."""
 
     name: str
     label: str

@@ -1,4 +1,4 @@
-"""What a checked case contains, in words, for `coronaryuq check`."""
+"""Summary of a checked case, for `coronaryuq check`."""
 
 from collections import Counter
 
@@ -11,7 +11,7 @@ from coronaryuq.core.units import MBF_PER_MIN_PER_G, ML_PER_MIN
 
 
 def describe(case: AssembledCase) -> list[str]:
-    """Return what a checked case contains, one line per part."""
+    """Return the contents of a checked case, one line per part."""
     summary, wall = case.summary, case.wall
     flow = wall.flow(summary.tissue_density)
     mass = wall.volume * summary.tissue_density

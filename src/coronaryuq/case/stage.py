@@ -18,7 +18,7 @@ def prepare_case(case_yaml: str | Path, settings: Settings, out_dir: str | Path)
     case_yaml : str or Path
         The case's description.
     settings : Settings
-        Of the case stage.
+        Settings of the case stage.
     out_dir : str or Path
         Folder of case.json, tree.vtp, network.json and lv.vtu.
 

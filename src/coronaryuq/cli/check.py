@@ -1,4 +1,4 @@
-"""`coronaryuq check FILE`: read a case or a configuration and all files that it names, as the campaign would."""
+"""`coronaryuq check FILE`: read a case or a configuration and all files that it refers to, as a campaign does."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -27,7 +27,7 @@ NEITHER = (
 
 @dataclass
 class Checked:
-    """What was read of a file until the first fault.
+    """Contents of a file up to the first error.
 
     Attributes
     ----------
@@ -36,11 +36,11 @@ class Checked:
     kind
         Whether it is a case or a configuration.
     error
-        The first fault, or None.
+        The first error, or None.
     lines
-        What was read, in words.
+        Description of the contents, in words.
     case
-        The case of the file, or that the configuration names; None for the bundled patient and where it is at fault.
+        The case in the file or of the configuration; None for the bundled patient and if it has an error.
     campaign
         The configuration, None for a case.
     """
@@ -67,7 +67,7 @@ class Checked:
 
 
 def check(path: str | Path) -> Checked:
-    """Read a case or a configuration, and every file that it names, up to the first fault.
+    """Read a case or a configuration, and every file that it refers to, up to the first error.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def kind_of(values: dict[str, Any]) -> Literal["case", "configuration"]:
         sum(bool(get_close_matches(key, own, n=1, cutoff=0.8)) for key in values)
         for own in (case - campaign, campaign - case)
     )
-    # The blocks `name` and `perfusion` may be of either; a case needs more than these, a configuration does not.
+    # The blocks `name` and `perfusion` are valid in both; a case needs more than these, a configuration does not.
     return "case" if of_case > of_campaign else "configuration"
 
 

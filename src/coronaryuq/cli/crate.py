@@ -81,7 +81,7 @@ def write_crate(home: Path, out: Path, credits: Credits, data: bool = True) -> N
 
 
 def read(home: Path) -> Packed:
-    """Read the notes of a campaign and decide where each of its files goes.
+    """Read the notes of a campaign and assign each of its files a place in the crate.
 
     Raises
     ------
@@ -116,7 +116,7 @@ def _input(path: Path, content: str, job: str) -> Path:
 
 
 class _Names:
-    """Names of files in the crate: relative to the folder that the campaign ran in, so that it can run again there."""
+    """Names of files in the crate: relative to the folder in which the campaign ran, so that it can be rerun there."""
 
     def __init__(self, home: Path, notes: list[dict]):
         self.folder = home.parents[1]
@@ -146,7 +146,7 @@ class _Names:
 
 
 def _carried(home: Path) -> dict[str, Path]:
-    """Return what every crate holds: workflow, configuration, notes, logs, licence and citation."""
+    """Return the files of every crate: workflow, configuration, notes, logs, licence and citation."""
     package = shipped.snakefile().parents[1]
     files = {path.relative_to(package).as_posix(): path for path in _files(package / "workflow")}
     files |= {name: package / name for name in ("LICENSE", "CITATION.cff")}
@@ -157,7 +157,7 @@ def _carried(home: Path) -> dict[str, Path]:
 
 
 def _files(folder: Path) -> Iterator[Path]:
-    """Yield the files of a folder without those that Python and Snakemake leave there."""
+    """Yield the files of a folder without temporary files of Python and Snakemake."""
     for path in sorted(folder.rglob("*")):
         if path.is_file() and "__pycache__" not in path.parts and path.name != ".snakemake_timestamp":
             yield path

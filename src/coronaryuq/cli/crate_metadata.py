@@ -1,7 +1,7 @@
 """Metadata of a campaign's RO-Crate: a Provenance Run Crate (https://w3id.org/ro/wfrun/provenance/0.5).
 
-The workflow's run and every job are actions, with what they read and wrote, their parameters, times and costs. A rule
-is a step of the workflow; the function that it calls is the step's tool.
+The workflow's run and every job are actions, with their inputs and outputs, parameters, times and costs. A rule is a
+step of the workflow; the function that it calls is the step's tool.
 """
 
 import json
@@ -46,7 +46,7 @@ class Credits:
 
 @dataclass(frozen=True)
 class Packed:
-    """A campaign: its notes by time, names of files in the crate, and the files that it may hold by name.
+    """A campaign: its notes by time, names of files in the crate, and its possible files by name.
 
     name_of: from a path in a note to a name in the crate, None for a file of the package. carried: files of every
     crate; data: inputs and results.
@@ -60,7 +60,7 @@ class Packed:
 
 
 def describe(campaign: Packed, files: Mapping[str, Path], credits: Credits) -> dict[str, Any]:
-    """Return the metadata document of a crate that holds `files`."""
+    """Return the metadata document of a crate with `files`."""
     return _Description(campaign, files, credits).document()
 
 
@@ -165,7 +165,7 @@ class _Description:
         return self.crate.add_file(source, name, properties=described)
 
     def _entity(self, name: str) -> Entity:
-        """Return the entity of a file, or one that says that the file is not in the crate."""
+        """Return the entity of a file, or one that marks the file as not in the crate."""
         if name not in self.entities:
             self.entities[name] = self._add(
                 f"#{quote(name)}", "CreativeWork", name=name, sha256=self.contents.get(name),
@@ -187,7 +187,7 @@ class _Description:
             self.workflow.append_to("hasPart", tool)
 
     def _tool(self, note: dict) -> Entity:
-        """Return the function behind a job; the same function with other code behind it is another tool."""
+        """Return the function behind a job; the same function with other code is another tool."""
         function, code = (note["params"].get(key, "") for key in RUNNER)
         function = function or _rule(note)
         identifier = f"#tool/{quote(function, safe='')}/{code}" if code else f"#tool/{quote(function, safe='')}"

@@ -80,14 +80,14 @@ def check_libraries() -> Iterator[Finding]:
         except importlib.metadata.PackageNotFoundError:
             yield Finding(name, False, "not installed; run `make env`")
             continue
-        # In a process of its own: a library whose system libraries are missing may crash it.
+        # In a separate process, which a library whose system libraries are missing may crash.
         failure = _run([sys.executable, "-c", f"import {module}"], timeout=120)
         detail = version if failure is None else f"{version} cannot be imported: {failure}"
         yield Finding(name, failure is None, detail)
 
 
 def check_rendering() -> Finding:
-    """Render one picture in a process of its own."""
+    """Render one image in a separate process."""
     code = (
         "import pyvista, sys; p = pyvista.Plotter(off_screen=True, window_size=(64, 64));"
         "p.add_mesh(pyvista.Sphere(), color='red'); image = p.screenshot(None); sys.exit(int(image.std() < 1))"
@@ -176,7 +176,7 @@ def check_scheduler(ranks: int = 2, patience: float = 120.0) -> Iterator[Finding
         yield Finding("SLURM", False, "sbatch is installed, but sinfo does not answer; is the controller running?")
         return
     code = f"from mpi4py import MPI; raise SystemExit(MPI.COMM_WORLD.allreduce(1) != {ranks})"
-    # In this folder, which a campaign's jobs need on every node too.
+    # In this folder, which a campaign's jobs need on every node.
     with tempfile.TemporaryDirectory(dir=".", prefix=".doctor-") as folder:
         script = Path(folder, "job.sh")
         script.write_text(f"#!/bin/bash\nsrun -n {ranks} {shlex.quote(sys.executable)} -c {shlex.quote(code)}\n")
@@ -195,7 +195,7 @@ def check_scheduler(ranks: int = 2, patience: float = 120.0) -> Iterator[Finding
 
 
 def _output(command: list[str], timeout: float) -> str | None:
-    """Return what a command prints, or None if it fails."""
+    """Return the output of a command, or None if it fails."""
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=timeout)
     except (OSError, subprocess.TimeoutExpired):
@@ -216,7 +216,7 @@ def check_cache() -> Finding:
 
 
 def check_kernels() -> Finding:
-    """Check the folder of compiled kernels; without one, every job compiles them again."""
+    """Check the folder of compiled kernels; without it, every job compiles them again."""
     numba_cache.choose_folder()
     folder = os.environ.get(numba_cache.VARIABLE, "")
     if not folder:
@@ -230,7 +230,7 @@ def check_kernels() -> Finding:
 
 
 def _run(command: list[str], timeout: float) -> str | None:
-    """Run a command; return None if it succeeds, else the last line of its output or how it ended."""
+    """Run a command; return None if it succeeds, else the last line of its output or its exit status."""
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=timeout)
     except subprocess.TimeoutExpired:

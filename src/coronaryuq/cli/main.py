@@ -62,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return InputError.EXIT_CODE
     except KeyboardInterrupt:
         return 130
-    except BrokenPipeError:  # the reader of standard output has closed it
+    except BrokenPipeError:  # standard output was closed by its reader
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:  # a result cannot be written
@@ -74,7 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _split(words: list[str]) -> tuple[list[str], list[str]]:
-    """Separate what `run` passes on to Snakemake, behind `--`, from its own options."""
+    """Separate the arguments that `run` passes to Snakemake, after `--`, from its own options."""
     if words[:1] != ["run"] or "--" not in words:
         return words, []
     end = words.index("--")

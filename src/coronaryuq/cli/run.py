@@ -1,4 +1,4 @@
-"""`coronaryuq run` and `coronaryuq demo`: a campaign without a checkout; Snakemake does the work."""
+"""`coronaryuq run` and `coronaryuq demo`: run a campaign without a checkout, by Snakemake."""
 
 import argparse
 import os
@@ -66,7 +66,7 @@ def run(
 ) -> int:
     """Run a campaign in the current folder; return Snakemake's exit code.
 
-    Results that changed after their jobs wrote them are deleted first, so that they are made again.
+    Results that have changed since their jobs wrote them are deleted first, so that they are regenerated.
     """
     _check_targets(targets)
     results = Path("results", config.load(configuration).name)

@@ -15,7 +15,7 @@ Settings = TypeVar("Settings", bound=BaseModel)
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser that suggests what a misspelt command or option may have meant.
+    """An argument parser that suggests corrections for misspelt commands and options.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class Parser(argparse.ArgumentParser):
         super().error(f"{message}; {near.strip()}" if near else message)
 
     def show_examples(self, examples: Sequence[tuple[str, str]]) -> None:
-        """Show commands, each with a remark, below the options; call it after the description is set."""
+        """Show example commands, each with a comment, below the options; call it after the description is set."""
         self.formatter_class = argparse.RawDescriptionHelpFormatter
         self.description = textwrap.fill(self.description or "", 100)
         lines = [f"  {command}\n      {remark}" for command, remark in examples]
@@ -44,12 +44,12 @@ class Parser(argparse.ArgumentParser):
 
 
 def positive_int(text: str) -> int:
-    """Return the integer that an argument holds; an argparse type for counts (1 or more)."""
+    """Return the integer of an argument; an argparse type for counts (1 or more)."""
     return _integer(text, 1)
 
 
 def non_negative_int(text: str) -> int:
-    """Return the integer that an argument holds; an argparse type for seeds (0 or more)."""
+    """Return the integer of an argument; an argparse type for seeds (0 or more)."""
     return _integer(text, 0)
 
 

@@ -1,4 +1,4 @@
-"""Wrong input, and results that cannot be written: one line that says where the fault is and what to do about it."""
+"""Wrong input, and results that cannot be written: one line with the place of the fault and a remedy."""
 
 import difflib
 import errno
@@ -14,7 +14,7 @@ REMEDIES = {
     errno.EPERM: "change its permissions, or name a folder that you can write to",
     errno.EROFS: "name a folder elsewhere",
 }
-"""Remedy for each reason why the operating system does not write a file."""
+"""Remedy for each reason why the operating system cannot write a file."""
 
 
 class InputError(ValueError):
@@ -53,7 +53,7 @@ def os_error_line(error: OSError) -> str | None:
     """Return `file: reason: remedy` if the operating system cannot write a file, else None."""
     if error.errno not in REMEDIES:
         return None
-    # A finished file is renamed: the name that the user knows is the second one.
+    # A finished file is renamed: the user knows the second name.
     file = error.filename2 or error.filename
     where = "" if file is None else f"{os.fspath(file)}: "
     return " ".join(f"{where}{os.strerror(error.errno)}: {REMEDIES[error.errno]}".split())

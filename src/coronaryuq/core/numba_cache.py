@@ -15,7 +15,7 @@ VARIABLE = "NUMBA_CACHE_DIR"
 def choose_folder(package: Path = Path(__file__).parents[1]) -> None:
     """Set numba's cache folder for this version of the kernels in `package`, unless the user has set one.
 
-    It lies in the user's cache folder or, if that is not writable, in the temporary folder.
+    It is in the user's cache folder or, if that is not writable, in the temporary folder.
     """
     if os.environ.get(VARIABLE):
         return

@@ -24,7 +24,7 @@ LIBRARIES = {
     "pydantic": "pydantic", "pyvista": "pyvista", "tetgen": "tetgen", "manifold3d": "manifold3d", "mmgpy": "mmgpy",
     "SimpleITK": "SimpleITK", "mpi4py": "mpi4py",
 }  # fmt: skip
-"""Distributions that a campaign uses, with the module that each gives."""
+"""Distributions that a campaign uses, with the module of each."""
 STAMPED = ("numpy", "scipy", "numba", "torch", "pyvista", "snakemake")
 
 
@@ -103,7 +103,7 @@ def closure(*modules: str) -> tuple[str, ...]:
 def code_digest(*modules: str) -> str:
     """Return one digest of the code behind the given modules, for rules whose results depend on it.
 
-    It covers the import closure and the data files beside its modules, such as templates. Comments, docstrings and
+    It covers the import closure and the data files next to its modules, such as templates. Comments, docstrings and
     formatting do not change it, nor do edits of modules that are not imported.
     """
     code = [(name, syntax_digest(_file(name))) for name in closure(*modules)]
@@ -111,7 +111,7 @@ def code_digest(*modules: str) -> str:
 
 
 def data_files(*modules: str) -> list[Path]:
-    """Return the files beside the modules of an import closure that are not Python, such as templates."""
+    """Return the files next to the modules of an import closure that are not Python, such as templates."""
     folders = {_file(name).parent for name in closure(*modules)}
     return sorted(path for folder in folders for path in folder.iterdir() if path.is_file() and _is_data(path))
 
@@ -136,7 +136,7 @@ def _file(module: str) -> Path:
 def syntax_digest(path: Path) -> str:
     """Return a checksum of a module's syntax tree without docstrings, which comments and formatting do not change."""
     collects = gc.isenabled()
-    gc.disable()  # which would walk the tree again and again while it grows, at three times the cost
+    gc.disable()  # which would walk the growing tree repeatedly, at three times the cost
     try:
         tree = ast.parse(path.read_bytes())
         for node in ast.walk(tree):

@@ -1,4 +1,4 @@
-"""Model runs over MPI ranks: every rank computes a share, and all ranks receive all results."""
+"""Model runs over MPI ranks: every rank computes a part, and all ranks receive all results."""
 
 import os
 from collections.abc import Callable
@@ -14,8 +14,8 @@ _LAUNCHERS = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK", "MPI_LOCALRANKID"
 class Ranks:
     """The ranks of an MPI communicator; a single process by default.
 
-    Every rank draws the same random numbers and takes the same decisions; only model runs are distributed. As a run
-    does not depend on the batch that it is part of, results are the same to the bit for any number of ranks.
+    Every rank draws the same random numbers and takes the same decisions; only model runs are distributed. Because a
+    run does not depend on its batch, results are bitwise identical for any number of ranks.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ class Record:
     cost
         `cpu_s`, `wall_s`, `cycles`, ...
     diagnostics
-        What a reviewer would ask for: CFL number, mass balance, backflow events.
+        Quality of the solution: CFL number, mass balance, backflow events.
     """
 
     sample: str

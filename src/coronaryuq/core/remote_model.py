@@ -39,7 +39,7 @@ class RemoteModel:
     name
         Name of the model.
     field
-        Block of the configuration that the settings stand in, for error messages.
+        Block of the configuration that contains the settings, for error messages.
 
     Attributes
     ----------
@@ -73,12 +73,12 @@ class RemoteModel:
         theta : (n, d)
             Inputs.
         names : (d,)
-            Their names, which are put in the order that the server tells.
+            Their names, which are put in the order that the server reports.
 
         Returns
         -------
         list
-            Per row the outputs, or the server's reason why it has none.
+            Per row the outputs, or the server's reason for their absence.
 
         Raises
         ------
@@ -102,11 +102,11 @@ class RemoteModel:
 
         try:
             (answer,) = self._model([row])
-        except JSONDecodeError:  # how umbridge's own server answers when a model raises
+        except JSONDecodeError:  # response of umbridge's own server if a model raises
             return "the server answered without a result; see its log"
         except RequestException as error:
             raise self._error("url", self.settings.url, f"the server does not answer ({_reason(error)})") from None
-        except Exception as error:  # what umbridge raises for an error of the model
+        except Exception as error:  # exception of umbridge for an error of the model
             return " ".join(str(error).split())
         if len(answer) != len(self.outputs):
             return f"{len(answer)} outputs in place of {len(self.outputs)}"

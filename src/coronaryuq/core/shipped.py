@@ -6,7 +6,7 @@ import coronaryuq
 from coronaryuq.core.errors import InputError
 
 VARIABLE = "CORONARYUQ_SNAKEFILE"
-"""Environment variable by which the workflow tells its jobs which Snakefile runs them."""
+"""Environment variable by which the workflow passes the path of its Snakefile to its jobs."""
 
 
 def home() -> Path:
@@ -22,7 +22,7 @@ def snakefile() -> Path:
     Raises
     ------
     InputError
-        If this installation does not carry the workflow.
+        If this installation does not contain the workflow.
     """
     path = home() / "workflow" / "Snakefile"
     if not path.is_file():

@@ -2,9 +2,9 @@
 
 Plain numba loops over a short inner axis cost more in aliasing checks than in arithmetic, and the vectoriser gives up,
 because it must assume that arrays overlap. Here `load`, arithmetic and `store` compile to vector instructions of
-whatever width the processor has, so that a sample's result cannot depend on what the other lanes hold. Kernels that use
-this module keep numba's cache on; numba does not see when this file changes, which is why `core.numba_cache` names the
-cache folder by the content of all files with kernels.
+whatever width the processor has, so that a sample's result cannot depend on the other lanes. Kernels that use this
+module keep numba's cache on; numba does not see when this file changes, which is why `core.numba_cache` names the cache
+folder by the content of all files with kernels.
 """
 
 import operator
@@ -104,7 +104,7 @@ def vectors(lanes: LanesType) -> tuple[Callable, Callable]:
 
 @intrinsic
 def store(typing_context, array, row, value):
-    """Write `value` to row `row` of a contiguous array, rounding where the array holds floats."""
+    """Write `value` to row `row` of a contiguous array, rounding if it is an array of floats."""
     if not (_is_table(array) and isinstance(row, types.Integer) and isinstance(value, LanesType)):
         return None
 

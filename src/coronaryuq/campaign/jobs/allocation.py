@@ -1,4 +1,4 @@
-"""Decide after a round of a growing campaign whether to stop, and what the next round runs."""
+"""Decide after a round of a growing campaign whether to stop, and how many runs the next round has."""
 
 from collections.abc import Sequence
 
@@ -15,9 +15,9 @@ def allocate_round(
     runs_per_fine: int, portion: dict[str, int], round_json: str, before: str | None = None,
     **files: str | Sequence[str],
 ) -> None:  # fmt: skip
-    """Decide after round `number`, which ran `counts`, or what the decision `before` it asked for.
+    """Decide after round `number`, which ran `counts` or the numbers requested by the decision `before` it.
 
-    files: as `RunFiles` names them.
+    files: named as in `RunFiles`.
     """
     ran = read_round(before).next if before else Counts(**counts)
     inputs = RunFiles.of(files, runs_per_fine)

@@ -1,4 +1,4 @@
-"""Compare a search with the truth that was hidden from it, and run one portion of its benchmark."""
+"""Compare a search with the hidden truth, and run one portion of its benchmark."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ def compare_with_truth(
     model: str, measurements: str, conditions: str, truth: str, gaps: str, answer: str, settings: Settings, seed: int,
     table: str, reference: str, threads: int,
 ) -> None:  # fmt: skip
-    """Write the held-out gap with the true effect beside those of a search that did not know it."""
+    """Write the held-out gap with the true effect next to those of a search to which it was unknown."""
     case = {"model": model, "measurements": measurements, "conditions": conditions}
     found, out = {"gaps": gaps, "answer": answer}, {"table": table, "reference": reference}
     compare(case, truth, found, settings, seed, out, threads=threads)

@@ -17,7 +17,7 @@ def batch(
     posterior: PosteriorSettings, backend: str, seed: int, portion: tuple[int, int], records_jsonl: str,
     fields_zip: str, mpi: str, tasks: int,
 ) -> None:  # fmt: skip
-    """Draw the samples of one portion (first, count) of the pilot, run them, and pack the fields that are kept."""
+    """Draw the samples of one portion (first, count) of the pilot, run them, and pack the fields to be kept."""
     first, count = portion
     records = Path(records_jsonl)
     with tempfile.TemporaryDirectory() as scratch:
@@ -32,7 +32,7 @@ def batch(
 
 
 def pack(folder: Path, archive: str | Path) -> None:
-    """Pack all files of a folder without their times, so that equal fields give equal bytes."""
+    """Pack all files of a folder without modification times, so that equal fields give equal bytes."""
     with replacing(archive) as beside, zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as packed:
         for path in sorted(folder.iterdir()):
             packed.writestr(zipfile.ZipInfo(path.name), path.read_bytes(), zipfile.ZIP_DEFLATED)

@@ -9,7 +9,7 @@ from coronaryuq.estimation.settings import Settings
 
 
 def table(data: str | None, settings: Settings, seed: int, table_csv: str, out_dir: Path) -> None:
-    """Write the table beside the paper's columns, as CSV and Markdown, and what its figures are drawn from."""
+    """Write the table next to the paper's columns, as CSV and Markdown, and the data of its figures."""
     folder, rows = published(data)
     markdown = Path(table_csv).with_suffix(".md")
     paper_table(folder, rows, settings, seed, table_csv, markdown, out_dir)

@@ -9,5 +9,5 @@ def write_report(
     figures: Sequence[str], answers: Sequence[str], drawn: Sequence[str], truths: Sequence[str], costs: Sequence[str],
     configuration: dict, report: str, **files: str,
 ) -> None:  # fmt: skip
-    """Write the page from the files that it quotes, its figures, the searches in it and the cost of every job."""
+    """Write the report from result files, figures, searches and the cost of every job."""
     write_page(files, figures, costs, configuration, report, (answers, drawn, truths))

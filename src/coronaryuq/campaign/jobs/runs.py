@@ -10,7 +10,7 @@ from coronaryuq.posterior.settings import Settings as PosteriorSettings
 
 
 def limits_of(posterior: PosteriorSettings) -> dict[str, tuple[float, float]]:
-    """Return the bounds of θ; `r` stands for every bed."""
+    """Return the bounds of θ; `r` applies to every bed."""
     return {"r": posterior.prior, "R_cor_scaling": posterior.scaling}
 
 
@@ -18,9 +18,9 @@ def gather_runs(
     settings: Settings, posterior: PosteriorSettings, counts: dict[str, int], runs_per_fine: int, out_dir: Path,
     allocation: str | None = None, **files: str | Sequence[str],
 ) -> None:  # fmt: skip
-    """Gather the first `counts` runs, or as many as the last round of a growing campaign has decided.
+    """Gather the first `counts` runs, or as many as the last round of a growing campaign decided.
 
-    files: as `RunFiles` names them.
+    files: named as in `RunFiles`.
     """
     chosen = read_round(allocation).counts if allocation else Counts(**counts)
     gather(RunFiles.of(files, runs_per_fine), limits_of(posterior), settings.min_3d, out_dir, chosen)

@@ -1,4 +1,4 @@
-"""Run the 0D model in portions: of an input set, or of the inputs that the trained networks ask for."""
+"""Run the 0D model in portions: of an input set, or of the inputs required by the trained networks."""
 
 import tempfile
 from pathlib import Path
@@ -25,7 +25,7 @@ def chunk(
 def resampled(
     network_json: str, case_json: str, samples_csv: str, settings: Settings, share: int, shares: int, runs_parquet: str,
 ) -> None:  # fmt: skip
-    """Run one of several equal shares of a table of inputs, whose length only the training knows."""
+    """Run one of several equal parts of a table of inputs whose length is known only after training."""
     total = len(read_csv(samples_csv))
     first, last = total * share // shares, total * (share + 1) // shares
     run_chunk(network_json, case_json, samples_csv, first, last - first, settings, runs_parquet)

@@ -13,11 +13,11 @@ from coronaryuq.case.anatomy.tree import AORTA, Tree, Vessel
 from coronaryuq.core.errors import InputError
 
 MOST_POINTS = 60_000
-"""Largest number of surface points for the medial axis; more are thinned evenly."""
+"""Maximum number of surface points for the medial axis; more are thinned evenly."""
 COST_POWER = 2.0
-"""Power of the radius by which the cost of a step is its length divided: paths keep to the middle."""
+"""The cost of a step is its length divided by this power of the radius, so that paths keep to the middle."""
 SPACING = 0.25
-"""Between centreline points, in local radii."""
+"""Spacing of centreline points, in local radii."""
 SMOOTHING = 0.7
 """Standard deviation of the smoothing along a vessel, in local radii."""
 REACH = 1.8
@@ -64,7 +64,7 @@ def medial_axis(surface: Surface, wanted: float) -> MedialAxis:
     a, b = number[a[both]], number[b[both]]
     length = np.linalg.norm(points[a] - points[b], axis=1) + 1e-9
     cost = length * (0.5 / radius[a] ** COST_POWER + 0.5 / radius[b] ** COST_POWER)
-    # A step is kept only where the two balls overlap: longer ones would cut across a wall.
+    # A step is kept only if the two balls overlap: longer ones would cut through a wall.
     kept = length < radius[a] + radius[b]
     graph = coo_matrix((cost[kept], (a[kept], b[kept])), shape=(len(points),) * 2).tocsr()
     return MedialAxis(points, radius, graph)

@@ -21,7 +21,7 @@ from coronaryuq.core.units import LENGTHS
 FARTHEST = 0.5
 """cm: largest distance of an outlet's or stenosis's point from the tree, or twice the local radius if that is more."""
 WIDEST_END, THINNEST_END = 0.4, 0.02
-"""cm: plausible median radius of the coronary ends. Wider ones do not exist, thinner ones are invisible in CT."""
+"""cm: plausible median radius of the coronary ends. Wider ones do not exist, thinner ones are not visible in CT."""
 
 
 @dataclass(frozen=True)
@@ -200,7 +200,7 @@ def _aorta_added(file: Path, tree: Tree) -> Tree:
 
 
 def labelled(tree: Tree, branches: Mapping[str, str]) -> Tree:
-    """Return the tree with every vessel labelled by the ends that it feeds (`branch_of`).
+    """Return the tree with every vessel labelled by the ends downstream of it (`branch_of`).
 
     branches: coronary end vessel → LAD, LCx or RCA; other ends are aortic.
     """

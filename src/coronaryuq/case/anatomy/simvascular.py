@@ -11,7 +11,7 @@ from coronaryuq.case.anatomy.tree import Tree, Vessel, project
 from coronaryuq.core.errors import InputError
 
 LARGEST = 200_000_000
-"""Bytes of one file."""
+"""Maximum size of one file, bytes."""
 SPACING = 0.05
 """cm between centreline points."""
 ATTACH = 1.5
@@ -162,7 +162,7 @@ def _contoured(path: Path, groups: dict[str, Path]) -> Contoured | None:
 
 
 def _path_point(contour: ElementTree.Element) -> int:
-    """Return the path point at which a contour lies; files need not hold contours in that order."""
+    """Return the path point of a contour; files need not contain contours in that order."""
     point = contour.find("path_point")
     number = "" if point is None else point.get("id", "")
     return int(number) if number.isdigit() else 0

@@ -16,9 +16,9 @@ FLAT = np.cos(np.radians(10.0))
 SHARP = (40.0, 25.0, 15.0)
 """Degrees between the normals of neighbours at which the surface is cut, one after the other."""
 SLIVER = 1e-3
-"""Area over longest edge squared."""
+"""Area over longest edge squared, below which a triangle is a sliver."""
 FEWEST = 4
-"""Triangles of a cap."""
+"""Minimum number of triangles of a cap."""
 SPURIOUS_RIM = 4
 """A hole with fewer rim points is a defect of the file, not an open end."""
 WELD = 1e-6
@@ -252,7 +252,7 @@ def _largest_piece(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarra
 def _without_fins(triangles: np.ndarray) -> tuple[np.ndarray, int]:
     """Remove duplicate triangles and fins; also return the number removed.
 
-    A fin shares one edge with two other triangles and has an edge that it shares with none.
+    A fin has one edge in common with two other triangles, and one edge with none.
     """
     before = len(triangles)
     _, first = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)

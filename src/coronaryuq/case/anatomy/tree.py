@@ -166,7 +166,7 @@ class Tree:
         return inside
 
     def ostial(self, vessel: Vessel) -> bool:
-        """Tell whether this coronary artery arises from the aorta."""
+        """Return whether this coronary artery arises from the aorta."""
         return vessel.branch != AORTA and vessel.parent is not None and self[vessel.parent].branch == AORTA
 
     def emergence(self, name: str) -> float:

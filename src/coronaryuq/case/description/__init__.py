@@ -1,1 +1,1 @@
-"""The case file, `case.yaml`: its fields and the files that it names."""
+"""The case file, `case.yaml`: its fields and the files that it refers to."""

@@ -1,4 +1,4 @@
-"""The files that a case names: inputs of its rules, and the lumen that a mesh may be made from."""
+"""The files that a case refers to: inputs of its rules, and the lumen from which a mesh may be made."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ from coronaryuq.core.errors import InputError
 
 
 def files_named(path: str | Path, description: Description) -> list[Path]:
-    """Return every file and folder that the case at `path` names."""
+    """Return every file and folder that the case at `path` refers to."""
     named: list[str | None] = [description.network, description.outlets, description.targets]
     if description.anatomy is not None:
         named.append(description.anatomy.path)

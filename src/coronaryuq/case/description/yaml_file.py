@@ -8,7 +8,7 @@ import yaml
 from coronaryuq.core.errors import InputError
 
 LARGEST = 1_000_000
-"""Bytes."""
+"""Maximum size, bytes."""
 
 
 class _Loader(yaml.SafeLoader):
@@ -37,7 +37,7 @@ def read_yaml(path: str | Path, wanted: str = "expected a mapping of fields") ->
     path
         The YAML file.
     wanted
-        What the error says if the file does not hold a mapping.
+        Message of the error if the file does not contain a mapping.
 
     Raises
     ------

@@ -14,7 +14,7 @@ STENOSIS_LOSS = 1.52
 MURRAY_EXPONENT = 2.6
 """Exponent of outlet flow as a power of outlet radius (paper, section 2.3; Zhou et al. 1999)."""
 CORONARY_SHARES = {"Ra": 0.32, "Ram": 0.52, "Rv": 0.16}
-"""Shares of a coronary bed's resistance (Kim et al. 2010)."""
+"""Fractions of a coronary bed's resistance (Kim et al. 2010)."""
 CORONARY_CAPACITANCE = {
     "ClosedLoopCoronaryLeft": {"Ca": 0.000552427 / MMHG, "Cim": 0.003737025 / MMHG},
     "ClosedLoopCoronaryRight": {"Ca": 0.001055957 / MMHG, "Cim": 0.003463134 / MMHG},
@@ -44,7 +44,7 @@ HEART = {
     for name, value in _HEART_MMHG.items()
 }
 """Heart and pulmonary parameters to start from, CGS: pressures, elastances, resistances and inductances times 1333.22,
-capacitances divided by it; times, volumes, 1/volumes and the intramyocardial shares (iml, imr) as they are."""
+capacitances divided by it; times, volumes, 1/volumes and the intramyocardial fractions (iml, imr) unchanged."""
 
 
 @dataclass(frozen=True)
@@ -290,7 +290,7 @@ def _junctions(tree: Tree, parts: Sequence[Segment], number: Mapping[str, int]) 
 
 
 def murray_shares(radii, exponent: float = MURRAY_EXPONENT) -> np.ndarray:
-    """Return the share of flow (n,) of outlets with radii (n,), proportional to radius**exponent."""
+    """Return the fraction of flow (n,) of outlets with radii (n,), proportional to radius**exponent."""
     weights = np.asarray(radii, dtype=float) ** exponent
     return weights / weights.sum()
 

@@ -24,8 +24,8 @@ class Element(NamedTuple):
 class Network(dict[str, Any]):
     """The content of an svZeroDSolver file, with its blocks by name.
 
-    Blocks are returned as they are: to change one without changing the network, take a `deep_copy` first. A lookup of a
-    name that the network lacks raises `KeyError`.
+    Blocks are returned without a copy: to change one without changing the network, take a `deep_copy` first. Looking up
+    an unknown name raises `KeyError`.
     """
 
     @property
@@ -51,7 +51,7 @@ class Network(dict[str, Any]):
 
     @property
     def chambers(self) -> list[Entry]:
-        """Chambers of the heart, each a block of its own."""
+        """Chambers of the heart, each a separate block."""
         return self.get("chambers", [])
 
     @property

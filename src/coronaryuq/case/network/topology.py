@@ -95,7 +95,7 @@ class Topology:
         return self.blocks[bed]["bc_type"]
 
     def length(self, vessel: str) -> float:
-        """Return a vessel's length (cm), 0 where the network does not give it."""
+        """Return a vessel's length (cm), 0 if it is not in the network."""
         return float(self.vessels[vessel].get("vessel_length") or 0.0)
 
     def inlet(self, vessel: str) -> str:
@@ -110,7 +110,7 @@ class Topology:
 def closed_loop_tree(network: Mapping[str, Any], path: str | Path) -> Topology:
     """Read a network whose vessels form one tree from the heart to closed-loop beds.
 
-    Only the structure is checked; `zerod.network.read` checks what an element may hold.
+    Only the structure is checked; `zerod.network.read` checks the values of elements.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def closed_loop_tree(network: Mapping[str, Any], path: str | Path) -> Topology:
     Raises
     ------
     InputError
-        Where something is missing, dangling or connected twice; names the block.
+        If something is missing, dangling or connected twice; names the block.
     """
     vessels, beds, junctions, loops = (
         _blocks(network, key, path) for key in ("vessels", "boundary_conditions", "junctions", "closed_loop_blocks")

@@ -96,7 +96,7 @@ def to_cgs(network: Network, system: str, file: str | Path = "network") -> tuple
 
 
 def rescaled(network: Network, pressure: float, file: str | Path = "network") -> Network:
-    """Return a copy whose unit of pressure is smaller by the factor `pressure`; volumes and times stay."""
+    """Return a copy whose unit of pressure is smaller by the factor `pressure`; volumes and times are unchanged."""
     network = network.deep_copy()
     if pressure == 1.0:
         return network

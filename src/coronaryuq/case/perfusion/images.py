@@ -9,9 +9,9 @@ from coronaryuq.core.errors import InputError
 
 IMAGE_SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")
 LARGEST = 600_000_000
-"""Voxels."""
+"""Maximum number of voxels."""
 FINEST = 2_000_000
-"""Approximate voxels of a registration's last level; more add nothing to twelve parameters."""
+"""Approximate number of voxels of a registration's last level; more do not improve twelve parameters."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Image:
 
 @dataclass(frozen=True)
 class Invalid:
-    """Cells or voxels of the wall without a usable value: missing and negative, out of how many of which kind."""
+    """Cells or voxels of the wall without a usable value: missing and negative, their total number, and their kind."""
 
     missing: int
     negative: int
@@ -38,8 +38,8 @@ class Invalid:
 def read_image(path: str | Path, like: Image | None = None, path_like: str | Path = "") -> Image:
     """Read a volume; positions are LPS, as SimpleITK gives them for every format.
 
-    like: an image whose grid this one must share (else InputError). Raises InputError for a missing or foreign file, a
-    vector image, a 2D image and one of absurd size.
+    like: an image that must have the same grid (else InputError). Raises InputError for a missing or foreign file, a
+    vector image, a 2D image and an implausibly large one.
     """
     import SimpleITK as sitk
 

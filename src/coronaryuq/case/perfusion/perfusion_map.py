@@ -23,11 +23,11 @@ PLAUSIBLE_FLOW = (0.1, 10.0)
 PLAUSIBLE_EXTENT = (2.5, 20.0)
 """cm: longest side of the wall's bounding box, from a small animal's heart to a dilated human one."""
 PLAUSIBLE_VOLUME = (5.0, 800.0)
-"""cm3 of wall."""
+"""cm3: plausible volume of the wall."""
 DOUBTFUL, FARTHEST = 2.0, 5.0
 """cm: median distance of LV-perfusing outlets to the wall above which map and anatomy may be, or are, misaligned."""
 MOST_INVALID = 0.2
-"""Largest share of the wall whose invalid values are filled from their neighbours."""
+"""Largest fraction of the wall whose invalid values are filled from their neighbours."""
 
 
 @dataclass(frozen=True)

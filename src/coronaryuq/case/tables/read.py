@@ -1,4 +1,4 @@
-"""Read the tables that `case.yaml` names: outlets, measured territory flows, clinical targets."""
+"""Read the tables of `case.yaml`: outlets, measured territory flows, clinical targets."""
 
 import csv
 import math
@@ -24,7 +24,7 @@ BRANCHES: tuple[Branch, ...] = get_args(Branch)
 TISSUES: tuple[Tissue, ...] = get_args(Tissue)
 MOST_OUTLETS = 500
 LARGEST_TABLE = 10_000_000
-"""Bytes."""
+"""Maximum size of a table, bytes."""
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,8 @@ class Target:
     """One target: misfit = (simulated - measured) / tolerance.
 
     `tolerance` is in `unit` or, if `relative`, a fraction of the value. Values outside `plausible` (in `unit`) are
-    refused as a wrong unit or a slip. `clinical` targets are measured on the patient, others are population averages.
+    rejected as a wrong unit or a typing error. `clinical` targets are measured on the patient, others are population
+    averages.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Files that are either complete or absent: written beside their destination, then renamed. Text and JSON."""
+"""Files that are either complete or absent: written next to their destination, then renamed. Text and JSON."""
 
 import json
 import os
@@ -26,7 +26,7 @@ def replacing(path: str | Path, room: int = 0) -> Iterator[Path]:
     Raises
     ------
     OSError
-        Names `path` where the file cannot be written.
+        If the file cannot be written; names `path`.
     """
     path = Path(path)
     temporary = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
@@ -63,7 +63,7 @@ def check_folder(path: str | Path) -> Path:
     if not existing.is_dir():
         raise InputError(path, None, None, f"expected a folder for results, but {existing} is a file")
     try:
-        # Permissions do not tell: root may write anywhere, except on a read-only or virtual file system.
+        # Permissions are not sufficient: root may write anywhere, except on a read-only or virtual file system.
         tempfile.TemporaryFile(dir=existing).close()
     except OSError as error:
         remedy = f"cannot create files in {existing} ({error.strerror}); name another folder for results"
@@ -81,7 +81,7 @@ def check_file(path: str | Path) -> Path:
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Write UTF-8 text with newlines as they are."""
+    """Write UTF-8 text with unchanged newlines."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
@@ -99,12 +99,12 @@ def read_json(path: str | Path, keys: tuple[str, ...] = ()) -> Any:
     path
         The file; UTF-8, with or without a byte-order mark.
     keys
-        Required keys; if any are named, the file must hold a JSON object.
+        Required keys; if any are given, the file must contain a JSON object.
 
     Raises
     ------
     InputError
-        If the file is missing, unreadable or malformed, or lacks a key.
+        If the file is missing, unreadable or malformed, or a key is missing.
     """
     try:
         value = json.loads(Path(path).read_text(encoding="utf-8-sig"))

@@ -1,6 +1,6 @@
 """Repair of modification times later than now, left by a clock that was ahead and has since been set.
 
-Snakemake stops at a result that is older than its inputs; with inputs from the future nothing could be made.
+Snakemake stops at a result that is older than its inputs; with inputs from the future it would stop.
 """
 
 import os
@@ -14,7 +14,7 @@ TOLERANCE_S = 2.0
 def reset_future_times(folder: str | Path) -> list[Path]:
     """Set modification times later than now to the present, keeping their order; return the changed files.
 
-    All other files are older than the clock's error and stay as they are.
+    All other files are older and are not changed.
     """
     now = time.time_ns()
     dated = [(path.stat().st_mtime_ns, path) for path in Path(folder).rglob("*") if path.is_file()]

@@ -35,12 +35,12 @@ def read_csv(path: str | Path, columns: tuple[str, ...] = (), words: tuple[str, 
     columns
         Required columns.
     words
-        Columns, in lower case, that hold text: there `01` is not a number and `NA` not a gap.
+        Columns of text, in lower case: there `01` is not a number and `NA` not a gap.
 
     Raises
     ------
     InputError
-        If the file is missing or malformed, lacks a column, or has rows longer than its heading.
+        If the file is missing or malformed, a column is missing, or rows are longer than the header.
     """
     import pandas as pd
 
@@ -57,7 +57,7 @@ def read_csv(path: str | Path, columns: tuple[str, ...] = (), words: tuple[str, 
         reason = " ".join(str(error).split())
         raise InputError(path, None, None, f"not a readable CSV file ({reason})") from None
     if not isinstance(frame.index, pd.RangeIndex):
-        # pandas takes the first cells of rows that are longer than the heading for an index.
+        # If rows are longer than the header, pandas takes their first cells for an index.
         raise InputError(path, "heading", None, "some rows have more cells than the heading; check the separators")
     return _with_columns(path, frame, columns)
 
@@ -73,7 +73,7 @@ def read_table_text(path: str | Path) -> tuple[str, str]:
 
 
 def line_number(path: str | Path, row: int) -> int:
-    """Return the line of a file, from 1, that holds a row of its table, counted from 0 after the heading."""
+    """Return the line number, from 1, of a row of a table, counted from 0 after the header."""
     lines, _ = _table_lines(path)
     return list(lines)[row + 1]
 
@@ -91,7 +91,7 @@ def _table_lines(path: str | Path) -> tuple[dict[int, str], str]:
     except UnicodeDecodeError:
         text = raw.decode("cp1252", errors="replace")
     lines = {n: line for n, line in enumerate(text.splitlines(keepends=True), 1) if not line.startswith("#")}
-    if re.fullmatch(r"sep=[,;\t]\s*", lines.get(1, "")):  # Excel's note to itself
+    if re.fullmatch(r"sep=[,;\t]\s*", lines.get(1, "")):  # Excel's own separator line
         del lines[1]
     first = next((line for line in lines.values() if line.strip()), "")
     separator = next((mark for mark in ",;\t" if mark in first), ",")

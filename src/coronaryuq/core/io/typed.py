@@ -12,7 +12,7 @@ Result = TypeVar("Result")
 def plain(result: Any) -> Any:
     """Return a dataclass, or a list or dictionary of them, as dictionaries for a JSON file.
 
-    A field that has a default is left out where it is None; one without is written as null.
+    A field that has a default is left out if it is None; one without is written as null.
     """
     if is_dataclass(result):
         values = [(field, getattr(result, field.name)) for field in fields(result)]

@@ -40,7 +40,7 @@ def read_vtk(path: str | Path) -> "pv.DataSet":
 
 
 def write_vtk(path: str | Path, data: "pv.DataSet") -> None:
-    """Write a data set in the format that the suffix names."""
+    """Write a data set in the format of the suffix."""
     # VTK aborts the process on a full disk. Compressed and in base64, a file takes at most 4/3 of the data.
     with replacing(path, room=1536 * data.GetActualMemorySize() + 65536) as temporary:
         data.save(temporary)
