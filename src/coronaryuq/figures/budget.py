@@ -8,7 +8,7 @@ from coronaryuq.figures.style import ESTIMATORS, MUTED, saved
 SHOWN = "max OSI"
 """The paper's example in both figures, and the most difficult quantity."""
 LEAST_COST = 1e-2
-"""Costs below this number of 3D runs are not drawn; they would only stretch the logarithmic axis."""
+"""Smallest cost that is drawn, in 3D runs; lower ones would only extend the logarithmic axis."""
 SERIES = (
     ("rho_original", "3D against 0D, same θ", MUTED),
     ("rho_ae_in_sample", "MFMC-AE, in-sample", "#E7B394"),

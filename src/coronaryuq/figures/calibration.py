@@ -6,7 +6,7 @@ from coronaryuq.core.io.tables import read_csv
 from coronaryuq.figures.style import MEASURED, MUTED, SIMULATED, saved
 
 NARROW, WIDEST = 5.0, 60.0
-"""Half widths in per cent: of the grey band, and the largest one of the axis."""
+"""Half widths in per cent: of the grey band, and the maximum of the axis."""
 
 
 def cardiac_function(fit: str, output: str) -> None:

@@ -13,7 +13,7 @@ Item = tuple[pv.DataSet, dict]
 """A mesh, and options of `pyvista.Plotter.add_mesh`."""
 
 SHADE = {"ambient": 0.65, "diffuse": 0.4}
-"""Enough shading to show the shape, little enough to read a colour from its scale."""
+"""Enough shading to show the shape, but little enough to read colours from their scale."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Rendering:
 def rendered(
     items: Iterable[Item], camera: Camera, marks: ArrayLike = (), size: tuple[int, int] = (1100, 1100), margin: int = 10
 ) -> Rendering:
-    """Render a scene on white, lit from the viewer, so that a colour means the same value on all sides.
+    """Render a scene on white, lit from the viewer, so that a colour has the same meaning on all sides.
 
     marks: (n, 3) points whose positions in the image are returned. size: in pixels, before cropping to `margin` pixels
     around the scene (no cropping if the camera has a focus).

@@ -84,8 +84,8 @@ def tree_by_ffr(case: str, tree: str, pressures: str, output: str) -> None:
 def walls(fields: str, case: str, tree: str, output: str) -> None:
     """Draw time-averaged wall shear stress and oscillatory shear index of the first 3D sample, by piece of the domain.
 
-    fields: archive of a batch's fields. The stress has a logarithmic scale: in the throat it is a hundred times that of
-    the region behind it, where the quantities of interest are evaluated.
+    fields: archive of a batch's fields. The stress has a logarithmic scale: in the throat it is a hundred times that in
+    the region distal to it, where the quantities of interest are evaluated.
     """
     wall = _first(fields, "_wall.vtp")
     vessels, stenoses = read_tree(tree), placed_stenoses(read_case(case).stenoses)

@@ -1,1 +1,1 @@
-"""What a notebook or a script may use; `coronaryuq` itself gives these names, and they stay."""
+"""Functions for notebooks and scripts, available as stable names of `coronaryuq` itself."""

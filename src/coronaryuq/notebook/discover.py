@@ -22,30 +22,30 @@ def discover(
     seed: int = 1,
     settings: Settings | None = None,
 ) -> dict[str, Any]:
-    """Find the physical effect that a model lacks, as `coronaryuq discrepancy` does.
+    """Find the physical effect that a model is missing, as `coronaryuq discrepancy` does.
 
     Parameters
     ----------
     model, measurements, conditions
         Network (svZeroDSolver JSON), measurement table (CSV), conditions file (YAML); see docs/how-to/discrepancy.md.
     pairs
-        In their place: tables of simulated and of measured outputs.
+        Instead of these: tables of simulated and of measured outputs.
     out
         Folder for all results; None: only the answer is returned.
     seed
-        Seed of folds and intervals.
+        Seed of cross-validation folds and intervals.
     settings
-        Of the search.
+        Settings of the search.
 
     Returns
     -------
     dict
-        Content of `discrepancy.json`; `paragraph` is the answer in words.
+        Content of `discrepancy.json`; `paragraph` is the result in words.
 
     Raises
     ------
     InputError
-        If a file is missing or wrong, before anything is written.
+        If a file is missing or invalid, before anything is written.
     """
     given = {"model": model, "measurements": measurements, "conditions": conditions}
     if pairs is not None and any(given.values()):

@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 UNITS = "units"
-"""Key of `DataFrame.attrs` under which a table holds the unit of every column."""
+"""Key of `DataFrame.attrs` with the unit of every column."""
 
 
 class Figure:
-    """A figure of a campaign, which a notebook shows; `path` is its file."""
+    """A figure of a campaign, displayed by notebooks; `path` is its file."""
 
     def __init__(self, path: Path):
         self.path = path
@@ -37,10 +37,10 @@ class Figure:
 
 
 class Opened:
-    """The results of a campaign, read when they are asked for.
+    """The results of a campaign, read on access.
 
-    What the campaign has not computed yet raises an `InputError` of one line, which names the target that makes it.
-    Tables are pandas DataFrames with the unit of every column in `attrs["units"]`.
+    A result that has not been computed yet raises a one-line `InputError` that names the target to run. Tables are
+    pandas DataFrames with the unit of every column in `attrs["units"]`.
 
     Parameters
     ----------
@@ -75,10 +75,10 @@ class Opened:
         -------
         pandas.DataFrame
             Index: artery. `mean`: mean of FFR over the posterior of the outlet resistances. `std`, `low`, `high`:
-            reported standard error and calibrated 95 % interval of that mean; they hold the error of estimating it
-            from a finite number of runs, neither the patient's spread nor the error of mesh and model. `q05`,
-            `median`, `q95`: quantiles of FFR over the posterior, the patient's spread. `probability`: of FFR at or
-            below `threshold`. `estimator`; `warnings`: why not to trust it.
+            reported standard error and calibrated 95 % interval of that mean; they cover only the error of estimating
+            it from a finite number of runs, not the posterior spread and not the error of mesh and model. `q05`,
+            `median`, `q95`: quantiles of FFR over the posterior. `probability`: of FFR at or below `threshold`.
+            `estimator`; `warnings`: reasons for caution.
         """
         import pandas as pd
 
@@ -98,8 +98,8 @@ class Opened:
         -------
         pandas.DataFrame
             `mean` is the estimated mean over the posterior, `std` its reported standard error; the intervals
-            (`chebyshev_95_*`, `chebyshev_99_*`, `calibrated_*`) are for that mean and hold the error of a finite number
-            of runs only. `unit` is that of these columns; `recommended` marks the estimator to quote.
+            (`chebyshev_95_*`, `chebyshev_99_*`, `calibrated_*`) are for that mean and cover only the error of a finite
+            number of runs. `unit` is that of these columns; `recommended` marks the estimator to quote.
         """
         table = self._table("estimation", "table.csv")
         attrs = dict(table.attrs)
@@ -114,8 +114,8 @@ class Opened:
     def posterior(self) -> Any:
         """Posterior of the outlet resistances: a DataTree, as ArviZ 1 uses it.
 
-        Groups: `posterior` with `r` (multiplier of r-hat, 1) and `flow` (mL/s) by chain, draw and bed, `sample_stats`
-        with the log density `lp`, `observed_data` with the target flows (mL/s).
+        Groups: `posterior` with `r` (multiplier of r-hat, dimensionless) and `flow` (mL/s) by chain, draw and bed,
+        `sample_stats` with the log density `lp`, `observed_data` with the target flows (mL/s).
         """
         import xarray
 
@@ -149,7 +149,7 @@ class Opened:
 
     @property
     def figures(self) -> dict[str, Figure]:
-        """Figures by name; a notebook shows the last one that a cell names."""
+        """Figures by name; a notebook shows the last one in a cell."""
         folder = self._folder.path("figures")
         return {path.stem: Figure(path) for path in sorted(folder.glob("*.png"))}
 
@@ -159,7 +159,7 @@ class Opened:
         return self._folder.path("report.html")
 
     def explain(self, result: str) -> Origin:
-        """Return where a result comes from.
+        """Return the origin of a result.
 
         Parameters
         ----------
@@ -169,7 +169,7 @@ class Opened:
         Raises
         ------
         InputError
-            If no job has written it.
+            If no job wrote it.
         """
         path = self.path / result
         if not path.exists():

@@ -33,6 +33,6 @@ def noise_statistics(
 
 
 def rescaled(covariance: np.ndarray, deviation: np.ndarray) -> np.ndarray:
-    """Rescale a covariance to these standard deviations; correlations stay, and the result is exactly symmetric."""
+    """Rescale a covariance to these standard deviations; correlations are kept, and the result is exactly symmetric."""
     factor = deviation / np.sqrt(np.diag(covariance))
     return covariance * np.outer(factor, factor)

@@ -25,7 +25,7 @@ def uniform_at(key: np.uint64, index: np.uint64) -> float:
 
 @njit(cache=True, inline="always")
 def is_certainly_above(uniform: float, bound: float) -> bool:
-    """Tell whether the normal number of `uniform` is above `bound`; False if that takes its quantile to decide."""
+    """Return whether the normal number of `uniform` exceeds `bound`; False if only its quantile can decide."""
     return bound < 0.0 and uniform > _TAIL[min(int(-bound), 8)]
 
 

@@ -1,4 +1,4 @@
-"""Noisy realisations of territories and MBF, each named by its index."""
+"""Noisy realisations of territories and MBF, each identified by its index."""
 
 from dataclasses import dataclass
 
@@ -20,7 +20,7 @@ class Candidates:
 
     An outlet is left out if it is farther than the nearest one by more than `SIGMAS` standard deviations of the
     difference of the two noisy distances. It would still win with probability 1e-9 per point, outlet and realisation,
-    so this shortcut moves at most an expected (outlets - 1) x 1e-9 of the volume to another territory.
+    so this shortcut assigns at most an expected fraction of (outlets - 1) x 1e-9 of the volume to another territory.
     """
 
     start: np.ndarray
@@ -41,7 +41,7 @@ class Candidates:
 class NoiseStudy:
     """All noise models on one LV, with common random numbers.
 
-    Models with the same distance noise share their territories. Realisation k depends on the seed and k only.
+    Models with the same distance noise have the same territories. Realisation k depends on the seed and k only.
 
     Parameters
     ----------

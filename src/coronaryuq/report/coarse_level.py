@@ -12,8 +12,8 @@ def sentence(rows: list[RowReport], coarse: CoarseLevel | None) -> str:
         if row.row in coarse.rows:
             quantity, _, branch = (row.label.split(", ") + ["", ""])[:3]
             gain = coarse.rows[row.row].gain
-            # Rows of one 3D quantity differ in their estimator without the level; the level has to beat the one with
-            # the smallest standard error.
+            # Rows of one 3D quantity differ in their estimator without the level; the level must improve on the one
+            # with the smallest standard error.
             name = f"{quantity} {branch}".strip()
             gains[name] = min(gain, gains.get(name, gain))
     failed = f", {coarse.failed} of them failed" if coarse.failed else ""

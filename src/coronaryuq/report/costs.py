@@ -1,4 +1,4 @@
-"""Sum of what the jobs of a campaign cost, rule by rule."""
+"""Total cost of the jobs of a campaign, by rule."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,7 +9,7 @@ SUMMED = ("wall_s", "cpu_s")
 
 
 def costs(files: Sequence[str | Path]) -> list[dict]:
-    """Return one line per rule and one for all: name, jobs, wall and CPU time (s), largest memory (MB), as text.
+    """Return one row per rule and one for all: name, jobs, wall and CPU time (s), largest memory (MB), as text.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Results of searches for missing effects: a section of the report, and a page of their own."""
+"""Results of searches for missing effects: a section of the report, and a separate page."""
 
 import base64
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ TITLES = {
     "hidden": "An effect hidden in the tuned loop",
 }
 SHOWN = 6
-"""Largest number of disagreements listed."""
+"""Maximum number of misfits listed."""
 
 
 def environment() -> Environment:
@@ -84,7 +84,7 @@ def case_of(path: str | Path) -> str:
 
 
 def searches(answers: Sequence[str], figures: Sequence[str], truths: Sequence[str] = ()) -> list[dict]:
-    """Return each case as the templates show it; for the parameters see `write_page`."""
+    """Return each case in the form for the templates; for the parameters see `write_page`."""
 
     def of_case(files, path):
         return [file for file in files if case_of(file) == case_of(path)]
@@ -115,7 +115,7 @@ def _search(path: str, figures: list[str], truths: list[str]) -> dict:
 
 
 def _verdict(truth: dict, named: list[dict]) -> str:
-    """Describe the hidden effect and whether the answer is right."""
+    """Describe the hidden effect and state whether the answer is correct."""
     effect, place = truth["effect"], truth["place"]
     sizes = ", ".join(f"{name} {value:.3g}" for name, value in truth["sizes"].items())
     hidden = (

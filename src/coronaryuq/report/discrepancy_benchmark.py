@@ -45,7 +45,7 @@ def write_page(shares: str, cells: str, answers: str, figure: str, settings: dic
 
 
 def target(least: float, most: float) -> str:
-    """Format the range in which a share should lie."""
+    """Format the target range of a fraction."""
     if most == 0:
         return "0"
     return f"≥ {least:.2f}" if most == 1 else f"≤ {most:.2f}" if least == 0 else f"{least} to {most}"

@@ -1,4 +1,4 @@
-"""Whether target interval widths were reached, why a growing campaign stopped, and the cost of narrower ones."""
+"""Target interval widths: whether they were reached, why a growing campaign stopped, and the cost of narrower ones."""
 
 from coronaryuq.estimation.results import RowReport, TargetPlan, read_budget, read_round
 from coronaryuq.report.numbers import number
@@ -11,7 +11,7 @@ ENDED = {
 
 
 def sentences(rows: list[RowReport], budget: str, last_round: str | None) -> list[dict]:
-    """Return a line for each target width and one for the end of a campaign that grew.
+    """Return a line for each target width and one for the end of a growing campaign.
 
     Parameters
     ----------

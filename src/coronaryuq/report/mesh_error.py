@@ -1,4 +1,4 @@
-"""Error of mesh and time step, which no statistical interval includes, in words for the report."""
+"""Errors of mesh and time step, which no statistical interval includes, in words for the report."""
 
 from pathlib import Path
 
@@ -59,7 +59,7 @@ class MeshError:
         )
 
     def _reliability(self) -> str:
-        """Return how far values on this mesh can be trusted."""
+        """Return the reliability of values on this mesh."""
         quantities = self._quantities()
         ffr = max(
             (value["error"] + value["step_error"] for name, value in quantities.items() if name.startswith("ffr_")),

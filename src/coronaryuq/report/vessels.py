@@ -10,13 +10,13 @@ from coronaryuq.report.numbers import interval
 
 QUANTITIES = ("ffr", "tawss_min", "osi_max")
 FFR_DECIMALS = 3
-"""A pressure wire shows two; the third shows how close the mean is to the threshold."""
+"""Digits of FFR. A pressure wire has two; the third shows how close the mean is to the threshold."""
 LIKELY = 0.9
 """Probability, over its whole interval, above which the page states a verdict."""
 
 
 def vessel_card(artery: str, rows: list[RowReport], outlets: Mapping[str, str], mesh: MeshError) -> dict:
-    """Return what the template shows of one stenosis.
+    """Return the contents of the card of one stenosis.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Requests that arrive together are run together, as many as a model has lanes."""
+"""Batches of requests that arrive at the same time, as many as a model has lanes."""
 
 import asyncio
 from concurrent.futures import ThreadPoolExecutor
@@ -14,7 +14,7 @@ Request = tuple[list[float], "asyncio.Future[list[float] | str]"]
 
 
 class Batcher:
-    """A queue of requests for one model, which a thread of its own runs in batches."""
+    """A queue of requests for one model, which a separate thread runs in batches."""
 
     def __init__(self, model: ServedModel, window: float = WINDOW):
         self.model, self.window = model, window
@@ -23,7 +23,7 @@ class Batcher:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix=model.name)
 
     async def ask(self, theta: list[float]) -> list[float] | str:
-        """Return the outputs at θ, or why there are none."""
+        """Return the outputs at θ, or the reason for their absence."""
         answer = asyncio.get_running_loop().create_future()
         self._queue.put_nowait((theta, answer))
         return await answer
@@ -47,14 +47,14 @@ class Batcher:
         return requests
 
     async def _run(self, requests: list[Request]) -> None:
-        requests = [request for request in requests if not request[1].done()]  # a client may have left
+        requests = [request for request in requests if not request[1].done()]  # a client may have disconnected
         if not requests:
             return
         self.batches.append(len(requests))
         theta = np.array([theta for theta, _ in requests])
         try:
             answers = await asyncio.get_running_loop().run_in_executor(self._thread, self.model.run, theta)
-        except Exception as error:  # of any kind: it is the answer to these requests, and the server goes on
+        except Exception as error:  # of any kind: it is returned to these requests, and the server continues
             answers = [" ".join(f"{type(error).__name__}: {error}".split())] * len(requests)
         for (_, answer), value in zip(requests, answers, strict=True):
             if not answer.done():

@@ -1,4 +1,4 @@
-"""The models of a campaign that are served: θ in, quantities of interest out, many samples at once."""
+"""The models of a campaign that are served: from θ to quantities of interest, many samples at once."""
 
 import tempfile
 from collections.abc import Callable, Sequence
@@ -37,11 +37,11 @@ class ServedModel(Protocol):
     Attributes
     ----------
     name
-        By which clients ask for it.
+        Name by which clients request it.
     inputs, outputs
         Names of the components.
     lanes
-        Samples that it runs together.
+        Number of samples that it runs together.
     """
 
     name: str
@@ -54,7 +54,7 @@ class ServedModel(Protocol):
     def outputs(self) -> list[str]: ...
 
     def run(self, theta: np.ndarray) -> list[list[float] | str]:
-        """Run positive inputs (n, inputs), n ≤ lanes; per row the outputs, or why there are none."""
+        """Run positive inputs (n, inputs), n ≤ lanes; return per row the outputs, or the reason for their absence."""
         ...
 
 
@@ -158,7 +158,7 @@ class Flow3D:
 
 
 def models_of(home: str | Path) -> tuple[list[ServedModel], list[InputError]]:
-    """Return the models of a campaign, and what is missing for those that it cannot serve yet.
+    """Return the models of a campaign, and the missing files of those that cannot be served yet.
 
     Parameters
     ----------

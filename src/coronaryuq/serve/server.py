@@ -1,7 +1,7 @@
 """The UM-Bridge protocol, version 1.0, over HTTP: https://um-bridge-benchmarks.readthedocs.io.
 
-umbridge's own server runs one request at a time and listens on all addresses; this one batches them and listens where
-it is told. Beside what the protocol asks for, `ModelInfo` names the components: `inputNames`, `outputNames`.
+umbridge's own server runs one request at a time and listens on all addresses; this one batches them and listens on a
+given address. In addition to the protocol, `ModelInfo` names the components: `inputNames`, `outputNames`.
 """
 
 import asyncio
@@ -17,7 +17,7 @@ from coronaryuq.serve.models import ServedModel
 
 
 class Refused(Exception):
-    """A request that is answered with an error: its kind in the protocol, and one line."""
+    """An invalid request: the kind of its error in the protocol, and one line."""
 
     def __init__(self, kind: str, line: str, status: int = 400):
         super().__init__(line)
@@ -62,9 +62,9 @@ async def serve(models: Sequence[ServedModel], host: str, port: int, ready: Call
     models
         The models.
     host, port
-        Where to listen; port 0 takes a free one.
+        Address to listen on; port 0: a free port.
     ready
-        Called with the address once the server answers.
+        Called with the address when the server is ready.
     """
     runner = web.AppRunner(application(models), access_log=None)
     await runner.setup()

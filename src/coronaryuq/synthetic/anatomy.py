@@ -1,8 +1,8 @@
 """The bundled patient's vessels: a right-dominant coronary tree on an ellipsoidal heart, drawn from a seed.
 
-Courses follow the grooves and walls that the arteries are named after. Calibres follow the flow that a vessel
-carries, r ~ Q^(1/k) with k = 2.7 at bifurcations (Murray 1926; Kassab 2007 measured 2.3 to 2.7 in coronary trees),
-where an outlet carries the share of the left ventricular wall that is nearest to it.
+Courses follow the grooves and walls that the arteries are named after. Calibres follow the flow of a vessel, r ~
+Q^(1/k) with k = 2.7 at bifurcations (Murray 1926; Kassab 2007 measured 2.3 to 2.7 in coronary trees), where the flow of
+an outlet is in proportion to the left ventricular wall nearest to it.
 """
 
 from dataclasses import dataclass, replace
@@ -56,8 +56,9 @@ class Artery:
     """An artery as anatomists draw it, from its origin to its end, without its side branches.
 
     course: control points (φ in degrees, s, depth); depth 0 is the epicardium, a positive one inside the left
-    ventricular wall. origin: name of the artery that it leaves. origin_point: where it leaves, as a fractional index of
-    the origin's control points. share: of the coronary flow; 0 if it follows from the left ventricular territory.
+    ventricular wall. origin: name of the artery from which it branches. origin_point: place of the branching, as a
+    fractional index of the origin's control points. share: fraction of the coronary flow; 0 if it follows from the left
+    ventricular territory.
     """
 
     name: str
@@ -163,7 +164,7 @@ def patient_anatomy(seed: int = SEED) -> Anatomy:
 
 
 def narrowed(vessel: Vessel, stenosis: Stenosis, reduction: float) -> Vessel:
-    """Add a cosine-shaped narrowing whose throat loses the share `reduction` of the vessel's diameter."""
+    """Add a cosine-shaped narrowing that reduces the vessel's diameter at the throat by the fraction `reduction`."""
     arc = np.union1d(vessel.arc, np.linspace(stenosis.start, stenosis.end, 41))
     arc = arc[np.concatenate([[True], np.diff(arc) > 1e-6])]
     middle, length = (stenosis.start + stenosis.end) / 2, stenosis.end - stenosis.start
@@ -256,7 +257,7 @@ def _pieces(courses: dict[str, _Course]) -> list[_Piece]:
 
 
 def _shares(ventricle: Ventricle, courses: dict[str, _Course]) -> dict[str, float]:
-    """Return each artery's share of coronary flow: that of the wall nearest to its end, or the one stated."""
+    """Return each artery's fraction of coronary flow: that of the wall nearest to its end, or the one stated."""
     feeding = [c for c in courses.values() if c.artery.perfuses == "LV"]
     wall = ventricle.mesh(12_000)
     volumes = np.asarray(wall.compute_cell_sizes(length=False, area=False)["Volume"])
@@ -311,7 +312,7 @@ def _tree(
 
 
 def _passes(key: dict[tuple[str, int], _Piece], through: tuple[str, int], end: tuple[str, int]) -> bool:
-    """Tell whether blood on its way to the piece `end` goes through the piece `through`."""
+    """Return whether blood on its way to the piece `end` passes through the piece `through`."""
     here: tuple[str, int] | None = end
     while here is not None and here != through:
         here = key[here].parent

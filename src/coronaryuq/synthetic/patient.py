@@ -1,4 +1,4 @@
-"""The bundled patient as files, in the formats that a real case uses, with the truth beside them."""
+"""The bundled patient as files, in the formats of a real case, together with the truth."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -60,7 +60,7 @@ def write_files(patient: Patient, folder: str | Path) -> None:
 
 
 def clinical_targets(measures: Mapping[str, float]) -> str:
-    """Write the targets table: name, description, value in mmHg or mL, rounded as clinics do, or `none`."""
+    """Write the targets table: name, description, value in mmHg or mL, rounded as in a clinical report, or `none`."""
     lines = []
     for name, (text, unit, decimals) in CLINICAL.items():
         value = "none" if decimals is None else f"{measures[name] / unit:.{decimals}f}"
@@ -89,7 +89,7 @@ def description(patient: Patient) -> str:
 
 
 def truth(patient: Patient) -> dict:
-    """Return the patient's true values, CGS, that the campaign estimates, and the loop that has them."""
+    """Return the patient's true values, CGS, of the estimated quantities, and the loop with these values."""
     rest, hyperaemia = patient.rest, patient.hyperaemia
     return {
         "name": patient.settings.name,

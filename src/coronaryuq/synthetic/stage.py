@@ -13,7 +13,7 @@ def write_patient(settings: Settings, seed: int, out_dir: str | Path) -> None:
     Parameters
     ----------
     settings : Settings
-        Of the bundled patient.
+        Settings of the bundled patient.
     seed : int
         The campaign's seed.
     out_dir : str or Path

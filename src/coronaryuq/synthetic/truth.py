@@ -44,7 +44,7 @@ ARTERIAL_TIME, MYOCARDIAL_TIME = 0.05, 3.0
 """s: total resistance of a coronary side at rest times its arterial and its intramyocardial compliance."""
 
 FILLING = 300.0
-"""mL of blood that raise stroke volume about e-fold; affects only the convergence of the fixed-point iteration."""
+"""mL of blood that increase stroke volume about e-fold; affects only the convergence of the fixed-point iteration."""
 
 SWEEPS, TOLERANCE = 40, 2e-4
 STEPS, PERIODIC = 500, 1e-4
@@ -132,7 +132,7 @@ class _Loop:
             flow = sum(self._flow(hyper, bed) for bed in self.masses) / wanted_flow
             if max(abs(pressure - 1.0), abs(stroke - 1.0), abs(flow - 1.0)) < TOLERANCE:
                 return self._state(self.network, rest), self._state(relaxed, hyper)
-            # Pressure follows resistance times output, output follows filling, perfusion follows coronary resistance.
+            # Pressure depends on resistance times output, output on filling, perfusion on coronary resistance.
             _scale(self.network, systemic=stroke / pressure, coronary=flow)
             rest.state[:, self.right_atrium] -= FILLING * np.log(stroke)
         raise RuntimeError("the bundled patient's loop does not converge; its settings contradict one another")
