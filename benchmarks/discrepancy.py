@@ -1,7 +1,7 @@
-"""Puts cases of `coronaryuq bench discrepancy` into discrepancy-cases.jsonl, and what they say into the documents.
+"""Add cases of `coronaryuq bench discrepancy` to discrepancy-cases.jsonl, and their results to the documentation.
 
-Arguments: NETWORK=FILE for further cases, one JSON object a line as the benchmark writes them to standard error.
-A case that is there already, by network, effect, strength, noise and seed, gives way to its new run.
+Arguments: NETWORK=FILE for further cases, one JSON object per line as the benchmark writes them to standard error. An
+existing case of the same network, effect, strength, noise and seed is replaced.
 """
 
 import json
@@ -39,7 +39,7 @@ def key(case: dict) -> tuple:
 
 
 def kept(case: dict, network: str) -> dict:
-    """Keep the fields that the tables need; classes only where they say more than the first name."""
+    """Keep the fields that the tables need; classes only if they have more than the first name."""
     found = {name: case[name] for name in KEPT if case.get(name) is not None} | {"network": network}
     for name, digits in DIGITS.items():
         if name in found:
@@ -66,7 +66,7 @@ def totals(cases: list[dict]) -> list[str]:
 
 
 def costs(cases: list[dict]) -> list[str]:
-    """CPU seconds of a search, mean and largest, by what was hidden."""
+    """CPU seconds of a search, mean and largest, by hidden effect."""
     kinds = {
         "nothing hidden": lambda c: c["effect"] == "none",
         "one effect": lambda c: c["effect"] != "none" and not is_pair(c) and not c["effect"].startswith("outside"),
@@ -144,7 +144,7 @@ def noises(cases: list[dict]) -> list[str]:
 
 
 def misses(cases: list[dict]) -> list[str]:
-    """Every wrong answer, with what was named first in its place."""
+    """Every wrong answer, with the first name in place of the hidden effect."""
     columns = ["on", "hidden", "strength, noise", "detectable signal, noise sd", "answer", "seed"]
     lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
     for case in (c for c in cases if not c.get("skipped") and not right(c)):
@@ -170,7 +170,7 @@ def answered(case: dict) -> str:
 
 
 def picture(cases: list[dict]) -> None:
-    """Draw hidden against first named effects on the open loop, and every network's shares with intervals."""
+    """Draw hidden against first named effects on the open loop, and every network's fractions with intervals."""
     with tempfile.TemporaryDirectory() as name:
         tables = [Path(name) / table for table in ("shares.csv", "answers.csv")]
         write_csv(tables[0], shares({network: chosen(cases, network) for network in NETWORKS}))

@@ -1,4 +1,4 @@
-"""Put cells of the coverage benchmark into estimation-coverage.jsonl and its tables into estimation.md.
+"""Add cells of the coverage benchmark to estimation-coverage.jsonl and its tables to estimation.md.
 
 Arguments: files with further cells, one JSON object per line (`run_cell` of `bench.estimation.coverage`, with
 `first_trial`), or none.
@@ -15,9 +15,9 @@ FOLDER = Path(__file__).parent
 CELLS, PAGE = FOLDER / "estimation-coverage.jsonl", FOLDER.parent / "docs" / "explanation" / "estimation.md"
 METHODS, SIZES, TRIALS = ("MC", "MFMC", "crossfit-GP", "MFMC-AE"), (25, 50, 100, 250), 400
 LABELS = {"dissimilar inputs": "different inputs", "useless 0D": "uninformative 0D"}
-"""Problems that the page names otherwise; their own names are part of the seeds."""
+"""Problems with other names on the page; their own names are part of the seeds."""
 FORMER = {"crossfit-GP, without logarithm", "crossfit-GP, without extrapolation factor"}
-"""Cells of `crossfit-GP` as it was; they stand where it has not been measured since."""
+"""Name of the cells of an earlier `crossfit-GP`, used where the present one has not been measured."""
 PROBLEMS = ("smooth", "dissimilar inputs", "useless 0D", "non-monotone", "constrained manifold", "long tail")
 PROBLEMS += tuple(f"row {number}" for number in range(1, 13))
 
@@ -59,8 +59,8 @@ def pooled(one: dict, other: dict) -> dict:
 def merged(cells: list[dict], more: list[dict]) -> list[dict]:
     """Merge further cells into `cells`.
 
-    Trials that follow a cell's own are pooled with it; others replace it if they are no fewer. A former selector's
-    cell gives way to one of the present selector.
+    Trials that follow a cell's own are pooled with it; others replace it if they are no fewer. A cell of the present
+    selector replaces one of a former selector.
     """
     found = {}
     for cell in [*cells, *more]:

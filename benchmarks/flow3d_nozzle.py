@@ -1,4 +1,4 @@
-"""Makes pictures/flow3d-nozzle.png: the FDA nozzle at Re 500 here and in two laboratories. Argument: their files."""
+"""Draw pictures/flow3d-nozzle.png: the FDA nozzle at Re 500, simulated and measured. Argument: the measured files."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Makes total-resistance.png and prints its numbers: the constrained posterior, exact and rescaled after acceptance."""
+"""Draw total-resistance.png and print its numbers: the constrained posterior, exact and rescaled after acceptance."""
 
 from pathlib import Path
 
@@ -19,7 +19,7 @@ SHARES = np.array([0.19, 0.13, 0.11, 0.10, 0.08, 0.07, 0.06, 0.055, 0.05, 0.045,
 
 
 def brute_force(weights: np.ndarray, count: int, width: float = 0.004) -> np.ndarray:
-    """Uniform multipliers that happen to keep the total conductance within `width`: no derivation in it."""
+    """Return uniform multipliers that happen to keep the total conductance within `width`: needs no derivation."""
     random, kept = np.random.default_rng(7), []
     while sum(map(len, kept)) < count:
         m = random.uniform(*PRIOR, size=(400_000, len(weights)))

@@ -1,4 +1,4 @@
-"""Put a run of `coronaryuq bench conformance --json` into zerod-conformance.json and the page on the 0D solver.
+"""Add a run of `coronaryuq bench conformance --json` to zerod-conformance.json and the page on the 0D solver.
 
 Argument: a file with that JSON, or none to write the table of the recorded run again.
 """

@@ -1,4 +1,4 @@
-"""Pin what pyproject.toml asks for with all its extras, and all that comes with it, as installed here."""
+"""Pin the requirements of pyproject.toml with all extras, and their dependencies, as installed here."""
 
 import sys
 import tomllib
@@ -10,7 +10,7 @@ from packaging.utils import canonicalize_name
 
 
 def closure(names: list[Requirement]) -> dict[str, str]:
-    """Version of every distribution that `names` need here, extras and environment markers heeded."""
+    """Return the version of every distribution that `names` require here, with extras and environment markers."""
     pinned: dict[str, str] = {}
     waiting = [(wanted, frozenset(wanted.extras)) for wanted in names]
     seen = set()

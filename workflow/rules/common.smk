@@ -1,4 +1,4 @@
-# What the rules use: the checked configuration, its jobs and paths, and functions that ask other rules. No rules here.
+# Definitions for the rules: the checked configuration, its jobs and paths, and functions that refer to other rules.
 
 import json
 import os
@@ -17,7 +17,7 @@ from coronaryuq.core.io.atomic import read_json
 from coronaryuq.figures.draw import module_of
 
 
-# The software of every job; built as envs/coronaryuq.def says, used with --software-deployment-method apptainer.
+# The container of every job; built from envs/coronaryuq.def, used with --software-deployment-method apptainer.
 container: "envs/coronaryuq.sif"
 
 
@@ -64,13 +64,13 @@ wildcard_constraints:
 
 
 def stage(function, *modules):
-    """Parameters of a job: its function, as MODULE:FUNCTION, and the digest of the code behind it and other modules."""
+    """Return the parameters of a job: its function, MODULE:FUNCTION, and the digest of its code and other modules."""
     behind = (function.partition(":")[0], *modules)
     return {"function": function, "code": lambda wildcards: provenance.code_digest(*behind)}
 
 
 def drawing(name):
-    """Parameters of a job that draws the figure that `name` gives for its wildcards."""
+    """Return the parameters of a job that draws the figure `name` of its wildcards."""
     function = "coronaryuq.campaign.jobs.figure:draw_figure"
     return {
         "function": function,
@@ -80,43 +80,43 @@ def drawing(name):
 
 
 def block(name, without=()):
-    """Settings of one stage, without counts whose change leaves what has been computed valid."""
+    """Return the settings of one stage, without counts, which can change without making results invalid."""
     return getattr(campaign, name).model_dump(mode="json", exclude=set(without))
 
 
 def as_json(job, **values):
-    """Parameters of a job that is started from the shell."""
+    """Return the parameters of a job that is started from the shell."""
     return json.dumps(job | {"code": job["code"](None)} | values, sort_keys=True)
 
 
 def alternatives(names):
-    """Constraint of a wildcard to some names; a rule without any makes nothing."""
+    """Return the constraint of a wildcard to some names; a rule without any makes nothing."""
     return "|".join(map(re.escape, names)) or "none"
 
 
 def mesh_of(wildcards):
-    """The mesh that 3D runs need."""
+    """Return the mesh of 3D runs."""
     folder = runs_3d[wildcards.run].mesh
     return {"mesh_dir": results(folder, "mesh-complete"), "mesh_json": results(folder, "mesh.json")}
 
 
 def decision(number):
-    """What round `number` of a growing campaign decided; Snakemake runs the round first."""
+    """Return the decision of round `number` of a growing campaign; Snakemake runs the round first."""
     return read_json(checkpoints.allocation.get(r=number).output.round_json)
 
 
 def last_round():
-    """The round after which a growing campaign stops."""
+    """Return the round after which a growing campaign stops."""
     return next(number for number in range(campaign.estimation.rounds) if decision(number)["done"])
 
 
 def counts_of_campaign():
-    """3D and 0D runs of the campaign."""
+    """Return the numbers of 3D and 0D runs of the campaign."""
     return decision(last_round())["counts"] if targets.grows else targets.first_counts
 
 
 def runs_of(counts):
-    """Files of the first `counts` runs."""
+    """Return the files of the first `counts` runs."""
     ks = targets.needed(counts)
     return {
         "records": expand(results("flow3d", "batch_{k}.jsonl"), k=ks["flow3d"]),
@@ -127,7 +127,7 @@ def runs_of(counts):
 
 
 def runs_of_round(wildcards):
-    """Files of the runs that a round of a growing campaign looks at, and the decision that asked for them."""
+    """Return the files of the runs in a round of a growing campaign, and the decision that requested them."""
     number = int(wildcards.r)
     if number == 0:
         return runs_of(targets.first_counts)
@@ -135,17 +135,17 @@ def runs_of_round(wildcards):
 
 
 def end_of_growth(wildcards):
-    """Last decision of a growing campaign, by name."""
+    """Return the last decision of a growing campaign, by name."""
     return {"allocation": results("allocation", f"round_{last_round()}.json")} if targets.grows else {}
 
 
 def runs_of_campaign(wildcards):
-    """Files of all runs of the campaign."""
+    """Return the files of all runs of the campaign."""
     return runs_of(counts_of_campaign()) | end_of_growth(wildcards)
 
 
 def costs_of_campaign(wildcards):
-    """Costs of the jobs that computed what the report quotes."""
+    """Return the costs of the jobs that computed the contents of the report."""
     ks = targets.needed(counts_of_campaign())
     stages = ("case", "perfusion", "calibration", "posterior_chains", "posterior", "mesh/mesh", "runs")
     return [

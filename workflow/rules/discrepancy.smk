@@ -1,4 +1,4 @@
-# What the model lacks: a campaign of its own, `snakemake discrepancy`, and its benchmark.
+# Search for missing effects: a separate campaign, `snakemake discrepancy`, and its benchmark.
 
 
 rule discrepancy_hidden:
@@ -19,7 +19,7 @@ rule discrepancy_hidden:
 
 
 rule discrepancy_recordings:
-    """Turn the recordings of one animal into a case."""
+    """Convert the recordings of one animal to a case."""
     input:
         recordings=lambda wildcards: searches.recordings(wildcards.animal),
     output:
@@ -40,7 +40,7 @@ rule discrepancy_recordings:
 
 
 rule discrepancy_search:
-    """Find what the model lacks, from a network, measurements and their conditions."""
+    """Find the effects that a model is missing, from a network, measurements and their conditions."""
     input:
         unpack(lambda wildcards: searches.cases[wildcards.case]),
     output:
@@ -66,7 +66,7 @@ rule discrepancy_search:
 
 
 rule discrepancy_text:
-    """Write the answer of a search in words; a rule of its own, so that an edit of the text repeats no search."""
+    """Write the answer of a search in words; a separate rule, so that editing the text repeats no search."""
     input:
         answer_json=rules.discrepancy_search.output.answer,
     output:
@@ -82,7 +82,7 @@ rule discrepancy_text:
 
 
 rule discrepancy_known:
-    """Put the held-out gap with the true effect beside those of a search that did not know it."""
+    """Add the held-out gap with the true effect to those of a search to which it was unknown."""
     input:
         **searches.made("hidden"),
         truth=rules.discrepancy_hidden.output.truth,
@@ -103,7 +103,7 @@ rule discrepancy_known:
 
 
 rule discrepancy_pairs:
-    """Find what a table model lacks, from pairs of simulated and measured outputs."""
+    """Find the effects that a table model is missing, from pairs of simulated and measured outputs."""
     input:
         simulated=(campaign.discrepancy.pairs or [[]])[0],
         measured=(campaign.discrepancy.pairs or [[]])[-1],
@@ -209,7 +209,7 @@ rule discrepancy_benchmark_tables:
 
 
 rule discrepancy_benchmark_figure:
-    """Draw the shares of right answers."""
+    """Draw the fractions of correct answers."""
     input:
         shares=rules.discrepancy_benchmark_tables.output.shares_csv,
         answers=rules.discrepancy_benchmark_tables.output.answers_csv,

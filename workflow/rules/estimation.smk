@@ -2,7 +2,7 @@
 
 
 checkpoint allocation:
-    """Decide after one round of a growing campaign whether to stop, and what the next round runs."""
+    """Decide after one round of a growing campaign whether to stop, and how many runs the next round has."""
     input:
         unpack(runs_of_round),
         case=rules.case.output.case_json,
@@ -61,7 +61,7 @@ RUNS = [path for name, path in rules.runs.output.items() if name != "cost"]
 
 
 rule estimation_train:
-    """Train the shared space of every row; write the 0D inputs that it asks for."""
+    """Train the shared space of every row; write the 0D inputs that it requires."""
     input:
         runs=RUNS,
     output:
@@ -81,7 +81,7 @@ rule estimation_train:
 
 
 rule zerod_resampled:
-    """Run one share of the resampled inputs through the 0D model."""
+    """Run one part of the resampled inputs through the 0D model."""
     input:
         case_json=rules.case.output.case_json,
         network_json=rules.calibration.output.hyperaemia_json,
@@ -95,7 +95,7 @@ rule zerod_resampled:
     params:
         **stage("coronaryuq.campaign.jobs.zerod:resampled"),
         settings=block("zerod"),
-        # How many runs there are is known when the networks are trained; every job takes its share.
+        # The number of runs is known only after training; every job takes an equal part.
         share=lambda wildcards: int(wildcards.k),
         shares=len(targets.shares),
     script:
@@ -157,7 +157,7 @@ rule convergence:
 
 
 rule budget:
-    """Compute what a further 3D or 0D run buys."""
+    """Compute the gain by further 3D and 0D runs."""
     input:
         estimates_json=rules.estimation.output.estimates_json,
         failures_json=rules.runs.output.failures,

@@ -3,7 +3,7 @@
 
 
 rule mesh:
-    """Mesh the part of the anatomy that runs in 3D."""
+    """Mesh the part of the anatomy that is simulated in 3D."""
     input:
         case=rules.case.output.case_json,
         tree=rules.case.output.tree_vtp,
@@ -25,7 +25,7 @@ rule mesh:
 
 
 rule mesh_folder:
-    """Unpack the mesh into the folder that flow solvers read; a cache can hold the archive only."""
+    """Unpack the mesh into the folder that flow solvers read; only the archive can be cached."""
     input:
         archive=rules.mesh.output.archive,
     output:

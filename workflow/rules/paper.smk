@@ -2,7 +2,7 @@
 
 
 rule paper_table:
-    """Compute the paper's table from its published runs, beside its columns."""
+    """Compute the paper's table from its published runs, next to the paper's columns."""
     output:
         table_csv=results("paper_table.csv"),
         estimates=results("paper", "estimates.json"),

@@ -1,11 +1,11 @@
-# The patient: the bundled one is made, any other is read; both become the same checked case.
+# The patient: the bundled one is generated, any other is read; both become a checked case of the same form.
 
 PATIENT = results("patient", "case.yaml") if campaign.case == "bundled" else campaign.case
 BUNDLED = [results("patient", name) for name in ("tree.vtp", "lv.vtu", "outlets.csv", "targets.csv")]
 
 
 rule bundled_patient:
-    """Make the bundled patient in the formats that a real case has."""
+    """Make the bundled patient in the formats of a real case."""
     output:
         case_yaml=results("patient", "case.yaml"),
         truth=results("patient", "truth.json"),
@@ -22,7 +22,7 @@ rule bundled_patient:
 
 
 rule case:
-    """Check a case and write what every later stage starts from."""
+    """Check a case and write the files from which every later stage starts."""
     input:
         case_yaml=PATIENT,
         files=BUNDLED if campaign.case == "bundled" else [f for path in given.named for f in files_under(path)],

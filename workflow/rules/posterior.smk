@@ -2,7 +2,7 @@
 
 
 rule posterior_chains:
-    """Run the DREAM chains; under mpiexec or srun the ranks share the 0D runs."""
+    """Run the DREAM chains; under mpiexec or srun the 0D runs are divided among ranks."""
     input:
         case_json=rules.case.output.case_json,
         hyperaemia_json=rules.calibration.output.hyperaemia_json,
@@ -29,7 +29,7 @@ rule posterior_chains:
 
 
 rule posterior:
-    """Gather the chains: posterior, draws, verdict, predictive checks."""
+    """Gather the chains: posterior, draws, convergence, predictive checks."""
     input:
         case_json=rules.case.output.case_json,
         hyperaemia_json=rules.calibration.output.hyperaemia_json,

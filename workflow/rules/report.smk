@@ -25,7 +25,7 @@ rule figures:
 
 
 rule report:
-    """Write the report; it quotes the mesh study if `report.mesh_study` asks for it."""
+    """Write the report, with the mesh study if `report.mesh_study` is set."""
     input:
         unpack(end_of_growth),
         **({"mesh_study": rules.mesh_study.output.out_json} if campaign.report.mesh_study else {}),
