@@ -105,7 +105,7 @@ def test_an_altered_result_and_an_altered_input_are_reported(campaign):
     chunk.write_bytes(whole[:-1])
     try:
         altered = explain.explain(chunk)
-        assert not altered.unchanged and "MODIFIED after the job wrote it" in str(altered)
+        assert not altered.unchanged and "CHANGED since its job wrote it" in str(altered)
         assert "chunk_0.npz  (has changed since)" in str(explain.explain(campaign / TARGETS))
         assert said(campaign, str(chunk)).returncode == 1
     finally:

@@ -156,9 +156,9 @@ class Origin:
         }
 
     def __str__(self) -> str:
-        note, state = self.note, "as its job wrote it"
+        note, state = self.note, "unchanged since its job wrote it"
         if not self.unchanged:
-            state = "MODIFIED after the job wrote it: regenerate it"
+            state = "CHANGED since its job wrote it: regenerate it"
         lines = [f"{self.name}: {state}", "", f"made by     {note['job']}, {note['made']}"]
         if "cached" in note:
             lines.append(f"taken from  the cache; first made as {note['cached']}")
@@ -244,8 +244,8 @@ class Verified:
         gone = f"; {len(self.missing)} no longer there" if self.missing else ""
         unchanged = sum(self.checked.values()) - len(self.changed)
         return (
-            f"{self.home.name}: {unchanged} of {sum(self.checked.values())} results of {self.jobs} jobs are as their "
-            f"jobs wrote them{gone} ({of_what or 'none'})"
+            f"{self.home.name}: {unchanged} of {sum(self.checked.values())} results of {self.jobs} jobs are unchanged "
+            f"since their jobs wrote them{gone} ({of_what or 'none'})"
         )
 
 

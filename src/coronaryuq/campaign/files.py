@@ -109,7 +109,7 @@ KINDS = (
         "candidates by round; sizes of the named effects",
         columns.EFFECT,
     ),
-    Kind(r"discrepancy/[^/]+/found/tree\.csv", "vessels with the disagreement measured at their ends", columns.TREE),
+    Kind(r"discrepancy/[^/]+/found/tree\.csv", "vessels with the misfit measured at their ends", columns.TREE),
     Kind(r"discrepancy/[^/]+/(?:found|known)/gap\.csv", "held-out misfit of the models", columns.GAP),
     Kind(r"discrepancy/[^/]+/known/gap\.json", "held-out misfit with the true effect"),
     Kind(r"discrepancy/pairs/found/pairs\.csv", "pairs of measured and simulated values", columns.PAIRS),

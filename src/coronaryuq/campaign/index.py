@@ -101,8 +101,8 @@ def _readme(home: Path, settings: config.Campaign | None, files: list[dict[str, 
     lines += ["", *(f"- `{e['file']}`: {e['what']}" for e in files if "/" not in e["file"] and e["what"]), ""]
     where = f"results/{home.name}"
     lines += [
-        f"    coronaryuq explain {where}/FILE    where a file comes from, and the command that makes it again",
-        f"    coronaryuq verify {where}          which files changed after their jobs wrote them",
+        f"    coronaryuq explain {where}/FILE    where a file comes from, and the command that reproduces it",
+        f"    coronaryuq verify {where}          which files have changed since their jobs wrote them",
         "",
         f'From Python: `import coronaryuq; c = coronaryuq.open("{where}")`.',
         "",

@@ -27,7 +27,7 @@ SHOWN_IN = {
 
 
 def tree(table: str | Path, output: str | Path) -> None:
-    """Draw the tree from left to right, coloured by the largest disagreement (sd); grey: not measured.
+    """Draw the tree from left to right, coloured by the largest misfit (sd); grey: not measured.
 
     A labelled diamond is a named effect: on the vessel where it acts, or at its end if it acts at the bed.
     """
@@ -70,7 +70,7 @@ def tree(table: str | Path, output: str | Path) -> None:
             _mark(axes, name, depth, height, 1.0 if name in children else 0.8, named.get(name, []))
         axes.set_axis_off()
         axes.set_ylim(-0.5, max(leaves - 1, 0) + 0.7)
-        title = "Largest disagreement after recalibration (standard deviations expected by chance); grey: not measured"
+        title = "Largest misfit after recalibration (in standard deviations expected by chance); grey: not measured"
         axes.set_title(title, loc="left")
         canvas.colorbar(ScalarMappable(norm, colours), ax=axes, shrink=0.7)
 

@@ -13,7 +13,7 @@ from coronaryuq.discrepancy.result.summary_text import paragraph
 from coronaryuq.discrepancy.table_model.tables import artery
 
 CAPTIONS = {
-    "tree": "The arterial tree from left to right, coloured by the largest disagreement after recalibration. "
+    "tree": "The arterial tree from left to right, coloured by the largest misfit after recalibration. "
     "Diamonds: named effects, on the vessel or at the bed where they act.",
     "residuals": "Measurements with their noise, the recalibrated model, and the model with the named (or most "
     "probable) effects: the waveforms with the largest misfit or, without waveforms, predicted against measured.",
@@ -119,7 +119,7 @@ def _verdict(truth: dict, named: list[dict]) -> str:
     effect, place = truth["effect"], truth["place"]
     sizes = ", ".join(f"{name} {value:.3g}" for name, value in truth["sizes"].items())
     hidden = (
-        f"This case is synthetic: {effect.replace('_', ' ')} at {place} ({sizes}) was hidden in the data. Its trace "
+        f"This case is synthetic: {effect.replace('_', ' ')} at {place} ({sizes}) was hidden in the data. Its signal "
         f"after recalibration is {truth['visible_sd']:.0f} standard deviations of the noise. The search used only the "
         "model without the effect, the measurements and their conditions."
     )

@@ -5,8 +5,8 @@ from coronaryuq.report.numbers import number
 
 ENDED = {
     "met": "all target widths were reached",
-    "bounds reached": "it reached the largest number of runs (max_3d, max_0d)",
-    "rounds exhausted": "it reached the largest number of rounds (rounds)",
+    "bounds reached": "the maximum number of runs was reached (max_3d, max_0d)",
+    "rounds exhausted": "the maximum number of rounds was reached (rounds)",
 }
 
 

@@ -60,7 +60,7 @@ def read_wall(file: Path, map_: Perfusion, tissue_density: float, most_cells: in
         raise InputError(file, "perfusion.file", map_.file, "no such file")
     grid, invalid = _cells(file, path, map_, folder, most_cells)
     grid = voxels_as_hexahedra(grid)
-    grid.points = _to_anatomy(file, np.asarray(grid.points, dtype=float), path, map_, folder)
+    grid.points = _to_anatomy(file, np.asarray(grid.points, dtype=float), map_, folder)
     sizes = grid.compute_cell_sizes(length=False, area=False, volume=True).cell_data["Volume"]
     volumes = np.abs(np.asarray(sizes, dtype=float))
     if not (volumes > 0).any():
@@ -218,7 +218,7 @@ def _label_on_cells(file, mesh, label: Label, arrays: list[str]) -> np.ndarray:
     raise InputError(file, "perfusion.label.array", name, f"no such array; the map has {', '.join(arrays)}")
 
 
-def _to_anatomy(file, points: np.ndarray, path: Path, map_: Perfusion, folder: Path) -> np.ndarray:
+def _to_anatomy(file, points: np.ndarray, map_: Perfusion, folder: Path) -> np.ndarray:
     scale = LENGTHS[map_.length_unit]
     if map_.registration is not None:
         fixed, moving = folder / map_.registration.fixed, folder / (map_.registration.moving or map_.file)

@@ -79,11 +79,6 @@ class Discovery:
         return sorted(kept, key=lambda entry: -entry.evidence_gain)
 
     @property
-    def unconfirmed(self) -> list[PlacedEffect]:
-        """Effects that the fitted data suggest but the held-out data do not confirm."""
-        return [entry.refuted.placed for entry in self.rounds if entry.refuted is not None]
-
-    @property
     def log_weight(self) -> float:
         """Log evidence of the best hypothesis, including its prior and the held-out log predictive density.
 

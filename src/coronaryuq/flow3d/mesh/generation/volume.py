@@ -8,8 +8,6 @@ from coronaryuq.flow3d.mesh.generation.quality import boundary, volumes
 from coronaryuq.flow3d.mesh.geometry.errors import MeshError
 from coronaryuq.flow3d.mesh.geometry.paths import Size
 
-Project = Callable[[np.ndarray], np.ndarray]
-
 
 def remesh_surface(
     points: np.ndarray,
