@@ -43,7 +43,7 @@ class Samples(BaseModel):
 
 
 class Report(BaseModel):
-    """What the report contains beside the campaign's own results."""
+    """Optional contents of the report, in addition to the campaign's own results."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -69,7 +69,7 @@ class Campaign(BaseModel):
     )
     paper_data: str | None = Field(
         None,
-        description="Folder of the paper's published runs; only the targets `paper_*` and `coverage` need it.",
+        description="Folder of the paper's published runs; required by the targets `paper_*`, used by `coverage`.",
     )
     samples: Samples = Field(default_factory=Samples, description="Sample counts and portions.")
     synthetic: SyntheticSettings = Field(default_factory=SyntheticSettings, description="The bundled patient.")

@@ -22,7 +22,7 @@ QUICK_TARGET = "perfusion/targets.json"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this benchmark."""
-    parser.add_argument("--config", metavar="FILE", help="configuration of the campaign; default: config/smoke.yaml")
+    parser.add_argument("--config", metavar="FILE", help="configuration of the campaign (default: config/smoke.yaml)")
 
 
 def run(quick: bool, config: str | None = None) -> dict:

@@ -29,7 +29,7 @@ _PRESSURE_LIKE = ("R", "L", "E", "Kxp")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this benchmark."""
-    parser.add_argument("--network", metavar="FILE", help="svZeroDSolver JSON; default: a loop with 22 outlets")
+    parser.add_argument("--network", metavar="FILE", help="svZeroDSolver JSON (default: a loop with 22 outlets)")
 
 
 def run(

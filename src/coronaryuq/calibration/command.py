@@ -18,9 +18,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", metavar="DIR", required=True, help="output folder")
     parser.add_argument("--units", choices=("auto", "cgs", "mmHg"), default="auto", help="pressure unit of the network")
     parser.add_argument(
-        "--seed", type=non_negative_int, default=1, help="seed of the random starting points (default 1)"
+        "--seed", type=non_negative_int, default=1, help="seed of the random starting points (default: 1)"
     )
-    parser.add_argument("--threads", type=positive_int, default=1, help="threads of the 0D engine (default 1)")
+    parser.add_argument("--threads", type=positive_int, default=1, help="threads of the 0D engine (default: 1)")
 
 
 def main(chosen: argparse.Namespace) -> int:

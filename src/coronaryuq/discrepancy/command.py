@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--pressure-unit",
         choices=UNITS,
         default="auto",
-        help="pressure unit of the network (default auto: dyn/cm2 or mmHg, from the simulated root pressure)",
+        help="pressure unit of the network (default: auto: dyn/cm2 or mmHg, from the simulated root pressure)",
     )
     parser.add_argument(
         "--noise",
@@ -63,9 +63,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--out", metavar="DIR", required=True, help="output folder")
     parser.add_argument(
-        "--seed", type=non_negative_int, default=1, help="seed of cross-validation folds and intervals (default 1)"
+        "--seed", type=non_negative_int, default=1, help="seed of cross-validation folds and intervals (default: 1)"
     )
-    parser.add_argument("--threads", type=positive_int, default=1, help="threads of the 0D solver (default 1)")
+    parser.add_argument("--threads", type=positive_int, default=1, help="threads of the 0D solver (default: 1)")
     parser.add_argument(
         "--json", action="store_true", help="print the result as one JSON object instead of a paragraph"
     )

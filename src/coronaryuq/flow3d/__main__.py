@@ -23,7 +23,7 @@ def main() -> int:
     )
     parser.add_argument("--settings", default="{}", metavar="JSON", help="block `flow3d` of a configuration")
     parser.add_argument("--first", type=int, default=0, help="first row of the table to run, from 0")
-    parser.add_argument("--count", type=int, help="number of rows; default: all that follow")
+    parser.add_argument("--count", type=int, help="number of rows (default: all that follow)")
     arguments = parser.parse_args()
     mesh, records = Path(arguments.mesh), Path(arguments.records)
 

@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--hyperaemia", type=float, default=1.0, metavar="FACTOR",
-        help="for a network at rest: multiply Ra and Ram of every bed first (paper: 0.24; default 1)",
+        help="for a network at rest: multiply Ra and Ram of every bed first (paper: 0.24; default: 1)",
     )  # fmt: skip
     parser.add_argument("--out", metavar="DIR", help="output folder for fractions.csv and fitted.json")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")

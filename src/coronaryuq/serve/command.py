@@ -19,9 +19,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Requests that arrive at the same time are run as one batch."
     )
     parser.add_argument("campaign", metavar="CAMPAIGN", help="results folder of a campaign, results/NAME")
-    parser.add_argument("--port", type=non_negative_int, default=4242, help="port; 0: a free one (default 4242)")
+    parser.add_argument("--port", type=non_negative_int, default=4242, help="port; 0: a free one (default: 4242)")
     parser.add_argument(
-        "--host", default="127.0.0.1", help="address to listen on (default 127.0.0.1: this machine only)"
+        "--host", default="127.0.0.1", help="address to listen on (default: 127.0.0.1: this machine only)"
     )
 
 

@@ -27,14 +27,22 @@ from coronaryuq.zerod.network.read import read_network
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this benchmark."""
-    parser.add_argument("--network", metavar="FILE", help="tuned closed loop, svZeroDSolver JSON (default open loop)")
-    parser.add_argument("--solver", choices=("0d", "3d"), help="solver that makes the measurements (default 0d)")
-    parser.add_argument("--seeds", metavar="N", type=positive_int, help="repetitions of every cell")
-    parser.add_argument("--offset", metavar="SEED", type=non_negative_int, help="first seed")
-    parser.add_argument("--strengths", nargs="+", choices=tuple(STRENGTHS), help="of hidden effects (default medium)")
-    parser.add_argument("--noises", nargs="+", choices=tuple(NOISES), help="of measurements (default nominal)")
-    parser.add_argument("--effects", nargs="+", metavar="CELL", help="cells to run, by their label (default all)")
-    parser.add_argument("--threads", metavar="N", type=positive_int, help="threads of each search (default 1)")
+    parser.add_argument(
+        "--network", metavar="FILE", help="tuned closed loop, svZeroDSolver JSON (default: bundled open-loop tree)"
+    )
+    parser.add_argument("--solver", choices=("0d", "3d"), help="solver that generates the measurements (default: 0d)")
+    parser.add_argument("--seeds", metavar="N", type=positive_int, help="repetitions of every cell (default: 1)")
+    parser.add_argument(
+        "--offset", metavar="SEED", type=non_negative_int, help="seed of the first repetition (default: 100)"
+    )
+    parser.add_argument(
+        "--strengths", nargs="+", choices=tuple(STRENGTHS), help="sizes of the hidden effects (default: medium)"
+    )
+    parser.add_argument(
+        "--noises", nargs="+", choices=tuple(NOISES), help="noise of the measurements (default: nominal)"
+    )
+    parser.add_argument("--effects", nargs="+", metavar="CELL", help="labels of the cells to run (default: all)")
+    parser.add_argument("--threads", metavar="N", type=positive_int, help="threads of each search (default: 1)")
     parser.add_argument("--resume", metavar="FILE", help="file of finished cases, to resume a run that was killed")
 
 

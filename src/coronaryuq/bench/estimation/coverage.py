@@ -36,7 +36,7 @@ CONTROL_VARIATES: dict[str, Method] = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this benchmark."""
     parser.add_argument("--data", metavar="FOLDER", help="also resample the published runs in this folder")
-    parser.add_argument("--rows", metavar="FILE", help="columns row, column_3d, column_0d; default: FOLDER/table1.csv")
+    parser.add_argument("--rows", metavar="FILE", help="columns row, column_3d, column_0d (default: FOLDER/table1.csv)")
 
 
 def run(

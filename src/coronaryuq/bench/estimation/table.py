@@ -14,8 +14,8 @@ SEED = 20241117
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this benchmark."""
-    parser.add_argument("--data", metavar="FOLDER", help="folder of published runs (required)")
-    parser.add_argument("--rows", metavar="FILE", help="columns row, column_3d, column_0d; default: FOLDER/table1.csv")
+    parser.add_argument("--data", metavar="FOLDER", help="folder of the published runs (required)")
+    parser.add_argument("--rows", metavar="FILE", help="columns row, column_3d, column_0d (default: FOLDER/table1.csv)")
 
 
 def run(quick: bool = False, data: str | None = None, rows: str | None = None) -> dict:

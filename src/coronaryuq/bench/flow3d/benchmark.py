@@ -27,7 +27,9 @@ MEASURED_STEPS = 12
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this benchmark."""
     parser.add_argument(
-        "--data", metavar="FOLDER", help="mesh convergence from a folder per mesh of one patient, each with 3D records"
+        "--data",
+        metavar="FOLDER",
+        help="also compute mesh convergence from FOLDER, with one folder per mesh of one patient, each with 3D records",
     )
 
 
