@@ -206,7 +206,7 @@ def test_checkpoint_of_other_inputs_is_not_continued(campaign, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ranks", [2, 3, 24])
+@pytest.mark.parametrize("ranks", [2, 3, pytest.param(24, marks=pytest.mark.long)])
 def test_same_bits_for_any_number_of_ranks(campaign, tmp_path, ranks):
     alone = sampled(campaign, tmp_path / "alone")
     together = tmp_path / f"ranks{ranks}.npz"

@@ -26,6 +26,7 @@ def again(tmp_path):
     return run
 
 
+@pytest.mark.long
 def test_another_quantity_recomputes_nothing_expensive(again):
     jobs = again(settings={"estimation": {"ffr_threshold": 0.75}})
     assert not EXPENSIVE & set(jobs)
@@ -38,6 +39,7 @@ def test_more_samples_add_only_the_new_ones(again):
     assert not {"mesh", "posterior_chains", "calibration"} & set(jobs)
 
 
+@pytest.mark.long
 def test_another_noise_level_recomputes_what_depends_on_it(again):
     jobs = again(settings={"perfusion": {"correlation_length": 2.0}})
     assert {"perfusion_chunk", "calibration", "posterior_chains", "flow3d_batch"} <= set(jobs)

@@ -202,6 +202,7 @@ def test_a_killed_job_or_rank_is_run_again(undisturbed, tmp_path, script):
     assert campaign.results() == undisturbed.results()
 
 
+@pytest.mark.long
 def test_a_full_disk(short, tmp_path):
     """The campaign stops and says why; with room again it goes on to the same bytes."""
     with mounted(tmp_path / "results", "60k") as remount:
@@ -262,6 +263,7 @@ def test_every_file_truncated_emptied_or_corrupted(short, tmp_path):
     assert campaign.verify().returncode == 0
 
 
+@pytest.mark.long
 def test_a_cache_that_cannot_be_written(short, tmp_path):
     """It is not used, and the campaign runs without it."""
     with mounted(tmp_path / "cache", "100m") as remount:

@@ -118,6 +118,7 @@ def test_the_examples_of_the_notebook_page_run(results, tmp_path, monkeypatch):
     assert list(names["table"].columns[:2]) == ["name", "time"] and len(names["table"]) > 100
 
 
+@pytest.mark.long
 def test_the_search_of_the_notebook_page_runs(shared, tmp_path, monkeypatch):
     (tmp_path / "work").mkdir()
     (tmp_path / "shared").symlink_to(shared)

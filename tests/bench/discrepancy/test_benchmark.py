@@ -26,7 +26,7 @@ def tried(monkeypatch):
     return labels
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_finished_cases_are_not_searched_again(tmp_path, tried):
     kept = tmp_path / "finished.jsonl"
     run(quick=True, effects=("none", "quadratic_stenosis"), resume=kept)

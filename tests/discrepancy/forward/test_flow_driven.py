@@ -116,7 +116,7 @@ def test_an_error_of_the_inflow_is_named_and_repaired(tmp_path):
         assert np.mean(flow[:-1]) == pytest.approx(64.0, rel=0.02)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_gain_errors_of_probes_are_not_mistaken_for_an_inflow_error(tmp_path):
     """No single probe explains as much as the drive, which the search tries first."""
     probes = {"J0:carotid", "J1:renal", "iliac_r:RCR_iliac_r"}

@@ -148,7 +148,7 @@ def test_a_stenosis_is_found_with_underestimated_standard_deviations(tmp_path):
     assert not said.noise and said.outside_library
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_correlated_noise_raises_no_alarm(tmp_path):
     hide(Case((), "none", "correlated", 101), open_loop(), tmp_path)
     found = searched(tmp_path)

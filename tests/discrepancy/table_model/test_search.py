@@ -124,7 +124,7 @@ def test_a_prescribed_root_pressure_is_no_input_of_the_gaussian_process(tmp_path
     assert errors[0] < 0.3 * errors[1]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_results_replace_those_of_an_earlier_search(tmp_path):
     out = tmp_path / "out"
     left = ("repaired.json", "measurements.csv", "difference.txt", "drives/rest_AORTA.csv", "drives/own.csv")
