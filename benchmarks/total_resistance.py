@@ -72,7 +72,7 @@ def main() -> None:
         for axis in a.flat:
             axis.set_yticks([])
             axis.set_xlim(0.4, 2.7)
-        figure.supxlabel("resistance / r̂ (1)", fontsize=9)
+        figure.supxlabel("resistance / r̂", fontsize=9)
         figure.supylabel("density", fontsize=9)
         figure.legend(*a[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
     for i, share in enumerate(FEW):

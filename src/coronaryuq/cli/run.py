@@ -19,6 +19,7 @@ DEMO = "smoke"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `coronaryuq run`."""
+    parser.description = "Run a campaign in the current folder; results are written to results/NAME."
     parser.add_argument(
         "config",
         nargs="?",

@@ -120,7 +120,7 @@ def stack(prepared: Prepared, jobs: list[Job]) -> dict[str, np.ndarray]:
 
 
 def _adds(name: str) -> bool:
-    """Whether recalibration scales only the condition's own value and not what effects add to it.
+    """Whether recalibration scales only the condition's own value and not the additions by effects.
 
     The severity of a known stenosis belongs to a condition, while an effect has one size under all conditions.
     """

@@ -79,9 +79,9 @@ def _with(values: dict, changed: dict, network: Network) -> dict:
 def carry_over(names: list[str], state: np.ndarray, wanted: list[str], renamed: dict[str, str]) -> np.ndarray:
     """Transfer a state to the same network with added elements.
 
-    names, state: unknowns of the network without the elements. wanted: unknowns of the network with them. renamed:
-    old → new locations. An added vessel starts without flow, at the pressure of what it is attached to; a vessel whose
-    end was moved keeps its flow.
+    names, state: unknowns of the network without the elements. wanted: unknowns of the network with them. renamed: old
+    → new locations. An added vessel starts without flow, at the pressure of the vessel or bed to which it is attached;
+    a vessel whose end was moved keeps its flow.
     """
     known = dict(zip(names, state, strict=True))
     before = {new: old for old, new in renamed.items()}
@@ -89,7 +89,7 @@ def carry_over(names: list[str], state: np.ndarray, wanted: list[str], renamed: 
     stubs: dict[str, str] = {}
     for old, new in renamed.items():
         (feeder, fed), (stub, ahead) = old.split(":"), new.split(":")
-        # A vessel added distally takes over the end of the old one, a vessel added ahead its start.
+        # A vessel added distally takes over the end of the old one, a vessel added upstream its start.
         first, second = (feeder, stub) if fed == ahead else (ahead, fed)
         moved[first] = stubs[second] = old
     found: dict[str, float] = {}

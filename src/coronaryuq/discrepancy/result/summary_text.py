@@ -14,7 +14,8 @@ from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.selection.flow_conservation import PROBE
 
 LEAST_INFORMATION = 0.1
-"""Expected information (nats) below which a measurement does not distinguish a class; two equal members hold 0.69."""
+"""Expected information (nats) below which a measurement does not distinguish a class; for two equally likely members
+0.69 is the maximum."""
 EXPECTED_MISFIT = "1 is expected from noise and fit uncertainty"
 QUIET, UNLIKELY = 0.5, 1e-4
 """Scatter over the stated standard deviation, and its probability, below which the latter is reported as too large."""

@@ -56,7 +56,7 @@ class Verdict:
 
     @property
     def refused(self) -> bool:
-        """Whether nothing is named regardless of the gain over a flexible discrepancy."""
+        """Whether nothing is named, whatever the effects would add to a flexible discrepancy."""
         return bool(self.wiring_errors) or self.redistributed or self.refuted or self.implausible or self.outperformed
 
     @property

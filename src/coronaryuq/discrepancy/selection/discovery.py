@@ -94,7 +94,7 @@ class Discovery:
         return beyond(self.fit, self.hypothesis, RULE.implausible)
 
     def beyond_prior(self, placed: PlacedEffect) -> list[Parameter]:
-        """Return the sizes of an effect outside the central 99 % of their prior: it may stand in for something else."""
+        """Return the sizes of an effect outside the central 99 % of their prior: another effect may be the true one."""
         return [parameter for parameter, z, _ in self.sizes(placed) if abs(z) > RULE.prior_bound]
 
     def sizes(self, placed: PlacedEffect) -> list[tuple[Parameter, float, float]]:

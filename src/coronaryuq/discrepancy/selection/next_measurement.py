@@ -28,7 +28,7 @@ def next_measurements(discovery: Discovery, entry: Round) -> list[dict]:
     """Rank mean pressures and flows by the expected information on which candidate of a class is true.
 
     Each candidate is at its best fit, with the noise of the new measurement alone: an upper bound. The new measurement
-    is made by another instrument, which does not have an error of those in use.
+    is made by another instrument, which does not have the errors of those in use.
 
     Parameters
     ----------

@@ -1,12 +1,12 @@
 """Cross-fitted estimate of a mean: a surrogate predicts only folds that it was not fitted on.
 
-The reported variance therefore holds.
+The reported variance is therefore valid.
 
 With folds k of n_k runs, g_k fitted without fold k, and a block B_k of propagation samples that belongs to fold k,
 
     estimate = Σ_k n_k / n · [ mean_{i in k} (y_i − β g_k(θ_i)) + β mean_{j in B_k} g_k(θ_j) ]
 
-is unbiased whatever g_k is, because g_k has seen neither the runs of fold k nor the samples of B_k. Its variance is
+is unbiased for any g_k, because g_k depends on neither the runs of fold k nor the samples of B_k. Its variance is
 estimated by R var(residuals) / n + β² R C + β² Σ_k (n_k / n)² var(g_k on B_k) / |B_k|, with the covariance C between
 folds and the extrapolation factor R of module `influence`. Each propagation sample serves one fold only, which costs
 nothing: K blocks of M / K samples have together the variance of M samples.
@@ -60,7 +60,7 @@ class Propagated:
 class CrossFit:
     """A quantity and its cross-fitted control variate.
 
-    y (n,): outputs of the pilot runs. held_out (n,): g at each of them, by the fold that has not seen it. blocks:
+    y (n,): outputs of the pilot runs. held_out (n,): g at each of them, fitted without its fold. blocks:
     g at the propagation samples, in fold order. fold (n,): fold of each pilot run. dependence: of the samples on
     each other.
     """
@@ -99,7 +99,7 @@ PLAIN = Options()
 
 @dataclass(frozen=True)
 class Estimate:
-    """A mean with its reported standard error and what is needed to judge it.
+    """A mean with its reported standard error, and the quantities by which to judge it.
 
     The variance has three parts: of the 3D residuals, of propagation, and what their samples' dependence on each other
     adds to both (`chain_variance`).

@@ -18,7 +18,7 @@ class QuadraticLoss(Effect):
     solution. In that case it goes into a vessel ahead, which is an equivalent network.
     """
 
-    native = "stenosis_coefficient of the vessel, or of a vessel added ahead if the vessel has a C"
+    native = "stenosis_coefficient of the vessel, or of a vessel added upstream if the vessel has a C"
     grafted = True
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("loss", "1", "lognormal", 0.1, 1.2, "fraction of the mean pressure lost at the model's mean flow"),
