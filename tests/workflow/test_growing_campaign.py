@@ -89,4 +89,4 @@ def test_at_the_bounds_it_stops_and_reports_the_missing_runs(first):
     assert decided[-1]["why"] == "bounds reached" and decided[-1]["counts"]["n_3d"] == MOST["max_3d"]
     assert half_width(results) > TARGET / 10
     row, end = target_lines(results)
-    assert re.search(r"this needs about [\d,]+ 3D runs", row) and "the largest number of runs" in end
+    assert re.search(r"this needs about [\d,]+ 3D runs", row) and "the maximum number of runs" in end
