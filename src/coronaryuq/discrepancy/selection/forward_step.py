@@ -72,7 +72,10 @@ def forward_step(
     candidates: list[Candidate],
     point: Fit,
 ) -> Round:
-    """Fit the shortlist of scored candidates, weigh it, and accept the best if the odds of its class suffice."""
+    """Fit the shortlist of scored candidates, weigh it, and accept the best if the odds of its class suffice.
+
+    fit: of the present hypothesis; point: where the candidates were scored; features (N, k): of a flexible discrepancy.
+    """
     chosen = shortlist(candidates, problem.settings.shortlist)
     pool = Pool({c.placed: c for c in candidates}).choosing(fit_shortlist(problem, fit, hypothesis, chosen, point))
     if hypothesis and point is not fit:
