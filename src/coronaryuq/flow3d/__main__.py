@@ -1,4 +1,4 @@
-"""Run 3D samples by hand: `mpiexec -n 4 python -m coronaryuq.flow3d CASE NETWORK MESH SAMPLES RECORDS --count 500`."""
+"""Run 3D samples manually: `mpiexec -n 4 python -m coronaryuq.flow3d CASE NETWORK MESH SAMPLES RECORDS --count 500`."""
 
 import argparse
 import sys

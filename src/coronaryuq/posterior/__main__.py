@@ -1,4 +1,4 @@
-"""Run the chains by hand: `mpiexec -n 4 python -m coronaryuq.posterior CASE NETWORK TARGETS CHAINS --seed 1`."""
+"""Run the chains manually: `mpiexec -n 4 python -m coronaryuq.posterior CASE NETWORK TARGETS CHAINS --seed 1`."""
 
 import argparse
 import sys
