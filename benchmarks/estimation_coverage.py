@@ -13,12 +13,14 @@ from scipy.stats import binomtest
 
 FOLDER = Path(__file__).parent
 CELLS, PAGE = FOLDER / "estimation-coverage.jsonl", FOLDER.parent / "docs" / "explanation" / "estimation.md"
-METHODS, SIZES, TRIALS = ("MC", "MFMC", "crossfit-GP", "MFMC-AE"), (25, 50, 100, 250), 400
+METHODS, SIZES, TRIALS = ("MC", "MFMC", "crossfit-GP", "MFMC-AE", "recommended"), (25, 50, 100, 250), 400
 LABELS = {"dissimilar inputs": "different inputs", "useless 0D": "uninformative 0D"}
 """Problems with other names on the page; their own names are part of the seeds."""
 FORMER = {"crossfit-GP, without logarithm", "crossfit-GP, without extrapolation factor"}
 """Name of the cells of an earlier `crossfit-GP`, used where the present one has not been measured."""
 PROBLEMS = ("smooth", "dissimilar inputs", "useless 0D", "non-monotone", "constrained manifold", "long tail")
+PROBLEMS += ("lognormal", "rare onset", "indicator", "heteroscedastic noise", "autocorrelated propagation")
+PROBLEMS += ("autocorrelated pilot and propagation", "near-duplicates", "short chain")
 PROBLEMS += tuple(f"row {number}" for number in range(1, 13))
 
 
@@ -43,17 +45,35 @@ def pooled(one: dict, other: dict) -> dict:
     claims = [c["trials"] * (c["claimed_over_empirical"] * c["empirical_std"]) ** 2 for c in (one, other)]
     held = sum(c["coverage_95"] * c["trials"] for c in (one, other)) / trials
     wilson = wilson_of(held, trials)
-    return one | {
-        "trials": trials,
-        "claimed_over_empirical": float(np.sqrt(sum(claims) / trials) / spread),
-        "coverage_95": held,
-        "coverage_95_error": float(np.sqrt(0.95 * 0.05 / trials)),
-        "coverage_95_low": wilson[0],
-        "coverage_95_high": wilson[1],
-        "bias_z": float(mean / (spread / np.sqrt(trials))),
-        "empirical_std": float(spread),
-        "first_trial": min(one.get("first_trial", 0), other.get("first_trial", 0)),
-    }
+    return (
+        one
+        | {
+            "trials": trials,
+            "claimed_over_empirical": float(np.sqrt(sum(claims) / trials) / spread),
+            "coverage_95": held,
+            "coverage_95_error": float(np.sqrt(0.95 * 0.05 / trials)),
+            "coverage_95_low": wilson[0],
+            "coverage_95_high": wilson[1],
+            "bias_z": float(mean / (spread / np.sqrt(trials))),
+            "empirical_std": float(spread),
+            "first_trial": min(one.get("first_trial", 0), other.get("first_trial", 0)),
+        }
+        | warnings_of(one, other)
+    )
+
+
+def warnings_of(one: dict, other: dict) -> dict:
+    """Merge the fractions of trials with a warning, and how often each estimator was recommended."""
+    if "warned" not in one or "warned" not in other:
+        return {}
+    both = [(cell, cell["trials"] / (one["trials"] + other["trials"])) for cell in (one, other)]
+    found = {"warned": sum(part * cell["warned"] for cell, part in both)}
+    if "warnings" in one:
+        codes = sorted({*one["warnings"], *other["warnings"]})
+        names = sorted({*one["recommended"], *other["recommended"]})
+        found["warnings"] = {code: sum(p * cell["warnings"].get(code, 0.0) for cell, p in both) for code in codes}
+        found["recommended"] = {name: sum(c["recommended"].get(name, 0) for c in (one, other)) for name in names}
+    return found
 
 
 def merged(cells: list[dict], more: list[dict]) -> list[dict]:
@@ -96,6 +116,8 @@ def shown(cell: dict | None) -> str:
     text = f"{cell['claimed_over_empirical']:.2f}, {100 * cell['coverage_95']:.1f}"
     if abs(cell["claimed_over_empirical"] - 1) > 0.15 or high < 0.93:
         text = f"**{text}**"
+    if cell["method"] == "recommended" and cell["warned"] >= 0.005:
+        text += f", warned {100 * cell['warned']:.0f} %"
     if cell["trials"] != TRIALS:
         text += f" ({cell['trials']} trials: {100 * low:.0f} to {100 * high:.0f})"
     return text + (" †" if is_former(cell) else "")

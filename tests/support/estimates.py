@@ -11,8 +11,8 @@ INTERVAL = Interval(0.1, 0.3, 0.95)
 def estimator(**changes: Any) -> EstimatorReport:
     usual = EstimatorReport(
         method="MC", mean=0.2, std=0.05, chebyshev_95=INTERVAL, chebyshev_99=INTERVAL, calibrated=INTERVAL,
-        rho_held_out=0.5, n_3d=100, n_0d=100, predictions=100, beta=1.0, residual_variance=2e-3,
-        propagation_variance=5e-4, chain_variance=0.0, warnings=[],
+        rho_held_out=0.5, n_3d=100, n_0d=100, predictions=100, beta=1.0,
+        variance={"runs_3d": 2e-3, "propagation": 5e-4, "chain": 0.0}, warnings=[],
     )  # fmt: skip
     return replace(usual, **changes)
 

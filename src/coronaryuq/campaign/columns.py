@@ -145,6 +145,11 @@ TABLE: Columns = (
         OF_ROW,
     ),
     ("rho_.+", "correlation of the 3D quantity with its predictor: plain 0D, in-sample, held-out", "1"),
+    (
+        "variance_.+",
+        "variance of the estimate by source: 3D runs, propagation, chain, mesh, time step, cycles; empty: not measured",
+        "square of that of column_3d",
+    ),
     ("(n_3d|n_0d|predictions)", "3D runs, 0D runs, evaluations of the predictor", "1"),
     ("warnings", "reasons for caution", "text"),
 )

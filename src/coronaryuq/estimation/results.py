@@ -77,12 +77,20 @@ class PaperRow:
     std_mfmc: float
 
 
+STATISTICAL = ("runs_3d", "propagation", "chain")
+NUMERICAL = ("mesh", "time_step", "cycles")
+SOURCES = (*STATISTICAL, *NUMERICAL)
+"""Of the variance of an estimate."""
+
+
 @dataclass(frozen=True)
 class EstimatorReport:
     """One estimator of one row.
 
-    n_0d: 0D runs made. predictions: evaluations of the control variate. rho_in_sample, std_in_sample: as the paper has
-    them, where the method was fitted and judged on all runs too.
+    variance: of the mean by its source; they add up to the square of `std`: `runs_3d` (residuals), `propagation`,
+    `chain`, and `mesh`, `time_step`, `cycles` where the campaign measured them. n_0d: 0D runs made. predictions:
+    evaluations of the control variate. rho_in_sample, std_in_sample: as the paper has them, where the method was fitted
+    and judged on all runs too.
     """
 
     method: str
@@ -96,9 +104,7 @@ class EstimatorReport:
     n_0d: int
     predictions: int
     beta: float
-    residual_variance: float
-    propagation_variance: float
-    chain_variance: float
+    variance: dict[str, float]
     warnings: list[str]
     rho_in_sample: float | None = None
     std_in_sample: float | None = None
@@ -120,7 +126,8 @@ class RowReport:
     recommended: the estimator with the smallest reported standard error among those without a warning. levels: with a
     coarse 3D level, variances of the parts of the estimator `multilevel`. emulator_error: held-out mean square error
     over variance of the 0D output's emulator. integrated_exactly: the input with a known law that was integrated.
-    warnings: of the runs.
+    warnings: of the runs. numerical_correction: added to every 3D output for mesh, time step and cycles; None where
+    their error was not measured.
     """
 
     row: str
@@ -137,6 +144,7 @@ class RowReport:
     emulator_error: float
     integrated_exactly: str | None
     warnings: list[str]
+    numerical_correction: float | None = None
 
     @property
     def recommended_report(self) -> EstimatorReport:
@@ -201,7 +209,10 @@ class RowBudget:
 
 @dataclass(frozen=True)
 class TargetPlan:
-    """Target and present half-width of a row's calibrated interval, and the runs still needed (costs in 3D runs)."""
+    """Target and present half-width of a row's calibrated interval, and what is still needed (costs in 3D runs).
+
+    longer_chain: factor on the generations of the posterior's chains, 1 if these are long enough.
+    """
 
     row: str
     target: float
@@ -210,6 +221,7 @@ class TargetPlan:
     more_0d: int
     cost: float
     cost_of_half: float
+    longer_chain: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -232,7 +244,7 @@ class Counts:
 class Round:
     """`round_R.json` of a growing campaign.
 
-    why: what ended the campaign (`met`, `bounds reached`, `rounds exhausted`), or None.
+    why: what ended the campaign (`met`, `bounds reached`, `chain too short`, `rounds exhausted`), or None.
     """
 
     round: int

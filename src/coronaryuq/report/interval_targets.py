@@ -6,6 +6,7 @@ from coronaryuq.report.numbers import number
 ENDED = {
     "met": "all target widths were reached",
     "bounds reached": "the maximum number of runs was reached (max_3d, max_0d)",
+    "chain too short": "more runs would not help: the chains (posterior.dream.generations) are too short",
     "rounds exhausted": "the maximum number of rounds was reached (rounds)",
 }
 
@@ -41,10 +42,12 @@ def _row_line(one: TargetPlan, row: RowReport) -> dict:
     met = one.half_width <= one.target
     method = row.recommended_report.method
     text = f"{row.label}: ± {number(one.target)} targeted, ± {number(one.half_width)} reached by {method}"
-    text += "." if met else f"; this needs about {_runs(one)} more."
+    text += "." if met else f"; this needs {_needs(one)}."
     half, cost = number(one.target / 2), f"{one.cost_of_half:,.0f}"
     return {"text": f"{text} Half the target width, ± {half}, would cost about {cost} more 3D runs.", "met": met}
 
 
-def _runs(one: TargetPlan) -> str:
-    return " and ".join(f"{more:,} {name} runs" for more, name in ((one.more_3d, "3D"), (one.more_0d, "0D")) if more)
+def _needs(one: TargetPlan) -> str:
+    runs = " and ".join(f"{more:,} {name} runs" for more, name in ((one.more_3d, "3D"), (one.more_0d, "0D")) if more)
+    chain = f"chains {one.longer_chain:.2g} times as long" if one.longer_chain > 1 else ""
+    return " and ".join(filter(None, (f"about {runs} more" if runs else "", chain)))

@@ -22,7 +22,7 @@ def report(rho=0.99, n=100, m=900):
     spread = 4.0
     best = estimator(
         rho_held_out=rho, n_3d=n, std=mfmc_variance(spread, rho, n, n + m) ** 0.5, calibrated=Interval(-0.1, 0.1, 0.95),
-        residual_variance=spread * (1 - rho**2) / n, propagation_variance=spread * rho**2 / (n + m), chain_variance=0.0,
+        variance={"runs_3d": spread * (1 - rho**2) / n, "propagation": spread * rho**2 / (n + m), "chain": 0.0},
     )  # fmt: skip
     estimators = {"MC": estimator(n_3d=n), "MFMC": estimator(), "crossfit-GP": best}
     return row(row="1", variance_3d=spread, n_propagation=m, recommended="crossfit-GP", estimators=estimators)

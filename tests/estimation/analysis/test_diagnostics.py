@@ -7,6 +7,8 @@ import pytest
 
 from coronaryuq.core.seeds import generator
 from coronaryuq.estimation.analysis import diagnostics
+from coronaryuq.estimation.estimators import dependence
+from coronaryuq.estimation.estimators.crossfit import CrossFit, Propagated, combine
 from coronaryuq.estimation.runs.table import read_runs
 from support import three_levels
 from support.runs import runs_of
@@ -74,16 +76,47 @@ def test_a_run_with_most_of_the_squared_residuals_is_reported():
     assert diagnostics.dominated(left, names).text.startswith("sample_7 alone has 9")
 
 
-def test_methods_without_tested_coverage_carry_a_warning():
-    assert "below 25 3D runs" in diagnostics.untested("MFMC", 24).text and diagnostics.untested("MFMC", 25) is None
-    assert "repeated trials" in diagnostics.untested("MFMC-AE", 500).text
+def estimate(y, held_out=None):
+    held_out = np.zeros(len(y)) if held_out is None else held_out
+    return combine("MC", CrossFit(y, held_out, [Propagated(np.zeros(1))], np.zeros(len(y), int)), len(y))
 
 
-def test_the_coverage_of_crossfit_gp_is_tested_where_its_residuals_are_small():
-    assert "more than 25% of its variance; here 40%" in str(diagnostics.untested("crossfit-GP", 500, 0.4))
-    assert diagnostics.untested("crossfit-GP", 50, 0.25) is None
-    assert "below 50 3D runs" in str(diagnostics.untested("crossfit-GP", 40, 0.01))
-    assert diagnostics.untested("MFMC", 25, 1.0) is None
+def test_a_long_tail_carries_a_warning_and_a_normal_sample_none():
+    random = generator(4, "tail")
+    assert diagnostics.skewed(estimate(random.normal(size=50))) is None
+    assert diagnostics.skewed(estimate(np.exp(1.2 * random.normal(size=50)))).code == "long tail"
+
+
+def test_a_quantity_that_hardly_varies_carries_a_warning():
+    y = np.full(60, 0.9)
+    y[3] = 0.7
+    assert "all but 1 of 60 runs" in diagnostics.constant(y).text
+    assert diagnostics.constant(np.arange(60.0)) is None and diagnostics.constant(np.arange(60) % 2) is None
+
+
+def test_a_small_pilot_states_what_it_may_have_missed():
+    assert "less than 12%" in diagnostics.unseen(25).text and diagnostics.unseen(101) is None
+
+
+def test_two_estimates_far_apart_carry_a_warning_and_equal_ones_none():
+    y = generator(5, "apart").normal(size=100)
+    one, other = estimate(y), estimate(y + 0.3 * generator(6, "apart").normal(size=100))
+    assert diagnostics.disagreement({"MC": one, "MFMC": other}, "MC") is None
+    moved = replace(other, mean=other.mean + 0.2)
+    assert "MC" in diagnostics.disagreement({"MC": one, "MFMC": moved}, "MC").text
+    assert diagnostics.disagreement({"MC": one}, "MC") is None
+
+
+def test_dependent_samples_are_reported_and_not_taken_for_other_inputs():
+    random = generator(7, "dependent")
+    steps = random.normal(size=(2000, 3))
+    chain = np.zeros((2000, 3))
+    for k in range(1, 2000):
+        chain[k] = 0.98 * chain[k - 1] + 0.2 * steps[k]
+    both = replace(runs(), theta_more=np.exp(0.3 * chain))
+    found = dependence.find(both)
+    assert "autocorrelated" in diagnostics.dependent(found).text
+    assert diagnostics.different_inputs(both, found) is None
 
 
 def test_many_failed_coarse_runs_carry_a_warning():

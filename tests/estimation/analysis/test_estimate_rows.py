@@ -19,7 +19,7 @@ def test_a_coarse_mesh_gives_two_more_estimators(with_coarse):
     row = analysed(with_coarse)
     blue, mfmc = row.estimators["BLUE"], row.estimators["MFMC"]
     assert blue.std < mfmc.std and blue.rho_held_out > 0.99
-    assert blue.residual_variance < 0.5 * mfmc.residual_variance
+    assert blue.variance["runs_3d"] < 0.5 * mfmc.variance["runs_3d"]
     assert blue.calibrated.holds((np.cos(0.5) - np.cos(2)) / 1.5)
     assert blue.warnings == [] and row.recommended in ("BLUE", "crossfit-GP", "multilevel")
     assert row.estimators["multilevel"].std < mfmc.std

@@ -3,24 +3,29 @@
 import argparse
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from scipy.stats import binomtest
 
-from coronaryuq.bench.estimation import coverage_autoencoder, coverage_tails
+from coronaryuq.bench.estimation import coverage_autoencoder, coverage_tails, dependent_samples
 from coronaryuq.bench.estimation.pairs import PAIRS
-from coronaryuq.bench.estimation.problems import SEED, Problem, Trial, from_pair, from_runs
+from coronaryuq.bench.estimation.problems import ROW, SEED, Problem, Trial, from_pair, from_runs, runs_of
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import write_csv
-from coronaryuq.estimation.analysis.diagnostics import untested
+from coronaryuq.estimation.analysis import diagnostics
+from coronaryuq.estimation.analysis.estimate_rows import analyse
 from coronaryuq.estimation.estimators.crossfit import CrossFit, Estimate, Options, Propagated, combine
+from coronaryuq.estimation.estimators.design import make_design
 from coronaryuq.estimation.estimators.folds import assign, count
 from coronaryuq.estimation.estimators.influence import CENTRE, Influence, changes
 from coronaryuq.estimation.runs.table import read_rows, read_runs
+from coronaryuq.estimation.settings import Settings
 from coronaryuq.estimation.surrogates import selector
 from coronaryuq.estimation.surrogates.control_variates import METHODS, Method
 
@@ -31,6 +36,10 @@ CONTROL_VARIATES: dict[str, Method] = {
     "MFMC": METHODS["linear 0D"],
     "crossfit-GP": selector.choose,
 }
+
+
+RECOMMENDED = "recommended"
+"""The whole of `analyse`, and what it recommends."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,16 +54,17 @@ def run(
 ) -> dict:  # fmt: skip
     """Run the benchmark on the analytic pairs, and on published runs if `data` is their folder.
 
-    `coverage_95_error` is the binomial standard error of the coverage, `coverage_95_low` and `_high` its Wilson 95 %
-    interval. `methods` may name MFMC-AE, which takes some 5 CPU-s per trial and is left out by default. `quick`: linear
-    methods, 25 and 50 runs, 400 trials.
+    `warned` is the fraction of trials with a warning. `coverage_95_error` is the binomial standard error of the
+    coverage, `coverage_95_low` and `_high` its Wilson 95 % interval. Method `recommended` runs the whole analysis and
+    takes what it recommends. `methods` may name MFMC-AE, which takes some 5 CPU-s per trial and is left out by default.
+    `quick`: linear methods, 25 and 50 runs, 400 trials.
     """
     if rows and not data:
         raise InputError("bench coverage", "--rows", rows, "needs --data, the folder of published runs")
     sizes = sizes or ((25, 50) if quick else SIZES)
-    methods = methods or (("MC", "MFMC") if quick else tuple(CONTROL_VARIATES))
+    methods = methods or (("MC", "MFMC") if quick else (*CONTROL_VARIATES, RECOMMENDED))
     start, cells = time.process_time(), []
-    sources = [from_pair(p) for p in PAIRS.values()]
+    sources = [*(from_pair(p) for p in PAIRS.values()), *dependent_samples.problems()]
     if data:
         folder = Path(data).absolute()  # so that a message about one of its files contains its full path, also for "."
         runs = read_runs(folder)
@@ -76,16 +86,40 @@ def run_cell(problem: Problem, n: int, method: str, trials: int, first: int = 0)
 
     first: number of the first trial; a rule chosen on some trials is tested on others.
     """
-    numbers = range(first, first + trials)
+    numbers, cell = range(first, first + trials), {"problem": problem.name, "method": method, "n_3d": n}
+    if method == RECOMMENDED:
+        return cell | _recommended(problem, n, numbers)
     if method == "MFMC-AE":
         estimates = coverage_autoencoder.estimates(problem, n, numbers, FOLDS)
     else:
         estimates = _estimates(problem, n, numbers, CONTROL_VARIATES[method])
-    values = [(e.mean - truth, e.std, e.interval.holds(truth)) for truth, e in estimates]
-    errors, stds, holds = (np.array(v) for v in zip(*values, strict=True))
-    return {"problem": problem.name, "method": method, "n_3d": n} | judged(errors, stds, holds) | {
-        "warned": untested(method, n) is not None
-    }  # fmt: skip
+    found = [(truth, e, diagnostics.skewed(e) or diagnostics.unseen(n)) for truth, e in estimates]
+    values = [(e.mean - truth, e.std, e.interval.holds(truth)) for truth, e, _ in found]
+    warned = float(np.mean([warning is not None for _, _, warning in found]))
+    return cell | judged(*(np.array(v) for v in zip(*values, strict=True))) | {"warned": warned}
+
+
+def _recommended(problem: Problem, n: int, numbers: range) -> dict:
+    """Run `analyse` on every trial; also the fraction of trials with a warning, and how often each was recommended."""
+    values, taken, warned = [], Counter[str](), Counter[str]()
+    for number in numbers:
+        trial, settings = problem.draw(n, number), Settings(autoencoder=False, min_3d=4)
+        runs = runs_of(trial)
+        design = make_design(runs, [ROW], count(n, FOLDS), number)
+        truth = trial.mean
+        if trial.more_y is not None:  # a finite set, whose blocks count as the folds of the pilot
+            design = replace(design, target=len(trial.more_y))
+            in_blocks = [trial.more_y[block.index].mean() for block in design.blocks]
+            truth = float(np.average(in_blocks, weights=np.bincount(design.fold)))
+        (row,) = analyse(runs, [ROW], settings, number, design=design, beyond_mean=False)
+        report = row.recommended_report
+        values.append((report.mean - truth, report.std, report.calibrated.holds(truth)))
+        taken[row.recommended] += 1
+        codes = {warning.split(":")[0] for warning in (*row.warnings, *report.warnings)}
+        warned.update(codes | ({"any"} if codes else set()))
+    found = judged(*(np.array(v) for v in zip(*values, strict=True)))
+    shares = {code: warned[code] / len(numbers) for code in sorted(warned)}
+    return found | {"warned": shares.pop("any", 0.0), "warnings": shares, "recommended": dict(taken)}
 
 
 def run_tail_cells(name: str, n: int, trials: int, first: int = 0) -> list[dict]:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtr, ndtri
 
 
 @dataclass(frozen=True)
@@ -85,4 +86,55 @@ def _skewed() -> Pair:
     )  # fmt: skip
 
 
-PAIRS = {pair.name: pair for pair in (_smooth(), _dissimilar(), _useless(), _non_monotone(), _manifold(), _skewed())}
+def _normal(d: int):
+    return lambda rng, n: np.exp(rng.standard_normal((n, d)))
+
+
+def _noise(theta: np.ndarray) -> np.ndarray:
+    """Return a standard normal number (n,) that no regression on the inputs can predict."""
+    return ndtri(np.clip((1e5 * theta[:, -1]) % 1.0, 1e-12, 1 - 1e-12))
+
+
+def _lognormal() -> Pair:
+    """Make a pair with a lognormal quantity, sigma 1.2, of whose logarithm half the variance is unpredictable."""
+    sigma = 1.2 / np.sqrt(2)
+    return Pair(
+        "lognormal", _normal(3), lambda t: t[:, 0] ** sigma * np.exp(sigma * _noise(t)),
+        lambda t: np.column_stack([t[:, 0] ** sigma, t[:, 1]]), float(np.exp(sigma**2)),
+    )  # fmt: skip
+
+
+def _onset() -> Pair:
+    """Make a pair with a response that sets in for 3 % of the inputs and that the 0D output does not show."""
+    at = float(ndtri(0.97))
+    beyond = np.exp(-(at**2) / 2) / np.sqrt(2 * np.pi) - at * 0.03
+    return Pair(
+        "rare onset", _normal(3), lambda t: 1 + 0.1 * np.log(t[:, 0]) + 5 * np.maximum(0, np.log(t[:, 1]) - at),
+        lambda t: np.column_stack([np.log(t[:, 0]), t[:, 2]]), 1 + 5 * float(beyond),
+    )  # fmt: skip
+
+
+def _indicator() -> Pair:
+    """Make a pair whose quantity is 0 or 1."""
+    return Pair(
+        "indicator", _normal(3), lambda t: (np.log(t[:, 0]) + 0.3 * np.log(t[:, 1]) < -0.8).astype(float),
+        lambda t: np.column_stack([np.log(t[:, 0]), np.log(t[:, 2])]), float(ndtr(-0.8 / np.sqrt(1.09))),
+    )  # fmt: skip
+
+
+def _heteroscedastic() -> Pair:
+    """Make a smooth pair with a solver noise that grows with an input."""
+    return Pair(
+        "heteroscedastic noise", _normal(3),
+        lambda t: 1 + 0.3 * np.log(t[:, 0]) + 0.05 * np.log(t[:, 1]) ** 2 + 0.05 * np.minimum(t[:, 1], 10) * _noise(t),
+        lambda t: np.column_stack([np.log(t[:, 0]), np.log(t[:, 1])]), 1.05,
+    )  # fmt: skip
+
+
+PAIRS = {
+    pair.name: pair
+    for pair in (
+        _smooth(), _dissimilar(), _useless(), _non_monotone(), _manifold(), _skewed(),
+        _lognormal(), _onset(), _indicator(), _heteroscedastic(),
+    )
+}  # fmt: skip

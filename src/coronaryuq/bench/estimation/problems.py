@@ -11,7 +11,7 @@ import pandas as pd
 from coronaryuq.bench.estimation.pairs import Pair
 from coronaryuq.core.seeds import generator
 from coronaryuq.estimation.estimators.design import Block, Design
-from coronaryuq.estimation.runs.table import Row, Runs, pair
+from coronaryuq.estimation.runs.table import Row, Runs, States, pair
 from coronaryuq.estimation.surrogates.control_variates import Seen
 from coronaryuq.estimation.surrogates.emulator import Emulator, informative
 
@@ -24,7 +24,7 @@ class Trial:
     """One trial: pilot and its 3D outputs (n,), propagation samples; and the true mean.
 
     more_y (m,): 3D outputs at the propagation samples, which no estimator may use, if their mean is the truth instead
-    of `mean`.
+    of `mean`. states: of a Markov chain, where all samples are such.
     """
 
     seen: Seen
@@ -32,6 +32,7 @@ class Trial:
     more: Seen
     mean: float = np.nan
     more_y: np.ndarray | None = None
+    states: States | None = None
 
     @property
     def target(self) -> int:
@@ -114,4 +115,5 @@ def runs_of(trial: Trial) -> Runs:
     return Runs(
         Path("."), tuple(f"theta_{j}" for j in range(d)), tuple(map(str, range(len(seen)))), np.exp(seen.log_theta),
         pd.DataFrame({"y": trial.y}), q, np.exp(trial.more.log_theta), None, np.empty((0, d)),
+        states=trial.states,
     )  # fmt: skip

@@ -35,7 +35,8 @@ def decide(
         _grown(counts.n_0d, max(one.more_0d for one in plan), most.n_0d, portion.n_0d),
     )
     if target == counts:
-        return counts, True, "bounds reached"
+        too_short = any(one.longer_chain > 1 and one.half_width > one.target for one in plan)
+        return counts, True, "chain too short" if too_short else "bounds reached"
     if last:
         return counts, True, "rounds exhausted"
     return target, False, None

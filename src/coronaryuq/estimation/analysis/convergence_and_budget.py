@@ -4,7 +4,7 @@ import numpy as np
 
 from coronaryuq.core.seeds import generator
 from coronaryuq.estimation.estimators.formulas import additional_budget, correlation, optimal_variance
-from coronaryuq.estimation.results import Convergence, Curve, RowBudget, RowReport, TargetPlan
+from coronaryuq.estimation.results import NUMERICAL, Convergence, Curve, RowBudget, RowReport, TargetPlan
 from coronaryuq.estimation.runs.table import Row, Runs, pair
 from coronaryuq.estimation.settings import Settings
 from coronaryuq.estimation.surrogates import mfmc_ae, selector
@@ -14,6 +14,8 @@ from coronaryuq.estimation.training import train_on
 
 POINTS = 60
 """Of a budget curve."""
+CHAIN_PART = 0.25
+"""Largest part of a planned variance that the posterior's chain may have: emulated generations cost next to nothing."""
 
 
 def convergence(runs: Runs, rows: list[Row], settings: Settings, seed: int) -> list[Convergence]:
@@ -90,15 +92,23 @@ def _row_plan(row: RowReport, width: float, cost_ratio: float) -> TargetPlan:
     estimate = row.recommended_report
     half = estimate.calibrated.half_width
     n_3d, n_0d = estimate.n_3d, estimate.n_3d + row.n_propagation
-    residual, explained = estimate.residual_variance * n_3d, estimate.propagation_variance * n_0d
+    variance = estimate.variance
+    residual, explained = variance["runs_3d"] * n_3d, variance["propagation"] * n_0d
+    numerical = sum(variance.get(source, 0.0) for source in NUMERICAL)
     total = residual + explained
     rho = float(np.sqrt(explained / total)) if total > 0 else 0.0
 
-    def needed(width: float) -> tuple[float, float, float]:
-        return additional_budget(total, rho, n_3d, n_0d, cost_ratio, estimate.std**2 * (width / half) ** 2)
+    def needed(width: float) -> tuple[float, float, float, float]:
+        # No run makes up for a coarse mesh, or for a chain that is too short: above its part of the variance it has to
+        # be longer.
+        wanted = max(estimate.std**2 * (width / half) ** 2 - numerical, 1e-6 * estimate.std**2)
+        longer = max(1.0, variance["chain"] / (CHAIN_PART * wanted))
+        left = wanted - variance["chain"] / longer
+        return *additional_budget(total, rho, n_3d, n_0d, cost_ratio, left), longer
 
-    cost, more_3d, more_0d = needed(width)
-    return TargetPlan(row.row, width, half, int(np.ceil(more_3d)), int(np.ceil(more_0d)), cost, needed(width / 2)[0])
+    cost, more_3d, more_0d, longer = needed(width)
+    of_half = needed(width / 2)[0]
+    return TargetPlan(row.row, width, half, int(np.ceil(more_3d)), int(np.ceil(more_0d)), cost, of_half, longer)
 
 
 def _ae_correlations(

@@ -1,10 +1,15 @@
 """Checks for estimates that would be silently wrong: each is reported, and corrected or dropped by a stated rule."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
+from scipy.special import ndtri
 
+from coronaryuq.estimation.estimators.crossfit import Estimate
+from coronaryuq.estimation.estimators.dependence import INDEPENDENT, Dependence, Segments, variance
+from coronaryuq.estimation.estimators.quantile import lost_coverage
 from coronaryuq.estimation.runs.table import Runs
 
 # Tests at 0.1 %, Bonferroni-corrected over inputs: one false warning in a thousand campaigns.
@@ -13,32 +18,40 @@ OUTSIDE_SHARE, DOMINANT_SHARE = 0.05, 0.5
 # If the 5 % of coarse runs with the largest quantity fail, the reported standard error is 0.91 of the empirical one;
 # if 20 % do, 0.86.
 COARSE_FAILED = 0.05
+# A 95 % interval may cover 93 %. The skewness of a sample from a long-tailed law is about half that of the law, so a
+# warning is due from half of these two points on.
+LOST = 0.01
+# Runs unlike all the others, at most, for a quantity to be called constant; part of the inputs that may go unseen.
+FEW, UNSEEN = 2, 0.03
+# Standard errors of the difference of two estimates.
+DISAGREE = 3.0
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One warning: a short code, one line for the reader, and the rule that was applied."""
+    """One warning: a code that begins its line, one line for the reader, and the rule that was applied.
+
+    blocks: an estimator with this warning is not recommended.
+    """
 
     code: str
     text: str
     rule: str
+    blocks: bool = False
 
     def __str__(self) -> str:
-        return f"{self.text} ({self.rule})"
+        return f"{self.code}: {self.text} ({self.rule})"
 
 
-def different_inputs(runs: Runs) -> Finding | None:
-    """Compare pilot and propagation inputs: Kolmogorov-Smirnov and Welch's t-test of log θ, input by input."""
+def different_inputs(runs: Runs, dependence: Dependence = INDEPENDENT) -> Finding | None:
+    """Compare pilot and propagation inputs: Kolmogorov-Smirnov and Welch's test of log θ, input by input.
+
+    Samples that depend on each other count with their effective number.
+    """
     if len(runs.theta_more) < 8:
         return None
     a, b = np.log(runs.theta), np.log(runs.theta_more)
-    moving = [j for j in range(a.shape[1]) if np.ptp(b[:, j]) > 0]
-    p = {
-        runs.inputs[j]: min(
-            stats.ks_2samp(a[:, j], b[:, j]).pvalue, stats.ttest_ind(a[:, j], b[:, j], equal_var=False).pvalue
-        )
-        for j in moving
-    }
+    p = {runs.inputs[j]: _same_law(a[:, j], b[:, j], dependence) for j in range(a.shape[1]) if np.ptp(b[:, j]) > 0}
     low = {name: value for name, value in p.items() if value * 2 * len(p) < SIGNIFICANCE}
     if not low:
         return None
@@ -49,6 +62,24 @@ def different_inputs(runs: Runs) -> Finding | None:
         f"{worst} (p = {low[worst]:.1e})",
         "the propagation sample is the target; pilot runs are reweighted to its means in every estimate",
     )
+
+
+def _same_law(a: np.ndarray, b: np.ndarray, dependence: Dependence) -> float:
+    """Return the smaller p of two tests that samples (n,), (m,) have one law."""
+    if dependence.pilot is None and dependence.more is None:
+        return float(min(stats.ks_2samp(a, b).pvalue, stats.ttest_ind(a, b, equal_var=False).pvalue))
+    (n, of_a), (m, of_b) = _effective(a, dependence.pilot), _effective(b, dependence.more)
+    distance = stats.ks_2samp(a, b, method="asymp").statistic * np.sqrt(n * m / (n + m))
+    freedom = max(1.0, min(n, m) - 1)
+    means = 2 * stats.t.sf(abs(a.mean() - b.mean()) / np.sqrt(of_a + of_b), freedom)
+    return float(min(stats.kstwobign.sf(distance), means))
+
+
+def _effective(values: np.ndarray, segments: Segments | None) -> tuple[float, float]:
+    """Return the effective number of samples and the variance of their mean."""
+    n, independent = len(values), float(np.var(values, ddof=1)) / len(values)
+    of_mean = max(independent, variance([((values - values.mean()) / n, segments)])[0])
+    return n * independent / of_mean, of_mean
 
 
 def balancing_weights(runs: Runs) -> np.ndarray:
@@ -105,6 +136,17 @@ def without_gain(rho_held_out: float, n: int, method: str) -> Finding | None:
         "no gain",
         f"{method} gives no significant variance reduction: held-out correlation {rho_held_out:.2f} over {n} runs",
         "shown, not recommended: use plain Monte Carlo",
+        blocks=True,
+    )
+
+
+def unexplained(column: str, error: float) -> Finding:
+    """Warn of a 0D output whose emulator leaves a fraction of its variance unexplained."""
+    return Finding(
+        "poor emulator",
+        f"the emulator of {column} leaves {error:.1%} of its variance unexplained",
+        "shown, not recommended",
+        blocks=True,
     )
 
 
@@ -131,31 +173,71 @@ def coarse_failures(runs: Runs) -> Finding | None:
         "coarse runs failed",
         f"{share:.0%} of the coarse 3D runs failed",
         "an emulator replaces them, without bias, but the interval may be too narrow: shown, not recommended",
+        blocks=True,
     )
 
 
-# Fewest 3D runs from which a method meets the targets of the coverage benchmark: standard error within 15 %, coverage
-# 93 to 97 % (cells in docs/explanation/estimation.md); None: at no measured number. MFMC-AE and multilevel: too few
-# trials. crossfit-GP meets them at 50 runs but not at 100: published row 9 has a coverage of 91 %, the standard error
-# of row 5 is 1.19 times the empirical one.
-TESTED_FROM = {"MC": 25, "MFMC": 25, "MFMC-AE": None, "BLUE": 25, "crossfit-GP": None, "multilevel": None}
-# If residuals are at most this fraction of the variance, a 95 % interval still covers in 93 % of trials when they are
-# larger than reported by as much as the lower end of the worst cell's Wilson interval allows. The second number applies
-# there.
-SMALL_FRACTION, TESTED_WHERE_SMALL = 0.25, {"crossfit-GP": 50}
-
-
-def untested(method: str, n_3d: int, residual_fraction: float = 1.0) -> Finding | None:
-    """Warn of a method whose coverage has not been tested, or not at so few 3D runs.
-
-    residual_fraction: fraction of the estimate's variance that comes from the 3D runs' residuals, not from propagation
-    samples.
-    """
-    small = residual_fraction <= SMALL_FRACTION and method in TESTED_WHERE_SMALL
-    least = TESTED_WHERE_SMALL[method] if small else TESTED_FROM[method]
-    if least is not None and n_3d >= least:
+def skewed(estimate: Estimate) -> Finding | None:
+    """Warn of an estimate whose interval covers less than its level because few runs carry much of it."""
+    lost = lost_coverage(estimate.skewness, float(ndtri((1 + estimate.interval.level) / 2)))
+    if lost <= LOST:
         return None
-    where = "by repeated trials" if least is None else f"below {least} 3D runs; there are {n_3d}"
-    if least is None and method in TESTED_WHERE_SMALL:
-        where = f"where 3D residuals are more than {SMALL_FRACTION:.0%} of its variance; here {residual_fraction:.0%}"
-    return Finding("untested", f"the coverage of {method} is not tested {where}", "shown, not recommended")
+    return Finding(
+        "long tail",
+        f"few runs carry much of {estimate.method}: at skewness {estimate.skewness:.2g} an interval of this width that "
+        f"is not widened loses {lost:.1%} of its coverage",
+        "the interval is widened for it; runs in the tail that the sample has not reached are not in it",
+    )
+
+
+def constant(y: np.ndarray) -> Finding | None:
+    """Warn of a quantity that is the same in all runs (n,), or in all but a few."""
+    values, counts = np.unique(y, return_counts=True)
+    others = len(y) - int(counts.max())
+    if len(values) == len(y) or others > FEW:
+        return None
+    return Finding(
+        "hardly varies",
+        f"all but {others} of {len(y)} runs have the value {values[counts.argmax()]:.6g}",
+        f"by the rule of three, values of up to {3 / len(y):.0%} of the inputs may not have been seen",
+    )
+
+
+def unseen(n: int) -> Finding | None:
+    """Say which part of the inputs a small pilot may have missed."""
+    if 3 / n < UNSEEN:
+        return None
+    return Finding(
+        "few runs",
+        f"an effect that sets in for less than {3 / n:.0%} of the inputs may not be among {n} runs",
+        "rule of three, 95 %; no interval from these runs includes it",
+    )
+
+
+def dependent(dependence: Dependence) -> Finding | None:
+    """Say how samples depend on each other, where that was found from the inputs themselves."""
+    if not dependence.reason or dependence.shared:
+        return None
+    return Finding(
+        "dependent samples",
+        dependence.reason,
+        "standard errors are those of segments of dependent samples; give columns `chain` and `draw` if these are "
+        "states of a Markov chain",
+    )
+
+
+def disagreement(estimates: Mapping[str, Estimate], chosen: str) -> Finding | None:
+    """Compare the chosen estimate with the others from the same samples; warn beyond DISAGREE joint standard errors."""
+    one, worst = estimates[chosen], (0.0, "")
+    for name, other in estimates.items():
+        variance = (one.contributions - other.contributions).variance
+        if name != chosen and variance > 0:
+            worst = max(worst, (abs(one.mean - other.mean) / variance**0.5, name))
+    if worst[0] <= DISAGREE:
+        return None
+    return Finding(
+        "estimators disagree",
+        f"{chosen} ({one.mean:.6g}) and {worst[1]} ({estimates[worst[1]].mean:.6g}) differ by {worst[0]:.1f} standard "
+        "errors of their difference",
+        "kept; one of them is biased, or pilot and propagation inputs have different laws",
+    )

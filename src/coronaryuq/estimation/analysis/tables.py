@@ -5,11 +5,12 @@ import pandas as pd
 
 from coronaryuq.estimation.estimators.crossfit import Estimate
 from coronaryuq.estimation.estimators.formulas import chebyshev
-from coronaryuq.estimation.results import EstimatorReport, RowReport
+from coronaryuq.estimation.results import SOURCES, STATISTICAL, EstimatorReport, RowReport
 
 
 def estimator_report(estimate: Estimate) -> EstimatorReport:
     """Return an estimate as `estimates.json` holds it."""
+    residual = estimate.residual_variance
     return EstimatorReport(
         method=estimate.method,
         mean=estimate.mean,
@@ -22,9 +23,9 @@ def estimator_report(estimate: Estimate) -> EstimatorReport:
         n_0d=estimate.n_0d,
         predictions=estimate.predictions,
         beta=estimate.beta,
-        residual_variance=estimate.residual_variance,
-        propagation_variance=estimate.propagation_variance,
-        chain_variance=estimate.chain_variance,
+        variance=dict(
+            zip(STATISTICAL, (residual, estimate.propagation_variance, estimate.chain_variance), strict=True)
+        ),
         warnings=list(estimate.warnings),
         rho_in_sample=estimate.rho_in_sample,
         std_in_sample=estimate.std_in_sample,
@@ -47,6 +48,7 @@ def table(rows: list[RowReport]) -> pd.DataFrame:
                 "rho_original": row.paper.rho_original,
                 "rho_in_sample": np.nan if estimate.rho_in_sample is None else estimate.rho_in_sample,
                 "rho_held_out": estimate.rho_held_out,
+                **{f"variance_{source}": estimate.variance.get(source, np.nan) for source in SOURCES},
                 "n_3d": estimate.n_3d, "n_0d": estimate.n_0d, "predictions": estimate.predictions,
                 "warnings": "; ".join([*row.warnings, *estimate.warnings]),
             }  # fmt: skip

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from coronaryuq.estimation.estimators.crossfit import CrossFit, Estimate, Options, Propagated, combine
+from coronaryuq.estimation.estimators.dependence import INDEPENDENT, Dependence
 from coronaryuq.estimation.estimators.folds import assign
 
 
@@ -41,11 +42,13 @@ def weights(counts: Sequence[tuple[tuple[int, ...], float]], covariance: np.ndar
     return [count * row[list(m)] @ inverse for (m, count), inverse in zip(counts, inverses, strict=True)]
 
 
-def estimate(groups: Sequence[Group], folds: int, seed: int, level: float = 0.95) -> Estimate:
+def estimate(
+    groups: Sequence[Group], folds: int, seed: int, level: float = 0.95, dependence: Dependence = INDEPENDENT
+) -> Estimate:
     """Cross-fitted multilevel BLUE of the mean of model 0. The first group runs every model: it is the pilot.
 
     Every run of the pilot must have succeeded in every model; other groups must not run model 0. Each group is shared
-    out among folds; a fold's weights apply to the fold's samples.
+    out among folds; a fold's weights apply to the fold's samples. dependence: of the pilot's runs.
     """
     # Constants off the cheap models' outputs change no estimate, and keep folds of unlike weights on one level.
     centre = dict(zip(groups[0].models, groups[0].outputs.mean(axis=0), strict=True)) | {0: 0.0}
@@ -64,4 +67,6 @@ def estimate(groups: Sequence[Group], folds: int, seed: int, level: float = 0.95
         values = [g.outputs[part == k] @ w for g, part, w in zip(others, parts, rest, strict=True)]
         blocks.append(Propagated(values[0], also=tuple(values[1:])) if values else Propagated(np.zeros(1)))
     n_0d = sum(count for _, count in counts)
-    return combine("multilevel BLUE", CrossFit(y, held, blocks, fold), n_0d, Options(level, beta=1.0))
+    return combine(
+        "multilevel BLUE", CrossFit(y, held, blocks, fold, dependence), n_0d, Options(level, beta=1.0, in_order=False)
+    )

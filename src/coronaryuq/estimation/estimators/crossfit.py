@@ -16,12 +16,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.special import stdtrit
 
 from coronaryuq.estimation.estimators import dependence
 from coronaryuq.estimation.estimators.dependence import INDEPENDENT, Dependence, Segments
 from coronaryuq.estimation.estimators.formulas import correlation
 from coronaryuq.estimation.estimators.influence import Between
+from coronaryuq.estimation.estimators.quantile import Part, kurtosis_freedom, skewness, two_sided
 from coronaryuq.estimation.results import Interval
 
 # How far the interval's variance goes from the covariance between folds to that covariance's bound.
@@ -82,7 +82,7 @@ class Options:
     common, for a g whose fit has more than a few parameters. expected, trust: a variance that the residuals' part
     should have, and how far (0 to 1) it replaces the estimated one. target: number of propagation samples where these
     are the finite set whose mean is wanted rather than a sample of a law; their own residuals are then part of the
-    error.
+    error. in_order: the control variate was propagated at the design's samples, in the order of its blocks.
     """
 
     level: float = 0.95
@@ -92,9 +92,44 @@ class Options:
     expected: float = 0.0
     trust: float = 0.0
     target: int = 0
+    in_order: bool = True
 
 
 PLAIN = Options()
+
+
+@dataclass(frozen=True)
+class Contributions:
+    """What each pilot run (n,) and propagation sample (m,) adds to an estimate, less the mean of its kind.
+
+    apart: variance of what comes from samples that other estimates do not use in the same order. dependence: of the
+    samples on each other. segments: of the propagation samples, if they depend on each other.
+    """
+
+    pilot: np.ndarray
+    propagated: np.ndarray
+    apart: float = 0.0
+    dependence: Dependence = INDEPENDENT
+    segments: Segments | None = None
+
+    def __sub__(self, other: "Contributions") -> "Contributions":
+        """Return the contributions to the difference of two estimates from the same samples."""
+        sizes = len(self.propagated), len(other.propagated)
+        a, b = (
+            np.zeros(max(sizes)) if not size else c.propagated for c, size in zip((self, other), sizes, strict=True)
+        )
+        segments = self.segments or other.segments
+        return Contributions(self.pilot - other.pilot, a - b, self.apart + other.apart, self.dependence, segments)
+
+    @property
+    def variance(self) -> float:
+        """Of the sum of all contributions, without an error that pilot and propagation have in common."""
+        n = len(self.pilot)
+        pilot, more = float(np.sum(self.pilot**2) * n / (n - 1)), float(np.sum(self.propagated**2))
+        pilot = max(pilot, dependence.variance([(self.pilot, self.dependence.pilot)])[0])
+        if not self.dependence.shared:
+            more = max(more, dependence.variance([(self.propagated, self.segments)])[0])
+        return pilot + more + self.apart
 
 
 @dataclass(frozen=True)
@@ -103,6 +138,8 @@ class Estimate:
 
     The variance has three parts: of the 3D residuals, of propagation, and what their samples' dependence on each other
     adds to both (`chain_variance`).
+    contributions: of the single samples. skewness: of the estimate, from the third moments of its contributions.
+    sound: no warning speaks against recommending it.
     rho_in_sample, std_in_sample: correlation and standard error of the same method fitted and evaluated on all runs, as
     the paper prints them, where they were computed.
     """
@@ -120,22 +157,28 @@ class Estimate:
     propagation_variance: float
     chain_variance: float
     residuals: np.ndarray = field(repr=False)
+    contributions: Contributions = field(repr=False)
+    skewness: float
     rho_in_sample: float | None = None
     std_in_sample: float | None = None
     warnings: tuple[str, ...] = ()
+    sound: bool = True
 
-    def warned(self, finding: object | None) -> "Estimate":
-        """Return the estimate with one more warning; unchanged for None."""
-        return self if finding is None else replace(self, warnings=(*self.warnings, str(finding)))
+    def warned(self, text: object | None, blocks: bool = False) -> "Estimate":
+        """Return the estimate with one more warning, unsound if that blocks it; unchanged for None."""
+        if text is None:
+            return self
+        return replace(self, warnings=(*self.warnings, str(text)), sound=self.sound and not blocks)
 
 
 def combine(method: str, fit: CrossFit, n_0d: int, options: Options = PLAIN) -> Estimate:
     """Return the cross-fitted estimate of the mean of y.
 
     The interval is Student's t. Its variance carries the covariance between folds a quarter of the way to its bound,
-    because the refit of hyper-parameters is not in it; its degrees of freedom follow from the fourth moment of the
+    because the refit of hyper-parameters is not in it. Its degrees of freedom follow from the fourth moment of the
     residuals, with what each run adds through the others' g (Satterthwaite 1946), because the variance of long-tailed
-    residuals is known less well than that of a normal sample.
+    residuals is known less well than that of a normal sample; and it is widened by what the skewness of the estimate
+    takes from its coverage (module `quantile`).
 
     Parameters
     ----------
@@ -189,15 +232,24 @@ def combine(method: str, fit: CrossFit, n_0d: int, options: Options = PLAIN) -> 
         towards = TO_BOUND * max(0.0, bound - covariance)
     from_residuals += covariance + (from_residuals * n / target if target else 0.0)
     chain = _chain_variance(fit, weights * centred / weights.sum(), estimated, beta, (beyond, freedom))
-    from_chain = sum(part for part, _ in chain)
-    bound = from_residuals + towards
+    from_chain = sum(part.variance for part in chain)
     std = (from_residuals + from_blocks + from_chain) ** 0.5
-    well_known = from_blocks + trust * expected
-    quantile = _quantile(values, bound - trust * expected, well_known, options.level, chain)
-    half = quantile * (bound + from_blocks + from_chain) ** 0.5
+    bound = from_residuals + towards
+    parts = [Part(bound - trust * expected, kurtosis_freedom(values)), *chain]
+    total = bound + from_blocks + from_chain
+    shared_samples = along if beta and options.in_order else []
+    propagated = beta * np.concatenate([np.empty(0), *(values for values, _ in shared_samples)])
+    apart = max(0.0, from_blocks - float(np.sum(propagated**2)))
+    skewed = skewness([values / n, propagated], total)
+    half = two_sided(options.level, parts, from_blocks + trust * expected, n, skewed) * total**0.5
+    segments = [s for _, s in shared_samples if s is not None]
     return Estimate(
         method, mean, std, correlation(y, held_out), n, n_0d, sum(b.predictions for b in blocks), beta,
         Interval(mean - half, mean + half, options.level), from_residuals, from_blocks, from_chain, residuals,
+        Contributions(
+            weights * centred / weights.sum(), propagated, apart, fit.dependence,
+            dependence.joined(segments) if segments else None,
+        ), skewed,
     )  # fmt: skip
 
 
@@ -215,44 +267,16 @@ def _contributions(block: Propagated, share: float) -> tuple[np.ndarray, Segment
 
 def _chain_variance(
     fit: CrossFit, contributions: np.ndarray, estimated: float, beta: float, beyond: tuple[float, float]
-) -> list[tuple[float, float]]:
-    """Return what dependence adds to the variance of an estimate: parts and their degrees of freedom.
+) -> list[Part]:
+    """Return what dependence adds to the variance of an estimate.
 
-    A chain that made pilot and propagation alike has an error that no coefficient reduces: the error of the chain's
-    mean of y, which is that of g and of y − g.
+    The error of a chain that pilot and propagation share is that of the chain's mean of y, which is that of g and of
+    y − g. Where propagation has no segments, all of it is taken from y.
     """
     added, freedom = beyond
     if fit.dependence.shared:
-        unexplained = float(np.var(fit.y - (beta > 0) * fit.held_out, ddof=1))
-        return [(added, freedom), (unexplained * fit.dependence.shared, np.inf)]
+        seen = beta > 0 and any(block.segments is not None for block in fit.blocks)
+        unexplained = float(np.var(fit.y - seen * fit.held_out, ddof=1))
+        return [Part(added, freedom), Part(unexplained * fit.dependence.ratio, np.inf)]
     of_pilot, freedom_of_pilot = dependence.variance([(contributions, fit.dependence.pilot)])
-    return [(beta**2 * added, freedom), (max(0.0, of_pilot - estimated), freedom_of_pilot)]
-
-
-def _quantile(
-    values: np.ndarray, from_values: float, rest: float, level: float, chain: Sequence[tuple[float, float]] = ()
-) -> float:
-    """Return Student's two-sided quantile for a variance of several parts (Satterthwaite 1946).
-
-    Parameters
-    ----------
-    values, from_values
-        Numbers (n,), and the part of the variance that comes from them.
-    rest
-        Part that is known well.
-    level
-        Of the interval.
-    chain
-        Further parts and their degrees of freedom.
-    """
-    n = len(values)
-    spread = np.var(values)
-    uncertain = [(part, freedom) for part, freedom in chain if part > 0]
-    if spread > 0 and from_values > 0:
-        kurtosis = np.mean(((values - values.mean()) / spread**0.5) ** 4)
-        uncertain.append((from_values, min(n - 1, max(2.0, 2 * n / max(kurtosis - 1, 1e-9)))))
-    if not uncertain:
-        return float(stdtrit(n - 1, (1 + level) / 2))
-    total = sum(part for part, _ in uncertain) + rest
-    freedom = 1 / sum((part / total) ** 2 / of_part for part, of_part in uncertain)
-    return float(stdtrit(freedom, (1 + level) / 2))
+    return [Part(beta**2 * added, freedom), Part(max(0.0, of_pilot - estimated), freedom_of_pilot)]

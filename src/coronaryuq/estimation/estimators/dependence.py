@@ -23,10 +23,17 @@ from coronaryuq.estimation.runs.table import Runs, States
 
 SIGNIFICANCE = 1e-3
 """Level of the test for autocorrelation, Bonferroni-corrected over inputs."""
+LIKELY = 0.05
+"""Level for a pilot whose propagation samples are autocorrelated."""
 CHANCE = 1e-3
 """Expected number of pairs of independent samples that are taken for near-duplicates."""
 FEWEST = 6
 """Fewest segments from which a variance is estimated."""
+MOST = 36
+"""Most segments, so that they are long against a correlation however many samples there are.
+
+With a third as many degrees of freedom, Student's quantile is 11 % above the normal one.
+"""
 
 
 @dataclass(frozen=True)
@@ -40,14 +47,22 @@ class Segments:
         return Segments(self.long[index], self.short[index])
 
 
+def joined(segments: Sequence[Segments]) -> Segments:
+    """Return the segments of several blocks of samples, one after the other."""
+    return Segments(np.concatenate([s.long for s in segments]), np.concatenate([s.short for s in segments]))
+
+
 @dataclass(frozen=True)
 class Dependence:
     """Segments of pilot and of propagation samples, each None where they are independent of each other.
 
     groups
         Pilot runs (n,) that must be held out together, by number; None if each stands for itself.
+    ratio
+        Variance of the propagation samples' mean less that of independent ones, over the variance of one sample.
     shared
-        Where one chain made all samples: variance of the chain's own mean over the variance of one of its states.
+        Pilot and propagation have the error of one chain in common: one chain made both, or the pilot is weighted to
+        the propagation samples. No coefficient reduces that error, and it cancels in the difference of two estimates.
     reason
         How the dependence was found; empty without any.
     """
@@ -55,7 +70,8 @@ class Dependence:
     pilot: Segments | None = None
     more: Segments | None = None
     groups: np.ndarray | None = None
-    shared: float = 0.0
+    ratio: float = 0.0
+    shared: bool = False
     reason: str = ""
 
 
@@ -101,11 +117,14 @@ def find(runs: Runs) -> Dependence:
     """
     if runs.states is not None:
         return _states(runs, runs.states)
-    (pilot, pilot_reason), (more, more_reason) = (_in_file(np.log(theta)) for theta in (runs.theta, runs.theta_more))
+    more, more_reason = _in_file(np.log(runs.theta_more), SIGNIFICANCE)
+    # Where propagation samples come from a chain, a pilot of the same origin is likely to, and needs less evidence.
+    pilot, pilot_reason = _in_file(np.log(runs.theta), SIGNIFICANCE if more is None else LIKELY)
     reasons = [
         f"{name} inputs {reason}" for name, reason in (("pilot", pilot_reason), ("propagation", more_reason)) if reason
     ]
-    return Dependence(pilot, more, None if pilot is None else pilot.long, reason="; ".join(reasons))
+    ratio = 0.0 if more is None else _ratio(np.log(runs.theta_more), more)
+    return Dependence(pilot, more, None if pilot is None else pilot.long, ratio, reason="; ".join(reasons))
 
 
 def _states(runs: Runs, states: States) -> Dependence:
@@ -116,41 +135,51 @@ def _states(runs: Runs, states: States) -> Dependence:
     """
     n, theta = len(runs), np.log(np.vstack([runs.theta, runs.theta_more]))
     segments = _along_chains(states)
-    moving = theta[:, np.ptp(theta, axis=0) > 0]
-    centred = (moving - moving.mean(axis=0)) / len(moving)
-    spread = moving.var(axis=0, ddof=1)
-    whole = np.array([variance([(column, segments)])[0] for column in centred.T])
-    shared = float(np.mean(np.maximum(0.0, whole / spread - 1 / len(moving)))) if len(spread) else 0.0
     same = np.unique(np.column_stack([states.chain, states.draw])[:n], axis=0, return_inverse=True)[1].ravel()
     groups = same if same.max() + 1 < n else None
     more = segments[np.arange(n, len(theta))] if len(runs.theta_more) else None
-    return Dependence(None, more, groups, shared, "states of a chain")
+    return Dependence(None, more, groups, _ratio(theta, segments), True, "states of a chain")
+
+
+def _ratio(theta: np.ndarray, segments: Segments) -> float:
+    """Return `Dependence.ratio`, the mean over the inputs (m, d) that move."""
+    moving = theta[:, np.ptp(theta, axis=0) > 0]
+    if not moving.shape[1]:
+        return 0.0
+    centred = (moving - moving.mean(axis=0)) / len(moving)
+    whole = np.array([variance([(column, segments)])[0] for column in centred.T])
+    return float(np.mean(np.maximum(0.0, whole / moving.var(axis=0, ddof=1) - 1 / len(moving))))
 
 
 def _along_chains(states: States) -> Segments:
-    """Cut each chain into segments of the square root of its draws (Flegal and Jones 2010), by the draws' numbers."""
+    """Cut each chain into segments by the numbers of its draws, some MOST segments of all chains together."""
     distinct, place = np.unique(states.draw, return_inverse=True)
     chain = np.unique(states.chain, return_inverse=True)[1]
-    per_chain = max(1, round(len(distinct) ** 0.5))
-    reach = (distinct - distinct[0]) / max(1.0, float(np.ptp(distinct)) * (1 + 1e-9))
-
-    def numbered(segments: int) -> np.ndarray:
-        return chain * segments + np.floor(reach * segments).astype(int)[place]
-
-    return Segments(numbered(per_chain), numbered(3 * per_chain))
+    chains = int(chain.max()) + 1
+    along = (distinct - distinct[0]) / max(1.0, float(np.ptp(distinct)) * (1 + 1e-9))
+    return _cut(along[place], max(1, round(_count(chains * len(distinct)) / chains)), chain)
 
 
-def _in_file(log_theta: np.ndarray) -> tuple[Segments | None, str]:
+def _count(samples: int) -> int:
+    """Return the number of segments of so many samples: their square root (Flegal and Jones 2010), at most MOST."""
+    return min(MOST, int(samples**0.5))
+
+
+def _cut(along: np.ndarray, segments: int, chain: np.ndarray | int = 0) -> Segments:
+    """Return the segments of samples (m,) at places from 0 to 1 along chains of `segments` segments each."""
+    long, short = (chain * k + np.floor(along * k).astype(int) for k in (segments, 3 * segments))
+    return Segments(long, short)
+
+
+def _in_file(log_theta: np.ndarray, level: float) -> tuple[Segments | None, str]:
     """Return the segments of a table (m, d) of inputs without known states, and the reason for them."""
     m = len(log_theta)
     moving = log_theta[:, np.ptp(log_theta, axis=0) > 0] if m > 1 else log_theta[:, :0]
     if m < 2 * FEWEST or not moving.shape[1]:
         return None, ""
     standard = (moving - moving.mean(axis=0)) / moving.std(axis=0)
-    if autocorrelated(standard):
-        third = max(1, int(np.ceil(np.sqrt(m) / 3)))
-        place = np.arange(m)
-        return Segments(place // (3 * third), place // third), "are autocorrelated in the order of the file"
+    if autocorrelated(standard, level):
+        return _in_order(m), "are autocorrelated in the order of the file"
     labels = near_duplicates(standard)
     repeated = m - (int(labels.max()) + 1)
     if not repeated:
@@ -158,12 +187,23 @@ def _in_file(log_theta: np.ndarray) -> tuple[Segments | None, str]:
     return Segments(labels, labels), f"are repeated or nearly so: {m - repeated} distinct of {m}"
 
 
-def autocorrelated(values: np.ndarray) -> bool:
-    """Return whether any column of `values` (m, d) has a lag-one autocorrelation, by a normal test at SIGNIFICANCE."""
-    centred = values - values.mean(axis=0)
+def _in_order(m: int) -> Segments:
+    return _cut(np.arange(m) / m, _count(m))
+
+
+def autocorrelated(values: np.ndarray, level: float = SIGNIFICANCE) -> bool:
+    """Return whether any column of `values` (m, d) depends on its order, by two tests at `level` together.
+
+    A normal test of the lag-one autocorrelation, and a chi-square test of the variance of segment means. The second one
+    also sees chains that are written in turn, whose correlation sets in at a long lag and is small at every single one.
+    """
+    m, centred = len(values), values - values.mean(axis=0)
     lag_one = np.sum(centred[1:] * centred[:-1], axis=0) / np.sum(centred**2, axis=0)
-    p = stats.norm.sf(lag_one * np.sqrt(len(values)))
-    return bool(p.min() * values.shape[1] < SIGNIFICANCE)
+    segments = _in_order(m).long
+    batch = np.array([_batch_means(column / m, segments) for column in centred.T])
+    ratio, freedom = batch * m / centred.var(axis=0, ddof=1), int(segments.max())
+    p = np.concatenate([stats.norm.sf(lag_one * np.sqrt(m)), stats.chi2.sf(freedom * ratio, freedom)])
+    return bool(p.min() * len(p) < level)
 
 
 def near_duplicates(values: np.ndarray) -> np.ndarray:

@@ -126,7 +126,7 @@ def _combined(design: Design, y: np.ndarray, fits: list[_Fit], level: float) -> 
         variance,
         [np.array([fit.variance_beyond]) for fit in fits],
     )
-    cross_fit = CrossFit(y, on_coarse * (f - g) + on_cheap * g, blocks, design.fold)
+    cross_fit = CrossFit(y, on_coarse * (f - g) + on_cheap * g, blocks, design.fold, design.dependence)
     options = Options(level, beta=1.0, between=influence.between())
     estimate = combine("multilevel: " + tally([_name(fit) for fit in fits]), cross_fit, n + len(between), options)
     parts = Parts(

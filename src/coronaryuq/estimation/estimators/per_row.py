@@ -132,7 +132,7 @@ def several_models(design: Design, row: Row, seed: int, level: float) -> Estimat
     if runs.q_more is not None:
         groups.append(Group(cheap, runs.q_more[columns].to_numpy(float)))
     folds = len(design.blocks)
-    return blue.estimate([g for g in groups if len(g.outputs) >= 2 * folds], folds, seed, level)
+    return blue.estimate([g for g in groups if len(g.outputs) >= 2 * folds], folds, seed, level, design.dependence)
 
 
 def crossfit_gp(
