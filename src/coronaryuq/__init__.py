@@ -3,6 +3,8 @@
 For notebooks and scripts (docs/how-to/notebook.md):
 
     open(folder)      results of a campaign as tables
+    estimate(...)     mean of an expensive model's output from arrays of runs
+    estimate_models(...), allocate(...)  the same with any number of models, and how many runs of each
     discover(...)     search for an effect that a model lacks
     zerod.solve(...)  one 0D network marched in time
 
@@ -15,6 +17,9 @@ __version__ = "0.2.0"
 
 PUBLIC = {
     "open": ("coronaryuq.notebook.opened", "Opened"),
+    "estimate": ("coronaryuq.estimation.arrays", "estimate"),
+    "estimate_models": ("coronaryuq.estimation.models", "estimate_models"),
+    "allocate": ("coronaryuq.estimation.models", "allocate"),
     "discover": ("coronaryuq.notebook.discover", "discover"),
     "zerod": ("coronaryuq.zerod", None),
 }

@@ -27,7 +27,7 @@ def convergence(runs: Runs, rows: list[Row], settings: Settings, seed: int) -> l
     0D runs.
     """
     entries = []
-    emulator = Emulator(np.log(runs.theta), runs.q[list(dict.fromkeys(row.column_0d for row in rows))])
+    emulator = Emulator(runs.coordinates(runs.theta), runs.q[list(dict.fromkeys(row.column_0d for row in rows))])
     for size in [s for s in settings.convergence_sizes if s <= len(runs) - 20]:
         subsets = [
             np.sort(generator(seed, "estimation", "convergence", size, trial).permutation(len(runs))[:size])
@@ -120,7 +120,7 @@ def _ae_correlations(
     y, _ = pair(runs, row)
     places = mfmc_ae.nodes(networks, row.name, fit, settings.curve_nodes)
     theta = mfmc_ae.resampled(networks, row.name, fit, places)
-    outputs = emulator.predict(np.log(theta))[row.column_0d]
+    outputs = emulator.predict(runs.coordinates(theta))[row.column_0d]
     follows = mfmc_ae.along_curve(places, outputs, mfmc_ae.latent(networks, row.name, fit, runs.theta))
     others = np.setdiff1d(np.arange(len(runs)), subset)
     inside = correlation(y[subset], follows[subset])
@@ -129,6 +129,6 @@ def _ae_correlations(
 
 def _crossfit_gp_held_out(runs: Runs, row: Row, subset: np.ndarray) -> float:
     y, q = pair(runs, row)
-    seen = Seen(np.log(runs.theta), q, runs.q[informative(runs.q, [row.column_0d])].to_numpy(float))
+    seen = Seen(runs.coordinates(runs.theta), q, runs.q[informative(runs.q, [row.column_0d])].to_numpy(float))
     others = np.setdiff1d(np.arange(len(runs)), subset)
     return correlation(y[others], selector.choose(seen[subset], y[subset]).predict(seen[others]))

@@ -50,7 +50,7 @@ def different_inputs(runs: Runs, dependence: Dependence = INDEPENDENT) -> Findin
     """
     if len(runs.theta_more) < 8:
         return None
-    a, b = np.log(runs.theta), np.log(runs.theta_more)
+    a, b = runs.coordinates(runs.theta), runs.coordinates(runs.theta_more)
     p = {runs.inputs[j]: _same_law(a[:, j], b[:, j], dependence) for j in range(a.shape[1]) if np.ptp(b[:, j]) > 0}
     low = {name: value for name, value in p.items() if value * 2 * len(p) < SIGNIFICANCE}
     if not low:
@@ -88,7 +88,7 @@ def balancing_weights(runs: Runs) -> np.ndarray:
     Entropy balancing by exponential tilting, Hainmueller 2012. All weights are one if the dual does not converge or
     leaves an effective number of runs below half: then the two samples are too different to be balanced.
     """
-    a, b = np.log(runs.theta), np.log(runs.theta_more)
+    a, b = runs.coordinates(runs.theta), runs.coordinates(runs.theta_more)
     n = len(a)
     centred = (a - b.mean(axis=0)) / (a.std(axis=0) + 1e-12)
     u, s, _ = np.linalg.svd(centred - centred.mean(axis=0), full_matrices=False)

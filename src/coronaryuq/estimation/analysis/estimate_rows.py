@@ -68,15 +68,29 @@ def analyse(
     """
     training.check_number_of_runs(runs, settings)
     design = design or make_design(runs, rows, count(len(runs), settings.folds), seed, settings.known_scaling)
+    methods, findings = prepare(design, settings, seed, networks, resampled, beyond_mean)
+    return [estimate_row(row, methods, findings) for row in rows]
+
+
+def prepare(
+    design: Design, settings: Settings, seed: int, networks: mfmc_ae.Networks | None = None,
+    resampled: pd.DataFrame | None = None, beyond_mean: bool = True,
+) -> tuple["Methods", tuple[diagnostics.Finding, ...]]:  # fmt: skip
+    """Check the runs of a design; return what the estimators of all rows share, and warnings that hold for all rows.
+
+    Parameters as in `analyse`.
+    """
+    runs = design.runs
     failed = failures.failed_not_at_random(runs, seed, settings.known_scaling)
     unequal = tuple(f for f in (diagnostics.different_inputs(runs, design.dependence), failed) if f)
     weights = diagnostics.balancing_weights(runs) if unequal else None
     dependent = diagnostics.dependent(design.dependence)
     if weights is not None:
         design = replace(design, dependence=replace(design.dependence, shared=True))
-    methods = Methods(design, settings, seed, weights, networks, resampled, beyond_mean)
     findings = unequal if dependent is None else (*unequal, dependent)
-    return [estimate_row(row, methods, findings) for row in rows]
+    lost = failures.failed_propagation(runs, seed, settings.known_scaling)
+    findings += () if lost is None else (lost,)
+    return Methods(design, settings, seed, weights, networks, resampled, beyond_mean), findings
 
 
 @dataclass
@@ -132,27 +146,10 @@ class Methods:
 
 def estimate_row(row: Row, methods: Methods, findings: tuple[diagnostics.Finding, ...]) -> RowReport:
     """Estimate one row by every method; findings: warnings that hold for all rows."""
-    design, settings, runs, weights = methods.design, methods.settings, methods.design.runs, methods.weights
+    design, settings, runs = methods.design, methods.settings, methods.design.runs
     y, q = pair(runs, row)
+    made, parts = estimates_of(row, methods)
     crossfit_gp, beyond = methods.crossfit_gp(row)
-    estimates: dict[str, Estimate | None] = {
-        "MC": per_row.monte_carlo(design, row, settings.level, weights),
-        "MFMC": per_row.mfmc(design, row, settings.level, weights),
-        "MFMC-AE": methods.autoencoder(row),
-        "crossfit-GP": crossfit_gp,
-    }
-    parts = None
-    if weights is None:
-        # Pilot runs that are reweighted to the propagation inputs would need weights on a coarse level too.
-        estimates["BLUE"] = per_row.several_models(design, row, methods.seed, settings.level)
-        levels = methods.multilevel(row)
-        if levels is not None:
-            parts = levels[1]
-            estimates["multilevel"] = _warned(levels[0], diagnostics.coarse_failures(runs))
-    made = {name: _judged(name, estimate, len(y)) for name in ORDER if (estimate := estimates.get(name)) is not None}
-    error = design.emulator_error[row.column_0d]
-    if error > EMULATOR_SHARE:
-        made["MFMC"] = _warned(made["MFMC"], diagnostics.unexplained(row.column_0d, error))
     chosen = recommended(made)
     found = (
         *findings,
@@ -170,10 +167,35 @@ def estimate_row(row: Row, methods: Methods, findings: tuple[diagnostics.Finding
         beyond_the_mean=beyond,
         levels=parts,
         n_propagation=len(runs.theta_more),
-        emulator_error=error,
+        emulator_error=design.emulator_error[row.column_0d],
         integrated_exactly=settings.known_scaling if design.integrated else None,
         warnings=[str(finding) for finding in found if finding],
     )  # fmt: skip
+
+
+def estimates_of(row: Row, methods: Methods) -> tuple[dict[str, Estimate], Parts | None]:
+    """Return every method's estimate of one row, and the variances of the parts of `multilevel`."""
+    design, settings, runs, weights = methods.design, methods.settings, methods.design.runs, methods.weights
+    y, _ = pair(runs, row)
+    estimates: dict[str, Estimate | None] = {
+        "MC": per_row.monte_carlo(design, row, settings.level, weights),
+        "MFMC": per_row.mfmc(design, row, settings.level, weights),
+        "MFMC-AE": methods.autoencoder(row),
+        "crossfit-GP": methods.crossfit_gp(row)[0],
+    }
+    parts = None
+    if weights is None:
+        # Pilot runs that are reweighted to the propagation inputs would need weights on a coarse level too.
+        estimates["BLUE"] = per_row.several_models(design, row, methods.seed, settings.level)
+        levels = methods.multilevel(row)
+        if levels is not None:
+            parts = levels[1]
+            estimates["multilevel"] = _warned(levels[0], diagnostics.coarse_failures(runs))
+    made = {name: _judged(name, estimate, len(y)) for name in ORDER if (estimate := estimates.get(name)) is not None}
+    error = design.emulator_error[row.column_0d]
+    if error > EMULATOR_SHARE:
+        made["MFMC"] = _warned(made["MFMC"], diagnostics.unexplained(row.column_0d, error))
+    return made, parts
 
 
 def _judged(name: str, estimate: Estimate, n: int) -> Estimate:

@@ -1,4 +1,4 @@
-"""Failed 3D runs: does failing depend on θ, on one input or on several together?"""
+"""Failed runs: does failing depend on θ, on one input or on several together?"""
 
 import numpy as np
 from scipy import stats
@@ -11,6 +11,8 @@ SIGNIFICANCE = 0.01
 MANY = 0.1
 PERMUTATIONS = 9999
 BLOCK = 1000
+MOST = 2000
+"""Propagation samples among which failures are tested."""
 
 
 def failed_not_at_random(runs: Runs, seed: int, scaling: str | None = None) -> Finding | None:
@@ -19,7 +21,8 @@ def failed_not_at_random(runs: Runs, seed: int, scaling: str | None = None) -> F
     if failed == 0:
         return None
     count, share = failed + len(runs), failed / (failed + len(runs))
-    p, what = dependence(runs.theta_failed, runs.theta, runs.inputs, seed, scaling)
+    parts = runs.coordinates(runs.theta_failed), runs.coordinates(runs.theta)
+    p, what = dependence(*parts, runs.inputs, seed, scaling)
     if p < SIGNIFICANCE:
         return Finding(
             "failures depend on inputs",
@@ -35,11 +38,29 @@ def failed_not_at_random(runs: Runs, seed: int, scaling: str | None = None) -> F
     return None
 
 
+def failed_propagation(runs: Runs, seed: int, scaling: str | None = None) -> Finding | None:
+    """Warn of propagation samples whose 0D run failed; whether that depends on θ is tested on MOST of the samples."""
+    if runs.theta_more_failed is None or not len(runs.theta_more_failed):
+        return None
+    failed, ended = runs.theta_more_failed, runs.theta_more
+    text = f"{len(failed)} of {len(failed) + len(ended)} 0D runs at propagation samples failed"
+    rng = generator(seed, "failures", "propagation")
+    failed, ended = (rng.permutation(part)[: MOST // 2] for part in (failed, ended))
+    p, what = dependence(runs.coordinates(failed), runs.coordinates(ended), runs.inputs, seed, scaling)
+    if p < SIGNIFICANCE:
+        text += f", not at random: {what} (p = {p:.1e})"
+    return Finding(
+        "propagation runs failed", text, "left out: the estimate holds for inputs at which the 0D model runs"
+    )
+
+
 def dependence(
     failed: np.ndarray, ended: np.ndarray, inputs: tuple[str, ...], seed: int, scaling: str | None = None,
     permutations: int = PERMUTATIONS,
 ) -> tuple[float, str]:  # fmt: skip
-    """Return the p-value of "failing does not depend on θ" (f, d), (n, d), and in words what differs most.
+    """Return the p-value of "failing does not depend on θ", and in words what differs most.
+
+    failed (f, d), ended (n, d): coordinates of the inputs, as in `Runs.coordinates`.
 
     Two statistics of the failed runs' normal scores (van der Waerden), as every direction then has one law: the
     largest mean over single inputs, the mean of log θ, and the same with the input `scaling` apart and multiplied on;
@@ -47,7 +68,7 @@ def dependence(
     random choices of as many runs, and so is the smaller of the two p-values (min-p, Westfall & Young 1993): the level
     holds whatever the number of inputs and their correlation.
     """
-    logs = np.log(np.vstack([failed, ended]))
+    logs = np.vstack([failed, ended])
     moving = np.ptp(logs, axis=0) > 0
     if not moving.any():
         return 1.0, ""

@@ -104,8 +104,8 @@ def published(data: str | Path | None) -> tuple[Path, Path]:
 def emulated(runs: Runs, names: list[str], wanted: pd.DataFrame) -> pd.DataFrame:
     """0D outputs at wanted inputs by an emulator of all pilot 0D runs, index `sample`."""
     names = list(dict.fromkeys(names))
-    emulator = Emulator(np.log(runs.theta), runs.q[names])
-    values = emulator.predict(np.log(wanted[list(runs.inputs)].to_numpy(float)))
+    emulator = Emulator(runs.coordinates(runs.theta), runs.q[names])
+    values = emulator.predict(runs.coordinates(wanted[list(runs.inputs)].to_numpy(float)))
     return pd.DataFrame(values, index=wanted["sample"].astype(str))
 
 

@@ -25,13 +25,15 @@ def held_out_loss(runs: Runs, rows: list[Row], settings: Settings, seed: int) ->
     networks = training.train(runs, rows, settings, seed)
     fold = assign(len(runs), count(len(runs), settings.folds), seed)
     names = list(dict.fromkeys(row.column_0d for row in rows))
-    emulator, lost = Emulator(np.log(runs.theta), runs.q[names]), []
+    emulator, lost = Emulator(runs.coordinates(runs.theta), runs.q[names]), []
     for row in rows:
         y, _ = pair(runs, row)
         held = np.empty(len(y))
         for k in range(networks.folds):
             places = mfmc_ae.nodes(networks, row.name, k, settings.curve_nodes)
-            outputs = emulator.predict(np.log(mfmc_ae.resampled(networks, row.name, k, places)))[row.column_0d]
+            outputs = emulator.predict(runs.coordinates(mfmc_ae.resampled(networks, row.name, k, places)))[
+                row.column_0d
+            ]
             along = mfmc_ae.along_curve(places, outputs, mfmc_ae.latent(networks, row.name, k, runs.theta))
             train, test = fold != k, fold == k
             moves = np.ptp(along[train]) > 0

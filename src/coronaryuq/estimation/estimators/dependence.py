@@ -117,13 +117,13 @@ def find(runs: Runs) -> Dependence:
     """
     if runs.states is not None:
         return _states(runs, runs.states)
-    more, more_reason = _in_file(np.log(runs.theta_more), SIGNIFICANCE)
+    more, more_reason = _in_file(runs.coordinates(runs.theta_more), SIGNIFICANCE)
     # Where propagation samples come from a chain, a pilot of the same origin is likely to, and needs less evidence.
-    pilot, pilot_reason = _in_file(np.log(runs.theta), SIGNIFICANCE if more is None else LIKELY)
+    pilot, pilot_reason = _in_file(runs.coordinates(runs.theta), SIGNIFICANCE if more is None else LIKELY)
     reasons = [
         f"{name} inputs {reason}" for name, reason in (("pilot", pilot_reason), ("propagation", more_reason)) if reason
     ]
-    ratio = 0.0 if more is None else _ratio(np.log(runs.theta_more), more)
+    ratio = 0.0 if more is None else _ratio(runs.coordinates(runs.theta_more), more)
     return Dependence(pilot, more, None if pilot is None else pilot.long, ratio, reason="; ".join(reasons))
 
 
@@ -133,7 +133,7 @@ def _states(runs: Runs, states: States) -> Dependence:
     The pilot is too small for segments of its own: its residuals get the chain's error in proportion, as large as the
     inputs show it on average.
     """
-    n, theta = len(runs), np.log(np.vstack([runs.theta, runs.theta_more]))
+    n, theta = len(runs), runs.coordinates(np.vstack([runs.theta, runs.theta_more]))
     segments = _along_chains(states)
     same = np.unique(np.column_stack([states.chain, states.draw])[:n], axis=0, return_inverse=True)[1].ravel()
     groups = same if same.max() + 1 < n else None

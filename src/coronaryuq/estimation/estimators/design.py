@@ -11,7 +11,7 @@ from coronaryuq.estimation.estimators.crossfit import Propagated
 from coronaryuq.estimation.estimators.dependence import INDEPENDENT, Dependence, find
 from coronaryuq.estimation.runs.table import CoarseRuns, Row, Runs, pair
 from coronaryuq.estimation.surrogates.control_variates import Seen
-from coronaryuq.estimation.surrogates.emulator import Emulator, informative
+from coronaryuq.estimation.surrogates.emulator import FAMILIES, Emulator, informative
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
 
@@ -62,7 +62,7 @@ class Design:
 
     @property
     def log_theta(self) -> np.ndarray:
-        return np.log(self.runs.theta)
+        return self.runs.coordinates(self.runs.theta)
 
     def training(self, row: Row, k: int) -> tuple[Seen, np.ndarray]:
         """Return what a control variate may use of the training runs of fold k (own 0D outputs), and their indices."""
@@ -87,7 +87,7 @@ class Design:
         part = np.ones(len(coarse.theta), dtype=bool)
         part[self.coarse[k].index] = False
         outputs = coarse.q[row.column_0d].to_numpy(float), coarse.q[self.shared].to_numpy(float)
-        more = Seen(np.log(coarse.theta), *outputs)[part]
+        more = Seen(self.runs.coordinates(coarse.theta), *outputs)[part]
         both = (np.concatenate(arrays) for arrays in zip(pilot.arrays, more.arrays, strict=True))
         return Seen(*both), np.concatenate([index, len(self.runs) + np.flatnonzero(part)])
 
@@ -109,12 +109,15 @@ class Design:
         return Seen(block.log_theta, block.outputs[row.column_0d], outputs)
 
 
-def make_design(runs: Runs, rows: list[Row], k: int, seed: int, scaling: str | None = None, most: int = 10) -> Design:
+def make_design(
+    runs: Runs, rows: list[Row], k: int, seed: int, scaling: str | None = None, most: int = 10,
+    families: tuple[str, ...] = FAMILIES,
+) -> Design:  # fmt: skip
     """Assign folds, share out propagation samples, emulate 0D outputs without each fold.
 
     `scaling`: input whose law is known to be uniform within its limits and independent of the others; where the
     propagation samples do not contradict that (`integrable`), control variates are integrated over it exactly at 8
-    Gauss nodes.
+    Gauss nodes. most, families: how many 0D outputs control variates may see, and their prefixes (see `informative`).
     """
     for row in rows:
         pair(runs, row)  # raises for a row that names a missing column
@@ -127,9 +130,9 @@ def make_design(runs: Runs, rows: list[Row], k: int, seed: int, scaling: str | N
         fold = folds.assign_groups(np.unique(dependence.groups, return_inverse=True)[1], k, seed)
     integrated = scaling is not None and integrable(runs, scaling)
     wanted = list(dict.fromkeys(row.column_0d for row in rows))
-    names = informative(runs.q, wanted, max(most, len(wanted)))
+    names = informative(runs.q, wanted, max(most, len(wanted)), families)
     order = generator(seed, "estimation", "blocks").permutation(m) % k
-    log_theta, held_out, blocks = np.log(runs.theta), {name: np.empty(n) for name in names}, []
+    log_theta, held_out, blocks = runs.coordinates(runs.theta), {name: np.empty(n) for name in names}, []
     coarse, coarse_fold = [], folds.assign(len(runs.coarse.theta), k, seed, "coarse") if runs.coarse else None
     for j in range(k):
         train, held = fold != j, fold == j
@@ -141,7 +144,7 @@ def make_design(runs: Runs, rows: list[Row], k: int, seed: int, scaling: str | N
         blocks.append(Block(index, spread, emulator.predict(spread), repeats))
         if runs.coarse is not None:
             index = np.flatnonzero(coarse_fold == j)
-            log_coarse = np.log(runs.coarse.theta[index])
+            log_coarse = runs.coordinates(runs.coarse.theta[index])
             coarse.append(Block(index, log_coarse, emulator.predict(log_coarse), 1))
     error = {
         name: float(np.mean((held_out[name] - runs.q[name]) ** 2) / (np.var(runs.q[name]) or 1.0)) for name in names
@@ -159,7 +162,7 @@ def integrable(runs: Runs, scaling: str) -> bool:
     j = runs.inputs.index(scaling)
     low, high = runs.bounds(scaling)
     s, others = runs.theta_more[:, j], np.delete(runs.theta_more, j, axis=1)
-    if s.min() < low or s.max() > high:
+    if s.min() < low or s.max() > high or (runs.logged[j] and low <= 0):
         return False
     uniform = stats.kstest(s, stats.uniform(low, high - low).cdf).pvalue
     moving = [other for other in others.T if np.ptp(other) > 0]
@@ -170,9 +173,9 @@ def integrable(runs: Runs, scaling: str) -> bool:
 def _spread(runs: Runs, index: np.ndarray, scaling: str | None) -> tuple[np.ndarray, int]:
     theta = runs.theta_more[index]
     if scaling is None:
-        return np.log(theta), 1
+        return runs.coordinates(theta), 1
     j = runs.inputs.index(scaling)
     low, high = runs.bounds(scaling)
     repeated = np.repeat(theta, len(NODES), axis=0)
     repeated[:, j] = np.tile(low + (NODES + 1) / 2 * (high - low), len(theta))
-    return np.log(repeated), len(NODES)
+    return runs.coordinates(repeated), len(NODES)

@@ -193,7 +193,7 @@ def follow(design: Design, row: Row, networks: mfmc_ae.Networks, curves: Curves)
         index = np.flatnonzero(design.fold == k)
         follows = aligned(design.runs.theta, y, np.flatnonzero(design.fold != k), networks, row, k, curves)
         held[index] = follows(design.runs.theta[index])
-        raw.append(follows(np.exp(design.blocks[k].log_theta)))
+        raw.append(follows(design.runs.from_coordinates(design.blocks[k].log_theta)))
     # α of a fold from the held-out pairs of the others: its own training runs would over-fit it as they do the network.
     alpha = np.array([control_coefficient(y[design.fold != k], held[design.fold != k]) for k in range(folds)])
     return alpha[design.fold] * held, [a * v for a, v in zip(alpha, raw, strict=True)]

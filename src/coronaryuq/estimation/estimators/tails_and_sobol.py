@@ -154,7 +154,7 @@ class _Effect:
 
 def _along(design: Design, predictions: Predictions, j: int) -> _Effect:
     average = np.concatenate([b.average(v) for b, v in zip(design.blocks, predictions.raw, strict=True)])
-    x = np.log(design.runs.theta_more[:, j])
+    x = design.runs.coordinates(design.runs.theta_more)[:, j]
     at = x[np.concatenate([b.index for b in design.blocks])]
     degree = min(DEGREE, len(np.unique(at)) - 1)
     fitted = legendre.Legendre.fit(at, average - average.mean(), degree)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from difflib import get_close_matches
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -44,7 +45,8 @@ class Runs:
     inputs: columns of θ, d of them. theta (n, d): the n samples whose 3D and 0D runs both succeeded. y: 3D outputs,
     q: 0D outputs (n rows each). theta_more (m, d): propagation samples. q_more: their 0D outputs (m rows), or None
     if they were not run. theta_failed (f, d): pilot samples without a 3D run. limits: (d, 2) bounds of θ or None.
-    states: where in a chain all samples stand, if both tables of inputs say so.
+    states: where in a chain all samples stand, if both tables of inputs say so. theta_more_failed (g, d): propagation
+    samples whose 0D run failed.
     """
 
     folder: Path
@@ -60,9 +62,28 @@ class Runs:
     samples_more: tuple[str, ...] = field(default=())
     coarse: CoarseRuns | None = None
     states: States | None = None
+    theta_more_failed: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.theta)
+
+    @cached_property
+    def logged(self) -> np.ndarray:
+        """Inputs (d,) that are positive in every sample, so that estimators see their logarithm."""
+        parts = [self.theta, self.theta_more, self.theta_failed, self.theta_more_failed]
+        if self.coarse is not None:
+            parts.append(self.coarse.theta)
+        return np.all([(part > 0).all(axis=0) for part in parts if part is not None and len(part)], axis=0)
+
+    def coordinates(self, theta: np.ndarray) -> np.ndarray:
+        """Return inputs (m, d) as estimators see them: the logarithm of those that are `logged`, others as given."""
+        if self.logged.all():
+            return np.log(theta)
+        return np.where(self.logged, np.log(np.where(self.logged, theta, 1.0)), theta)
+
+    def from_coordinates(self, coordinates: np.ndarray) -> np.ndarray:
+        """Return the inputs (m, d) of some coordinates: the inverse of `coordinates`."""
+        return np.exp(coordinates) if self.logged.all() else np.where(self.logged, np.exp(coordinates), coordinates)
 
     def bounds(self, name: str) -> tuple[float, float]:
         """Bounds of one input of runs that have limits."""
@@ -123,10 +144,10 @@ def read_runs(folder: str | Path) -> Runs:
             folder / "outputs_3d.csv", None, None, f"{int(ended.sum())} usable 3D runs; at least 2 are needed"
         )
     theta_more, samples_more, states_more = _propagation(folder, inputs, limits)
-    q_more = None
+    q_more, lost = None, None
     if (folder / "outputs_0d_propagation.csv").exists():
         given = samples_more
-        theta_more, samples_more, q_more = _propagation_outputs(folder, theta_more, samples_more)
+        theta_more, samples_more, q_more, lost = _propagation_outputs(folder, theta_more, samples_more)
         states_more = None if states_more is None else states_more[np.isin(given, samples_more)]
     both = None
     if states is not None and (states_more is not None or not len(theta_more)):
@@ -136,7 +157,7 @@ def read_runs(folder: str | Path) -> Runs:
         folder, inputs, tuple(params.index[ended]), theta[ended],
         y[ended].reset_index(drop=True), q[ended].reset_index(drop=True),
         theta_more, q_more, theta[~ended], limits, samples_more, _coarse(folder, y, q, params.index[ended], inputs),
-        both,
+        both, lost,
     )  # fmt: skip
 
 
@@ -220,11 +241,6 @@ def _finite(path: Path, frame: pd.DataFrame) -> np.ndarray:
     if len(bad):
         i, j = bad[0]
         raise InputError(path, f"{frame.columns[j]} of {frame.index[i]}", values[i, j], "not a finite number")
-    bad = np.argwhere(values <= 0)
-    if len(bad):
-        i, j = bad[0]
-        remedy = "inputs multiply resistances and must be positive"
-        raise InputError(path, f"{frame.columns[j]} of {frame.index[i]}", values[i, j], remedy)
     return values
 
 
@@ -313,7 +329,8 @@ def _propagation(
 
 def _propagation_outputs(
     folder: Path, theta: np.ndarray, samples: tuple[str, ...]
-) -> tuple[np.ndarray, tuple[str, ...], pd.DataFrame]:
+) -> tuple[np.ndarray, tuple[str, ...], pd.DataFrame, np.ndarray]:
+    """Return the samples that have outputs, these, and θ of the samples whose 0D run failed."""
     path = folder / "outputs_0d_propagation.csv"
     frame = _table(path)
     unknown = frame.index.difference(pd.Index(samples))
@@ -323,4 +340,4 @@ def _propagation_outputs(
         )
     frame = frame.reindex(samples)
     ended = np.isfinite(frame.dropna(axis=1, how="all").to_numpy(dtype=float)).all(axis=1)
-    return theta[ended], tuple(np.array(samples)[ended]), frame[ended].reset_index(drop=True)
+    return theta[ended], tuple(np.array(samples)[ended]), frame[ended].reset_index(drop=True), theta[~ended]

@@ -11,10 +11,11 @@ import pandas as pd
 from coronaryuq.estimation.surrogates import gaussian_process
 
 FAMILIES = ("mean_flow", "ffr")
+"""Prefixes of the campaigns' 0D outputs from which informative ones are chosen: mean flows and FFR."""
 
 
-def informative(q: pd.DataFrame, first: list[str], most: int = 8) -> list[str]:
-    """Return the names of up to `most` informative 0D outputs, mean flows and FFR, after those in `first`.
+def informative(q: pd.DataFrame, first: list[str], most: int = 8, families: tuple[str, ...] = FAMILIES) -> list[str]:
+    """Return the names of up to `most` informative 0D outputs after those in `first`.
 
     Greedy: the output with the largest share of variance that those already chosen leave unexplained, until that share
     is below 1e-5. It uses 0D runs only, so no information on 3D outputs leaks into the choice.
@@ -27,20 +28,22 @@ def informative(q: pd.DataFrame, first: list[str], most: int = 8) -> list[str]:
         Names of outputs that are always included.
     most
         Maximum number of names.
+    families
+        Prefixes of the outputs to choose from.
     """
     taken = list(dict.fromkeys(first))
-    families = [c for c in q.columns if str(c).startswith(FAMILIES) and c not in taken]
-    values = q[families].to_numpy(dtype=float)
+    left_out = [c for c in q.columns if str(c).startswith(families) and c not in taken]
+    values = q[left_out].to_numpy(dtype=float)
     moving = values.std(axis=0) > 1e-9 * (np.abs(values).max(axis=0) + 1e-300)
-    families, values = [c for c, keep in zip(families, moving, strict=True) if keep], values[:, moving]
-    while families and len(taken) < most:
+    left_out, values = [c for c, keep in zip(left_out, moving, strict=True) if keep], values[:, moving]
+    while left_out and len(taken) < most:
         standard = (values - values.mean(axis=0)) / values.std(axis=0)
         basis = np.column_stack([np.ones(len(q)), q[taken].to_numpy(dtype=float)]) if taken else np.ones((len(q), 1))
         left = (standard - basis @ np.linalg.lstsq(basis, standard, rcond=None)[0]).var(axis=0)
         best = int(left.argmax())
         if left[best] < 1e-5:
             break
-        taken.append(families.pop(best))
+        taken.append(left_out.pop(best))
         values = np.delete(values, best, axis=1)
     return taken
 
