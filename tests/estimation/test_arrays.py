@@ -1,5 +1,8 @@
 """`coronaryuq.estimate`: arrays in, means with their intervals, covariance and warnings out."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -173,6 +176,19 @@ def test_too_few_runs_are_one_line(given):
     few = {name: given[name][:10] for name in ("theta", "y", "q")}
     with pytest.raises(InputError, match="estimate: y = 10: rows; at least 20 are needed"):
         estimate(**given | few)
+
+
+@pytest.mark.slow
+def test_the_examples_of_the_page_run(capsys):
+    page = (Path(__file__).parents[2] / "docs" / "how-to" / "estimate.md").read_text(encoding="utf-8")
+    names: dict = {}
+    for block in re.findall(r"```python\n(.*?)```", page, re.DOTALL):
+        exec(compile(block, "estimate.md", "exec"), names)
+    assert abs(names["difference"] + 1.057) < 5 * names["std"]
+    assert names["chained"].budget["chain"].min() > 0
+    assert names["combined"].std < names["pilot"].fine.std() / 60**0.5
+    assert names["plan"].variance < names["pilot"].fine.var() / 100
+    assert "0D runs at propagation samples failed, not at random: drive differs" in capsys.readouterr().out
 
 
 def test_it_is_a_public_name():

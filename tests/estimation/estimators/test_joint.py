@@ -10,7 +10,7 @@ from coronaryuq.estimation.runs.table import Row
 from support.runs import runs_of
 
 ROWS = [Row(name, name, "ffr", name) for name in ("a", "b", "c")]
-TRIALS = 300
+TRIALS = 150
 
 
 def trial(number: int):

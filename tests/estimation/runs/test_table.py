@@ -42,7 +42,6 @@ def test_a_failed_3d_run_is_set_apart_and_not_read_as_zero(folder):
     [
         ("params.csv", lambda f: f.assign(BC_lca1=np.inf), "BC_lca1"),
         ("params.csv", lambda f: pd.concat([f, f.iloc[:1]]), "twice"),
-        ("params.csv", lambda f: f.assign(BC_lca1=-f["BC_lca1"]), "BC_lca1 of sample_0000 = "),
         ("params.csv", lambda f: f[["sample"]], "contains no inputs"),
         ("outputs_3d.csv", lambda f: f.assign(sample=["x"] * len(f)), "twice"),
         ("outputs_3d.csv", lambda f: f.assign(osi="high"), "not a number"),
@@ -74,6 +73,25 @@ def test_limits_that_are_not_numbers_are_refused_on_one_line(folder, limits, say
     with pytest.raises(InputError) as caught:
         read_runs(folder)
     assert says in str(caught.value)
+
+
+def test_inputs_of_any_sign_are_read_and_only_positive_ones_are_logged(folder):
+    frame = pd.read_csv(folder / "params.csv")
+    frame.assign(BC_lca1=frame["BC_lca1"] - 1).to_csv(folder / "params.csv", index=False)
+    runs = read_runs(folder)
+    assert runs.logged.tolist() == [False, True]
+    expected = np.column_stack([runs.theta[:, 0], np.log(runs.theta[:, 1])])
+    np.testing.assert_array_equal(runs.coordinates(runs.theta), expected)
+
+
+def test_propagation_samples_without_a_0d_run_are_kept_as_failed(folder):
+    frame = pd.read_csv(folder / "outputs_0d_propagation.csv")
+    frame.loc[3, "ffr_lad"] = np.nan
+    frame.drop(index=[5, 6]).to_csv(folder / "outputs_0d_propagation.csv", index=False)
+    runs = read_runs(folder)
+    assert len(runs.theta_more) == len(runs.q_more) == 197
+    theta = pd.read_csv(folder / "params_propagation.csv")[list(runs.inputs)].to_numpy()
+    np.testing.assert_array_equal(runs.theta_more_failed, theta[[3, 5, 6]])
 
 
 def test_an_empty_propagation_file_is_refused_without_a_warning(folder, recwarn):

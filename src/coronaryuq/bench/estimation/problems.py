@@ -83,7 +83,7 @@ def from_runs(runs: Runs, row: Row) -> Problem:
     """
     y, q = pair(runs, row)
     outputs = runs.q[informative(runs.q, [row.column_0d])].to_numpy(float)
-    everything = Seen(np.log(runs.theta), q, outputs)
+    everything = Seen(runs.coordinates(runs.theta), q, outputs)
 
     def draw(n: int, trial: int) -> Trial:
         order = generator(SEED, "coverage", "runs", n, trial).permutation(len(y))
@@ -92,9 +92,9 @@ def from_runs(runs: Runs, row: Row) -> Problem:
 
     @cache
     def emulator() -> Emulator:
-        return Emulator(np.log(runs.theta), runs.q[[row.column_0d]])
+        return Emulator(runs.coordinates(runs.theta), runs.q[[row.column_0d]])
 
-    return Problem(f"row {row.name}", draw, lambda theta: emulator().predict(np.log(theta))[row.column_0d])
+    return Problem(f"row {row.name}", draw, lambda theta: emulator().predict(runs.coordinates(theta))[row.column_0d])
 
 
 def as_design(trial: Trial, fold: np.ndarray) -> Design:
