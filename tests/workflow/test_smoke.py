@@ -26,6 +26,20 @@ def test_the_table_has_every_row_and_estimator(results):
     assert np.isfinite(table[["mean", "std"]]).all(axis=None) and (table["std"] > 0).all()
 
 
+def test_numbers_that_appear_twice_agree(results):
+    table = read_csv(results / "estimation" / "table.csv").set_index(["row", "estimator"])
+    for row, pairs in read_csv(results / "estimation" / "pairs.csv").groupby("row"):
+        drawn = np.corrcoef(pairs["y"], pairs["q_resampled"])[0, 1]
+        assert drawn == pytest.approx(table.loc[(row, "MFMC-AE"), "rho_held_out"], abs=1e-6)
+    sources = [name for name in table if name.startswith("variance_")]
+    assert np.allclose(table[sources].sum(axis=1), table["std"] ** 2)
+    text = re.sub(r"<[^>]*>|,", "", (results / "report.html").read_text())
+    total, *parts = re.search(
+        r"(\d+) 0D runs \((\d+) at the inputs of 3D runs (\d+) for propagation (\d+)", text
+    ).groups()
+    assert int(total) == sum(map(int, parts))
+
+
 def test_flows_of_the_posterior_are_the_patients(results):
     truth = read_json(results / "patient" / "truth.json")["hyperaemia"]["flows"]
     predictive = read_json(results / "posterior" / "summary.json")["predictive"]

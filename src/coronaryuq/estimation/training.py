@@ -7,7 +7,8 @@ import pandas as pd
 
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import write_csv, write_npz
-from coronaryuq.estimation.estimators.folds import assign, count
+from coronaryuq.estimation.estimators.dependence import assign_runs
+from coronaryuq.estimation.estimators.folds import count
 from coronaryuq.estimation.runs.table import Row, Runs, pair, read_rows, read_runs
 from coronaryuq.estimation.settings import Settings
 from coronaryuq.estimation.surrogates import mfmc_ae
@@ -95,7 +96,7 @@ def training_settings(settings: Settings) -> mfmc_ae.Training:
 
 def train(runs: Runs, rows: list[Row], settings: Settings, seed: int) -> mfmc_ae.Networks:
     """Train the MFMC-AE networks of all rows and folds."""
-    fold = assign(len(runs), count(len(runs), settings.folds), seed)
+    fold, _ = assign_runs(runs, count(len(runs), settings.folds), seed)
     return train_on(runs, rows, mfmc_ae.fits_of(fold), settings, seed)
 
 

@@ -84,7 +84,7 @@ def write_report(
         "backend": configuration["backend"],
         "threshold": f"{configuration['estimation']['ffr_threshold']:.2f}",
         "level": f"{100 * configuration['estimation']['level']:.0f} %",
-        "counts": _counts(failures, rows),
+        "counts": _counts(failures, rows, estimates.settings["curve_nodes"]),
         "vessels": [vessel_card(stenosis.name, rows, _outlet_names(case), mesh) for stenosis in case.stenoses],
         "table": [table_row(row, notes) | {"mesh": mesh.of(row.column_3d)} for row in rows],
         "notes": notes.texts,
@@ -109,16 +109,19 @@ def _outlet_names(case: CaseSummary) -> dict[str, str]:
     return names | {"R_cor_scaling": "total coronary resistance"}
 
 
-def _counts(failures: dict, rows: list[RowReport]) -> dict:
+def _counts(failures: dict, rows: list[RowReport], curve_nodes: int) -> dict:
     flow3d, zerod = failures["flow3d"], failures["zerod"]
     trained = [row.estimators["MFMC-AE"] for row in rows if "MFMC-AE" in row.estimators]
-    resampled = sum(estimate.n_0d - estimate.n_3d for estimate in trained)
+    resampled = sum(estimate.n_0d - estimate.n_3d for estimate in trained) + curve_nodes * len(trained)
+    propagation = max((row.n_propagation for row in rows), default=0)
     per_3d = failures["cost"]["flow3d_cpu_s"] / max(flow3d["runs"], 1)
     per_0d = failures["cost"]["zerod_cpu_s"] / max(zerod["runs"], 1)
     return {
         "n_3d": flow3d["runs"],
         "n_3d_ok": flow3d["runs"] - len(flow3d["failed"]),
         "n_0d": zerod["runs"] + resampled,
+        "n_0d_parts": f"{zerod['runs'] - propagation:,} at the inputs of 3D runs, {propagation:,} for propagation"
+        + (f", {resampled:,} for MFMC-AE" if resampled else ""),
         "note": f"Average cost: {per_3d:.1f} CPU-s for a 3D run and {per_0d:.4f} CPU-s for a 0D run, "
         f"a ratio of {per_3d / max(per_0d, 1e-12):.0f}.",
     }

@@ -7,8 +7,9 @@ import pandas as pd
 
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.estimation.analysis.estimate_rows import curves_of
-from coronaryuq.estimation.estimators.folds import assign, count
-from coronaryuq.estimation.estimators.per_row import aligned
+from coronaryuq.estimation.estimators.dependence import assign_runs
+from coronaryuq.estimation.estimators.folds import count
+from coronaryuq.estimation.estimators.per_row import followed
 from coronaryuq.estimation.runs.table import Row, Runs, pair, read_rows, read_runs
 from coronaryuq.estimation.settings import Settings
 from coronaryuq.estimation.surrogates import mfmc_ae
@@ -23,8 +24,8 @@ def write_pairs(
     """Write pairs of outputs: row, label, sample, y (3D), q (0D at the same θ), q_resampled (0D at the paired input).
 
     Every resampled value comes from the network that did not see its sample, so the figure shows what a new sample
-    would show. Each fold's network has a sign and scale of its own: they are aligned as the estimator aligns them, to
-    rise with y, at the mean and spread of q. Without networks the column is empty.
+    would show. It is the control variate of the estimator itself, moved to the mean and spread of q, so that their
+    correlation is that of the table. Without networks the column is empty.
 
     Parameters
     ----------
@@ -55,17 +56,16 @@ def pairs(
     resampled: pd.DataFrame | None,
 ) -> pd.DataFrame:  # fmt: skip
     """Make the table of `write_pairs`; `resampled`: 0D outputs at the networks' inputs, index `sample`."""
-    fold = assign(len(runs), count(len(runs), settings.folds), seed)
+    fold, _ = assign_runs(runs, count(len(runs), settings.folds), seed)
     frames = []
     for row in rows:
         y, q = pair(runs, row)
         paired = np.full(len(y), np.nan)
         if networks is not None and resampled is not None:
             curves = curves_of(networks, row, resampled[row.column_0d], settings.curve_nodes)
-            for k in (k for k in curves if k != mfmc_ae.IN_SAMPLE):
-                held, train = np.flatnonzero(fold == k), np.flatnonzero(fold != k)
-                follows = aligned(runs.theta, y, train, networks, row, k, curves)
-                paired[held] = q.mean() + q.std() * follows(runs.theta[held])
+            if curves:
+                held, _ = followed(runs.theta, y, fold, networks, row, curves)
+                paired = q.mean() + q.std() * (held - held.mean()) / (held.std() or 1.0)
         frame = {"row": row.name, "label": row.label, "sample": runs.samples, "y": y, "q": q, "q_resampled": paired}
         frames.append(pd.DataFrame(frame))
     return pd.concat(frames, ignore_index=True)

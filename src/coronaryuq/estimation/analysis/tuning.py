@@ -8,7 +8,8 @@ import optuna
 
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.estimation import training
-from coronaryuq.estimation.estimators.folds import assign, count
+from coronaryuq.estimation.estimators.dependence import assign_runs
+from coronaryuq.estimation.estimators.folds import count
 from coronaryuq.estimation.estimators.formulas import correlation
 from coronaryuq.estimation.runs.table import Row, Runs, pair, read_rows, read_runs
 from coronaryuq.estimation.settings import Settings
@@ -23,7 +24,7 @@ def held_out_loss(runs: Runs, rows: list[Row], settings: Settings, seed: int) ->
     inputs is an emulator of all pilot 0D runs, which hold no information on a 3D output.
     """
     networks = training.train(runs, rows, settings, seed)
-    fold = assign(len(runs), count(len(runs), settings.folds), seed)
+    fold, _ = assign_runs(runs, count(len(runs), settings.folds), seed)
     names = list(dict.fromkeys(row.column_0d for row in rows))
     emulator, lost = Emulator(runs.coordinates(runs.theta), runs.q[names]), []
     for row in rows:

@@ -19,6 +19,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
+from coronaryuq.estimation.estimators.folds import assign, assign_groups
 from coronaryuq.estimation.runs.table import Runs, States
 
 SIGNIFICANCE = 1e-3
@@ -125,6 +126,15 @@ def find(runs: Runs) -> Dependence:
     ]
     ratio = 0.0 if more is None else _ratio(runs.coordinates(runs.theta_more), more)
     return Dependence(pilot, more, None if pilot is None else pilot.long, ratio, reason="; ".join(reasons))
+
+
+def assign_runs(runs: Runs, folds_wanted: int, seed: int) -> tuple[np.ndarray, Dependence]:
+    """Return the fold (n,) of each pilot run, those of one group in one fold, and the dependence of all samples."""
+    dependence = find(runs)
+    if dependence.groups is None:
+        return assign(len(runs), folds_wanted, seed), dependence
+    groups = np.unique(dependence.groups, return_inverse=True)[1]
+    return assign_groups(groups, min(folds_wanted, int(groups.max()) + 1), seed), dependence
 
 
 def _states(runs: Runs, states: States) -> Dependence:

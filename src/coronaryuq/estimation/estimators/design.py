@@ -8,7 +8,7 @@ from scipy import stats
 from coronaryuq.core.seeds import generator
 from coronaryuq.estimation.estimators import folds
 from coronaryuq.estimation.estimators.crossfit import Propagated
-from coronaryuq.estimation.estimators.dependence import INDEPENDENT, Dependence, find
+from coronaryuq.estimation.estimators.dependence import INDEPENDENT, Dependence, assign_runs
 from coronaryuq.estimation.runs.table import CoarseRuns, Row, Runs, pair
 from coronaryuq.estimation.surrogates.control_variates import Seen
 from coronaryuq.estimation.surrogates.emulator import FAMILIES, Emulator, informative
@@ -122,12 +122,8 @@ def make_design(
     for row in rows:
         pair(runs, row)  # raises for a row that names a missing column
     n, m = len(runs), len(runs.theta_more)
-    dependence = find(runs)
-    if dependence.groups is None:
-        fold = folds.assign(n, k, seed)
-    else:
-        k = min(k, len(np.unique(dependence.groups)))
-        fold = folds.assign_groups(np.unique(dependence.groups, return_inverse=True)[1], k, seed)
+    fold, dependence = assign_runs(runs, k, seed)
+    k = int(fold.max()) + 1
     integrated = scaling is not None and integrable(runs, scaling)
     wanted = list(dict.fromkeys(row.column_0d for row in rows))
     names = informative(runs.q, wanted, max(most, len(wanted)), families)

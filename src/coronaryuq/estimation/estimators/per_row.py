@@ -187,16 +187,26 @@ def autoencoder(
 def follow(design: Design, row: Row, networks: mfmc_ae.Networks, curves: Curves) -> tuple[np.ndarray, list[np.ndarray]]:
     """MFMC-AE's control variate α q: held out, at each pilot run (n,), and per fold at its propagation samples."""
     y, _ = pair(design.runs, row)
-    folds = len(design.blocks)
-    held, raw = np.empty(len(y)), []
-    for k in range(folds):
-        index = np.flatnonzero(design.fold == k)
-        follows = aligned(design.runs.theta, y, np.flatnonzero(design.fold != k), networks, row, k, curves)
-        held[index] = follows(design.runs.theta[index])
-        raw.append(follows(design.runs.from_coordinates(design.blocks[k].log_theta)))
+    held, functions = followed(design.runs.theta, y, design.fold, networks, row, curves)
+    return held, [g(np.exp(block.log_theta)) for g, block in zip(functions, design.blocks, strict=True)]
+
+
+def followed(
+    theta: np.ndarray, y: np.ndarray, fold: np.ndarray, networks: mfmc_ae.Networks, row: Row, curves: Curves
+) -> tuple[np.ndarray, list[Callable[[np.ndarray], np.ndarray]]]:
+    """Return α q held out at each pilot run (n,), and per fold as a function of θ (m, d)."""
+    folds = range(int(fold.max()) + 1)
+    functions = [aligned(theta, y, np.flatnonzero(fold != k), networks, row, k, curves) for k in folds]
+    held = np.empty(len(y))
+    for k in folds:
+        held[fold == k] = functions[k](theta[fold == k])
     # α of a fold from the held-out pairs of the others: its own training runs would over-fit it as they do the network.
-    alpha = np.array([control_coefficient(y[design.fold != k], held[design.fold != k]) for k in range(folds)])
-    return alpha[design.fold] * held, [a * v for a, v in zip(alpha, raw, strict=True)]
+    alpha = np.array([control_coefficient(y[fold != k], held[fold != k]) for k in folds])
+    return alpha[fold] * held, [_times(alpha[k], functions[k]) for k in folds]
+
+
+def _times(factor: float, function: Callable[[np.ndarray], np.ndarray]) -> Callable[[np.ndarray], np.ndarray]:
+    return lambda theta: factor * function(theta)
 
 
 def aligned(
