@@ -23,6 +23,7 @@ BENCHMARKS = {
     "flow3d": ("flow3d.benchmark", "cost, verification and mesh convergence of the 3D solver"),
     "table": ("estimation.table", "the paper's table of estimates from published runs"),
     "coverage": ("estimation.coverage", "coverage of the confidence intervals over repeated trials"),
+    "models": ("estimation.models", "error of the estimators beside that of linear combinations of several 0D outputs"),
     "discrepancy": ("discrepancy.benchmark", "how often the search finds hidden effects"),
     "campaign": ("campaign", "a campaign's planning time, overhead and number of files"),
 }
