@@ -23,6 +23,9 @@ PROBLEMS += ("lognormal", "rare onset", "indicator", "heteroscedastic noise", "a
 PROBLEMS += ("autocorrelated pilot and propagation", "near-duplicates", "short chain")
 PROBLEMS += tuple(f"row {number}" for number in range(1, 13))
 
+SHOWN = ("long tail", "dependent samples", "hardly varies", "estimators disagree")
+"""Warnings of the table, where at least 5 % of trials have them."""
+
 
 def read(path: str | Path) -> list[dict]:
     return [json.loads(line) for line in Path(path).read_text(encoding="utf-8").splitlines() if line]
@@ -116,8 +119,9 @@ def shown(cell: dict | None) -> str:
     text = f"{cell['claimed_over_empirical']:.2f}, {100 * cell['coverage_95']:.1f}"
     if abs(cell["claimed_over_empirical"] - 1) > 0.15 or high < 0.93:
         text = f"**{text}**"
-    if cell["method"] == "recommended" and cell["warned"] >= 0.005:
-        text += f", warned {100 * cell['warned']:.0f} %"
+    for code in SHOWN:
+        fraction = cell.get("warnings", {}).get(code, 0.0)
+        text += f", {code} {100 * fraction:.0f} %" if fraction >= 0.05 else ""
     if cell["trials"] != TRIALS:
         text += f" ({cell['trials']} trials: {100 * low:.0f} to {100 * high:.0f})"
     return text + (" †" if is_former(cell) else "")

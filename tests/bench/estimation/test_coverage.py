@@ -1,7 +1,11 @@
 """Claims over repeated trials of analytic pairs: spread, coverage and bias, at a size for every test run."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
+from scipy.stats import binomtest
 
 from coronaryuq.bench.estimation import coverage_autoencoder
 from coronaryuq.bench.estimation.coverage import run, run_cell, tabulate
@@ -74,6 +78,16 @@ def test_benchmark_has_the_fixed_keys():
     assert got["cells"][0]["coverage_95_low"] <= got["cells"][0]["coverage_95"] <= got["cells"][0]["coverage_95_high"]
     fixed = {"problem", "method", "n_3d", "trials", "claimed_over_empirical", "coverage_95", "bias_z", "warned"}
     assert fixed <= got["cells"][0].keys()
+
+
+def published_cells():
+    """Those of the mean."""
+    lines = (Path(__file__).parents[3] / "benchmarks" / "estimation-coverage.jsonl").read_text().splitlines()
+    return [cell for cell in map(json.loads, lines) if "quantity" not in cell]
+
+
+def wilson(cell):
+    return binomtest(round(cell["coverage_95"] * cell["trials"]), cell["trials"]).proportion_ci(method="wilson")
 
 
 def test_cells_of_several_sizes_are_joined_in_one_table(tmp_path):
