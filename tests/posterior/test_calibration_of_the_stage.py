@@ -11,7 +11,7 @@ from coronaryuq.posterior.model.flow_model import Posterior
 from coronaryuq.posterior.model.likelihood import Likelihood
 from coronaryuq.posterior.model.total_resistance import Conditioned
 from coronaryuq.posterior.sampler.diagnostics import effective_size
-from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, Settings
+from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, IndependenceSettings, Settings
 from support.resistor_tree import ResistorTree, targets_of
 
 
@@ -53,7 +53,7 @@ def uniformity(ranks, chains):
 
 SHORT = Settings(
     dream=DreamSettings(chains=12, generations=300), emulator=EmulatorSettings(generations=20),
-    scale_targets=False, checkpoint=10_000,
+    scale_targets=False, checkpoint=10_000, independence=IndependenceSettings(draws=20),
 )  # fmt: skip
 
 
@@ -78,10 +78,10 @@ def test_calibration_notices_a_wrong_covariance(tmp_path, capsys):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("emulated", [True, False])
-def test_simulation_based_calibration_long(tmp_path, capsys, emulated):
+@pytest.mark.parametrize(("emulated", "independent"), [(True, True), (True, False), (False, False)])
+def test_simulation_based_calibration_long(tmp_path, capsys, emulated, independent):
     settings = SHORT.model_copy(deep=True)
-    settings.emulator.use = emulated
+    settings.emulator.use, settings.independence.use = emulated, independent
     settings.dream.generations = 1500
     p = uniformity(ranks_of_truth(1000, settings, tmp_path, beds=6), 12)
     assert np.all(p > 1e-3 / len(p)), p
@@ -89,12 +89,13 @@ def test_simulation_based_calibration_long(tmp_path, capsys, emulated):
 
 @pytest.mark.slow
 def test_agrees_with_emcee_through_the_0d_engine(campaign, tmp_path, capsys):
-    """Posterior mean and covariance of log resistances, DREAM with its emulator against an ensemble sampler."""
+    """Posterior mean and covariance of log resistances, independence steps against an ensemble sampler."""
     import emcee
 
-    settings = Settings(dream=DreamSettings(generations=16_000), emulator=EmulatorSettings(generations=40))
+    settings = Settings(dream=DreamSettings(generations=2000))
     stage.sample(*campaign, settings, 1, tmp_path / "chains.npz")
     with np.load(tmp_path / "chains.npz") as chains:
+        assert chains["independent"]
         ours = np.log(chains["multipliers"][:, int(chains["burn_in"]) :])
         likelihood = Likelihood(chains["target_mean"], chains["target_covariance"])
     model = BedFlows(

@@ -16,7 +16,7 @@ from coronaryuq.perfusion import stage as perfusion
 from coronaryuq.perfusion.settings import Settings as PerfusionSettings
 from coronaryuq.posterior import stage as posterior
 from coronaryuq.posterior.results import read_summary
-from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, Settings
+from coronaryuq.posterior.settings import DreamSettings, Settings
 from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.solver.periodic import Periodicity
@@ -61,9 +61,7 @@ def test_17_target_fractions_of_a_22_outlet_network_are_met(shared, tmp_path):
     brief = CalibrationSettings(candidates=16, starts=2, rounds=1, evaluations_per_parameter=2)
     calibration.tune(case, tmp_path / "network.json", targets, brief, 1, tmp_path, report=lambda line: None)
     loop = tmp_path / "hyperaemia.json"
-    settings = Settings(
-        dream=DreamSettings(generations=4000), emulator=EmulatorSettings(generations=50), rhat_limit=1.1
-    )
+    settings = Settings(dream=DreamSettings(generations=4000), rhat_limit=1.1)
     posterior.sample(case, loop, targets, settings, 1, tmp_path / "chains.npz")
     names = ("posterior.nc", "draws.csv", "summary.json", "fractions.csv", "fitted.json")
     out = posterior.GatheredFiles(*(tmp_path / name for name in names))

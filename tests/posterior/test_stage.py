@@ -18,14 +18,17 @@ from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.posterior import stage
 from coronaryuq.posterior.model.bed_flows import BedFlows
-from coronaryuq.posterior.results import read_summary
-from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, Settings
-from support.resistor_tree import network_of
+from coronaryuq.posterior.results import Chains, ReferenceShares, read_summary
+from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, IndependenceSettings, Settings
+from coronaryuq.posterior.summary import summarise
+from support.resistor_tree import ResistorTree, network_of, targets_of
 
 FILES = ("posterior.nc", "draws.csv", "summary.json", "fractions.csv", "fitted.json")
 SMALL = Settings(
-    dream=DreamSettings(chains=24, generations=160), emulator=EmulatorSettings(generations=4), checkpoint=40
-)
+    dream=DreamSettings(chains=24, generations=160), emulator=EmulatorSettings(generations=4), checkpoint=40,
+    independence=IndependenceSettings(draws=40),
+)  # fmt: skip
+DELAYED = SMALL.model_copy(update={"independence": IndependenceSettings(use=False)})
 
 
 def outputs(folder):
@@ -66,7 +69,7 @@ def test_engine_flows_are_those_of_the_resistors(campaign, tree):
 @pytest.mark.slow
 def test_from_files_to_files(campaign, tmp_path):
     settings = SMALL.model_copy(deep=True)
-    settings.dream.generations, settings.emulator.generations = 6000, 50
+    settings.dream.generations, settings.independence.draws = 2000, 120
     chains = sampled(campaign, tmp_path, settings)
     out = outputs(tmp_path)
     stage.gather(*campaign, chains, settings, 3, out)
@@ -75,12 +78,16 @@ def test_from_files_to_files(campaign, tmp_path):
     assert all((tmp_path / "again" / name).read_bytes() == (tmp_path / name).read_bytes() for name in FILES)
     summary, draws = read_summary(out.summary), read_csv(out.draws)
     data = xarray.open_datatree(out.posterior, engine="h5netcdf")
-    assert data["posterior"]["r"].shape == (24, 60, 6)
+    assert data["posterior"]["r"].shape == (24, 115, 6)
     assert list(data["posterior"]["bed"].values) == [f"BC_{i}" for i in range(6)]
     weights = arrays(chains)["weights"]
     assert np.allclose((weights / draws[[f"BC_{i}" for i in range(6)]]).sum(axis=1), 1)
     assert summary.emulator.acceptance is not None and summary.acceptance > 0.9
-    assert summary.model_runs < 24 * 6000 / 10
+    steps = summary.independence
+    assert steps.used and steps.warning is None and max(steps.pilot_k_hat, steps.k_hat) < 0.7
+    assert summary.model_runs == arrays(chains)["runs"] < 24 * 135
+    assert summary.effective_per_run == summary.ess_bulk_min / summary.model_runs > 0.7
+    assert min(summary.ess_tail.values()) > 0.5 * summary.model_runs
     assert summary.rhat_max < 1.1 and summary.worst_parameter in summary.rhat
     assert summary.verdict.startswith("converged" if summary.converged else "not converged")
     predictive = summary.predictive
@@ -129,11 +136,11 @@ def test_samples_extend_without_changing(campaign, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("before", "after"), [(None, None), (3, 2)])
-def test_killed_run_continues_to_the_same_bits(campaign, tmp_path, before, after):
+@pytest.mark.parametrize(("kind", "before", "after"), [(DELAYED, None, None), (SMALL, 3, 2)])
+def test_killed_run_continues_to_the_same_bits(campaign, tmp_path, kind, before, after):
     """SIGKILL to every process of the job soon after its first checkpoint; more ranks or fewer carry on."""
-    settings = SMALL.model_copy(deep=True)
-    settings.dream.generations = 480
+    settings = kind.model_copy(deep=True)
+    settings.dream.generations, settings.independence.draws = 480, 120
     whole = sampled(campaign, tmp_path, settings)
     out = tmp_path / "killed" / "chains.npz"
     process = subprocess.Popen(
@@ -206,16 +213,48 @@ def test_checkpoint_of_other_inputs_is_not_continued(campaign, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ranks", [2, 3, pytest.param(24, marks=pytest.mark.long)])
-def test_same_bits_for_any_number_of_ranks(campaign, tmp_path, ranks):
-    alone = sampled(campaign, tmp_path / "alone")
+@pytest.mark.parametrize(
+    ("settings", "ranks"), [(SMALL, 2), (DELAYED, 3), pytest.param(SMALL, 24, marks=pytest.mark.long)]
+)
+def test_same_bits_for_any_number_of_ranks(campaign, tmp_path, settings, ranks):
+    alone = sampled(campaign, tmp_path / "alone", settings)
     together = tmp_path / f"ranks{ranks}.npz"
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
     subprocess.run(
-        command(campaign, together, ranks), check=True, stderr=subprocess.DEVNULL, env=environment, timeout=500
+        command(campaign, together, ranks, settings),
+        check=True,
+        stderr=subprocess.DEVNULL,
+        env=environment,
+        timeout=500,
     )
     same(alone, together)
     assert len(list(together.with_suffix("").glob("chain_*.npz"))) == 24
+
+
+class Stepped(ResistorTree):
+    """A tree whose flows jump by a factor with every resistance: no quadratic follows them."""
+
+    def flows(self, multipliers):
+        return super().flows(multipliers) * np.exp(0.4 * np.sign(np.sin(40 * multipliers)))
+
+
+def test_a_poor_emulator_leaves_the_chains_to_dream(tree, tmp_path, capsys):
+    """Pilot runs find it out; the chains are, to the bit, those that never tried."""
+    stepped = Stepped(tree.pressure, tree.shared, tree.epicardial, tree.beds)
+    targets = stage.TargetFlows([f"BC_{i}" for i in range(6)], *targets_of(tree, 0.05))
+    for kind, name in ((SMALL, "tried"), (DELAYED, "never")):
+        stage.run_chains(stepped, tree.weights, targets, kind, 3, tmp_path / f"{name}.npz", key=name)
+    tried = Chains.read(tmp_path / "tried.npz")
+    assert not tried.independent and tried.pilot_k_hat > 0.7
+    warning = f"Pareto k of 240 runs at draws of the emulator is {tried.pilot_k_hat:.2f}, should be below 0.7"
+    assert tried.refused == warning
+    assert f"warning: DREAM without independence steps: {warning}" in capsys.readouterr().err
+    same(tmp_path / "tried.npz", tmp_path / "never.npz", without=("runs", "failures", "pilot_k_hat", "refused"))
+    summary = summarise(
+        tried, SMALL, 3, 10, ReferenceShares({}, {}, 0.0), provenance={}
+    )  # fmt: skip
+    assert not summary.independence.used and summary.independence.warning == warning
+    assert summary.model_runs == Chains.read(tmp_path / "never.npz").runs + 240
 
 
 def test_papers_rescaling_is_offered(campaign, tmp_path):

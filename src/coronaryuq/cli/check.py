@@ -113,7 +113,7 @@ def _check_configuration(found: Checked, values: dict[str, Any]) -> None:
         + (f", {targets.coarse_runs} coarse runs for each" if targets.coarse_runs else ""),
         f"0D: {targets.most['n_0d']} runs per input set by {campaign.zerod.backend} in "
         f"{len(targets.chunks['propagation'])} jobs",
-        f"posterior: {campaign.posterior.dream.chains} chains of {campaign.posterior.dream.generations} generations",
+        f"posterior: {_chains(campaign.posterior)}",
     ]
     changed = [f"{name}: {value}" for name, value in _changed(campaign) if name != "name"]
     found.lines.append(f"settings other than the defaults: {', '.join(changed) or 'none'}")

@@ -15,19 +15,23 @@ from coronaryuq.core.io.typed import checked
 class Chains:
     """All chains of one posterior, n recorded states each, N beds.
 
-    names (N,): of the beds. multipliers, flows (chains, n, N): of r-hat, and mL/s. log_density (chains, n). burn_in:
-    recorded states to discard. every: generations per recorded state. generations: per chain, burn-in included.
-    accepted, screen_accepted (chains,), proposed, screen_proposed: moves after burn-in on the model and on the
-    emulator. emulator_error (N,): of log flow; empty without an emulator. runs, failures: of the model. outliers:
-    chains restarted. crossover: probability of each crossover value. weights (N,): shares of conductance at r-hat.
-    target_scale: factor on the targets; target_mean (N,), target_covariance (N, N): scaled. fit_*: the resistances at
-    which the model's flows are shared as the targets are.
+    names (N,): of the beds. multipliers, flows (chains, n, N): of r-hat, and mL/s. log_density (chains, n). log_weight
+    (chains, n): log of the model's over the emulator's density at each proposal, up to a constant; nan without an
+    emulator. burn_in: recorded states to discard. every: generations per recorded state. generations: per chain,
+    burn-in included. accepted, screen_accepted (chains,), proposed, screen_proposed: moves after burn-in on the model
+    and on the emulator. emulator_error (N,): of log flow; empty without an emulator. independent: chains of
+    independence steps. pilot_k_hat: Pareto k of the pilot runs, nan without them. refused: why no independence steps
+    were taken, empty if they were or were not asked for. runs, failures: of the model. outliers: chains restarted.
+    crossover: probability of each crossover value. weights (N,): shares of conductance at r-hat. target_scale: factor
+    on the targets; target_mean (N,), target_covariance (N, N): scaled. fit_*: the resistances at which the model's
+    flows are shared as the targets are.
     """
 
     names: list[str]
     multipliers: np.ndarray
     flows: np.ndarray
     log_density: np.ndarray
+    log_weight: np.ndarray
     burn_in: int
     every: int
     generations: int
@@ -37,6 +41,9 @@ class Chains:
     screen_proposed: int
     emulated: bool
     emulator_error: np.ndarray
+    independent: bool
+    pilot_k_hat: float
+    refused: str
     runs: int
     failures: int
     outliers: int
@@ -98,6 +105,20 @@ class EmulatorUse:
     generations_per_decision: int
     acceptance: float | None
     error_of_log_flow: list[float]
+
+
+@dataclass(frozen=True)
+class IndependenceUse:
+    """Were independence steps taken, and how good is the emulator for them?
+
+    k_hat: Pareto k of the ratios of model to emulator at all proposals; pilot_k_hat: at the pilot runs, which decides.
+    Both are None where no such runs were made. warning: why DREAM ran instead, or what is wrong with the steps.
+    """
+
+    used: bool
+    pilot_k_hat: float | None
+    k_hat: float | None
+    warning: str | None
 
 
 @dataclass(frozen=True)
@@ -165,7 +186,10 @@ class ReferenceShares:
 
 @dataclass(frozen=True)
 class Summary(Diagnosis):
-    """`summary.json`: verdict on the chains, the fit, marginals, and predictive checks."""
+    """`summary.json`: verdict on the chains, the fit, marginals, and predictive checks.
+
+    effective_per_run: smallest bulk effective sample size over `model_runs`, which counts every run of the 0D model.
+    """
 
     chains: int
     generations: int
@@ -173,7 +197,9 @@ class Summary(Diagnosis):
     draws: int
     acceptance: float
     emulator: EmulatorUse
+    independence: IndependenceUse
     model_runs: int
+    effective_per_run: float
     failed_runs: int
     outlier_chains_restarted: int
     crossover_probabilities: list[float]

@@ -1,4 +1,4 @@
-"""Settings of the posterior stage: sampler, prior, constraint, emulator, convergence, draws."""
+"""Settings of the posterior stage: sampler, prior, constraint, emulator, independence steps, convergence, draws."""
 
 from typing import Literal
 
@@ -51,13 +51,29 @@ class EmulatorSettings(BaseModel):
     generations: int = Field(
         50,
         ge=1,
-        description="Generations on the emulator between two decisions of the 0D model; 1: as in Christen & "
-        "Fox (2005).",
+        description="Generations on the emulator between two decisions of the 0D model, where no independence steps "
+        "are taken; 1: as in Christen & Fox (2005).",
     )
     design: int = Field(
         0,
         ge=0,
         description="Number of 0D runs to which the emulator is fitted; 0: twice the number of its coefficients.",
+    )
+
+
+class IndependenceSettings(BaseModel):
+    """Independence steps: between two 0D runs a chain moves on the emulator until it has forgotten its last state."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    use: bool = Field(
+        True,
+        description="Take independence steps if Pareto-smoothed importance sampling finds the emulator good enough; "
+        "otherwise, or if false, DREAM runs with delayed acceptance.",
+    )
+    draws: int = Field(200, ge=20, description="Draws of each chain, burn-in included; each is one 0D run.")
+    k_limit: float = Field(
+        0.7, gt=0, le=1, description="Independence steps are taken if Pareto k of the pilot runs is below this."
     )
 
 
@@ -69,6 +85,9 @@ class Settings(BaseModel):
     dream: DreamSettings = Field(default_factory=DreamSettings, description="The DREAM sampler.")
     emulator: EmulatorSettings = Field(
         default_factory=EmulatorSettings, description="Delayed acceptance with an emulator."
+    )
+    independence: IndependenceSettings = Field(
+        default_factory=IndependenceSettings, description="Independence steps on the emulator."
     )
     prior: tuple[float, float] = Field(
         (0.5, 2.0), description="Bounds of the uniform prior of each multiplier of r-hat."
@@ -87,7 +106,12 @@ class Settings(BaseModel):
     steps_per_cycle: int | None = Field(
         None, ge=50, description="0D time steps per cycle; null: as in the network file."
     )
-    checkpoint: int = Field(500, ge=1, description="Generations between checkpoints.")
+    checkpoint: int = Field(
+        500,
+        ge=1,
+        description="Generations between checkpoints; with independence steps, a draw counts as "
+        "`emulator.generations`.",
+    )
     rhat_limit: float = Field(
         1.01, gt=1, description="Largest rank-normalised split R-hat of converged chains (paper: 1.1)."
     )

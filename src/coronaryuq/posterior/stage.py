@@ -118,18 +118,20 @@ def run_chains(
     dream = sampling.sampler(posterior, prepared, settings, seed)
     state = dream.start(prepared.start, (prepared.log_density, prepared.flows))
     recorder = sampling.Recorder(folder, dream.decisions, state, ranks, key)
-    state = sampling.run(dream, state, recorder, settings.checkpoint, names, space.multipliers)
+    between = max(1, settings.checkpoint // (settings.emulator.generations if prepared.emulator else 1))
+    state = sampling.run(dream, state, recorder, between, names, space.multipliers)
     if ranks.rank == 0:
-        position, log_density, flows = (recorder.values[name].swapaxes(0, 1) for name in recorder.NAMES)
+        position, log_density, flows, log_weight = (recorder.values[name].swapaxes(0, 1) for name in recorder.NAMES)
         count, decisions, dimension = position.shape
         multipliers = space.multipliers(position.reshape(-1, dimension)).reshape(count, decisions, -1)
         emulator = prepared.emulator
         Chains(
-            names=names, multipliers=multipliers, flows=flows, log_density=log_density,
+            names=names, multipliers=multipliers, flows=flows, log_density=log_density, log_weight=log_weight,
             burn_in=dream.burn_in, every=dream.every, generations=int(state.generation),
             accepted=state.accepted, proposed=int(state.proposed),
             screen_accepted=state.screen_accepted, screen_proposed=int(state.screen_proposed),
             emulated=emulator is not None, emulator_error=np.zeros(0) if emulator is None else emulator.error,
+            independent=prepared.walk is not None, pilot_k_hat=prepared.k_hat, refused=prepared.refused,
             runs=prepared.runs + int(state.evaluations), failures=posterior.failures, outliers=int(state.outliers),
             crossover=state.crossover, weights=weights, target_scale=factor,
             target_mean=likelihood.mean, target_covariance=likelihood.covariance,

@@ -10,8 +10,16 @@ from coronaryuq.core.io.atomic import replacing
 from coronaryuq.core.seeds import generator
 from coronaryuq.posterior.model.likelihood import Likelihood
 from coronaryuq.posterior.model.predictive import check
-from coronaryuq.posterior.results import Chains, EmulatorUse, FitToFractions, Marginal, ReferenceShares, Summary
-from coronaryuq.posterior.sampler.diagnostics import diagnose
+from coronaryuq.posterior.results import (
+    Chains,
+    EmulatorUse,
+    FitToFractions,
+    IndependenceUse,
+    Marginal,
+    ReferenceShares,
+    Summary,
+)
+from coronaryuq.posterior.sampler.diagnostics import diagnose, pareto_smoothed
 from coronaryuq.posterior.settings import Settings
 
 if TYPE_CHECKING:
@@ -64,8 +72,9 @@ def summarise(
     flat, quantiles = multipliers.reshape(-1, len(names)), (0.025, 0.5, 0.975)
     fitted = by_name(names, chains.fit_multipliers)
     low, high = settings.prior
+    diagnosis = diagnose(multipliers, names, settings.rhat_limit, settings.ess_limit)
     return Summary(
-        **vars(diagnose(multipliers, names, settings.rhat_limit, settings.ess_limit)),
+        **vars(diagnosis),
         chains=len(multipliers),
         generations=chains.generations,
         recorded_per_chain=multipliers.shape[1],
@@ -77,7 +86,9 @@ def summarise(
             acceptance=float(np.mean(chains.screen_accepted) / chains.screen_proposed) if chains.emulated else None,
             error_of_log_flow=chains.emulator_error.tolist(),
         ),
+        independence=_independence(chains, settings.independence.k_limit),
         model_runs=chains.runs,
+        effective_per_run=diagnosis.ess_bulk_min / chains.runs,
         failed_runs=chains.failures,
         outlier_chains_restarted=chains.outliers,
         crossover_probabilities=chains.crossover.tolist(),
@@ -100,6 +111,18 @@ def summarise(
         r_hat=r_hat,
         provenance=provenance,
     )
+
+
+def _independence(chains: Chains, limit: float) -> IndependenceUse:
+    k_hat = pareto_smoothed(chains.log_weight.reshape(-1))[0] if chains.independent else np.nan
+    warning = chains.refused or None
+    if chains.independent and not k_hat < limit:
+        warning = (
+            f"Pareto k of the ratios of 0D model to emulator is {k_hat:.2f}, should be below {limit}; "
+            "compare with independence.use: false"
+        )
+    pilot, whole = (float(k) if np.isfinite(k) else None for k in (chains.pilot_k_hat, k_hat))
+    return IndependenceUse(chains.independent, pilot, whole, warning)
 
 
 def by_name(names: list[str], values: np.ndarray) -> dict[str, float]:

@@ -136,13 +136,23 @@ def _matched(fit, summary: Summary) -> dict:
         "calibration": f"The tuned loop reproduces the {len(clinical)} measured targets to within "
         f"{100 * off.max():.1f} % (largest difference: {worst}).",
         "posterior": f"Chains: {summary.verdict}; largest R-hat {summary.rhat_max:.3f}, smallest bulk effective "
-        f"sample size {summary.ess_bulk_min:.0f}.",
+        f"sample size {summary.ess_bulk_min:.0f}, from {summary.model_runs} 0D runs: {summary.effective_per_run:.2f} "
+        f"effective samples per run. {_steps(summary)}",
         "predictive": f"{100 * check.coverage_95:.0f} % of the target flows lie in the central 95 % of the posterior "
         f"predictive distribution; the Mahalanobis distance of the mean flows is {check.mahalanobis:.2f} (p = "
         f"{check.p_value:.2f}). The fitted resistances reproduce the "
         f"{len(check.flow_mean)} target fractions to within {100 * met:.2g} %; the posterior mean, which the prior "
         f"shifts, to within {100 * check.largest_fraction_error:.2g} % (posterior/fractions.csv).",
     }
+
+
+def _steps(summary: Summary) -> str:
+    steps = summary.independence
+    if not steps.used:
+        return f"DREAM without independence steps: {steps.warning}." if steps.warning else ""
+    k = "unknown" if steps.k_hat is None else f"{steps.k_hat:.2f}"
+    good = "the emulator is good enough for them" if steps.warning is None else steps.warning
+    return f"Independence steps: acceptance {100 * summary.acceptance:.1f} %, Pareto k {k} ({good})."
 
 
 def _noise(targets: PerfusionTargets) -> list[dict]:

@@ -6,10 +6,7 @@ from scipy import stats
 
 from coronaryuq.posterior.sampler.dream import Dream
 from coronaryuq.posterior.settings import DreamSettings
-
-
-def no_output(log_density):
-    return lambda x: (log_density(x), np.zeros((len(x), 0)))
+from support.known_targets import assert_moments, ess, exchange_asymmetry, gaussian, no_output, overdispersed
 
 
 def run(log_density, start, generations, seed=1, *, screen=None, every=1, box=None, **settings):
@@ -21,37 +18,6 @@ def run(log_density, start, generations, seed=1, *, screen=None, every=1, box=No
         dream.advance(state)
         draws.append(state.position.copy())
     return np.array(draws[dream.burn_in :]), state
-
-
-def ess(draws):
-    from arviz_stats.base import array_stats
-
-    thinned = draws[:: max(1, len(draws) // 400)]
-    return np.array([float(array_stats.ess(thinned[:, :, i].T)) for i in range(draws.shape[2])])
-
-
-def assert_moments(draws, mean, covariance, sigmas=4.5):
-    """Mean and variances agree within their own standard errors, from effective sample sizes."""
-    flat = draws.reshape(-1, draws.shape[2])
-    variance = np.diag(covariance)
-    n = ess(draws)
-    assert np.all(np.abs(flat.mean(axis=0) - mean) < sigmas * np.sqrt(variance / n))
-    n_squared = ess((draws - mean) ** 2)
-    spread = np.var((flat - mean) ** 2, axis=0)
-    assert np.all(np.abs(np.mean((flat - mean) ** 2, axis=0) - variance) < sigmas * np.sqrt(spread / n_squared))
-
-
-def gaussian(d, correlation=0.5, seed=2):
-    random = np.random.default_rng(seed)
-    deviation = np.exp(random.uniform(-1, 1, size=d))
-    covariance = (correlation + (1 - correlation) * np.eye(d)) * np.outer(deviation, deviation)
-    mean = random.normal(size=d)
-    precision = np.linalg.inv(covariance)
-    return mean, covariance, lambda x: -0.5 * np.einsum("ni,ij,nj->n", x - mean, precision, x - mean)
-
-
-def overdispersed(mean, covariance, chains, seed=3):
-    return np.random.default_rng(seed).multivariate_normal(mean, 4 * covariance, size=chains)
 
 
 @pytest.mark.parametrize(
@@ -153,29 +119,19 @@ def test_a_wrong_emulator_costs_time_and_no_correctness(every):
     assert state.evaluations < state.generation * 24 or every == 1
 
 
-def exchange_asymmetry(settings, screen=None, every=1, repeats=300, d=3):
-    """z-scores of E[f(x) g(x') - g(x) f(x')] for one step x to x' from exact draws: zero under detailed balance."""
-    mean, covariance, log_density = gaussian(d)
-    random = np.random.default_rng(11)
-    precision = np.linalg.inv(covariance)
-    functions = [lambda x: np.ones(len(x)), lambda x: np.einsum("ni,ij,nj->n", x - mean, precision, x - mean),
-                 lambda x: x[:, 0], lambda x: x[:, 0] ** 2, lambda x: x[:, 1] ** 3, lambda x: x[:, 0] > mean[0] + 0.5,
-                 lambda x: np.prod(x, axis=1), lambda x: np.sum(x**2, axis=1)]  # fmt: skip
-    values = []
-    for seed in range(repeats):
-        dream = Dream(no_output(log_density), settings, seed, screen=screen, every=every)
+def asymmetry_of_a_move(settings, screen=None, every=1, d=3):
+    target = gaussian(d)
+
+    def advance(seed, x):
+        dream = Dream(no_output(target[2]), settings, seed, screen=screen, every=every)
         dream.burn_in = 0
-        state = dream.start(random.multivariate_normal(mean, covariance, size=settings.chains))
-        before = state.position.copy()
-        order = random.permutation(settings.chains)
-        half = settings.chains // 2
-        dream.move(state, order[:half], state.position[order[half:]], random)
-        x, after = before[order[:half]], state.position[order[:half]]
-        values.append([
-            np.mean(f(x) * g(after) - g(x) * f(after)) for i, f in enumerate(functions) for g in functions[:i]
-        ])  # fmt: skip
-    values = np.array(values)
-    return values.mean(axis=0) / (values.std(axis=0, ddof=1) / np.sqrt(repeats))
+        state = dream.start(x)
+        order = np.random.default_rng(seed).permutation(len(x))
+        half = len(x) // 2
+        dream.move(state, order[:half], state.position[order[half:]], np.random.default_rng([seed, 1]))
+        return x[order[:half]], state.position[order[:half]]
+
+    return exchange_asymmetry(advance, target)
 
 
 @pytest.mark.parametrize("options", [
@@ -183,13 +139,13 @@ def exchange_asymmetry(settings, screen=None, every=1, repeats=300, d=3):
 ])  # fmt: skip
 def test_detailed_balance_at_fixed_crossover(options):
     settings = DreamSettings(chains=24, generations=10, adapt_crossovers=False, remove_outliers=False, **options)
-    assert np.all(np.abs(exchange_asymmetry(settings)) < 4.5)
+    assert np.all(np.abs(asymmetry_of_a_move(settings)) < 4.5)
 
 
 def test_detailed_balance_with_an_emulator():
     _, _, log_density = gaussian(3)
     settings = DreamSettings(chains=24, generations=10, adapt_crossovers=False, remove_outliers=False)
-    z = exchange_asymmetry(settings, screen=lambda x: 0.7 * log_density(x) + 0.2 * x[:, 0], every=5)
+    z = asymmetry_of_a_move(settings, screen=lambda x: 0.7 * log_density(x) + 0.2 * x[:, 0], every=5)
     assert np.all(np.abs(z) < 4.5)
 
 
@@ -201,7 +157,7 @@ def test_asymmetry_is_noticed():
     correct = module.snooker
     module.snooker = lambda *given: (lambda p: type(p)(p.position, 0 * p.log_ratio, p.crossover))(correct(*given))
     try:
-        assert np.max(np.abs(exchange_asymmetry(settings, d=6))) > 6
+        assert np.max(np.abs(asymmetry_of_a_move(settings, d=6))) > 6
     finally:
         module.snooker = correct
 

@@ -3,7 +3,7 @@
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from coronaryuq.posterior.model.flow_model import Posterior
 from coronaryuq.posterior.model.total_resistance import Conditioned, Rescaled
 from coronaryuq.posterior.sampler.diagnostics import split_rhat
 from coronaryuq.posterior.sampler.dream import Dream, State
+from coronaryuq.posterior.sampler.independence import Independence, Walk, try_emulator
 from coronaryuq.posterior.settings import Settings
 
 
@@ -26,7 +27,8 @@ class Prepared:
     """What precedes the first generation: the emulator and the chains' first states.
 
     start (chains, d), log_density (chains,), flows (chains, N). emulator: None when not used. runs: of the model, those
-    of the fit included.
+    of the fit included. walk: of independence steps; None without them. k_hat: Pareto k of the pilot, nan without one.
+    refused: why no independence steps are taken, if they were asked for.
     """
 
     emulator: Emulator | None
@@ -34,13 +36,17 @@ class Prepared:
     log_density: np.ndarray
     flows: np.ndarray
     runs: int
+    walk: Walk | None = None
+    k_hat: float = np.nan
+    refused: str = ""
 
 
 def prepare(posterior: Posterior, fit: Fit, settings: Settings, seed: int) -> Prepared:
     """Run the model for the emulator and for the chains' first states; all ranks together.
 
     With an emulator, which needs coordinates on the constraint, the chains start at its design points, which are wider
-    spread than the posterior; without one, at draws of the prior.
+    spread than the posterior, or, for independence steps, at weighted draws of the emulator; without one, at draws of
+    the prior.
     """
     space, likelihood, chains = posterior.space, posterior.likelihood, settings.dream.chains
     random = generator(seed, "posterior", "start")
@@ -52,7 +58,17 @@ def prepare(posterior: Posterior, fit: Fit, settings: Settings, seed: int) -> Pr
         posterior, lambda n: design(space, likelihood, fit.multipliers, fit.flows, n, random), count
     )
     emulator = posterior.ranks.run_on_first(lambda: Emulator.fit(y, space.multipliers(y), flows))
-    return Prepared(emulator, y[:chains], log_density[:chains], flows[:chains], fit.runs + count)
+    prepared = Prepared(emulator, y[:chains], log_density[:chains], flows[:chains], fit.runs + count)
+    if not settings.independence.use:
+        return prepared
+    pilot = try_emulator(posterior, emulator.screen(space, likelihood), prepared.start, settings, seed)
+    prepared = replace(prepared, runs=prepared.runs + pilot.runs, k_hat=pilot.k_hat, refused=pilot.refused)
+    if pilot.start is None:
+        if posterior.ranks.rank == 0:
+            print(f"warning: DREAM without independence steps: {pilot.refused}", file=sys.stderr, flush=True)
+        return prepared
+    start, log_density, flows = pilot.start
+    return replace(prepared, walk=pilot.walk, start=start, log_density=log_density, flows=flows)
 
 
 def _alive(
@@ -71,10 +87,12 @@ def _alive(
 
 
 def sampler(posterior: Posterior, prepared: Prepared, settings: Settings, seed: int) -> Dream:
-    """DREAM on this posterior, screened by the emulator if there is one."""
+    """Independence steps on this posterior, or DREAM, screened by the emulator if there is one."""
     space, screen = posterior.space, None
     if prepared.emulator is not None and isinstance(space, Conditioned):
         screen = prepared.emulator.screen(space, posterior.likelihood)
+        if prepared.walk is not None:
+            return Independence(posterior, screen, prepared.walk, settings, seed)
     return Dream(
         posterior, settings.dream, seed, screen=screen, every=settings.emulator.generations,
         box=space.box, adjust=space.adjust,
@@ -92,7 +110,7 @@ class Recorder:
     was killed between the two finds chain files that are longer than its checkpoint and truncates them.
     """
 
-    NAMES = ("position", "log_density", "output")
+    NAMES = ("position", "log_density", "output", "log_weight")
 
     def __init__(self, folder: Path, decisions: int, state: State, ranks: Ranks, key: str):
         self.folder, self.ranks, self.key = folder, ranks, key
@@ -142,15 +160,17 @@ class Recorder:
 def run(
     dream: Dream, state: State, recorder: Recorder, checkpoint: int, names: list[str], multipliers: Multipliers
 ) -> State:
-    """Run all generations from `state`, or from the checkpoint in the recorder's folder; return the last state."""
+    """Run all generations from `state`, or from the checkpoint in the recorder's folder; return the last state.
+
+    checkpoint: decisions between two of them.
+    """
     resumed = recorder.resume()
     state = state if resumed is None else resumed
     started, first = time.monotonic(), recorder.done
-    every = max(1, checkpoint // dream.every)
     while recorder.done < dream.decisions:
         dream.advance(state)
         recorder.record(state)
-        if recorder.done % every == 0 or recorder.done == dream.decisions:
+        if recorder.done % checkpoint == 0 or recorder.done == dream.decisions:
             recorder.save(state)
             if recorder.ranks.rank == 0:
                 left = (time.monotonic() - started) / (recorder.done - first) * (dream.decisions - recorder.done)

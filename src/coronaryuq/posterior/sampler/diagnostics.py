@@ -1,4 +1,4 @@
-"""Have the chains converged? Rank-normalised split R-hat and effective sample sizes, and a verdict."""
+"""Have the chains converged, is the emulator good enough? R-hat, effective sample sizes, Pareto k, and a verdict."""
 
 import numpy as np
 
@@ -21,6 +21,24 @@ def effective_size(draws: np.ndarray, kind: str) -> np.ndarray:
     return np.array(sizes, dtype=float)
 
 
+def pareto_smoothed(log_ratio: np.ndarray) -> tuple[float, np.ndarray]:
+    """Return Pareto k and smoothed weights (n,), of sum one, of log importance ratios (n,) (Vehtari et al. 2024).
+
+    k below 0.7: averages with these weights are reliable. It is 0 for equal ratios and nan if there are too few.
+    """
+    from arviz_stats.base import array_stats
+
+    uniform = np.full(len(log_ratio), 1.0 / len(log_ratio))
+    finite = log_ratio[np.isfinite(log_ratio)]
+    if len(finite) < len(log_ratio) / 2 or len(log_ratio) < 25:
+        return np.nan, uniform
+    if np.ptp(finite) < 1e-9 and len(finite) == len(log_ratio):
+        return 0.0, uniform
+    log_weight, k_hat = array_stats.psislw(-log_ratio)
+    weight = np.exp(log_weight)
+    return float(k_hat), weight / weight.sum()
+
+
 def diagnose(draws: np.ndarray, names: list[str], rhat_limit: float, ess_limit: float) -> Diagnosis:
     """Return a verdict on `draws` (chains, n, N) of parameters `names` (Vehtari et al. 2021)."""
     rhat, bulk, tail = split_rhat(draws), effective_size(draws, "bulk"), effective_size(draws, "tail")
@@ -36,7 +54,7 @@ def diagnose(draws: np.ndarray, names: list[str], rhat_limit: float, ess_limit: 
     verdict = f"converged; worst is {names[worst]} with R-hat {rhat[worst]:.3f}"
     return Diagnosis(
         converged=converged,
-        verdict=verdict if converged else "not converged: " + "; ".join(reasons) + "; run more generations",
+        verdict=verdict if converged else "not converged: " + "; ".join(reasons) + "; lengthen the chains",
         worst_parameter=names[worst],
         rhat_max=float(rhat[worst]),
         rhat=dict(zip(names, rhat.tolist(), strict=True)),

@@ -22,6 +22,7 @@ class State:
     generation: proposals made so far. position (chains, d), log_density (chains,), output (chains, k): what the target
     returned there. crossover: probability of each crossover value; jumped, used: its summed normalised squared jumps
     and number of uses. recent, looks: log densities summed since the last check for outliers, and their number.
+    log_weight (chains,): log of the target's over the emulator's density at the last proposal; nan without an emulator.
     accepted, proposed: moves since burn-in ended. screen_accepted, screen_proposed: the same on the emulator.
     evaluations: target evaluations so far. outliers: chains restarted.
     """
@@ -30,6 +31,7 @@ class State:
     position: np.ndarray
     log_density: np.ndarray
     output: np.ndarray
+    log_weight: np.ndarray
     crossover: np.ndarray
     jumped: np.ndarray
     used: np.ndarray
@@ -122,7 +124,7 @@ class Dream:
         n, m = len(position), self.settings.crossovers
         return State(
             generation=np.array(0), position=position, log_density=np.array(log_density), output=np.array(output),
-            crossover=np.full(m, 1.0 / m), jumped=np.zeros(m), used=np.zeros(m),
+            log_weight=np.full(n, np.nan), crossover=np.full(m, 1.0 / m), jumped=np.zeros(m), used=np.zeros(m),
             recent=np.zeros(n), looks=np.array(0),
             accepted=np.zeros(n), proposed=np.array(0), screen_accepted=np.zeros(n), screen_proposed=np.array(0),
             evaluations=np.array(n if evaluated is None else 0), outliers=np.array(0),
@@ -133,18 +135,25 @@ class Dream:
         random = generator(self.seed, "dream", "generation", int(state.generation))
         decision = int(state.generation) // self.every
         adapting = decision < self.burn_in
-        if decision == self.burn_in:
-            state.accepted[:], state.proposed, state.screen_accepted[:] = 0, np.array(0), 0
-            state.screen_proposed = np.array(0)
+        self._count_from_here(state, decision)
         order = random.permutation(len(state.position))
         half = len(order) // 2
         for movers, partners in ((order[:half], order[half:]), (order[half:], order[:half])):
             self.move(state, movers, state.position[partners], random)
+        self._decided(state)
+        if adapting:
+            self._adapt(state, decision)
+
+    def _count_from_here(self, state: State, decision: int) -> None:
+        """Start counting moves when burn-in ends."""
+        if decision == self.burn_in:
+            state.accepted[:], state.proposed, state.screen_accepted[:] = 0, np.array(0), 0
+            state.screen_proposed = np.array(0)
+
+    def _decided(self, state: State) -> None:
         state.generation = state.generation + self.every
         state.proposed = state.proposed + 1
         state.screen_proposed = state.screen_proposed + self.every
-        if adapting:
-            self._adapt(state, decision)
 
     def move(self, state: State, movers: np.ndarray, pool: np.ndarray, random: np.random.Generator) -> None:
         """Move one half of the chains, indices `movers`, with partners at `pool` (m, d). Changes `state`."""
@@ -154,13 +163,16 @@ class Dream:
             proposal = self._propose(before, pool, state.crossover, random)
             after, log_ratio, moved = proposal.position, proposal.log_ratio, np.ones(len(movers), dtype=bool)
         else:
-            after, log_ratio, moved = self._screened(state, movers, pool, spread, random)
+            after, here, there, moved = self._screened(state, movers, pool, spread, random)
+            log_ratio = here - there
         threshold = np.log(random.uniform(size=len(movers)))
         log_density = np.full(len(movers), -np.inf)
         output = state.output[movers]
         if np.any(moved):
             log_density[moved], output[moved] = self.target(after[moved])
             state.evaluations = state.evaluations + int(moved.sum())
+        if self.screen is not None:
+            state.log_weight[movers] = np.where(moved, log_density, state.log_density[movers]) - there
         with np.errstate(invalid="ignore"):
             accept = moved & (threshold < log_density - state.log_density[movers] + log_ratio)
         if self.screen is None:
@@ -176,7 +188,7 @@ class Dream:
         state.accepted[chosen] += 1
 
     def _screened(self, state, movers, pool, spread, random):
-        """`every` generations on the emulator; returns where they led, log q(x) - log q(y), and who moved."""
+        """`every` generations on the emulator; returns where they led, log q(x), log q(y), and who moved."""
         position = state.position[movers].copy()
         first = current = self.screen(position)
         moved = np.zeros(len(movers), dtype=bool)
@@ -191,7 +203,7 @@ class Dream:
             current = np.where(accept, there, current)
             state.screen_accepted[movers] += accept
             moved |= accept
-        return position, first - current, moved
+        return position, first, current, moved
 
     def _propose(self, position, pool, crossover, random) -> Proposal:
         proposal = differential_evolution(position, pool, crossover, self.settings, random)
