@@ -8,17 +8,20 @@ from pathlib import Path
 
 from coronaryuq.core.io.atomic import write_json, write_text
 from coronaryuq.posterior import stage
-from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, Settings
+from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, IndependenceSettings, Settings
 from support.case_files import write_case_json, write_perfusion_targets
 from support.resistor_tree import ResistorTree, network_of, targets_of
 
 LAD = {"vessel": "v0", "ffr": "v0:BC_0", "flow": "J0:v0", "root": "J0:v0", "outlet": "BC_0"}
 BEDS = 3
-POSTERIOR = Settings(dream=DreamSettings(chains=12, generations=400), emulator=EmulatorSettings(generations=4))
+POSTERIOR = Settings(
+    dream=DreamSettings(chains=12, generations=400), emulator=EmulatorSettings(generations=4),
+    independence=IndependenceSettings(draws=40),
+)  # fmt: skip
 CAMPAIGN = """
 name: tiny
 case: given/case.yaml
-posterior: {dream: {chains: 12, generations: 400}, emulator: {generations: 4}}
+posterior: {dream: {chains: 12, generations: 400}, emulator: {generations: 4}, independence: {draws: 40}}
 zerod: {batch: 8}
 flow3d: {steps_per_cycle: 100, max_cycles: 2, ramp_cycles: 0.1, wall_samples_per_cycle: 20}
 """

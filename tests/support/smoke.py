@@ -14,7 +14,7 @@ SMALLER = """
 samples: {n_3d: 20, n_0d: 100, chunk_0d: 50, chunks_resampled: 2, chunk_realisations: 30}
 perfusion: {realisations: 60}
 calibration: {candidates: 4, starts: 1, rounds: 1, evaluations_per_parameter: 2, final_nelder_mead: 0}
-posterior: {dream: {generations: 500}, rhat_limit: 9.0, ess_limit: 1}
+posterior: {dream: {generations: 500}, independence: {draws: 40}, rhat_limit: 9.0, ess_limit: 1}
 estimation: {steps: [30, 20], curve_nodes: 9, folds: 2}
 """
 """As an additional configuration: every stage still, with less to do in it."""

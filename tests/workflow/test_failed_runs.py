@@ -21,7 +21,12 @@ SETTINGS = {
     "synthetic": {"cells": 3000},
     "perfusion": {"realisations": 40},
     "calibration": {"candidates": 4, "starts": 1, "rounds": 1, "evaluations_per_parameter": 2, "final_nelder_mead": 0},
-    "posterior": {"dream": {"chains": 12, "generations": 400}, "rhat_limit": 9.0, "ess_limit": 1},
+    "posterior": {
+        "dream": {"chains": 12, "generations": 400},
+        "independence": {"draws": 30},
+        "rhat_limit": 9.0,
+        "ess_limit": 1,
+    },
     "mesh": {
         "throat_resolution": 2.0,
         "jet_resolution": 1.5,

@@ -33,7 +33,7 @@ PATIENT = SMALL | {
     "case": "bundled",
     "synthetic": {"cells": 3000},
     "calibration": {"candidates": 4, "starts": 1, "rounds": 1, "evaluations_per_parameter": 2, "final_nelder_mead": 0},
-    "posterior": {"dream": {"chains": 12, "generations": 400}, "checkpoint": 20},
+    "posterior": {"dream": {"chains": 12, "generations": 400}, "independence": {"draws": 30}, "checkpoint": 20},
 }
 FIRST = ("results/small/perfusion/targets.json",)
 WHOLE = ("results/small/posterior/summary.json", "results/small/zerod/pilot_0.parquet")

@@ -25,7 +25,7 @@ SMALL = {
     "synthetic": {"cells": 3000},
     "perfusion": {"realisations": 40},
     "calibration": {"candidates": 4, "starts": 1, "rounds": 1, "evaluations_per_parameter": 2, "final_nelder_mead": 0},
-    "posterior": {"dream": {"chains": 12, "generations": 40}},
+    "posterior": {"dream": {"chains": 12, "generations": 400}, "independence": {"draws": 20}},
 }
 ON_SLURM = [
     "--executor", "slurm", "--jobs", "8", "--slurm-status-command", "squeue", "--latency-wait", "20",

@@ -19,6 +19,7 @@ from coronaryuq.case.description.yaml_file import read_yaml
 from coronaryuq.case.settings import Settings
 from coronaryuq.config import EXPECTED, Campaign
 from coronaryuq.core.errors import InputError
+from coronaryuq.posterior.settings import Settings as PosteriorSettings
 
 NEITHER = (
     "neither a case nor a configuration: expected a mapping of fields; see docs/reference/case.md and config/README.md"
@@ -102,6 +103,12 @@ def _check_case(found: Checked, path: str | Path, settings: Settings) -> None:
     found.lines += describe(found.case)
 
 
+def _length(posterior: PosteriorSettings) -> str:
+    if posterior.independence.use and posterior.emulator.use and posterior.constraint == "conditioned":
+        return f"{posterior.independence.draws} independence steps"
+    return f"{posterior.dream.generations} generations"
+
+
 def _check_configuration(found: Checked, values: dict[str, Any]) -> None:
     if not values:
         raise InputError(found.file, None, None, EXPECTED)
@@ -113,7 +120,7 @@ def _check_configuration(found: Checked, values: dict[str, Any]) -> None:
         + (f", {targets.coarse_runs} coarse runs for each" if targets.coarse_runs else ""),
         f"0D: {targets.most['n_0d']} runs per input set by {campaign.zerod.backend} in "
         f"{len(targets.chunks['propagation'])} jobs",
-        f"posterior: {_chains(campaign.posterior)}",
+        f"posterior: {campaign.posterior.dream.chains} chains of {_length(campaign.posterior)}",
     ]
     changed = [f"{name}: {value}" for name, value in _changed(campaign) if name != "name"]
     found.lines.append(f"settings other than the defaults: {', '.join(changed) or 'none'}")
