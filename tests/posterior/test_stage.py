@@ -235,7 +235,7 @@ class Stepped(ResistorTree):
     """A tree whose flows jump by a factor with every resistance: no quadratic follows them."""
 
     def flows(self, multipliers):
-        return super().flows(multipliers) * np.exp(0.4 * np.sign(np.sin(40 * multipliers)))
+        return super().flows(multipliers) * np.exp(0.1 * np.sign(np.sin(40 * multipliers)))
 
 
 def test_a_poor_emulator_leaves_the_chains_to_dream(tree, tmp_path, capsys):
@@ -243,11 +243,13 @@ def test_a_poor_emulator_leaves_the_chains_to_dream(tree, tmp_path, capsys):
     stepped = Stepped(tree.pressure, tree.shared, tree.epicardial, tree.beds)
     targets = stage.TargetFlows([f"BC_{i}" for i in range(6)], *targets_of(tree, 0.05))
     for kind, name in ((SMALL, "tried"), (DELAYED, "never")):
+        kind = kind.model_copy(update={"dream": DreamSettings(generations=400)})
         stage.run_chains(stepped, tree.weights, targets, kind, 3, tmp_path / f"{name}.npz", key=name)
     tried = Chains.read(tmp_path / "tried.npz")
     assert not tried.independent and tried.pilot_k_hat > 0.7
-    warning = f"Pareto k of 240 runs at draws of the emulator is {tried.pilot_k_hat:.2f}, should be below 0.7"
-    assert tried.refused == warning
+    warning = tried.refused
+    found = f"240 runs at draws of the emulator have Pareto k {tried.pilot_k_hat:.2f}, should be below 0.7"
+    assert warning.startswith(found)
     assert f"warning: DREAM without independence steps: {warning}" in capsys.readouterr().err
     same(tmp_path / "tried.npz", tmp_path / "never.npz", without=("runs", "failures", "pilot_k_hat", "refused"))
     summary = summarise(

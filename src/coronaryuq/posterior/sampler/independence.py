@@ -24,6 +24,9 @@ LENGTHS = (1, 4, 16)
 """Lengths of the chains on the emulator that are tried, over `dream.generations` or `LEAST`."""
 LEAST = 200
 
+WORTH = 0.2
+"""Least effective share of n pilot runs with weights w, 1 / (n sum w^2): k alone can miss a very poor emulator."""
+
 KEPT = 100
 """States of each chain on the emulator that serve as partners."""
 
@@ -131,8 +134,12 @@ def try_emulator(posterior: Posterior, screen: Callable, start: np.ndarray, sett
     points = walk.partners[random.choice(len(walk.partners), size=count, replace=False)]
     log_density, flows = posterior(points)
     k_hat, weights = pareto_smoothed(log_density - screen(points))
-    if not k_hat < limit:
-        refused = f"Pareto k of {count} runs at draws of the emulator is {k_hat:.2f}, should be below {limit}"
+    share = 1.0 / (count * np.sum(weights**2))
+    if not (k_hat < limit and share > WORTH):
+        refused = (
+            f"{count} runs at draws of the emulator have Pareto k {k_hat:.2f}, should be below {limit}, "
+            f"and an effective share of {share:.2f}, should be above {WORTH}"
+        )
         return Pilot(walk, count, k_hat, refused, None)
     chosen = random.choice(count, size=chains, p=weights)
     return Pilot(walk, count, k_hat, "", (points[chosen], log_density[chosen], flows[chosen]))
