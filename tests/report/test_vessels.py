@@ -1,5 +1,7 @@
 """The card of a vessel follows from the intervals of its estimates."""
 
+from dataclasses import replace
+
 import pytest
 
 from coronaryuq.core.io.atomic import write_json
@@ -24,20 +26,25 @@ def card(tmp_path):
     return make
 
 
-def probability(middle, low, high):
-    return Probability(0.8, middle, 0.01, low, high, 0.95)
+def zones(middle, low, high):
+    """Return zones of which those at or below 0.80 have a given probability together."""
+    lower, upper = (
+        Probability(middle / 2, 0.01, low / 2, high / 2, 0.95),
+        Probability(1 - middle, 0.01, 1 - high, 1 - low, 0.95),
+    )
+    return [replace(lower, at_most=0.75), replace(lower, above=0.75, at_most=0.8), replace(upper, above=0.8)]
 
 
 @pytest.mark.parametrize(("low", "high", "kind"), [(0.92, 0.97, "bad"), (0.01, 0.06, "good"), (0.42, 0.47, "warn")])
-def test_the_verdict_depends_on_the_whole_interval(card, low, high, kind):
-    assert card(probability_at_or_below=probability((low + high) / 2, low, high))["class"] == kind
+def test_the_verdict_depends_on_the_whole_interval_of_what_lies_below_the_highest_limit(card, low, high, kind):
+    assert card(zones=zones((low + high) / 2, low, high))["class"] == kind
 
 
-def test_a_narrow_interval_of_a_probability_gets_a_decimal(card):
-    narrow = card(probability_at_or_below=probability(0.031, 0.027, 0.035))
-    wide = card(probability_at_or_below=probability(0.02, -0.01, 0.11))
-    assert narrow["significant"] == {"value": "3.1 %", "low": "2.7 %", "high": "3.5 %"}
-    assert wide["significant"] == {"value": "2 %", "low": "0 %", "high": "11 %"}
+def test_every_zone_is_shown_and_a_narrow_interval_gets_a_decimal(card):
+    narrow, wide = card(zones=zones(0.031, 0.027, 0.035))["zones"], card(zones=zones(0.02, -0.01, 0.11))["zones"]
+    assert [zone["zone"] for zone in narrow] == ["FFR ≤ 0.75", "0.75 < FFR ≤ 0.80", "FFR > 0.80"]
+    assert narrow[2] == {"zone": "FFR > 0.80", "value": "96.9 %", "low": "96.5 %", "high": "97.3 %"}
+    assert wide[2] == {"zone": "FFR > 0.80", "value": "98 %", "low": "89 %", "high": "100 %"}
 
 
 def test_only_inputs_whose_index_differs_from_zero_are_named_as_drivers(card):
@@ -52,6 +59,7 @@ def test_quantiles_with_few_runs_beyond_them_carry_a_warning(card):
     assert card(quantiles={"0.50": value(0.8)})["rare"] == ""
 
 
-def test_the_spread_over_draws_is_given_by_the_outermost_quantiles(card):
+def test_the_patient_has_the_median_and_the_90_percent_range_over_draws(card):
     quantiles = {"0.50": value(0.8), "0.95": value(0.88), "0.05": value(0.71)}
-    assert card(quantiles=quantiles)["draws"] == "90 % of draws: 0.71 to 0.88"
+    assert card(quantiles=quantiles)["patient"] == {"low": "0.71", "median": "0.80", "high": "0.88"}
+    assert card()["patient"] == {}

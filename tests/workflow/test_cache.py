@@ -28,7 +28,7 @@ def again(tmp_path):
 
 @pytest.mark.long
 def test_another_quantity_recomputes_nothing_expensive(again):
-    jobs = again(settings={"estimation": {"ffr_threshold": 0.75}})
+    jobs = again(settings={"estimation": {"ffr_zones": [0.75]}})
     assert not EXPENSIVE & set(jobs)
     assert {"estimation_train", "zerod_resampled", "estimation", "report"} <= set(jobs)
 

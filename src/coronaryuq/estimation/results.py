@@ -47,24 +47,37 @@ class Value:
 
 
 @dataclass(frozen=True)
-class Probability:
-    """Probability that the quantity is at or below `threshold`; the others as in `Value`."""
+class Probability(Value):
+    """Probability that the quantity is above `above` and at or below `at_most`, None where there is no such limit."""
 
-    threshold: float
-    value: float
-    std: float
-    low: float
-    high: float
-    level: float
+    above: float | None = None
+    at_most: float | None = None
+
+    @property
+    def zone(self) -> str:
+        """The zone in symbols, the quantity being FFR."""
+        below = "" if self.at_most is None else f" ≤ {self.at_most:.2f}"
+        if self.above is None:
+            return f"FFR{below}"
+        return f"{self.above:.2f} < FFR{below}" if below else f"FFR > {self.above:.2f}"
+
+    @property
+    def complement(self) -> "Probability":
+        """Probability of everything up to this zone, which must be the highest."""
+        return Probability(1 - self.value, self.std, 1 - self.high, 1 - self.low, self.level, at_most=self.above)
 
 
 @dataclass(frozen=True)
 class BeyondTheMean:
-    """Quantities other than the mean. quantiles: share ("0.05") → value. sobol_first_order: input → index."""
+    """Quantities other than the mean.
+
+    quantiles: share ("0.05") → value. zones: of FFR, in rising order; their probabilities add up to one.
+    sobol_first_order: input → index.
+    """
 
     variance: Value | None = None
     quantiles: dict[str, Value] | None = None
-    probability_at_or_below: Probability | None = None
+    zones: list[Probability] | None = None
     sobol_first_order: dict[str, Value] | None = None
 
 

@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 
 class Settings(BaseModel):
@@ -14,8 +14,11 @@ class Settings(BaseModel):
     folds: int = Field(
         5, ge=2, le=50, description="Number of folds of cross-fitting; doubled for pilot samples below 100 runs."
     )
-    ffr_threshold: float = Field(
-        0.80, gt=0, lt=1, description="FFR at or below which a stenosis counts as significant."
+    ffr_zones: tuple[float, ...] = Field(
+        (0.75, 0.80),
+        min_length=1,
+        description="Rising limits of FFR between the zones whose probabilities are estimated; at or below the last "
+        "one a stenosis counts as significant.",
     )
     cost_ratio: float = Field(
         1e-5,
@@ -74,3 +77,11 @@ class Settings(BaseModel):
     coverage_sizes: list[int] = Field([25, 50, 100, 250], description="Pilot sample sizes of the target `coverage`.")
     coverage_replicates: int = Field(400, ge=2, description="Repeated trials per cell of the target `coverage`.")
     min_3d: int = Field(20, ge=4, description="Smallest number of usable 3D runs for any estimate.")
+
+    @field_validator("ffr_zones")
+    @classmethod
+    def _rising(cls, limits: tuple[float, ...]) -> tuple[float, ...]:
+        ends = (0.0, *limits, 1.0)
+        if any(after <= before for before, after in zip(ends, ends[1:], strict=False)):
+            raise ValueError("give rising limits between 0 and 1")
+        return limits

@@ -77,8 +77,8 @@ class Opened:
             Index: artery. `mean`: mean of FFR over the posterior of the outlet resistances. `std`, `low`, `high`:
             reported standard error and calibrated 95 % interval of that mean; they cover only the error of estimating
             it from a finite number of runs, not the posterior spread and not the error of mesh and model. `q05`,
-            `median`, `q95`: quantiles of FFR over the posterior. `probability`: of FFR at or below `threshold`.
-            `estimator`; `warnings`: reasons for caution.
+            `median`, `q95`: quantiles of FFR over the posterior. `P(zone)`: probability of each zone of FFR, such as
+            `P(FFR ≤ 0.75)`. `estimator`; `warnings`: reasons for caution.
         """
         import pandas as pd
 
@@ -201,8 +201,8 @@ class Opened:
                 f"<p>{escape(case)}; {settings.samples.n_3d} 3D runs ({settings.backend}), {settings.samples.n_0d} 0D "
                 f"runs per input set; seed {settings.seed}</p>"
             )
-            shown = self.ffr[["mean", "low", "high", "q05", "median", "q95", "probability", "estimator"]]
-            lines.append("<p>FFR: mean with its 95 % interval; the patient's spread; P(FFR &le; 0.80)</p>")
+            shown = self.ffr.drop(columns=["std", "warnings"])
+            lines.append("<p>FFR: the patient's spread; probability of each zone; mean with its 95 % interval</p>")
             lines.append(shown.to_html(float_format="{:.3f}".format))
         except InputError as error:
             lines.append(f"<p>{escape(str(error))}</p>")
@@ -213,15 +213,10 @@ class Opened:
 
 def _ffr(row: RowReport) -> dict[str, Any]:
     best, beyond = row.recommended_report, row.beyond_the_mean
-    quantiles, at_or_below = beyond.quantiles or {}, beyond.probability_at_or_below
-    values: dict[str, Any] = {
-        "mean": best.mean,
-        "std": best.std,
-        "low": best.calibrated.low,
-        "high": best.calibrated.high,
-    }
+    quantiles = beyond.quantiles or {}
+    values: dict[str, Any] = {}
     for name, share in (("q05", "0.05"), ("median", "0.50"), ("q95", "0.95")):
         values[name] = quantiles[share].value if share in quantiles else None
-    values["probability"] = at_or_below and at_or_below.value
-    values["threshold"] = at_or_below and at_or_below.threshold
+    values |= {f"P({zone.zone})": zone.value for zone in beyond.zones or []}
+    values |= {"mean": best.mean, "std": best.std, "low": best.calibrated.low, "high": best.calibrated.high}
     return values | {"estimator": row.recommended, "warnings": "; ".join([*row.warnings, *best.warnings])}

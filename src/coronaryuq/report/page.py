@@ -82,7 +82,6 @@ def write_report(
         "case": case,
         "campaign": configuration["name"],
         "backend": configuration["backend"],
-        "threshold": f"{configuration['estimation']['ffr_threshold']:.2f}",
         "level": f"{100 * configuration['estimation']['level']:.0f} %",
         "counts": _counts(failures, rows, estimates.settings["curve_nodes"]),
         "vessels": [vessel_card(stenosis.name, rows, _outlet_names(case), mesh) for stenosis in case.stenoses],

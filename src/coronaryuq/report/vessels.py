@@ -1,4 +1,4 @@
-"""The card of one vessel: FFR with its interval, the probability of a flow-limiting lesion, its main drivers."""
+"""The card of one vessel: FFR over the posterior, the probability of a flow-limiting lesion, main drivers, the mean."""
 
 from collections.abc import Mapping
 
@@ -33,17 +33,17 @@ def vessel_card(artery: str, rows: list[RowReport], outlets: Mapping[str, str], 
     of_quantity = {q: _recommended(rows, f"{q}_{branch}") for q in QUANTITIES}
     ffr_row, ffr = of_quantity["ffr"]
     beyond = ffr_row.beyond_the_mean
-    probability = beyond.probability_at_or_below
+    zones = beyond.zones or []
     return {
         "name": artery,
         "ffr": _quantity(ffr, FFR_DECIMALS) | {"mesh": mesh.of(f"ffr_{branch}")},
-        "draws": _draws(beyond.quantiles or {}),
+        "patient": _patient(beyond.quantiles or {}),
         "rare": _rare(beyond.quantiles or {}),
         "drivers": _drivers(beyond.sobol_first_order or {}, outlets),
         "quantities": [_quantity(value) | {"mesh": mesh.of(f"{q}_{branch}")} for q, (_, value) in of_quantity.items()],
-        "significant": _probability(probability),
+        "zones": [_probability(zone) for zone in zones],
         "spread": f"{np.sqrt(ffr_row.variance_3d):.{FFR_DECIMALS}f}",
-        **_verdict(probability),
+        **_verdict(zones[-1].complement if zones else None),
     }
 
 
@@ -53,14 +53,12 @@ def _recommended(rows: list[RowReport], column: str) -> tuple[RowReport, Estimat
     return row, row.recommended_report
 
 
-def _draws(quantiles: Mapping[str, Value]) -> str:
-    """Return the outermost quantiles of FFR over the posterior, in words."""
-    if len(quantiles) < 2:
-        return ""
-    ends = sorted(quantiles, key=float)
-    low, high = (quantiles[end].value for end in (ends[0], ends[-1]))
-    share = 100 * (float(ends[-1]) - float(ends[0]))
-    return f"{share:.0f} % of draws: {low:.2f} to {high:.2f}"
+def _patient(quantiles: Mapping[str, Value]) -> dict:
+    """Return median and outermost quantiles of FFR over the posterior; empty without them."""
+    if not {"0.05", "0.50", "0.95"} <= set(quantiles):
+        return {}
+    low, median, high = (f"{quantiles[share].value:.2f}" for share in ("0.05", "0.50", "0.95"))
+    return {"low": low, "median": median, "high": high}
 
 
 def _rare(quantiles: Mapping[str, Value]) -> str:
@@ -89,12 +87,10 @@ def _quantity(estimate: EstimatorReport, most_decimals: int = 6) -> dict:
     return {"value": f"{estimate.mean:.{decimals}f}", "low": low, "high": high, "level": level}
 
 
-def _probability(probability: Probability | None) -> dict:
-    if probability is None:
-        return {"value": "–", "low": "–", "high": "–"}
+def _probability(probability: Probability) -> dict:
     share = {name: 100 * min(max(getattr(probability, name), 0.0), 1.0) for name in ("value", "low", "high")}
     decimals = 1 if share["high"] - share["low"] < 2 else 0
-    return {name: f"{value:.{decimals}f} %" for name, value in share.items()}
+    return {"zone": probability.zone} | {name: f"{value:.{decimals}f} %" for name, value in share.items()}
 
 
 def _verdict(probability: Probability | None) -> dict:

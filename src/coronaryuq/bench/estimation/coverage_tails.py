@@ -5,7 +5,7 @@ import numpy as np
 from coronaryuq.bench.estimation.pairs import PAIRS, Pair
 from coronaryuq.bench.estimation.problems import ROW, SEED, as_design, from_pair
 from coronaryuq.core.seeds import generator
-from coronaryuq.estimation.estimators import tails_and_sobol
+from coronaryuq.estimation.estimators import sensitivity, tails
 from coronaryuq.estimation.estimators.folds import assign, count
 from coronaryuq.estimation.estimators.per_row import predict
 from coronaryuq.estimation.results import Value
@@ -55,8 +55,8 @@ def _trial(pair: Pair, n: int, number: int, folds: int, threshold: float) -> dic
     drawn = from_pair(pair).draw(n, number)
     design = as_design(drawn, assign(n, count(n, folds), SEED, "coverage", number))
     y, predictions = drawn.y, predict(design, ROW)
-    values = {"variance": tails_and_sobol.variance(design, y, predictions)}
-    values |= {f"quantile {share}": tails_and_sobol.quantile(design, y, predictions, share) for share in SHARES}
-    values["probability"] = tails_and_sobol.probability(design, y, predictions, threshold)
-    indices = tails_and_sobol.sobol(design, y, predictions)
+    values = {"variance": tails.variance(design, y, predictions)}
+    values |= {f"quantile {share}": tails.quantile(design, y, predictions, share) for share in SHARES}
+    values["probability"] = tails.probability(design, y, predictions, threshold)
+    indices = sensitivity.sobol(design, y, predictions)
     return values | {f"sobol {name}": index for name, index in indices.items()}

@@ -9,7 +9,8 @@ from coronaryuq.estimation import training
 from coronaryuq.estimation.analysis import diagnostics, failures
 from coronaryuq.estimation.analysis.paper import paper_row
 from coronaryuq.estimation.analysis.tables import estimator_report
-from coronaryuq.estimation.estimators import multilevel_crossfit, per_row, tails_and_sobol
+from coronaryuq.estimation.estimators import multilevel_crossfit, per_row
+from coronaryuq.estimation.estimators.beyond_the_mean import beyond_the_mean
 from coronaryuq.estimation.estimators.crossfit import Estimate
 from coronaryuq.estimation.estimators.design import Design, make_design
 from coronaryuq.estimation.estimators.folds import count
@@ -115,9 +116,7 @@ class Methods:
             predictions = per_row.predict(self.design, row)
             self._crossfit_gp[row.column_3d] = (
                 per_row.crossfit_gp(self.design, row, predictions, self.settings.level, self.weights),
-                tails_and_sobol.everything(self.design, row, predictions, self.settings)
-                if self.beyond_mean
-                else BeyondTheMean(),
+                beyond_the_mean(self.design, row, predictions, self.settings) if self.beyond_mean else BeyondTheMean(),
             )
         return self._crossfit_gp[row.column_3d]
 

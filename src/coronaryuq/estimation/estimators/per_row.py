@@ -12,7 +12,7 @@ from coronaryuq.estimation.estimators.blue import Group
 from coronaryuq.estimation.estimators.crossfit import CrossFit, Estimate, Options, Propagated, combine
 from coronaryuq.estimation.estimators.design import Design
 from coronaryuq.estimation.estimators.formulas import control_coefficient, correlation
-from coronaryuq.estimation.estimators.influence import CENTRE, Influence, changes
+from coronaryuq.estimation.estimators.influence import CENTRE, Between, Influence, changes
 from coronaryuq.estimation.runs.table import Row, pair
 from coronaryuq.estimation.surrogates import mfmc_ae, selector
 from coronaryuq.estimation.surrogates.control_variates import METHODS, Fitted, Seen
@@ -67,6 +67,18 @@ class Predictions:
     influence: Influence
     variance: Sequence[Callable[[int], np.ndarray]]
     methods: tuple[str, ...]
+
+    def between(self, slope: np.ndarray, slopes: Sequence[np.ndarray]) -> Between:
+        """Return what folds have in common for a function of y.
+
+        slope, slopes: its derivative at `held` (n,), and per fold at the first samples of `raw` or at all of them.
+        """
+        return self.influence.between(slope, [s[: len(w)] for s, w in zip(slopes, self.influence.weights, strict=True)])
+
+    def centre(self, design: Design, y: np.ndarray) -> float:
+        """Return the mean of y (n,)."""
+        fit = CrossFit(y, self.held, design.propagate(self.raw), design.fold, design.dependence)
+        return combine("", fit, len(y), Options(target=design.target)).mean
 
 
 def predict(design: Design, row: Row, simple: bool = False) -> Predictions:

@@ -1,0 +1,34 @@
+"""Everything beyond the mean of one row."""
+
+from dataclasses import replace
+
+from coronaryuq.estimation.estimators import sensitivity, tails
+from coronaryuq.estimation.estimators.design import Design
+from coronaryuq.estimation.estimators.per_row import Predictions
+from coronaryuq.estimation.results import BeyondTheMean
+from coronaryuq.estimation.runs.table import Row, pair
+from coronaryuq.estimation.settings import Settings
+
+SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
+
+
+def beyond_the_mean(design: Design, row: Row, predictions: Predictions, settings: Settings) -> BeyondTheMean:
+    """Return everything beyond the mean of one row; zones are those of FFR, other quantities have none.
+
+    A quantile whose coverage is not tested carries a warning.
+    """
+    y, _ = pair(design.runs, row)
+    level = settings.level
+    return BeyondTheMean(
+        variance=tails.variance(design, y, predictions, level),
+        quantiles={
+            f"{share:.2f}": replace(
+                tails.quantile(design, y, predictions, share, level), warning=tails.rare(len(y), share)
+            )
+            for share in SHARES
+        },
+        zones=tails.zones(design, y, predictions, settings.ffr_zones, level)
+        if row.column_3d.lower().startswith("ffr")
+        else None,
+        sobol_first_order=sensitivity.sobol(design, y, predictions, level),
+    )
