@@ -47,9 +47,9 @@ def test_every_zone_is_shown_and_a_narrow_interval_gets_a_decimal(card):
     assert wide[2] == {"zone": "FFR > 0.80", "value": "98 %", "low": "89 %", "high": "100 %"}
 
 
-def test_only_inputs_whose_index_differs_from_zero_are_named_as_drivers(card):
-    sobol = {"BC_a": value(0.2, 0.1, 0.3), "BC_b": value(0.5, 0.4, 0.6), "BC_c": value(0.3, 0.0, 0.6)}
-    assert card(sobol_first_order=sobol)["drivers"] == "D1 (lca3) 50 %, BC_a 20 %"
+def test_only_inputs_whose_effect_differs_from_zero_are_named_as_drivers(card):
+    effects = {"BC_a": value(0.2, 0.1, 0.3), "BC_b": value(0.5, 0.4, 0.6), "BC_c": value(0.3, 0.0, 0.6)}
+    assert card(shapley=effects)["drivers"] == "D1 (lca3) 50 %, BC_a 20 %"
 
 
 def test_quantiles_with_few_runs_beyond_them_carry_a_warning(card):

@@ -72,13 +72,15 @@ class BeyondTheMean:
     """Quantities other than the mean.
 
     quantiles: share ("0.05") → value. zones: of FFR, in rising order; their probabilities add up to one.
-    sobol_first_order: input → index.
+    sobol_first_order, sobol_total, shapley: input (the last two: or group of inputs) → index.
     """
 
     variance: Value | None = None
     quantiles: dict[str, Value] | None = None
     zones: list[Probability] | None = None
     sobol_first_order: dict[str, Value] | None = None
+    sobol_total: dict[str, Value] | None = None
+    shapley: dict[str, Value] | None = None
 
 
 @dataclass(frozen=True)

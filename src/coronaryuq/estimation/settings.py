@@ -20,6 +20,11 @@ class Settings(BaseModel):
         description="Rising limits of FFR between the zones whose probabilities are estimated; at or below the last "
         "one a stenosis counts as significant.",
     )
+    input_groups: dict[str, list[str]] = Field(
+        {},
+        description="Names of groups and the inputs of each that count as one in Shapley effects and total indices, "
+        "such as the beds of one artery; inputs in no group stand for themselves.",
+    )
     cost_ratio: float = Field(
         1e-5,
         gt=0,

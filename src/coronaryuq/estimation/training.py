@@ -53,7 +53,18 @@ def write_networks(
 def read_chosen(runs_folder: str | Path, rows_csv: str | Path | None, settings: Settings) -> tuple[Runs, list[Row]]:
     """Read the runs of a folder, and the rows that the settings name of `rows_csv` or of the folder's rows."""
     rows_csv = rows_csv or Path(runs_folder) / "rows.csv"
-    return read_runs(runs_folder), chosen_rows(read_rows(rows_csv), settings, rows_csv)
+    runs = read_runs(runs_folder)
+    check_groups(runs, settings)
+    return runs, chosen_rows(read_rows(rows_csv), settings, rows_csv)
+
+
+def check_groups(runs: Runs, settings: Settings) -> None:
+    """Raise `InputError` for a group with an input that the runs do not have, or that is in two groups."""
+    grouped = [name for group in settings.input_groups.values() for name in group]
+    for name in grouped:
+        wrong = "is in two groups" if grouped.count(name) > 1 else f"no such input; there are {', '.join(runs.inputs)}"
+        if name not in runs.inputs or grouped.count(name) > 1:
+            raise InputError(runs.folder / "params.csv", "estimation.input_groups", name, wrong)
 
 
 def chosen_rows(rows: list[Row], settings: Settings, file: str | Path) -> list[Row]:

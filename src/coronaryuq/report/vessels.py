@@ -39,7 +39,7 @@ def vessel_card(artery: str, rows: list[RowReport], outlets: Mapping[str, str], 
         "ffr": _quantity(ffr, FFR_DECIMALS) | {"mesh": mesh.of(f"ffr_{branch}")},
         "patient": _patient(beyond.quantiles or {}),
         "rare": _rare(beyond.quantiles or {}),
-        "drivers": _drivers(beyond.sobol_first_order or {}, outlets),
+        "drivers": _drivers(beyond.shapley or {}, outlets),
         "quantities": [_quantity(value) | {"mesh": mesh.of(f"{q}_{branch}")} for q, (_, value) in of_quantity.items()],
         "zones": [_probability(zone) for zone in zones],
         "spread": f"{np.sqrt(ffr_row.variance_3d):.{FFR_DECIMALS}f}",
@@ -71,11 +71,11 @@ def _rare(quantiles: Mapping[str, Value]) -> str:
     return f"{shares}: {quantiles[warned[0]].warning}."
 
 
-def _drivers(sobol: Mapping[str, Value], outlets: Mapping[str, str], shown: int = 3) -> str:
-    """Return the inputs with the largest first-order Sobol indices of FFR that differ from zero."""
-    significant = [(name, index) for name, index in sobol.items() if index.low > 0]
+def _drivers(effects: Mapping[str, Value], outlets: Mapping[str, str], shown: int = 3) -> str:
+    """Return the inputs with the largest Shapley effects on FFR that differ from zero."""
+    significant = [(name, effect) for name, effect in effects.items() if effect.low > 0]
     largest = sorted(significant, key=lambda pair: -pair[1].value)[:shown]
-    return ", ".join(f"{outlets.get(name, name)} {100 * index.value:.0f} %" for name, index in largest)
+    return ", ".join(f"{outlets.get(name, name)} {100 * effect.value:.0f} %" for name, effect in largest)
 
 
 def _quantity(estimate: EstimatorReport, most_decimals: int = 6) -> dict:

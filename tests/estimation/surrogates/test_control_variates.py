@@ -69,3 +69,27 @@ def test_a_rival_that_differs_adds_the_variance_of_a_mixture():
         wanted = line.variance(far) + weights.prod() * np.minimum(np.abs(apart), most) ** 2
         np.testing.assert_allclose(with_rival(line, curve, most).variance(far), wanted)
     np.testing.assert_array_equal(with_rival(line, curve, 1.0).predict(far), line.predict(far))
+
+
+@pytest.mark.parametrize("method", ["constant", "linear 0D", "linear theta", "GP(θ)", "GP with active direction"])
+def test_the_covariance_of_errors_has_the_variance_less_that_of_noise_on_its_diagonal(method):
+    rng = generator(4, "covariance")
+    x, new = rng.normal(size=(40, 2)), rng.normal(size=(30, 2))
+    y = np.sin(2 * x[:, 0]) + x[:, 1] ** 2 + 0.1 * rng.normal(size=40)
+    fitted = METHODS[method](seen_of(x), y)
+    covariance, variance = fitted.covariance(seen_of(new)), fitted.variance(seen_of(new))
+    noise = variance - np.diag(covariance)
+    assert noise.min() > 0 and np.ptp(noise) < 1e-8 * variance.max()
+    np.testing.assert_allclose(covariance, covariance.T, atol=1e-10 * variance.max())
+    assert np.linalg.eigvalsh(covariance)[0] > -1e-8 * variance.max()
+
+
+def test_the_covariance_of_a_process_of_the_logarithm_is_that_of_a_log_normal():
+    rng = generator(4, "covariance", "logarithm")
+    x, new = rng.normal(size=(40, 2)), rng.normal(size=(3, 2))
+    y = np.exp(np.sin(2 * x[:, 0]) + 0.3 * rng.normal(size=40))
+    fitted, model = METHODS["GP of log y"](seen_of(x), y), gp.fit(np.column_stack([x, x]), np.log(y))
+    both = np.column_stack([new, new])
+    drawn = np.exp(rng.multivariate_normal(model.predict(both), model.covariance(both), 200_000))
+    scale = np.exp(np.diag(model.covariance(both)) / 2)  # of the mean of a log-normal over its median
+    np.testing.assert_allclose(np.cov(drawn.T) / np.outer(scale, scale), fitted.covariance(seen_of(new)), rtol=0.1)

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from coronaryuq.estimation.estimators import sensitivity, tails
+from coronaryuq.estimation.estimators import sensitivity, shapley, tails
 from coronaryuq.estimation.estimators.design import Design
 from coronaryuq.estimation.estimators.per_row import Predictions
 from coronaryuq.estimation.results import BeyondTheMean
@@ -19,6 +19,7 @@ def beyond_the_mean(design: Design, row: Row, predictions: Predictions, settings
     """
     y, _ = pair(design.runs, row)
     level = settings.level
+    effects = shapley.effects(design, row, predictions, level, settings.input_groups)
     return BeyondTheMean(
         variance=tails.variance(design, y, predictions, level),
         quantiles={
@@ -31,4 +32,6 @@ def beyond_the_mean(design: Design, row: Row, predictions: Predictions, settings
         if row.column_3d.lower().startswith("ffr")
         else None,
         sobol_first_order=sensitivity.sobol(design, y, predictions, level),
+        sobol_total=effects.total,
+        shapley=effects.shapley,
     )

@@ -59,14 +59,18 @@ class Predictions:
     held (n,): at each pilot run, by the fold that did not see it. raw: per fold, at its propagation samples and the
     nodes of an integrated input (m_k · s,).
     influence: of pilot runs on them. variance: per fold, the variance of y given the prediction (m · s,) at the first m
-    of its propagation samples. methods: the selector's choice, fold by fold.
+    of its propagation samples. fitted: the selector's choice, fold by fold.
     """
 
     held: np.ndarray
     raw: list[np.ndarray]
     influence: Influence
     variance: Sequence[Callable[[int], np.ndarray]]
-    methods: tuple[str, ...]
+    fitted: tuple[Fitted, ...]
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        return tuple(fitted.method for fitted in self.fitted)
 
     def between(self, slope: np.ndarray, slopes: Sequence[np.ndarray]) -> Between:
         """Return what folds have in common for a function of y.
@@ -108,7 +112,7 @@ def predict(design: Design, row: Row, simple: bool = False) -> Predictions:
         (seen, index), more = design.held(row, k), design.propagated(row, k)
         held[index], variance[index] = fitted.predict(seen), fitted.variance(seen)
         raw.append(fitted.predict(more))
-        taken.append(fitted.method)
+        taken.append(fitted)
         weights.append(block.weights(min(CENTRE, len(block.index))))
         moved[index] = changes(fitted, seen, train, n)
         some = more[: len(weights[-1])]

@@ -4,10 +4,10 @@ With h(θ_j) an estimate of the effect E[Y | θ_j] − E[Y], the variance of the
 
     E[2 (Y − E[Y]) h − h²] + E[(effect − h)²]
 
-h is a polynomial of log θ_j through the predictions, or their mean at the nodes of an input that is integrated. The first
-expectation is a cross-fitted mean. The second is what the predictions miss of the effect. It is largest for the inputs
-that matter least, because a fit takes them for irrelevant: without it their indices are too small. With polynomials φ_p
-that are orthonormal under the law of θ_j, it is the sum of the squares of d_p = E[(Y − prediction) φ_p]. The square of an
+h is a polynomial of log θ_j through the predictions, or their mean at the nodes of an input that is integrated. The
+first expectation is a cross-fitted mean. The second is what the predictions miss of the effect. Small effects suffer
+most, because a fit takes them for none: without it their indices are too small. With polynomials φ_p that are
+orthonormal under the law of θ_j, it is the sum of the squares of d_p = E[(Y − prediction) φ_p]. The square of an
 estimate of d_p exceeds d_p² by the variance of that estimate, which is subtracted.
 """
 
@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import legendre
 
-from coronaryuq.estimation.estimators.crossfit import CrossFit, Estimate, Options, Propagated, combine
+from coronaryuq.estimation.estimators.crossfit import CrossFit, Estimate, Options, combine
 from coronaryuq.estimation.estimators.design import NODES, WEIGHTS, Design
 from coronaryuq.estimation.estimators.per_row import Predictions
 from coronaryuq.estimation.results import Value
@@ -48,8 +48,8 @@ def sobol(design: Design, y: np.ndarray, predictions: Predictions, level: float 
 class _Effect:
     """h as coefficients (D,) of polynomials of mean zero, orthonormal under the law of the input.
 
-    held: polynomials (n, D) at the pilot runs. raw: per fold (m_k · s, D) at the places of `Predictions.raw`. noise: what
-    the sampling error of h adds to its mean square.
+    held: polynomials (n, D) at the pilot runs. raw: per fold (m_k · s, D) at the places of `Predictions.raw`. noise:
+    what the sampling error of h adds to its mean square.
     """
 
     coefficients: np.ndarray
@@ -129,7 +129,7 @@ class _Index:
     def _missed(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the coefficients d_p of what the predictions miss of the effect, with zeros, and their variances."""
         found = np.zeros((2, len(self.effect.coefficients)))
-        nothing = [Propagated(np.zeros(1)) for _ in self.design.blocks]
+        nothing = [self.design.propagated_values(k, np.zeros(1)) for k in range(len(self.design.blocks))]
         y, held, fold = self.y - self.centre, self.predictions.held - self.centre, self.design.fold
         for p in range(min(MISSED_DEGREE, found.shape[1])):
             polynomial = self.effect.held[:, p]

@@ -50,7 +50,8 @@ class Fitted:
 
     predict(seen) (m,): the control variate. leave_one_out (n,): residual of each training run when it is left out, by
     which methods are compared within a training set. influence(seen) (m, n): change of each prediction by each training
-    run. variance(seen) (m,): expected squared error.
+    run. variance(seen) (m,): expected squared error. covariance(seen) (m, m): of the errors of the predictions; its
+    diagonal is that variance less the variance of noise.
     """
 
     method: str
@@ -58,6 +59,7 @@ class Fitted:
     leave_one_out: np.ndarray
     influence: Callable[[Seen], np.ndarray]
     variance: Callable[[Seen], np.ndarray]
+    covariance: Callable[[Seen], np.ndarray]
 
     @property
     def missed(self) -> float:
@@ -78,6 +80,7 @@ def constant(seen: Seen, y: np.ndarray) -> Fitted:
         "constant", lambda new: np.full(len(new), y.mean()), missed,
         lambda new: np.tile(missed / len(y), (len(new), 1)),
         lambda new: np.full(len(new), np.mean(missed**2)),
+        lambda new: np.full((len(new), len(new)), np.mean(missed**2) / len(y)),
     )  # fmt: skip
 
 
@@ -92,10 +95,15 @@ def linear(name: str, columns: Callable[[Seen], np.ndarray]) -> Method:
         coefficients = inverse @ (u.T @ y)
         hat = np.minimum((u**2).sum(axis=1), 1 - 1e-9)
         missed = (y - u @ (u.T @ y)) / (1 - hat)
+
+        def covariance(new: Seen) -> np.ndarray:
+            root = back(columns(new)) @ inverse
+            return np.mean(missed**2) * root @ root.T
+
         return Fitted(
             name, lambda new: back(columns(new)) @ coefficients, missed,
             lambda new: back(columns(new)) @ inverse @ u.T * missed,
-            lambda new: np.mean(missed**2) * (1 + ((back(columns(new)) @ inverse) ** 2).sum(axis=1)),
+            lambda new: np.mean(missed**2) * (1 + ((back(columns(new)) @ inverse) ** 2).sum(axis=1)), covariance,
         )  # fmt: skip
 
     return fit
@@ -109,6 +117,7 @@ def gp_on(name: str, columns: Callable[[Seen], np.ndarray], directions: int = 0,
         return Fitted(
             name, lambda new: model.predict(columns(new)), model.leave_one_out,
             lambda new: model.influence(columns(new)), lambda new: model.variance(columns(new)),
+            lambda new: model.covariance(columns(new)),
         )  # fmt: skip
 
     return fit
@@ -136,8 +145,12 @@ def gp_of_logarithm(name: str, columns: Callable[[Seen], np.ndarray], evaluation
         def variance(new: Seen) -> np.ndarray:
             return np.exp(2 * logarithm(new)) * np.expm1(np.minimum(model.variance(columns(new)), (high - low) ** 2))
 
+        def covariance(new: Seen) -> np.ndarray:
+            here = np.exp(logarithm(new))
+            return here[:, None] * here * np.expm1(np.minimum(model.covariance(columns(new)), (high - low) ** 2))
+
         missed = y - np.exp(np.clip(z - model.leave_one_out, low, high))
-        return Fitted(name, lambda new: np.exp(logarithm(new)), missed, influence, variance)
+        return Fitted(name, lambda new: np.exp(logarithm(new)), missed, influence, variance, covariance)
 
     return fit
 
@@ -155,11 +168,14 @@ def with_rival(taken: Fitted, rival: Fitted, most: float) -> Fitted:
     odds = (less / more) ** (len(taken.leave_one_out) / RUNS_PER_POWER) if more > 0 else 0.0
     share = odds / (1 + odds) ** 2
 
-    def variance(new: Seen) -> np.ndarray:
-        apart = np.clip(taken.predict(new) - rival.predict(new), -most, most)
-        return taken.variance(new) + share * apart**2
+    def apart(new: Seen) -> np.ndarray:
+        return np.clip(taken.predict(new) - rival.predict(new), -most, most)
 
-    return replace(taken, variance=variance)
+    return replace(
+        taken,
+        variance=lambda new: taken.variance(new) + share * apart(new) ** 2,
+        covariance=lambda new: taken.covariance(new) + share * np.outer(apart(new), apart(new)),
+    )
 
 
 def quadratic(columns: np.ndarray) -> np.ndarray:

@@ -70,6 +70,13 @@ class GaussianProcess:
         known = ((to_training @ self.inverse) * to_training).sum(axis=1)
         return self.spread**2 * (np.maximum(prior - known, 0.0) + noise + JITTER * (1 + signal))
 
+    def covariance(self, x: np.ndarray) -> np.ndarray:
+        """Posterior covariance (m, m) of outputs without their noise at inputs (m, d)."""
+        scaled = (x - self.shift) / self.scale
+        to_training = _times_weights(self.parameters, scaled, self.x, np.eye(len(self.x)))
+        prior = _times_weights(self.parameters, scaled, scaled, np.eye(len(scaled)))
+        return self.spread**2 * (prior - (to_training @ self.inverse) @ to_training.T)
+
 
 def fit(x: np.ndarray, y: np.ndarray, directions: int = 0, evaluations: int = 60) -> GaussianProcess:
     """Fit to inputs (n, d) and outputs (n,) by the maximum of marginal likelihood times prior.
