@@ -5,7 +5,7 @@ so the argument of `crossfit` holds for it unchanged.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -68,10 +68,8 @@ def zones(
     values, found = np.diff([0.0, *reached, 1.0]), []
     for value, (above, at_most) in zip(values.tolist(), pairwise((-np.inf, *limits, np.inf)), strict=True):
         part = share(above, at_most)
-        ends = {"above": above if np.isfinite(above) else None, "at_most": at_most if np.isfinite(at_most) else None}
-        found.append(
-            Probability(value, part.std, max(0.0, value - part.half), min(1.0, value + part.half), level, **ends)
-        )
+        probability = Value(value, part.std, max(0.0, value - part.half), min(1.0, value + part.half), level)
+        found.append(Probability(**asdict(probability), above=_finite(above), at_most=_finite(at_most)))
     return found
 
 
@@ -219,6 +217,10 @@ def _probability(
     held = inside(predictions.held, design.fold)
     found = combine("", CrossFit(indicator, held, blocks, design.fold, design.dependence), len(y), options)
     return _Share(found.mean, found.std, found.interval.half_width)
+
+
+def _finite(limit: float) -> float | None:
+    return limit if np.isfinite(limit) else None
 
 
 def _normal(level: float) -> float:
