@@ -39,6 +39,23 @@ def test_two_models_are_mfmc_and_every_further_model_helps():
     assert variance(COUNTS) < variance([((0, 1), 40), ((1,), 160)]) < variance([((0,), 40)]) == pytest.approx(4 / 40)
 
 
+def test_weights_do_not_depend_on_the_units_of_the_models():
+    units = np.array([1e-6, 1e4, 1e-2, 1e8])
+    scaled = weights(COUNTS, COVARIANCE * np.outer(units, units))
+    for (models, _), w, other in zip(COUNTS, weights(COUNTS, COVARIANCE), scaled, strict=True):
+        np.testing.assert_allclose(other * units[list(models)], w * units[0], rtol=1e-7)
+
+
+def test_a_model_that_the_others_determine_has_the_mean_of_all_their_samples():
+    """The pilot's own covariance is singular: y is a linear combination of the first cheap model, and noise is not."""
+    rng = generator(6, "exact")
+    cheap, more = rng.normal(5, 1, (30, 2)), rng.normal(5, 1, (500, 2))
+    y = 1 + 0.1 * cheap[:, 0]
+    got = estimate([Group((0, 1, 2), np.column_stack([y, cheap])), Group((1, 2), more)], 5, 1)
+    assert got.mean == pytest.approx(1 + 0.1 * np.concatenate([cheap, more])[:, 0].mean(), abs=2e-3)
+    assert got.std == pytest.approx(0.1 / 530**0.5, rel=0.3)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("n", [25, 50])
 def test_cross_fitted_claims_hold_and_approach_the_closed_form(n):

@@ -16,6 +16,9 @@ from coronaryuq.estimation.estimators.crossfit import CrossFit, Estimate, Option
 from coronaryuq.estimation.estimators.dependence import INDEPENDENT, Dependence
 from coronaryuq.estimation.estimators.folds import assign
 
+LEAST = 1e-10
+"""Smallest eigenvalue of a correlation matrix, over the largest."""
+
 
 @dataclass(frozen=True)
 class Group:
@@ -29,17 +32,32 @@ def weights(counts: Sequence[tuple[tuple[int, ...], float]], covariance: np.ndar
     """Weight of every model's mean in every group, for the best linear unbiased estimate of the mean of model 0.
 
     counts: (models, samples) per group. The weights of model 0 add up to one over groups, those of any other to zero.
-    Schaden and Ullmann 2020, equation of the estimator.
+    Schaden and Ullmann 2020, equation of the estimator, for models divided by their standard deviations.
     """
-    size = len(covariance)
-    inverses = [np.linalg.pinv(covariance[np.ix_(m, m)], rcond=1e-12, hermitian=True) for m, _ in counts]
+    size, scale = len(covariance), np.sqrt(np.diag(covariance))
+    scale = np.where(scale > 0, scale, 1.0)
+    correlation = covariance / np.outer(scale, scale)
+    inverses = [_inverse(correlation[np.ix_(m, m)]) for m, _ in counts]
     precision = np.zeros((size, size))
     for (models, count), inverse in zip(counts, inverses, strict=True):
         precision[np.ix_(models, models)] += count * inverse
     run = sorted({model for models, _ in counts for model in models})
     row = np.zeros(size)
     row[run] = np.linalg.pinv(precision[np.ix_(run, run)], rcond=1e-14, hermitian=True)[run.index(0)]
-    return [count * row[list(m)] @ inverse for (m, count), inverse in zip(counts, inverses, strict=True)]
+    return [
+        count * row[list(m)] @ inverse * (scale[0] / scale[list(m)])
+        for (m, count), inverse in zip(counts, inverses, strict=True)
+    ]
+
+
+def _inverse(correlation: np.ndarray) -> np.ndarray:
+    """Invert a correlation matrix with its eigenvalues raised to LEAST times the largest.
+
+    Models of which one is a linear combination of others have an eigenvalue of zero: that combination is known exactly.
+    A pseudo-inverse would treat it as unknown.
+    """
+    values, vectors = np.linalg.eigh(correlation)
+    return (vectors / np.maximum(values, LEAST * values[-1])) @ vectors.T
 
 
 def estimate(
