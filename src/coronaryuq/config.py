@@ -42,18 +42,6 @@ class Samples(BaseModel):
     chunk_realisations: int = Field(500, ge=1, description="Noisy perfusion realisations per job.")
 
 
-class Report(BaseModel):
-    """Optional contents of the report, in addition to the campaign's own results."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    mesh_study: bool = Field(
-        False,
-        description="Run the mesh study and report its numerical errors; it costs about as much as three batches of "
-        "3D runs on a finer mesh.",
-    )
-
-
 class Campaign(BaseModel):
     """One campaign: a patient, a seed, and a block of settings for each stage."""
 
@@ -88,7 +76,6 @@ class Campaign(BaseModel):
     discrepancy: DiscrepancySettings = Field(
         default_factory=DiscrepancySettings, description="Search for effects that the model is missing."
     )
-    report: Report = Field(default_factory=Report, description="Optional parts of the report.")
 
 
 def load(path: str | Path) -> Campaign:

@@ -1,5 +1,7 @@
 """The meshes and 3D runs of a campaign."""
 
+import pytest
+
 from coronaryuq.campaign import variants
 from coronaryuq.campaign.targets import Targets
 from coronaryuq.config import Campaign
@@ -31,11 +33,52 @@ def test_resolutions_scale_down_to_their_least_value_and_stay_off():
     assert (coarse["throat_resolution"], coarse["resolution"], coarse["core_resolution"]) == (2.0, 3.0, 0.0)
 
 
-def test_half_the_step_is_twice_the_steps_of_either_solver():
+def test_longer_steps_are_half_the_steps_of_either_solver():
     runs = variants.runs_3d(Targets(campaign()))
-    own, half = runs["flow3d"].settings, runs["mesh_study/half_step"].settings
-    assert half["steps_per_cycle"] == 2 * own["steps_per_cycle"]
-    assert half["simvascular"]["steps_per_cycle"] == 2 * own["simvascular"]["steps_per_cycle"]
+    own, longer = runs["flow3d"].settings, runs["mesh_study/long_step"].settings
+    assert longer["steps_per_cycle"] == own["steps_per_cycle"] / 2
+    assert longer["simvascular"]["steps_per_cycle"] == own["simvascular"]["steps_per_cycle"] / 2
+    assert longer["refinements"] == 0, "a sample that blew up would be run with the campaign's step again"
+
+
+def test_runs_of_the_mesh_study_have_the_fewest_cycles():
+    given = campaign(flow3d={"min_cycles": 3, "max_cycles": 5})
+    runs = variants.runs_3d(Targets(given))
+    for level in variants.STUDY_COST:
+        assert runs[level].settings["min_cycles"] == runs[level].settings["max_cycles"] == 3
+        assert runs[level].portions == {0: (0, variants.STUDY_RUNS)}
+
+
+@pytest.mark.parametrize(
+    ("n_3d", "levels"),
+    [
+        (104, ("mesh_study/coarse", "mesh_study/fine", "mesh_study/long_step")),
+        (40, ("mesh_study/coarse", "mesh_study/long_step")),
+        (16, ("mesh_study/coarse",)),
+        (8, ()),
+    ],
+)
+def test_the_mesh_study_does_what_a_quarter_of_the_3d_runs_pays_for(n_3d, levels):
+    found = variants.study_levels(Targets(campaign(samples={"n_3d": n_3d})), None)
+    assert found == levels
+    assert variants.STUDY_RUNS * sum(variants.STUDY_COST[level] for level in found) <= 0.25 * n_3d
+
+
+def test_a_mesh_study_that_is_asked_for_as_a_target_is_whole():
+    off = campaign(samples={"n_3d": 8}, flow3d={"mesh_study": 0})
+    assert variants.study_levels(Targets(off), None) == tuple(variants.STUDY_COST)
+
+
+def test_what_cannot_be_refined_is_not_run_again(tmp_path):
+    given = Targets(campaign(samples={"n_3d": 104}))
+    assert variants.study_levels(given, str(tmp_path)) == ("mesh_study/long_step",), "an imported mesh folder"
+    assert len(variants.study_levels(given, str(tmp_path / "lumen.stl"))) == 3
+    assert variants.study_levels(Targets(campaign(backend="umbridge")), None) == ()
+
+
+def test_the_cost_of_the_mesh_study_makes_no_3d_run_stale():
+    few, many = (variants.runs_3d(Targets(campaign(flow3d={"mesh_study": share}))) for share in (0.1, 0.9))
+    assert few == many
 
 
 def test_coarse_runs_keep_whole_frames_and_no_fields():

@@ -1,107 +1,140 @@
-"""Numerical error from three meshes and half the step: known limits and orders are recovered."""
+"""The mesh study: samples of the campaign on other meshes and with longer steps, and what is not measured."""
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from coronaryuq.core import provenance, records
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.core.records import Record
-from coronaryuq.flow3d.mesh_study import mesh_study, richardson
+from coronaryuq.flow3d.mesh_study import MeshRuns, mesh_study, read_discretization
 
 NODES = {"coarse": 5000, "own": 12000, "fine": 28000}
+COST = {"cpu_s": 20.0}
+STEPS = 600
 
 
-def write(folder, value, failed=()):
-    """Three meshes on which quantity `name` of sample k is value(name, h, k)."""
-    meshes = {}
-    for name, nodes in NODES.items():
-        write_json(folder / name / "mesh.json", {"nodes": nodes})
-        rows = [
-            Record.failed(f"s{k}", {}, "blew up", solver={})
-            if (name, k) in failed
-            else Record(
-                f"s{k}", {}, {q: value(q, nodes ** (-1 / 3), k) for q in ("ffr_lad", "osi_max_lad", "mean_flow:A:B")}
-            )
-            for k in range(4)
-        ]
-        records.write(folder / name / "batch.jsonl", rows)
-        meshes[name] = (folder / name / "mesh.json", folder / name / "batch.jsonl")
-    return meshes
+def record(name, value, steps=STEPS, earlier=()):
+    """A record of one quantity of interest, and of one that is none. earlier: its values in earlier cycles."""
+    cycles = {"ffr_lad": list(earlier), "aortic_pressure": [9e4] * len(earlier)}
+    return Record(
+        name, {}, {"ffr_lad": value, "mean_flow:A:B": 1.0}, cost={"cycles": len(earlier) + 1},
+        diagnostics={"steps_per_cycle": steps, "earlier_cycles": cycles},
+    )  # fmt: skip
 
 
-def study(folder, meshes, halved=None):
-    """The study whose step changes nothing, unless `halved` says so."""
-    return mesh_study(meshes, "own", halved or meshes["own"][1], folder / "study.json")
+def runs(folder, name, rows):
+    """Records of a mesh."""
+    write_json(folder / name / "mesh.json", {"nodes": NODES[name]})
+    path = folder / name / f"batch_{len(list((folder / name).iterdir()))}.jsonl"
+    records.write(path, rows)
+    return MeshRuns(folder / name / "mesh.json", [path])
 
 
-def test_second_order_convergence_gives_the_limit_and_its_distance(tmp_path):
-    meshes = write(tmp_path, lambda q, h, k: 0.8 + 0.01 * k + 30.0 * h**2, failed={("fine", 3)})
-    found = study(tmp_path, meshes)
-    assert found == read_json(tmp_path / "study.json")
-    assert found["meshes"] == ["coarse", "own", "fine"] and found["samples"] == ["s0", "s1", "s2"]
-    assert found["checksum"] == provenance.checksum(meshes["own"][0])
-    ffr = found["quantities"]["ffr_lad"]
-    assert ffr["converging"] and ffr["extrapolated"] == pytest.approx(0.81)
-    assert ffr["error"] == pytest.approx(1.25 * 30.0 * NODES["own"] ** (-2 / 3))
-    assert ffr["order"] == pytest.approx(2.0)
-    assert ffr["spread"] == pytest.approx(0.0, abs=1e-12)
-    assert set(found["quantities"]) == {"ffr_lad", "osi_max_lad"}
+def second_order(name, k):
+    return 0.8 + 0.01 * k + 30.0 * NODES[name] ** (-2 / 3)
 
 
-def test_the_spread_is_the_standard_deviation_of_sample_differences(tmp_path):
-    meshes = write(tmp_path, lambda q, h, k: 1.0 + k * h**2)
-    found = study(tmp_path, meshes)["quantities"]["ffr_lad"]
-    step = NODES["own"] ** (-2 / 3) - NODES["fine"] ** (-2 / 3)
-    assert found["spread"] == pytest.approx(np.std(range(4)) * step)
+def three(folder, failed=()):
+    """Runs of four samples on three meshes: the campaign's, and the others."""
+    own, *others = (
+        runs(
+            folder,
+            name,
+            [
+                Record.failed(f"s{k}", {}, "blew up") if (name, k) in failed else record(f"s{k}", second_order(name, k))
+                for k in range(4)
+            ],
+        )
+        for name in ("own", "fine", "coarse")
+    )
+    return own, others
 
 
-def test_the_time_step_error_is_twice_the_change_from_halving_it(tmp_path):
-    meshes = write(tmp_path, lambda q, h, k: 1.0 + 0.1 * k)
-    halved = tmp_path / "halved_step.jsonl"
-    rows = [Record(f"s{k}", {}, {"ffr_lad": 0.99 + 0.1 * k, "osi_max_lad": 1.2 + 0.1 * k}) for k in (1, 2)]
-    records.write(halved, [*rows, Record.failed("s3", {}, "blew up", solver={})])
-    found = study(tmp_path, meshes, halved)["quantities"]
-    assert found["ffr_lad"]["step_error"] == pytest.approx(0.02)
-    assert found["osi_max_lad"]["step_error"] == pytest.approx(0.4)
-    records.write(halved, [Record.failed("s0", {}, "blew up", solver={})])
-    with pytest.raises(InputError, match="half the time step"):
-        study(tmp_path, meshes, halved)
+def test_second_order_convergence_is_corrected_for(tmp_path):
+    own, others = three(tmp_path, failed={("fine", 3)})
+    written = mesh_study(own, others, None, COST, tmp_path / "study.json")
+    assert written == read_json(tmp_path / "study.json")
+    assert written["nodes"] == [5000, 12000, 28000] and written["cost"] == COST
+    assert written["checksum"] == provenance.checksum(own.mesh)
+    assert set(written["quantities"]) == {"ffr_lad"} and written["quantities"]["ffr_lad"]["unit"] == "1"
+    assert written["quantities"]["ffr_lad"]["means"]["mesh"] == pytest.approx(
+        [0.81 + 30.0 * nodes ** (-2 / 3) for nodes in (5000, 12000, 28000)]
+    )
+    (error,) = read_discretization(tmp_path / "study.json")["ffr_lad"]
+    assert (error.source, error.method, error.n_samples) == ("mesh", "richardson", 3)
+    assert error.correction == pytest.approx(-30.0 * 12000 ** (-2 / 3)) and error.order == pytest.approx(2.0)
 
 
-@given(st.floats(1.05, 2.0), st.floats(-2.0, 2.0), st.floats(0.1, 5.0))
-def test_any_order_between_one_and_two_is_recovered(power, limit, factor):
-    size = np.array([3.0, 2.0, 1.4])
-    found = richardson(size, (limit + factor * size**power).tolist(), 1)
-    assert found["order"] == pytest.approx(power, rel=1e-6)
-    assert found["extrapolated"] == pytest.approx(limit, abs=1e-6 * factor)
-    assert found["error"] == pytest.approx(1.25 * factor * 2.0**power, rel=1e-5)
+def test_values_are_compared_after_the_same_number_of_cycles(tmp_path):
+    _, others = three(tmp_path)
+    last = [record(f"s{k}", second_order("own", k) + 0.05, earlier=[second_order("own", k)]) for k in range(4)]
+    found = mesh_study(runs(tmp_path, "own", last), others, None, COST, tmp_path / "study.json")
+    mesh = next(error for error in found["quantities"]["ffr_lad"]["errors"] if error["source"] == "mesh")
+    assert mesh["order"] == pytest.approx(2.0), "of the first cycle; the last is 0.05 higher on one mesh"
 
 
-def test_an_order_above_two_is_capped():
-    size = np.array([3.0, 2.0, 1.4])
-    found = richardson(size, (size**4).tolist(), 1)
-    assert found["order"] == pytest.approx(4.0)
-    assert found["extrapolated"] < 0.0, "second order leaves more to go than the fourth, whose limit is zero"
+def test_the_time_step_is_compared_where_no_sample_needed_shorter_ones(tmp_path):
+    own = runs(tmp_path, "own", [record("s0", 0.80), record("s1", 0.81), record("s2", 0.5, steps=2 * STEPS)])
+    longer = runs(tmp_path, "own", [record(f"s{k}", 0.82 + 0.01 * k, steps=STEPS // 2) for k in range(3)])
+    found = mesh_study(own, [], longer, COST, tmp_path / "study.json")
+    (error,) = read_discretization(tmp_path / "study.json")["ffr_lad"]
+    assert (error.source, error.method, error.n_samples) == ("time_step", "two_levels", 2)
+    assert error.std == pytest.approx(1.5 * 0.02)
+    assert found["not_measured"] == {
+        "mesh": "no other mesh was run",
+        "cycles": "the records hold no earlier cycles",
+    }
 
 
-def test_values_that_do_not_converge_get_their_range_as_error():
-    size = np.array([3.0, 2.0, 1.4])
-    turning = richardson(size, [1.0, 1.3, 1.1], 1)
-    assert turning == {
-        "values": [1.0, 1.3, 1.1], "extrapolated": None, "order": None, "converging": False,
-        "error": pytest.approx(0.3),
-    }  # fmt: skip
-    assert richardson(size, [1.0, 1.1, 1.4], 1)["error"] == pytest.approx(0.4), "monotone, but the steps grow"
-    slow = richardson(size, (size**0.5).tolist(), 1)
-    assert not slow["converging"] and slow["order"] == pytest.approx(0.5)
-    assert slow["error"] == pytest.approx(3.0**0.5 - 1.4**0.5)
-    assert not richardson(size[:2], [1.0, 1.1], 0)["converging"], "two meshes show no order"
+def test_the_last_cycles_of_the_campaigns_runs_give_the_error_of_their_number(tmp_path):
+    rows = [record(f"s{k}", 0.8 + 0.001, earlier=[0.8 + 0.004, 0.8 + 0.002]) for k in range(3)]
+    own = runs(tmp_path, "own", rows)
+    mesh_study(own, [], None, COST, tmp_path / "study.json")
+    (error,) = read_discretization(tmp_path / "study.json")["ffr_lad"]
+    assert error.source == "cycles" and error.order == pytest.approx(1.0)
+    assert error.correction == pytest.approx(-0.001)
+    mesh_study(runs(tmp_path, "own", [*rows, record("s3", 0.801, earlier=[0.802])]), [], None, COST, tmp_path / "b")
+    (error,) = read_discretization(tmp_path / "b")["ffr_lad"]
+    assert (error.method, error.n_samples) == ("two_levels", 4)
 
 
-def test_a_study_without_common_samples_is_rejected(tmp_path):
-    meshes = write(tmp_path, lambda q, h, k: 1.0, failed={("own", k) for k in range(4)})
-    with pytest.raises(InputError, match="no sample was finished on every mesh"):
-        study(tmp_path, meshes)
+@pytest.mark.parametrize(
+    ("failed", "nodes", "reason"),
+    [
+        ({("own", k) for k in range(4)}, 28000, "no sample was finished on every level"),
+        ((), 12000, "the meshes are equally fine"),
+    ],
+)
+def test_a_mesh_error_that_cannot_be_measured_says_why(tmp_path, failed, nodes, reason):
+    own, others = three(tmp_path, failed)
+    write_json(tmp_path / "fine" / "mesh.json", {"nodes": nodes})
+    found = mesh_study(own, others, None, COST, tmp_path / "study.json")
+    assert reason in found["not_measured"]["mesh"] and found["quantities"] == {}
+
+
+def test_longer_steps_that_all_blow_up_are_not_measured(tmp_path):
+    own, _ = three(tmp_path)
+    longer = runs(tmp_path, "own", [Record.failed("s0", {}, "blew up")])
+    found = mesh_study(own, [], longer, COST, tmp_path / "study.json")
+    assert "longer time steps" in found["not_measured"]["time_step"]
+
+
+def test_a_malformed_study_is_one_line(tmp_path):
+    write_json(tmp_path / "study.json", {"quantities": {"ffr_lad": {"errors": [{"source": "mesh"}]}}})
+    with pytest.raises(InputError, match=r"study.json: 0.correction: missing"):
+        read_discretization(tmp_path / "study.json")
+
+
+def test_a_spoiled_record_is_an_error_and_not_a_missing_level(tmp_path):
+    own, others = three(tmp_path)
+    others[0].records[0].write_text("{}")
+    with pytest.raises(InputError, match="truncated"):
+        mesh_study(own, others, None, COST, tmp_path / "study.json")
+
+
+def test_the_result_is_the_same_for_any_order_of_the_meshes(tmp_path):
+    own, others = three(tmp_path)
+    one = mesh_study(own, others, None, COST, tmp_path / "one.json")["quantities"]
+    other = mesh_study(own, others[::-1], None, COST, tmp_path / "other.json")["quantities"]
+    assert one == other and np.isfinite(one["ffr_lad"]["errors"][0]["std"])

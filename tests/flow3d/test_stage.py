@@ -106,10 +106,20 @@ def test_every_sample_has_a_record_with_all_outputs(rows):
     assert [row.sample for row in rows] == ["a", "b", "c"]
     for row in rows:
         assert row.ok and row.solver["name"] == "ensemble" and "monolithic" in row.solver["coupling"]
-        for name in ("ffr", "tawss_min", "osi_max", "tawss_q01", "osi_q99"):
+        for name in ("ffr", "tawss_min", "osi_max", "tawss_q01", "osi_q99", "osi_patch_max"):
             assert np.isfinite(row.outputs[f"{name}_lad"])
+        assert row.outputs["tawss_min_lad"] <= row.outputs["tawss_patch_min_lad"] <= row.outputs["tawss_mean_lad"]
+        assert 0.0 <= row.outputs["low_shear_area_lad"] <= 1.0
         assert {"cfl", "mass_balance", "backflow_steps", "cycles", "change"} <= set(row.diagnostics)
         assert row.diagnostics["mass_balance"] < 1e-6
+
+
+def test_a_record_keeps_the_quantities_of_the_cycles_before_the_last(campaign, rows):
+    (short,) = run(campaign, 0, 1, SETTINGS.model_copy(update={"max_cycles": 2}))
+    earlier = rows[0].diagnostics["earlier_cycles"]
+    assert len(earlier["ffr_lad"]) == rows[0].cost["cycles"] - 1 == 2
+    assert short.diagnostics["earlier_cycles"] == {name: [first] for name, (first, _) in earlier.items()}
+    assert {name: short.outputs[name] for name in earlier} == {name: second for name, (_, second) in earlier.items()}
 
 
 def test_more_resistance_means_less_flow_and_more_pressure_behind_the_stenosis(rows):

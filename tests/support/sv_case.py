@@ -45,7 +45,7 @@ def make_case(folder: Path, **settings) -> CoupledCase:
     write_case_json(folder / "case.json", name="tube")
     given = {"steps_per_cycle": 100, "cycles": 1, "frames_per_cycle": 20} | settings
     batch = batch_of(folder, folder / "samples.csv", 0)
-    return CoupledCase.of(batch.read_model(), batch.mesh_folder, SimVascularSettings(**given))
+    return CoupledCase.of(batch.read_model(), batch.mesh_folder, SimVascularSettings(**given), low_shear=10.0)
 
 
 def batch_of(folder: Path, samples: Path, count: int) -> Batch:

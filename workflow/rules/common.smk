@@ -10,7 +10,7 @@ from pathlib import Path
 from coronaryuq.campaign import drawings, index, start, variants
 from coronaryuq.campaign.paths import Paths, files_under
 from coronaryuq.campaign.searches import Searches
-from coronaryuq.campaign.targets import Targets
+from coronaryuq.campaign.targets import Targets, within
 from coronaryuq.core import provenance, shipped
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
@@ -38,6 +38,7 @@ except InputError as error:
 
 figures, paper_figures = drawings.figures(campaign, paths), drawings.paper_figures(paths)
 meshes, runs_3d = variants.meshes(campaign), variants.runs_3d(targets)
+study = variants.study_levels(targets, given.lumen)
 cached = start.cache_is_writable()
 
 
@@ -144,6 +145,14 @@ def runs_of_campaign(wildcards):
     return runs_of(counts_of_campaign()) | end_of_growth(wildcards)
 
 
+def costs_of_study():
+    """Costs of the jobs of the mesh study."""
+    return [
+        *(cost_of(f"{level}/mesh.json") for level in study if level in meshes),
+        *(cost_of(f"{level}/batch_0.json") for level in study),
+    ]
+
+
 def costs_of_campaign(wildcards):
     """Return the costs of the jobs that computed the contents of the report."""
     ks = targets.needed(counts_of_campaign())
@@ -155,6 +164,7 @@ def costs_of_campaign(wildcards):
         *expand(
             cost_of("coarse/{job}.json"), job=[*["mesh"] * bool(ks["coarse"]), *(f"batch_{k}" for k in ks["coarse"])]
         ),
+        *(costs_of_study() if campaign.flow3d.mesh_study else []),
         *expand(cost_of("zerod/pilot_{k}.json"), k=ks["zerod_pilot"]),
         *expand(cost_of("zerod/propagation_{k}.json"), k=ks["zerod_propagation"]),
         *expand(cost_of("zerod/resampled_{k}.json"), k=targets.shares),

@@ -1,5 +1,5 @@
 # 3D: meshes and batches of samples. `mesh` and `run` are folders: the campaign's own (mesh, flow3d), the coarse level's
-# (coarse), and on demand those of the mesh study (mesh_study/coarse, mesh_study/fine, mesh_study/half_step).
+# (coarse), and those of the mesh study (mesh_study/coarse, mesh_study/fine, mesh_study/long_step).
 
 
 rule mesh:
@@ -65,18 +65,25 @@ rule flow3d_batch:
         "../scripts/stage.py"
 
 
+STUDIED = within(targets.batches, variants.STUDY_RUNS)
+
+
 rule mesh_study:
-    """Compare the campaign's mesh with a coarser and a finer one, and its time step with half of it."""
+    """Compare the campaign's runs with those on other meshes and with longer time steps."""
     input:
-        coarse=[results("mesh_study", "coarse", name) for name in ("mesh.json", "batch_0.jsonl")],
-        campaign=[results("mesh", "mesh.json"), results("flow3d", "batch_0.jsonl")],
-        fine=[results("mesh_study", "fine", name) for name in ("mesh.json", "batch_0.jsonl")],
-        half_step=results("mesh_study", "half_step", "batch_0.jsonl"),
+        own_mesh=results("mesh", "mesh.json"),
+        own_runs=expand(results("flow3d", "batch_{k}.jsonl"), k=STUDIED),
+        own_costs=expand(cost_of("flow3d/batch_{k}.json"), k=STUDIED),
+        meshes=[results(level, "mesh.json") for level in study if level in meshes],
+        runs=[results(level, "batch_0.jsonl") for level in study if level in meshes],
+        long_step=[results(level, "batch_0.jsonl") for level in study if level not in meshes],
+        costs=costs_of_study(),
     output:
         out_json=results("mesh_study", "mesh_study.json"),
     log:
         log_of("mesh_study", "mesh_study.log"),
     params:
-        **stage("coronaryuq.campaign.jobs.mesh_study:compare_meshes"),
+        **stage("coronaryuq.campaign.jobs.mesh_study:compare_levels"),
+        n_3d=campaign.samples.n_3d,
     script:
         "../scripts/stage.py"

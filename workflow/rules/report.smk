@@ -25,10 +25,10 @@ rule figures:
 
 
 rule report:
-    """Write the report, with the mesh study if `report.mesh_study` is set."""
+    """Write the report; it quotes the mesh study unless `flow3d.mesh_study` is 0."""
     input:
         unpack(end_of_growth),
-        **({"mesh_study": rules.mesh_study.output.out_json} if campaign.report.mesh_study else {}),
+        **({"mesh_study": rules.mesh_study.output.out_json} if campaign.flow3d.mesh_study else {}),
         case=rules.case.output.case_json,
         fit=rules.calibration.output.fit_csv,
         targets=rules.perfusion.output.out_json,

@@ -55,7 +55,7 @@ KINDS = (
     ),
     Kind(r"(?:flow3d|coarse|mesh_study/[^/]+)/fields_\d+\.zip", "fields of the first 3D samples (VTU, VTP), CGS"),
     Kind(r"(?:flow3d|coarse|mesh_study/[^/]+)/checkpoints/.+", "state of the 3D solver, to resume from"),
-    Kind(r"mesh_study/mesh_study\.json", "error of mesh and time step of every 3D quantity"),
+    Kind(r"mesh_study/mesh_study\.json", "numerical error of every 3D quantity (docs/reference/formats.md)"),
     Kind(
         r"zerod/(?:pilot|propagation|resampled)_\d+\.parquet",
         "0D runs of an input set",

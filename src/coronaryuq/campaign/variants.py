@@ -1,6 +1,7 @@
 """The meshes and 3D runs of a campaign: its own, the coarse level's and those of the mesh study, by their folder."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from coronaryuq.campaign.targets import Portions, Targets
@@ -8,8 +9,14 @@ from coronaryuq.config import Campaign
 
 STUDY = {"mesh_study/coarse": 3 / 4, "mesh_study/fine": 4 / 3}
 """Resolution of the mesh study's other meshes divided by the campaign's."""
+LONG_STEP = "mesh_study/long_step"
 STUDY_RUNS = 8
-"""Maximum number of samples that the mesh study runs on every mesh."""
+"""Samples at most that the mesh study runs on every level: as many as the ensemble solver advances together, which
+costs as much as one."""
+STUDY_COST = {"mesh_study/coarse": 0.5, "mesh_study/fine": 2.1, LONG_STEP: 0.5}
+"""CPU time of a run of the mesh study over that of a 3D run of the campaign, as measured on the bundled patient."""
+STUDIES = (tuple(STUDY_COST), ("mesh_study/coarse", LONG_STEP), ("mesh_study/coarse",), ())
+"""Levels of the mesh study, from the most accurate study to none."""
 RESOLUTIONS = {"throat_resolution": 2.0, "resolution": 1.5, "jet_resolution": 1.5, "core_resolution": 1.5}
 """Settings that are scaled for a coarser or finer mesh, and their smallest value (a setting of 0 is off and stays
 off)."""
@@ -43,37 +50,58 @@ def scaled(campaign: Campaign, scale: float) -> dict[str, Any]:
 def runs_3d(targets: Targets) -> dict[str, Run3d]:
     """Return every kind of 3D runs, by the folder of its records."""
     campaign = targets.campaign
-    own = campaign.flow3d.model_dump(mode="json", exclude={"coarse"})
-    studied = {0: (0, min(STUDY_RUNS, campaign.samples.n_3d, campaign.samples.batch_3d))}
+    own = own_settings(campaign)
+    studied = {0: (0, min(STUDY_RUNS, campaign.samples.n_3d))}
+    study = own | {"fields": 0, "max_cycles": own["min_cycles"]}
     return {
         "flow3d": Run3d("mesh", own, targets.batches),
         "coarse": Run3d("coarse", coarse_settings(campaign), targets.coarse_batches),
-        **{folder: Run3d(folder, own, studied) for folder in STUDY},
-        "mesh_study/half_step": Run3d("mesh", half_step_settings(own), studied),
+        **{folder: Run3d(folder, study, studied) for folder in STUDY},
+        LONG_STEP: Run3d("mesh", longer_steps(study) | {"refinements": 0}, studied),
     }
+
+
+def study_levels(targets: Targets, lumen: str | None) -> tuple[str, ...]:
+    """Return the folders of runs that the mesh study compares with the campaign's: as many as its cost allows.
+
+    lumen: what the mesh is made from, if that is not the centrelines. An UM-Bridge server has one mesh and one time
+    step, an imported mesh folder cannot be refined.
+    """
+    campaign = targets.campaign
+    allowed = campaign.flow3d.mesh_study * targets.first_counts["n_3d"] or float("inf")
+    possible = set() if campaign.backend == "umbridge" else set(STUDY_COST)
+    if lumen is not None and Path(lumen).is_dir():
+        possible -= set(STUDY)
+    studies = [tuple(level for level in levels if level in possible) for levels in STUDIES]
+    return next(levels for levels in studies if STUDY_RUNS * sum(STUDY_COST[level] for level in levels) <= allowed)
+
+
+def own_settings(campaign: Campaign) -> dict[str, Any]:
+    """Return the settings of the campaign's own 3D runs."""
+    return campaign.flow3d.model_dump(mode="json", exclude={"coarse", "mesh_study"})
 
 
 def coarse_settings(campaign: Campaign) -> dict[str, Any]:
     """Return the settings of the coarse runs, for either solver, without fields."""
-    coarse, settings = campaign.flow3d.coarse, campaign.flow3d.model_dump(mode="json", exclude={"coarse"})
+    coarse, settings = campaign.flow3d.coarse, own_settings(campaign)
     cycles = min(coarse.max_cycles, settings["max_cycles"])
     external = settings["simvascular"]
-    frames = external["frames_per_cycle"]
-    steps = frames * max(1, round(coarse.steps * external["steps_per_cycle"] / frames))
-    return settings | {
-        "steps_per_cycle": max(100, round(coarse.steps * settings["steps_per_cycle"])),
+    return longer_steps(settings, coarse.steps) | {
         "max_cycles": cycles,
         "min_cycles": min(settings["min_cycles"], cycles),
         "fields": 0,
         "umbridge": settings["umbridge"] | {"model": "flow3d_coarse"},
-        "simvascular": external | {"steps_per_cycle": steps, "cycles": min(coarse.max_cycles, external["cycles"])},
+        "simvascular": longer_steps(settings, coarse.steps)["simvascular"]
+        | {"cycles": min(coarse.max_cycles, external["cycles"])},
     }
 
 
-def half_step_settings(settings: dict[str, Any]) -> dict[str, Any]:
-    """Return 3D settings with twice the time steps, for either solver."""
+def longer_steps(settings: dict[str, Any], factor: float = 0.5) -> dict[str, Any]:
+    """Return 3D settings with fewer time steps, for either solver; whole frames are kept."""
     external = settings["simvascular"]
+    frames = external["frames_per_cycle"]
+    steps = frames * max(1, round(factor * external["steps_per_cycle"] / frames))
     return settings | {
-        "steps_per_cycle": 2 * settings["steps_per_cycle"],
-        "simvascular": external | {"steps_per_cycle": 2 * external["steps_per_cycle"]},
+        "steps_per_cycle": max(100, round(factor * settings["steps_per_cycle"])),
+        "simvascular": external | {"steps_per_cycle": steps},
     }

@@ -1,177 +1,209 @@
-"""Numerical error of the quantities of interest, from three meshes and a halved time step."""
+"""Mesh study: the numerical error of every quantity of interest, from a few samples run again on other levels."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from coronaryuq.core import provenance, records
-from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json, write_json
+from coronaryuq.core.io.typed import checked, plain
+from coronaryuq.core.records import Record
+from coronaryuq.flow3d.numerical_error import NumericalError, Source, numerical_error
 
-ORDER = 2.0
-"""Theoretical order of the discretisation in the element size; higher observed orders are not used."""
-LEAST_ORDER = 1.0
-"""Observed order below which three meshes are too coarse for an extrapolation."""
-SAFETY = 1.25
-"""Safety factor of the grid convergence index on three meshes (Roache 1998)."""
-QUANTITIES = ("ffr_", "tawss_", "osi_")
+UNITS = {"ffr_": "1", "tawss_": "dyn/cm2", "osi_": "1", "low_shear_": "1"}
+"""Beginnings of the names of the quantities of interest, and their units."""
+
+Values = dict[str, np.ndarray]
+"""Quantity → its values (level, sample), coarsest level first."""
+
+
+@dataclass(frozen=True)
+class MeshRuns:
+    """A mesh (`mesh.json`) and the files of records of the samples run on it."""
+
+    mesh: str | Path
+    records: Sequence[str | Path]
+
+    @property
+    def nodes(self) -> int:
+        return read_json(self.mesh, ("nodes",))["nodes"]
+
+    def finished(self) -> dict[str, Record]:
+        """Return the records of the samples that were finished, by sample."""
+        return {row.sample: row for path in self.records for row in records.read(path) if row.ok}
+
+
+class NotMeasured(Exception):
+    """Why the error from one source cannot be told from the runs."""
+
+
+@dataclass(frozen=True)
+class _Levels:
+    """Runs of the same samples on several levels. size: (k,) coarsest first; own: index of the campaign's level."""
+
+    size: np.ndarray
+    values: Values
+    samples: list[str]
+    own: int
 
 
 def mesh_study(
-    meshes: Mapping[str, tuple[str | Path, str | Path]], own: str, halved_step: str | Path, out_json: str | Path
-) -> dict:
-    """Estimate the mesh and time-step error of every quantity of interest, and write it.
+    own: MeshRuns, others: Sequence[MeshRuns], long_step: MeshRuns | None, cost: Mapping[str, float],
+    out_json: str | Path,
+) -> dict[str, Any]:  # fmt: skip
+    """Estimate the numerical error of every quantity of interest, and write it.
 
     Parameters
     ----------
-    meshes
-        Mesh name → `mesh.json`, and the records of the samples run on it.
     own
-        Name of the campaign's mesh.
-    halved_step
-        Records of the same samples on the campaign's mesh with half its time step.
+        The campaign's mesh, and records of its samples.
+    others
+        Coarser and finer meshes with records of some of these samples; may be empty.
+    long_step
+        Records of some of these samples on the campaign's mesh with longer time steps, if there are any.
+    cost
+        What the study has cost, for the file.
     out_json
         Where the result is written.
 
     Returns
     -------
     dict
-        What was written. Per quantity, the result of `richardson` for the means over the samples that every mesh has,
-        coarsest mesh first; `spread`, the standard deviation over these samples of the difference between the two
-        finest meshes; `step_error`, see `step_errors`. `checksum` is that of the campaign's `mesh.json`, so that a
-        reader can tell whether the study is of the mesh at hand.
-
-    Raises
-    ------
-    InputError
-        No sample was finished on every mesh, or two meshes are equally fine.
+        What was written (docs/reference/formats.md); read it with `read_discretization`. `checksum` is that of the
+        campaign's `mesh.json`, so that a reader can tell whether the study is of the mesh at hand.
     """
-    order, nodes, samples, found = compare({name: (mesh, [batch]) for name, (mesh, batch) in meshes.items()}, out_json)
-    size = np.array(nodes, float) ** (-1 / 3)
-    step = step_errors(meshes[own][1], halved_step, list(found), out_json)
+    done = own.finished()
+    sources: dict[Source, Callable[[], _Levels]] = {
+        "mesh": lambda: _meshes(own, others),
+        "time_step": lambda: _time_steps(done, long_step),
+        "cycles": lambda: _cycles(done),
+    }
+    found: dict[Source, _Levels] = {}
+    missing: dict[str, str] = {}
+    for source, levels in sources.items():
+        try:
+            found[source] = levels()
+        except NotMeasured as reason:
+            missing[source] = str(reason)
+    names = {name: None for levels in found.values() for name in levels.values}
     content = {
-        "meshes": order,
-        "own": own,
-        "checksum": provenance.checksum(meshes[own][0]),
-        "nodes": nodes,
-        "samples": samples,
-        "quantities": {
-            quantity: richardson(size, every.mean(axis=1).tolist(), order.index(own))
-            | {"spread": float(np.std(every[-1] - every[-2])), "step_error": step[quantity]}
-            for quantity, every in found.items()
-        },
+        "checksum": provenance.checksum(own.mesh),
+        "nodes": sorted(mesh.nodes for mesh in (own, *others)),
+        "cost": dict(cost),
+        "not_measured": missing,
+        "quantities": {name: _quantity(name, found) for name in names},
     }
     write_json(out_json, content)
     return content
 
 
-def compare(
-    meshes: Mapping[str, tuple[str | Path, Sequence[str | Path]]], place: str | Path
-) -> tuple[list[str], list[int], list[str], dict[str, np.ndarray]]:
-    """Collect the quantities of interest of the samples that every mesh has.
-
-    Parameters
-    ----------
-    meshes
-        Mesh name → `mesh.json`, and files of records.
-    place
-        File or folder that errors name.
-
-    Returns
-    -------
-    tuple
-        Names of the meshes, coarsest first; their numbers of nodes; the common samples; quantity → values (mesh,
-        sample).
+def read_discretization(path: str | Path) -> dict[str, list[NumericalError]]:
+    """Read the numerical errors of every quantity, one per source that was measured.
 
     Raises
     ------
     InputError
-        No sample was finished on every mesh, or two meshes are equally fine.
+        If the file is missing or malformed.
     """
-    read = {}
-    for name, (mesh_json, batches) in meshes.items():
-        read[name] = (read_json(mesh_json)["nodes"], _finished(*batches))
-    order = sorted(read, key=lambda name: read[name][0])
-    nodes = [read[name][0] for name in order]
-    common = sorted(set.intersection(*(set(done) for _, done in read.values())))
-    if not common:
-        raise InputError(place, "samples", None, "no sample was finished on every mesh; see the records' reasons")
-    if len(set(nodes)) < len(nodes):
-        raise InputError(place, "nodes", None, "the meshes are equally fine; an imported mesh folder cannot be refined")
-    first = read[order[0]][1][common[0]]
-    quantities = sorted(quantity for quantity in first if quantity.startswith(QUANTITIES))
-    return order, nodes, common, {
-        quantity: np.array([[read[name][1][s][quantity] for s in common] for name in order]) for quantity in quantities
-    }  # fmt: skip
+    quantities = read_json(path, ("quantities",))["quantities"]
+    return {name: checked(list[NumericalError], value["errors"], path) for name, value in quantities.items()}
 
 
-def step_errors(whole: str | Path, half: str | Path, quantities: Sequence[str], place: str | Path) -> dict[str, float]:
-    """Return the error of the time step per quantity: twice the change of the mean when the step is halved.
-
-    whole, half: records of the same samples on one mesh. Twice, because the convecting velocity is that of the step's
-    beginning, so the error is of first order and halving the step removes half of it.
-    """
-    runs = _finished(whole), _finished(half)
-    common = sorted(set(runs[0]) & set(runs[1]))
-    if not common:
-        raise InputError(place, "samples", None, "no sample was finished with half the time step; see the records")
-    return {
-        quantity: 2.0 * abs(float(np.mean([runs[1][s][quantity] - runs[0][s][quantity] for s in common])))
-        for quantity in quantities
-    }
-
-
-def _finished(*batches: str | Path) -> dict[str, dict[str, float]]:
-    return {row.sample: row.outputs for batch in batches for row in records.read(batch) if row.ok}
-
-
-def richardson(size: np.ndarray, values: Sequence[float], own: int) -> dict:
-    """Estimate the discretisation error from values on meshes of decreasing element size.
-
-    Parameters
-    ----------
-    size
-        (k,) element sizes, coarsest first.
-    values
-        (k,) the quantity on these meshes.
-    own
-        Index of the mesh whose error is wanted.
+def compare(meshes: Sequence[MeshRuns]) -> tuple[list[int], list[int], list[str], Values]:
+    """Collect the quantities of interest of the samples that every mesh has.
 
     Returns
     -------
-    dict
-        `converging`: the values approach a limit monotonically with an observed order of at least one. Then
-        `extrapolated` is the limit from the two finest meshes and the observed order (at most two), and `error` is the
-        grid convergence index, 1.25 times the distance to it. Otherwise `extrapolated` is None and `error` is the range
-        of all values, which is no bound.
+    tuple
+        Indices of the meshes, coarsest first; their numbers of nodes; the common samples; the values.
 
-    References
-    ----------
-    Roache 1998, Verification and Validation in Computational Science and Engineering.
+    Raises
+    ------
+    NotMeasured
+        No sample was finished on every mesh, or two meshes are equally fine.
     """
-    steps = np.diff(values)
-    monotone = bool((steps > 0).all() or (steps < 0).all())
-    shrinking = monotone and bool((np.abs(steps[1:]) < np.abs(steps[:-1])).all())
-    order = _order(size[-3:], steps[-2] / steps[-1]) if len(values) > 2 and shrinking else None
-    seen = {"values": list(values), "order": order}
-    if order is None or order < LEAST_ORDER:
-        return seen | {"converging": False, "extrapolated": None, "error": float(np.ptp(values))}
-    share = (size[-1] / size[-2]) ** min(order, ORDER)
-    extrapolated = float((values[-1] - share * values[-2]) / (1.0 - share))
-    error = SAFETY * abs(values[own] - extrapolated)
-    return seen | {"converging": True, "extrapolated": extrapolated, "error": error}
+    count = [mesh.nodes for mesh in meshes]
+    order = sorted(range(len(meshes)), key=count.__getitem__)
+    nodes = [count[k] for k in order]
+    if len(set(nodes)) < len(nodes):
+        raise NotMeasured("the meshes are equally fine; an imported mesh folder cannot be refined")
+    samples, values = _paired([meshes[k].finished() for k in order])
+    return order, nodes, samples, values
 
 
-def _order(size: np.ndarray, ratio: float, highest: float = 16.0) -> float:
-    """Return the observed order, at most `highest`, from element sizes (3,) and the ratio of the two differences."""
+def _quantity(name: str, found: Mapping[Source, _Levels]) -> dict[str, Any]:
+    levels = {source: level for source, level in found.items() if name in level.values}
+    return {
+        "unit": next(unit for start, unit in UNITS.items() if name.startswith(start)),
+        "means": {source: level.values[name].mean(axis=1).tolist() for source, level in levels.items()},
+        "errors": [
+            plain(numerical_error(source, level.size, level.values[name], level.own))
+            for source, level in levels.items()
+        ],
+    }  # fmt: skip
 
-    def miss(power: float) -> float:
-        a, b, c = (size / size[1]) ** power
-        return (a - b) / (b - c) - ratio
 
-    lowest = 1e-3
-    if miss(lowest) > 0:
-        return 0.0
-    return highest if miss(highest) < 0 else float(brentq(miss, lowest, highest))
+def _meshes(own: MeshRuns, others: Sequence[MeshRuns]) -> _Levels:
+    if not others:
+        raise NotMeasured("no other mesh was run")
+    order, nodes, samples, values = compare([own, *others])
+    return _Levels(np.array(nodes, float) ** (-1 / 3), values, samples, order.index(0))
+
+
+def _time_steps(own: Mapping[str, Record], long_step: MeshRuns | None) -> _Levels:
+    """Return runs with long and with the campaign's steps; samples that needed shorter ones are left out."""
+    if long_step is None:
+        raise NotMeasured("no other time step was run")
+    levels: list[dict[str, Record]] = []
+    steps: list[int] = []
+    for done in (long_step.finished(), own):
+        counts = {name: int(str(row.diagnostics.get("steps_per_cycle", 0))) for name, row in done.items()}
+        steps.append(min(counts.values(), default=0))
+        levels.append({name: row for name, row in done.items() if counts[name] == steps[-1]})
+    if not 0 < steps[0] < steps[1]:
+        raise NotMeasured("no sample was finished with longer time steps")
+    samples, values = _paired(levels)
+    return _Levels(1.0 / np.array(steps, float), values, samples, 1)
+
+
+def _cycles(own: Mapping[str, Record]) -> _Levels:
+    """Return the last cycles of the campaign's runs: three, or two if some samples have no more."""
+    earlier = {name: row.diagnostics.get("earlier_cycles") for name, row in own.items()}
+    kept: dict[str, dict[str, list[float]]] = {n: cycles for n, cycles in earlier.items() if isinstance(cycles, dict)}
+    samples = [name for name, cycles in kept.items() if cycles and all(cycles.values())]
+    if not samples:
+        raise NotMeasured("the records hold no earlier cycles")
+    fewest = min(len(values) for name in samples for values in kept[name].values())
+    size = np.array([4.0, 2.0, 1.0])[-min(fewest + 1, 3) :]
+    values = {
+        quantity: np.array([[*kept[name][quantity], own[name].outputs[quantity]][-len(size) :] for name in samples]).T
+        for quantity in kept[samples[0]]
+        if quantity.startswith(tuple(UNITS))
+    }
+    return _Levels(size, values, samples, len(size) - 1)
+
+
+def _paired(levels: Sequence[Mapping[str, Record]]) -> tuple[list[str], Values]:
+    """Return the samples that every level has, and their values after the same number of cycles where these are kept.
+
+    Raises `NotMeasured` if there is none.
+    """
+    common = sorted(set.intersection(*(set(done) for done in levels)))
+    if not common:
+        raise NotMeasured("no sample was finished on every level; see the records' reasons")
+    fewest = {name: min(done[name].cost.get("cycles", 0) for done in levels) for name in common}
+    names = sorted(name for name in levels[0][common[0]].outputs if name.startswith(tuple(UNITS)))
+    return common, {
+        quantity: np.array([[_after(done[name], int(fewest[name]), quantity) for name in common] for done in levels])
+        for quantity in names
+    }
+
+
+def _after(record: Record, cycles: int, quantity: str) -> float:
+    """Return a quantity after a number of cycles, or after the last if the record does not hold that one."""
+    earlier = record.diagnostics.get("earlier_cycles")
+    kept = earlier.get(quantity, []) if isinstance(earlier, dict) else []
+    return kept[cycles - 1] if 0 < cycles <= len(kept) else record.outputs[quantity]

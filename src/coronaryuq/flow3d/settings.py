@@ -104,6 +104,20 @@ class Settings(BaseModel):
         ge=0,
         description="Number of samples, counted from the first, whose fields are kept for figures (VTU, VTP).",
     )
+    low_shear: float = Field(
+        10.0,
+        gt=0.0,
+        description="Time-averaged wall shear stress (dyn/cm2) below which it counts as low, for the area fraction "
+        "`low_shear_area_X`. The default, 1 Pa, is that of Stone et al. 2012 (Circulation 126:172).",
+    )
+    mesh_study: float = Field(
+        0.25,
+        ge=0.0,
+        le=10.0,
+        description="Largest cost of the mesh study, as a fraction of the cost of the 3D runs. The study runs a few "
+        "samples again on a coarser and a finer mesh and with longer time steps, as far as the fraction allows. "
+        "0: mesh and time-step errors are not measured, unless the target `mesh_study` asks for them.",
+    )
     coarse: Coarse = Field(default_factory=Coarse, description="A coarse 3D level for the estimates, off by default.")
     umbridge: RemoteSettings = Field(
         default_factory=RemoteSettings, description="Server of the 3D model, if the `backend` is umbridge."

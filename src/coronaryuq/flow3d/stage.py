@@ -54,4 +54,5 @@ def make_adapter(solver: str, model: FlowModel, batch: Batch, settings: Settings
     external = settings.simvascular
     if processes.mpi is not None:
         external = external.model_copy(update={"mpi": processes.mpi})
-    return SIMVASCULAR[solver](CoupledCase.of(model, batch.mesh_folder, external), processes.tasks)
+    case = CoupledCase.of(model, batch.mesh_folder, external, settings.low_shear)
+    return SIMVASCULAR[solver](case, processes.tasks)

@@ -1,16 +1,23 @@
-"""Errors of mesh and time step, which no statistical interval includes, in words for the report."""
+"""Numerical error of the 3D quantities, which the statistical intervals do not include, in words for the report."""
 
 from pathlib import Path
 
+import numpy as np
+
 from coronaryuq.core import provenance
 from coronaryuq.core.io.atomic import read_json
+from coronaryuq.flow3d.mesh_study import read_discretization
+from coronaryuq.flow3d.numerical_error import NumericalError
 
 EXTREMES = ("tawss_min_", "osi_max_")
+WORDS = {"mesh": "mesh", "time_step": "time step", "cycles": "cycles"}
 COMPARE = "they are valid only for comparing draws on the same mesh."
+SLOW = f"Extremes of wall shear and OSI converge slowly: {COMPARE}"
+NORMAL_95 = 1.96
 
 
 class MeshError:
-    """Error of mesh and time step of each 3D quantity, if the campaign's mesh study was run on this mesh.
+    """Error of mesh, time step and number of cycles of each 3D quantity, if the mesh study was run on this mesh.
 
     Parameters
     ----------
@@ -22,20 +29,15 @@ class MeshError:
 
     def __init__(self, mesh: str | Path, study: str | Path | None):
         self.mesh = read_json(mesh)
-        self.study = read_json(study) if study else None
+        self.study = read_json(study, ("checksum", "nodes", "not_measured")) if study else None
         self.of_another_mesh = self.study is not None and self.study["checksum"] != provenance.checksum(mesh)
+        self.errors: dict[str, list[NumericalError]] = {}
+        if study and not self.of_another_mesh:
+            self.errors = read_discretization(study)
 
     def of(self, column: str) -> str:
-        """Return `mesh ± error` (`mesh: range` where values do not converge) and the time step's error, or nothing."""
-        quantity = self._quantities().get(column)
-        if quantity is None:
-            return ""
-        size = f"{quantity['error']:.2g}"
-        mesh = f"mesh ± {size}" if quantity["converging"] else f"mesh: range {size}"
-        return f"{mesh}, time step ± {quantity['step_error']:.2g}"
-
-    def _quantities(self) -> dict:
-        return {} if self.study is None or self.of_another_mesh else self.study["quantities"]
+        """Return the correction that the mesh asks for and the 95 % interval of each source, or nothing."""
+        return ", ".join(_words(error) for error in self.errors.get(column, ()))
 
     @property
     def sentence(self) -> str:
@@ -46,26 +48,43 @@ class MeshError:
         )
         if self.study is None or self.of_another_mesh:
             state = "was measured on another mesh" if self.of_another_mesh else "was not measured"
-            return mesh + (
-                f"Its error {state}; the target mesh_study measures it. Extremes of wall shear and OSI converge "
-                "slowly: " + COMPARE
-            )
-        sizes = ", ".join(str(nodes) for nodes in self.study["nodes"])
-        return mesh + (
-            f"Its error was measured with {len(self.study['samples'])} of the samples on meshes of {sizes} nodes: "
-            "mesh ± is the grid convergence index (Roache 1998) of the mean; if the values on the three meshes do not "
-            "converge, their range is given instead, which is not a bound. Time step ± is twice the change at half the "
-            "step. " + self._reliability()
+            return mesh + (f"Its error {state}; the target mesh_study measures it. {SLOW}")
+        missing = "".join(
+            f"The error of the {WORDS[source]} was not measured: {reason}. "
+            for source, reason in self.study["not_measured"].items()
+        )
+        return mesh + self._measured() + missing + self._reliability()
+
+    def _measured(self) -> str:
+        """Return what the numbers beside the estimates mean."""
+        if not self.errors:
+            return ""
+        samples = min(error.n_samples for errors in self.errors.values() for error in errors)
+        sizes = ", ".join(str(nodes) for nodes in self.study["nodes"]) if self.study else ""
+        return (
+            f"Numerical errors of the mean come from {samples} or more of the samples (meshes of {sizes} nodes): ± is "
+            "half of a 95 % interval; a signed number before it is a correction to an order of convergence that was "
+            "seen, which the means do not contain. "
         )
 
     def _reliability(self) -> str:
-        """Return the reliability of values on this mesh."""
-        quantities = self._quantities()
-        ffr = max(
-            (value["error"] + value["step_error"] for name, value in quantities.items() if name.startswith("ffr_")),
-            default=None,
-        )
-        accuracy = "" if ffr is None else f"On this mesh FFR is accurate to {ffr:.2g} at the worst stenosis"
-        if all(value["converging"] for name, value in quantities.items() if name.startswith(EXTREMES)):
+        """Return how far values on this mesh can be trusted."""
+        if not any(error.source == "mesh" for errors in self.errors.values() for error in errors):
+            return SLOW
+        ffr = [_largest(errors) for name, errors in self.errors.items() if name.startswith("ffr_")]
+        accuracy = f"On this mesh FFR is accurate to {max(ffr):.2g} at the worst stenosis" if ffr else ""
+        extremes = [error for name, errors in self.errors.items() if name.startswith(EXTREMES) for error in errors]
+        if all(error.method == "richardson" for error in extremes if error.source == "mesh"):
             return f"{accuracy}." if accuracy else ""
         return f"{accuracy + '; e' if accuracy else 'E'}xtremes of wall shear and OSI have not converged: {COMPARE}"
+
+
+def _words(error: NumericalError) -> str:
+    correction = f"{error.correction:+.2g} ".replace("-", "−") if error.correction else ""
+    return f"{WORDS[error.source]} {correction}± {NORMAL_95 * error.std:.2g}"
+
+
+def _largest(errors: list[NumericalError]) -> float:
+    """Return the end of the 95 % interval of the joint error that is furthest from the uncorrected mean."""
+    correction = sum(error.correction for error in errors)
+    return abs(correction) + NORMAL_95 * float(np.sqrt(sum(error.std**2 for error in errors)))

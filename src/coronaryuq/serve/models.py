@@ -19,7 +19,7 @@ from coronaryuq.core.io.tables import read_csv
 from coronaryuq.flow3d.adapter import Batch, Outputs, Processes, Sample
 from coronaryuq.flow3d.fem.lanes import LANES
 from coronaryuq.flow3d.mesh.description import read_description
-from coronaryuq.flow3d.quantities import stenosis_quantities
+from coronaryuq.flow3d.quantities import WallRegion, stenosis_quantities
 from coronaryuq.flow3d.settings import Settings as Flow3DSettings
 from coronaryuq.flow3d.stage import make_adapter
 from coronaryuq.posterior.model.bed_flows import BedFlows
@@ -133,10 +133,14 @@ class Flow3D:
             files.path("case", "case.json"), files.path("calibration", "hyperaemia.json"),
             files.path(kind.mesh, "mesh-complete"), mesh_json, "", 0, 0,
         )  # fmt: skip
-        one = np.ones((1, 1))
-        regions = read_description(mesh_json).regions
+        one, triangle = np.ones(1), WallRegion.of(np.eye(3), np.array([[0, 1, 2]]), np.arange(3))
+        shear = np.ones((3, 1))
         self.outputs = [
-            *(name for region in regions for name in stenosis_quantities(region, one[0], one[0], one, one, one[0])),
+            *(
+                name
+                for stenosis in read_description(mesh_json).regions
+                for name in stenosis_quantities(stenosis, one, one, shear, shear, triangle, 1.0)
+            ),
             "aortic_pressure",
         ]
         self.lanes = LANES if self._backend == "ensemble" else 1

@@ -5,6 +5,7 @@ import resource
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,8 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import BLOOD_DENSITY, BLOOD_VISCOSITY
 from coronaryuq.flow3d.fem.cross_section import section_weights
 from coronaryuq.flow3d.fem.lanes import LANES
-from coronaryuq.flow3d.mesh_study import compare, richardson
+from coronaryuq.flow3d.mesh_study import MeshRuns, NotMeasured, compare
+from coronaryuq.flow3d.numerical_error import numerical_error
 
 MESHES = ((5, 75), (8, 90), (13, 127))
 """Cells over the radius and along the axis: about 7, 20 and 70 thousand nodes."""
@@ -182,27 +184,24 @@ def mean_pressure(space, stepper, z: float) -> np.ndarray:
 
 
 def convergence(data: str | Path) -> list[dict]:
-    """Return quantities of interest on several meshes of one patient, as means over the common samples.
+    """Return quantities of interest on two or three meshes of one patient, as means over the common samples.
 
-    `default_error`: of the second finest mesh against the extrapolation from the finest ones; null if the values do not
-    converge (see `flow3d.mesh_study.richardson`).
+    Each has `means` by mesh and the numerical error of the second finest one (see `flow3d.numerical_error`).
     """
-    meshes = {
-        found.parent.name: (found, sorted(found.parent.glob("batch*.jsonl")))
-        for found in sorted(Path(data).glob("*/mesh.json"))
-    }
-    if len(meshes) < 2:
-        raise InputError(data, None, None, "expected at least two folders with mesh.json and batch*.jsonl")
-    _, nodes, _, found = compare(meshes, data)
+    meshes = [
+        MeshRuns(found, sorted(found.parent.glob("batch*.jsonl"))) for found in sorted(Path(data).glob("*/mesh.json"))
+    ]
+    if not 2 <= len(meshes) <= 3:
+        raise InputError(data, None, None, "expected two or three folders with mesh.json and batch*.jsonl")
+    try:
+        _, nodes, _, found = compare(meshes)
+    except NotMeasured as reason:
+        raise InputError(data, None, None, str(reason)) from None
     size = np.array(nodes, float) ** (-1 / 3)
     rows = []
     for name, every in found.items():
         quantity, _, branch = name.rpartition("_")
-        limit = richardson(size, every.mean(axis=1).tolist(), len(nodes) - 2)
-        known = limit["extrapolated"] is not None
-        rows.append(
-            {"quantity": quantity, "branch": branch, "nodes": nodes, **limit}
-            | {"default_error": limit["values"][-2] - limit["extrapolated"] if known else None}
-            | {"spread": float(np.std(every[-1] - every[-2]))}
-        )
+        error = asdict(numerical_error("mesh", size, every, len(nodes) - 2))
+        means = every.mean(axis=1).tolist()
+        rows.append({"quantity": quantity, "branch": branch, "nodes": nodes, "means": means} | error)
     return rows

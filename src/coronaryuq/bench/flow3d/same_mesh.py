@@ -62,7 +62,7 @@ def compare(campaign: Path, programs: list[str], settings: Settings) -> dict:
         campaign / "case" / "case.json", campaign / "calibration" / "hyperaemia.json",
         campaign / "mesh" / "mesh-complete", campaign / "mesh" / "mesh.json", campaign / "samples" / "pilot.csv", 0, 0,
     )  # fmt: skip
-    case = CoupledCase.of(batch.read_model(), batch.mesh_folder, external)
+    case = CoupledCase.of(batch.read_model(), batch.mesh_folder, external, settings.low_shear)
     ours = ensemble_cost(case, settings)
     print(ours, file=sys.stderr, flush=True)
     found = {"nodes": len(case.domain.points), "tets": len(case.domain.tets), "ensemble": ours}

@@ -1,11 +1,29 @@
-"""Compare the runs of the mesh study."""
+"""Compare the runs of the mesh study with the campaign's."""
 
-from coronaryuq.flow3d.mesh_study import mesh_study
+from collections.abc import Sequence
+
+from coronaryuq.core import records
+from coronaryuq.core.io.atomic import read_json
+from coronaryuq.flow3d.mesh_study import MeshRuns, mesh_study
 
 
-def compare_meshes(
-    coarse: tuple[str, str], campaign: tuple[str, str], fine: tuple[str, str], half_step: str, out_json: str
-) -> None:
-    """Write the numerical error from the description and records of each mesh, and records with half the step."""
-    meshes = {"coarse": coarse, "campaign": campaign, "fine": fine}
-    mesh_study({name: (mesh, records) for name, (mesh, records) in meshes.items()}, "campaign", half_step, out_json)
+def compare_levels(
+    own_mesh: str, own_runs: Sequence[str], own_costs: Sequence[str], meshes: Sequence[str], runs: Sequence[str],
+    long_step: Sequence[str], costs: Sequence[str], n_3d: int, out_json: str,
+) -> None:  # fmt: skip
+    """Write the numerical errors.
+
+    own_...: mesh.json, records and costs of batches of the campaign; meshes, runs: mesh.json and records of every
+    other mesh; long_step: records of longer time steps, if there are any; costs: of the jobs of the study; n_3d: 3D
+    runs of the campaign.
+    """
+    per_run = _cpu_s(own_costs) / max(sum(len(records.read(path)) for path in own_runs), 1)
+    total = _cpu_s(costs)
+    cost = {"cpu_s": total, "cpu_s_per_3d_run": per_run, "fraction_of_3d": total / max(n_3d * per_run, 1e-12)}
+    others = [MeshRuns(mesh, [path]) for mesh, path in zip(meshes, runs, strict=True)]
+    longer = MeshRuns(own_mesh, long_step) if long_step else None
+    mesh_study(MeshRuns(own_mesh, own_runs), others, longer, cost, out_json)
+
+
+def _cpu_s(paths: Sequence[str]) -> float:
+    return float(sum(read_json(path, ("cpu_s",))["cpu_s"] for path in paths))

@@ -36,7 +36,8 @@ class Outcome:
     reason
         One line if it failed.
     diagnostics
-        Cycles, steps, change (of the last cycle, see `Settings.tolerance`), converged, CFL, mass balance, backflow.
+        Cycles, steps, change (of the last cycle, see `Settings.tolerance`), converged, quantities of the earlier
+        cycles, CFL, mass balance, backflow.
     cpu_s, wall_s
         Its share of the block's time, s.
     retry
@@ -94,7 +95,7 @@ class Block:
         self.stepper = Stepper(
             space, settings.backflow_stabilisation, settings.momentum_tolerance, settings.momentum_sweeps
         )
-        self.observer = Observer(model.domain, space, task.fields)
+        self.observer = Observer(model.domain, space, task.fields, settings.low_shear)
         self.waveforms = list(task.waveforms)
         self.begun = time.perf_counter()
         self.key = provenance.digest(
@@ -124,7 +125,7 @@ class Block:
         self.waves = np.empty((len(self._recorded), self.steps, LANES))
         self.alive = np.array([not reason for reason in self.reasons])
         self.outcomes: list[Outcome | None] = [None] * LANES
-        self.previous: dict[str, np.ndarray] | None = None
+        self.earlier: dict[str, np.ndarray] = {}
         self.cycle, self.total_steps = 0, 0
         if not self._resume():
             self._start(result)
@@ -203,8 +204,9 @@ class Block:
 
     def _close_cycle(self) -> None:
         quantities = self.observer.quantities()
-        change = np.full(LANES, np.inf) if self.previous is None else _change(quantities, self.previous)
-        self.previous = quantities
+        earlier = self.earlier
+        change = _change(quantities, {n: v[-1] for n, v in earlier.items()}) if earlier else np.full(LANES, np.inf)
+        self.earlier = {name: np.array([*earlier.get(name, ()), value]) for name, value in quantities.items()}
         last = self.cycle >= self.settings.max_cycles
         for k in range(LANES):
             if not self.alive[k] or self.outcomes[k] is not None:
@@ -215,7 +217,8 @@ class Block:
                     values={name: float(value[k]) for name, value in quantities.items()} | self._cap_values(k),
                     diagnostics=self._counts()
                     | self.observer.diagnostics(k)
-                    | {"change": float(change[k]), "converged": bool(converged)},
+                    | {"change": float(change[k]), "converged": bool(converged)}
+                    | {"earlier_cycles": {name: value[:, k].tolist() for name, value in earlier.items()}},
                     fields=self.observer.fields_of(k),
                     waveforms={n: np.append(w[:, k], w[0, k]) for n, w in zip(self.waveforms, self.waves, strict=True)},
                 )
@@ -242,7 +245,7 @@ class Block:
         if self.checkpoint is None:
             return
         arrays: dict[str, Any] = {f"stepper_{name}": value for name, value in self.stepper.state().items()}
-        arrays |= {f"previous_{name}": value for name, value in (self.previous or {}).items()}
+        arrays |= {f"earlier_{name}": value for name, value in self.earlier.items()}
         finished = [None if o is None else {"values": o.values, "diagnostics": o.diagnostics} for o in self.outcomes]
         with replacing(self.checkpoint) as beside:
             np.savez(
@@ -259,8 +262,7 @@ class Block:
                 if str(kept["key"]) != self.key:
                     return False
                 self.stepper.restore({n.removeprefix("stepper_"): kept[n] for n in kept if n.startswith("stepper_")})
-                previous = {n.removeprefix("previous_"): kept[n] for n in kept if n.startswith("previous_")}
-                self.previous = previous or None
+                self.earlier = {n.removeprefix("earlier_"): kept[n] for n in kept if n.startswith("earlier_")}
                 self.zerod.state[:], self.zerod.failed[:] = kept["zerod"], kept["zerod_failed"]
                 self.zerod.position = int(kept["position"])
                 self.alive, self.reasons = kept["alive"], json.loads(str(kept["reasons"]))
@@ -280,9 +282,14 @@ def stride_of(steps: int, samples: int) -> int:
 
 
 def _change(new: Mapping[str, np.ndarray], old: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return the largest change of a quantity: FFR and OSI absolute, wall shear relative to its region's mean."""
+    """Return the largest change of a quantity: FFR and OSI absolute, wall shear relative to its region's mean.
+
+    Averages over patches are not asked: they change less than the extremes.
+    """
     change = np.zeros(LANES)
     for name, value in new.items():
+        if "_patch_" in name:
+            continue
         if name.startswith(("ffr_", "osi_")):
             change = np.maximum(change, np.abs(value - old[name]))
         elif name.startswith("tawss_"):

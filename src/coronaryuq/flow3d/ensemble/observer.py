@@ -10,7 +10,7 @@ from coronaryuq.flow3d.fem.lanes import LANES, load, splat
 from coronaryuq.flow3d.fem.time_step import Stepper
 from coronaryuq.flow3d.fem.wall_shear import WallShear
 from coronaryuq.flow3d.mesh.read_mesh import Domain
-from coronaryuq.flow3d.quantities import nodal_area, stenosis_quantities
+from coronaryuq.flow3d.quantities import WallRegion, stenosis_quantities
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -34,18 +34,17 @@ def _courant(elements, dt, u, highest):
 class Observer:
     """Integrals over a cycle for LANES samples; `reset` starts a cycle, `quantities` ends it."""
 
-    def __init__(self, domain: Domain, space: Discretisation, fields: bool):
-        self.space, self.fields = space, fields
+    def __init__(self, domain: Domain, space: Discretisation, fields: bool, low_shear: float):
+        self.space, self.fields, self.low_shear = space, fields, low_shear
         self.wall = WallShear(space)
         solver_node = np.full(space.nodes, -1)
         solver_node[space.node_of] = np.arange(space.nodes)
         wall_row = np.full(space.nodes, -1)
         wall_row[self.wall.nodes] = np.arange(len(self.wall.nodes))
-        self.regions = {}
-        for name, triangles in domain.regions.items():
-            area = nodal_area(domain.points, triangles, wall_row[solver_node], len(self.wall.nodes))
-            rows = np.flatnonzero(area)
-            self.regions[name] = (rows, area[rows])
+        self.regions = {
+            name: WallRegion.of(domain.points, triangles, wall_row[solver_node])
+            for name, triangles in domain.regions.items()
+        }
         self.sections = {
             name: section_weights(space.points, space.elements.tets, *plane, name)[:2]
             for name, plane in domain.planes.items()
@@ -109,9 +108,9 @@ class Observer:
         tawss, osi = self.wall.tawss(), self.wall.osi()
         aortic = self.aortic / self.steps
         quantities: dict[str, np.ndarray] = {}
-        for name, (rows, area) in self.regions.items():
-            distal = self.distal[name] / self.wall.time
-            quantities |= stenosis_quantities(name, distal, aortic, tawss[rows], osi[rows], area)
+        for name, region in self.regions.items():
+            distal, rows = self.distal[name] / self.wall.time, region.rows
+            quantities |= stenosis_quantities(name, distal, aortic, tawss[rows], osi[rows], region, self.low_shear)
         return quantities | {"aortic_pressure": aortic}
 
     def diagnostics(self, k: int) -> dict[str, float]:

@@ -27,15 +27,21 @@ ZEROD_DATA = "svZeroD_data"
 
 @dataclass(frozen=True)
 class CoupledCase(FlowModel):
-    """What all samples share, with the mesh as a `mesh-complete` folder and the settings of the SimVascular codes."""
+    """What all samples share, with the mesh as a `mesh-complete` folder and the settings of the SimVascular codes.
+
+    low_shear: wall shear stress below which it counts as low, dyn/cm2.
+    """
 
     mesh_folder: Path
     settings: SimVascularSettings
+    low_shear: float
 
     @classmethod
-    def of(cls, model: FlowModel, mesh_folder: str | Path, settings: SimVascularSettings) -> "CoupledCase":
+    def of(
+        cls, model: FlowModel, mesh_folder: str | Path, settings: SimVascularSettings, low_shear: float
+    ) -> "CoupledCase":
         shared = (model.domain, model.network, model.aorta, model.density, model.viscosity)
-        return cls(*shared, Path(mesh_folder).resolve(), settings)
+        return cls(*shared, Path(mesh_folder).resolve(), settings, low_shear)
 
     @property
     def period(self) -> float:

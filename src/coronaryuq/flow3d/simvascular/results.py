@@ -9,7 +9,7 @@ import numpy as np
 from coronaryuq.core.records import Record
 from coronaryuq.flow3d.adapter import Sample
 from coronaryuq.flow3d.fem.cross_section import section_weights
-from coronaryuq.flow3d.quantities import nodal_area, stenosis_quantities
+from coronaryuq.flow3d.quantities import WallRegion, stenosis_quantities
 from coronaryuq.flow3d.simvascular.coupled_case import CoupledCase
 from coronaryuq.flow3d.simvascular.program import RunFailed
 
@@ -19,6 +19,7 @@ class Fields:
 
     def __init__(self, case: CoupledCase):
         self.domain = domain = case.domain
+        self.low_shear = case.low_shear
         self.sections = {
             name: section_weights(domain.points, domain.tets, *plane, name)[:2] for name, plane in domain.planes.items()
         }
@@ -39,15 +40,13 @@ class Fields:
 
     def quantities(self, aortic: float) -> dict[str, float]:
         """Return the quantities of interest by their names in the record; aortic: mean aortic pressure, dyn/cm2."""
-        domain, nodes = self.domain, len(self.domain.points)
         tawss = (self.magnitude / self.count)[:, None]
         osi = 0.5 * (1.0 - np.linalg.norm(self.vector, axis=1) / np.maximum(self.magnitude, 1e-300))[:, None]
         quantities = {"aortic_pressure": aortic}
-        for name, triangles in domain.regions.items():
-            area = nodal_area(domain.points, triangles, np.arange(nodes), nodes)
-            rows = np.flatnonzero(area)
-            distal = np.array([self.distal[name] / self.count])
-            values = stenosis_quantities(name, distal, np.array([aortic]), tawss[rows], osi[rows], area[rows])
+        for name, triangles in self.domain.regions.items():
+            region = WallRegion.of(self.domain.points, triangles, np.arange(len(self.domain.points)))
+            distal, shear = np.array([self.distal[name] / self.count]), (tawss[region.rows], osi[region.rows])
+            values = stenosis_quantities(name, distal, np.array([aortic]), *shear, region, self.low_shear)
             quantities |= {key: float(value[0]) for key, value in values.items()}
         return quantities
 

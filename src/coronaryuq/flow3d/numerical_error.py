@@ -1,0 +1,119 @@
+"""Numerical error of the mean of a quantity, from the same samples on two or three meshes, time steps or cycles."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.optimize import brentq
+
+Source = Literal["mesh", "time_step", "cycles"]
+
+ORDER: dict[Source, float] = {"mesh": 2.0, "time_step": 1.0, "cycles": 1.0}
+"""Order of the method: in the element size, in the time step, and in 2^-cycles. The convecting velocity is that of the
+step's beginning: first order. The effect of the initial state is taken to halve from cycle to cycle."""
+FACTOR = 2.0
+"""An observed order within this factor of the method's is trusted."""
+SAFETY = {"richardson": 1.25, "range": 3.0, "two_levels": 3.0}
+"""Distance, with this factor, that bounds the error in 95 % of cases: grid convergence index on three and on two levels
+(Roache 1998), and the range of values without an order (Eça and Hoekstra 2014)."""
+COVERAGE = 2.0
+"""Standard deviations to that bound (ASME V&V 20-2009)."""
+
+
+@dataclass(frozen=True)
+class NumericalError:
+    """Error of the mean of one quantity from one source.
+
+    Parameters
+    ----------
+    source
+        `mesh`, `time_step` or `cycles`.
+    correction
+        What to add to the campaign's mean; 0 unless an order is seen. In the quantity's unit, as `std` and `spread`.
+    std
+        Standard uncertainty of the corrected mean.
+    order
+        Observed order of convergence; None with two levels, or where the values on three are not monotone.
+    method
+        `richardson`: corrected to the extrapolated value; `range`: values on three levels show no trusted order;
+        `two_levels`: the method's order is assumed, and the mean is not corrected.
+    n_samples
+        Samples that were run on every level.
+    spread
+        Standard deviation over these samples of the difference behind `correction` or `std`.
+    """
+
+    source: Source
+    correction: float
+    std: float
+    order: float | None
+    method: Literal["richardson", "range", "two_levels"]
+    n_samples: int
+    spread: float
+
+
+def numerical_error(source: Source, size: np.ndarray, values: np.ndarray, own: int) -> NumericalError:
+    """Estimate the numerical error of a mean.
+
+    Parameters
+    ----------
+    source
+        What differs between the levels.
+    size
+        (k,) element size, time step or 2^-cycles of two or three levels, coarsest first, in any unit.
+    values
+        (k, n) the quantity of the same n samples on every level.
+    own
+        Index of the campaign's level.
+
+    Returns
+    -------
+    NumericalError
+        The variance of the n differences over n is part of `std`.
+
+    References
+    ----------
+    ASME V&V 20-2009. Roache 1998, Verification and Validation in Computational Science and Engineering. Eça and
+    Hoekstra 2014, J. Comput. Phys. 262, 104-130.
+    """
+    of_method, mean, samples = ORDER[source], values.mean(axis=1), values.shape[1]
+    order = observed_order(size, mean) if len(size) > 2 else None
+    correction = 0.0
+    method: Literal["richardson", "range", "two_levels"]
+    if len(size) == 2:
+        method, distance = "two_levels", _limit(size, values, of_method) - values[own]
+    elif order is not None and of_method / FACTOR <= order <= of_method * FACTOR:
+        method, distance = "richardson", _limit(size, values, min(order, of_method)) - values[own]
+        correction = float(distance.mean())
+    else:
+        method, distance = "range", values[mean.argmax()] - values[mean.argmin()]
+    spread = float(distance.std(ddof=1)) if samples > 1 else 0.0
+    bound = SAFETY[method] * abs(float(distance.mean()))
+    std = float(np.hypot(bound / COVERAGE, spread / np.sqrt(samples)))
+    return NumericalError(source, correction, std, order, method, samples, spread)
+
+
+def observed_order(size: np.ndarray, values: np.ndarray, highest: float = 16.0) -> float | None:
+    """Return the observed order of values on three levels, at most `highest`; None if they are not monotone.
+
+    size: (3,), coarsest first; values: (3,).
+    """
+    first, second = np.diff(values)
+    if not first * second > 0:
+        return None
+    relative = size / size[1]
+
+    def miss(power: float) -> float:
+        a, b, c = relative**power
+        return (a - b) / (b - c) - first / second
+
+    lowest = 1e-3
+    if miss(lowest) > 0:
+        return None
+    return highest if miss(highest) < 0 else float(brentq(miss, lowest, highest))
+
+
+def _limit(size: np.ndarray, values: np.ndarray, order: float) -> np.ndarray:
+    """Return the values (n,) extrapolated from the two finest levels with a given order."""
+    share = (size[-1] / size[-2]) ** order
+    return (values[-1] - share * values[-2]) / (1.0 - share)
