@@ -17,6 +17,7 @@ from coronaryuq.posterior.results import Summary, read_summary
 from coronaryuq.report import coarse_level, discrepancy, interval_targets
 from coronaryuq.report.costs import costs
 from coronaryuq.report.discrepancy import embedded
+from coronaryuq.report.error_budget import includes
 from coronaryuq.report.mesh_error import MeshError
 from coronaryuq.report.numbers import number
 from coronaryuq.report.table import Notes, table_row
@@ -83,6 +84,7 @@ def write_report(
         "campaign": configuration["name"],
         "backend": configuration["backend"],
         "level": f"{100 * configuration['estimation']['level']:.0f} %",
+        "includes": includes([row.recommended_report for row in rows]),
         "counts": _counts(failures, rows, estimates.settings["curve_nodes"]),
         "vessels": [vessel_card(stenosis.name, rows, _outlet_names(case), mesh) for stenosis in case.stenoses],
         "table": [table_row(row, notes) | {"mesh": mesh.of(row.column_3d)} for row in rows],

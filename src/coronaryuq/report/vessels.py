@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from coronaryuq.estimation.results import EstimatorReport, Probability, RowReport, Value
+from coronaryuq.report.error_budget import error_budget
 from coronaryuq.report.mesh_error import MeshError
 from coronaryuq.report.numbers import interval
 
@@ -37,6 +38,7 @@ def vessel_card(artery: str, rows: list[RowReport], outlets: Mapping[str, str], 
     return {
         "name": artery,
         "ffr": _quantity(ffr, FFR_DECIMALS) | {"mesh": mesh.of(f"ffr_{branch}")},
+        "budget": error_budget(ffr),
         "patient": _patient(beyond.quantiles or {}),
         "rare": _rare(beyond.quantiles or {}),
         "drivers": _drivers(beyond.shapley or {}, outlets),

@@ -1,0 +1,42 @@
+"""The error budget of an estimate as the page shows it: a stacked bar, and what the interval includes in words."""
+
+from collections.abc import Mapping, Sequence
+
+from coronaryuq.estimation.results import NUMERICAL, SOURCES, EstimatorReport
+from coronaryuq.report.numbers import number
+
+WORDS = {
+    "runs_3d": "3D runs",
+    "propagation": "0D propagation",
+    "chain": "posterior chains",
+    "mesh": "mesh",
+    "time_step": "time step",
+    "cycles": "cycles",
+}
+"""Sources of error as a reader knows them."""
+
+
+def error_budget(estimate: EstimatorReport) -> dict:
+    """Return the bar of an estimate: `parts` (name, class, percent of the variance), `std`, and `words`."""
+    total = sum(estimate.variance.values())
+    percent = {name: 100 * estimate.variance[name] / total for name in SOURCES if name in estimate.variance and total}
+    parts = [{"name": WORDS[name], "class": name, "percent": f"{part:.1f}"} for name, part in percent.items()]
+    listed = ", ".join(f"{WORDS[name]} {part:.0f} %" for name, part in percent.items())
+    return {"parts": parts, "std": number(estimate.std, 2), "words": f"{listed}{_missing(estimate.variance)}"}
+
+
+def includes(estimates: Sequence[EstimatorReport]) -> str:
+    """Return in words which errors the intervals of some estimates include, and which nobody measured."""
+    measured = {name for estimate in estimates for name in estimate.variance}
+    named = [WORDS[name] for name in SOURCES if name in measured]
+    return f"It includes the errors of {_joined(named)}{_missing(dict.fromkeys(measured, 0.0))}."
+
+
+def _missing(variance: Mapping[str, float]) -> str:
+    missing = [WORDS[name] for name in NUMERICAL if name not in variance]
+    return f"; not measured: {_joined(missing)}" if missing else ""
+
+
+def _joined(names: Sequence[str]) -> str:
+    *others, last = names
+    return f"{', '.join(others)} and {last}" if others else last
