@@ -86,6 +86,8 @@ def test_outputs_of_one_name_are_a_pair_and_others_are_by_position(given):
     q = pd.DataFrame(given["q"], columns=["b", "c"])
     table = estimate(given["theta"], y, q, given["theta_more"]).table()
     assert dict(zip(table["column_3d"], table["column_0d"], strict=True)) == {"a": "b", "b": "b"}
+    table = estimate(given["theta"], y["a"], q.assign(b=1.0), given["theta_more"]).table()
+    assert set(table["column_0d"]) == {"c"}
 
 
 def test_positive_inputs_give_the_numbers_of_a_campaign(given):

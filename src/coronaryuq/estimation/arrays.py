@@ -118,8 +118,9 @@ def estimate(
     """Estimate the mean of an expensive model's outputs from few of its runs and many of a cheap model's.
 
     A data frame's columns give the names; y and q of the same name are a pair for MFMC. Otherwise columns at the same
-    position are, if there are as many of them, and else every y is paired with the first q. The estimator crossfit-GP
-    uses all q. An input that is positive in every sample enters by its logarithm, any other one as it is.
+    position are, if there are as many of them, and else every y is paired with the first q that is not constant. The
+    estimator crossfit-GP uses all q. An input that is positive in every sample enters by its logarithm, any other
+    one as it is.
 
     Parameters
     ----------
@@ -162,7 +163,7 @@ def estimate(
             failed = 0 if runs.theta_more_failed is None or name == "y" else len(runs.theta_more_failed)
             without = f" beside {failed} whose q_more is not finite" if failed else ""
             raise InputError("estimate", name, number, f"rows{without}; at least {least} are needed")
-    rows = _pairs(list(runs.y), list(runs.q))
+    rows = _pairs(list(runs.y), runs.q)
     design = make_design(runs, rows, folds, seed, families=EVERY)
     methods, findings = prepare(design, settings, seed, beyond_mean=False)
     reports = [estimate_row(row, methods, findings) for row in rows]
@@ -254,7 +255,9 @@ def _states(chains: Any, n: int, ran: np.ndarray) -> States | None:
     return States(*found)
 
 
-def _pairs(outputs: list[str], cheap: list[str]) -> list[Row]:
-    """Return a row for each of the outputs, with the 0D output of its name or position, else the first."""
-    at = dict(zip(outputs, cheap, strict=True)) if len(outputs) == len(cheap) else dict.fromkeys(outputs, cheap[0])
+def _pairs(outputs: list[str], q: pd.DataFrame) -> list[Row]:
+    """Return a row for each of the outputs, with the 0D output of its name or position, else the first that moves."""
+    cheap, moves = list(q), np.ptp(q.to_numpy(float), axis=0) > 0
+    first = cheap[int(moves.argmax())]
+    at = dict(zip(outputs, cheap, strict=True)) if len(outputs) == len(cheap) else dict.fromkeys(outputs, first)
     return [Row(name, name, name if name in cheap else at[name], name) for name in outputs]

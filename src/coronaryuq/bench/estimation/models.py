@@ -22,7 +22,7 @@ from coronaryuq.estimation.estimators.blue import Group
 from coronaryuq.estimation.estimators.folds import assign, count
 from coronaryuq.estimation.runs.table import read_rows, read_runs
 
-N_3D, TRIALS, QUICK_TRIALS = 50, 60, 6
+N_3D, TRIALS, QUICK_TRIALS = 50, 30, 6
 RUNS_PER_MODEL = 10
 Found = tuple[float, float]
 """An estimate and its reported standard error."""

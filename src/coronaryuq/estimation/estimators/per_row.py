@@ -204,7 +204,9 @@ def follow(design: Design, row: Row, networks: mfmc_ae.Networks, curves: Curves)
     """MFMC-AE's control variate α q: held out, at each pilot run (n,), and per fold at its propagation samples."""
     y, _ = pair(design.runs, row)
     held, functions = followed(design.runs.theta, y, design.fold, networks, row, curves)
-    return held, [g(np.exp(block.log_theta)) for g, block in zip(functions, design.blocks, strict=True)]
+    return held, [
+        g(design.runs.from_coordinates(block.log_theta)) for g, block in zip(functions, design.blocks, strict=True)
+    ]
 
 
 def followed(
