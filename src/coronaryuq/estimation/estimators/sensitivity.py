@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import legendre
 
-from coronaryuq.estimation.estimators.crossfit import CrossFit, Estimate, Options, combine
+from coronaryuq.estimation.estimators.crossfit import CrossFit, Estimate, Options, combine, propagation_variance
 from coronaryuq.estimation.estimators.design import NODES, WEIGHTS, Design
 from coronaryuq.estimation.estimators.per_row import Predictions
 from coronaryuq.estimation.results import Value
@@ -30,8 +30,9 @@ DEGREE, MISSED_DEGREE = 7, 4
 def sobol(design: Design, y: np.ndarray, predictions: Predictions, level: float = 0.95) -> dict[str, Value]:
     """Return the first-order index var(E[Y | θ_j]) / var Y of every input that moves. As `tails.probability`.
 
-    The interval is that of the ratio's linearisation, with the second-order term of the squares. Inputs depend on each
-    other where the total resistance is preserved: an index then counts what an input shares with others.
+    The variance is that of the ratio's linearisation, with the second-order term of the squares; the interval allows
+    for its change with the index. Inputs depend on each other where the total resistance is preserved: an index then
+    counts what an input shares with others.
     """
     theta = design.runs.theta_more[np.concatenate([b.index for b in design.blocks])]
     centre = predictions.centre(design, y)
@@ -123,8 +124,14 @@ class _Index:
         # 4 d² s² + 4 s⁴.
         second = float(2 * np.sum(variances**2)) / total**2
         std = max(ratio.std**2 - second, second) ** 0.5
-        half = ratio.interval.half_width * std / ratio.std if ratio.std > 0 else 0.0
-        return Value(near, std, min(near, max(0.0, index - half)), max(near, min(1.0, index + half)), self.level)
+        quantile = ratio.interval.half_width / ratio.std if ratio.std > 0 else 0.0
+        # The variance 4 s² V (1 − V) grows with a small index V. As in Wilson's interval, the ends are where the index
+        # would have to be for its estimate to lie that many standard deviations away.
+        per_coefficient = float(np.mean(variances[:MISSED_DEGREE])) + self._propagation_variance()
+        curved = quantile**2 * 2 * per_coefficient / total * (1 - 2 * near)
+        half = (quantile**2 * std**2 + curved**2) ** 0.5
+        low, high = max(0.0, index + curved - half), min(1.0, index + curved + half)
+        return Value(near, std, min(near, low), max(near, high), self.level)
 
     def _missed(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the coefficients d_p of what the predictions miss of the effect, with zeros, and their variances."""
@@ -138,6 +145,13 @@ class _Index:
             estimate = combine("", fit, len(y), Options(beta=1.0, between=between))
             found[:, p] = estimate.mean, estimate.std**2
         return found[0], found[1]
+
+    def _propagation_variance(self) -> float:
+        """Return the variance that propagation adds to the mean of y, and about that to each coefficient."""
+        if self.design.target:
+            return 0.0
+        share = np.bincount(self.design.fold) / len(self.y)
+        return propagation_variance(self.design.propagate(self.predictions.raw), share)
 
     def _mean(self, coefficients: np.ndarray, function: Function, slope: Function) -> Estimate:
         """Return the cross-fitted mean of a function of y and of the effect with these coefficients."""
