@@ -60,7 +60,7 @@ def jobs_at_work(folder: Path, rule: str) -> list[int]:
 
 
 class Checkout:
-    """Copy of the project's workflow, configuration and sources, with a small campaign named `tiny`."""
+    """Copy of the project's workflow and sources, with a small campaign named `tiny` that has no mesh study."""
 
     def __init__(self, folder: Path, cache: Path | None = None):
         self.folder, self.cache = folder, cache
@@ -69,7 +69,8 @@ class Checkout:
             shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
         for name in ("LICENSE", "CITATION.cff"):
             shutil.copy(ROOT / name, folder)
-        self.settings = {"name": "tiny", "samples": {"n_3d": 16, "n_0d": 64, "batch_3d": 8, "chunk_0d": 32}}
+        samples = {"n_3d": 16, "n_0d": 64, "batch_3d": 8, "chunk_0d": 32}
+        self.settings = {"name": "tiny", "samples": samples, "flow3d": {"mesh_study": 0}}
 
     def command(self, *arguments: str, settings: dict | None = None) -> dict:
         """Arguments of `subprocess.Popen` for Snakemake in this folder."""

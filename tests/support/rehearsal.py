@@ -118,6 +118,7 @@ def rehearse(smoke: Path, folder: Path, slurm: int | None, cpus: int) -> dict:
     settings |= {"name": NAME, "backend": "svsolver"}
     del settings["paper_data"]
     settings["samples"] |= {"batch_3d": 1, "n_3d": 500, "chunks_resampled": 80}
+    settings["flow3d"]["mesh_study"] = 0
     record(smoke, settings, folder)
     checkout = Checkout(folder / "campaign")
     planned = _run(checkout.command("--dry-run", "--quiet", "all", "--scheduler", "greedy", settings=settings))

@@ -125,6 +125,7 @@ def markdown(lines: list[dict[str, Any]]) -> str:
     text += [
         "",
         "In brackets: as printed in the paper. std MFMC-AE: cross-fitted here, in-sample in the paper.",
+        "min TAWSS and max OSI are extremes, which have converged on no mesh tried (docs/explanation/flow3d.md).",
         "",
     ]
     text += [f"- {note}" for note in notes]
