@@ -1,5 +1,8 @@
 """Benchmark `models`: crossfit-GP beside linear combinations of several 0D outputs."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -36,3 +39,14 @@ def test_mlblue_is_least_squares_on_all_0d_outputs():
 def test_rows_without_data_are_one_line():
     with pytest.raises(InputError, match="needs --data, the folder of published runs"):
         models.run(rows="rows.csv")
+
+
+def test_the_page_has_the_recorded_numbers():
+    root = Path(__file__).parents[3]
+    cells = json.loads((root / "benchmarks" / "estimation-models.json").read_text())["cells"]
+    page = (root / "docs" / "explanation" / "estimation.md").read_text(encoding="utf-8")
+    table = page.partition("<!-- models -->")[2].partition("<!-- end of models -->")[0].strip().splitlines()
+    methods = [name.strip() for name in table[0].split("|")[2:-1]]
+    over_mc = {(cell["problem"], cell["method"]): f"{cell['over_mc']:.3g}" for cell in cells}
+    problems = list(dict.fromkeys(cell["problem"] for cell in cells))
+    assert table[2:] == [" | ".join([f"| {p}", *(over_mc[p, m] for m in methods)]) + " |" for p in problems]
