@@ -1,17 +1,20 @@
-"""numba with its cache folder set; modules with kernels import numba from here.
+"""numba with its cache folder set; modules with kernels import its decorators from here.
 
 The folder has to be known when a kernel is decorated, and finding it reads every source file with kernels: no work for
 a bare `import coronaryuq`.
 """
 
 import os
+from functools import partial
 
 import numba
-from numba import njit
 
 from coronaryuq.core import numba_cache
 
-__all__ = ["njit", "numba"]
+njit = partial(numba.njit, no_cfunc_wrapper=True)
+"""`numba.njit` without the entry for C callbacks, which nobody calls here and which takes long to compile."""
+njit_inner = partial(njit, no_cpython_wrapper=True)
+"""`njit` for kernels that only other kernels call: without the entry for Python."""
 
 numba_cache.choose_folder()
 # numba read the variable when it was imported.

@@ -8,10 +8,10 @@ arithmetic, at a few dozen the calls between array operations do.
 
 import numpy as np
 
-from coronaryuq.core.jit import numba
+from coronaryuq.core.jit import njit
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def covariance(parameters: np.ndarray, a: np.ndarray, jitter: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Covariance (n, n) of outputs at standardised inputs (n, d), its Matérn 5/2 part, and its slope by r².
 
@@ -43,7 +43,7 @@ def covariance(parameters: np.ndarray, a: np.ndarray, jitter: float) -> tuple[np
     return dots, value, slope
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def gradient(
     parameters: np.ndarray, a: np.ndarray, inverse: np.ndarray, weights: np.ndarray,
     value: np.ndarray, slope: np.ndarray, jitter: float,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from coronaryuq.core.jit import numba as nb
+from coronaryuq.core.jit import njit
 from coronaryuq.core.simd import absolute, fma, store
 from coronaryuq.flow3d.fem.cross_section import section_weights
 from coronaryuq.flow3d.fem.discretisation import Discretisation
@@ -13,7 +13,7 @@ from coronaryuq.flow3d.mesh.read_mesh import Domain
 from coronaryuq.flow3d.quantities import WallRegion, stenosis_quantities
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _courant(elements, dt, u, highest):
     """Write the largest |u| Δt / h of each lane into highest (1, LANES), with 2|u|/h = Σ|u·∇N|."""
     tets, grad, _ = elements

@@ -4,12 +4,12 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from coronaryuq.core.jit import numba as nb
+from coronaryuq.core.jit import njit
 from coronaryuq.core.simd import fma, store
 from coronaryuq.flow3d.fem.lanes import LANES, load, splat
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _solve(order, low_start, low_row, low_value, up_start, up_row, up_value, diagonal, b, x):
     n = order.shape[0]
     for i in range(n):

@@ -6,12 +6,12 @@ operations is part of the result: it must be the same for all samples and in bot
 
 import numpy as np
 
-from coronaryuq.core.jit import numba as nb
+from coronaryuq.core.jit import njit
 from coronaryuq.core.simd import fma
 from coronaryuq.flow3d.fem.lanes import load
 
 
-@nb.njit(inline="always", error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def hats(grad, e):
     """Return the gradients of the four hat functions of element e."""
     a = grad[e, 0, 0], grad[e, 0, 1], grad[e, 0, 2]
@@ -21,41 +21,41 @@ def hats(grad, e):
     return a, b, c, d
 
 
-@nb.njit(inline="always", error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def corners(tets, e):
     """Return the node numbers of element e."""
     return np.int64(tets[e, 0]), np.int64(tets[e, 1]), np.int64(tets[e, 2]), np.int64(tets[e, 3])
 
 
-@nb.njit(inline="always", error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def vector(field, i):
     """Return row i of a field (n, 3, LANES)."""
     return load(field, 3 * i), load(field, 3 * i + 1), load(field, 3 * i + 2)
 
 
-@nb.njit(inline="always", error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def part(vector, c):
     """Return component c, for a c that is only known at run time."""
     return vector[0] if c == 0 else (vector[1] if c == 1 else vector[2])
 
 
-@nb.njit(inline="always", error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def dot(a, b):
     return fma(a[2], b[2], fma(a[1], b[1], a[0] * b[0]))
 
 
-@nb.njit(inline="always", error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def average(a, b, c, d):
     return 0.25 * ((a + b) + (c + d))
 
 
-@nb.njit(inline="always", error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def centre(a, b, c, d):
     """Return the mean of four vectors."""
     return average(a[0], b[0], c[0], d[0]), average(a[1], b[1], c[1], d[1]), average(a[2], b[2], c[2], d[2])
 
 
-@nb.njit(inline="always", error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def gradient(ga, gb, gc, gd, a, b, c, d):
     """Return the gradient of the linear function with values a, b, c, d at the corners."""
     x = fma(gd[0], d, fma(gc[0], c, fma(gb[0], b, ga[0] * a)))

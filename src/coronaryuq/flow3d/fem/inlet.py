@@ -6,12 +6,12 @@ flow: Womersley's profile in a circle (Womersley 1955), and its counterpart in a
 
 import numpy as np
 
-from coronaryuq.core.jit import numba as nb
+from coronaryuq.core.jit import njit
 from coronaryuq.flow3d.fem.discretisation import BDF2, Cap, Discretisation
 from coronaryuq.flow3d.fem.lanes import LANES
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _advance(relax, forced, area, now, old, c_now, c_old, flow, new):
     carried = np.zeros(LANES)
     for i in range(relax.shape[0]):

@@ -6,13 +6,13 @@ precision; A is kept in single precision, since δ is of the order of the time s
 
 import numpy as np
 
-from coronaryuq.core.jit import numba as nb
+from coronaryuq.core.jit import njit
 from coronaryuq.core.simd import absolute, fma, square_root, store
 from coronaryuq.flow3d.fem.element_kernels import average, centre, corners, dot, gradient, hats, part, vector
 from coronaryuq.flow3d.fem.lanes import LANES, load, splat
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def system(elements, slot, tau_viscous, nu, mass_rate, u, rate, p, constant, r, matrix):
     """Compute the residual r (n, 3, LANES) and the matrix (nnz, LANES) at velocity u, per unit density.
 
@@ -87,7 +87,7 @@ def system(elements, slot, tau_viscous, nu, mass_rate, u, rate, p, constant, r, 
             store(matrix, k, load(matrix, k) + swell)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def gauss_seidel(pattern, motion, matrix, r, delta, active, tolerance, sweeps):
     """Sweep symmetric Gauss-Seidel over δ (n, 3, LANES) on the free nodes; return the sweeps of each lane.
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from coronaryuq.core.jit import numba as nb
+from coronaryuq.core.jit import njit
 from coronaryuq.core.simd import fma, store
 from coronaryuq.flow3d.fem.lanes import load, splat
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def divergence(pattern, derivatives, spread, u, scale, pi, p, b):
     """Compute b_i = Σ_j ∫∂N_i N_j · (u_j + scale_j π_j) − spread_ij p_j, for b (n, LANES).
 
@@ -27,7 +27,7 @@ def divergence(pattern, derivatives, spread, u, scale, pi, p, b):
         store(b, i, total)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def correct(pattern, derivatives, phi, inverse_mass, motion, factor, u, pi):
     """Add M⁻¹∫N∇φ to π everywhere and subtract `factor` times it from u at free nodes (its normal part on caps).
 

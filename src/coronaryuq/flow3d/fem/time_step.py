@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from coronaryuq.core.jit import numba as nb
+from coronaryuq.core.jit import njit
 from coronaryuq.core.simd import fma, store
 from coronaryuq.flow3d.fem import momentum, projection
 from coronaryuq.flow3d.fem.discretisation import Discretisation
@@ -30,7 +30,7 @@ class Coupling(Protocol):
         """
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _begin(now, old, dt, start, rate):
     """Set the velocity to start from and its time derivative by backward differences if it stayed the same."""
     for i in range(now.shape[0]):
@@ -41,7 +41,7 @@ def _begin(now, old, dt, start, rate):
                 rate[i, c, s] = -0.5 * difference / dt
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _backflow(nodes, area, normal, strength, diagonal, u, r, matrix):
     """Damp inflow through outlets (Esmaily Moghadam et al. 2011); return which lanes had any."""
     lanes = np.zeros(LANES, np.int64)
@@ -58,7 +58,7 @@ def _backflow(nodes, area, normal, strength, diagonal, u, r, matrix):
     return lanes
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _cap_flux(lift, b, flux):
     for c in range(lift.shape[1]):
         total = splat(0.0)
@@ -67,7 +67,7 @@ def _cap_flux(lift, b, flux):
         store(flux, c, total)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _impose(near, weight, cap_start, cap_node, change, b):
     """Move the caps' known pressure change from the right-hand side to the caps' nodes."""
     for k in range(near.shape[0]):

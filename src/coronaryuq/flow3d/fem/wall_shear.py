@@ -13,7 +13,7 @@ otherwise the pressure gradient across the first element counts as friction and 
 import numpy as np
 import scipy.sparse as sp
 
-from coronaryuq.core.jit import numba as nb
+from coronaryuq.core.jit import njit
 from coronaryuq.core.simd import fma, square_root, store
 from coronaryuq.flow3d.fem.arrays import Elements
 from coronaryuq.flow3d.fem.discretisation import Discretisation
@@ -22,7 +22,7 @@ from coronaryuq.flow3d.fem.elements import face_vectors
 from coronaryuq.flow3d.fem.lanes import LANES, load, splat
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _wall_force(elements, nu, u, p, at, force):
     """Write −∫ of the momentum residual with hats on the wall, per unit density, into force (wall nodes, 3, LANES)."""
     tets, grad, volume = elements
@@ -49,7 +49,7 @@ def _wall_force(elements, nu, u, p, at, force):
                 store(force, k, load(force, k) - (common + shear))
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _tangential(force, normal, density, stress):
     for i in range(force.shape[0]):
         nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
@@ -60,7 +60,7 @@ def _tangential(force, normal, density, stress):
         store(stress, 3 * i + 2, density * fma(-nz, through, z))
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _accumulate(stress, weight, magnitude, vector):
     for i in range(magnitude.shape[0]):
         x, y, z = load(stress, 3 * i), load(stress, 3 * i + 1), load(stress, 3 * i + 2)
@@ -71,7 +71,7 @@ def _accumulate(stress, weight, magnitude, vector):
         store(vector, 3 * i + 2, fma(weight, z, load(vector, 3 * i + 2)))
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _multiply(start, column, value, x, y):
     """Compute y = A x for x, y (n, 3, LANES)."""
     for i in range(start.shape[0] - 1):

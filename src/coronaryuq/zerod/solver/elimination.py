@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coronaryuq.core.jit import numba
+from coronaryuq.core.jit import njit, njit_inner
 
 THRESHOLD = 1e-3
 """Least size of a pivot against the largest entry of its scaled row, in every scenario (threshold pivoting)."""
@@ -99,7 +99,7 @@ def eliminate(scenarios: np.ndarray, pattern: np.ndarray, inner_rows: np.ndarray
     )
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _order(matrix, left, inner):
     """Choose pivots (row, column) in order, (n, 2), and count the interior ones; stop when none is admissible.
 
@@ -116,12 +116,12 @@ def _order(matrix, left, inner):
                 in_column[j] += 1
         _judge(matrix, left, i, worth)
     places, rows, columns = np.empty((n, 2), np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
-    interior, inside = 0, True
+    interior, inside, allowed = 0, True, inner
     for step in range(n):
-        row, column = _best(worth, in_row, in_column, inner, inside)
+        row, column = _best(worth, in_row, in_column, allowed)
         if inside and row < 0:
-            inside = False
-            row, column = _best(worth, in_row, in_column, inner, inside)
+            inside, allowed = False, np.ones_like(inner)
+            row, column = _best(worth, in_row, in_column, allowed)
         if row < 0:
             return places[:step], interior
         interior += inside
@@ -153,7 +153,7 @@ def _order(matrix, left, inner):
     return places, interior
 
 
-@numba.njit(cache=True, nogil=True)
+@njit_inner(cache=True)
 def _judge(matrix, left, row, worth):
     """Rate a row's entries as pivots: size over the largest of the row, the least over all scenarios."""
     n = len(left)
@@ -169,20 +169,20 @@ def _judge(matrix, left, row, worth):
                 worth[row, j] = min(worth[row, j], abs(matrix[k, row, j]) / largest if largest > 0.0 else 0.0)
 
 
-@numba.njit(cache=True, nogil=True)
-def _best(worth, in_row, in_column, inner, inside):
-    """Find the admissible entry (of `inner` if `inside`) with the least fill-in; ties by worth, then by place."""
+@njit_inner(cache=True)
+def _best(worth, in_row, in_column, allowed):
+    """Find the admissible entry of those allowed with the least fill-in; ties by worth, then by place."""
     row, column, least = -1, -1, 0
     for i in range(len(worth)):
         for j in range(len(worth)):
-            if worth[i, j] > THRESHOLD and (inner[i, j] or not inside):
+            if worth[i, j] > THRESHOLD and allowed[i, j]:
                 cost = (in_row[i] - 1) * (in_column[j] - 1)
                 if row < 0 or cost < least or (cost == least and worth[i, j] > worth[row, column]):
                     row, column, least = i, j, cost
     return row, column
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _operations(places, interior, slot):
     """List the operations of a tape, pivot by pivot, and enter the fill-in into `slot` (n, n + m), -1 where empty.
 
@@ -218,7 +218,7 @@ def _operations(places, interior, slot):
     return inner_slots, np.array(divide)[1:], np.array(update)[1:], np.array(forward)[1:], firsts
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _backward(places, interior, slot):
     """List `backward` of a tape, pivot by pivot, last unknown first, and where each pivot's part starts, (n + 1,)."""
     n, width = slot.shape

@@ -8,7 +8,7 @@ step solve them exactly; Newton's loop sees only the border.
 
 from typing import Any
 
-from coronaryuq.core.jit import numba
+from coronaryuq.core.jit import njit, njit_inner
 from coronaryuq.core.simd import absolute, any_lane, both, choose, less, less_equal, nearest, power_of_two, store
 from coronaryuq.zerod.solver.lanes import load, splat
 
@@ -20,7 +20,7 @@ _PATIENCE = 10
 for the first iterations' factors."""
 
 
-@numba.njit(inline="always")
+@njit(inline="always")
 def _exponential(x):
     """Compute exp(x) to about one unit in the last place: 2^k exp(r), |r| ≤ ln 2 / 2, by Taylor's series."""
     x = choose(less(x, splat(-700.0)), splat(-700.0), choose(less(splat(700.0), x), splat(700.0), x))
@@ -46,7 +46,7 @@ KERNEL: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
 """Options of every kernel; without numba's runtime a kernel that would allocate does not compile."""
 
 
-@numba.njit(**KERNEL)
+@njit(**KERNEL)
 def condense(pivots, divide, update, first, matrix, inverse):
     """Eliminate the interior from `matrix` (slots, LANES) in place; `inverse` gets one over each interior pivot.
 
@@ -62,7 +62,7 @@ def condense(pivots, divide, update, first, matrix, inverse):
             store(matrix, update[k, 0], load(matrix, update[k, 0]) - product)
 
 
-@numba.njit(**KERNEL)
+@njit_inner(**KERNEL)
 def _predict(s, v, w, state, scheme, time, times):
     """Compute residuals at the predictor without solution-dependent terms, with the interior eliminated.
 
@@ -107,7 +107,7 @@ def _predict(s, v, w, state, scheme, time, times):
     return largest + poison
 
 
-@numba.njit(**KERNEL)
+@njit_inner(**KERNEL)
 def _subtract_solution_dependent(s, v, w, state, scheme, time, times):
     """Subtract the solution-dependent terms at the present iterate from w.residual; write derivatives to w.slope."""
     n = v.constant.shape[0]
@@ -153,13 +153,15 @@ def _subtract_solution_dependent(s, v, w, state, scheme, time, times):
         store(w.residual, row, load(w.residual, row) - scale * (grown - 1.0))
         store(w.slope, slope, scale * grown * rate * to_y)
         slope += 1
-    _subtract_gates(s, v, w, state, to_y, slope)
+    _subtract_gates(s, v, w, state, to_y)
 
 
-@numba.njit(**KERNEL)
-def _subtract_gates(s, v, w, state, to_y, slope):
-    """Take the terms of gates from w.residual; their derivatives into w.slope from `slope` on."""
+@njit_inner(**KERNEL)
+def _subtract_gates(s, v, w, state, to_y):
+    """Take the terms of gates from w.residual; their derivatives follow those of the other terms in w.slope."""
     n = v.constant.shape[0]
+    # Counted anew: a number passed on would be a literal or not, and the kernel be compiled for both.
+    slope = s.valve_term.shape[0] + s.square.shape[0] + s.square_rate.shape[0] + s.exponential.shape[0]
     for k in range(s.gate.shape[0]):
         up = load(state, s.gate[k, 0]) + load(w.total, s.gate[k, 0]) * to_y
         down = load(state, s.gate[k, 1]) + load(w.total, s.gate[k, 1]) * to_y
@@ -188,7 +190,7 @@ def _subtract_gates(s, v, w, state, to_y, slope):
         slope += 1
 
 
-@numba.njit(inline="always")
+@njit(inline="always")
 def _put(table, row, value, which, everywhere):
     if everywhere:
         store(table, row, value)
@@ -196,7 +198,7 @@ def _put(table, row, value, which, everywhere):
         store(table, row, choose(which, value, load(table, row)))
 
 
-@numba.njit(inline="always")
+@njit(inline="always")
 def _put_slopes(terms, w, first, which, everywhere):
     """Add the derivatives of one kind of term to the matrix; every such entry belongs to one term only."""
     for k in range(terms.shape[0]):
@@ -205,7 +207,7 @@ def _put_slopes(terms, w, first, which, everywhere):
     return first + terms.shape[0]
 
 
-@numba.njit(**KERNEL)
+@njit_inner(**KERNEL)
 def _factorise(s, w, which, everywhere):
     """Factorise the border's matrix at the present slopes (Crout's order), in the lanes of `which` or everywhere."""
     slope = _put_slopes(s.valve_term, w, 0, which, everywhere)
@@ -230,7 +232,7 @@ def _factorise(s, w, which, everywhere):
                 _put(w.matrix, s.factor[k, 1], sum_ * reciprocal, which, everywhere)
 
 
-@numba.njit(**KERNEL)
+@njit_inner(**KERNEL)
 def _solve_border(s, w, interior, going):
     """Solve the border for w.residual; add the increments of lanes that are `going` to their totals."""
     size = w.inverse.shape[0]
@@ -250,7 +252,7 @@ def _solve_border(s, w, interior, going):
         store(w.total, column, load(w.total, column) + increment)
 
 
-@numba.njit(**KERNEL)
+@njit_inner(**KERNEL)
 def _finish(s, v, w, state, scheme, moving):
     """Compute interior increments from those of the border, and the new state of both."""
     n, interior = v.constant.shape[0], v.inverse.shape[0]
@@ -270,7 +272,7 @@ def _finish(s, v, w, state, scheme, moving):
         store(state, s.valve[k, 2], load(w.flow, k))
 
 
-@numba.njit(**KERNEL)
+@njit_inner(**KERNEL)
 def _step(s, v, w, state, scheme, time, times, sound):
     """Take one time step; return the number of solves and the lanes that did not converge."""
     n, interior = v.constant.shape[0], v.inverse.shape[0]
@@ -352,7 +354,7 @@ def _step(s, v, w, state, scheme, time, times, sound):
     return solves, going
 
 
-@numba.njit(**KERNEL)
+@njit(**KERNEL)
 def march(s, v, w, state, scheme, steps, times, failed, record, counts):
     """Advance `state` (2n, LANES) by `steps` steps from the start of a cycle; `times` steps make a cycle.
 

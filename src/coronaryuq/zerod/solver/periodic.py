@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coronaryuq.core.jit import numba
+from coronaryuq.core.jit import njit
 
 DEPTH = 5
 """Differences of earlier cycles that a step combines."""
@@ -109,7 +109,7 @@ class Anderson:
         return proposed
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _propose(ends, steps, known, start, end, scale, proposed):
     """Record one cycle, combine the known ones and return their number; plain sums keep the bits reproducible."""
     depth, width = ends.shape
@@ -156,7 +156,7 @@ def _propose(ends, steps, known, start, end, scale, proposed):
     return known
 
 
-@numba.njit(inline="always")
+@njit(inline="always")
 def _dot(left, right):
     total = 0.0
     for j in range(left.shape[0]):

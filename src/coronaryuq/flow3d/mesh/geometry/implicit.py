@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from coronaryuq.core.jit import numba
+from coronaryuq.core.jit import njit
 
 CHUNK = 8
 FAR = 1e9
@@ -153,7 +153,7 @@ def _bounds(a, b, ra, rb, first):
     return np.array(spheres), np.array(index)
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _foot(x, y, z, a, b):
     """Return the distance from a point to a segment, and the position of the foot along it."""
     ex, ey, ez = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -164,7 +164,7 @@ def _foot(x, y, z, a, b):
     return np.sqrt(qx * qx + qy * qy + qz * qz), t
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _at(x, y, z, a, b, ra, rb, first, blend, bounds, bound_first):
     """Return the distance at one point, the segment that owns it, and the position along that segment."""
     total, owner, owner_along = FAR, -1, 0.0
@@ -201,7 +201,7 @@ def _at(x, y, z, a, b, ra, rb, first, blend, bounds, bound_first):
     return total, owner, owner_along
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _evaluate(points, a, b, ra, rb, first, blend, bounds, bound_first):
     n = len(points)
     distance, segment, along = np.empty(n), np.empty(n, np.int64), np.empty(n)
@@ -212,7 +212,7 @@ def _evaluate(points, a, b, ra, rb, first, blend, bounds, bound_first):
     return distance, segment, along
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _block(low, spacing, n, centre, reach, a, b, ra, rb, first, blend, bounds, bound_first):
     """Return the distance at n³ grid points, skipping runs of segments that cannot be nearest anywhere in the block."""
     near_bounds = np.empty_like(bounds)
