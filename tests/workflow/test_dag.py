@@ -117,7 +117,7 @@ def test_a_changed_setting_makes_stale_what_depends_on_it(finished, block, value
             marks=pytest.mark.long,
         ),
         pytest.param(
-            "estimation/analysis/convergence_and_budget.py",
+            "estimation/analysis/budget.py",
             {"budget"},
             {"estimation_train", "zerod_resampled"},
             marks=pytest.mark.long,

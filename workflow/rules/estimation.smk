@@ -71,7 +71,6 @@ rule estimation_train:
     log:
         log_of("estimation", "train.log"),
     cache: cached
-    threads: 2
     params:
         **stage("coronaryuq.estimation.training:write_networks"),
         settings=block("estimation"),
@@ -166,7 +165,7 @@ rule budget:
     log:
         log_of("estimation", "budget.log"),
     params:
-        **stage("coronaryuq.estimation.stage:budget"),
+        **stage("coronaryuq.estimation.analysis.budget:write_budget"),
         settings=block("estimation"),
     script:
         "../scripts/stage.py"

@@ -7,10 +7,10 @@ from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.core.io.typed import plain
 from coronaryuq.core.provenance import stamp
-from coronaryuq.estimation.analysis import convergence_and_budget, estimate_rows, tables
-from coronaryuq.estimation.analysis.allocation import check_targets
+from coronaryuq.estimation.analysis import estimate_rows, tables
+from coronaryuq.estimation.analysis.convergence import subsamples
 from coronaryuq.estimation.estimators.level_allocation import Costs, worth
-from coronaryuq.estimation.results import Budget, CoarseLevel, Estimates, RowReport, read_estimates
+from coronaryuq.estimation.results import CoarseLevel, Estimates, RowReport
 from coronaryuq.estimation.runs.gather import coarse_cost, measured_cost_ratio
 from coronaryuq.estimation.settings import Settings
 from coronaryuq.estimation.surrogates.networks_file import read_networks, read_resampled
@@ -56,36 +56,8 @@ def convergence(
     runs, rows = read_chosen(runs_folder, rows_csv, settings)
     named = settings.convergence_rows
     chosen = [row for row in rows if (row.name in named if named else "osi" in row.column_3d.lower())]
-    entries = convergence_and_budget.convergence(runs, chosen, settings, seed)
+    entries = subsamples(runs, chosen, settings, seed)
     write_json(out_json, {"convergence": plain(entries)})
-
-
-def budget(
-    estimates_json: str | Path, settings: Settings, out_json: str | Path, failures_json: str | Path | None = None
-) -> None:
-    """Write the curves of both budget figures and the plan for target intervals (`budget.json`).
-
-    Parameters
-    ----------
-    estimates_json
-        Estimates of this stage.
-    settings
-        With the declared cost ratio and the target half-widths.
-    out_json
-        File to write.
-    failures_json
-        Its `cost` (CPU seconds) gives the cost of a 0D run in 3D runs, if known; otherwise the settings do.
-
-    Raises
-    ------
-    InputError
-        If `settings.target_half_width` names a row that does not exist.
-    """
-    rows = read_estimates(estimates_json).rows
-    ratio = (measured_cost_ratio(failures_json) if failures_json else None) or settings.cost_ratio
-    check_targets(settings, [row.row for row in rows])
-    plan = convergence_and_budget.plan(rows, settings.target_half_width, ratio)
-    write_json(out_json, plain(Budget(convergence_and_budget.budget(rows, ratio), plan)))
 
 
 def _coarse_level(failures_json: Path, rows: list[RowReport], settings: Settings) -> CoarseLevel | None:

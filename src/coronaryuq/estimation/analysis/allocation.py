@@ -5,10 +5,9 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.io.typed import plain
-from coronaryuq.estimation.analysis import convergence_and_budget, estimate_rows
+from coronaryuq.estimation.analysis import budget, estimate_rows
 from coronaryuq.estimation.results import Counts, Round, TargetPlan
 from coronaryuq.estimation.runs.gather import RunFiles, gather, measured_cost_ratio
 from coronaryuq.estimation.runs.table import read_rows, read_runs
@@ -84,26 +83,14 @@ def allocate(
         gather(inputs, limits, settings.min_3d, folder, counts)
         runs, rows = read_runs(folder), read_rows(Path(folder) / "rows.csv")
         measured = measured_cost_ratio(Path(folder) / "failures.json")
-    check_targets(settings, [row.name for row in rows])
+    budget.check_targets(settings, [row.name for row in rows])
     rows = [row for row in rows if row.name in settings.target_half_width]
     results = estimate_rows.analyse(runs, rows, settings, seed, beyond_mean=False)
     print(_costs(settings.cost_ratio, measured))
-    plan = convergence_and_budget.plan(results, settings.target_half_width, settings.cost_ratio)
+    plan = budget.plan(results, settings.target_half_width, settings.cost_ratio)
     most = Counts(settings.max_3d or counts.n_3d, settings.max_0d or counts.n_0d)
     following, done, why = decide(plan, counts, most, portion, number + 1 >= settings.rounds)
     write_json(out_json, plain(Round(number, counts, plan, following, done, why)))
-
-
-def check_targets(settings: Settings, rows: list[str]) -> None:
-    """Raise `InputError` for a target half-width of a row that does not exist."""
-    for name in settings.target_half_width:
-        if name not in rows:
-            raise InputError(
-                "estimation.target_half_width",
-                name,
-                settings.target_half_width[name],
-                f"no such row; available: {', '.join(rows)}",
-            )
 
 
 def _costs(declared: float, measured: float | None) -> str:

@@ -12,7 +12,7 @@ from coronaryuq.core.io.atomic import write_json, write_text
 from coronaryuq.core.io.tables import read_csv, write_csv
 from coronaryuq.core.io.typed import plain
 from coronaryuq.estimation import training
-from coronaryuq.estimation.analysis import convergence_and_budget, estimate_rows, pairs_table
+from coronaryuq.estimation.analysis import budget, estimate_rows, pairs_table
 from coronaryuq.estimation.estimators.design import make_design
 from coronaryuq.estimation.estimators.folds import count
 from coronaryuq.estimation.results import RowReport
@@ -77,7 +77,7 @@ def paper_table(
         estimates = {"rows": plain(results), "settings": settings.model_dump(mode="json")}
         write_json(folder / "estimates.json", estimates)
         write_csv(folder / "pairs.csv", pairs_table.pairs(runs, rows, settings, seed, networks, resampled))
-        curves = convergence_and_budget.budget(results, settings.cost_ratio)
+        curves = budget.curves(results, settings.cost_ratio)
         write_json(folder / "budget.json", {"budget": plain(curves)})
     parts = dict(zip(("emulators", "autoencoders", "control_variates"), np.diff(clock), strict=True))
     return lines, {name: float(value) for name, value in parts.items()}

@@ -1,4 +1,4 @@
-"""Convergence, budget and plan from files to files."""
+"""Budget curves and the plan for target intervals, from files to files."""
 
 import numpy as np
 import pytest
@@ -6,16 +6,11 @@ import pytest
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.io.typed import plain
-from coronaryuq.estimation import stage
-from coronaryuq.estimation.analysis import convergence_and_budget
+from coronaryuq.estimation.analysis import budget
 from coronaryuq.estimation.estimators.formulas import mfmc_variance
-from coronaryuq.estimation.results import Interval, read_convergence
+from coronaryuq.estimation.results import Interval
 from coronaryuq.estimation.settings import Settings
 from support.estimates import estimator, row
-
-SETTINGS = Settings(
-    autoencoder=False, convergence_subsamples=6, convergence_subsamples_fitted=2, convergence_sizes=[20, 400], min_3d=20
-)
 
 
 def report(rho=0.99, n=100, m=900):
@@ -28,15 +23,8 @@ def report(rho=0.99, n=100, m=900):
     return row(row="1", variance_3d=spread, n_propagation=m, recommended="crossfit-GP", estimators=estimators)
 
 
-def test_convergence_skips_sizes_that_leave_too_few_runs_out(folder):
-    stage.convergence(folder, SETTINGS, 3, folder / "convergence.json")
-    (entry,) = read_convergence(folder / "convergence.json")
-    assert entry.n_3d == 20 and len(entry.rho_original) == 6 and len(entry.rho_crossfit_gp_held_out) == 2
-    assert min(entry.rho_crossfit_gp_held_out) > 0.9
-
-
 def test_budget_curves_begin_at_today_and_are_monotone():
-    (curves,) = convergence_and_budget.budget([report()], 1e-3)
+    (curves,) = budget.curves([report()], 1e-3)
     for curve in curves.estimators.values():
         assert curve.additional_cost[0] == pytest.approx(0, abs=1e-9)
         assert np.all(np.diff(curve.additional_cost) >= 0) and np.all(np.diff(curve.optimal_variance) < 0)
@@ -44,18 +32,18 @@ def test_budget_curves_begin_at_today_and_are_monotone():
 
 
 def test_a_plan_that_is_carried_out_meets_the_target_width():
-    (one,) = convergence_and_budget.plan([report()], {"1": 0.05}, 1e-3)
+    (one,) = budget.plan([report()], {"1": 0.05}, 1e-3)
     n, m = 100 + one.more_3d, 1000 + one.more_0d
     assert mfmc_variance(4.0, 0.99, n, m) <= mfmc_variance(4.0, 0.99, 100, 1000) * 0.25 * (1 + 1e-9)
     assert one.cost_of_half > one.cost > 0
 
 
 def test_a_width_that_is_met_costs_nothing():
-    (one,) = convergence_and_budget.plan([report()], {"1": 0.2}, 1e-3)
+    (one,) = budget.plan([report()], {"1": 0.2}, 1e-3)
     assert one.more_3d == one.more_0d == 0
 
 
 def test_a_target_for_an_unknown_row_is_an_error(tmp_path):
     write_json(tmp_path / "e.json", {"rows": plain([report()]), "settings": {}})
     with pytest.raises(InputError, match="no such row"):
-        stage.budget(tmp_path / "e.json", Settings(target_half_width={"9": 1.0}), tmp_path / "b.json")
+        budget.write_budget(tmp_path / "e.json", Settings(target_half_width={"9": 1.0}), tmp_path / "b.json")
