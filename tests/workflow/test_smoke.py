@@ -51,8 +51,8 @@ def test_flows_of_the_posterior_are_the_patients(results):
 
 
 def test_3d_and_0d_agree_on_what_both_know(results):
-    records = [r for k in range(3) for r in read_records(results / "flow3d" / f"batch_{k}.jsonl")]
-    assert len(records) == 24 and all(record.ok for record in records)
+    records = [r for k in range(2) for r in read_records(results / "flow3d" / f"batch_{k}.jsonl")]
+    assert len(records) == 16 and all(record.ok for record in records)
     for record in records:
         for branch in ("lad", "lcx", "rca"):
             assert 0.4 < record.outputs[f"ffr_{branch}"] < 1.0

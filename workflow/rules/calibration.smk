@@ -16,7 +16,8 @@ rule calibration:
     log:
         log_of("calibration.log"),
     cache: cached
-    threads: 2
+    # One thread for each sixteen candidates, which the 0D engine runs at once.
+    threads: min(2, -(-campaign.calibration.candidates // 16))
     params:
         **stage("coronaryuq.calibration.stage:tune"),
         settings=block("calibration"),

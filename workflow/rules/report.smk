@@ -11,6 +11,8 @@ rule figure:
         log_of("figures", "{figure}.log"),
     wildcard_constraints:
         figure=alternatives(figures),
+    # Nothing but the report waits for a figure.
+    priority: -1
     params:
         **drawing(lambda wildcards: wildcards.figure),
     script:

@@ -18,7 +18,7 @@ EXAMPLES: dict[str, list[tuple[str, str]]] = {
         ("coronaryuq run paper --profile slurm", "on a cluster, with workflow/profiles/slurm"),
         ("coronaryuq run smoke --dry-run -- --until posterior", "arguments after -- are passed to snakemake"),
     ],
-    "demo": [("coronaryuq demo", "results/smoke/report.html, in about four minutes")],
+    "demo": [("coronaryuq demo", "results/smoke/report.html, in about three minutes")],
     "completion": [("coronaryuq completion bash", 'in ~/.bashrc, as eval "$(coronaryuq completion bash)"')],
     "check": [
         ("coronaryuq check results/smoke/patient/case.yaml", "a case, and all files that it refers to"),

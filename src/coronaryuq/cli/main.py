@@ -102,7 +102,7 @@ def _parser(arguments: Sequence[str], whole: bool = False) -> argparse.ArgumentP
         command.set_defaults(run=run)
         return command
 
-    demo = add_command("demo", "run every stage once on the bundled patient: four minutes to a report", _demo)
+    demo = add_command("demo", "run every stage once on the bundled patient: three minutes to a report", _demo)
     demo.add_argument("--cores", default="all", help="cores of this machine to use (default: all)")
     check = add_command("check", "check a case or a configuration, and all files that it refers to", _check)
     check.add_argument("file", metavar="FILE", help="path of a case.yaml, or of a campaign's configuration")

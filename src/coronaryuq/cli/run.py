@@ -49,7 +49,7 @@ def main(options: argparse.Namespace) -> int:
 def demo(cores: str) -> int:
     """Run every stage once on the bundled patient, in results/smoke of the current folder."""
     print(
-        "Every stage once on the bundled patient, with few samples: four minutes on two cores, five the first time.\n"
+        "Every stage once on the bundled patient, with few samples: three minutes on two cores, four the first time.\n"
         "Its intervals are wide; `coronaryuq run laptop` takes 15 to 25 minutes and uses more samples.",
         file=sys.stderr,
     )

@@ -50,15 +50,15 @@ def flow_covariance(posterior: str, case: str, targets: str, summary: str, outpu
     """Draw simulated flows of each pair of outlets, and the ellipse of 95 % of the targets' noise (Fig. A.2)."""
     beds, _, flow = _read(posterior)
     names, mean, covariance = _names(case), *_targets(targets, summary)
-    n = len(beds)
+    n, side = len(beds), 0.85 * len(beds)
     shown = flow[:: max(1, len(flow) // 250)] / ML_PER_MIN
     mean, covariance = mean / ML_PER_MIN, covariance / ML_PER_MIN**2
-    with saved(output, nrows=n - 1, ncols=n - 1, figsize=(0.85 * n, 0.85 * n), squeeze=False) as (figure, axes):
+    with saved(output, nrows=n - 1, ncols=n - 1, figsize=(side, side), squeeze=False, layout=None) as (figure, axes):
         for row in range(1, n):
             for column in range(n - 1):
                 axis = axes[row - 1][column]
                 if column >= row:
-                    axis.set_axis_off()
+                    axis.remove()
                     continue
                 axis.plot(shown[:, column], shown[:, row], ".", ms=1.5, alpha=0.5, color=SIMULATED, rasterized=True)
                 pair = np.ix_([column, row], [column, row])
@@ -68,6 +68,9 @@ def flow_covariance(posterior: str, case: str, targets: str, summary: str, outpu
                     axis.set_xlabel(names[beds[column]], fontsize=6.5)
                 if column == 0:
                     axis.set_ylabel(names[beds[row]], fontsize=6.5)
+        # Margins in inches; a constrained layout would measure every tick label of all panels.
+        edge = 0.5 / side
+        figure.subplots_adjust(edge, edge, 1 - edge / 4, 1 - edge, wspace=0.35, hspace=0.3)
         figure.suptitle("Outlet flows (mL/min): simulated (dots), 95 % of the targets' noise (dashed)", fontsize=9)
 
 
