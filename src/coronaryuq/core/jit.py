@@ -6,14 +6,15 @@ a bare `import coronaryuq`.
 
 import os
 from functools import partial
+from typing import Any
 
 import numba
 
 from coronaryuq.core import numba_cache
 
-njit = partial(numba.njit, no_cfunc_wrapper=True)
+njit: Any = partial(numba.njit, no_cfunc_wrapper=True)
 """`numba.njit` without the entry for C callbacks, which nobody calls here and which takes long to compile."""
-njit_inner = partial(njit, no_cpython_wrapper=True)
+njit_inner: Any = partial(njit, no_cpython_wrapper=True)
 """`njit` for kernels that only other kernels call: without the entry for Python."""
 
 numba_cache.choose_folder()
