@@ -19,7 +19,7 @@ from coronaryuq.posterior.results import (
     ReferenceShares,
     Summary,
 )
-from coronaryuq.posterior.sampler.diagnostics import diagnose, pareto_smoothed
+from coronaryuq.posterior.sampler.diagnostics import diagnose, good_enough, pareto_smoothed
 from coronaryuq.posterior.settings import Settings
 
 if TYPE_CHECKING:
@@ -114,9 +114,9 @@ def summarise(
 
 
 def _independence(chains: Chains, limit: float) -> IndependenceUse:
-    k_hat = pareto_smoothed(chains.log_weight.reshape(-1))[0] if chains.independent else np.nan
+    k_hat, weights = pareto_smoothed(chains.log_weight.reshape(-1)) if chains.independent else (np.nan, np.ones(1))
     warning = chains.refused or None
-    if chains.independent and not k_hat < limit:
+    if chains.independent and not good_enough(k_hat, weights, limit):
         warning = (
             f"Pareto k of the ratios of 0D model to emulator is {k_hat:.2f}, should be below {limit}; "
             "compare with independence.use: false"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from coronaryuq.posterior.sampler.diagnostics import pareto_smoothed
+from coronaryuq.posterior.sampler.diagnostics import good_enough, pareto_smoothed
 from coronaryuq.posterior.sampler.independence import Independence, Walk, explore
 from coronaryuq.posterior.settings import DreamSettings, IndependenceSettings, Settings
 from support.known_targets import assert_moments, ess, exchange_asymmetry, gaussian, no_output, overdispersed
@@ -144,6 +144,15 @@ def test_pareto_weights_give_the_target_and_failures_none():
     assert k < 0.5 and weights.sum() == pytest.approx(1)
     assert np.all(weights[:400] == 0)
     assert abs(np.sum(weights * x**2) - 1) < 4.5 * np.sqrt(2 / 3600)
+
+
+def test_ratios_that_hardly_differ_are_good_enough_with_any_tail():
+    heavy = 2e-4 * 240 / (np.arange(240) + 0.5)
+    k, weights = pareto_smoothed(heavy)
+    assert k > 0.7 and good_enough(k, weights, 0.7)
+    k, weights = pareto_smoothed(200 * heavy)
+    assert k > 0.7 and not good_enough(k, weights, 0.7)
+    assert not good_enough(np.nan, weights, 0.7)
 
 
 def test_pareto_k_needs_enough_runs():

@@ -39,6 +39,16 @@ def pareto_smoothed(log_ratio: np.ndarray) -> tuple[float, np.ndarray]:
     return float(k_hat), weight / weight.sum()
 
 
+def good_enough(k_hat: float, weights: np.ndarray, limit: float) -> bool:
+    """Return whether draws with these Pareto k and smoothed weights (n,) stand for the target.
+
+    Their effective share 1 / (n sum w^2) must be above a fifth: few runs can miss a heavy tail. Above 0.99 the ratios
+    hardly differ, and the shape of their tail does not matter.
+    """
+    share = 1.0 / (len(weights) * np.sum(weights**2))
+    return bool(np.isfinite(k_hat) and share > 0.2 and (k_hat < limit or share > 0.99))
+
+
 def diagnose(draws: np.ndarray, names: list[str], rhat_limit: float, ess_limit: float) -> Diagnosis:
     """Return a verdict on `draws` (chains, n, N) of parameters `names` (Vehtari et al. 2021)."""
     rhat, bulk, tail = split_rhat(draws), effective_size(draws, "bulk"), effective_size(draws, "tail")

@@ -7,7 +7,7 @@ import numpy as np
 
 from coronaryuq.core.seeds import generator
 from coronaryuq.posterior.model.flow_model import Posterior
-from coronaryuq.posterior.sampler.diagnostics import effective_size, pareto_smoothed, split_rhat
+from coronaryuq.posterior.sampler.diagnostics import effective_size, good_enough, pareto_smoothed, split_rhat
 from coronaryuq.posterior.sampler.dream import Dream, Map, State, Target
 from coronaryuq.posterior.settings import DreamSettings, Settings
 
@@ -23,9 +23,6 @@ EXPLORED = 1.05
 LENGTHS = (1, 4, 16)
 """Lengths of the chains on the emulator that are tried, over `dream.generations` or `LEAST`."""
 LEAST = 200
-
-WORTH = 0.2
-"""Least effective share of n pilot runs with weights w, 1 / (n sum w^2): k alone can miss a very poor emulator."""
 
 KEPT = 100
 """States of each chain on the emulator that serve as partners."""
@@ -134,12 +131,8 @@ def try_emulator(posterior: Posterior, screen: Callable, start: np.ndarray, sett
     points = walk.partners[random.choice(len(walk.partners), size=count, replace=False)]
     log_density, flows = posterior(points)
     k_hat, weights = pareto_smoothed(log_density - screen(points))
-    share = 1.0 / (count * np.sum(weights**2))
-    if not (k_hat < limit and share > WORTH):
-        refused = (
-            f"{count} runs at draws of the emulator have Pareto k {k_hat:.2f}, should be below {limit}, "
-            f"and an effective share of {share:.2f}, should be above {WORTH}"
-        )
+    if not good_enough(k_hat, weights, limit):
+        refused = f"{count} runs at draws of the emulator have Pareto k {k_hat:.2f}, should be below {limit}"
         return Pilot(walk, count, k_hat, refused, None)
     chosen = random.choice(count, size=chains, p=weights)
     return Pilot(walk, count, k_hat, "", (points[chosen], log_density[chosen], flows[chosen]))
