@@ -14,7 +14,7 @@ STUDY_RUNS = 8
 """Samples at most that the mesh study runs on every level: as many as the ensemble solver advances together, which
 costs as much as one."""
 STUDY_COST = {"mesh_study/coarse": 0.5, "mesh_study/fine": 2.1, LONG_STEP: 0.5}
-"""CPU time of a run of the mesh study over that of a 3D run of the campaign, as measured on the bundled patient."""
+"""Cost of a run of the mesh study over that of the campaign, as nodes of the bundled patient's mesh times steps."""
 STUDIES = (tuple(STUDY_COST), ("mesh_study/coarse", LONG_STEP), ("mesh_study/coarse",), ())
 """Levels of the mesh study, from the most accurate study to none."""
 RESOLUTIONS = {"throat_resolution": 2.0, "resolution": 1.5, "jet_resolution": 1.5, "core_resolution": 1.5}
