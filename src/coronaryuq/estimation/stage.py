@@ -9,17 +9,20 @@ from coronaryuq.core.io.typed import plain
 from coronaryuq.core.provenance import stamp
 from coronaryuq.estimation.analysis import estimate_rows, tables
 from coronaryuq.estimation.analysis.convergence import subsamples
+from coronaryuq.estimation.analysis.numerical_budget import corrected, with_numerical_error
 from coronaryuq.estimation.estimators.level_allocation import Costs, worth
 from coronaryuq.estimation.results import CoarseLevel, Estimates, RowReport
 from coronaryuq.estimation.runs.gather import coarse_cost, measured_cost_ratio
 from coronaryuq.estimation.settings import Settings
 from coronaryuq.estimation.surrogates.networks_file import read_networks, read_resampled
 from coronaryuq.estimation.training import read_chosen
+from coronaryuq.flow3d.mesh_study import read_discretization
 
 
 def estimate(
     runs_folder: str | Path, networks_npz: str | Path | None, zerod_tables: list[str | Path], settings: Settings,
     seed: int, estimates_json: str | Path, table_csv: str | Path, rows_csv: str | Path | None = None,
+    mesh_study: str | Path | None = None,
 ) -> None:  # fmt: skip
     """Estimate every row; write `estimates.json` and the table.
 
@@ -33,6 +36,8 @@ def estimate(
         0D outputs at the resampled inputs (Parquet or CSV), in any order.
     estimates_json, table_csv
         Files to write.
+    mesh_study
+        `mesh_study.json`: numerical error of the 3D runs, by which outputs are corrected and intervals widened.
 
     Raises
     ------
@@ -42,7 +47,9 @@ def estimate(
     runs, rows = read_chosen(runs_folder, rows_csv, settings)
     networks = read_networks(networks_npz) if networks_npz else None
     outputs = read_resampled(zerod_tables) if networks else None
-    results = estimate_rows.analyse(runs, rows, settings, seed, networks, outputs)
+    errors = read_discretization(mesh_study) if mesh_study else {}
+    results = estimate_rows.analyse(corrected(runs, errors), rows, settings, seed, networks, outputs)
+    results = [with_numerical_error(row, errors) for row in results]
     coarse = _coarse_level(Path(runs_folder) / "failures.json", results, settings)
     estimates = Estimates(results, coarse, settings.model_dump(mode="json"), stamp(seed=seed))
     write_json(estimates_json, plain(estimates))

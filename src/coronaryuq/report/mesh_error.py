@@ -1,4 +1,4 @@
-"""Numerical error of the 3D quantities, which the statistical intervals do not include, in words for the report."""
+"""Numerical error of the 3D quantities, in words for the report."""
 
 from pathlib import Path
 
@@ -63,8 +63,8 @@ class MeshError:
         sizes = ", ".join(str(nodes) for nodes in self.study["nodes"]) if self.study else ""
         return (
             f"Numerical errors of the mean come from {samples} or more of the samples (meshes of {sizes} nodes): ± is "
-            "half of a 95 % interval; a signed number before it is a correction to an order of convergence that was "
-            "seen, which the means do not contain. "
+            "half of a 95 % interval, which the intervals of the estimates include; a signed number before it is a "
+            "correction to an order of convergence that was seen, which the means include. "
         )
 
     def _reliability(self) -> str:
