@@ -104,10 +104,10 @@ rule zerod_resampled:
 rule estimation:
     """Estimate every row with every estimator."""
     input:
+        **({"mesh_study": rules.mesh_study.output.out_json} if campaign.flow3d.mesh_study else {}),
         runs=RUNS,
         networks_npz=rules.estimation_train.output.networks_npz,
         zerod_tables=expand(rules.zerod_resampled.output.runs_parquet, k=targets.shares),
-        **({"mesh_study": rules.mesh_study.output.out_json} if campaign.flow3d.mesh_study else {}),
     output:
         estimates_json=results("estimation", "estimates.json"),
         table_csv=results("estimation", "table.csv"),
