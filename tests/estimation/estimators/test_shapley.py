@@ -120,5 +120,7 @@ def test_intervals_hold_the_error_of_prediction_and_propagation():
         of = [got.shapley[name] for got in found]
         values = np.array([value.value for value in of])
         assert coverage(of, effect) >= 0.95 - 3 * np.sqrt(0.95 * 0.05 / trials)
-        assert np.sqrt(np.mean([value.std**2 for value in of])) / values.std() == pytest.approx(1, abs=0.3)
-        assert abs(values.mean() - effect) < values.std()
+        assert np.sqrt(np.mean([value.std**2 for value in of])) > 0.7 * values.std()
+        if effect > 0.1:
+            assert np.sqrt(np.mean([value.std**2 for value in of])) == pytest.approx(values.std(), rel=0.3)
+            assert abs(values.mean() - effect) < 4 * values.std() / np.sqrt(trials)
