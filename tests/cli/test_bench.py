@@ -63,7 +63,7 @@ def test_help_is_complete_for_every_command(command, capsys):
         ),
         (
             ["flow3d", "--data", "nowhere"],
-            "error: nowhere: expected at least two folders with mesh.json and batch*.jsonl\n",
+            "error: nowhere: expected two or three folders with mesh.json and batch*.jsonl\n",
         ),
         (
             ["coverage", "--rows", "table1.csv"],
