@@ -178,7 +178,7 @@ def test_too_few_runs_are_one_line(given):
     few = {name: given[name][:10] for name in ("theta", "y", "q")}
     with pytest.raises(InputError, match="estimate: y = 10: rows; at least 20 are needed"):
         estimate(**given | few)
-    with pytest.raises(InputError, match="theta_more = 0: rows beside 600 whose q_more is not finite; at least 20 are"):
+    with pytest.raises(InputError, match="theta_more = 0: rows in addition to 600 whose q_more is not finite"):
         estimate(**given | {"q_more": np.full((600, 2), np.nan)})
 
 

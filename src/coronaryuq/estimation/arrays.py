@@ -161,7 +161,7 @@ def estimate(
     for name, number, least in (("y", len(runs), settings.min_3d), ("theta_more", len(runs.theta_more), 2 * folds)):
         if number < least:
             failed = 0 if runs.theta_more_failed is None or name == "y" else len(runs.theta_more_failed)
-            without = f" beside {failed} whose q_more is not finite" if failed else ""
+            without = f" in addition to {failed} whose q_more is not finite" if failed else ""
             raise InputError("estimate", name, number, f"rows{without}; at least {least} are needed")
     rows = _pairs(list(runs.y), runs.q)
     design = make_design(runs, rows, folds, seed, families=EVERY)

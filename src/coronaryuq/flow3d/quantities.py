@@ -53,7 +53,7 @@ class WallRegion:
         return cls(rows, area[rows], local, size, _patches(points[triangles], local, size, len(rows)))
 
     def share_below(self, values: np.ndarray, threshold: float) -> np.ndarray:
-        """Return the share of the area where values (k, samples), linear on triangles, are below a threshold."""
+        """Return the fraction of the area where values (k, samples), linear on triangles, are below a threshold."""
         a, b, c = np.sort(values[self.triangles], axis=1).transpose(1, 0, 2)
         with np.errstate(invalid="ignore", divide="ignore"):
             lower = (threshold - a) ** 2 / ((b - a) * (c - a))
@@ -143,7 +143,7 @@ def stenosis_quantities(
 def area_quantile(values: np.ndarray, area: np.ndarray, share: float) -> np.ndarray:
     """Return the value below which `share` of the area lies: values (k, samples), area (k,) → (samples,).
 
-    Linear between the midpoints of the nodes' shares of the cumulative area.
+    Linear between the midpoints of the nodes' fractions of the cumulative area.
     """
     out = np.empty(values.shape[1])
     for s in range(values.shape[1]):

@@ -1,1 +1,1 @@
-"""Stage two: the posterior of the outlet resistances."""
+"""The posterior of the outlet resistances."""

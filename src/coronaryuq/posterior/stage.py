@@ -100,7 +100,7 @@ def run_chains(
 ) -> None:  # fmt: skip
     """`sample` for any model of flows.
 
-    weights (N,): shares of conductance at r-hat. key: identifies all inputs; a checkpoint of another key is not
+    weights (N,): fractions of conductance at r-hat. key: identifies all inputs; a checkpoint of another key is not
     continued.
     """
     ranks = Ranks() if ranks is None else ranks

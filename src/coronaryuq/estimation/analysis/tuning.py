@@ -20,7 +20,7 @@ from coronaryuq.estimation.surrogates.emulator import Emulator
 def held_out_loss(runs: Runs, rows: list[Row], settings: Settings, seed: int) -> float:
     """Return the mean over rows of 1 − ρ², ρ pooled over folds between 3D output and the fold's control variate.
 
-    That is the share of plain Monte Carlo's variance that no number of 0D runs removes. The 0D model at resampled
+    That is the fraction of plain Monte Carlo's variance that no number of 0D runs removes. The 0D model at resampled
     inputs is an emulator of all pilot 0D runs, which hold no information on a 3D output.
     """
     networks = training.train(runs, rows, settings, seed)

@@ -254,7 +254,7 @@ def combine(method: str, fit: CrossFit, n_0d: int, options: Options = PLAIN) -> 
 
 
 def propagation_variance(blocks: Sequence[Propagated], share: np.ndarray) -> float:
-    """Return the variance of the blocks' means, weighted by the share (k,) of each, with what dependence adds."""
+    """Return the variance of the blocks' means, weighted by the fraction (k,) of each, with what dependence adds."""
     alone = float(sum(s**2 * b.variance for s, b in zip(share, blocks, strict=True)))
     along = [_contributions(b, s) for b, s in zip(blocks, share, strict=True)]
     return max(alone, dependence.variance(along)[0])

@@ -34,7 +34,7 @@ from coronaryuq.estimation.surrogates import selector
 from coronaryuq.estimation.surrogates.control_variates import Fitted, Seen
 
 LEAST = 0.5
-"""Smallest share of the coarse runs that must have succeeded: below it the level is mostly emulation."""
+"""Smallest fraction of the coarse runs that must have succeeded: below it the level is mostly emulation."""
 Choose = Callable[[Seen, np.ndarray], Fitted]
 
 

@@ -22,7 +22,7 @@ TAIL_RUNS = 10
 # Expected runs on another side of a threshold than predicted from which they correct the predictions: there
 # sqrt(D) / n, what the correction costs, is as large as the bound of what it corrects, some D / (0.56 n).
 DISAGREEMENTS, PRIOR = 1 / 3, 5
-# Propagation samples per fold at which the predictive variance is computed, and the share of them near a threshold.
+# Propagation samples per fold at which the predictive variance is computed, and the fraction of them near a threshold.
 SAMPLES, NEAR = 200, 0.05
 # A distribution function is inverted at so many places, in rounds around the result of the round before, until the
 # interval is so many times as wide as the distance between two places.

@@ -11,9 +11,9 @@ DIRECTION_RUNS, DIRECTION_SHARE = 80, 1e-4
 # With fewer runs two processes differ so often that the reported standard error was 1.4 times the empirical one (three
 # levels, 25 runs).
 LOGARITHM_RUNS = 40
-# Residual share of the variance that is good enough: less would not change any interval.
+# Residual fraction of the variance that is good enough: less would not change any interval.
 GOOD_ENOUGH = 1e-9
-# A more complicated method must leave less than this share of a simpler one's mean square to be chosen.
+# A more complicated method must leave less than this fraction of a simpler one's mean square to be chosen.
 BETTER = 0.98
 
 

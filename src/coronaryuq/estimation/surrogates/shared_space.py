@@ -42,7 +42,7 @@ def to_uniform_kernel(z: torch.Tensor, at: torch.Tensor) -> torch.Tensor:
 
 
 def count(z: torch.Tensor, at: torch.Tensor) -> torch.Tensor:
-    """Evaluate the paper's empirical distribution function: the share of knots at or below z, without gradient."""
+    """Evaluate the paper's empirical distribution function: the fraction of knots at or below z, without gradient."""
     return torch.searchsorted(at.detach().contiguous(), z[:, 0].detach().contiguous(), right=True).to(z.dtype) / KNOTS
 
 

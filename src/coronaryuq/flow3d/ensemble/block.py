@@ -39,7 +39,7 @@ class Outcome:
         Cycles, steps, change (of the last cycle, see `Settings.tolerance`), converged, quantities of the earlier
         cycles, CFL, mass balance, backflow.
     cpu_s, wall_s
-        Its share of the block's time, s.
+        Its fraction of the block's time, s.
     retry
         Whether a failed sample may succeed with smaller steps.
     earlier_failures

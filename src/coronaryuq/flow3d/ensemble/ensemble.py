@@ -50,7 +50,7 @@ class Ensemble:
         fields
             (samples,) whether a sample's fields are wanted.
         report
-            Called with the block and the share of its cycle done, every few steps.
+            Called with the block and the fraction of its cycle done, every few steps.
         waveforms
             Unknowns of the full network, such as `pressure:A:B`, whose last cycle is wanted.
         start

@@ -66,7 +66,7 @@ def design(
 ) -> np.ndarray:  # fmt: skip
     """Return design points y (count, d) in the box: Gaussian, `width` times as wide as the linearised posterior.
 
-    Linearised: f_i proportional to g_i, its share of conductance, about the fit's `multipliers` and `flows` (N,).
+    Linearised: f_i proportional to g_i, its fraction of conductance, about the fit's `multipliers` and `flows` (N,).
     """
     centre = space.coordinates(multipliers[None])[0]
     with threadpool_limits(1):

@@ -19,7 +19,7 @@ def given_total(covariance: np.ndarray) -> np.ndarray:
 def check(flows: np.ndarray, likelihood: Likelihood, names: list[str], random: np.random.Generator) -> Predictive:
     """Compare draws of `flows` (n, N), mL/s, with the targets of the likelihood.
 
-    coverage_95: share of targets within the central 95 % of simulated flows plus measurement noise (a target lies
+    coverage_95: fraction of targets within the central 95 % of simulated flows plus measurement noise (a target lies
     there with probability 0.95 or more if the model holds). mahalanobis: of the mean simulated flow from the
     targets under the targets' covariance. p_value: probability that new data lie further from the simulated flows than
     the targets do. sd_ratio, correlation_rms: simulated covariance against the targets' given their total.

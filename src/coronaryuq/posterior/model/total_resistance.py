@@ -42,7 +42,7 @@ class Conditioned:
         self.basis = _complement(self.weights)
 
     def multipliers(self, y: np.ndarray) -> np.ndarray:
-        """Return multipliers (n, N) of r-hat; nan where a share of conductance would not be positive."""
+        """Return multipliers (n, N) of r-hat; nan where a fraction of conductance would not be positive."""
         with np.errstate(divide="ignore", invalid="ignore"):
             relative = 1.0 + _rows_times(y, self.basis.T)
             return np.where(relative > 0, 1.0 / relative, np.nan)
