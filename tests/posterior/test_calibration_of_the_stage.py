@@ -60,7 +60,7 @@ SHORT = Settings(
 @pytest.mark.slow
 def test_simulation_based_calibration(tmp_path, capsys):
     """Truth from the prior, data from the model and its noise: ranks are uniform (Talts et al. 2018; Modrak 2023)."""
-    p = uniformity(ranks_of_truth(200, SHORT, tmp_path), 12)
+    p = uniformity(ranks_of_truth(80, SHORT, tmp_path), 12)
     assert np.all(p > 1e-3 / len(p)), p
 
 

@@ -44,6 +44,7 @@ def slurm(tmp_path_factory):
         yield running
 
 
+@pytest.mark.long
 def test_jobs_on_slurm_give_the_same_bits_as_jobs_here(slurm, tmp_path):
     results = []
     for name, arguments in (("here", []), ("slurm", ON_SLURM)):
