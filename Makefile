@@ -1,9 +1,10 @@
 # make run       create the environment, run the laptop campaign (CONFIG=smoke: another), say where the report is
 # make test      create the environment, then run all tests
-# make check     lint, and the fast tests (about two minutes)
+# make check     style, types and import contracts, and the fast tests (two minutes)
 # make coverage  all tests, and the share of lines and branches that they run
 # make env       create the environment in .venv/
-# make lint      check style, formatting, types, import contracts, and the workflow
+# make style     check formatting, types and import contracts
+# make lint      style, the workflow, and the documentation
 # make docs      build the documentation in site/; a broken link is an error
 # make dry-run   show what every shipped configuration would run
 # make lock      pin the dependencies of pyproject.toml at the versions of the environment
@@ -17,7 +18,7 @@ READY := $(VENV)/.ready
 PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
   command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && { echo $$p; break; }; done)
 
-.PHONY: run test check coverage env lock lint docs dry-run help
+.PHONY: run test check coverage env lock style lint docs dry-run help
 .DEFAULT_GOAL := run
 
 help:
@@ -29,14 +30,16 @@ run: env
 test: env
 	@$(BIN)/python -m pytest -m "not long" -n 2 --dist loadfile
 
-check: lint
+check: style
 	@$(BIN)/python -m pytest -m "not (long or slow or workflow)" -n 2 --dist loadfile -q
 
 coverage: env
 	@$(BIN)/python -m pytest -m "not long" -n 2 --dist loadfile --cov --cov-report=term:skip-covered
 
-lint: env
+style: env
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/snakefmt --check workflow && $(BIN)/lint-imports && $(BIN)/mypy
+
+lint: style
 	@$(BIN)/snakemake --lint --configfile config/smoke.yaml
 	@$(MAKE) --no-print-directory docs
 

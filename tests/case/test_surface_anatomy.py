@@ -145,6 +145,7 @@ def test_no_narrowing_is_found_in_vessels_that_only_taper_or_divide():
     assert narrowest_stenoses(relabelled, 0.95) == []
 
 
+@pytest.mark.slow
 def test_open_ends_are_closed_and_a_three_point_hole_is_only_noted(small_tree, tmp_path):
     points, triangles = tube_surface(random_tree(1, 4), 0.05)
     whole = surface_of(points, triangles)
@@ -162,6 +163,7 @@ def test_open_ends_are_closed_and_a_three_point_hole_is_only_noted(small_tree, t
         assert a.radius == pytest.approx(b.radius, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_faulty_surface_is_mended_and_the_mending_noted(tmp_path):
     points, triangles = tube_surface(random_tree(1, 4), 0.06)
     whole = surface_of(points, triangles)

@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import coronaryuq
 from coronaryuq.core.numba_cache import VARIABLE, choose_folder
 
@@ -47,12 +49,14 @@ def test_importing_the_package_alone_makes_no_folder(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_kernels_are_compiled_into_the_folder_even_if_numba_was_imported_first(tmp_path):
     code = "import numba; from coronaryuq.zerod.solver import kernels; print(numba.config.CACHE_DIR)"
     folder = run(code, tmp_path)
     assert folder.startswith(f"{tmp_path}/coronaryuq/kernels-") and Path(folder).is_dir()
 
 
+@pytest.mark.slow
 def test_modules_with_kernels_import_numba_from_core_jit():
     """Importing numba.extending or numba.types directly is fine: they cache nothing."""
     root = Path(coronaryuq.__file__).parent

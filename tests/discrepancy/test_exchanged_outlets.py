@@ -1,6 +1,7 @@
 """Outlets exchanged in the model: seen, said, and not named as an effect."""
 
 import numpy as np
+import pytest
 
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.bench.discrepancy.trial import analyse
@@ -18,6 +19,7 @@ def exchanged(network, condition):
     return network
 
 
+@pytest.mark.slow
 def test_two_exchanged_outlets_are_reported_as_a_wiring_error(tmp_path):
     make_case.hide(open_loop(), assume(), np.zeros(0), make_case.Noise(), 11, tmp_path, exchanged)
     found = analyse(tmp_path)

@@ -46,6 +46,7 @@ def test_a_stenosis_case_is_named_located_and_repaired(stenosis_case, tmp_path, 
     assert dict(tree) == {named["place"]: f"{named['effect']} at {named['place']}"}
 
 
+@pytest.mark.slow
 def test_no_hidden_effect_leaves_nothing_to_explain(tmp_path, capsys):
     hide(Case((), "none", "nominal", 6), open_loop(), tmp_path)
     command.main(case_arguments(tmp_path, tmp_path / "out"))
@@ -56,6 +57,7 @@ def test_no_hidden_effect_leaves_nothing_to_explain(tmp_path, capsys):
     assert "nothing to explain" in answer["paragraph"]
 
 
+@pytest.mark.slow
 def test_overstated_standard_deviations_raise_a_warning(stenosis_case, tmp_path, capsys):
     """They may be in another unit than the values, and would hide the stenosis."""
     for name in ("model.json", "conditions.yaml"):

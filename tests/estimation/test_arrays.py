@@ -110,6 +110,7 @@ def test_inputs_that_are_not_positive_are_seen_as_they_are():
     np.testing.assert_allclose(runs.from_coordinates(seen), theta)
 
 
+@pytest.mark.slow
 def test_failed_propagation_runs_are_counted_and_left_out(given):
     lost = given["q_more"].copy()
     lost[np.argsort(given["theta_more"][:, 0])[-30:]] = np.nan

@@ -97,6 +97,7 @@ def test_an_allocation_over_all_subsets_uses_the_budget_and_beats_fewer_subsets(
     assert {"fine", "zerod", "samples"} <= set(table.columns) <= {*MODELS, "samples"} and (table["samples"] > 0).all()
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 10_000), st.floats(0.005, 0.5), st.floats(1e-4, 0.05))
 def test_no_random_allocation_of_the_budget_beats_the_best_one(seed, coarse, cheap):

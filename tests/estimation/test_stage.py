@@ -30,6 +30,7 @@ def campaign(folder, seed=3, settings=SETTINGS):
     return read_estimates(folder / "estimates.json")
 
 
+@pytest.mark.slow
 def test_two_phases_give_every_estimator_and_the_intervals_hold_the_truth(folder):
     (row,) = campaign(folder).rows
     assert list(row.estimators) == ["MC", "MFMC", "MFMC-AE", "crossfit-GP"]
@@ -50,6 +51,7 @@ def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(folder):
     assert campaign(folder, seed=4).rows != first[0].rows
 
 
+@pytest.mark.slow
 def test_any_number_of_threads_gives_the_same_networks(folder):
     import torch
 
@@ -65,6 +67,7 @@ def test_any_number_of_threads_gives_the_same_networks(folder):
     assert written[0] == written[1]
 
 
+@pytest.mark.slow
 def test_without_the_autoencoder_there_is_nothing_to_resample(folder):
     (row,) = campaign(folder, settings=Settings(autoencoder=False)).rows
     assert list(row.estimators) == ["MC", "MFMC", "crossfit-GP"]

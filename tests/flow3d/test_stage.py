@@ -114,6 +114,7 @@ def test_every_sample_has_a_record_with_all_outputs(rows):
         assert row.diagnostics["mass_balance"] < 1e-6
 
 
+@pytest.mark.slow
 def test_a_record_keeps_the_quantities_of_the_cycles_before_the_last(campaign, rows):
     (short,) = run(campaign, 0, 1, SETTINGS.model_copy(update={"max_cycles": 2}))
     earlier = rows[0].diagnostics["earlier_cycles"]
@@ -129,6 +130,7 @@ def test_more_resistance_means_less_flow_and_more_pressure_behind_the_stenosis(r
     assert shear[0] > shear[1] > shear[2] > 0
 
 
+@pytest.mark.slow
 def test_numbers_do_not_depend_on_the_batch_in_a_closed_loop(campaign, rows):
     (alone,) = run(campaign, 2, 1)
     assert alone.outputs == rows[2].outputs

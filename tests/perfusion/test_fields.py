@@ -15,6 +15,7 @@ def _values(nodes, cell, weights):
     return out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [0.7, 1.5])
 def test_fields_have_unit_variance_and_the_stated_correlation(length):
     draws, random = 12_000, np.random.default_rng(3)

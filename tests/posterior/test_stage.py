@@ -98,6 +98,7 @@ def test_from_files_to_files(campaign, tmp_path):
     assert summary.fit.largest_fraction_error < 1e-3 and not summary.fit.outside_prior
 
 
+@pytest.mark.slow
 def test_fitted_network_meets_the_target_fractions(campaign, tmp_path, tree):
     """The file that the stage writes, run anew, has the table's fractions, and these are the targets'."""
     chains = sampled(campaign, tmp_path)
@@ -121,6 +122,7 @@ def test_fitted_network_meets_the_target_fractions(campaign, tmp_path, tree):
     assert np.allclose(draws[list(table["bc"])].mean(), table["posterior_multiplier"])
 
 
+@pytest.mark.slow
 def test_samples_extend_without_changing(campaign, tmp_path):
     chains = sampled(campaign, tmp_path)
     stage.gather(*campaign, chains, SMALL, 3, outputs(tmp_path))
@@ -203,6 +205,7 @@ def test_resume_from_every_checkpoint_and_with_torn_chain_files(campaign, tmp_pa
         assert sum(evaluated) < arrays(whole)["runs"]
 
 
+@pytest.mark.slow
 def test_checkpoint_of_other_inputs_is_not_continued(campaign, tmp_path):
     first = sampled(campaign, tmp_path, seed=1)
     one = arrays(first)
@@ -238,6 +241,7 @@ class Stepped(ResistorTree):
         return super().flows(multipliers) * np.exp(0.1 * np.sign(np.sin(40 * multipliers)))
 
 
+@pytest.mark.slow
 def test_a_poor_emulator_leaves_the_chains_to_dream(tree, tmp_path, capsys):
     """Pilot runs find it out; the chains are, to the bit, those that never tried."""
     stepped = Stepped(tree.pressure, tree.shared, tree.epicardial, tree.beds)
@@ -259,6 +263,7 @@ def test_a_poor_emulator_leaves_the_chains_to_dream(tree, tmp_path, capsys):
     assert summary.model_runs == Chains.read(tmp_path / "never.npz").runs + 240
 
 
+@pytest.mark.slow
 def test_papers_rescaling_is_offered(campaign, tmp_path):
     settings = SMALL.model_copy(update={"constraint": "rescaled"})
     chains = arrays(sampled(campaign, tmp_path, settings))
@@ -284,6 +289,7 @@ def test_singular_covariance_is_refused(campaign, tmp_path):
         sampled(campaign, tmp_path)
 
 
+@pytest.mark.slow
 def test_unreachable_targets_are_reported(campaign, tmp_path, capsys, tree):
     targets = read_json(campaign[2])
     targets["mean"][0] *= 6

@@ -28,6 +28,7 @@ def test_flows_that_no_positive_map_has_are_rejected(cells):
         perfusion_map(centres, masses, outlets, np.array([40.0, 1e-3, 48.0]), np.ones(len(centres)))
 
 
+@pytest.mark.slow
 def test_texture_has_the_stated_mean_and_deviation_and_follows_position_only(cells):
     centres = cells[0]
     fields = np.array([texture(centres, 0.2, 0.5, seed) for seed in range(200)])

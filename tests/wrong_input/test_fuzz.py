@@ -69,6 +69,7 @@ def read_or_one_line(read, path):
         assert "\n" not in str(error) and str(path.parent) in str(error)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "read"), TEXTS, ids=[f"{n}-{r.__name__}" for n, r in TEXTS])
 @FUZZ
 @given(edits=edits)
@@ -147,6 +148,7 @@ print("through")
 """
 
 
+@pytest.mark.slow
 def test_meshes_and_images_with_altered_headers_are_read_or_reported(corrupted):
     """In a process of its own, because the readers are native code that could crash."""
     write_image(corrupted / "plain.nii")

@@ -41,6 +41,7 @@ def test_rows_do_not_depend_on_chunks_or_batches(inputs):
     assert np.array_equal(whole["ffr_lad"], ratio) and ratio.between(0.2, 1.0).all()
 
 
+@pytest.mark.slow
 def test_a_failed_sample_has_a_row_without_values(inputs):
     rows = _chunk(inputs, 0, 2, periodic=True, cycles=60, tolerance=1e-15)
     assert list(rows["status"]) == ["failed", "failed"]

@@ -43,6 +43,7 @@ def test_finished_cases_are_not_searched_again(tmp_path, tried):
     assert len(tried) == 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", ["", "time,flow\n0,1\n", '{"made_by": "x"}\n[1]\n', '{"cases": []}\n', "\xff\n"])
 def test_an_unrelated_file_is_rejected_and_kept(tmp_path, text):
     other = tmp_path / "other"
@@ -52,6 +53,7 @@ def test_an_unrelated_file_is_rejected_and_kept(tmp_path, text):
     assert other.read_bytes() == text.encode("latin-1")
 
 
+@pytest.mark.slow
 def test_cases_of_other_code_or_another_network_are_discarded(tmp_path, tried):
     kept = tmp_path / "finished.jsonl"
     run(quick=True, effects=("none",), resume=kept)

@@ -29,6 +29,7 @@ def test_the_stated_means_of_the_pairs_are_right(name):
     assert y.mean() == pytest.approx(pair.mean, abs=4.5 * y.std() / np.sqrt(len(y)))
 
 
+@pytest.mark.slow
 def test_references_beyond_the_mean_agree_with_closed_forms():
     """Y = θ_0² √θ_1 + 0.3 θ_2: products of moments; bounds: four errors of two million samples."""
     got = truths(PAIRS["smooth"])
@@ -41,6 +42,7 @@ def test_references_beyond_the_mean_agree_with_closed_forms():
         assert got[f"sobol theta_{j}"] == pytest.approx(part / total, abs=0.002)
 
 
+@pytest.mark.slow
 def test_networks_of_trials_trained_together_give_each_trial_its_own_estimate():
     settings = Settings(steps=(100, 60), restarts=1)
     trials = list(coverage_autoencoder.estimates(from_pair(PAIRS["smooth"]), 100, range(3), 3, settings))

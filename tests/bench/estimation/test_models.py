@@ -14,6 +14,7 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.estimation.estimators.formulas import correlation
 
 
+@pytest.mark.slow
 def test_all_methods_are_run_on_the_same_trials():
     cells = {
         cell["method"]: cell for cell in cells_of(from_pair(PAIRS["smooth"]), 50, 4, models._pyapprox() is not None)

@@ -82,6 +82,7 @@ def test_a_command_reports_a_full_disk_on_one_line(disk, capsys, monkeypatch):
     assert capsys.readouterr().err == f"error: {folder / 't.csv'}: {NO_ROOM}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["t.vtu", "t.vtp"])
 def test_a_job_reports_a_full_disk_on_one_line_also_for_meshes(disk, tmp_path, name):
     """In a process of its own: VTK's writers bring it down on a full disk."""

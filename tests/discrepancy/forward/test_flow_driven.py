@@ -92,6 +92,7 @@ def less(network):
     inflow["Q"] = [0.8 * value for value in inflow["Q"]]
 
 
+@pytest.mark.slow
 def test_a_large_compliance_error_is_named(tmp_path):
     found = searched(tmp_path, softer)
     assert [(one.name, place) for one, place in found.hypothesis] == [("epicardial_compliance", "descending")]

@@ -1,6 +1,7 @@
 """The p-value of held-out data under a fit to the others: its level, and what it detects."""
 
 import numpy as np
+import pytest
 
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.inference.cross_validation import Linear, predictive_p
@@ -22,6 +23,7 @@ def p_value(random, missing=0.0, folds=FOLDS):
     return predictive_p(PROBLEM, Linear(np.zeros(PARAMETERS), y, jacobian), folds)
 
 
+@pytest.mark.slow
 def test_correct_predictions_are_doubted_no_more_often_than_the_level():
     """In 3000 trials the p-value falls below 0.05 in no more than that share, four standard errors allowed."""
     trials, level, random = 3000, 0.05, generator(11, "test", "foretold")
@@ -31,6 +33,7 @@ def test_correct_predictions_are_doubted_no_more_often_than_the_level():
     assert 0.3 * level < share < level + 4.0 * error
 
 
+@pytest.mark.slow
 def test_several_folds_keep_the_level():
     """Either half kept out in turn: twice as many tests, the same level."""
     trials, level, random = 1000, 0.05, generator(12, "test", "foretold")

@@ -54,6 +54,7 @@ def correlated_noise(random, time, correlation_time):
     return np.linalg.cholesky(correlation(time, correlation_time)) @ random.standard_normal(time.size)
 
 
+@pytest.mark.slow
 def test_white_noise_has_the_stated_scatter():
     """400 trials: the mean share and the chances that are given, within four standard errors."""
     random, trials = np.random.default_rng(1), 400
@@ -65,6 +66,7 @@ def test_white_noise_has_the_stated_scatter():
     assert not any(estimated_noise(*case(random.standard_normal((SERIES, SAMPLES)))) for _ in range(20))
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(-50.0, 50.0), min_size=2 * HARMONICS + 1, max_size=2 * HARMONICS + 1), st.integers(0, 99))
 def test_missing_first_harmonics_are_not_noise(weights, seed):
     noise = np.random.default_rng(seed).standard_normal((SERIES, SAMPLES))

@@ -1,6 +1,7 @@
 """Outliers are found where they are put, and nowhere else."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -32,6 +33,7 @@ def noise(seed):
     return np.random.default_rng(seed).standard_normal(ROWS)
 
 
+@pytest.mark.slow
 def test_noise_and_smooth_residuals_have_no_outliers():
     """20,000 waveforms: one sample in 5e8 is expected."""
     phase = np.concatenate([one.time / PERIOD for one in MEASURED] + [np.zeros(1)])

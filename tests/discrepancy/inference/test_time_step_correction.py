@@ -47,6 +47,7 @@ def with_store(folder):
     return replace(coarse, forward=replace(coarse.forward, measured=measured)), truth[-1]
 
 
+@pytest.mark.slow
 def test_a_size_biased_by_coarse_steps_is_right_after_the_correction(folder):
     """To within what may be missed; the data have no noise, so that nothing else keeps a fit from them."""
     coarse, size = with_store(folder)
@@ -65,6 +66,7 @@ def test_an_error_within_the_allowances_is_not_corrected(folder):
     assert same is fine and kept is fit
 
 
+@pytest.mark.slow
 def test_several_fits_are_corrected_as_each_is_alone(folder):
     coarse, _ = with_store(folder)
     fits = [(acting, coarse.calibrate(acting)) for acting in (STORE, assume(), assume(("inertance", "lad")))]
@@ -74,6 +76,7 @@ def test_several_fits_are_corrected_as_each_is_alone(folder):
     assert coarse.corrected_each([]) == []
 
 
+@pytest.mark.slow
 def test_runs_with_shorter_steps_change_no_digit_of_later_runs():
     """A closed loop starts where it settled before: what is met while looking must not serve."""
     looked, other = with_time_steps(fresh()), with_time_steps(fresh())

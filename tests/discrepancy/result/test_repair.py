@@ -90,6 +90,7 @@ def test_added_and_removed_values_are_listed():
     assert value_changes("BC", old, dict(old)) == []
 
 
+@pytest.mark.slow
 def test_repaired_files_reproduce_the_fitted_predictions(stenosis_case, tmp_path):
     """The repaired network under the repaired conditions, without effects, predicts what the fit predicts."""
     folder, truth = stenosis_case

@@ -73,6 +73,7 @@ def test_conditions_held_out_in_turn_are_counted_once():
     assert LATER not in checked(problem, unexplained=True)[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unexplained", [True, False])
 def test_weak_effects_that_are_there_are_seldom_removed(unexplained):
     """Traces of 6 and, held out, 4: in 300 trials in no more than 3 % of them, four standard errors allowed."""

@@ -42,6 +42,7 @@ class Many:
         return evidence_p_value(self.problem, self.problem.calibrate(PLAIN), PLAIN, candidates)
 
 
+@pytest.mark.slow
 def test_the_evidence_p_value_is_one_where_nothing_is_missing():
     """It is smaller than p with a probability of p at most, and not always 1."""
     many, random, trials = Many(), generator(4, "test", "evidence"), 1000

@@ -59,6 +59,7 @@ def test_sizes_are_those_of_the_wider_model():
         assert sd == pytest.approx(np.sqrt(covariance[np.ix_(both, both)].sum()))
 
 
+@pytest.mark.slow
 def test_one_size_rarely_seems_to_vary():
     """A Bayes factor exceeds e^3 with a chance of e^-3 at most where one size is true; and four standard errors."""
     trials, odds = 1000, 3.0

@@ -65,6 +65,7 @@ def test_an_uncertain_zero_flow_pressure_widens_the_interval():
     assert unknown.high / unknown.low > known.high / known.low
 
 
+@pytest.mark.slow
 def test_recalibration_finds_a_loss_many_times_the_models_own(tmp_path):
     """Recalibration is the reference for named effects: a worse optimum would flatter them, even with few samples."""
     files = exact_pairs(tmp_path, 40.0, count=24)

@@ -1,5 +1,7 @@
 """Rounds of a growing campaign: the decision, and a round from files to file."""
 
+import pytest
+
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.estimation.analysis.allocation import allocate, decide
 from coronaryuq.estimation.results import Counts, TargetPlan
@@ -36,6 +38,7 @@ def test_it_stops_at_the_bounds_and_at_the_last_round():
     assert decide([row_plan(9, 999, 999)], COUNTS, MOST, PORTION, last=True) == (COUNTS, True, "rounds exhausted")
 
 
+@pytest.mark.slow
 def test_the_runs_of_the_next_round_do_not_depend_on_cpu_times(tmp_path, capsys):
     """Half-widths are not met, so the plan decides; bytes of its file after runs of quite different CPU times."""
     inputs = write_campaign(tmp_path)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from coronaryuq.estimation.analysis.estimate_rows import analyse
 from coronaryuq.estimation.runs.table import read_rows, read_runs
@@ -15,6 +16,7 @@ def analysed(folder):
     return row
 
 
+@pytest.mark.slow
 def test_a_coarse_mesh_gives_two_more_estimators(with_coarse):
     row = analysed(with_coarse)
     blue, mfmc = row.estimators["BLUE"], row.estimators["MFMC"]
@@ -26,6 +28,7 @@ def test_a_coarse_mesh_gives_two_more_estimators(with_coarse):
     assert row.levels.fine < row.levels.cheap, "the coarse run explains most of the fine one"
 
 
+@pytest.mark.slow
 def test_blue_needs_every_coarse_run_and_the_multilevel_estimate_does_not(with_coarse):
     lines = pd.read_csv(with_coarse / "outputs_3d_coarse.csv")
     lines.drop(index=[3, 100]).to_csv(with_coarse / "outputs_3d_coarse.csv", index=False)

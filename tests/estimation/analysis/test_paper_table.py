@@ -30,6 +30,7 @@ def table(folder, rows, settings=SETTINGS):
         return paper_table(folder, folder / "rows.csv", settings, 1, folder / "t.csv", folder / "t.md", folder)[0]
 
 
+@pytest.mark.slow
 def test_strange_quantities_give_finite_numbers(folder):
     outputs = pd.read_csv(folder / "outputs_3d.csv")
     made = {name: of(outputs["osi"]) for name, of in COLUMNS.items()}

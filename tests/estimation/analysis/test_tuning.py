@@ -10,6 +10,7 @@ from coronaryuq.estimation.settings import Settings
 SETTINGS = Settings(steps=(40, 30), curve_nodes=9, restarts=1, folds=2, optuna_trials=3)
 
 
+@pytest.mark.slow
 def test_it_starts_from_the_settings_and_says_what_it_found(folder):
     found = tune(folder, folder / "rows.csv", SETTINGS, 3, folder / "tuning.json")
     assert found["loss"] <= found["default_loss"] == found["trials"][0]["loss"] and len(found["trials"]) == 3

@@ -37,6 +37,7 @@ def linear(seen, y):
     return METHODS["linear 0D" if seen.coarse is None else "linear coarse"](seen, y)
 
 
+@pytest.mark.slow
 def test_linear_levels_are_unbiased_and_claim_their_own_spread():
     """And near the closed form: with f linear in the coarse run and g in the 0D output, the three parts are what plain
     regressions leave, fine / n + coarse / (n + m) + cheap / (n + M)."""
@@ -53,6 +54,7 @@ def test_linear_levels_are_unbiased_and_claim_their_own_spread():
     assert np.mean(stds**2) == pytest.approx(closed, rel=0.25)
 
 
+@pytest.mark.slow
 def test_coarse_runs_that_fail_where_the_quantity_is_large_cause_no_bias():
     """The claim is a little short then, which is why many failures carry a warning."""
     errors, stds, _, _ = trials(40, 30, 90, linear, failed=0.2)

@@ -57,6 +57,7 @@ def test_ffr_and_wall_shear_agree_with_poiseuille_flow(outcomes):
         assert values["osi_max_lad"] < 1e-3  # the flow never turns round
 
 
+@pytest.mark.slow
 def test_a_sample_does_not_depend_on_its_batch(outcomes):
     for chosen in ([3], [9, 0, 3]):
         again = ensemble().run({"OUT.Rd": RESISTANCES[chosen]}, len(chosen))
@@ -64,6 +65,7 @@ def test_a_sample_does_not_depend_on_its_batch(outcomes):
             assert outcome.values == outcomes[k].values
 
 
+@pytest.mark.slow
 def test_resuming_after_an_interruption_gives_the_same_bits(outcomes, tmp_path):
     class Interrupted(Exception):
         pass
@@ -83,6 +85,7 @@ def test_resuming_after_an_interruption_gives_the_same_bits(outcomes, tmp_path):
     assert not list(tmp_path.glob("*.npz"))
 
 
+@pytest.mark.slow
 def test_a_checkpoint_of_other_samples_is_not_used(outcomes, tmp_path):
     def stop(block, share):
         raise KeyboardInterrupt
@@ -93,6 +96,7 @@ def test_a_checkpoint_of_other_samples_is_not_used(outcomes, tmp_path):
     assert again.values == outcomes[0].values
 
 
+@pytest.mark.slow
 def test_a_sample_that_blows_up_is_run_again_and_its_neighbours_go_on(outcomes):
     def poison(block, share):
         if block.cycle == 1 and block.steps == 200:

@@ -1,6 +1,7 @@
 """Steps at Courant numbers far above one leave no waves of their own in the slow flow behind a stenosis."""
 
 import numpy as np
+import pytest
 
 from coronaryuq.bench.flow3d import tubes
 from coronaryuq.core.units import BLOOD_DENSITY, BLOOD_VISCOSITY
@@ -10,6 +11,7 @@ from coronaryuq.flow3d.fem.wall_shear import WallShear
 from coronaryuq.flow3d.verification.tube import tube
 
 
+@pytest.mark.slow
 def test_steady_flow_through_a_bent_stenosis_stays_steady():
     """A jet of 1.6 to 3 m/s clings to one side of the bend; its carrier extrapolated in time swings by 2 to 3 %."""
     points, tets, caps = tube(2.4, tubes.narrowing, 4, 60)

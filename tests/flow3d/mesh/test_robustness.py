@@ -22,6 +22,7 @@ def meshes(seed: int, settings: Settings, out) -> None:
         assert content.regions[stenosis.name].triangles > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [3, 26])
 def test_segments_of_random_trees_are_meshed(seed, tmp_path):
     meshes(seed, Settings(**COARSE, jet_resolution=2.5), tmp_path)

@@ -6,6 +6,7 @@ import pytest
 from coronaryuq.bench.flow3d.tubes import womersley
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("alpha", [2.0, 4.0])
 def test_amplitude_and_phase_converge_with_second_order(alpha):
     coarse, fine = womersley(3, 80, alpha), womersley(5, 120, alpha)

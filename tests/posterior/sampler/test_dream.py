@@ -38,6 +38,7 @@ def test_gaussian_moments(d, chains, generations, options):
     assert_moments(draws, mean, covariance)
 
 
+@pytest.mark.slow
 def test_hundred_dimensions_stay_the_target():
     """Many chains started in the target are still distributed as it is after each has moved many times."""
     d, chains = 100, 600
@@ -162,6 +163,7 @@ def test_asymmetry_is_noticed():
         module.snooker = correct
 
 
+@pytest.mark.slow
 def test_chains_stay_independent():
     """From exact independent draws, six chains after some generations are still independent of each other.
 
@@ -183,6 +185,7 @@ def test_chains_stay_independent():
         assert np.all(np.abs(z) < 4.5)
 
 
+@pytest.mark.slow
 def test_outlier_chain_is_restarted_only_during_burn_in():
     def log_density(x):
         return np.logaddexp(-0.5 * np.sum(x**2, axis=1), -60 - 0.5 * np.sum((x - 40) ** 2, axis=1))
@@ -194,6 +197,7 @@ def test_outlier_chain_is_restarted_only_during_burn_in():
     assert np.all(np.abs(draws[:, 4]).max(axis=0) < 10)
 
 
+@pytest.mark.slow
 def test_crossover_adapts_to_correlation():
     """Where all coordinates move together, updating a few of them goes nowhere: CR = 1 gets more than its third."""
     mean, covariance, log_density = gaussian(10, correlation=0.98)

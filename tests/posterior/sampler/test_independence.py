@@ -31,6 +31,7 @@ def wrong(log_density):
     return lambda x: 0.6 * log_density(x) + 0.3 * x[:, 0] + 0.2 * np.sin(3 * x[:, 1])
 
 
+@pytest.mark.slow
 def test_a_good_emulator_gives_nearly_independent_draws():
     mean, covariance, log_density = gaussian(6)
 
@@ -45,6 +46,7 @@ def test_a_good_emulator_gives_nearly_independent_draws():
     assert state.evaluations == 24 * 101
 
 
+@pytest.mark.slow
 def test_a_wrong_emulator_costs_draws_and_no_correctness():
     mean, covariance, log_density = gaussian(4)
     start = overdispersed(mean, covariance, 24)
@@ -109,6 +111,7 @@ def test_many_chains_of_exact_draws_stay_exact():
     assert np.all(np.abs(np.mean(z**2, axis=0) - 1) < 4.5 * np.sqrt(2 / 600))
 
 
+@pytest.mark.slow
 def test_log_weights_are_those_of_target_to_emulator_at_the_proposals():
     """A target a constant above its emulator has that constant everywhere, whether or not a proposal is accepted."""
     mean, covariance, log_density = gaussian(3)

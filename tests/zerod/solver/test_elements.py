@@ -4,6 +4,7 @@ Neither the assembly nor the elimination nor the time scheme of the engine takes
 """
 
 import numpy as np
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -86,6 +87,7 @@ _BED = st.fixed_dictionaries(
 _TYPICAL = {"Ra": 9.3, "Ram": 15.1, "Rv": 33.3, "Ca": 5.5e-4, "Cim": 3.7e-3}
 
 
+@pytest.mark.slow
 @settings(max_examples=5, deadline=None, derandomize=True)
 @example(1.0, 1.0, 1.0, [{"side": side, **_TYPICAL} for side in ("Left", "Right")])
 @given(

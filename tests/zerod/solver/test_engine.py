@@ -75,6 +75,7 @@ def test_threads_do_not_change_a_bit(loop):
         assert _same_bits(other.values["mean_flow:left:BC_left"], results[0].values["mean_flow:left:BC_left"])
 
 
+@pytest.mark.slow
 def test_changes_act_as_the_same_values_in_the_network_file(loop):
     """Every scalar of every block is changed, zeros and the period included."""
     random = np.random.default_rng(3)

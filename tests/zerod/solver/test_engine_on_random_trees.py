@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -178,6 +179,7 @@ def _rates(tree: Tree):
     return rates
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(tree=trees(stenosed=True, largest=4, kinds=False))
 def test_a_random_stenosed_tree_agrees_with_an_ode_solver(tree):

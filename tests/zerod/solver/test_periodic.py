@@ -1,11 +1,13 @@
 """Acceleration leads to the same periodic state as waiting, in fewer cycles."""
 
 import numpy as np
+import pytest
 
 from coronaryuq.zerod.solver.periodic import Periodicity
 from support.zerod_networks import LOOP_PARAMETERS, varied
 
 
+@pytest.mark.slow
 def test_a_periodic_state_is_the_one_that_waiting_finds(fine_loop):
     changes = varied(fine_loop, 6, LOOP_PARAMETERS)
     names = ["mean_flow:left:BC_left", "max_pressure:CLH:J_heart_outlet", "min_V_LV:CLH"]

@@ -34,12 +34,14 @@ def test_the_reason_of_every_failure_is_reported(function, limit, message):
         mmg_process.run("LAD", (function, {}), limit, attempts=2)
 
 
+@pytest.mark.slow
 def test_the_next_attempt_is_tried_and_the_failure_kept():
     piece, failures = mmg_process.run("LAD", (mesh_jobs.succeed_at_the_second_attempt, {}), 30.0, attempts=3)
     assert np.array_equal(piece.tets, mesh_jobs.TETRAHEDRON.tets)
     assert failures == ["attempt 1: first attempts never work"]
 
 
+@pytest.mark.slow
 def test_a_lower_cpu_limit_set_by_the_machine_is_kept():
     """A scheduler's limit of CPU time, below that of an attempt, in a process that has no other."""
     script = (

@@ -126,6 +126,7 @@ def test_cut_tube_has_flat_caps_and_the_volume_of_its_polygon(pipe):
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.35)
 
 
+@pytest.mark.slow
 def test_no_triangle_flips_at_a_rim_on_a_coarse_grid():
     for seed in range(30):
         way = generator(seed, "way").normal(size=3)
@@ -142,6 +143,7 @@ def test_no_triangle_flips_at_a_rim_on_a_coarse_grid():
         assert ((normal * outward).sum(axis=1) > 0.0).all()
 
 
+@pytest.mark.slow
 def test_no_triangle_flips_at_the_caps_of_a_tree():
     # Here the isosurface has slivers within reach of three of its caps.
     tree, _ = random_tree(3)
