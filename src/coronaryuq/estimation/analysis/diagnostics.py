@@ -184,9 +184,9 @@ def skewed(estimate: Estimate) -> Finding | None:
         return None
     return Finding(
         "long tail",
-        f"few runs carry much of {estimate.method}: at skewness {estimate.skewness:.2g} an interval of this width that "
-        f"is not widened loses {lost:.1%} of its coverage",
-        "the interval is widened for it; runs in the tail that the sample has not reached are not in it",
+        f"a few runs dominate {estimate.method} (skewness {estimate.skewness:.2g}): an unadjusted interval would "
+        f"lose {lost:.1%} of its coverage",
+        "the interval is wider for it; it cannot include a tail that no run has reached",
     )
 
 
