@@ -83,3 +83,18 @@ def test_too_few_3d_runs_are_refused(folder):
 def test_a_row_that_is_not_there_is_reported(folder):
     with pytest.raises(InputError, match="no such row; the file has 1"):
         training.write_networks(folder, Settings(rows=["7"]), 3, folder / "networks.npz", folder / "resampled.csv")
+
+
+@pytest.mark.slow
+def test_a_row_without_networks_has_every_other_estimator(folder):
+    rows = pd.concat([pd.read_csv(folder / "rows.csv").assign(row=name, networks=name) for name in ("yes", "no")])
+    rows.to_csv(folder / "rows.csv", index=False)
+    trained, other = campaign(folder).rows
+    assert list(trained.estimators) == ["MC", "MFMC", "MFMC-AE", "crossfit-GP"]
+    assert list(other.estimators) == ["MC", "MFMC", "crossfit-GP"]
+    assert set(pd.read_csv(folder / "resampled.csv")["sample"].str.partition(".")[0]) == {"yes"}
+
+
+def test_no_row_with_networks_trains_none(folder):
+    pd.read_csv(folder / "rows.csv").assign(networks="no").to_csv(folder / "rows.csv", index=False)
+    assert list(campaign(folder).rows[0].estimators) == ["MC", "MFMC", "crossfit-GP"]

@@ -8,7 +8,9 @@ from coronaryuq.core.io.atomic import write_json
 from coronaryuq.estimation.results import BeyondTheMean, Probability
 from coronaryuq.report.mesh_error import MeshError
 from coronaryuq.report.vessels import vessel_card
-from support.estimates import row, value
+from support.estimates import estimator, row, value
+
+COLUMNS = dict.fromkeys(("ffr", "tawss_min", "osi_max"), estimator())
 
 
 @pytest.fixture
@@ -16,10 +18,10 @@ def card(tmp_path):
     """Return the card of a stenosis with given estimates beyond the mean of FFR."""
     write_json(tmp_path / "mesh.json", {"nodes": 8000, "settings": {"throat_resolution": 3.0}})
 
-    def make(**beyond):
+    def make(columns=COLUMNS, **beyond):
         rows = [
-            row(column_3d=f"{quantity}_lad", beyond_the_mean=BeyondTheMean(**beyond))
-            for quantity in ("ffr", "tawss_min", "osi_max")
+            row(column_3d=f"{quantity}_lad", beyond_the_mean=BeyondTheMean(**beyond), estimators={"MC": estimate})
+            for quantity, estimate in columns.items()
         ]
         return vessel_card("LAD", rows, {"BC_b": "D1 (lca3)"}, MeshError(tmp_path / "mesh.json", None))
 
@@ -63,3 +65,12 @@ def test_the_patient_has_the_median_and_the_90_percent_range_over_draws(card):
     quantiles = {"0.50": value(0.8), "0.95": value(0.88), "0.05": value(0.71)}
     assert card(quantiles=quantiles)["patient"] == {"low": "0.71", "median": "0.80", "high": "0.88"}
     assert card()["patient"] == {}
+
+
+def test_extremes_come_after_averages_and_a_value_in_all_runs_has_no_interval(card):
+    shear = {"tawss_patch_min": estimator(), "low_shear_area": estimator(mean=0.0, std=0.0, n_3d=16)}
+    found = card({"osi_max": estimator(), "ffr": estimator(), **shear})
+    assert [cell["heading"] for cell in found["quantities"]] == ["FFR", "patch-min TAWSS (dyn/cm²)", "low-shear area"]
+    assert [cell["heading"] for cell in found["extremes"]] == ["max OSI"]
+    low_shear = found["quantities"][2]
+    assert (low_shear["value"], low_shear["range"]) == ("0", "in all 16 runs")

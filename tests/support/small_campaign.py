@@ -30,16 +30,20 @@ def zerod(table: pd.DataFrame, failed=(), cpu_s: float = 0.5) -> pd.DataFrame:
     return frame
 
 
-def record(row: pd.Series, failed) -> Record:
+PAPERS = ("ffr", "osi_max", "tawss_min")
+AVERAGES = ("tawss_patch_min", "low_shear_area", "osi_patch_max")
+
+
+def record(row: pd.Series, failed, quantities=PAPERS) -> Record:
     inputs = {name: float(row[name]) for name in ("BC_lca1", "BC_rca1", "R_cor_scaling")}
     if row["sample"] in failed:
         return Record.failed(row["sample"], inputs, "blew up", cost={"cpu_s": 2.0})
-    names = [f"{q}_{b}" for q in ("ffr", "osi_max", "tawss_min") for b in ("lad", "rca")]
+    names = [f"{q}_{b}" for q in quantities for b in ("lad", "rca")]
     return Record(row["sample"], inputs, dict.fromkeys(names, inputs["BC_lca1"]), cost={"cpu_s": 2.0})
 
 
 def write_campaign(
-    folder: Path, failed_3d=(), failed_0d=(), lost=(), runs_per_fine: int = 0, failed_coarse=()
+    folder: Path, failed_3d=(), failed_0d=(), lost=(), runs_per_fine: int = 0, failed_coarse=(), quantities=PAPERS
 ) -> RunFiles:
     """Write the files, with the named samples failed, and those in `lost` without a 3D run."""
     table, propagation = theta("pilot", PILOT * max(1, runs_per_fine)), theta("propagation", PROPAGATION)
@@ -50,7 +54,7 @@ def write_campaign(
     for first in range(0, PILOT, 4):
         rows = [row for _, row in table.iloc[first : first + 4].iterrows() if row["sample"] not in lost]
         batches.append(folder / f"batch_{first // 4}.jsonl")
-        write(batches[-1], [record(row, failed_3d) for row in rows])
+        write(batches[-1], [record(row, failed_3d, quantities) for row in rows])
     coarse = [folder / "coarse_0.jsonl"] if runs_per_fine else []
     for path in coarse:
         write(path, [record(row, failed_coarse) for _, row in table.iloc[::-1].iterrows()])

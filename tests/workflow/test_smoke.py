@@ -21,14 +21,23 @@ pytestmark = pytest.mark.workflow
 
 def test_the_table_has_every_row_and_estimator(results):
     table = read_csv(results / "estimation" / "table.csv")
-    assert table["row"].nunique() == 12
-    assert set(table["estimator"]) == {"MC", "MFMC", "MFMC-AE", "crossfit-GP"}
-    assert np.isfinite(table[["mean", "std"]]).all(axis=None) and (table["std"] > 0).all()
+    kinds = list(dict.fromkeys(name.rpartition("_")[0] for name in table["row"]))
+    averages = ["tawss_patch_flow", "low_shear_flow", "osi_patch_flow"]
+    assert table["row"].nunique() == 21 and kinds == ["ffr_ffr", "ffr_flow", *averages, "osi_flow", "tawss_flow"]
+    for row, lines in table.groupby("row"):
+        networks = [] if row.rpartition("_")[0] in averages else ["MFMC-AE"]
+        assert list(lines["estimator"]) == ["MC", "MFMC", *networks, "crossfit-GP"]
+        assert lines["warnings"].str.startswith("extreme: ").all() == row.startswith(("osi_flow", "tawss_flow"))
+    assert np.isfinite(table[["mean", "std"]]).all(axis=None)
+    outputs = read_csv(results / "runs" / "outputs_3d.csv")
+    same = table["column_3d"].map(outputs.nunique() == 1)
+    assert ((table["std"] <= 1e-12 * table["mean"].abs()) == same).all()
+    assert table["warnings"][same].str.contains("does not vary").all()
 
 
 def test_numbers_that_appear_twice_agree(results):
     table = read_csv(results / "estimation" / "table.csv").set_index(["row", "estimator"])
-    for row, pairs in read_csv(results / "estimation" / "pairs.csv").groupby("row"):
+    for row, pairs in read_csv(results / "estimation" / "pairs.csv").dropna().groupby("row"):
         drawn = np.corrcoef(pairs["y"], pairs["q_resampled"])[0, 1]
         assert drawn == pytest.approx(table.loc[(row, "MFMC-AE"), "rho_held_out"], abs=1e-6)
     sources = [name for name in table if name.startswith("variance_")]
@@ -57,7 +66,8 @@ def test_3d_and_0d_agree_on_what_both_know(results):
         for branch in ("lad", "lcx", "rca"):
             assert 0.4 < record.outputs[f"ffr_{branch}"] < 1.0
             assert 0.0 <= record.outputs[f"osi_max_{branch}"] <= 0.5
-            assert record.outputs[f"tawss_min_{branch}"] > 0
+            assert 0 < record.outputs[f"tawss_min_{branch}"] < record.outputs[f"tawss_patch_min_{branch}"]
+            assert record.outputs[f"osi_patch_max_{branch}"] < record.outputs[f"osi_max_{branch}"]
     outputs_3d, outputs_0d = (read_csv(results / "runs" / f"outputs_{kind}.csv") for kind in ("3d", "0d"))
     for branch in ("lad", "lcx", "rca"):
         assert np.corrcoef(outputs_3d[f"ffr_{branch}"], outputs_0d[f"ffr_{branch}"])[0, 1] > 0.8

@@ -136,7 +136,12 @@ PRESSURES: Columns = (
     ("ffr", "mean pressure over that of the aorta", "1"),
     ("flow", "mean flow", "mL/s"),
 )
-ROWS: Columns = (*ROW, ("(qoi_3d|qoi_0d|branch)", "3D quantity, 0D quantity, artery, for the label", "text"))
+ROWS: Columns = (
+    *ROW,
+    ("(qoi_3d|qoi_0d|branch)", "3D quantity, 0D quantity, artery, for the label", "text"),
+    ("networks", "whether MFMC-AE is trained for the row", "yes/no"),
+    ("warning", "what a reader has to know about the quantity itself", "text"),
+)
 TABLE: Columns = (
     *ROW,
     ("(estimator|method)", "estimator, and its method", "text"),

@@ -37,7 +37,11 @@ class Settings(BaseModel):
         description="Input with a known uniform distribution, independent of the others, that may be "
         "integrated exactly.",
     )
-    autoencoder: bool = Field(True, description="Train MFMC-AE and run the 0D model at its resampled inputs.")
+    autoencoder: bool = Field(
+        True,
+        description="Train MFMC-AE and run the 0D model at its resampled inputs, for the rows of the paper's table "
+        "(`networks` in rows.csv).",
+    )
     steps: tuple[int, int] = Field((1200, 1500), description="Adam steps in the first and second stage of training.")
     batch: int = Field(128, ge=0, description="Runs per training step; 0: all runs.")
     curve_nodes: int = Field(65, ge=9, description="0D runs along the curve of resampled inputs, per row and fold.")
@@ -74,7 +78,7 @@ class Settings(BaseModel):
         5, ge=1, le=20, description="Maximum number of rounds of growth, each of which at most doubles the runs."
     )
     convergence_rows: list[str] = Field(
-        [], description="Rows of the convergence study; empty: those whose 3D column is an OSI."
+        [], description="Rows of the convergence study; empty: those with networks whose 3D column is an OSI."
     )
     convergence_sizes: list[int] = Field(
         [25, 50, 100, 150, 200, 250, 300, 400], description="Subsample sizes (3D runs) of the convergence study."

@@ -62,7 +62,8 @@ def convergence(
     """Write the convergence study, {"convergence": [...]}; arguments as in `training.write_networks`."""
     runs, rows = read_chosen(runs_folder, rows_csv, settings)
     named = settings.convergence_rows
-    chosen = [row for row in rows if (row.name in named if named else "osi" in row.column_3d.lower())]
+    osi = [row for row in rows if row.networks and "osi" in row.column_3d.lower()]
+    chosen = [row for row in rows if row.name in named] if named else osi
     entries = subsamples(runs, chosen, settings, seed)
     write_json(out_json, {"convergence": plain(entries)})
 

@@ -25,7 +25,7 @@ def write_networks(
     runs_folder
         Runs in the published-runs format (docs/reference/formats.md).
     settings, seed
-        Settings of the stage; without `settings.autoencoder` both files are written without rows.
+        Settings of the stage; both files are written without rows if no row has networks.
     networks_npz
         Networks to write.
     resampled_csv
@@ -39,9 +39,10 @@ def write_networks(
     InputError
         If the folder is not as described, or has too few runs.
     """
-    runs, rows = read_chosen(runs_folder, rows_csv, settings)
+    runs, chosen = read_chosen(runs_folder, rows_csv, settings)
     check_number_of_runs(runs, settings)
-    if not settings.autoencoder:
+    rows = with_networks(chosen, settings)
+    if not rows:
         write_npz(networks_npz, {"rows": np.array([], dtype=str)})
         write_csv(resampled_csv, pd.DataFrame(columns=["sample", *runs.inputs]))
         return
@@ -76,6 +77,11 @@ def chosen_rows(rows: list[Row], settings: Settings, file: str | Path) -> list[R
     return [row for row in rows if not settings.rows or row.name in settings.rows]
 
 
+def with_networks(rows: list[Row], settings: Settings) -> list[Row]:
+    """Return the rows for which MFMC-AE is trained."""
+    return [row for row in rows if row.networks and settings.autoencoder]
+
+
 def check_number_of_runs(runs: Runs, settings: Settings) -> None:
     """Raise `InputError` for fewer 3D runs or propagation samples than the estimators need."""
     if len(runs) < settings.min_3d:
@@ -106,7 +112,7 @@ def training_settings(settings: Settings) -> mfmc_ae.Training:
 
 
 def train(runs: Runs, rows: list[Row], settings: Settings, seed: int) -> mfmc_ae.Networks:
-    """Train the MFMC-AE networks of all rows and folds."""
+    """Train the MFMC-AE networks of these rows and all folds."""
     fold, _ = assign_runs(runs, count(len(runs), settings.folds), seed)
     return train_on(runs, rows, mfmc_ae.fits_of(fold), settings, seed)
 

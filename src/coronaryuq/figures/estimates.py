@@ -7,7 +7,10 @@ from coronaryuq.core.io.tables import read_csv
 from coronaryuq.estimation.results import RowReport, read_estimates
 from coronaryuq.figures.style import ESTIMATORS, MUTED, SIMULATED, colour, saved
 
-UNITS = {"min TAWSS": " (dyn/cm²)"}
+UNITS = {"patch-min TAWSS": " (dyn/cm²)", "min TAWSS": " (dyn/cm²)"}
+SHEAR = ("patch-min TAWSS", "low-shear area", "patch-max OSI", "max OSI", "min TAWSS")
+"""Quantities of wall shear, extremes last."""
+EXTREMES = ("max OSI", "min TAWSS")
 
 SCATTERED = (("q", MUTED, "same θ"), ("q_resampled", SIMULATED, "resampled, held out, folds aligned"))
 
@@ -19,7 +22,7 @@ WARNING = "#B3261E"
 def osi_scatter(pairs: str, output: str) -> None:
     """Draw 3D maximum OSI against 0D mean flow, at the same θ and resampled through the shared space, by branch."""
     table = read_csv(pairs, columns=("row", "label", "y", "q", "q_resampled"))
-    rows = [row for row, part in table.groupby("row", sort=False) if "OSI" in part["label"].iloc[0]]
+    rows = list(table["row"][table["label"].str.startswith("max OSI")].unique())
     with saved(output, ncols=max(len(rows), 1), figsize=(3.2 * max(len(rows), 1), 3.6), squeeze=False) as (_, axes):
         for axis, row in zip(axes[0], rows, strict=False):
             part = table[table["row"] == row]
@@ -36,8 +39,8 @@ def osi_scatter(pairs: str, output: str) -> None:
 
 
 def intervals_wss(estimates: str, output: str) -> None:
-    """Draw means and intervals of maximum OSI and minimum TAWSS by all estimators (Fig. 4)."""
-    _intervals(estimates, output, ("max OSI, mean flow", "min TAWSS, mean flow"))
+    """Draw means and intervals of wall shear by all estimators; of the published runs, Fig. 4."""
+    _intervals(estimates, output, tuple(f"{quantity}, mean flow" for quantity in SHEAR))
 
 
 def intervals_ffr(estimates: str, output: str) -> None:
@@ -46,7 +49,9 @@ def intervals_ffr(estimates: str, output: str) -> None:
 
 
 def _intervals(estimates: str, output: str, kinds: tuple[str, ...]) -> None:
-    rows = [[row for row in read_estimates(estimates).rows if row.label.startswith(f"{kind}, ")] for kind in kinds]
+    every = read_estimates(estimates).rows
+    rows = [[row for row in every if row.label.startswith(f"{kind}, ")] for kind in kinds]
+    rows = [line for line in rows if line] or [[]]
     columns = max(1, *(len(line) for line in rows))
     with saved(output, nrows=len(rows), ncols=columns, figsize=(3.3 * columns, 2.5 * len(rows)), squeeze=False) as (
         figure,
@@ -61,6 +66,15 @@ def _intervals(estimates: str, output: str, kinds: tuple[str, ...]) -> None:
 
 
 def _draw_row(axis, row: RowReport) -> None:
+    quantity, paired, branch = row.label.split(", ", 2)
+    extreme = ", extreme" if quantity in EXTREMES else ""
+    title = f"{branch}: {quantity}{UNITS.get(quantity, '')}{extreme}\nwith 0D {paired}"
+    axis.set_title(title, fontsize=8, color=colour(branch))
+    if row.variance_3d == 0:
+        of_all = row.estimators["MC"]
+        axis.text(0.5, 0.5, f"{of_all.mean:g} in all {of_all.n_3d} runs", ha="center", transform=axis.transAxes)
+        axis.set_axis_off()
+        return
     names = list(row.estimators)
     for place, name in enumerate(names):
         value, ink = row.estimators[name], ESTIMATORS[name]
@@ -71,9 +85,7 @@ def _draw_row(axis, row: RowReport) -> None:
         axis.plot(value.mean, y, "o", color="white", mec=ink, ms=5, zorder=5)
         if value.warnings:
             axis.annotate("!", (value.mean, y), xytext=(0, 5), textcoords="offset points", ha="center", color=WARNING)
-    quantity, paired, branch = row.label.split(", ", 2)
     axis.set_yticks(range(len(names))[::-1], names)
     axis.set_ylim(-0.6, len(names) - 0.4)
-    axis.set_title(f"{branch}: {quantity}{UNITS.get(quantity, '')} with 0D {paired}", fontsize=8, color=colour(branch))
     axis.tick_params(labelsize=7)
     axis.xaxis.set_major_locator(MaxNLocator(5))

@@ -9,7 +9,8 @@ from coronaryuq.core.io.atomic import read_json
 from coronaryuq.flow3d.mesh_study import read_discretization
 from coronaryuq.flow3d.numerical_error import NumericalError
 
-EXTREMES = ("tawss_min_", "osi_max_")
+EXTREMES = {"tawss_min_": "min TAWSS (dyn/cm²)", "osi_max_": "max OSI"}
+"""Quantities that have settled on no mesh tried, by the beginning of their 3D columns."""
 WORDS = {"mesh": "mesh", "time_step": "time step", "cycles": "cycles"}
 COMPARE = "they are valid only for comparing draws on the same mesh."
 SLOW = f"Extremes of wall shear and OSI converge slowly: {COMPARE}"
@@ -73,7 +74,8 @@ class MeshError:
             return SLOW
         ffr = [_largest(errors) for name, errors in self.errors.items() if name.startswith("ffr_")]
         accuracy = f"On this mesh FFR is accurate to {max(ffr):.2g} at the worst stenosis" if ffr else ""
-        extremes = [error for name, errors in self.errors.items() if name.startswith(EXTREMES) for error in errors]
+        named = [errors for name, errors in self.errors.items() if name.startswith(tuple(EXTREMES))]
+        extremes = [error for errors in named for error in errors]
         if all(error.method == "richardson" for error in extremes if error.source == "mesh"):
             return f"{accuracy}." if accuracy else ""
         return f"{accuracy + '; e' if accuracy else 'E'}xtremes of wall shear and OSI have not converged: {COMPARE}"

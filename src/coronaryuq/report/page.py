@@ -24,11 +24,13 @@ from coronaryuq.report.table import Notes, table_row
 from coronaryuq.report.vessels import vessel_card
 
 CAPTIONS = {
-    "intervals_wss": "Maximum OSI and minimum TAWSS by estimator. Exclamation marks: estimates with a warning.",
+    "intervals_wss": "Wall shear by estimator: averages over a part of the wall, then the paper's extremes, which have "
+    "settled on no mesh tried. Exclamation marks: estimates with a warning.",
     "intervals_ffr": "FFR by estimator, with 0D FFR and with 0D mean flow as the low-fidelity output.",
-    "osi_scatter": "3D maximum OSI against 0D mean flow, at the same θ and at the input paired with it in the shared "
-    "space. Resampled values come from networks that were not trained on their sample.",
-    "convergence": "Correlation and mean against the number of 3D runs; each dot is a random subsample.",
+    "osi_scatter": "3D maximum OSI (an extreme, the paper's example) against 0D mean flow, at the same θ and at the "
+    "input paired with it in the shared space. Resampled values come from networks not trained on their sample.",
+    "convergence": "Correlation and mean against the number of 3D runs, for maximum OSI (an extreme, the paper's "
+    "example); each dot is a random subsample.",
     "budget": "Variance against budget, and cost of a smaller variance.",
     "cardiac_function": "The tuned loop at rest, compared with its targets.",
     "marginals": "Posterior of each outlet's resistance as a multiple of its tuned value r̂: histogram, mean, "
@@ -42,7 +44,7 @@ CAPTIONS = {
     "flows from left to right; all panels share the colour scales.",
 }
 PLACES = {
-    "estimates": ("intervals_ffr", "intervals_wss", "osi_scatter", "convergence", "budget"),
+    "estimates": ("intervals_ffr", "intervals_wss", "budget", "osi_scatter", "convergence"),
     "matched": ("cardiac_function", "flows", "marginals", "flow_covariance"),
     "pictures": ("territories", "tree_ffr", "lumen", "walls"),
 }
@@ -85,6 +87,7 @@ def write_report(
         "backend": configuration["backend"],
         "level": f"{100 * configuration['estimation']['level']:.0f} %",
         "includes": includes([row.recommended_report for row in rows]),
+        "low_shear": f"{configuration['flow3d']['low_shear']:g}",
         "counts": _counts(failures, rows, estimates.settings["curve_nodes"]),
         "vessels": [vessel_card(stenosis.name, rows, _outlet_names(case), mesh) for stenosis in case.stenoses],
         "table": [table_row(row, notes) | {"mesh": mesh.of(row.column_3d)} for row in rows],

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from coronaryuq.estimation.results import RowReport
+from coronaryuq.report.mesh_error import EXTREMES
 from coronaryuq.report.numbers import correlation, interval, number
 
 ESTIMATORS = ("MC", "MFMC", "MFMC-AE", "BLUE", "crossfit-GP", "multilevel")
@@ -25,12 +26,14 @@ class Notes:
 def table_row(row: RowReport, notes: Notes) -> dict:
     """Return one row of `estimates.json` as the template shows it: a line per estimator."""
     quantity, paired, branch = (row.label.split(", ") + ["", ""])[:3]
+    extreme = row.column_3d.startswith(tuple(EXTREMES))
     lines = []
     for name in ESTIMATORS:
         if name not in row.estimators:
             continue
         value = row.estimators[name]
         plain = name == "MC"
+        of_row = row.warnings if name == row.recommended or not plain else []
         lines.append(
             {
                 "estimator": value.method + (" ✓" if name == row.recommended else ""),
@@ -42,7 +45,7 @@ def table_row(row: RowReport, notes: Notes) -> dict:
                 "rho_out": "–" if plain else correlation(value.rho_held_out),
                 "n_3d": value.n_3d,
                 "n_0d": "–" if plain else value.n_0d,
-                "notes": notes.numbers(value.warnings if plain else [*row.warnings, *value.warnings]),
+                "notes": notes.numbers([*of_row, *value.warnings]),
             }
         )
-    return {"quantity": quantity, "paired": paired, "branch": branch, "lines": lines}
+    return {"quantity": quantity, "paired": paired, "branch": branch, "extreme": extreme, "lines": lines}

@@ -6,12 +6,20 @@ import numpy as np
 
 from coronaryuq.estimation.results import EstimatorReport, Probability, RowReport, Value
 from coronaryuq.report.error_budget import error_budget
-from coronaryuq.report.mesh_error import MeshError
+from coronaryuq.report.mesh_error import EXTREMES, MeshError
 from coronaryuq.report.numbers import interval
 
-QUANTITIES = ("ffr", "tawss_min", "osi_max")
+QUANTITIES = {
+    "ffr_": "FFR",
+    "tawss_patch_min_": "patch-min TAWSS (dyn/cm²)",
+    "low_shear_area_": "low-shear area",
+    "osi_patch_max_": "patch-max OSI",
+}
+"""Quantities of the page's first table, by the beginning of their 3D columns; extremes have a table of their own."""
 FFR_DECIMALS = 3
 """Digits of FFR. A pressure wire has two; the third shows how close the mean is to the threshold."""
+ROUNDING = 1e-12
+"""Relative standard error of a quantity that is the same in all runs, at most."""
 LIKELY = 0.9
 """Probability, over its whole interval, above which the page states a verdict."""
 
@@ -31,8 +39,7 @@ def vessel_card(artery: str, rows: list[RowReport], outlets: Mapping[str, str], 
         Error of mesh and time step.
     """
     branch = artery.lower()
-    of_quantity = {q: _recommended(rows, f"{q}_{branch}") for q in QUANTITIES}
-    ffr_row, ffr = of_quantity["ffr"]
+    ffr_row, ffr = _recommended(rows, f"ffr_{branch}")
     beyond = ffr_row.beyond_the_mean
     zones = beyond.zones or []
     return {
@@ -42,11 +49,23 @@ def vessel_card(artery: str, rows: list[RowReport], outlets: Mapping[str, str], 
         "patient": _patient(beyond.quantiles or {}),
         "rare": _rare(beyond.quantiles or {}),
         "drivers": _drivers(beyond.shapley or {}, outlets),
-        "quantities": [_quantity(value) | {"mesh": mesh.of(f"{q}_{branch}")} for q, (_, value) in of_quantity.items()],
+        "quantities": _cells(QUANTITIES, branch, rows, mesh),
+        "extremes": _cells(EXTREMES, branch, rows, mesh),
         "zones": [_probability(zone) for zone in zones],
         "spread": f"{np.sqrt(ffr_row.variance_3d):.{FFR_DECIMALS}f}",
         **_verdict(zones[-1].complement if zones else None),
     }
+
+
+def _cells(quantities: Mapping[str, str], branch: str, rows: list[RowReport], mesh: MeshError) -> list[dict]:
+    """Return a cell of a table for each of some quantities that were estimated, with its heading."""
+    columns = {f"{name}{branch}": heading for name, heading in quantities.items()}
+    estimated = {row.column_3d for row in rows}
+    return [
+        _quantity(_recommended(rows, column)[1]) | {"heading": heading, "mesh": mesh.of(column)}
+        for column, heading in columns.items()
+        if column in estimated
+    ]
 
 
 def _recommended(rows: list[RowReport], column: str) -> tuple[RowReport, EstimatorReport]:
@@ -81,12 +100,17 @@ def _drivers(effects: Mapping[str, Value], outlets: Mapping[str, str], shown: in
 
 
 def _quantity(estimate: EstimatorReport, most_decimals: int = 6) -> dict:
+    """Return value and interval in digits; no interval for a quantity that is the same in all runs."""
     calibrated = estimate.calibrated
+    if estimate.std <= ROUNDING * abs(estimate.mean):
+        value = f"{estimate.mean:g}"
+        return {"value": value, "low": value, "high": value, "range": f"in all {estimate.n_3d} runs", "level": ""}
     low, high = interval(calibrated.low, calibrated.high)
     decimals = min(len(low.partition(".")[2]), most_decimals)
     low, high = (f"{end:.{decimals}f}" for end in (calibrated.low, calibrated.high))
     level = f"{100 * calibrated.level:.0f} % interval"
-    return {"value": f"{estimate.mean:.{decimals}f}", "low": low, "high": high, "level": level}
+    value = f"{estimate.mean:.{decimals}f}"
+    return {"value": value, "low": low, "high": high, "range": f"{low} to {high}", "level": level}
 
 
 def _probability(probability: Probability) -> dict:

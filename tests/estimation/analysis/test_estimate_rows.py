@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from coronaryuq.estimation.analysis.estimate_rows import analyse
+from coronaryuq.estimation.results import BeyondTheMean
 from coronaryuq.estimation.runs.table import read_rows, read_runs
 from coronaryuq.estimation.settings import Settings
 
@@ -34,3 +35,21 @@ def test_blue_needs_every_coarse_run_and_the_multilevel_estimate_does_not(with_c
     lines.drop(index=[3, 100]).to_csv(with_coarse / "outputs_3d_coarse.csv", index=False)
     row = analysed(with_coarse)
     assert "multilevel" in row.estimators and "BLUE" not in row.estimators
+
+
+@pytest.mark.parametrize("value", [0.0, 1.0])
+def test_a_quantity_that_is_the_same_in_all_runs_gets_one_sentence(folder, value):
+    outputs = pd.read_csv(folder / "outputs_3d.csv").assign(osi=value)
+    outputs.to_csv(folder / "outputs_3d.csv", index=False)
+    (row,) = analyse(read_runs(folder), read_rows(folder / "rows.csv"), SETTINGS, 3)
+    assert row.recommended == "MC" and row.beyond_the_mean == BeyondTheMean()
+    found = np.array([(one.mean, one.std) for one in row.estimators.values()])
+    np.testing.assert_allclose(found, [[value, 0.0]] * len(found), atol=1e-15)
+    assert not any(one.warnings for one in row.estimators.values())
+    (warning,) = row.warnings
+    assert warning.startswith(f"does not vary: all 40 runs have the value {value:g},")
+
+
+def test_what_the_file_says_of_a_quantity_is_its_first_warning(folder):
+    pd.read_csv(folder / "rows.csv").assign(warning="extreme: it moves").to_csv(folder / "rows.csv", index=False)
+    assert analysed(folder).warnings[0] == "extreme: it moves"

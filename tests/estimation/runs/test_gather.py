@@ -7,7 +7,7 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.estimation.runs.gather import CoarseCost, coarse_cost, gather
 from coronaryuq.estimation.runs.table import read_rows, read_runs
-from support.small_campaign import LIMITS, write_campaign
+from support.small_campaign import AVERAGES, LIMITS, PAPERS, write_campaign
 
 
 @pytest.fixture
@@ -27,9 +27,19 @@ def test_the_estimators_read_what_was_gathered(campaign):
     assert len(runs) == 12 and len(runs.theta_more) == 20 and runs.q_more is not None
     assert runs.limits.tolist() == [[0.5, 2.0], [0.5, 2.0], [0.7, 1.25]]
     rows = read_rows(folder / "rows.csv")
-    assert [row.name for row in rows[:2]] == ["osi_flow_lad", "osi_flow_rca"] and len(rows) == 8
+    kinds = ("ffr_ffr", "ffr_flow", "osi_flow", "tawss_flow")
+    assert [row.name for row in rows] == [f"{kind}_{branch}" for kind in kinds for branch in ("lad", "rca")]
     for row in rows:
         assert row.column_3d in runs.y and row.column_0d in runs.q
+
+
+def test_averages_come_before_extremes_which_say_what_they_are(campaign):
+    rows = read_rows(campaign(quantities=(*PAPERS, *AVERAGES)) / "rows.csv")
+    of_lad = [row for row in rows if row.name.endswith("_lad")]
+    columns = ["ffr", "ffr", "tawss_patch_min", "low_shear_area", "osi_patch_max", "osi_max", "tawss_min"]
+    assert [row.column_3d for row in of_lad] == [f"{name}_lad" for name in columns]
+    assert [row.networks for row in of_lad] == [True, True, False, False, False, True, True]
+    assert [row.warning[:7] for row in of_lad] == [""] * 5 + ["extreme"] * 2
 
 
 def test_failed_3d_samples_keep_their_inputs(campaign):

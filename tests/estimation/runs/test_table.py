@@ -17,7 +17,8 @@ def test_reads_the_published_runs(menon):
     assert len(runs) == 500 and len(runs.inputs) == 15 and runs.theta_more.shape == (10_000, 15)
     assert runs.q_more is None and len(runs.theta_failed) == 0
     assert runs.theta_more.min() > 0.4 and runs.theta_more[:, -1].max() <= 1.25
-    assert len(read_rows(menon / "table1.csv")) == 12
+    rows = read_rows(menon / "table1.csv")
+    assert len(rows) == 12 and all(row.networks and not row.warning for row in rows)
 
 
 def test_reads_a_campaign_and_aligns_by_sample_not_by_order(folder):
@@ -162,3 +163,13 @@ def test_tables_of_the_coarse_level_that_do_not_fit_are_refused(with_coarse, fil
     (with_coarse / file).write_text(text)
     with pytest.raises(InputError, match=said):
         read_runs(with_coarse)
+
+
+def test_rows_say_whether_networks_are_trained_for_them(folder):
+    rows = {"row": ["a", "b", "c"], "column_3d": "osi", "column_0d": "ffr_lad", "networks": ["yes", "no", None]}
+    pd.DataFrame(rows | {"warning": ["", "an extreme", None]}).to_csv(folder / "rows.csv", index=False)
+    read = read_rows(folder / "rows.csv")
+    assert [(row.networks, row.warning) for row in read] == [(True, ""), (False, "an extreme"), (True, "")]
+    pd.DataFrame(rows | {"networks": ["yes", "no", "maybe"]}).to_csv(folder / "rows.csv", index=False)
+    with pytest.raises(InputError, match="networks.*maybe.*write yes or no"):
+        read_rows(folder / "rows.csv")

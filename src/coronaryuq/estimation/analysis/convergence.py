@@ -10,7 +10,7 @@ from coronaryuq.estimation.settings import Settings
 from coronaryuq.estimation.surrogates import mfmc_ae, selector
 from coronaryuq.estimation.surrogates.control_variates import Seen
 from coronaryuq.estimation.surrogates.emulator import Emulator, informative
-from coronaryuq.estimation.training import train_on
+from coronaryuq.estimation.training import train_on, with_networks
 
 
 def subsamples(runs: Runs, rows: list[Row], settings: Settings, seed: int) -> list[Convergence]:
@@ -29,11 +29,12 @@ def subsamples(runs: Runs, rows: list[Row], settings: Settings, seed: int) -> li
             for trial in range(settings.convergence_subsamples)
         ]
         fitted = subsets[: settings.convergence_subsamples_fitted]
-        networks = train_on(runs, rows, fitted, settings, seed) if settings.autoencoder and fitted else None
+        trained = with_networks(rows, settings)
+        networks = train_on(runs, trained, fitted, settings, seed) if trained and fitted else None
         for row in rows:
             y, q = pair(runs, row)
             in_sample, held_out = None, None
-            if networks is not None:
+            if networks is not None and row.name in networks.rows:
                 pairs = [_ae_correlations(networks, runs, row, t, s, emulator, settings) for t, s in enumerate(fitted)]
                 in_sample, held_out = (list(values) for values in zip(*pairs, strict=True))
             entries.append(Convergence(

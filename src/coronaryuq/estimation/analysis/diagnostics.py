@@ -196,6 +196,12 @@ def constant(y: np.ndarray) -> Finding | None:
     others = len(y) - int(counts.max())
     if len(values) == len(y) or others > FEW:
         return None
+    if not others:
+        return Finding(
+            "does not vary",
+            f"all {len(y)} runs have the value {values[0]:.6g}, so its error cannot be estimated from them",
+            f"the interval has no width; by the rule of three, up to {3 / len(y):.0%} of the inputs may have others",
+        )
     return Finding(
         "hardly varies",
         f"all but {others} of {len(y)} runs have the value {values[counts.argmax()]:.6g}",

@@ -114,15 +114,16 @@ class Methods:
     def crossfit_gp(self, row: Row) -> tuple[Estimate, BeyondTheMean]:
         if row.column_3d not in self._crossfit_gp:
             predictions = per_row.predict(self.design, row)
+            beyond = self.beyond_mean and np.ptp(pair(self.design.runs, row)[0]) > 0
             self._crossfit_gp[row.column_3d] = (
                 per_row.crossfit_gp(self.design, row, predictions, self.settings.level, self.weights),
-                beyond_the_mean(self.design, row, predictions, self.settings) if self.beyond_mean else BeyondTheMean(),
+                beyond_the_mean(self.design, row, predictions, self.settings) if beyond else BeyondTheMean(),
             )
         return self._crossfit_gp[row.column_3d]
 
     def autoencoder(self, row: Row) -> Estimate | None:
         """MFMC-AE with the paper's in-sample numbers; None without networks, or where too many 0D runs failed."""
-        if self.networks is None or self.resampled is None:
+        if self.networks is None or self.resampled is None or row.name not in self.networks.rows:
             return None
         design, networks, runs = self.design, self.networks, self.design.runs
         curves = curves_of(networks, row, self.resampled[row.column_0d], self.settings.curve_nodes)
@@ -151,8 +152,9 @@ def estimate_row(row: Row, methods: Methods, findings: tuple[diagnostics.Finding
     crossfit_gp, beyond = methods.crossfit_gp(row)
     chosen = recommended(made)
     found = (
+        row.warning,
         *findings,
-        diagnostics.unseen(len(y)),
+        diagnostics.unseen(len(y)) if np.ptp(y) > 0 else None,
         diagnostics.constant(y),
         diagnostics.dominated(crossfit_gp.residuals, runs.samples),
         diagnostics.disagreement({name: made[name] for name in TESTED if name in made}, chosen),
@@ -190,16 +192,17 @@ def estimates_of(row: Row, methods: Methods) -> tuple[dict[str, Estimate], Parts
         if levels is not None:
             parts = levels[1]
             estimates["multilevel"] = _warned(levels[0], diagnostics.coarse_failures(runs))
-    made = {name: _judged(name, estimate, len(y)) for name in ORDER if (estimate := estimates.get(name)) is not None}
+    made = {name: _judged(name, estimate, y) for name in ORDER if (estimate := estimates.get(name)) is not None}
     error = design.emulator_error[row.column_0d]
     if error > EMULATOR_SHARE:
         made["MFMC"] = _warned(made["MFMC"], diagnostics.unexplained(row.column_0d, error))
     return made, parts
 
 
-def _judged(name: str, estimate: Estimate, n: int) -> Estimate:
-    """Add the warnings that concern the method to the estimate."""
-    gain = None if name == "MC" else diagnostics.without_gain(estimate.rho_held_out, n, name)
+def _judged(name: str, estimate: Estimate, y: np.ndarray) -> Estimate:
+    """Add the warnings that concern the method to the estimate; where y (n,) does not vary, no method can gain."""
+    judged = name != "MC" and np.ptp(y) > 0
+    gain = diagnostics.without_gain(estimate.rho_held_out, len(y), name) if judged else None
     return _warned(_warned(estimate, diagnostics.skewed(estimate)), gain)
 
 

@@ -61,7 +61,7 @@ def pairs(
     for row in rows:
         y, q = pair(runs, row)
         paired = np.full(len(y), np.nan)
-        if networks is not None and resampled is not None:
+        if networks is not None and resampled is not None and row.name in networks.rows:
             curves = curves_of(networks, row, resampled[row.column_0d], settings.curve_nodes)
             if curves:
                 held, _ = followed(runs.theta, y, fold, networks, row, curves)

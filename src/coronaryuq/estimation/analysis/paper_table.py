@@ -59,10 +59,10 @@ def paper_table(
     design = make_design(runs, rows, count(len(runs), settings.folds), seed, settings.known_scaling)
     clock.append(time.process_time())
     networks = resampled = None
-    if settings.autoencoder:
-        networks = training.train(runs, rows, settings, seed)
+    if trained := training.with_networks(rows, settings):
+        networks = training.train(runs, trained, settings, seed)
         wanted = training.resampled_inputs(networks, runs, settings.curve_nodes)
-        resampled = emulated(runs, [row.column_0d for row in rows], wanted)
+        resampled = emulated(runs, [row.column_0d for row in trained], wanted)
     clock.append(time.process_time())
     results = estimate_rows.analyse(runs, rows, settings, seed, networks, resampled, design, beyond_mean=False)
     clock.append(time.process_time())

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import optuna
 
+from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.estimation import training
 from coronaryuq.estimation.estimators.dependence import assign_runs
@@ -64,10 +65,12 @@ def tune(
     Raises
     ------
     InputError
-        If the folder is not as described, or if a row does not exist.
+        If the folder is not as described, if a row does not exist, or if none has networks.
     """
     runs = read_runs(runs_folder)
-    rows = training.chosen_rows(read_rows(rows_csv), settings, rows_csv)
+    rows = [row for row in training.chosen_rows(read_rows(rows_csv), settings, rows_csv) if row.networks]
+    if not rows:
+        raise InputError(rows_csv, "networks", "no", "tuning needs a row whose networks are trained")
     total = sum(settings.steps)
 
     def suggested(trial: optuna.trial.BaseTrial) -> Settings:

@@ -137,8 +137,10 @@ class _Terms:
         """Return var(E[Y | z_u]) (...) for cov(E[z | z_u]) (..., d, d)."""
         product = self.second @ q
         found = q @ self.first @ self.first + 2 * np.einsum("...ij,...ji->...", product, product)
+        power = q * q  # a running product: a general power is most of the cost
         for degree, a in enumerate(self.higher, start=3):
-            found = found + factorial(degree) * (q**degree @ a @ a)
+            power = power * q
+            found = found + factorial(degree) * (power.reshape(*q.shape[:-2], -1) @ np.outer(a, a).ravel())
         return found
 
 
@@ -268,9 +270,11 @@ def _shares(terms: _Terms, correlation: np.ndarray, members: list[np.ndarray], o
     inputs = np.array([np.concatenate([members[p] for p in order]) for order in orders])
     permuted = correlation[inputs[:, :, None], inputs[:, None, :]]
     factor = np.take_along_axis(np.linalg.cholesky(permuted), np.argsort(inputs, axis=1)[:, :, None], axis=1)
-    nested = np.cumsum(np.einsum("bic,bjc->bcij", factor, factor), axis=1)
+    columns = np.ascontiguousarray(factor.swapaxes(1, 2))
+    nested = columns[:, :, :, None] * columns[:, :, None, :]
+    np.cumsum(nested, axis=1, out=nested)
     ends = np.cumsum([[len(members[p]) for p in order] for order in orders], axis=1) - 1
-    explained = terms.explained(np.take_along_axis(nested, ends[:, :, None, None], axis=1))
+    explained = terms.explained(nested[np.arange(len(orders))[:, None], ends])
     gains = np.diff(explained, axis=1, prepend=0.0)
     shapley = np.zeros(len(members))
     np.add.at(shapley, orders, gains / len(orders))

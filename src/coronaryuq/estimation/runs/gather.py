@@ -18,15 +18,75 @@ from coronaryuq.estimation.results import Counts
 BOOKKEEPING = ("status", "reason", "cpu_s", "cycles", "cycle_error", "refinement")
 """Columns of 0D runs that are not outputs."""
 
-ROWS = (
-    ("osi_flow", "max OSI", "mean flow", "osi_max_{}", "mean_flow:{outlet}"),
-    ("tawss_flow", "min TAWSS", "mean flow", "tawss_min_{}", "mean_flow:{outlet}"),
-    ("ffr_ffr", "FFR", "FFR", "ffr_{}", "ffr_{}"),
-    ("ffr_flow", "FFR", "mean flow", "ffr_{}", "mean_flow:{outlet}"),
-)
-"""The paper's table: name, 3D and 0D quantity, and their columns for one branch (Table 1)."""
-
 COARSE_FILES = ("params_coarse.csv", "outputs_0d_coarse.csv", "outputs_3d_coarse.csv")
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A kind of row: what is estimated at every stenosis.
+
+    Parameters
+    ----------
+    row
+        Name of its rows, without the branch.
+    qoi_3d, qoi_0d
+        3D and 0D quantity, for the label.
+    column_3d, column_0d
+        Their columns; {} stands for the branch, {outlet} for its outlet.
+    networks
+        Whether MFMC-AE is trained for it.
+    optional
+        Leave the row out where the 3D runs do not have the column.
+    warning
+        What a reader has to know about the quantity itself.
+    """
+
+    row: str
+    qoi_3d: str
+    qoi_0d: str
+    column_3d: str
+    column_0d: str
+    networks: bool = True
+    optional: bool = False
+    warning: str = ""
+
+    def of(self, branch: str, outlet: str, columns_0d: Sequence[str]) -> dict[str, str]:
+        """Return the row of one branch, a line of `rows.csv`; outlet: boundary condition of its flow."""
+        place = next((name.split(":", 1)[1] for name in columns_0d if name.endswith(f":{outlet}")), None)
+        return {
+            "row": f"{self.row}_{branch.lower()}", "qoi_3d": self.qoi_3d, "qoi_0d": self.qoi_0d, "branch": branch,
+            "column_3d": self.column_3d.format(branch.lower()),
+            "column_0d": self.column_0d.format(branch.lower(), outlet=place),
+            "networks": "yes" if self.networks else "no", "warning": self.warning,
+        }  # fmt: skip
+
+
+FLOW = ("mean flow", "mean_flow:{outlet}")
+EXTREME = "extreme: {} has settled on no mesh tried (shown for comparison with the paper; prefer {})"
+
+
+def _average(row: str, qoi_3d: str, column_3d: str) -> Quantity:
+    """Return a quantity that the paper does not have, so that its networks would have nothing to be compared with."""
+    return Quantity(row, qoi_3d, FLOW[0], column_3d, FLOW[1], networks=False, optional=True)
+
+
+QUANTITIES = (
+    Quantity("ffr_ffr", "FFR", "FFR", "ffr_{}", "ffr_{}"),
+    Quantity("ffr_flow", "FFR", FLOW[0], "ffr_{}", FLOW[1]),
+    _average("tawss_patch_flow", "patch-min TAWSS", "tawss_patch_min_{}"),
+    _average("low_shear_flow", "low-shear area", "low_shear_area_{}"),
+    _average("osi_patch_flow", "patch-max OSI", "osi_patch_max_{}"),
+    Quantity("osi_flow", "max OSI", FLOW[0], "osi_max_{}", FLOW[1], warning=EXTREME.format("max OSI", "patch-max OSI")),
+    Quantity(
+        "tawss_flow",
+        "min TAWSS",
+        FLOW[0],
+        "tawss_min_{}",
+        FLOW[1],
+        warning=EXTREME.format("min TAWSS", "patch-min TAWSS"),
+    ),
+)
+"""FFR and averages over a part of the wall, then extremes; those with networks are the paper's (Table 1)."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +184,7 @@ def gather(
     bounds = {name: limits.get(name, limits["r"]) for name in columns}
     ends = (("min", 0), ("max", 1))
     write_json(out / "param_limits.json", {end: {name: bounds[name][k] for name in columns} for end, k in ends})
-    write_csv(out / "rows.csv", rows(read_case(inputs.case), list(zerod.outputs.columns)))
+    write_csv(out / "rows.csv", rows(read_case(inputs.case), list(outputs_3d), list(zerod.outputs)))
     write_json(out / "failures.json", _failures(fine, (zerod, zerod_beyond, zerod_more), coarse))
 
 
@@ -184,17 +244,16 @@ def _failed(runs: list[records.Record]) -> list[dict[str, Any]]:
     return [{"sample": r.sample, "reason": r.reason, "inputs": r.inputs} for r in runs if not r.ok]
 
 
-def rows(case: CaseSummary, columns_0d: Sequence[str]) -> pd.DataFrame:
-    """Return the rows of the paper's table for this case: one per quantity and stenosis, in its order."""
-    lines = []
-    for name, qoi_3d, qoi_0d, column_3d, column_0d in ROWS:
-        for stenosis in case.stenoses:
-            branch = stenosis.name.lower()
-            outlet = next((c.split(":", 1)[1] for c in columns_0d if c.endswith(f":{stenosis.outlet}")), None)
-            line = {"row": f"{name}_{branch}", "qoi_3d": qoi_3d, "qoi_0d": qoi_0d, "branch": stenosis.name}
-            line |= {"column_3d": column_3d.format(branch), "column_0d": column_0d.format(branch, outlet=outlet)}
-            lines.append(line)
-    return pd.DataFrame(lines)
+def rows(case: CaseSummary, columns_3d: Sequence[str], columns_0d: Sequence[str]) -> pd.DataFrame:
+    """Return the rows to estimate for this case: one per quantity and stenosis, extremes last."""
+    return pd.DataFrame(
+        [
+            quantity.of(stenosis.name, stenosis.outlet, columns_0d)
+            for quantity in QUANTITIES
+            for stenosis in case.stenoses
+            if not quantity.optional or quantity.column_3d.format(stenosis.name.lower()) in columns_3d
+        ]
+    )
 
 
 def measured_cost_ratio(failures_json: str | Path) -> float | None:

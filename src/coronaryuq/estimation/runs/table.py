@@ -95,12 +95,17 @@ class Runs:
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table: a 3D quantity, the 0D quantity that the paper pairs with it, and a label."""
+    """One line of the table: a 3D quantity, the 0D quantity that the paper pairs with it, and a label.
+
+    networks: whether MFMC-AE is trained for it. warning: what a reader has to know about the quantity.
+    """
 
     name: str
     column_3d: str
     column_0d: str
     label: str
+    networks: bool = True
+    warning: str = ""
 
 
 def read_runs(folder: str | Path) -> Runs:
@@ -164,10 +169,14 @@ def read_runs(folder: str | Path) -> Runs:
 def read_rows(path: str | Path) -> list[Row]:
     """Read `rows.csv`: columns `row, column_3d, column_0d`; the label joins `qoi_3d, qoi_0d, branch` where present.
 
+    Where present, `networks` says whether MFMC-AE is trained for the row, and `warning` what a reader has to know
+    about its quantity.
+
     Raises
     ------
     InputError
-        If the file has no rows, an empty cell in a needed column, or two rows of one name.
+        If the file has no rows, an empty cell in a needed column, two rows of one name, or `networks` other than yes
+        and no.
     """
     frame = read_csv(path, columns=KEYS)
     if not len(frame):
@@ -183,9 +192,23 @@ def read_rows(path: str | Path) -> list[Row]:
         )
     words = [c for c in ("qoi_3d", "qoi_0d", "branch") if c in frame]
     return [
-        Row(r["row"], r["column_3d"], r["column_0d"], ", ".join(filter(None, (r[w] for w in words))) or r["column_3d"])
+        Row(
+            r["row"],
+            r["column_3d"],
+            r["column_0d"],
+            ", ".join(filter(None, (r[w] for w in words))) or r["column_3d"],
+            _yes(path, r.get("networks", "")),
+            r.get("warning", ""),
+        )
         for _, r in frame.iterrows()
     ]
+
+
+def _yes(path: str | Path, word: str) -> bool:
+    """Return whether MFMC-AE is trained for a row; it is, unless the file says no."""
+    if word.lower() not in ("", "yes", "no"):
+        raise InputError(path, "networks", word, "write yes or no")
+    return word.lower() != "no"
 
 
 def pair(runs: Runs, row: Row) -> tuple[np.ndarray, np.ndarray]:
