@@ -52,6 +52,7 @@ EXAMPLES: dict[str, list[tuple[str, str]]] = {
     "bench dream": [("coronaryuq bench dream --quick", "less than a minute")],
     "bench flow3d": [("coronaryuq bench flow3d --quick", "less than a minute")],
     "bench table": [(f"coronaryuq bench table --quick --data {PUBLISHED}", "needs the published runs")],
+    "bench scale": [(f"coronaryuq bench scale --quick --data {PUBLISHED}", "needs the published runs")],
     "bench coverage": [("coronaryuq bench coverage --quick", "analytic pairs only")],
     "bench models": [("coronaryuq bench models --quick", "analytic pairs only; with PyApprox if it is installed")],
     "bench discrepancy": [("coronaryuq bench discrepancy --quick --seeds 1", "one hidden case per cell")],

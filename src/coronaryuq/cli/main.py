@@ -22,6 +22,7 @@ BENCHMARKS = {
     "dream": ("dream", "posterior sampling of the bundled patient, compared with emcee"),
     "flow3d": ("flow3d.benchmark", "cost, verification and mesh convergence of the 3D solver"),
     "table": ("estimation.table", "the paper's table of estimates from published runs"),
+    "scale": ("estimation.scale", "cost of the paper's table, without networks, for many propagation samples"),
     "coverage": ("estimation.coverage", "coverage of the confidence intervals over repeated trials"),
     "models": ("estimation.models", "error of the estimators beside that of linear combinations of several 0D outputs"),
     "discrepancy": ("discrepancy.benchmark", "how often the search finds hidden effects"),

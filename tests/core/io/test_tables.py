@@ -2,11 +2,12 @@
 
 import pandas as pd
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.tables import read_csv, write_csv
+from coronaryuq.core.io import tables
+from coronaryuq.core.io.tables import read_csv, read_table_text, write_csv
 
 floats = st.floats(allow_nan=False, allow_infinity=False)
 
@@ -54,3 +55,21 @@ def test_rows_longer_than_the_heading_are_not_shifted(tmp_path, row):
     (tmp_path / "table.csv").write_text("a,b\n" + row)
     with pytest.raises(InputError, match="heading: some rows have more cells than the heading"):
         read_csv(tmp_path / "table.csv")
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    lines=st.lists(st.text(st.characters(exclude_categories=("Cs",)), max_size=12), max_size=12),
+    sizes=st.lists(st.integers(1, 40), min_size=1), bytes_at_a_time=st.integers(2, 50),
+)  # fmt: skip
+def test_a_table_is_the_same_in_pieces_of_any_size(tmp_path_factory, lines, sizes, bytes_at_a_time):
+    path = tmp_path_factory.mktemp("pieces") / "table.csv"
+    path.write_bytes("\r\n".join(lines).encode())
+    whole, _ = read_table_text(path)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tables, "BLOCK", bytes_at_a_time)
+        file, parts = tables.TableText(path), []
+        while part := file.read(sizes[len(parts) % len(sizes)]):
+            assert len(part) <= sizes[len(parts) % len(sizes)]
+            parts.append(part)
+    assert "".join(parts) == whole

@@ -5,6 +5,8 @@ import io
 import re
 import zipfile
 import zlib
+from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +19,9 @@ if TYPE_CHECKING:  # pandas takes a third of a second to import, and the command
 
 GAPS = ("", "NA", "N/A", "n/a", "#N/A", "NaN", "nan", "-NaN", "-nan", "NULL", "null", "None", "<NA>", "1.#QNAN")
 """Contents of a cell that mean a missing number."""
+DECIMAL_COMMA = re.compile(r"(?:^|;)\s*[-+]?\d*,\d+\s*(?:;|$)", re.MULTILINE)
+BLOCK = 1 << 20
+"""Bytes read at a time."""
 
 
 def write_csv(path: str | Path, frame: "pd.DataFrame") -> None:
@@ -44,15 +49,15 @@ def read_csv(path: str | Path, columns: tuple[str, ...] = (), words: tuple[str, 
     """
     import pandas as pd
 
-    text, separator = read_table_text(path)
-    decimal = "," if separator == ";" and re.search(r"(?:^|;)\s*[-+]?\d*,\d+\s*(?:;|$)", text, re.MULTILINE) else "."
+    separator = _separator(path)
+    comma = separator == ";" and any(DECIMAL_COMMA.search(line) for _, line in _table_lines(path))
     try:
-        layout = {"sep": separator, "decimal": decimal, "skipinitialspace": separator != "\t"}
-        heading = pd.read_csv(io.StringIO(text), nrows=0, **layout).columns
+        layout = {"sep": separator, "decimal": "," if comma else ".", "skipinitialspace": separator != "\t"}
+        heading = pd.read_csv(TableText(path), nrows=0, **layout).columns
         kept = {name: str for name in heading if str(name).strip().lower() in words}
         if kept:
             layout |= {"keep_default_na": False, "na_values": {name: GAPS for name in heading if name not in kept}}
-        frame = pd.read_csv(io.StringIO(text), dtype=kept, **layout)
+        frame = pd.read_csv(TableText(path), dtype=kept, **layout)
     except ValueError as error:
         reason = " ".join(str(error).split())
         raise InputError(path, None, None, f"not a readable CSV file ({reason})") from None
@@ -68,34 +73,74 @@ def read_table_text(path: str | Path) -> tuple[str, str]:
     Lines that begin with # and lines of empty cells (spreadsheets leave them below a table) are dropped. The encoding
     is UTF-8 with or without a byte-order mark, UTF-16 with one, else Windows' Western code page.
     """
-    lines, separator = _table_lines(path)
-    return "".join(lines.values()), separator
+    return "".join(line for _, line in _table_lines(path)), _separator(path)
 
 
 def line_number(path: str | Path, row: int) -> int:
     """Return the line number, from 1, of a row of a table, counted from 0 after the header."""
-    lines, _ = _table_lines(path)
-    return list(lines)[row + 1]
+    number, _ = next(islice(_table_lines(path), row + 1, None))
+    return number
 
 
-def _table_lines(path: str | Path) -> tuple[dict[int, str], str]:
-    """Return the lines that `read_table_text` keeps, by their number from 1, and the separator."""
+class TableText(io.TextIOBase):
+    """The lines that `read_table_text` keeps as a file, of which no more is in memory than was asked for."""
+
+    def __init__(self, path: str | Path):
+        self._lines, self._left = _table_lines(path), ""
+
+    def readable(self) -> bool:
+        return True
+
+    def read(self, size: int | None = -1) -> str:
+        """Return up to `size` characters, all that are left if that is negative."""
+        parts, held, most = [self._left], len(self._left), float("inf") if size is None or size < 0 else size
+        while held < most and (line := next(self._lines, None)) is not None:
+            parts.append(line[1])
+            held += len(line[1])
+        text = "".join(parts)
+        text, self._left = (text, "") if held <= most else (text[:size], text[size:])
+        return text
+
+
+def _table_lines(path: str | Path) -> Iterator[tuple[int, str]]:
+    """Yield the lines that `read_table_text` keeps, with their numbers from 1."""
+    blank = f"{_separator(path)} \r\n"
+    return ((number, line) for number, line in _written_lines(path) if line.strip(blank))
+
+
+def _separator(path: str | Path) -> str:
+    first = next((line for _, line in _written_lines(path) if line.strip()), "")
+    return next((mark for mark in ",;\t" if mark in first), ",")
+
+
+def _written_lines(path: str | Path) -> Iterator[tuple[int, str]]:
+    """Yield all lines but comments and Excel's own separator line, with their numbers from 1."""
+    encoding = _encoding(path)
+    with open(path, encoding=encoding, errors="replace" if encoding == "cp1252" else "strict", newline="") as file:
+        parts = (part for line in file for part in line.splitlines(keepends=True))
+        for number, line in enumerate(parts, 1):
+            if not line.startswith("#") and not (number == 1 and re.fullmatch(r"sep=[,;\t]\s*", line)):
+                yield number, line
+
+
+def _encoding(path: str | Path) -> str:
+    """Return UTF-16 for a file that begins with its mark, UTF-8 if the whole file can be that, else Windows' page."""
     try:
-        raw = Path(path).read_bytes()
+        with open(path, "rb") as file:
+            start = file.read(2)
+            encoding = "utf-16" if start in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE) else "utf-8-sig"
+            decoder, block = codecs.getincrementaldecoder(encoding)(), start
+            while block:
+                decoder.decode(block)
+                block = file.read(BLOCK)
+            decoder.decode(b"", final=True)
     except FileNotFoundError:
         raise InputError(path, None, None, "no such file") from None
     except OSError as error:
         raise InputError(path, None, None, f"cannot be read ({error.strerror})") from None
-    try:
-        text = raw.decode("utf-16" if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8-sig")
     except UnicodeDecodeError:
-        text = raw.decode("cp1252", errors="replace")
-    lines = {n: line for n, line in enumerate(text.splitlines(keepends=True), 1) if not line.startswith("#")}
-    if re.fullmatch(r"sep=[,;\t]\s*", lines.get(1, "")):  # Excel's own separator line
-        del lines[1]
-    first = next((line for line in lines.values() if line.strip()), "")
-    separator = next((mark for mark in ",;\t" if mark in first), ",")
-    return {n: line for n, line in lines.items() if line.strip(f"{separator} \r\n")}, separator
+        return "cp1252"
+    return encoding
 
 
 def read_parquet(path: str | Path, columns: tuple[str, ...] = ()) -> "pd.DataFrame":

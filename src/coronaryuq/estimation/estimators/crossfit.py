@@ -33,6 +33,7 @@ class Propagated:
     """g_k on a block of propagation samples: values (m_k,).
 
     `integrated`: predictions behind each value, 1 for a plain sample, more where a known input was integrated exactly.
+    at: samples with predictions, where a regression carried these over to the others (`regression`); 0 for all.
     `also`: values on further, independent samples, whose means add to this one. segments: of the values, where their
     samples depend on each other.
     """
@@ -41,6 +42,7 @@ class Propagated:
     integrated: int = 1
     also: tuple[np.ndarray, ...] = ()
     segments: Segments | None = None
+    at: int = 0
 
     @property
     def mean(self) -> float:
@@ -53,7 +55,7 @@ class Propagated:
 
     @property
     def predictions(self) -> int:
-        return self.integrated * (len(self.values) + sum(len(v) for v in self.also))
+        return self.integrated * ((self.at or len(self.values)) + sum(len(v) for v in self.also))
 
 
 @dataclass(frozen=True)

@@ -15,19 +15,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import KDTree
 
 from coronaryuq.estimation.estimators.folds import assign, assign_groups
+from coronaryuq.estimation.estimators.near_duplicates import near_duplicates
 from coronaryuq.estimation.runs.table import Runs, States
 
 SIGNIFICANCE = 1e-3
 """Level of the test for autocorrelation, Bonferroni-corrected over inputs."""
 LIKELY = 0.05
 """Level for a pilot whose propagation samples are autocorrelated."""
-CHANCE = 1e-3
-"""Expected number of pairs of independent samples that are taken for near-duplicates."""
 FEWEST = 6
 """Fewest segments from which a variance is estimated."""
 MOST = 36
@@ -187,7 +183,8 @@ def _in_file(log_theta: np.ndarray, level: float) -> tuple[Segments | None, str]
     moving = log_theta[:, np.ptp(log_theta, axis=0) > 0] if m > 1 else log_theta[:, :0]
     if m < 2 * FEWEST or not moving.shape[1]:
         return None, ""
-    standard = (moving - moving.mean(axis=0)) / moving.std(axis=0)
+    standard = moving - moving.mean(axis=0)
+    standard /= moving.std(axis=0)  # in place: for a million samples every copy counts
     if autocorrelated(standard, level):
         return _in_order(m), "are autocorrelated in the order of the file"
     labels = near_duplicates(standard)
@@ -208,24 +205,9 @@ def autocorrelated(values: np.ndarray, level: float = SIGNIFICANCE) -> bool:
     also sees chains that are written in turn, whose correlation sets in at a long lag and is small at every single one.
     """
     m, centred = len(values), values - values.mean(axis=0)
-    lag_one = np.sum(centred[1:] * centred[:-1], axis=0) / np.sum(centred**2, axis=0)
+    lag_one = np.einsum("ij,ij->j", centred[1:], centred[:-1]) / np.einsum("ij,ij->j", centred, centred)
     segments = _in_order(m).long
     batch = np.array([_batch_means(column / m, segments) for column in centred.T])
     ratio, freedom = batch * m / centred.var(axis=0, ddof=1), int(segments.max())
     p = np.concatenate([stats.norm.sf(lag_one * np.sqrt(m)), stats.chi2.sf(freedom * ratio, freedom)])
     return bool(p.min() * len(p) < level)
-
-
-def near_duplicates(values: np.ndarray) -> np.ndarray:
-    """Return a label (m,) for each row of standardised `values` (m, d); rows closer than chance allows share one.
-
-    Among independent normal samples, CHANCE pairs are expected to lie as close in every principal component.
-    """
-    m = len(values)
-    _, scale, axes = np.linalg.svd(values - values.mean(axis=0), full_matrices=False)
-    kept = scale > 1e-6 * scale[0]
-    whitened = (values @ axes[kept].T) / (scale[kept] / np.sqrt(m))
-    radius = np.sqrt(np.pi) * (CHANCE / (m * (m - 1) / 2)) ** (1 / kept.sum())
-    pairs = KDTree(whitened).query_pairs(min(radius, 0.1), p=np.inf, output_type="ndarray")
-    linked = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(m, m))
-    return connected_components(linked, directed=False)[1]

@@ -1,6 +1,6 @@
 """Folds, propagation blocks and emulated 0D outputs that all rows of one campaign share."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -8,25 +8,35 @@ from scipy import stats
 from coronaryuq.core.seeds import generator
 from coronaryuq.estimation.estimators import folds
 from coronaryuq.estimation.estimators.crossfit import Propagated
-from coronaryuq.estimation.estimators.dependence import INDEPENDENT, Dependence, assign_runs
+from coronaryuq.estimation.estimators.dependence import INDEPENDENT, Dependence, Segments, assign_runs
+from coronaryuq.estimation.estimators.regression import Regression
 from coronaryuq.estimation.runs.table import CoarseRuns, Row, Runs, pair
 from coronaryuq.estimation.surrogates.control_variates import Seen
 from coronaryuq.estimation.surrogates.emulator import FAMILIES, Emulator, informative
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
+MOST = 250_000
+"""Predictions of one control variate at most, nodes of an integrated input included."""
 
 
 @dataclass(frozen=True)
 class Block:
-    """Propagation samples of one fold: indices (m,); log θ (m · s, d) at s values of the integrated input.
+    """Propagation samples of one fold at which control variates predict: indices (m,), and log θ (m · s, d).
 
-    outputs: 0D output → emulated values (m · s,). repeats: s, 1 where no input is integrated.
+    outputs: 0D output → emulated values (m · s,). repeats: s, the number of values of the integrated input, 1 where
+    there is none. regression: of predictions on the inputs of all samples of the fold, where m are a part of these.
     """
 
     index: np.ndarray
     log_theta: np.ndarray
     outputs: dict[str, np.ndarray]
     repeats: int
+    regression: Regression | None = None
+
+    @property
+    def every(self) -> np.ndarray:
+        """Indices of all propagation samples of the fold."""
+        return self.index if self.regression is None else self.regression.index
 
     def average(self, values: np.ndarray) -> np.ndarray:
         """Values (m · s,) integrated over the known input: (m,)."""
@@ -96,13 +106,26 @@ class Design:
         return self._of(row, self.coarse[k]), len(self.runs) + self.coarse[k].index
 
     def propagate(self, raw: list[np.ndarray]) -> list[Propagated]:
-        """Predictions (m_k · s,) per fold at its propagation samples, integrated over the known input."""
-        return [self.propagated_values(k, b.average(v)) for k, (b, v) in enumerate(zip(self.blocks, raw, strict=True))]
+        """Return predictions (m_k · s,) per fold, or a function of them, integrated over the known input."""
+        return [
+            Propagated(b.average(v), b.repeats, segments=self.segments(b.index))
+            for b, v in zip(self.blocks, raw, strict=True)
+        ]
 
-    def propagated_values(self, k: int, values: np.ndarray) -> Propagated:
-        """Return averaged predictions (m_k,) at the propagation samples of fold k, with the samples' segments."""
-        block, more = self.blocks[k], self.dependence.more
-        return Propagated(values, block.repeats, segments=None if more is None else more[block.index[: len(values)]])
+    def propagate_to_all(self, raw: list[np.ndarray]) -> list[Propagated]:
+        """Return predictions (m_k · s,) per fold as `propagate`, carried over to samples without a prediction."""
+        found = self.propagate(raw)
+        return [
+            block if of.regression is None
+            else replace(
+                block, values=of.regression.to_all(block.values), segments=self.segments(of.every), at=len(of.index)
+            )
+            for of, block in zip(self.blocks, found, strict=True)
+        ]  # fmt: skip
+
+    def segments(self, index: np.ndarray) -> Segments | None:
+        """Return the segments of some propagation samples; None where these are independent."""
+        return None if self.dependence.more is None else self.dependence.more[index]
 
     def _of(self, row: Row, block: Block) -> Seen:
         outputs = np.column_stack([block.outputs[c] for c in self.shared])
@@ -117,7 +140,9 @@ def make_design(
 
     `scaling`: input whose law is known to be uniform within its limits and independent of the others; where the
     propagation samples do not contradict that (`integrable`), control variates are integrated over it exactly at 8
-    Gauss nodes. most, families: how many 0D outputs control variates may see, and their prefixes (see `informative`).
+    Gauss nodes. Of more than MOST predictions per control variate, a random part is made, and a regression carries them
+    over to the other samples (`regression`). most, families: how many 0D outputs control variates may see, and their
+    prefixes (see `informative`).
     """
     for row in rows:
         pair(runs, row)  # raises for a row that names a missing column
@@ -127,7 +152,8 @@ def make_design(
     integrated = scaling is not None and integrable(runs, scaling)
     wanted = list(dict.fromkeys(row.column_0d for row in rows))
     names = informative(runs.q, wanted, max(most, len(wanted)), families)
-    order = generator(seed, "estimation", "blocks").permutation(m) % k
+    order = generator(seed, "estimation", "blocks").permutation(m)
+    predicted = MOST // (len(NODES) if integrated else 1)
     log_theta, held_out, blocks = runs.coordinates(runs.theta), {name: np.empty(n) for name in names}, []
     coarse, coarse_fold = [], folds.assign(len(runs.coarse.theta), k, seed, "coarse") if runs.coarse else None
     for j in range(k):
@@ -135,9 +161,11 @@ def make_design(
         emulator = Emulator(log_theta[train], runs.q.loc[train, names])
         for name, values in emulator.predict(log_theta[held]).items():
             held_out[name][held] = values
-        index = np.flatnonzero(order == j)
+        every = np.flatnonzero(order % k == j)
+        index = every[order[every] < predicted]
         spread, repeats = _spread(runs, index, scaling if integrated else None)
-        blocks.append(Block(index, spread, emulator.predict(spread), repeats))
+        regression = Regression.of(runs, every, index, scaling if integrated else None) if m > predicted else None
+        blocks.append(Block(index, spread, emulator.predict(spread), repeats, regression))
         if runs.coarse is not None:
             index = np.flatnonzero(coarse_fold == j)
             log_coarse = runs.coordinates(runs.coarse.theta[index])
@@ -162,7 +190,10 @@ def integrable(runs: Runs, scaling: str) -> bool:
         return False
     uniform = stats.kstest(s, stats.uniform(low, high - low).cdf).pvalue
     moving = [other for other in others.T if np.ptp(other) > 0]
-    independent = min((stats.spearmanr(s, other).pvalue for other in moving), default=1.0) * max(len(moving), 1)
+    ranks = stats.rankdata(s)
+    # Spearman's correlation is Pearson's of ranks.
+    p = (stats.pearsonr(ranks, stats.rankdata(other)).pvalue for other in moving)
+    independent = min(p, default=1.0) * max(len(moving), 1)
     return bool(uniform > 1e-3 and independent > 1e-3)
 
 

@@ -86,7 +86,8 @@ class _Fit:
         self.centre = (moved_beyond[0] - moved_beyond[1]).mean(axis=0)
         block = design.blocks[k]
         more = self._with(more, np.full(len(more), np.nan))
-        self.g_more, self.repeats = block.average(self.fitted.predict(more)), block.repeats
+        self.g_raw = self.fitted.predict(more)
+        self.g_more = block.average(self.g_raw)
         weights = block.weights(min(CENTRE, len(block.index)))
         self.centre_g = weights @ changes(self.fitted, more[: len(weights)], self.train, n) / weights.sum()
 
@@ -114,10 +115,14 @@ def _combined(design: Design, y: np.ndarray, fits: list[_Fit], level: float) -> 
     # f − g is averaged over the pilot and the coarse runs beyond it, g over the pilot and the propagation samples.
     on_coarse = len(between) / (n + len(between))
     share = np.bincount(design.fold) / n
-    from_blocks = float(sum(s**2 * Propagated(fit.g_more).variance for s, fit in zip(share, fits, strict=True)))
+    everywhere = design.propagate_to_all([fit.g_raw for fit in fits])
+    from_blocks = float(sum(s**2 * block.variance for s, block in zip(share, everywhere, strict=True)))
     spread = np.var(g, ddof=1) / n
     on_cheap = float(spread / (spread + from_blocks)) if spread > 0 else 0.0
-    blocks = [Propagated(on_cheap * fit.g_more, fit.repeats, also=(on_coarse * fit.between,)) for fit in fits]
+    blocks = [
+        Propagated(on_cheap * block.values, block.integrated, also=(on_coarse * fit.between,), at=block.at)
+        for fit, block in zip(fits, everywhere, strict=True)
+    ]
     influence = Influence(
         design.fold,
         on_coarse * (moved - moved_g) + on_cheap * moved_g,

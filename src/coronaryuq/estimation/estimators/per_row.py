@@ -32,21 +32,21 @@ def monte_carlo(design: Design, row: Row, level: float, weights: np.ndarray | No
 def mfmc(design: Design, row: Row, level: float, weights: np.ndarray | None = None) -> Estimate:
     """MFMC with α cross-fitted; 0D outputs at propagation samples are real where there are any, else emulated."""
     y, q = pair(design.runs, row)
-    held, blocks = np.empty(len(y)), []
+    held, blocks, emulated = np.empty(len(y)), [], []
     more = design.runs.q_more
     for k, block in enumerate(design.blocks):
         trained, train = design.training(row, k)
         fitted = METHODS["linear 0D"](trained, y[train])
         seen, index = design.held(row, k)
         if more is not None:
-            real = more[row.column_0d].to_numpy(float)[block.index]
+            real = more[row.column_0d].to_numpy(float)[block.every]
             held[index] = fitted.predict(replace(seen, row_output=q[index]))
-            at_block = replace(design.propagated(row, k)[: len(real)], row_output=real)
-            blocks.append(replace(design.propagated_values(k, fitted.predict(at_block)), integrated=1))
+            values = fitted.predict(Seen(np.empty((len(real), 0)), real, np.empty((len(real), 0))))
+            blocks.append(Propagated(values, segments=design.segments(block.every)))
         else:
             held[index] = fitted.predict(seen)
-            emulated = fitted.predict(design.propagated(row, k))
-            blocks.append(design.propagated_values(k, block.average(emulated)))
+            emulated.append(fitted.predict(design.propagated(row, k)))
+    blocks = blocks or design.propagate_to_all(emulated)
     n_0d = len(y) + (0 if more is None else len(more))
     fit = CrossFit(y, held, blocks, design.fold, design.dependence)
     return replace(combine("MFMC", fit, n_0d, Options(level, weights=weights)), rho_in_sample=correlation(y, q))
@@ -81,7 +81,7 @@ class Predictions:
 
     def centre(self, design: Design, y: np.ndarray) -> float:
         """Return the mean of y (n,)."""
-        fit = CrossFit(y, self.held, design.propagate(self.raw), design.fold, design.dependence)
+        fit = CrossFit(y, self.held, design.propagate_to_all(self.raw), design.fold, design.dependence)
         return combine("", fit, len(y), Options(target=design.target)).mean
 
 
@@ -158,7 +158,7 @@ def crossfit_gp(
     y, _ = pair(design.runs, row)
     name = "crossfit-GP: " + tally(predictions.methods)
     between = predictions.influence.between(shares=weights)
-    fit = CrossFit(y, predictions.held, design.propagate(predictions.raw), design.fold, design.dependence)
+    fit = CrossFit(y, predictions.held, design.propagate_to_all(predictions.raw), design.fold, design.dependence)
     return combine(name, fit, len(y), Options(level, weights=weights, between=between, target=design.target))
 
 
@@ -196,7 +196,7 @@ def autoencoder(
     y, _ = pair(design.runs, row)
     held, raw = follow(design, row, networks, curves)
     n_0d = len(y) + sum(len(places) for k, (places, _) in curves.items() if k != mfmc_ae.IN_SAMPLE)
-    fit = CrossFit(y, held, design.propagate(raw), design.fold, design.dependence)
+    fit = CrossFit(y, held, design.propagate_to_all(raw), design.fold, design.dependence)
     return combine("MFMC-AE", fit, n_0d, Options(level, weights=weights, target=design.target))
 
 

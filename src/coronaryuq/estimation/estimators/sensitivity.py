@@ -17,7 +17,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import legendre
 
-from coronaryuq.estimation.estimators.crossfit import CrossFit, Estimate, Options, combine, propagation_variance
+from coronaryuq.estimation.estimators.crossfit import (
+    CrossFit,
+    Estimate,
+    Options,
+    Propagated,
+    combine,
+    propagation_variance,
+)
 from coronaryuq.estimation.estimators.design import NODES, WEIGHTS, Design
 from coronaryuq.estimation.estimators.per_row import Predictions
 from coronaryuq.estimation.results import Value
@@ -61,8 +68,8 @@ class _Effect:
 
 def _along(design: Design, predictions: Predictions, j: int) -> _Effect:
     average = np.concatenate([b.average(v) for b, v in zip(design.blocks, predictions.raw, strict=True)])
-    x = design.runs.coordinates(design.runs.theta_more)[:, j]
-    at = x[np.concatenate([b.index for b in design.blocks])]
+    x = [b.log_theta[:: b.repeats, j] for b in design.blocks]
+    at = np.concatenate(x)
     low, high = at.min(), at.max()
     degree = min(DEGREE, len(np.unique(at)) - 1)
 
@@ -74,7 +81,7 @@ def _along(design: Design, predictions: Predictions, j: int) -> _Effect:
     polynomials = powers(at) @ to_orthonormal
     coefficients = polynomials.T @ (average - average.mean()) / len(at)
     noise = float(np.mean((average - average.mean() - polynomials @ coefficients) ** 2)) * degree / len(at)
-    raw = [np.repeat(powers(x[b.index]) @ to_orthonormal, b.repeats, axis=0) for b in design.blocks]
+    raw = [np.repeat(powers(own) @ to_orthonormal, b.repeats, axis=0) for own, b in zip(x, design.blocks, strict=True)]
     return _Effect(coefficients, powers(design.log_theta[:, j]) @ to_orthonormal, raw, noise)
 
 
@@ -136,7 +143,7 @@ class _Index:
     def _missed(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the coefficients d_p of what the predictions miss of the effect, with zeros, and their variances."""
         found = np.zeros((2, len(self.effect.coefficients)))
-        nothing = [self.design.propagated_values(k, np.zeros(1)) for k in range(len(self.design.blocks))]
+        nothing = [Propagated(np.zeros(1), segments=self.design.segments(b.index[:1])) for b in self.design.blocks]
         y, held, fold = self.y - self.centre, self.predictions.held - self.centre, self.design.fold
         for p in range(min(MISSED_DEGREE, found.shape[1])):
             polynomial = self.effect.held[:, p]

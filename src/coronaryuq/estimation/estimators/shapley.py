@@ -82,17 +82,16 @@ def effects(
     """
     index = np.concatenate([b.index for b in design.blocks])
     values = np.concatenate(_at_samples(design, predictions))
-    some = np.linspace(0, len(index) - 1, min(SAMPLES, len(index))).round().astype(int)
-    index, values = index[some], values[some]
-    theta = design.runs.theta_more
+    theta = design.runs.theta_more[index]
     moving = np.flatnonzero(np.ptp(theta, axis=0) > 0)
     members = _members([design.runs.inputs[j] for j in moving], groups or {})
     scores = np.column_stack([ndtri((rankdata(theta[:, j]) - 0.5) / len(theta)) for j in moving])
     rng = generator(0, "estimation", "shapley", row.column_3d)
-    expansion = _Expansion.fit(scores[index], values)
+    some = np.linspace(0, len(index) - 1, min(SAMPLES, len(index))).round().astype(int)
+    expansion = _Expansion.fit(scores[some], values[some])
     errors = _errors(design, row, predictions, scores, moving, expansion)
     more = design.dependence.more
-    labels = np.arange(len(index)) % SEGMENTS if more is None else more.long[index]
+    labels = np.arange(len(some)) % SEGMENTS if more is None else more.long[index[some]]
     resample = expansion.resampling(labels)
     orders = _orders(len(members), rng)
     found = []
@@ -232,14 +231,16 @@ def _errors(
 ) -> list[np.ndarray]:
     """Return per fold a root (f, s) of the covariance of the coefficients, as the control variate's posterior has it.
 
+    scores (m, d): of the samples of all blocks, one block after the other.
     Samples of an integrated input are taken at one node each, in turn by the nodes' weights.
     """
     j, found = _integrated(design), []
     least = 2 * len(expansion.coefficients)
+    of_blocks = np.split(scores, np.cumsum([len(b.index) for b in design.blocks])[:-1])
     for k, fitted in enumerate(predictions.fitted):
         block = design.blocks[k]
         places = np.linspace(0, len(block.index) - 1, min(least, len(block.index))).round().astype(int)
-        z = scores[block.index[places]]
+        z = of_blocks[k][places]
         if j is not None:
             edges = np.cumsum(WEIGHTS / 2)
             node = np.minimum(np.searchsorted(edges, (np.arange(len(places)) * 0.618034) % 1), len(NODES) - 1)

@@ -336,7 +336,9 @@ def _propagation(
         raise InputError(
             folder / "param_limits.json", None, None, "no such file; normalised propagation inputs need it"
         )
-    if not normalised.read_bytes().strip():
+    with open(normalised, "rb") as file:
+        empty = not any(line.strip() for line in file)
+    if empty:
         raise InputError(normalised, None, None, "empty; draw inputs at which only the 0D model is run")
     try:
         values = np.loadtxt(normalised, delimiter=",", ndmin=2)
@@ -361,6 +363,13 @@ def _propagation_outputs(
         raise InputError(
             path, "sample", str(unknown[0]), "not among the propagation inputs; write both from the same campaign"
         )
-    frame = frame.reindex(samples)
-    ended = np.isfinite(frame.dropna(axis=1, how="all").to_numpy(dtype=float)).all(axis=1)
-    return theta[ended], tuple(np.array(samples)[ended]), frame[ended].reset_index(drop=True), theta[~ended]
+    wanted = pd.Index(samples)
+    frame = frame if frame.index.equals(wanted) else frame.reindex(wanted)
+    ended = np.ones(len(frame), dtype=bool)
+    for _, values in frame.items():  # one column at a time: the table may be most of the memory
+        if values.notna().any():
+            ended &= np.isfinite(values.to_numpy(dtype=float))
+    if ended.all():
+        return theta, samples, frame.reset_index(drop=True), theta[~ended]
+    kept = tuple(name for name, ran in zip(samples, ended, strict=True) if ran)
+    return theta[ended], kept, frame[ended].reset_index(drop=True), theta[~ended]
