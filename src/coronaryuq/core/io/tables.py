@@ -52,7 +52,11 @@ def read_csv(path: str | Path, columns: tuple[str, ...] = (), words: tuple[str, 
     separator = _separator(path)
     comma = separator == ";" and any(DECIMAL_COMMA.search(line) for _, line in _table_lines(path))
     try:
-        layout = {"sep": separator, "decimal": "," if comma else ".", "skipinitialspace": separator != "\t"}
+        layout: dict[str, Any] = {
+            "sep": separator,
+            "decimal": "," if comma else ".",
+            "skipinitialspace": separator != "\t",
+        }
         heading = pd.read_csv(TableText(path), nrows=0, **layout).columns
         kept = {name: str for name in heading if str(name).strip().lower() in words}
         if kept:
