@@ -1,7 +1,8 @@
 """Add cases of `coronaryuq bench discrepancy` to discrepancy-cases.jsonl, and their results to the documentation.
 
 Arguments: NETWORK=FILE for further cases, one JSON object per line as the benchmark writes them to standard error. An
-existing case of the same network, effect, strength, noise and seed is replaced.
+existing case of the same network, effect, strength, noise and seed is replaced. `scores FILE...` prints the scores of
+files of cases instead: right answers and cost by kind, reliability, Brier score, coverage by cell, detection curve.
 """
 
 import json
@@ -9,8 +10,18 @@ import sys
 import tempfile
 from pathlib import Path
 
-from coronaryuq.bench.discrepancy.score import wilson
-from coronaryuq.bench.discrepancy.tables import TARGETS, answers, chosen, in_order, is_pair, measures, right, shares
+from coronaryuq.bench.discrepancy.reliability import markdown
+from coronaryuq.bench.discrepancy.tables import (
+    TARGETS,
+    answers,
+    chosen,
+    in_order,
+    is_pair,
+    measures,
+    right,
+    shares,
+    wilson,
+)
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.figures.discrepancy_benchmark import cell_label, hidden_effects
 from coronaryuq.report.discrepancy_benchmark import target
@@ -25,13 +36,24 @@ NETWORKS = ("open loop", "bundled patient", "another patient", "svZeroDSolver te
 GRID = [(strength, "nominal") for strength in ("weak", "medium", "strong")]
 GRID += [("medium", noise) for noise in ("half", "double")]
 KEPT = "network effect strength noise seed places visible first classes named placed alarmed abstained covered before "
-KEPT = (KEPT + "after oracle gap_closed_over_oracle worse foretold helped cpu_s skipped redrawn").split()
-DIGITS = {"visible": 3, "before": 4, "after": 4, "oracle": 4, "gap_closed_over_oracle": 4, "cpu_s": 3}
+KEPT += "after oracle gap_closed_over_oracle worse foretold helped probability made_by cpu_s cpu_s_made skipped redrawn"
+KEPT = KEPT.split()
+DIGITS = {
+    "visible": 3,
+    "before": 4,
+    "after": 4,
+    "oracle": 4,
+    "gap_closed_over_oracle": 4,
+    "cpu_s": 3,
+    "cpu_s_made": 3,
+    "probability": 4,
+}
 
 
 def read(path: str | Path) -> list[dict]:
     lines = Path(path).read_text(encoding="utf-8").splitlines()
-    return [json.loads(line) for line in lines if line.startswith("{")]
+    found = [json.loads(line) for line in lines if line.startswith("{")]
+    return [case for case in found if "effect" in case]
 
 
 def key(case: dict) -> tuple:
@@ -194,6 +216,9 @@ def tables(cases: list[dict]) -> list[tuple[Path, str, list[str]]]:
 
 
 def main(more: list[str]) -> None:
+    if more[:1] == ["scores"]:
+        print(markdown([case for path in more[1:] for case in read(path)]), end="")
+        return
     given = [argument.partition("=") for argument in more]
     cases = merged(read(CASES), [kept(case, network) for network, _, path in given for case in read(path)])
     CASES.write_text("".join(json.dumps(case) + "\n" for case in cases), encoding="utf-8")

@@ -6,6 +6,7 @@ import pytest
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.bench.discrepancy.trial import analyse
 from coronaryuq.discrepancy.hidden import make_case
+from coronaryuq.discrepancy.hidden.nature import Outside
 from coronaryuq.discrepancy.result.summary_text import paragraph
 from coronaryuq.discrepancy.result.write import summary
 from support.hypotheses import assume
@@ -21,7 +22,7 @@ def exchanged(network, condition):
 
 @pytest.mark.slow
 def test_two_exchanged_outlets_are_reported_as_a_wiring_error(tmp_path):
-    make_case.hide(open_loop(), assume(), np.zeros(0), make_case.Noise(), 11, tmp_path, exchanged)
+    make_case.hide(open_loop(), assume(), np.zeros(0), make_case.Noise(), 11, tmp_path, Outside(network=exchanged))
     found = analyse(tmp_path)
     assert [place for _, place in found.verdict.wiring_errors] == ["BC_lad~BC_lcx"]
     assert found.outside_library and not found.named

@@ -4,6 +4,9 @@ import pytest
 
 from coronaryuq.bench.discrepancy import benchmark
 from coronaryuq.bench.discrepancy.benchmark import run
+from coronaryuq.bench.discrepancy.cases import Case
+from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.bench.discrepancy.trial import hide
 from coronaryuq.core.errors import InputError
 
 SPENT = ("cpu_s", "wall_s")
@@ -62,3 +65,32 @@ def test_cases_of_other_code_or_another_network_are_discarded(tmp_path, tried):
     kept.write_text(kept.read_text().replace('"made_by": "', '"made_by": "0'))
     run(quick=True, effects=("none",), resume=kept, name="another")
     assert tried == ["none"] * 3
+
+
+@pytest.mark.slow
+def test_svzerodsolver_makes_the_data_and_the_result_states_how_far_they_are_off(capsys):
+    found = run(quick=True, effects=("none", "quadratic_stenosis"), nature="svzerod", vessels=0.02)
+    assert [case["made_by"] for case in found["cases"]] == ["svzerod"] * 2
+    assert found["nature"]["program"] == "svzerod" and found["nature"]["vessels"] == 0.02
+    assert found["nature"]["each bed"] == 0.15 and found["nature"]["violated"] == {"vessels": 0.15, "each bed": 0.2}
+    assert all(case["cpu_s_made"] > 0.0 for case in found["cases"]) and found["cases"][1]["named"]
+
+
+def test_where_svzerodsolver_is_missing_our_engine_makes_the_data(monkeypatch, capsys):
+    monkeypatch.setattr(benchmark, "installed", lambda: None)
+    assert benchmark.Options(quick=True).drawn().program == "own"
+    assert capsys.readouterr().err == "svZeroDSolver is not installed: the data are made by our engine\n"
+    with pytest.raises(InputError, match="--nature = 'svzerod': pip install svzerod, or use own"):
+        benchmark.Options(quick=True, nature="svzerod").drawn()
+
+
+@pytest.mark.slow
+def test_a_size_is_scaled_until_it_leaves_the_wanted_trace(tmp_path):
+    for number, name in enumerate(("flow_gain", "diffuse_narrowing")):
+        case = Case((name,), "trace 20", "nominal", 5)
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        truth, _ = hide(case, open_loop(), folder)
+        assert truth.visible == pytest.approx(20.0, rel=0.05) and abs(truth.sizes[0]) <= 3.0
+    faint = Case(("flow_gain",), "trace 1e6", "nominal", 5)
+    assert hide(faint, open_loop(), tmp_path) == (None, 6), "no plausible gain has that trace"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from coronaryuq.bench.discrepancy.benchmark import run
-from coronaryuq.bench.discrepancy.hidden_cases import OUTSIDE_LOOP, outside
+from coronaryuq.bench.discrepancy.hidden_cases import LOOPS_OUTSIDE, changed_network
 from coronaryuq.core.errors import InputError
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.grafting import add_vessel, attach, open_end
@@ -15,14 +15,14 @@ from coronaryuq.zerod.solver.engine import Engine
 
 
 @pytest.mark.parametrize("arteries", [2, 1])
-@pytest.mark.parametrize("name", OUTSIDE_LOOP)
+@pytest.mark.parametrize("name", LOOPS_OUTSIDE)
 def test_effects_outside_the_library_are_possible_in_a_small_loop(shared, name, arteries):
     network = read_network(shared / "data" / "svzerod-cases" / "closedLoopHeart_withCoronaries.json")
     if arteries == 1:
         bed = next(block for block in network["boundary_conditions"] if block["bc_name"] == "RCA")
         systemic = next(b for b in network["boundary_conditions"] if b["bc_type"] == "ClosedLoopRCR")
         bed.update(bc_type="ClosedLoopRCR", bc_values=systemic["bc_values"])
-    alter = outside(name, network, np.random.default_rng(1))
+    alter = changed_network(name, network, np.random.default_rng(1))
     if (name, arteries) == ("miswired_outlets", 1) or name in ("thrombosed_side_vessel", "delayed_collateral"):
         assert alter is None
     else:
@@ -51,7 +51,7 @@ def forked(network):
 def test_a_transient_effect_acts_under_one_condition_only(shared, name, there, gone):
     """Mean flows into the coronary vessels change under one and stay as they are under another, over the largest."""
     network = forked(read_network(shared / "data" / "svzerod-cases" / "closedLoopHeart_withCoronaries.json"))
-    alter = outside(name, network, np.random.default_rng(3))
+    alter = changed_network(name, network, np.random.default_rng(3))
     anatomy = Anatomy(network)
     names = [f"mean_flow:{anatomy.inlet(vessel)}" for vessel in anatomy.coronary_vessels]
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from coronaryuq.bench.discrepancy.score import wilson
+from coronaryuq.bench.discrepancy.tables import wilson
 
 
 def test_wilson_interval_of_a_textbook_case():

@@ -8,6 +8,7 @@ from coronaryuq.case.network.network import Network
 from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.hidden import make_case
 from coronaryuq.discrepancy.hidden.experiment import Experiment, Plan
+from coronaryuq.discrepancy.hidden.nature import Outside
 from coronaryuq.discrepancy.result.repair import repaired_conditions, repaired_network
 from support.hypotheses import assume
 
@@ -70,7 +71,7 @@ def searched(folder, wrong=lambda network: None, off=(), noise=1.0):
     named = {condition.name: condition for condition in conditions}
     probes = assume(*(("flow_gain", place) for place in off))
     experiment = Experiment(Network(aorta()), named, Plan(tuple(plan)))
-    make_case.hide(experiment, probes, np.ones(len(off)), make_case.Noise(noise), 3, folder, altered)
+    make_case.hide(experiment, probes, np.ones(len(off)), make_case.Noise(noise), 3, folder, Outside(network=altered))
     return analyse(folder)
 
 

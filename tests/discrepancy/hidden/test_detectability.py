@@ -7,6 +7,7 @@ from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.hidden.detectability import least_trace
 from coronaryuq.discrepancy.hidden.make_case import Noise, hide
+from coronaryuq.discrepancy.hidden.nature import Nature
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.read_problem import make_problem, read_problem
 from coronaryuq.discrepancy.inference.time_step_error import time_steps
@@ -19,7 +20,7 @@ from support.hypotheses import assume
 def problem(tmp_path_factory):
     """The open loop's problem with nothing hidden, nuisance parameters as in the model."""
     folder = tmp_path_factory.mktemp("nothing")
-    hide(open_loop(), assume(), np.zeros(0), Noise(), 1, folder, nuisance_spread=0.0)
+    hide(open_loop(), assume(), np.zeros(0), Noise(), 1, folder, nature=Nature(beds=0.0, states=0.0))
     conditions, network = read_conditions(folder / "conditions.yaml"), read_network(folder / "model.json")
     read = read_problem(network, folder / "measurements.csv", conditions, folder / "conditions.yaml", Settings())
     return make_problem(network, conditions, read.forward.measured, Settings())

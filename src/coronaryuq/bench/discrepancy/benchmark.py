@@ -5,14 +5,25 @@ import json
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from coronaryuq.bench.discrepancy.cases import NOISES, STRENGTHS, Case, check_cells, closed_loop_cases, open_loop_cases
+from coronaryuq.bench.discrepancy.cases import (
+    NOISES,
+    STRENGTHS,
+    TRACE,
+    VIOLATED_BEDS,
+    VIOLATED_VESSELS,
+    Case,
+    check_cells,
+    closed_loop_cases,
+    open_loop_cases,
+    set_aside_cases,
+)
 from coronaryuq.bench.discrepancy.hidden_cases import BenchmarkExperiment, closed_loop, open_loop
 from coronaryuq.bench.discrepancy.score import score
 from coronaryuq.bench.discrepancy.tables import OPEN_LOOP
@@ -21,8 +32,19 @@ from coronaryuq.core import provenance
 from coronaryuq.core.command_line import non_negative_int, positive_int
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_text
+from coronaryuq.discrepancy.hidden.nature import Nature
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.network.read import read_network
+from coronaryuq.zerod.svzerodsolver.program import installed
+
+NATURE = Nature("svzerod", vessels=0.08, beds=0.15, states=0.05)
+"""Usual nature of the truth: the search's priors of the beds, half of its prior of the conditions' states."""
+SPREADS = {
+    "vessels": "R, L and C of every vessel",
+    "beds": "resistance and compliance of each bed, other nuisance parameters in proportion to their priors",
+    "states": "coronary resistance of each condition",
+}
+NOT_IN_3D = ("network", "strengths", "noises", "resume", "trace", "nature", *SPREADS, "set_aside")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,9 +63,45 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--noises", nargs="+", choices=tuple(NOISES), help="noise of the measurements (default: nominal)"
     )
+    parser.add_argument(
+        "--trace",
+        nargs="+",
+        metavar="SD",
+        type=_positive,
+        help="scale single effects until they leave these signals, in noise sd, instead of --strengths: 3 6 10 20 50",
+    )
+    parser.add_argument(
+        "--nature",
+        choices=("svzerod", "own"),
+        help="program that makes the data (default: svzerod, svZeroDSolver, if it is installed)",
+    )
+    for name, what in SPREADS.items():
+        usual = getattr(NATURE, name)
+        help = f"relative sd of the truth's {what} about the searched model (default: {usual:g})"
+        parser.add_argument(f"--{name}", metavar="SD", type=_share, help=help)
+    parser.add_argument("--set-aside", metavar="FILE", help="run only the effects and seeds of this file")
     parser.add_argument("--effects", nargs="+", metavar="CELL", help="labels of the cells to run (default: all)")
     parser.add_argument("--threads", metavar="N", type=positive_int, help="threads of each search (default: 1)")
     parser.add_argument("--resume", metavar="FILE", help="file of finished cases, to resume a run that was killed")
+
+
+def _positive(text: str) -> float:
+    """Return the positive number of an argument."""
+    number = _share(text)
+    if number == 0.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a positive number")
+    return number
+
+
+def _share(text: str) -> float:
+    """Return the number of an argument, zero or more."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = np.nan
+    if not 0.0 <= number < np.inf:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of 0 or more")
+    return number
 
 
 @dataclass(frozen=True)
@@ -72,6 +130,14 @@ class Options:
         Name of the network in the entries.
     resume
         File of finished cases, to resume a run that was killed.
+    trace
+        Signals in noise sd that single effects are scaled to, instead of `strengths`.
+    nature
+        Program that makes the data; by default svZeroDSolver if it is installed.
+    vessels, beds, states
+        Relative standard deviations of the truth; by default those of `NATURE`.
+    set_aside
+        File of the effects and seeds to run only, see `set_aside_cases`.
     """
 
     quick: bool
@@ -86,6 +152,34 @@ class Options:
     seconds: float | None = None
     name: str | None = None
     resume: str | Path | None = None
+    trace: Sequence[float] = ()
+    nature: Literal["svzerod", "own"] | None = None
+    vessels: float | None = None
+    beds: float | None = None
+    states: float | None = None
+    set_aside: str | None = None
+
+    def drawn(self) -> Nature:
+        """Return the nature of the truth; says on standard error where svZeroDSolver is missing."""
+        program = self.nature or ("svzerod" if installed() else "own")
+        if program == "svzerod" and not installed():
+            raise InputError("bench discrepancy", "--nature", program, "pip install svzerod, or use own")
+        if self.nature is None and program == "own":
+            print("svZeroDSolver is not installed: the data are made by our engine", file=sys.stderr)
+        spreads = {name: getattr(self, name) for name in SPREADS if getattr(self, name) is not None}
+        return replace(NATURE, program=program, **spreads)
+
+    def cases(self) -> list[Case]:
+        """Return the cases to run; `InputError` for an unknown cell."""
+        if self.set_aside:
+            selected = list(set_aside_cases(self.set_aside))
+        else:
+            seeds = range(self.offset, self.offset + self.seeds)
+            strengths = [f"{TRACE}{trace:g}" for trace in self.trace] or self.strengths
+            every = closed_loop_cases if self.network else partial(open_loop_cases, self.quick)
+            selected = list(every(seeds, strengths, self.noises))
+        check_cells(self.effects, [case.label for case in selected])
+        return [case for case in selected if not self.effects or case.label in self.effects]
 
 
 def run(**options: Any) -> dict:
@@ -109,24 +203,23 @@ def run(**options: Any) -> dict:
     chosen = Options(**options)
     limit = chosen.seconds if chosen.seconds is not None else (40.0 if chosen.quick else np.inf)
     name = chosen.name or (Path(chosen.network).stem if chosen.network else OPEN_LOOP)
-    seeds = range(chosen.offset, chosen.offset + chosen.seeds)
     entries: Iterator[dict | None]
+    stated: dict = {"program": "3d"}
     if chosen.solver == "3d":
         default = Options(quick=chosen.quick)
-        for option in ("network", "strengths", "noises", "resume"):
+        for option in NOT_IN_3D:
             value, usual = getattr(chosen, option), getattr(default, option)
             if value != usual and not (isinstance(value, list) and tuple(value) == usual):
-                raise InputError("bench discrepancy", f"--{option}", value, "not an option of --solver 3d")
+                remedy = "not an option of --solver 3d"
+                raise InputError("bench discrepancy", f"--{option.replace('_', '-')}", value, remedy)
         cells = chosen.effects or (("lca1:moderate",) if chosen.quick else ())
-        entries = trials_3d(seeds, cells, chosen.threads)
+        entries = trials_3d(range(chosen.offset, chosen.offset + chosen.seeds), cells, chosen.threads)
     else:
         experiment = _loop(chosen.network) if chosen.network else open_loop()
-        every = closed_loop_cases if chosen.network else partial(open_loop_cases, chosen.quick)
-        selected = list(every(seeds, chosen.strengths, chosen.noises))
-        check_cells(chosen.effects, [case.label for case in selected])
-        selected = [case for case in selected if not chosen.effects or case.label in chosen.effects]
-        finished = FinishedCases(chosen.resume, experiment, name) if chosen.resume else None
-        entries = _trials(selected, experiment, chosen.threads, finished)
+        nature, selected = chosen.drawn(), chosen.cases()
+        stated = nature.stated() | {"violated": {"vessels": VIOLATED_VESSELS, "each bed": VIOLATED_BEDS}}
+        finished = FinishedCases(chosen.resume, experiment, name, stated) if chosen.resume else None
+        entries = _trials(selected, experiment, nature, chosen.threads, finished)
     start, scored_cases = time.process_time(), []
     for entry in entries:
         if entry is not None:
@@ -134,17 +227,21 @@ def run(**options: Any) -> dict:
             print(json.dumps(scored_cases[-1], default=float), file=sys.stderr, flush=True)
         if time.process_time() - start > limit:
             break
-    return {"quick": chosen.quick, **score(scored_cases), "cases": scored_cases}
+    return {"quick": chosen.quick, "nature": stated, **score(scored_cases), "cases": scored_cases}
 
 
 def _trials(
-    selected: list[Case], experiment: BenchmarkExperiment, threads: int, finished: "FinishedCases | None"
+    selected: list[Case],
+    experiment: BenchmarkExperiment,
+    nature: Nature,
+    threads: int,
+    finished: "FinishedCases | None",
 ) -> Iterator[dict | None]:
     """Search and score every case, or take it from an earlier run."""
     for case in selected:
         entry = finished.entries.get(case.key) if finished else None
         if entry is None:
-            entry = trial(case, experiment, threads)
+            entry = trial(case, experiment, nature, threads)
             if finished and entry is not None:
                 finished.add(case, entry)
         yield entry
@@ -156,10 +253,10 @@ class FinishedCases:
     entries: key of a case → entry, from an earlier run of the same code on the same network.
     """
 
-    def __init__(self, path: str | Path, experiment: BenchmarkExperiment, name: str):
+    def __init__(self, path: str | Path, experiment: BenchmarkExperiment, name: str, nature: dict):
         self.path = Path(path)
         code = provenance.code_digest("coronaryuq.bench.discrepancy.benchmark")
-        head = {"made_by": provenance.digest([name, experiment.network, code])}
+        head = {"made_by": provenance.digest([name, experiment.network, nature, code])}
         first, *rest = self._read() or [head]
         lines = rest if first == head else []
         self.entries = {tuple(line["key"]): line["entry"] for line in lines}

@@ -1,22 +1,31 @@
 """Cells of the discrepancy benchmark: hidden effects, their strengths, and the noise of the measurements."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 from coronaryuq.bench.discrepancy.hidden_cases import OUTSIDE, OUTSIDE_LOOP, WITH_STENOSIS
+from coronaryuq.bench.discrepancy.set_aside import EFFECTS
 from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.atomic import read_json
 from coronaryuq.discrepancy.hidden.make_case import Noise
+from coronaryuq.discrepancy.hidden.nature import Nature
 from coronaryuq.zerod.effects.library import LIBRARY
 
 STRENGTHS = {"weak": (-1.0, 0.6), "medium": (0.0, 1.2), "strong": (1.0, 2.0)}
 """Sizes in prior standard deviations: of positive sizes, and the magnitude of signed ones."""
+TRACE = "trace "
+"""Start of the strength of a case whose size was scaled to a given trace, such as "trace 10"."""
 NOISES = {
     "half": Noise(scale=0.5),
     "nominal": Noise(),
     "double": Noise(scale=2.0),
     "underestimated": Noise(stated=2.0 / 3.0),
     "correlated": Noise(correlation=0.7),
+    "violated": Noise(stated=0.7, correlation=0.5),
 }
+VIOLATED_VESSELS, VIOLATED_BEDS = 0.15, 0.2
+"""Spreads of the truth under the noise "violated"."""
 NOTHING_PER_SEED = 5
 """Cases without a hidden effect per seed: such a search is short, and a small rate needs many."""
 PAIRS_OF_TWO = (
@@ -40,6 +49,15 @@ class Case:
     seed: int
     outside: str = ""
     known: bool = False
+
+    @property
+    def trace(self) -> float | None:
+        """The trace that the size is scaled to."""
+        return float(self.strength.removeprefix(TRACE)) if self.strength.startswith(TRACE) else None
+
+    def nature(self, usual: Nature) -> Nature:
+        """Return the nature of the case's truth."""
+        return replace(usual, vessels=VIOLATED_VESSELS, beds=VIOLATED_BEDS) if self.noise == "violated" else usual
 
     @property
     def key(self) -> tuple:
@@ -92,6 +110,23 @@ def closed_loop_cases(seeds: range, strengths: Sequence[str], noises: Sequence[s
             yield Case((), "medium", "half" if known else "nominal", seed, name, known)
         for pair in LOOP_PAIRS:
             yield Case(pair, "medium", "nominal", seed)
+
+
+def set_aside_cases(path: str | Path) -> Iterator[Case]:
+    """Yield the cases of a file of effects set aside: `effects`, `first_seed` and `seeds`.
+
+    Raises
+    ------
+    InputError
+        For an unknown effect.
+    """
+    chosen = read_json(path, ("effects", "first_seed", "seeds"))
+    for name in chosen["effects"]:
+        if name not in EFFECTS:
+            raise InputError(path, "effects", name, f"no effect set aside; known: {', '.join(EFFECTS)}")
+    for seed in range(chosen["first_seed"], chosen["first_seed"] + chosen["seeds"]):
+        for name in chosen["effects"]:
+            yield Case((), "medium", "nominal", seed, name)
 
 
 def check_cells(wanted: Sequence[str], cells: list[str]) -> None:

@@ -17,6 +17,7 @@ from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedE
 from coronaryuq.discrepancy.forward.network_values import differences
 from coronaryuq.discrepancy.hidden import make_case
 from coronaryuq.discrepancy.hidden.experiment import HYPERAEMIA, Experiment, Plan, clinical_plan
+from coronaryuq.discrepancy.hidden.nature import OUR_ENGINE
 from coronaryuq.flow3d.adapter import FlowModel
 from coronaryuq.flow3d.ensemble.ensemble import Ensemble
 from coronaryuq.flow3d.fem.lanes import LANES
@@ -102,18 +103,20 @@ def hide(shape: Shape, seeds: Sequence[int], folders: Sequence[Path]) -> list[ma
     Seeds differ in nuisance parameters and noise; a batch runs as many as there are lanes.
     """
     experiment = loop_3d()
-    cases = [make_case.prepare_external(experiment, seed) for seed in seeds]
+    cases = [make_case.draw_subject(experiment, OUR_ENGINE, seed) for seed in seeds]
     batch = max(1, LANES // len(experiment.conditions))
     truths = []
     for first in range(0, len(cases), batch):
         block = cases[first : first + batch]
         results = _run(shape, experiment, block)
-        for case, waveforms, folder in zip(block, results, folders[first : first + batch], strict=True):
-            truths.append(case.write(waveforms, *_nearest(shape, case, waveforms), folder))
+        chosen = slice(first, first + batch)
+        for case, waveforms, seed, folder in zip(block, results, seeds[chosen], folders[chosen], strict=True):
+            signal, noise = case.signal_of(waveforms, *_nearest(shape, case, waveforms)), make_case.Noise()
+            truths.append(case.write(signal, noise, seed, folder, case.visible(signal, noise)))
     return truths
 
 
-def _run(shape: Shape, experiment: Experiment, cases: list[make_case.ExternalCase]) -> list[dict]:
+def _run(shape: Shape, experiment: Experiment, cases: list[make_case.Subject]) -> list[dict]:
     """Waveforms of each case, condition → unknown → (steps + 1,)."""
     network, conditions = experiment.network, experiment.conditions
     tables, starts = [], []
@@ -186,7 +189,7 @@ def _drop(shape: Shape, network: Network) -> tuple[str, str, str]:
     return f"pressure:{proximal}", f"pressure:{distal}", f"flow:{distal}"
 
 
-def _nearest(shape: Shape, case: make_case.ExternalCase, waveforms: dict[str, dict]) -> tuple[Hypothesis, np.ndarray]:
+def _nearest(shape: Shape, case: make_case.Subject, waveforms: dict[str, dict]) -> tuple[Hypothesis, np.ndarray]:
     """Return the library effect that represents the shape, with the sizes z fitted to the 3D pressure drop.
 
     Least squares of drop = R Q + S |Q| Q + L dQ/dt over all conditions: S, and R in excess of the model's, for a

@@ -1,26 +1,28 @@
 """Networks in which the benchmark `discrepancy` hides effects, and effects outside the library."""
 
 import copy
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from coronaryuq.bench.discrepancy import open_loop_tree
+from coronaryuq.bench.discrepancy import open_loop_tree, set_aside
+from coronaryuq.bench.discrepancy.recordings_outside import RECORDINGS
 from coronaryuq.case.network.network import Network
 from coronaryuq.core import units
 from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.hidden.detectability import Traces
 from coronaryuq.discrepancy.hidden.experiment import Experiment, Plan, loop_experiment
+from coronaryuq.discrepancy.hidden.make_case import Subject, draw_subject
+from coronaryuq.discrepancy.hidden.nature import Change, Nature, Outside
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState
 from coronaryuq.zerod.effects.grafting import add_vessel, attach
 from coronaryuq.zerod.effects.leak import SideBranchLeak
 from coronaryuq.zerod.solver.engine import Engine
 
-Change = Callable[[Network, str], Network]
-"""Change of the network of a condition, given by name."""
+MOST_SUBJECTS = 4
+"""Subjects kept; cells with one seed follow each other and share them."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,18 @@ class BenchmarkExperiment(Experiment):
         if noise not in self._traces:
             self._traces[noise] = Traces(self, noise)
         return self._traces[noise]
+
+    @cached_property
+    def _subjects(self) -> dict[tuple[Nature, int], Subject]:
+        return {}
+
+    def subject(self, nature: Nature, seed: int) -> Subject:
+        """Return the subject of a seed, in which all cells hide their effects."""
+        if (nature, seed) not in self._subjects:
+            if len(self._subjects) >= MOST_SUBJECTS:
+                del self._subjects[next(iter(self._subjects))]
+            self._subjects[nature, seed] = draw_subject(self, nature, seed)
+        return self._subjects[nature, seed]
 
 
 def open_loop() -> BenchmarkExperiment:
@@ -102,7 +116,18 @@ def _scales(network: Network, vessels: list[str]) -> Anatomy:
     return Anatomy(network, pressure, dict(zip(vessels, flows, strict=True)))
 
 
-def outside(name: str, network: Network, random: np.random.Generator) -> Change | None:
+def outside(name: str, experiment: Experiment, random: np.random.Generator) -> Outside | None:
+    """Return an effect that the library does not express, at a random place; None if it has none."""
+    if name in set_aside.EFFECTS:
+        return set_aside.EFFECTS[name](experiment, random)
+    if name in RECORDINGS:
+        channels = [entry[:2] for entry in experiment.plan.entries if entry[2] == "waveform"]
+        return RECORDINGS[name](channels, random)
+    change = changed_network(name, experiment.network, random)
+    return Outside(network=change) if change else None
+
+
+def changed_network(name: str, network: Network, random: np.random.Generator) -> Change | None:
     """Return a change of a condition's network that no effect of the library expresses; None if it has no place.
 
     In a closed loop the place is random.
@@ -216,8 +241,16 @@ def _transient(
     return {"spasm": spasm, "thrombosed_side_vessel": clot, "delayed_collateral": recruited}[name]
 
 
-OUTSIDE = ("thrombosed_side_vessel", "drifting_vessel", "drifting_bed", "miswired_outlets", "bulging_territory")
+NETWORKS_OUTSIDE = (
+    "thrombosed_side_vessel",
+    "drifting_vessel",
+    "drifting_bed",
+    "miswired_outlets",
+    "bulging_territory",
+)
 TRANSIENT = ("spasm", "thrombosed_side_vessel", "delayed_collateral")
 """Effects in a closed loop that are present under some conditions only."""
-OUTSIDE_LOOP = ("drifting_vessel", "drifting_bed", "miswired_outlets", *TRANSIENT)
+LOOPS_OUTSIDE = ("drifting_vessel", "drifting_bed", "miswired_outlets", *TRANSIENT)
 """Effects outside the library in a closed loop, which conserves its blood volume and includes the heart."""
+OUTSIDE, OUTSIDE_LOOP = (*NETWORKS_OUTSIDE, *RECORDINGS), (*LOOPS_OUTSIDE, *RECORDINGS)
+"""Effects outside the library for development, in the open loop and in closed loops."""

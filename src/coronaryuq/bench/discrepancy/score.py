@@ -4,8 +4,9 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest
 
+from coronaryuq.bench.discrepancy import reliability
+from coronaryuq.bench.discrepancy.tables import names_something, wilson
 from coronaryuq.discrepancy.hidden import make_case
 from coronaryuq.discrepancy.hidden.reference_gap import fit_known
 from coronaryuq.discrepancy.inference.cross_validation import gap, linearise
@@ -33,6 +34,8 @@ def scored(truth: make_case.Truth, answer: Discovery) -> dict:
     entry: dict[str, Any] = {
         "places": [place for _, place in wanted],
         "visible": truth.visible,
+        "made_by": truth.made_by,
+        "probability": stated_probability(answer),
         "named": any(name == wanted[0][0] for name, _ in first) if len(wanted) == 1 else bool(wanted) and all(got),
         "placed": bool(wanted) and all(placed),
         "alarmed": answer.alarm,
@@ -72,6 +75,11 @@ def scored(truth: make_case.Truth, answer: Discovery) -> dict:
     return entry
 
 
+def stated_probability(answer: Discovery) -> float | None:
+    """Return the probability that the search gives its answer; of several names, the least. None if it gives none."""
+    return min((effect["class_probability"] for effect in named(answer)), default=None)
+
+
 def _short(effect: dict) -> dict:
     """Summarise a named effect: place, probability of its class, first size with its interval."""
     name, size = next(iter(effect["sizes"].items()))
@@ -90,14 +98,6 @@ def _covered(answer: Discovery, truth: make_case.Truth) -> bool | None:
             low, high = entry["sizes"][parameter.name]["interval_90"]
             return bool(low <= float(parameter.from_standard(size)) <= high)
     return None
-
-
-def wilson(successes: int, trials: int) -> dict:
-    """Return a fraction with its 95 % interval (Wilson 1927)."""
-    if trials == 0:
-        return {"share": None, "low": None, "high": None, "trials": 0}
-    interval = binomtest(successes, trials).proportion_ci(method="wilson")
-    return {"share": successes / trials, "low": float(interval.low), "high": float(interval.high), "trials": trials}
 
 
 def score(found: list[dict]) -> dict:
@@ -135,6 +135,7 @@ def score(found: list[dict]) -> dict:
                 "alarmed": float(np.mean([e["alarmed"] for e in entries])),
                 "abstained": float(np.mean([e["abstained"] for e in entries])),
                 "gap_closed_over_oracle": _mean([e.get("gap_closed_over_oracle") for e in entries]),
+                "interval_coverage_90": reliability.coverage(entries),
             }
             for key, entries in cells.items()
         ],
@@ -150,17 +151,14 @@ def score(found: list[dict]) -> dict:
             "worse_than_recalibration": share([e for e in found if names_something(e)], "worse"),
         },
         "confusion": confusion,
+        **reliability.summary([*found, *skipped]),
         "by_worth": [_with_worth(worth, single, outside) for worth in WORTHS],
         "invisible": {e["effect"]: sum(o["effect"] == e["effect"] for o in skipped) for e in skipped},
         "cpu_s_per_discovery": _mean([e["cpu_s"] for e in found]),
+        "cpu_s_made_per_case": _mean([e.get("cpu_s_made") for e in [*found, *skipped]]),
         "longest_cpu_s": max((e["cpu_s"] for e in found), default=None),
         "longest_wall_s": max((e["wall_s"] for e in found), default=None),
     }
-
-
-def names_something(case: dict) -> bool:
-    """Whether an answer names an effect; otherwise it equals recalibration."""
-    return case["alarmed"] and not case["abstained"]
 
 
 def _with_worth(worth: float, single: list[dict], outside: list[dict]) -> dict:

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
+from scipy.stats import binomtest
 
 from coronaryuq.bench.discrepancy.hidden_cases import WITH_STENOSIS
-from coronaryuq.bench.discrepancy.score import names_something, wilson
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import write_csv
 
@@ -134,3 +134,16 @@ def tabulate(results: Sequence[str | Path], shares_csv: Path, cells_csv: Path, a
     write_csv(shares_csv, shares(parts))
     write_csv(cells_csv, cells(cases))
     write_csv(answers_csv, answers(cases))
+
+
+def names_something(case: dict) -> bool:
+    """Whether an answer names an effect; otherwise it equals recalibration."""
+    return case["alarmed"] and not case["abstained"]
+
+
+def wilson(successes: int, trials: int) -> dict:
+    """Return a fraction with its 95 % interval (Wilson 1927)."""
+    if trials == 0:
+        return {"share": None, "low": None, "high": None, "trials": 0}
+    interval = binomtest(successes, trials).proportion_ci(method="wilson")
+    return {"share": successes / trials, "low": float(interval.low), "high": float(interval.high), "trials": trials}

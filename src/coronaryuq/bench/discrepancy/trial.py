@@ -15,14 +15,14 @@ from coronaryuq.bench.discrepancy.score import scored
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
-from coronaryuq.discrepancy.hidden import make_case
-from coronaryuq.discrepancy.hidden.make_case import Truth
+from coronaryuq.discrepancy.hidden.make_case import Noise, Signal, Subject, Truth
+from coronaryuq.discrepancy.hidden.nature import OUR_ENGINE, Nature
 from coronaryuq.discrepancy.inference.read_problem import read_problem
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.search import discover
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import Effect
+from coronaryuq.zerod.effects.base import Effect, Parameter
 from coronaryuq.zerod.effects.library import effect
 from coronaryuq.zerod.network.read import read_network
 
@@ -30,6 +30,8 @@ LEAST_VISIBLE = 6.0
 """Signal in the fitted data, in noise standard deviations, below which an effect is drawn again at another place, and
 counted; of two effects, each must leave such a signal given the other."""
 DRAWS = 6
+TRACE_WITHIN, MOST_SIZES, LARGEST_SIZE = 0.05, 8, 3.0
+"""Relative tolerance of a wanted trace, sizes tried for it, and the largest size in prior standard deviations."""
 MANY = 60
 """Maximum number of places of one effect in one network from which one is drawn."""
 
@@ -61,15 +63,19 @@ def trials_3d(seeds: range, wanted: Sequence[str], threads: int = 1) -> Iterator
                 yield entry | {"at_vessel": any(named["place"] == shape.place for named in entry["found"])}
 
 
-def trial(case: Case, experiment: BenchmarkExperiment, threads: int = 1) -> dict | None:
-    """Make, search and score one case; None if the effect has no place."""
+def trial(case: Case, experiment: BenchmarkExperiment, nature: Nature, threads: int = 1) -> dict | None:
+    """Make, search and score one case; None if the effect has no place.
+
+    cpu_s_made: CPU time of making the data of all draws. cpu_s: of the search.
+    """
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        truth, redrawn = hide(case, experiment, folder)
+        folder, begin = Path(name), time.process_time()
+        truth, redrawn = hide(case, experiment, folder, nature)
+        made = {"cpu_s_made": time.process_time() - begin}
         cell: dict = {"effect": case.label, "strength": case.strength, "noise": case.noise, "seed": case.seed}
         if truth is None:
-            return {**cell, "skipped": True, "redrawn": redrawn} if redrawn else None
-        return {**cell, **_search(truth, folder, threads), "redrawn": redrawn}
+            return {**cell, **made, "skipped": True, "redrawn": redrawn} if redrawn else None
+        return {**cell, **made, **_search(truth, folder, threads), "redrawn": redrawn}
 
 
 def _search(truth: Truth, folder: Path, threads: int) -> dict:
@@ -92,18 +98,12 @@ def analyse(folder: Path, threads: int = 1) -> Discovery:
     return discover(problem, seed=1)
 
 
-NAMES_OF_SEEDS = {
-    "stenosis_with_viscous_loss": "stenosis_with_friction",
-    "underestimated": "understated",
-    "correlated": "lasting",
-}
-"""Names in the seeds of recorded cases that have been renamed since; the cases stay reproducible."""
-
-
-def hide(case: Case, experiment: BenchmarkExperiment, folder: Path) -> tuple[Truth | None, int]:
+def hide(
+    case: Case, experiment: BenchmarkExperiment, folder: Path, nature: Nature = OUR_ENGINE
+) -> tuple[Truth | None, int]:
     """Write one case into `folder`; return the hidden truth, None if undetectable, and the number of redraws."""
     experiment = experiment.with_stenosis if case.known else experiment
-    names = [NAMES_OF_SEEDS.get(name, name) for name in (*case.effects, case.outside, case.strength, case.noise)]
+    names = (*case.effects, case.outside, case.strength, case.noise)
     random = generator(case.seed, "discrepancy", "bench", *names)
     places = {name: _places(effect(name), experiment, random) for name in case.effects}
     if not all(places.values()):
@@ -112,25 +112,77 @@ def hide(case: Case, experiment: BenchmarkExperiment, folder: Path) -> tuple[Tru
         places = {name: _detectable(effect(name), candidates, case, experiment) for name, candidates in places.items()}
         if not all(places.values()):
             return None, DRAWS
+    subject, noise = experiment.subject(case.nature(nature), case.seed), NOISES[case.noise]
     for draw in range(DRAWS):
         effects, sizes = [], []
         for name in case.effects:
             hidden = effect(name)
             effects.append(PlacedEffect(hidden, places[name][int(random.integers(len(places[name])))]))
-            positive, signed = STRENGTHS[case.strength]
-            for parameter in hidden.parameters:
-                sign = random.choice((-1.0, 1.0))
-                sizes.append(positive if parameter.kind == "lognormal" else sign * signed)
-        change = outside(case.outside, experiment.network, random) if case.outside else None
+            sizes += _sizes(hidden, "medium" if case.trace else case.strength, random)
+        change = outside(case.outside, experiment, random) if case.outside else None
         if case.outside and change is None:
             return None, 0
-        # Every cell has its own noise and nuisance parameters, so that trials are independent.
-        seed = int(random.integers(2**31))
-        hypothesis = Hypothesis(tuple(effects))
-        truth = make_case.hide(experiment, hypothesis, np.array(sizes), NOISES[case.noise], seed, folder, change)
-        if (not effects and not case.outside) or truth.visible >= LEAST_VISIBLE:
-            return truth, draw
+        # Every cell has its own noise.
+        seed, hypothesis = int(random.integers(2**31)), Hypothesis(tuple(effects))
+        try:
+            if case.trace:
+                signal, visible = with_trace(subject, hypothesis, np.array(sizes), noise, case.trace)
+            else:
+                signal = subject.simulate(hypothesis, np.array(sizes), change)
+                visible = subject.visible(signal, noise)
+        except FloatingPointError:
+            # No such truth, or none of that trace: another place is drawn.
+            continue
+        least = 0.0 if case.trace or not (effects or case.outside) else LEAST_VISIBLE
+        if visible >= least:
+            return subject.write(signal, noise, seed, folder, visible), draw
     return None, DRAWS
+
+
+def _sizes(hidden: Effect, strength: str, random: np.random.Generator) -> list[float]:
+    """Draw the sizes z of an effect: the signs of signed ones."""
+    positive, signed = STRENGTHS[strength]
+    signs = [random.choice((-1.0, 1.0)) for _ in hidden.parameters]
+    return [
+        positive if parameter.kind == "lognormal" else sign * signed
+        for parameter, sign in zip(hidden.parameters, signs, strict=True)
+    ]
+
+
+def with_trace(
+    subject: Subject, hypothesis: Hypothesis, sizes: np.ndarray, noise: Noise, wanted: float
+) -> tuple[Signal, float]:
+    """Scale the first size of one effect until its trace is `wanted`, within `TRACE_WITHIN`.
+
+    By secants in the logarithms of size and trace, the first with slope one.
+
+    Raises
+    ------
+    FloatingPointError
+        If no size within `LARGEST_SIZE` has that trace, or the model does not run with it.
+    """
+    ((hidden, _),) = hypothesis.effects
+    parameter, sizes = hidden.parameters[0], sizes.copy()
+    slope, before = 1.0, None
+    for _ in range(MOST_SIZES):
+        signal = subject.simulate(hypothesis, sizes.copy())
+        visible = max(subject.visible(signal, noise), 1e-3)
+        if abs(visible / wanted - 1.0) <= TRACE_WITHIN:
+            return signal, visible
+        size = float(parameter.from_standard(sizes[0]))
+        here = np.log(abs(size - _absent(parameter))), np.log(visible)
+        if before is not None and abs(here[0] - before[0]) > 1e-9:
+            slope = float(np.clip((here[1] - before[1]) / (here[0] - before[0]), 0.3, 3.0))
+        before = here
+        step = np.clip((np.log(wanted) - here[1]) / slope, -3.0, 3.0)
+        moved = _absent(parameter) + (size - _absent(parameter)) * np.exp(step)
+        sizes[0] = np.clip(float(parameter.to_standard(moved)), -LARGEST_SIZE, LARGEST_SIZE)
+    raise FloatingPointError("no plausible size has that trace")
+
+
+def _absent(parameter: Parameter) -> float:
+    """Return the size without the effect."""
+    return parameter.centre if parameter.kind == "normal" else 0.0
 
 
 def _places(hidden: Effect, experiment: BenchmarkExperiment, random: np.random.Generator) -> list[str]:
@@ -141,8 +193,8 @@ def _places(hidden: Effect, experiment: BenchmarkExperiment, random: np.random.G
 
 def _detectable(hidden: Effect, places: list[str], case: Case, experiment: BenchmarkExperiment) -> list[str]:
     """Return the places where the effect would be detectable: in a loop few are, and a draw takes seconds."""
-    positive, signed = STRENGTHS[case.strength]
+    positive, signed = STRENGTHS["strong" if case.trace else case.strength]
     size = np.array([positive if parameter.kind == "lognormal" else signed for parameter in hidden.parameters])
     traces = experiment.traces(NOISES[case.noise].scale)
     norms = traces.norms([(PlacedEffect(hidden, place), size) for place in places])
-    return [place for place, norm in zip(places, norms, strict=True) if norm >= LEAST_VISIBLE]
+    return [place for place, norm in zip(places, norms, strict=True) if norm >= (case.trace or LEAST_VISIBLE)]

@@ -1,18 +1,16 @@
 """Cases with hidden effects: synthetic measurements of a network with effects that are unknown to the analysis.
 
-The truth is simulated with finer time steps and another time integration than the analysis uses, and its nuisance
-parameters differ from their prior means.
+The truth differs from the searched model as a `Nature` says, and is simulated by another program, or by our engine with
+finer time steps and another time integration than the analysis uses.
 """
 
-import copy
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from coronaryuq.case.network.network import Network
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.core.seeds import generator
@@ -20,19 +18,16 @@ from coronaryuq.discrepancy.data.conditions import as_entry, write_conditions
 from coronaryuq.discrepancy.data.measurements import COLUMNS, Measured
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis
 from coronaryuq.discrepancy.forward.predict import Forward, Waveforms
+from coronaryuq.discrepancy.forward.simulation import Simulation
 from coronaryuq.discrepancy.hidden.detectability import Row, least_trace
 from coronaryuq.discrepancy.hidden.experiment import Experiment
+from coronaryuq.discrepancy.hidden.nature import OUR_ENGINE, Law, Nature, Outside, Records
+from coronaryuq.discrepancy.hidden.other_solver import SvZeroDSimulation
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.read_problem import make_problem
 from coronaryuq.discrepancy.settings import Settings
 
 UNIT = {"flow": "mL/s", "pressure": "dyn/cm2", "volume": "mL", "perfusion": "mL/s/g", "ratio": "1"}
-TRUTH_STEPS = 1500
-"""Time steps per cycle of the truth; the analysis uses 300."""
-NUISANCE_SPREAD, MASS_SPREAD = 0.6, 0.2
-"""Standard deviation of the true nuisance parameters, and of the tissue masses, over the analyst's prior."""
-TRUTH_RHO = 0.8
-"""Spectral radius of the time integration of the truth; the analysis uses 0.5."""
 
 
 @dataclass(frozen=True)
@@ -59,19 +54,160 @@ class Noise:
 class Truth:
     """The hidden effects with sizes in prior standard deviations, and the nuisance parameters; for scoring only.
 
-    visible: norm of the signal of the effect in the fitted data, in noise standard deviations, after recalibration
-    without it (`least_trace`); the smallest of several effects.
+    visible: norm of the signal of the effect in the fitted data, in standard deviations of the true noise, after
+    recalibration without it (`least_trace`); the smallest of several effects. made_by: the program that made the data.
     """
 
     hypothesis: Hypothesis
     sizes: np.ndarray
     nuisance: np.ndarray
     visible: float
+    made_by: str = "own"
 
     @property
     def firsts(self) -> list[float]:
         """The size z of each effect's first parameter."""
         return [float(self.hypothesis.sizes(self.sizes, placed)[0]) for placed in self.hypothesis]
+
+
+@dataclass(frozen=True)
+class Signal:
+    """Data of a subject without noise, (N,) CGS, and the rows of the model without each effect with its change."""
+
+    hypothesis: Hypothesis
+    sizes: np.ndarray
+    values: np.ndarray
+    without: list[Row]
+    changes: list[np.ndarray]
+    made_by: str
+
+
+@dataclass(frozen=True)
+class Subject:
+    """One draw of the truth: its problem about the true vessels, and its nuisance parameters z (p,).
+
+    Effects are hidden in it in turn, and share the runs without any.
+    """
+
+    experiment: Experiment
+    nature: Nature
+    problem: Problem
+    nuisance: np.ndarray
+
+    @cached_property
+    def _forward(self) -> Forward:
+        """The model of the truth."""
+        forward = self.problem.forward
+        simulation = self.nature.simulation(forward.network, forward.conditions, forward.anatomy)
+        return replace(forward, simulation=simulation)
+
+    def simulate(self, hypothesis: Hypothesis, sizes: np.ndarray, outside: Outside | None = None) -> Signal:
+        """Return the noise-free data with effects of sizes z, or with one outside the library.
+
+        Raises
+        ------
+        FloatingPointError
+            If the network does not run with the effects.
+        """
+        forward = self._forward
+        runs = _by_engine(forward)
+        without: list[Row] = [
+            (np.concatenate([self.nuisance, hypothesis.drop(sizes, placed)]), hypothesis.without(placed))
+            for placed in hypothesis
+        ]
+        row = np.concatenate([self.nuisance, sizes]), hypothesis
+        acting = forward
+        if outside is None:
+            predicted, *unaffected = forward.predict_rows([row, *without])
+        else:
+            if outside.network is not None:
+                acting = replace(forward, simulation=forward.simulation.changed(alter=outside.network))
+            predicted = self._recorded(acting, row, outside.records)
+            without, unaffected = [(self.nuisance, PLAIN)], [forward.predict(self.nuisance)[0]]
+        if not np.isfinite(predicted).all():
+            raise FloatingPointError("the hidden case does not run")
+        made_by = "own" if max(_by_engine(acting), _by_engine(forward)) > runs else self.nature.program
+        return Signal(hypothesis, sizes, predicted, without, [predicted - other for other in unaffected], made_by)
+
+    def signal_of(self, waveforms: dict[str, dict], hypothesis: Hypothesis, sizes: np.ndarray) -> Signal:
+        """Return the data of waveforms from another solver.
+
+        waveforms: condition → unknown of the network → (k + 1,) over the cycle. hypothesis, sizes: the effects of the
+        library closest to the truth, with sizes z.
+        """
+        forward = self.problem.forward
+        rows: Waveforms = {
+            condition: {name: wave[None, :] for name, wave in waves.items()} for condition, waves in waveforms.items()
+        }
+        values = np.concatenate(forward.readings(rows, self.nuisance[None, :], {}), axis=1)[0]
+        change = values - forward.predict(self.nuisance)[0]
+        return Signal(hypothesis, sizes, values, [(self.nuisance, PLAIN)], [change], "3d")
+
+    @staticmethod
+    def _recorded(forward: Forward, row: Row, law: Law | None) -> np.ndarray:
+        """Return the data (N,) with waveforms changed by a law, which needs them over the whole cycle."""
+        if law is None:
+            return forward.predict_rows([row])[0]
+        count = forward.simulation.steps_per_cycle
+        grid = np.arange(count) / count
+        dense = [
+            one if one.time is None else replace(one, time=grid * one.period, value=np.zeros(count), sd=np.ones(count))
+            for one in forward.measured
+        ]
+        whole = replace(forward, measured=dense)
+        values = [block[0] for block in whole.split(whole.predict_rows([row]))]
+        records: Records = {}
+        for one, wave in zip(dense, values, strict=True):
+            if one.time is not None:
+                records.setdefault(one.condition, {})[one.quantity, one.location] = wave
+        changed = law(records, {one.condition: one.period for one in dense})
+        return np.concatenate(
+            [
+                wave
+                if one.time is None
+                else np.interp(one.time, grid * one.period, changed[one.condition][one.quantity, one.location],
+                               period=one.period)
+                for one, wave in zip(forward.measured, values, strict=True)
+            ]
+        )  # fmt: skip
+
+    def visible(self, signal: Signal, noise: Noise) -> float:
+        """Return the least signal of an effect, in standard deviations of the true noise; see `Truth`."""
+        return least_trace(self.problem, signal.without, signal.changes, self._sd(signal, noise))
+
+    def _sd(self, signal: Signal, noise: Noise) -> np.ndarray:
+        measured = self.problem.forward.measured
+        deviations = self.experiment.plan.noise_sd(measured, self._split(signal), noise.scale)
+        return np.repeat(deviations, [one.value.size for one in measured])
+
+    def _split(self, signal: Signal) -> list[np.ndarray]:
+        return self.problem.forward.split(signal.values[None, :])
+
+    def write(self, signal: Signal, noise: Noise, seed: int, folder: Path, visible: float) -> Truth:
+        """Write `model.json`, `measurements.csv` and `conditions.yaml`. seed: of the noise."""
+        random = generator(seed, "discrepancy", "hidden", "noise")
+        _write(self.experiment, self.problem.forward.measured, self._split(signal), noise, random, folder)
+        return Truth(signal.hypothesis, np.asarray(signal.sizes, dtype=float), self.nuisance, visible, signal.made_by)
+
+
+def _by_engine(forward: Forward) -> int:
+    """Return the number of runs that svZeroDSolver left to our engine."""
+    simulation = forward.simulation
+    return simulation.by_engine if isinstance(simulation, SvZeroDSimulation) else 0
+
+
+def draw_subject(experiment: Experiment, nature: Nature, seed: int) -> Subject:
+    """Draw vessels, nuisance parameters and the times of the measurements."""
+    network, conditions = experiment.network, experiment.conditions
+    blank = experiment.plan.blank(network, conditions, generator(seed, "discrepancy", "hidden", "times"))
+    problem = make_problem(network, conditions, blank, Settings())
+    forward = problem.forward
+    body = nature.body(network, seed)
+    problem.forward = replace(
+        forward, simulation=Simulation(body, conditions, forward.anatomy, forward.simulation.steps_per_cycle)
+    )
+    nuisance = np.array([nature.nuisance(parameter, forward.anatomy, seed) for parameter in forward.nuisances])
+    return Subject(experiment, nature, problem, nuisance)
 
 
 def hide(
@@ -81,8 +217,8 @@ def hide(
     noise: Noise,
     seed: int,
     folder: Path,
-    outside: Callable[[Network, str], Network] | None = None,
-    nuisance_spread: float = NUISANCE_SPREAD,
+    outside: Outside | None = None,
+    nature: Nature = OUR_ENGINE,
 ) -> Truth:
     """Write `model.json`, `measurements.csv` and `conditions.yaml` of a case with hidden effects.
 
@@ -93,13 +229,13 @@ def hide(
     hypothesis, sizes
         Effects to hide, and their sizes z in prior standard deviations.
     noise, seed
-        Noise of the measurements; seed of noise, times and nuisance parameters.
+        Noise of the measurements; seed of noise, times, vessels and nuisance parameters.
     folder
         Folder for the files.
     outside
-        Change of a condition's network that no effect of the library expresses.
-    nuisance_spread
-        Standard deviation of the true nuisance parameters over the analyst's prior, except tissue masses.
+        Effect that the library does not express.
+    nature
+        Program that makes the data, and how far the truth is off from the model.
 
     Returns
     -------
@@ -111,71 +247,9 @@ def hide(
     FloatingPointError
         If the network does not run with the effects.
     """
-    random = generator(seed, "discrepancy", "hidden")
-    network = copy.deepcopy(experiment.network)
-    network["simulation_parameters"]["rho_infty"] = TRUTH_RHO
-    blank = experiment.plan.blank(network, experiment.conditions, random)
-    problem = make_problem(network, experiment.conditions, blank, Settings(steps_per_cycle=TRUTH_STEPS))
-    forward = problem.forward
-    forward.simulation = forward.simulation.changed(alter=outside)
-    nuisance = _draw_nuisance(forward, nuisance_spread, random)
-    without: list[Row] = [
-        (np.concatenate([nuisance, hypothesis.drop(sizes, placed)]), hypothesis.without(placed))
-        for placed in hypothesis
-    ]
-    predicted, *unaffected = forward.predict_rows([(np.concatenate([nuisance, sizes]), hypothesis), *without])
-    if not np.isfinite(predicted).all():
-        raise FloatingPointError("the hidden case does not run")
-    if outside is not None:
-        forward.simulation = forward.simulation.changed(alter=None)
-        without, unaffected = [(nuisance, PLAIN)], [forward.predict(nuisance)[0]]
-    sd = _write(experiment, forward.measured, forward.split(predicted[None, :]), noise, random, folder)
-    forward.simulation = forward.simulation.changed(steps_per_cycle=Settings().steps_per_cycle)
-    visible = least_trace(problem, without, [predicted - other for other in unaffected], sd)
-    return Truth(hypothesis, np.asarray(sizes, dtype=float), nuisance, visible)
-
-
-@dataclass(frozen=True)
-class ExternalCase:
-    """A case whose data come from another solver: its problem, true nuisance parameters and random numbers."""
-
-    experiment: Experiment
-    problem: Problem
-    nuisance: np.ndarray
-    random: np.random.Generator
-
-    def write(self, waveforms: dict[str, dict], hypothesis: Hypothesis, sizes: np.ndarray, folder: Path) -> Truth:
-        """Write the files of the case from simulated waveforms.
-
-        waveforms: condition → unknown of the network → (k + 1,) over the cycle. hypothesis, sizes: the effects of the
-        library closest to the truth, with sizes z.
-        """
-        forward = self.problem.forward
-        rows: Waveforms = {
-            condition: {name: wave[None, :] for name, wave in waves.items()} for condition, waves in waveforms.items()
-        }
-        readings = forward.readings(rows, self.nuisance[None, :], {})
-        sd = _write(self.experiment, forward.measured, readings, Noise(), self.random, folder)
-        change = np.concatenate(readings, axis=1)[0] - forward.predict(self.nuisance)[0]
-        visible = least_trace(self.problem, [(self.nuisance, PLAIN)], [change], sd)
-        return Truth(hypothesis, sizes, self.nuisance, visible)
-
-
-def prepare_external(experiment: Experiment, seed: int) -> ExternalCase:
-    """Draw the times and nuisance parameters of a case whose data come from another solver."""
-    random = generator(seed, "discrepancy", "hidden")
-    blank = experiment.plan.blank(experiment.network, experiment.conditions, random)
-    problem = make_problem(experiment.network, experiment.conditions, blank, Settings())
-    return ExternalCase(experiment, problem, _draw_nuisance(problem.forward, NUISANCE_SPREAD, random), random)
-
-
-def _draw_nuisance(forward: Forward, spread: float, random: np.random.Generator) -> np.ndarray:
-    """Draw the true nuisance parameters z (p,)."""
-    nuisance = spread * random.standard_normal(len(forward.nuisances))
-    for column, parameter in enumerate(forward.nuisances):
-        if parameter.mass is not None:
-            nuisance[column] = MASS_SPREAD * random.standard_normal()
-    return nuisance
+    subject = draw_subject(experiment, nature, seed)
+    signal = subject.simulate(hypothesis, sizes, outside)
+    return subject.write(signal, noise, seed, folder, subject.visible(signal, noise))
 
 
 def _write(
@@ -185,8 +259,8 @@ def _write(
     noise: Noise,
     random: np.random.Generator,
     folder: Path,
-) -> np.ndarray:
-    """Write the three files of the case; return the stated standard deviations (N,)."""
+) -> None:
+    """Write the three files of the case."""
     rows = []
     deviations = experiment.plan.noise_sd(series, predicted, noise.scale)
     for one, values, sd in zip(series, predicted, deviations, strict=True):
@@ -200,4 +274,3 @@ def _write(
     write_csv(folder / "measurements.csv", pd.DataFrame(rows, columns=list(COLUMNS)))
     drives = {(name, block): wave for name, condition in conditions.items() for block, wave in condition.drive.items()}
     write_conditions(folder, {name: as_entry(condition) for name, condition in conditions.items()}, drives)
-    return np.array([row[6] for row in rows])

@@ -5,13 +5,17 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Parameter:
-    """One entry of an element's values: a number unless `series` (a list over `t`), `flag` or `name` (of a block)."""
+    """One entry of an element's values: a number unless `series` (a list over `t`), `flag` or `name` (of a block).
+
+    ours: an extension of the format that svZeroDSolver does not read.
+    """
 
     required: bool = True
     series: bool = False
     flag: bool = False
     name: bool = False
     positive: bool = False
+    ours: bool = False
 
 
 Parameters = dict[str, Parameter]
@@ -72,7 +76,7 @@ CLOSED_LOOP: dict[str, Parameters] = {
         "tpwave": _POSITIVE,
         **_HEART,
         "Rpd": _POSITIVE,
-        "Gao_leak": _OPTIONAL,  # ours: svZeroDSolver's aortic valve has no leak
+        "Gao_leak": Parameter(required=False, ours=True),
     }
 }
 _VALVE = {**_scalars("Rmax Rmin"), "upstream_block": _NAME, "downstream_block": _NAME}

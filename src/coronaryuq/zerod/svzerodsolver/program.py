@@ -21,6 +21,7 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.zerod.network import output_names as named
 from coronaryuq.zerod.network.changes import with_changes
 from coronaryuq.zerod.network.numbering import Model
+from coronaryuq.zerod.network.parameters import BOUNDARIES, CHAMBERS, CLOSED_LOOP, VALVES, VESSELS, Parameters
 from coronaryuq.zerod.solver.engine import Changes
 from coronaryuq.zerod.solver.periodic import Periodicity
 from coronaryuq.zerod.solver.result import OK, Result
@@ -28,6 +29,7 @@ from coronaryuq.zerod.solver.result import OK, Result
 MODULES = ("svzerod", "pysvzerod")
 """Its Python module, as PyPI and as a build from source names it."""
 COMMAND = "svzerodsolver"
+TABLES = (VESSELS, BOUNDARIES, CLOSED_LOOP, VALVES, CHAMBERS)
 
 
 def installed() -> str | None:
@@ -54,6 +56,37 @@ def simulate(network: Network) -> pd.DataFrame:
         if run.returncode or not target.exists():
             raise RuntimeError(" ".join((run.stderr or run.stdout).split()) or f"{COMMAND} ended with {run.returncode}")
         return pd.read_csv(io.StringIO(target.read_text()))
+
+
+def last_cycle(network: Network, names: Sequence[str]) -> dict[str, np.ndarray]:
+    """Run svZeroDSolver and return unknowns over the last cycle, both ends included; `RuntimeError` if it fails.
+
+    A tenth of the time of `simulate`, which makes a table of all unknowns.
+    """
+    written = {"output_variable_based": True, "output_all_cycles": False, "output_mean_only": False}
+    written |= {"output_derivative": False, "use_cycle_to_cycle_error": False}
+    network = Network({**network, "simulation_parameters": network["simulation_parameters"] | written})
+    name = installed()
+    if name in MODULES:
+        with _output_as_errors():
+            solver = importlib.import_module(name).Solver(network)
+            solver.run()
+            return {one: np.array(solver.get_single_result(one)) for one in names}
+    table = simulate(network)
+    return {one: table["y"].to_numpy()[table["name"].to_numpy() == one] for one in names}
+
+
+def expressible(network: Network) -> bool:
+    """Whether a network needs none of our extensions of svZeroDSolver's format."""
+    return not any(
+        spec.ours and element.values.get(name, 0.0) != 0.0
+        for element in network.elements()
+        for name, spec in _parameters(element.kind).items()
+    )
+
+
+def _parameters(kind: str) -> Parameters:
+    return next((table[kind] for table in TABLES if kind in table), {})
 
 
 @contextmanager
