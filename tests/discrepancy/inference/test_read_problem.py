@@ -28,15 +28,12 @@ def test_an_absurd_value_is_rejected(error_of):
     assert "rest/flow/AORTA:left_main/waveform, t = " in message and "check the value and its unit" in message
 
 
-@pytest.mark.parametrize(
-    ("quantity", "factor", "times"), [("flow", 30.0, "30.4"), ("flow", 1 / 60, "0.01"), ("pressure", 7.5, "7.")]
-)
-def test_values_in_another_unit_than_stated_are_rejected(error_of, quantity, factor, times):
+@pytest.mark.parametrize(("quantity", "factor"), [("flow", 30.0), ("flow", 1 / 60), ("pressure", 7.5)])
+def test_values_in_another_unit_than_stated_are_rejected(error_of, quantity, factor):
+    """The hidden stenosis and the beds, which are off, change the flow by less than a factor of two."""
     message = error_of(lambda t: t.assign(value=np.where(t.quantity == quantity, factor * t.value, t.value)))
-    assert (
-        f"{quantity}: ratio of measured to simulated values = {times}" in message
-        and "check the units of both" in message
-    )
+    told, _, rest = message.partition(f"{quantity}: ratio of measured to simulated values = ")[2].partition(":")
+    assert 0.5 < float(told) / factor < 2.0 and rest == " check the units of both\n"
 
 
 def test_flows_of_opposite_sign_are_rejected(error_of):
