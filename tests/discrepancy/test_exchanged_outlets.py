@@ -24,7 +24,7 @@ def exchanged(network, condition):
 def test_two_exchanged_outlets_are_reported_as_a_wiring_error(tmp_path):
     make_case.hide(open_loop(), assume(), np.zeros(0), make_case.Noise(), 11, tmp_path, Outside(network=exchanged))
     found = analyse(tmp_path)
-    assert [place for _, place in found.verdict.wiring_errors] == ["BC_lad~BC_lcx"]
+    assert [place for _, place in found.answer.wiring_errors] == ["BC_lad~BC_lcx"]
     assert found.outside_library and not found.named
     assert summary(found)["wiring_errors"] == [{"error": "exchanged_outlets", "place": "BC_lad~BC_lcx"}]
     assert "a wiring error of the model, exchanged outlets: BC_lad and BC_lcx." in paragraph(summary(found))

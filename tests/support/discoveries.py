@@ -2,28 +2,16 @@
 
 import numpy as np
 
+from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
-from coronaryuq.discrepancy.inference.cross_validation import Gap
+from coronaryuq.discrepancy.inference.cross_validation import Gap, Gaps
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.locate import Located
-from coronaryuq.discrepancy.selection.abstention import Gaps, Verdict
+from coronaryuq.discrepancy.selection.answer import ALONE, NAMES, NOTHING, OTHER, Answer, beyond
 from coronaryuq.discrepancy.selection.candidates import Candidate, Round
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.zerod.effects.base import Effect
 from support.linear_problem import linear_problem
-
-CLEAR = Verdict(
-    wiring_errors=[],
-    redistributed=False,
-    refuted=False,
-    implausible=False,
-    outperformed=False,
-    constancies=[],
-    varying=[],
-    predictive_p=0.5,
-    unpredicted=False,
-    gain_beside_flexible=None,
-)
 
 
 def gap(total_lpd: float, rows: int = 10) -> Gap:
@@ -34,12 +22,11 @@ def discovery(
     sizes: dict[Effect, float],
     evidence: float = 0.0,
     log_prior: float = 0.0,
-    held_out: bool = True,
-    held_out_lpd: float = 0.0,
+    probability: float = 0.9,
 ) -> Discovery:
     """An answer that names effects at "here" with these sizes z; evidence: log evidence of their fit."""
     placed = [PlacedEffect(effect, "here") for effect in sizes]
-    problem = linear_problem(np.zeros((2, 0)), {}, np.zeros(2), ["rest", "pacing"], ["pacing"] if held_out else [])
+    problem = linear_problem(np.zeros((2, 0)), {}, np.zeros(2), ["rest", "pacing"], ["pacing"])
     z = np.array(list(sizes.values()), dtype=float)
     fit = Fit(z, np.array([np.sqrt(max(-2.0 * evidence - z @ z, 0.0))]), np.zeros((1, len(z))))
     candidates = [Candidate(one, log_prior, fit=fit) for one in placed]
@@ -54,9 +41,17 @@ def discovery(
         alarm=True,
         remaining=located,
         rounds=tuple(Round([c], {}, c, [c]) for c in candidates),
-        gaps=Gaps(gap(0.0), gap(held_out_lpd), gap(0.0), gap(0.0)),
-        verdict=CLEAR,
+        gaps=Gaps(gap(0.0), gap(0.0), gap(0.0), gap(0.0)),
+        answer=Answer(
+            probabilities={NAMES: probability, NOTHING: 0.0, OTHER: 1.0 - probability},
+            forms={ALONE: 1.0 - probability},
+            log_evidence=evidence + log_prior,
+            support=0.0,
+            wiring_errors=[],
+            implausible=beyond(fit, Hypothesis(tuple(placed)), RULE.implausible),
+            constancies=[],
+        ),
+        held_out_p=0.5,
         folds=[],
         measured=problem.forward.measured,
-        scatter={},
     )

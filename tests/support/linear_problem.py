@@ -12,6 +12,7 @@ from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedE
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
 from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.discrepancy.forward.simulation import Simulation
+from coronaryuq.discrepancy.inference.flexible import Flexible
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.settings import Settings
@@ -67,7 +68,7 @@ class LinearProblem(Problem):
 
     def _exact(self, hypothesis: Hypothesis) -> Fit:
         g, y = self.forward.columns(hypothesis)[self.train], (self.y - self.change)[self.train]
-        return fit_of(g, y)
+        return fit_of(g, y, self.flexible)
 
     def corrected(self, hypothesis, fit):
         return self, fit
@@ -82,10 +83,10 @@ class LinearProblem(Problem):
         return None
 
 
-def fit_of(g: np.ndarray, y: np.ndarray) -> Fit:
+def fit_of(g: np.ndarray, y: np.ndarray, flexible: Flexible | None = None) -> Fit:
     """The exact fit of whitened data y (N,) by a linear model with sensitivities g (N, p)."""
     z = np.linalg.solve(np.eye(g.shape[1]) + g.T @ g, g.T @ y)
-    return Fit(z, y - g @ z, g)
+    return Fit(z, y - g @ z, g, flexible=flexible)
 
 
 def linear_problem(

@@ -17,11 +17,14 @@ def _threshold(value: Any, unit: str, description: str) -> Any:
 class DecisionRule:
     """Thresholds of the search, each with unit and reason; see `table`."""
 
-    prior_none: float = _threshold(0.45, "1", "Prior probability that nothing is missing.")
+    prior_none: float = _threshold(0.4, "1", "Prior probability that nothing is missing.")
     prior_named: float = _threshold(
-        0.45, "1", "Prior probability that an effect of the library is missing, shared equally by effects, then places."
+        0.4, "1", "Prior probability that an effect of the library is missing, shared equally by effects, then places."
     )
-    prior_outside: float = _threshold(0.10, "1", "Prior probability that something outside the library is missing.")
+    prior_outside: float = _threshold(0.2, "1", "Prior probability that something outside the library is missing.")
+    named_from: float = _threshold(
+        0.8, "1", "Probability from which effects are named: a wrong name costs four times a missing one."
+    )
     shortlist_score: float = _threshold(
         2.0,
         "sd",
@@ -94,17 +97,6 @@ class DecisionRule:
     further_searches: int = _threshold(
         2, "times", "Maximum number of continuations of a search after the held-out check."
     )
-    better_prediction: float = _threshold(
-        3.0, "nats", "A model predicts better if its held-out log predictive density is larger by more than this."
-    )
-    better_prediction_errors: float = _threshold(
-        0.5, "standard errors", "The same, in standard errors of that gain; the larger of both applies."
-    )
-    unpredicted: float = _threshold(
-        0.001,
-        "1",
-        "Named effects fail to predict held-out data with a p-value below this; so do 1 in 1000 correct ones.",
-    )
     implausible: float = _threshold(
         4.0,
         "prior sd",
@@ -112,14 +104,6 @@ class DecisionRule:
     )
     prior_bound: float = _threshold(
         2.5758293035489004, "prior sd", "Bound of the central 99 % of a prior, beyond which a size is reported."
-    )
-    gain_beside_flexible: float = _threshold(
-        0.2,
-        "nats per row",
-        "Held-out density that doubtful effects must add to a flexible discrepancy to be named together with it.",
-    )
-    share_of_flexible: float = _threshold(
-        0.9, "1", "Fraction of a flexible discrepancy's held-out gain that doubtful effects must achieve by themselves."
     )
     informed_size: float = _threshold(
         0.5**0.5,
@@ -129,10 +113,6 @@ class DecisionRule:
     informed_nuisance: float = _threshold(
         0.01, "1", "Fraction by which data must reduce a nuisance parameter's prior variance for it to be tested."
     )
-    larger_noise: float = _threshold(1.2, "1", "Scatter over the stated sd above which noise is larger than stated.")
-    larger_noise_p: float = _threshold(1e-4, "1", "p-value of such a scatter below which noise is estimated.")
-    smaller_noise: float = _threshold(0.92, "1", "Scatter over the stated sd below which noise is correlated in time.")
-    smaller_noise_p: float = _threshold(0.01, "1", "p-value of such a scatter below which noise is estimated.")
     outlier: float = _threshold(
         6.0, "sd", "Distance of a sample from the line between its neighbours: 1 in 5e8 samples of normal noise."
     )

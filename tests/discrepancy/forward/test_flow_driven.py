@@ -84,8 +84,8 @@ def elements(network, name):
 
 
 def softer(network):
-    """Half as much compliance again; a much smaller change would not be detectable."""
-    elements(network, "descending")["C"] *= 1.5
+    """Two and a half times the compliance: half as much again is within four errors of a vessel's own."""
+    elements(network, "descending")["C"] *= 2.5
 
 
 def less(network):
@@ -99,7 +99,7 @@ def test_a_large_compliance_error_is_named(tmp_path):
     assert [(one.name, place) for one, place in found.hypothesis] == [("epicardial_compliance", "descending")]
     assert found.named and not found.remaining.alarm(0.01)
     repaired = repaired_network(found.problem.forward, found.hypothesis, found.fit.z)
-    assert elements(repaired, "descending")["C"] == pytest.approx(4.5e-4, rel=0.1)
+    assert elements(repaired, "descending")["C"] == pytest.approx(7.5e-4, rel=0.1)
 
 
 @pytest.mark.slow

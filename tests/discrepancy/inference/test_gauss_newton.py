@@ -6,7 +6,6 @@ from scipy import stats
 
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.inference.gauss_newton import Fit, Search, maximise
-from coronaryuq.discrepancy.inference.gp_discrepancy import AMPLITUDES, gain
 from coronaryuq.discrepancy.inference.locate import false_discovery
 
 
@@ -166,22 +165,6 @@ def test_false_discovery_is_controlled_under_the_null():
 def test_false_discovery_agrees_with_scipy():
     p = generator(6, "test", "by").uniform(size=20) ** 2
     assert false_discovery(p) == pytest.approx(stats.false_discovery_control(p, method="by"))
-
-
-def test_flexible_gain_is_the_exact_ratio_of_evidences():
-    """Gain averages N(0, I + GG' + a^2 FF') over N(0, I + GG') with equal weights over the amplitudes."""
-    g, y = linear_case(7)
-    features = generator(7, "test", "features").standard_normal((len(y), 6))
-    plain = np.eye(len(y)) + g @ g.T
-    zero = np.zeros(len(y))
-    ratios = [
-        np.exp(
-            stats.multivariate_normal(zero, plain + a**2 * features @ features.T).logpdf(y)
-            - stats.multivariate_normal(zero, plain).logpdf(y)
-        )
-        for a in AMPLITUDES
-    ]
-    assert gain(fit_of(g, y), features)[0] == pytest.approx(np.log(np.mean(ratios)))
 
 
 def test_sensitivities_are_renewed_only_where_a_step_gains_too_little():

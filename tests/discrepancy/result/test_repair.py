@@ -1,16 +1,25 @@
 """The repaired model reproduces the fit, can be searched as it is, and its changes are listed completely."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.core import units
 from coronaryuq.discrepancy.data.apply_condition import apply_condition, period_of
 from coronaryuq.discrepancy.data.conditions import read_conditions, write_conditions
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.hidden.experiment import loop_conditions
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.read_problem import make_problem, read_problem
-from coronaryuq.discrepancy.result.repair import repaired, repaired_conditions, repaired_network, value_changes
+from coronaryuq.discrepancy.result.repair import (
+    repaired,
+    repaired_conditions,
+    repaired_measurements,
+    repaired_network,
+    value_changes,
+)
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.network.read import read_network
@@ -76,6 +85,30 @@ def test_measurements_have_the_locations_of_the_repaired_network(tmp_path):
     assert again.forward.predict(np.zeros(again.count))[0] == pytest.approx(expected, rel=2e-3)
 
 
+def test_a_named_error_of_a_sensor_is_not_in_the_measurements_that_are_written():
+    """The corrected table holds what the model predicts without it, and the uncertainty of its size."""
+    experiment = open_loop()
+    blank = experiment.plan.blank(experiment.network, experiment.conditions, np.random.default_rng(1))
+    problem = make_problem(experiment.network, experiment.conditions, blank, Settings())
+    forward, hypothesis = problem.forward, assume(("pressure_gain", "lad:BC_lad"))
+    z = np.append(np.zeros(len(forward.nuisances)), 1.5)
+    read, true = forward.predict(z, hypothesis)[0], forward.predict(z[:-1])[0]
+    blocks = zip(forward.measured, forward.split(read[None, :]), strict=True)
+    forward.measured = [replace(series, value=values[0]) for series, values in blocks]
+    rows = int(problem.train.sum())
+    jacobian = np.zeros((rows, len(z)))
+    jacobian[0, -1] = 10.0
+    fit = Fit(z, np.zeros(rows), jacobian, flexible=problem.flexible)
+    table = repaired_measurements(forward, hypothesis, fit)
+    factor = table["unit"].map({"mL/s": 1.0, "mmHg": units.MMHG, "mL/min/g": units.MBF_PER_MIN_PER_G})
+    np.testing.assert_allclose(table["value"] * factor, true, rtol=1e-12)
+    wrong = ((table["quantity"] == "pressure") & (table["location"] == "lad:BC_lad")).to_numpy()
+    stated = np.concatenate([series.sd for series in forward.measured])
+    sd = np.sqrt(fit.posterior.moments()[1][-1, -1]) * 0.08
+    np.testing.assert_allclose((table["sd"] * factor)[~wrong], stated[~wrong], rtol=1e-12)
+    np.testing.assert_allclose((table["sd"] * factor)[wrong], np.hypot(stated, sd * true)[wrong], rtol=1e-6)
+
+
 def test_added_and_removed_values_are_listed():
     """As when CORONARY_VAR_RES replaces CORONARY."""
     old = {"Ra1": 1.0, "Ra2": 3.0, "Pim": [0.0, 1.0], "t": [0.0, 1.0]}
@@ -111,4 +144,5 @@ def test_repaired_files_reproduce_the_fitted_predictions(stenosis_case, tmp_path
         again = read_conditions(tmp_path / "conditions.yaml")
         repaired = read_problem(network, table, again, "c", Settings())
         repaired.forward.masses = forward.masses
-        assert repaired.forward.predict(np.zeros(repaired.count))[0] == pytest.approx(wanted, rel=3e-3)
+        # The fit is linear in the errors of the vessels, the network is not.
+        assert repaired.forward.predict(np.zeros(repaired.count))[0] == pytest.approx(wanted, rel=3e-3, abs=4e-3)

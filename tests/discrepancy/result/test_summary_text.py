@@ -156,6 +156,6 @@ def test_outliers_are_listed_with_a_remedy():
     outlier = vars(Outlier("flow", "AORTA:lad", "rest", 0.3125, -10.0))
     assert summary_text.outlier_notes([]) == ""
     assert summary_text.outlier_notes([outlier]).startswith(
-        "One sample is an outlier, the flow at AORTA:lad under rest at 0.3125 s (-10 "
+        "One sample is an outlier and was left out: the flow at AORTA:lad under rest at 0.3125 s (-10 "
     )
-    assert "and 3 more: check whether they are artefacts" in summary_text.outlier_notes([outlier] * 7)
+    assert "and 3 more. Check whether they are artefacts" in summary_text.outlier_notes([outlier] * 7)

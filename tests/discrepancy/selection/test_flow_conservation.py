@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.selection.flow_conservation import redistribution
 from coronaryuq.zerod.effects.library import effect
@@ -55,5 +56,5 @@ def test_the_odds_are_those_of_savage_and_dickey():
     flows, free = np.array([1.4, 0.7]), 1.0 / np.sqrt(1.0 + (SPREAD / ACCURACY) ** 2)
     before = SPREAD * np.linalg.norm(flows)
     assert odds({"J0:lad_proximal": 0.2, "lcx:BC_lcx": -0.4}) == pytest.approx(
-        np.log(before / (before * free)) + np.log(0.45 / EFFECTS) - 2 * PRIOR
+        np.log(before / (before * free)) + np.log(RULE.prior_named / EFFECTS) - 2 * PRIOR
     )

@@ -103,10 +103,3 @@ def test_other_effects_need_no_second_search(sizes):
     first = discovery(sizes, evidence=-10.0)
     stands, left_out = searched(first, discovery({LOSS: 1.0}, evidence=-1.0))
     assert stands is first and not left_out
-
-
-@pytest.mark.parametrize(("held_out", "more"), [(True, 4.0), (False, 0.0)])
-def test_the_weight_of_an_answer_counts_no_data_twice(held_out, more):
-    """Log evidence, the class's share of the prior, and the density of held-out data, if any are."""
-    answer = discovery({LOSS: 0.0}, evidence=-10.0, log_prior=-2.0, held_out=held_out, held_out_lpd=4.0)
-    assert answer.log_weight == pytest.approx(-10.0 - 2.0 + more)

@@ -11,10 +11,8 @@ from coronaryuq.discrepancy.hidden import make_case
 from coronaryuq.discrepancy.hidden.reference_gap import fit_known
 from coronaryuq.discrepancy.inference.cross_validation import gap, linearise
 from coronaryuq.discrepancy.result.write import named
+from coronaryuq.discrepancy.selection.answer import NOTHING, OTHER
 from coronaryuq.discrepancy.selection.discovery import Discovery
-
-WORTHS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
-"""Values of `DecisionRule.gain_beside_flexible` for which answers are counted; other cases are not affected."""
 
 
 def scored(truth: make_case.Truth, answer: Discovery) -> dict:
@@ -30,7 +28,7 @@ def scored(truth: make_case.Truth, answer: Discovery) -> dict:
     got = [any(name == e for members in classes for e, _ in members) for name, _ in wanted]
     placed = [any(pair in members for members in classes) for pair in wanted]
     first = classes[0] if classes else []
-    abstained = answer.outside_library or (answer.alarm and not classes)
+    abstained = answer.outside_library
     entry: dict[str, Any] = {
         "places": [place for _, place in wanted],
         "visible": truth.visible,
@@ -38,7 +36,7 @@ def scored(truth: make_case.Truth, answer: Discovery) -> dict:
         "probability": stated_probability(answer),
         "named": any(name == wanted[0][0] for name, _ in first) if len(wanted) == 1 else bool(wanted) and all(got),
         "placed": bool(wanted) and all(placed),
-        "alarmed": answer.alarm,
+        "alarmed": not answer.consistent,
         "abstained": abstained,
         "first": first[0][0] if first else ("outside" if abstained else "none"),
         "classes": [["@".join(member) for member in members] for members in classes],
@@ -51,9 +49,11 @@ def scored(truth: make_case.Truth, answer: Discovery) -> dict:
         "flexible": answer.gaps.flexible.misfit,
         "remaining": answer.remaining.p,
         "noise_taken": {quantity: vars(noise) for quantity, noise in answer.noise.items()},
-        "varying": max((one.log_odds for one in answer.verdict.constancies), default=None),
-        "foretold": answer.verdict.predictive_p,
-        "helped": None if answer.verdict.refused else answer.verdict.gain_beside_flexible,
+        "varying": max((one.log_odds for one in answer.answer.constancies), default=None),
+        "foretold": answer.held_out_p,
+        "probabilities": answer.answer.probabilities,
+        "forms": answer.answer.forms,
+        "tested": answer.alarm,
     }
     rows = len(answer.gaps.before.residual)
     entry["held_out_lpd_gain"] = (
@@ -75,9 +75,11 @@ def scored(truth: make_case.Truth, answer: Discovery) -> dict:
     return entry
 
 
-def stated_probability(answer: Discovery) -> float | None:
-    """Return the probability that the search gives its answer; of several names, the least. None if it gives none."""
-    return min((effect["class_probability"] for effect in named(answer)), default=None)
+def stated_probability(answer: Discovery) -> float:
+    """Return the probability that the search gives its answer; of several names, the least."""
+    if answer.named:
+        return min(answer.class_probability(entry) for entry in answer.named)
+    return answer.answer.probabilities[NOTHING if answer.consistent else OTHER]
 
 
 def _short(effect: dict) -> dict:
@@ -152,25 +154,11 @@ def score(found: list[dict]) -> dict:
         },
         "confusion": confusion,
         **reliability.summary([*found, *skipped]),
-        "by_worth": [_with_worth(worth, single, outside) for worth in WORTHS],
         "invisible": {e["effect"]: sum(o["effect"] == e["effect"] for o in skipped) for e in skipped},
         "cpu_s_per_discovery": _mean([e["cpu_s"] for e in found]),
         "cpu_s_made_per_case": _mean([e.get("cpu_s_made") for e in [*found, *skipped]]),
         "longest_cpu_s": max((e["cpu_s"] for e in found), default=None),
         "longest_wall_s": max((e["wall_s"] for e in found), default=None),
-    }
-
-
-def _with_worth(worth: float, single: list[dict], outside: list[dict]) -> dict:
-    """Return the abstentions if named effects had to add `worth` nats per row to a flexible discrepancy."""
-
-    def abstained(entry: dict) -> bool:
-        return entry["abstained"] if entry.get("helped") is None else entry["helped"] <= worth
-
-    return {
-        "worth": worth,
-        "abstention": wilson(sum(map(abstained, outside)), len(outside)),
-        "single_abstained": wilson(sum(map(abstained, single)), len(single)),
     }
 
 

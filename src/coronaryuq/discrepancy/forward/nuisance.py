@@ -23,7 +23,7 @@ class Nuisance:
 
     mass: territory whose tissue mass the factor scales instead, as perfusion is flow over mass. shape: row of
     `Forward.shapes` that is added to predictions, times z, instead. noise: whether that row is noise of the
-    measurements.
+    measurements. elements: what that row stands for in the network, ("BLOCK.parameter", change of its log by z = 1).
     """
 
     name: str
@@ -33,6 +33,7 @@ class Nuisance:
     mass: str | None = None
     shape: int | None = None
     noise: bool = False
+    elements: tuple[tuple[str, float], ...] = ()
 
     @property
     def simulated(self) -> bool:
@@ -44,6 +45,15 @@ class Nuisance:
 
     def factor(self, z: np.ndarray) -> np.ndarray:
         return np.exp(self.sd * np.asarray(z))
+
+
+def element_factors(parameters: list[Nuisance], z: np.ndarray) -> dict[str, float]:
+    """Return the factors on elements of the network for which shapes stand, at z (p,), which starts with these."""
+    logs: dict[str, float] = {}
+    for nuisance, weight in zip(parameters, z, strict=False):
+        for target, change in nuisance.elements:
+            logs[target] = logs.get(target, 0.0) + float(change * weight)
+    return {target: float(np.exp(value)) for target, value in logs.items()}
 
 
 def without_noise(parameters: list[Nuisance], z: np.ndarray) -> np.ndarray:

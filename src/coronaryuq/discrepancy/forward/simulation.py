@@ -51,6 +51,10 @@ class Simulation:
         """Return a copy with other settings and new engines."""
         return replace(self, **fields, runs=0, _engines={})
 
+    def fresh(self) -> "Simulation":
+        """Return a copy that knows no states, for points of another dimension."""
+        return replace(self, runs=0, _engines=dict(self._engines), _known_states=WarmStarts())
+
     def fork(self) -> "Simulation":
         """Return a copy with the states known so far; later ones are not shared."""
         return replace(self, runs=0, _engines=dict(self._engines), _known_states=self._known_states.fork())

@@ -13,6 +13,7 @@ from coronaryuq.discrepancy.inference.gauss_newton import Fit, Search, maximise
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.read_problem import make_problem
 from coronaryuq.discrepancy.inference.time_step_error import time_steps
+from coronaryuq.discrepancy.inference.vessel_errors import vessel_errors
 from coronaryuq.discrepancy.settings import Settings
 
 Row = tuple[np.ndarray, Hypothesis]
@@ -22,9 +23,9 @@ def least_trace(problem: Problem, without: list[Row], signals: list[np.ndarray],
     """Return the smallest signal (norm) of an effect in the fitted data, in noise standard deviations; 0 if none.
 
     The signal is the part that neither recalibration within the prior, about the true nuisance parameters, nor the
-    possible time-step error of the analysis can absorb. The model without the effect is fitted in full: to first order,
-    the signal of a viscosity lower by a quarter is overestimated by half, because of the curvature along the
-    resistances.
+    possible errors of the time steps and of the vessels can absorb. The model without the effect is fitted in full: to
+    first order, the signal of a viscosity lower by a quarter is overestimated by half, because of the curvature along
+    the resistances.
 
     Parameters
     ----------
@@ -44,9 +45,9 @@ def least_trace(problem: Problem, without: list[Row], signals: list[np.ndarray],
     """
     if not signals:
         return 0.0
-    steps = time_steps(problem.forward, sd)
-    sd = np.hypot(sd, steps.sd)[problem.train]
-    absorbed = steps.shapes[:, problem.train] / sd
+    shapes, sd = _known_errors(problem, sd)
+    sd = sd[problem.train]
+    absorbed = shapes[:, problem.train] / sd
     count, every = problem.count, problem.count + len(absorbed)
     conditions = set(problem.condition[problem.train])
 
@@ -103,12 +104,18 @@ class Traces:
 
 
 def _recalibration(problem: Problem, nuisance: np.ndarray, sd: np.ndarray) -> Fit:
-    """Return the fit that can absorb a signal: nuisance parameters and the shapes of the time-step error.
+    """Return the fit that can absorb a signal: nuisance parameters and the shapes of known errors.
 
-    sd: of the noise (N,); the problem gets it combined with the time-step error.
+    sd: of the noise (N,); the problem gets it combined with what the shapes leave.
     """
-    steps = time_steps(problem.forward, sd)
-    problem.sd = np.hypot(sd, steps.sd)
+    shapes, problem.sd = _known_errors(problem, sd)
     sensitivity = problem.sensitivity(nuisance, problem.whitened([(nuisance, PLAIN)])[0], PLAIN)
-    columns = np.hstack([sensitivity, (steps.shapes / problem.sd).T])[problem.train]
+    columns = np.hstack([sensitivity, (shapes / problem.sd).T])[problem.train]
     return Fit(np.zeros(columns.shape[1]), np.zeros(len(columns)), columns)
+
+
+def _known_errors(problem: Problem, sd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the shapes (k, N) of the errors of time steps and vessels, and the noise (N,) with what they leave."""
+    steps = time_steps(problem.forward, sd)
+    _, vessels, rest = vessel_errors(problem.forward, np.hypot(sd, steps.sd))
+    return np.vstack([steps.shapes, vessels]), np.sqrt(sd**2 + steps.sd**2 + rest**2)

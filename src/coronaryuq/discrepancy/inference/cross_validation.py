@@ -7,8 +7,9 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from coronaryuq.core.seeds import generator
-from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
+from coronaryuq.discrepancy.inference.flexible import Posterior
+from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.residual_tests import residual_tests
 
@@ -62,6 +63,33 @@ def linearise(problem: Problem, z: np.ndarray, hypothesis: Hypothesis) -> Linear
         if np.isfinite(residual).all():
             return Linear(point, residual, problem.sensitivity(point, residual, hypothesis))
     raise FloatingPointError("the model could not be run under every condition")
+
+
+def posterior_of_all(problem: Problem, fit: Fit, hypothesis: Hypothesis) -> Posterior:
+    """Return the posterior given all data, held-out ones included, of a model linearised at its fit.
+
+    Parameters
+    ----------
+    problem
+        Measurements and model.
+    fit, hypothesis
+        Fit to the fitted data, and the effects of the model.
+
+    Returns
+    -------
+    Posterior
+        Evidence and moments by amplitude of the flexible discrepancy.
+
+    Raises
+    ------
+    FloatingPointError
+        See `linearise`.
+    """
+    model = linearise(problem, fit.z, hypothesis)
+    fitted = problem.flexible.posterior(fit.at_zero, fit.jacobian)
+    unreached = fitted.log_evidence[0] - fit.posterior.log_evidence[0]
+    at_zero = model.residual + model.jacobian @ model.z
+    return problem.flexible_of_all.posterior(at_zero, model.jacobian).lowered(unreached)
 
 
 def predict(model: Linear, train: np.ndarray, test: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -141,12 +169,14 @@ def gap(problem: Problem, model: Linear, folds: Folds, seed: int) -> Gap:
     )
 
 
-def predicts_better(model: Gap, other: Gap) -> bool:
-    """Return whether a model's held-out density is clearly higher; standard errors are over groups of eight rows."""
-    difference = 0.5 * (other.residual**2 - model.residual**2)
-    blocks = np.array([part.sum() for part in np.array_split(difference, max(2, len(difference) // 8))])
-    error = np.sqrt(len(blocks) * blocks.var(ddof=1))
-    return model.total_lpd - other.total_lpd > max(RULE.better_prediction, RULE.better_prediction_errors * error)
+@dataclass(frozen=True)
+class Gaps:
+    """Held-out misfit of recalibration alone, of the hypothesis, of a flexible discrepancy, and of both together."""
+
+    before: Gap
+    after: Gap
+    flexible: Gap
+    both: Gap
 
 
 def predictive_p(problem: Problem, model: Linear, folds: Folds) -> float:

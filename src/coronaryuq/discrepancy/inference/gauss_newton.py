@@ -18,6 +18,8 @@ from typing import Generic, TypeVar
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from coronaryuq.discrepancy.inference.flexible import Flexible, Posterior
+
 STEP = 0.1
 """Finite-difference step in prior standard deviations."""
 
@@ -32,12 +34,15 @@ class Fit:
         Parameters (p,), whitened residual (N,) and sensitivities (N, p).
     renewed
         z at which all sensitivities were last recomputed; None if some come from another model.
+    flexible
+        Flexible discrepancy of the rows; None: the model has no error of its own.
     """
 
     z: np.ndarray
     residual: np.ndarray
     jacobian: np.ndarray
     renewed: np.ndarray | None = None
+    flexible: Flexible | None = field(default=None, repr=False)
 
     @property
     def objective(self) -> float:
@@ -52,9 +57,32 @@ class Fit:
     def covariance(self) -> np.ndarray:
         return np.linalg.inv(self.precision)
 
+    @property
+    def at_zero(self) -> np.ndarray:
+        """Residual (N,) of the linearised model at z = 0."""
+        return self.residual + self.jacobian @ self.z
+
+    @cached_property
+    def posterior(self) -> Posterior:
+        """Posterior of the linearised model by the amplitude of its flexible discrepancy.
+
+        What the linear model still promises where the fit ended is not part of the evidence.
+        """
+        if self.flexible is None:
+            raise ValueError("the fit has no flexible discrepancy")
+        linear = self.flexible.posterior(self.at_zero, self.jacobian)
+        return linear.lowered(linear.log_evidence[0] - self.evidence_without_error)
+
     @cached_property
     def evidence(self) -> float:
-        """Log marginal likelihood in the Laplace approximation, up to a constant common to all models."""
+        """Log marginal likelihood (Laplace) of a right model, up to a constant common to all models."""
+        if self.flexible is not None:
+            return self.posterior.right
+        return self.evidence_without_error
+
+    @property
+    def evidence_without_error(self) -> float:
+        """Log marginal likelihood (Laplace) of a model that has no error of its own."""
         return -0.5 * self.objective - 0.5 * float(np.linalg.slogdet(self.precision)[1])
 
     @property
@@ -70,8 +98,7 @@ class Fit:
     @property
     def score(self) -> np.ndarray:
         """P e0, with covariance P under the model: at the maximum it equals the whitened residual."""
-        linear = self.residual + self.jacobian @ self.z
-        return self.project(linear)
+        return self.project(self.at_zero)
 
 
 Label = TypeVar("Label")
@@ -84,7 +111,7 @@ class Search(Generic[Label]):
 
     fresh: columns of z whose sensitivities are recomputed; renewed: z at which this was last done (None: to be done at
     the start); stale: whether it is due now; exact: columns whose sensitivities are constant, and these (N, k);
-    central: use central differences, with twice the runs and without the error due to curvature.
+    central: use central differences, with twice the runs and without the error due to curvature. flexible: see `Fit`.
     """
 
     label: Label
@@ -98,6 +125,7 @@ class Search(Generic[Label]):
     done: bool = False
     exact: tuple[list[int], np.ndarray] | None = None
     central: bool = False
+    flexible: Flexible | None = None
 
     @property
     def sides(self) -> tuple[float, ...]:
@@ -106,7 +134,7 @@ class Search(Generic[Label]):
     @property
     def fit(self) -> Fit:
         whole = len({*self.fresh, *self.linear}) == len(self.z)
-        return Fit(self.z, self.residual, self.slopes, self.renewed if whole else None)
+        return Fit(self.z, self.residual, self.slopes, self.renewed if whole else None, self.flexible)
 
     @property
     def slopes(self) -> np.ndarray:

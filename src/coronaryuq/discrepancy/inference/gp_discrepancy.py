@@ -3,20 +3,22 @@
 A Gaussian process over place, phase and condition (Kennedy & O'Hagan 2001), written as a linear model in its features:
 for each measured place and quantity a constant and Fourier waves of the cycle with variance falling as (1 + h^2)^-2,
 half of the variance common to all conditions, half specific to each condition; its amplitude is a fraction of the
-series' size in the fitted conditions.
+series' size in the fitted conditions (`flexible`).
 """
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from coronaryuq.discrepancy.inference.gauss_newton import Fit
-from coronaryuq.discrepancy.inference.problem import Problem
+from coronaryuq.discrepancy.inference.flexible import Flexible
+
+if TYPE_CHECKING:
+    from coronaryuq.discrepancy.inference.problem import Problem
 
 HARMONICS = 8
-AMPLITUDES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
-"""Amplitudes, as fractions of the series' size, over which the evidence is averaged with equal weights."""
 
 
-def features(problem: Problem) -> np.ndarray:
+def features(problem: "Problem") -> np.ndarray:
     """Return features (N, k) of unit amplitude, whitened, of all data; their weights are standard normal a priori.
 
     Parameters
@@ -60,23 +62,9 @@ def features(problem: Problem) -> np.ndarray:
     return matrix[:, np.abs(matrix).max(axis=0) > 0]
 
 
-def gain(fit: Fit, matrix: np.ndarray) -> tuple[float, float]:
-    """Return the log evidence of the flexible discrepancy over the model alone, and the most probable amplitude.
-
-    Parameters
-    ----------
-    fit
-        Fit of the model alone.
-    matrix
-        Features of the fitted rows: (N, k).
-    """
-    inner, along = matrix.T @ fit.project(matrix), matrix.T @ fit.score
-    values, vectors = np.linalg.eigh(inner)
-    along = vectors.T @ along
-    by_amplitude = []
-    for amplitude in AMPLITUDES:
-        spread = 1.0 + amplitude**2 * np.maximum(values, 0.0)
-        by_amplitude.append(0.5 * np.sum(amplitude**2 * along**2 / spread - np.log(spread)))
-    gains = np.array(by_amplitude)
-    best = gains.max()
-    return float(best + np.log(np.mean(np.exp(gains - best)))), AMPLITUDES[int(np.argmax(gains))]
+def flexible(problem: "Problem", rows: np.ndarray) -> Flexible:
+    """Return the flexible discrepancy of some rows (N,), bool; blocks are measured places and quantities."""
+    each = [(s.quantity, s.location, s.statistic) for s in problem.forward.measured]
+    keys = list(dict.fromkeys(each))
+    block = np.array([keys.index(key) for key in each])[problem.owner]
+    return Flexible(features(problem)[rows], block[rows])

@@ -7,43 +7,41 @@ the first harmonics of the cycle.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy import stats
-from scipy.optimize import brentq
+from scipy.linalg import solve_triangular
+from scipy.special import logsumexp
 
 from coronaryuq.discrepancy.data.measurements import Measured
-from coronaryuq.discrepancy.decision_rule import RULE
-from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.residual_tests import phases
 
-HARMONICS = 6
+HARMONICS = 3
 """Maximum number of harmonics of the cycle that are removed from each waveform; the rest is scatter."""
 TRIMMED = 0.1
 """Fraction of the largest squares left out: a valve that closes one sample late is not noise."""
-LONGEST = 10.0
-"""Longest correlation time, in cycles; the shortest is a thousandth of the sampling interval."""
+CORRELATIONS = (0.2, 0.35, 0.5, 0.6, 0.7, 0.8)
+"""Correlations of successive samples that are compared with none; noise that lasts longer is an offset or a drift."""
+AS_STATED, OTHER, CORRELATED = 0.6, 0.2, 0.2
+"""Prior probabilities of noise as stated, of another scale, and correlated."""
+LARGER_BY, SMALLER_BY = 0.3, 0.1
+"""Prior means of the size of the log of a scale above and below 1 (Laplace): noise is understated rather than
+overstated, and beyond the first harmonics a smaller scale looks like a longer correlation."""
 SMOOTH = 2.0
 """Variance of a shape of correlated noise, over that of the white remainder, above which it gets a separate weight."""
-
-_BOUND = float(stats.chi2.ppf(1.0 - TRIMMED, 1))
-_MEAN = float(stats.chi2.cdf(_BOUND, 3)) / (1.0 - TRIMMED)
-"""Mean of the smaller squares of standard normal numbers."""
-_CLIPPED = float(stats.chi2.cdf(_BOUND, 3)) + TRIMMED * _BOUND
-_SPREAD = np.sqrt(3.0 * float(stats.chi2.cdf(_BOUND, 5)) + TRIMMED * _BOUND**2 - _CLIPPED**2) / (1.0 - TRIMMED) / _MEAN
-"""Standard deviation, times the root of their number, of such a mean over its expectation (Huber & Ronchetti 2009)."""
 
 
 @dataclass(frozen=True)
 class Noise:
     """Noise of the waveforms of one quantity.
 
-    scatter: from sample to sample, over the stated standard deviation; correlation_time: correlation time (s), with the
-    stated standard deviation; 0: white noise as large as its scatter.
+    scale: its standard deviation over the stated one. correlation_time: of its correlation exp(-|t| / correlation_time)
+    (Ornstein-Uhlenbeck), s; 0: white noise.
     """
 
-    scatter: float
+    scale: float
     correlation_time: float = 0.0
 
 
@@ -52,51 +50,80 @@ def noise_text(noise: dict[str, Noise]) -> str:
     parts = []
     for quantity, entry in noise.items():
         correlated = f", correlated over {entry.correlation_time:.2g} s" if entry.correlation_time else ""
-        parts.append(f"{quantity} {entry.scatter:.2f} times{correlated}")
+        parts.append(f"{quantity} {entry.scale:.2f} times{correlated}")
     return "; ".join(parts)
 
 
-@dataclass(frozen=True)
-class Scatter:
-    """Scatter of the waveforms of one quantity beyond the first harmonics.
+def estimated_noise(problem: Problem, residual: np.ndarray) -> dict[str, Noise]:
+    """Return the noise of quantities whose waveforms show another than the stated, white one.
 
-    factor: of all together, over the stated standard deviation; p_larger, p_smaller: of the median waveform.
+    Mean and first harmonics of each residual waveform, as many as leave half of the samples, are projected out, because
+    there a missing effect may be; standard deviations are those with the model's floor and the time-step allowance.
+    Scale and correlation are those of the largest likelihood of what is left, in which every waveform has a scale of
+    its own and the median waveform counts: missing effects are in some waveforms, noise in all. The most probable of
+    three is taken: noise as stated, larger white noise, and correlated noise of any scale.
+
+    Parameters
+    ----------
+    problem
+        Measurements.
+    residual
+        Whitened residual of the fitted data, which shows the noise: (M,).
+
+    Returns
+    -------
+    dict
+        Quantity → noise.
     """
-
-    factor: float
-    p_larger: float
-    p_smaller: float
-
-
-def estimated_noise(problem: Problem, fit: Fit) -> dict[str, Noise]:
-    """Return the noise of quantities whose waveforms scatter more than their standard deviations, or less.
-
-    Noise that scatters less is correlated: it has the stated standard deviation and the correlation exp(-|t| /
-    correlation_time) (Ornstein-Uhlenbeck) that leaves this scatter.
-    """
-    noise = {}
-    for quantity, seen in scatter(problem, fit).items():
-        if seen.factor > RULE.larger_noise and seen.p_larger < RULE.larger_noise_p:
-            noise[quantity] = Noise(seen.factor)
-        elif seen.factor < RULE.smaller_noise and seen.p_smaller < RULE.smaller_noise_p:
-            noise[quantity] = Noise(seen.factor, _correlation_time(problem, quantity, seen.factor))
-    return noise
-
-
-def scatter(problem: Problem, fit: Fit) -> dict[str, Scatter]:
-    """Return the scatter of the fitted waveforms about a fit, by quantity.
-
-    Over standard deviations with the model's floor and the time-step allowance. Mean and first harmonics of each
-    residual waveform, as many as leave half of the samples, are projected out, and each sample is divided by the
-    fraction of its standard deviation that remains. p-values are those of the median waveform: missing effects are in
-    some waveforms, noise in all.
-    """
-    squares_of: dict[str, list[tuple[np.ndarray, int]]] = {}
+    by_quantity: dict[str, list[_Waveform]] = {}
     for series, rows, phase in _waveforms(problem):
-        left, kept, freedom = _beyond(phase)
-        squares = (left @ fit.residual[rows])[kept > 0.0] ** 2 / kept[kept > 0.0]
-        squares_of.setdefault(series.quantity, []).append((squares, freedom))
-    return {quantity: _scatter(*zip(*parts, strict=True)) for quantity, parts in squares_of.items()}
+        by_quantity.setdefault(series.quantity, []).append(_Waveform(series, phase, residual[rows]))
+    found = {quantity: _likeliest(waveforms) for quantity, waveforms in by_quantity.items()}
+    return {quantity: noise for quantity, noise in found.items() if noise is not None}
+
+
+class _Waveform:
+    """What the first harmonics leave of a residual waveform."""
+
+    def __init__(self, series: Measured, phase: np.ndarray, residual: np.ndarray):
+        count = min(HARMONICS, (phase.size // 2 - 1) // 2)
+        angles = 2.0 * np.pi * np.outer(phase, np.arange(1, count + 1))
+        basis = np.hstack([np.ones((phase.size, 1)), np.cos(angles), np.sin(angles)])
+        self.series, self.left = series, np.linalg.qr(basis, mode="complete")[0][:, basis.shape[1] :]
+        self.values = self.left.T @ residual
+        self.step = float(np.median(np.diff(_time(series)))) if phase.size > 1 else series.period
+
+    def fit(self, correlation_time: float) -> tuple[float, float]:
+        """Return the mean square of the whitened values, without the largest, and the log likelihood with it."""
+        correlation = _correlation(self.series, correlation_time) if correlation_time else np.eye(len(self.left))
+        factor = np.linalg.cholesky(self.left.T @ correlation @ self.left)
+        square = max(_share(solve_triangular(factor, self.values, lower=True) ** 2), 1e-300)
+        return square, -0.5 * len(self.values) * np.log(square) - float(np.log(np.diag(factor)).sum())
+
+
+def _likeliest(waveforms: list[_Waveform]) -> Noise | None:
+    """Return the noise of some waveforms; None if it is as stated."""
+    waveforms = [one for one in waveforms if len(one.values) > 1]
+    if not waveforms:
+        return None
+    step, freedom = float(np.median([one.step for one in waveforms])), sum(len(one.values) for one in waveforms)
+    times = [0.0, *(-step / np.log(correlation) for correlation in CORRELATIONS)]
+    fits = np.array([[one.fit(time) for one in waveforms] for time in times])
+    # The median of many values varies more than their mean, by this factor.
+    known = 2.0 / np.pi if len(waveforms) > 2 else 1.0
+    squares = np.median(fits[:, :, 0], axis=1)
+    # Each waveform has a scale of its own in its likelihood; their common one has a prior.
+    free = known * len(waveforms) * np.median(fits[:, :, 1] - fits[0, :, 1], axis=1)
+    scales = 0.5 * np.log(squares)
+    free -= np.abs(scales) / np.where(scales > 0.0, LARGER_BY, SMALLER_BY)
+    stated = np.log(AS_STATED) - 0.5 * known * freedom * (squares[0] - 1.0 - np.log(squares[0]))
+    white = np.log(OTHER) + free[0]
+    correlated = np.log(CORRELATED) + logsumexp(free[1:]) - np.log(len(CORRELATIONS))
+    # Where standard deviations are overstated, they are kept: the answer then warns of them.
+    if stated >= max(white, correlated) or (white > correlated and squares[0] < 1.0):
+        return None
+    best = 0 if white > correlated else 1 + int(np.argmax(free[1:]))
+    return Noise(float(np.sqrt(squares[best])), float(times[best]))
 
 
 def _waveforms(problem: Problem) -> Iterator[tuple[Measured, np.ndarray, np.ndarray]]:
@@ -106,50 +133,16 @@ def _waveforms(problem: Problem) -> Iterator[tuple[Measured, np.ndarray, np.ndar
             yield problem.forward.measured[number], rows, phase
 
 
-def _beyond(phase: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
-    """Return the projection (k, k) that removes the first harmonics, and its rank; between them the variance left.
-
-    The variance left is a fraction (k,) of each sample's variance, 0 if negligible.
-    """
-    count = min(HARMONICS, (phase.size // 2 - 1) // 2)
-    angles = 2.0 * np.pi * np.outer(phase, np.arange(1, count + 1))
-    basis, _ = np.linalg.qr(np.hstack([np.ones((phase.size, 1)), np.cos(angles), np.sin(angles)]))
-    left = np.eye(phase.size) - basis @ basis.T
-    kept = np.diag(left)
-    return left, np.where(kept > 1e-6, kept, 0.0), phase.size - basis.shape[1]
-
-
-def _scatter(squares: tuple[np.ndarray, ...], freedom: tuple[int, ...]) -> Scatter:
-    """Return the scatter from the squares of waveforms and the degrees of freedom of each."""
-    middle = float(np.median([_share(part) for part in squares]))
-    # The median of one or two values is their mean; that of more values varies more than the mean.
-    spread = _SPREAD / np.sqrt(sum(freedom)) * (np.sqrt(np.pi / 2.0) if len(squares) > 2 else 1.0)
-    z = (middle - 1.0) / spread
-    factor = float(np.sqrt(_share(np.concatenate(squares))))
-    return Scatter(factor, float(stats.norm.sf(z)), float(stats.norm.cdf(z)))
-
-
 def _share(squares: np.ndarray) -> float:
     """Return the mean square without the largest, over that of standard normal numbers."""
-    return float(np.sort(squares)[: int(np.ceil((1.0 - TRIMMED) * squares.size))].mean()) / _MEAN
+    count = int(np.ceil((1.0 - TRIMMED) * squares.size))
+    return float(np.sort(squares)[:count].mean()) / _mean_of_smaller(count / squares.size)
 
 
-def _correlation_time(problem: Problem, quantity: str, factor: float) -> float:
-    """Return the correlation time (s) of noise that scatters by a factor on its standard deviation."""
-    own = [(series, *_beyond(phase)) for series, _, phase in _waveforms(problem) if series.quantity == quantity]
-
-    def excess(logarithm: float) -> float:
-        shares = []
-        for series, left, kept, _ in own:
-            within = np.diag(left @ _correlation(series, np.exp(logarithm)) @ left)
-            shares.append(within[kept > 0.0] / kept[kept > 0.0])
-        return float(np.concatenate(shares).mean()) - factor**2
-
-    shortest = 1e-3 * min(np.diff(_time(series)).min() for series, *_ in own)
-    longest = LONGEST * max(series.period for series, *_ in _waveforms(problem))
-    if excess(np.log(longest)) > 0.0:
-        return longest
-    return float(np.exp(brentq(excess, np.log(shortest), np.log(longest), xtol=1e-6)))
+@cache
+def _mean_of_smaller(fraction: float) -> float:
+    """Return the mean of the smallest fraction of the squares of standard normal numbers."""
+    return float(stats.chi2.cdf(stats.chi2.ppf(fraction, 1), 3)) / fraction
 
 
 def _time(series: Measured) -> np.ndarray:
@@ -166,18 +159,19 @@ def _correlation(series: Measured, correlation_time: float) -> np.ndarray:
 
 
 def white_and_correlated(series: Measured, noise: Noise) -> tuple[float, np.ndarray]:
-    """Decompose noise of unit standard deviation in one waveform (k samples).
+    """Decompose noise in one waveform, in units of the stated standard deviation (k samples).
 
     Returns the standard deviation of its white part, and shapes (n, k) with standard normal weights.
     """
     if noise.correlation_time == 0.0:
-        return noise.scatter, np.zeros((0, series.value.size))
+        return noise.scale, np.zeros((0, series.value.size))
     variances, shapes = np.linalg.eigh(_correlation(series, noise.correlation_time))
     variances, shapes = variances[::-1], shapes.T[::-1]
     rest = np.cumsum(variances[::-1])[::-1] / np.arange(variances.size, 0, -1)
     count = int(np.argmax(variances < SMOOTH * rest))
     white = rest[count]
-    return float(np.sqrt(white)), shapes[:count] * np.sqrt(variances[:count] - white)[:, None]
+    weights = noise.scale * np.sqrt(variances[:count] - white)
+    return noise.scale * float(np.sqrt(white)), shapes[:count] * weights[:, None]
 
 
 def with_correlated(problem: Problem) -> np.ndarray:

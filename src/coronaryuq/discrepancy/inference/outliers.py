@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.inference.problem import Problem
 
@@ -18,14 +19,19 @@ class Outlier:
     time: float
     off: float
 
+    def of(self, series: Measured) -> bool:
+        """Return whether the sample is one of a waveform."""
+        same = (self.quantity, self.location, self.condition) == (series.quantity, series.location, series.condition)
+        return same and series.statistic == "waveform"
+
 
 def find_outliers(problem: Problem, residual: np.ndarray) -> list[Outlier]:
     """Return the outliers among the whitened residuals (N,) of all data, worst first.
 
     A sample's distance from the line between its neighbours is divided by its standard deviation under white noise
     (Gasser, Sroka & Jennen-Steinmetz 1986); the worst sample is moved to the line, and so on. The ends of a waveform,
-    which have only one neighbour, are not tested. Samples that stand out in three series at the same time of the beat
-    are not artefacts.
+    which have only one neighbour, are not tested. Samples that stand out at the same time of the beat in three series,
+    or in two of the same sensor under different conditions, are not artefacts.
     """
     outliers, phases, origins = [], [], []
     for number, series in enumerate(problem.forward.measured):
@@ -49,6 +55,8 @@ def find_outliers(problem: Problem, residual: np.ndarray) -> list[Outlier]:
     alone = []
     for outlier, (phase, (owner, near)) in zip(outliers, places, strict=True):
         others = {other for at, (other, _) in places if other != owner and abs(phase - at) < near}
-        if len(others) < RULE.same_time_series:
+        sensors = [(own.quantity, own.location) for own in (problem.forward.measured[other] for other in others)]
+        again = (outlier.quantity, outlier.location) in sensors
+        if len(others) < RULE.same_time_series and not again:
             alone.append(outlier)
     return sorted(alone, key=lambda outlier: -abs(outlier.off))

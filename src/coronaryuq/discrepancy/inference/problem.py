@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,8 @@ import numpy as np
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.forward.predict import Forward
+from coronaryuq.discrepancy.inference import gp_discrepancy
+from coronaryuq.discrepancy.inference.flexible import Flexible
 from coronaryuq.discrepancy.inference.gauss_newton import STEP, Fit, Label, Search, maximise
 from coronaryuq.discrepancy.inference.time_step_error import FINER, TimeSteps, finer
 from coronaryuq.discrepancy.settings import Settings
@@ -61,6 +64,16 @@ class Problem:
         self.owner = np.repeat(np.arange(len(series)), [s.value.size for s in series])
         self.condition = np.array([s.condition for s in series])[self.owner]
         self.count = len(self.forward.nuisances)
+
+    @cached_property
+    def flexible(self) -> Flexible:
+        """The flexible discrepancy of the fitted data."""
+        return gp_discrepancy.flexible(self, self.train)
+
+    @cached_property
+    def flexible_of_all(self) -> Flexible:
+        """The flexible discrepancy of all data, held-out ones included."""
+        return gp_discrepancy.flexible(self, np.ones(len(self.y), dtype=bool))
 
     def whitened(self, rows: list[tuple[np.ndarray, Hypothesis]]) -> np.ndarray:
         """Return (y - f) / sd of all data for rows (z, hypothesis): (n, N)."""
@@ -122,7 +135,7 @@ class Problem:
         """Return a search that recomputes all sensitivities except constant ones; known: initial sensitivities."""
         exact = self.linear_part()
         fresh = [column for column in range(len(start)) if column not in exact[0]]
-        return Search(label, np.array(start, dtype=float), fresh, exact=exact, **known)
+        return Search(label, np.array(start, dtype=float), fresh, exact=exact, flexible=self.flexible, **known)
 
     def corrected(self, hypothesis: Hypothesis, fit: Fit) -> tuple["Problem", Fit]:
         """Apply the time-step correction at a fit and refit; returns the corrected problem and the fit."""
@@ -218,7 +231,7 @@ class Problem:
             return fit
         jacobian = np.zeros((len(residuals[0]), len(z)))
         jacobian[:, others], jacobian[:, columns] = -((residuals[1:] - residuals[0]) / STEP).T, values[self.train]
-        return Fit(z, residuals[0], jacobian)
+        return Fit(z, residuals[0], jacobian, flexible=self.flexible)
 
     def fit_candidates(
         self, base: Fit, hypothesis: Hypothesis, candidates: list[PlacedEffect], guesses: list[np.ndarray]
@@ -271,7 +284,9 @@ class Problem:
                 z, sizes = np.concatenate([base.z, start]), len(start)
                 jacobian = np.hstack([base.jacobian, np.zeros((len(base.residual), sizes))])
             fresh = list(range(len(base.z), len(base.z) + sizes))
-            searches.append(Search(hypothesis.with_(candidate), z, fresh, jacobian, exact=self.linear_part()))
+            label = hypothesis.with_(candidate)
+            exact = self.linear_part()
+            searches.append(Search(label, z, fresh, jacobian, exact=exact, flexible=self.flexible))
         grafts = [placed for placed in dict.fromkeys([*hypothesis, *(beside or candidates)]) if placed.effect.grafted]
         maximise(lambda rows: self.fitted(rows, grafts), searches, iterations or self.settings.iterations)
         return [None if search.failed else search.fit for search in searches]

@@ -1,5 +1,6 @@
 """From files to a problem: network, conditions and measurements, checked against each other."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,8 +18,10 @@ from coronaryuq.discrepancy.forward.predict import Forward, pressure_factor
 from coronaryuq.discrepancy.forward.simulation import LOOSE, TOLERANCE, Simulation
 from coronaryuq.discrepancy.inference.cross_validation import folds_of
 from coronaryuq.discrepancy.inference.noise import Noise, white_and_correlated
+from coronaryuq.discrepancy.inference.outliers import Outlier
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.time_step_error import time_steps
+from coronaryuq.discrepancy.inference.vessel_errors import vessel_errors
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.solver.engine import Engine
@@ -35,6 +38,8 @@ KNOWN = 1.0
 """Ratio of a perfusion to its standard deviation above which it may determine a tissue mass."""
 LEAST_WHITE = 0.1
 """Smallest fraction of a standard deviation that remains white noise, whatever floor and time-step allowance add."""
+OUT_OF_USE = 1e3
+"""Factor on the standard deviation of a sample that is not to count."""
 STEPS_WHERE_CORRELATED = 4
 """Refinement of an open loop's time steps where noise is correlated in time: sharp features are weighted strongly.
 
@@ -157,15 +162,22 @@ def _opposite(series: Measured, predicted: np.ndarray) -> bool:
 
 
 def with_time_steps(problem: Problem) -> Problem:
-    """Return the problem with its known time-step error corrected, and an allowance for the rest."""
-    error, forward = time_steps(problem.forward, problem.sd), problem.forward
-    weights = [Nuisance(f"time steps, shape {k + 1}", 1.0, shape=k) for k in range(len(error.shapes))]
-    shaped = replace(forward, nuisances=[*forward.nuisances, *weights], shapes=error.shapes)
-    return replace(problem, forward=shaped, time_steps=error)
+    """Return the problem with the errors of time steps and vessels that the model is known to have.
+
+    The known part of the time-step error is corrected; what varies of it, and the errors of the vessels' resistance,
+    inertance and compliance, are shapes with weights to be fitted, and what the shapes leave is added to the standard
+    deviations.
+    """
+    steps, forward = time_steps(problem.forward, problem.sd), problem.forward
+    own, vessels, rest = vessel_errors(forward, np.hypot(problem.sd, steps.sd))
+    weights = [Nuisance(f"time steps, shape {k + 1}", 1.0, shape=k) for k in range(len(steps.shapes))]
+    weights += [replace(weight, shape=len(steps.shapes) + k) for k, weight in enumerate(own)]
+    shaped = replace(forward, nuisances=[*forward.nuisances, *weights], shapes=np.vstack([steps.shapes, vessels]))
+    return replace(problem, forward=shaped, time_steps=replace(steps, sd=np.hypot(steps.sd, rest)))
 
 
-def with_noise(problem: Problem, noise: dict[str, Noise]) -> Problem:
-    """Return the problem with estimated noise of the waveforms of some quantities.
+def with_noise(problem: Problem, noise: dict[str, Noise], outliers: Sequence[Outlier] = ()) -> Problem:
+    """Return the problem with estimated noise of the waveforms of some quantities, and without some samples.
 
     Relative to standard deviations with the model's floor and the time-step allowance. Shapes of correlated noise get
     weights, like those of the time steps; open loops then run with `STEPS_WHERE_CORRELATED` times the steps.
@@ -176,6 +188,8 @@ def with_noise(problem: Problem, noise: dict[str, Noise]) -> Problem:
         The problem with the stated noise.
     noise
         Quantity → noise of its waveforms.
+    outliers
+        Samples that are given a standard deviation with which they do not count.
 
     Returns
     -------
@@ -193,9 +207,8 @@ def with_noise(problem: Problem, noise: dict[str, Noise]) -> Problem:
             sd = problem.sd[rows]
             white, correlated = white_and_correlated(series, noise[series.quantity])
             added = sd**2 - series.sd**2
-            measured.append(
-                replace(series, sd=np.sqrt(np.maximum((white * sd) ** 2 - added, (LEAST_WHITE * series.sd) ** 2)))
-            )
+            own = np.sqrt(np.maximum((white * sd) ** 2 - added, (LEAST_WHITE * series.sd) ** 2))
+            measured.append(replace(series, sd=own))
             for shape in correlated:
                 shapes.append(np.zeros(problem.sd.size))
                 shapes[-1][rows] = sd * shape
@@ -203,6 +216,7 @@ def with_noise(problem: Problem, noise: dict[str, Noise]) -> Problem:
             names += [name] * len(correlated)
         else:
             measured.append(series)
+    measured = [_without(series, outliers) for series in measured]
     settings = problem.settings
     if shapes and not forward.anatomy.closed_loop:
         settings = settings.model_copy(update={"steps_per_cycle": STEPS_WHERE_CORRELATED * settings.steps_per_cycle})
@@ -213,6 +227,13 @@ def with_noise(problem: Problem, noise: dict[str, Noise]) -> Problem:
     weights = [Nuisance(name, 1.0, shape=len(of_steps) + k, noise=True) for k, name in enumerate(names)]
     nuisances = [*noisy.forward.nuisances, *weights]
     return replace(noisy, forward=replace(noisy.forward, nuisances=nuisances, shapes=np.vstack([of_steps, *shapes])))
+
+
+def _without(series: Measured, outliers: Sequence[Outlier]) -> Measured:
+    own = [one.time for one in outliers if one.of(series)]
+    if not own or series.time is None:
+        return series
+    return replace(series, sd=np.where(np.isin(series.time, own), OUT_OF_USE * series.sd, series.sd))
 
 
 def make_problem(

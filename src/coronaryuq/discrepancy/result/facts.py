@@ -6,6 +6,7 @@ from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PlacedEffect
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
 from coronaryuq.discrepancy.inference.locate import Located, PriorConflict
+from coronaryuq.discrepancy.selection.answer import NOTHING
 from coronaryuq.discrepancy.selection.candidates import Rounds
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.size_constancy import Constancy
@@ -25,10 +26,10 @@ def facts(discovery: Discovery) -> dict:
     dict
         measurements, objective: number of fitted measurements and sum of squares of the recalibrated model.
         noise_excess: see the function. worst: the group with the largest misfit. best: the effects of the best
-        hypothesis, named or not. verdict: reasons for not naming them. likeliest: the most probable candidate of the
-        first round, if it is more probable than no effect. unexplained: whether a misfit remains.
+        hypothesis, named or not. answer: the answer given, and the probabilities of all. likeliest: the most probable
+        candidate of the first round, if it is more probable than no effect. unexplained: whether a misfit remains.
     """
-    problem, located, verdict = discovery.problem, discovery.located, discovery.verdict
+    problem, located, answer = discovery.problem, discovery.located, discovery.answer
     level, count, objective = problem.settings.alarm_level, len(discovery.base.residual), discovery.base.objective
     worst = [{name: getattr(group, name) for name in WHERE} for group in located.groups[:1]]
     return {
@@ -37,10 +38,12 @@ def facts(discovery: Discovery) -> dict:
         "noise_excess": noise_excess(located, objective / count, level),
         "worst": worst[0] if worst else None,
         "best": [_described(discovery, placed) for placed in discovery.hypothesis],
-        "verdict": {
-            "redistributed": bool(verdict.redistributed),
-            "refuted": bool(verdict.refuted),
-            "unpredicted": bool(verdict.unpredicted),
+        "answer": {
+            "given": NOTHING if discovery.consistent else answer.given,
+            "probabilities": answer.probabilities,
+            "forms_of_something_else": answer.forms,
+            "leading_form": answer.leading_form,
+            "support_nats": answer.support,
         },
         "likeliest": likeliest(discovery.rounds),
         "unexplained": bool(discovery.remaining.alarm(level)),
@@ -60,8 +63,8 @@ def _described(discovery: Discovery, placed: PlacedEffect) -> dict:
         "place": placed.place,
         "sizes": described_sizes(placed, discovery.sizes(placed), anatomy),
         "beyond_prior": beyond,
-        "implausible": placed in discovery.implausible,
-        "varying": next((by_condition(v, anatomy) for v in discovery.verdict.varying if v.placed == placed), None),
+        "implausible": placed in discovery.answer.implausible,
+        "varying": next((by_condition(v, anatomy) for v in discovery.answer.varying if v.placed == placed), None),
         "assumption": effect.assumption(anatomy, [c.covariates for c in forward.conditions.values()]),
     }
 

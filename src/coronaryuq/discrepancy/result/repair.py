@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,6 +16,7 @@ from coronaryuq.discrepancy.data.conditions import Condition, as_entry, write_co
 from coronaryuq.discrepancy.data.measurements import COLUMNS, UNITS
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.forward.network_values import scalars, with_values
+from coronaryuq.discrepancy.forward.nuisance import element_factors
 from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 
@@ -37,7 +39,13 @@ def repaired_network(forward: Forward, hypothesis: Hypothesis, z: np.ndarray) ->
     simulation = forward.simulation.changed(conditions={plain.name: plain})
     alone = replace(forward, simulation=simulation, measured=[], shapes=None)
     table, structure = alone.condition_changes(plain.name, z, hypothesis)
-    return with_values(structure, table)
+    return with_values(structure, {**table, **_by_vessels(forward, z, scalars(structure) | table)})
+
+
+def _by_vessels(forward: Forward, z: np.ndarray, values: dict[str, Any]) -> dict[str, float]:
+    """Return the values of the vessels' elements with the errors that the fit found, of those among some values."""
+    factors = element_factors(forward.nuisances, z)
+    return {target: float(values[target]) * factor for target, factor in factors.items() if target in values}
 
 
 def repaired_conditions(forward: Forward, hypothesis: Hypothesis, z: np.ndarray) -> tuple[dict[str, dict], Drives]:
@@ -52,6 +60,7 @@ def repaired_conditions(forward: Forward, hypothesis: Hypothesis, z: np.ndarray)
     for name, condition in forward.conditions.items():
         entry = as_entry(condition)
         fitted, _ = forward.condition_changes(name, z, hypothesis)
+        fitted |= _by_vessels(forward, z, fitted)
         present = scalars(apply_condition(network, condition))
         drives = dict(condition.drive)
         for parameter, value in fitted.items():
@@ -70,17 +79,41 @@ def renamed_locations(forward: Forward, hypothesis: Hypothesis) -> dict[str, str
     return forward.simulation.prepared(forward.simulation.inserting(hypothesis)).renamed
 
 
-def repaired_measurements(forward: Forward, hypothesis: Hypothesis) -> pd.DataFrame:
-    """Return the measurement table with the locations of the repaired network; values are unchanged."""
+def repaired_measurements(forward: Forward, hypothesis: Hypothesis, fit: Fit) -> pd.DataFrame:
+    """Return the measurement table with the locations of the repaired network, and without the errors of sensors.
+
+    What the named errors of sensors change in the predictions is subtracted from the values, and its uncertainty is
+    added to the standard deviations.
+    """
     renamed, rows = renamed_locations(forward, hypothesis), []
-    for series in forward.measured:
+    changes, spreads = _by_sensors(forward, hypothesis, fit)
+    for series, change, spread in zip(forward.measured, changes, spreads, strict=True):
         unit = WRITTEN_IN[series.quantity]
         location = renamed.get(series.location, series.location)
         times = [np.nan] * series.value.size if series.time is None else series.time
-        columns = (x / UNITS[series.quantity][unit] for x in (series.value, series.sd))
-        for time, value, sd in zip(times, *columns, strict=True):
-            rows.append((series.condition, series.quantity, location, series.statistic, time, value, sd, unit))
+        corrected, sd = series.value - change[0], np.hypot(series.sd, spread[0])
+        columns = (x / UNITS[series.quantity][unit] for x in (corrected, sd))
+        for time, value, own in zip(times, *columns, strict=True):
+            rows.append((series.condition, series.quantity, location, series.statistic, time, value, own, unit))
     return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def _by_sensors(forward: Forward, hypothesis: Hypothesis, fit: Fit) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Return the change of each series (1, k) by errors of sensors, and its standard deviation, CGS."""
+    errors = [placed for placed in hypothesis if placed.effect.side == "measurement"]
+    without, z = hypothesis, np.array(fit.z)
+    for placed in errors:
+        without, z = without.without(placed), np.delete(z, without.columns(z, placed))
+    if not errors:
+        none = forward.split(np.zeros((1, forward.size)))
+        return none, none
+    columns = np.concatenate([np.arange(len(fit.z))[hypothesis.columns(fit.z, placed)] for placed in errors])
+    spread = np.sqrt(np.diag(fit.posterior.moments()[1]))[columns]
+    moved = np.tile(fit.z, (len(columns) + 1, 1))
+    moved[np.arange(1, len(moved)), columns] += spread
+    plain, read, *further = forward.predict_rows([(z, without), *((row, hypothesis) for row in moved)])
+    squares = sum(((other - read) ** 2 for other in further), start=np.zeros(len(read)))
+    return forward.split((read - plain)[None, :]), forward.split(np.sqrt(squares)[None, :])
 
 
 def difference(forward: Forward, hypothesis: Hypothesis, fit: Fit) -> str:
@@ -163,7 +196,7 @@ def repaired(forward: Forward, hypothesis: Hypothesis, fit: Fit) -> Repaired:
     """Return the repaired model of a fit with its effects."""
     return Repaired(
         repaired_network(forward, hypothesis, fit.z),
-        repaired_measurements(forward, hypothesis),
+        repaired_measurements(forward, hypothesis, fit),
         *repaired_conditions(forward, hypothesis, fit.z),
         difference(forward, hypothesis, fit),
     )

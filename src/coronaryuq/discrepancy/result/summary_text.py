@@ -11,6 +11,7 @@ from scipy import stats
 
 from coronaryuq.core.io.atomic import read_json, write_text
 from coronaryuq.discrepancy.decision_rule import RULE
+from coronaryuq.discrepancy.selection.answer import NAMES, NOTHING, OTHER, REROUTED, VARYING
 from coronaryuq.discrepancy.selection.flow_conservation import PROBE
 
 LEAST_INFORMATION = 0.1
@@ -19,6 +20,8 @@ LEAST_INFORMATION = 0.1
 EXPECTED_MISFIT = "1 is expected from noise and fit uncertainty"
 QUIET, UNLIKELY = 0.5, 1e-4
 """Scatter over the stated standard deviation, and its probability, below which the latter is reported as too large."""
+UNPREDICTED = 0.001
+"""p-value of the held-out data below which the text says that they are not predicted."""
 MOST_LISTED = 4
 """Maximum number of nuisance parameters or samples listed in one sentence."""
 STAND_IN = "it may be a surrogate for a mechanism outside the library. "
@@ -43,11 +46,12 @@ def paragraph(answer: Mapping) -> str:
     facts, gaps, held_out = answer["facts"], answer["held_out"], _held_out(answer)
     count, p = facts["measurements"], answer["global_test"]["p"]
     data_notes = noise_notes(answer["noise"]) + outlier_notes(answer["outliers"])
-    if not answer["alarm"]:
+    if answer["consistent"]:
         text = data_notes + (
             f"After recalibration within its priors, the model agrees with the {count} fitted measurements "
             f"(global test {p_text(p)}): there is nothing to explain. "
-            f"On {_held_out_text(held_out)} its misfit is {gaps['before']['misfit']:.2f} ({EXPECTED_MISFIT})."
+            + (f"{_own_error(facts)} " if answer["alarm"] else "")
+            + f"On {_held_out_text(held_out)} its misfit is {gaps['before']['misfit']:.2f} ({EXPECTED_MISFIT})."
         )
         return text + _overstated_sd(facts["objective"], count) + prediction_warning(gaps["p_held_out"], held_out)
     worst = facts["worst"]
@@ -73,14 +77,23 @@ def paragraph(answer: Mapping) -> str:
     return (text + _not_confirmed(answer) + _remaining(answer, held_out)).rstrip()
 
 
-def _outside_library(answer: Mapping, held_out: list[str]) -> str:
-    """State why the best candidates are not named."""
-    gaps, verdict, best = answer["held_out"], answer["facts"]["verdict"], answer["facts"]["best"]
-    one = len(best) == 1
-    labels, candidate = (
-        listed([_label(effect) for effect in best]),
-        "the best candidate" if one else "the best candidates",
+def _own_error(facts: Mapping) -> str:
+    return (
+        "What the test finds is within the errors that a model of this kind has "
+        f"(probability that nothing is missing {facts['answer']['probabilities'][NOTHING]:.2f})."
     )
+
+
+def _outside_library(answer: Mapping, held_out: list[str]) -> str:
+    """State what speaks against the best candidates."""
+    gaps, best, forms = answer["held_out"], answer["facts"]["best"], answer["facts"]["answer"]
+    one = len(best) == 1
+    probability = f"probability {forms['probabilities'][OTHER]:.2f}"
+    start = f"Something else than an effect of the library is missing ({probability})"
+    if not best:
+        return f"{start}: {_shape_text(gaps)}"
+    labels = listed([_label(effect) for effect in best])
+    candidate = "the best candidate" if one else "the best candidates"
     change = (
         f"With {'it' if one else 'them'}, the misfit on {_held_out_text(held_out)} "
         f"{misfit_change(gaps['before']['misfit'], gaps['after']['misfit'])}."
@@ -94,40 +107,37 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
             "check whether each bed is attached to the correct vessel, and search again."
         )
         return text + (f" {_capitalised(listed(others))} may also be present." if others else "")
-    if verdict["redistributed"]:
-        places = " and ".join(effect["place"] for effect in best if effect["effect"] == PROBE)
-        return (
-            f"Gain errors of the flow probes at {places} would explain it, but their errors cancel. Flow rerouted "
-            "between the branches, e.g. by swapped outlets, explains the same with a single cause, which the library "
-            "does not contain. No effect is named."
-        )
     implausible = [effect for effect in best if effect["implausible"]]
-    if verdict["refuted"]:
-        reason = (
-            f"{candidate} for the fitted measurements, {labels}, {'is' if one else 'are'} not confirmed by the "
-            f"held-out data (log predictive density per row {gaps['after'][DENSITY]:.3f}, with recalibration alone "
-            f"{gaps['before'][DENSITY]:.3f}). No effect is named."
-        )
-    elif implausible:
+    if implausible:
         sizes = listed([f"{_label(effect)} ({size_text(effect['sizes'])})" for effect in implausible])
         reason = (
             f"{candidate} {'is' if one else 'are'} {labels}, but with an implausibly large size, more than "
             f"{RULE.implausible:.0f} standard deviations of its prior: {sizes}. No effect is named. {change}"
         )
-    elif any(effect["varying"] for effect in best):
-        reason = f"{varying_text(best)}. No effect is named. {change}"
-    elif verdict["unpredicted"]:
+    elif forms["leading_form"] == REROUTED:
+        places = " and ".join(effect["place"] for effect in best if effect["effect"] == PROBE)
         reason = (
-            f"{candidate} for the fitted measurements, {labels}, {'does' if one else 'do'} not predict the held-out "
-            f"data ({p_text(gaps['p_held_out'])}). No effect is named. {change}"
+            f"gain errors of the flow probes at {places} would explain it, but their errors cancel. Flow rerouted "
+            "between the branches, e.g. by swapped outlets, explains the same with a single cause, which the library "
+            "does not contain. No effect is named."
         )
+    elif forms["leading_form"] == VARYING and any(effect["varying"] for effect in best):
+        reason = f"{varying_text(best)}. No effect is named. {change}"
     else:
         reason = (
-            "a flexible discrepancy predicts the held-out data clearly better than every candidate "
-            f"(misfit {gaps['flexible']['misfit']:.2f} against {gaps['after']['misfit']:.2f}). The residual waveforms "
-            "show where the missing effect acts and its shape; no effect is named."
+            f"{candidate}, {labels}, {'leaves' if one else 'leave'} a misfit that {'its' if one else 'their'} law does "
+            f"not have (probability of the name{'' if one else 's'} {forms['probabilities'][NAMES]:.2f}); "
+            f"to a flexible error {'it adds' if one else 'they add'} {forms['support_nats']:.0f} nats of evidence. "
+            f"{_shape_text(gaps)} {change}"
         )
-    return f"No effect of the library explains this: {reason}"
+    return f"{start}: {reason}"
+
+
+def _shape_text(gaps: Mapping) -> str:
+    return (
+        f"with a flexible discrepancy the held-out misfit is {gaps['flexible']['misfit']:.2f} against "
+        f"{gaps['before']['misfit']:.2f}. The residual waveforms show where it acts and its shape; no effect is named."
+    )
 
 
 def _named_effect(named: Mapping, best: Sequence[Mapping]) -> str:
@@ -175,7 +185,7 @@ def _remaining(answer: Mapping, held_out: list[str]) -> str:
             "The held-out data are predicted worse with the named effects than with recalibration alone (log "
             f"predictive density per row {after[DENSITY]:.2f}, {before[DENSITY]:.2f}). "
         )
-    if named and answer["facts"]["verdict"]["unpredicted"]:
+    if named and gaps["p_held_out"] < UNPREDICTED:
         text += f"The named effects do not predict all of the held-out data ({p_text(gaps['p_held_out'])}). "
     if answer["facts"]["unexplained"]:
         after, flexible, both = (gaps[model][DENSITY] for model in ("after", "flexible", "both"))
@@ -189,11 +199,11 @@ def _remaining(answer: Mapping, held_out: list[str]) -> str:
 
 def noise_notes(noise: Mapping[str, Mapping]) -> str:
     """Report waveform noise that is larger than stated, or correlated in time."""
-    larger = [
-        f"{name} by a factor of {one['scatter']:.2f}" for name, one in noise.items() if not one["correlation_time"]
-    ]
+    larger = [f"{name} by a factor of {one['scale']:.2f}" for name, one in noise.items() if not one["correlation_time"]]
     correlated = [
-        f"{one['correlation_time']:.2g} s for {name}" for name, one in noise.items() if one["correlation_time"]
+        f"{one['correlation_time']:.2g} s for {name}, {one['scale']:.2f} times the stated size"
+        for name, one in noise.items()
+        if one["correlation_time"]
     ]
     text = ""
     if larger:
@@ -203,8 +213,7 @@ def noise_notes(noise: Mapping[str, Mapping]) -> str:
         )
     if correlated:
         text += (
-            "Waveforms scatter less from sample to sample than their standard deviations imply; their noise is taken "
-            f"to be correlated in time (correlation time {listed(correlated)}). "
+            f"The noise of waveforms is correlated in time (correlation time {listed(correlated)}), and is taken so. "
         )
     return text
 
@@ -220,9 +229,9 @@ def outlier_notes(outliers: Sequence[Mapping]) -> str:
     if len(outliers) > MOST_LISTED:
         samples.append(f"{len(outliers) - MOST_LISTED} more")
     if len(outliers) == 1:
-        return f"One sample is an outlier, {samples[0]}: check whether it is an artefact and remove it. "
+        return f"One sample is an outlier and was left out: {samples[0]}. Check whether it is an artefact. "
     return (
-        f"{len(outliers)} samples are outliers, {listed(samples)}: check whether they are artefacts and remove them. "
+        f"{len(outliers)} samples are outliers and were left out: {listed(samples)}. Check whether they are artefacts. "
     )
 
 
@@ -247,7 +256,7 @@ def _nearest(candidate: Mapping | None) -> str:
 
 def prediction_warning(p: float, held_out: list[str]) -> str:
     """Warn that a model which agrees with the fitted data does not predict the held-out data, if so."""
-    if p >= RULE.unpredicted:
+    if p >= UNPREDICTED:
         return ""
     remedy = "check these conditions in the conditions file"
     if held_out:

@@ -35,6 +35,8 @@ def summary(found: Discovery) -> dict:
     ]
     return {
         "alarm": found.alarm,
+        "consistent": found.consistent,
+        "probability": {**found.answer.probabilities, "forms of something else": found.answer.forms},
         "outliers": [vars(one) for one in found.outliers],
         "noise": {quantity: vars(one) for quantity, one in found.noise.items()},
         "global_test": {"p": found.located.p, **found.located.tests},
@@ -59,7 +61,7 @@ def summary(found: Discovery) -> dict:
             for entry in found.rounds
             if entry.refuted is not None
         ],
-        "wiring_errors": [{"error": one.name, "place": place} for one, place in found.verdict.wiring_errors],
+        "wiring_errors": [{"error": one.name, "place": place} for one, place in found.answer.wiring_errors],
         "gap_before": found.gaps.before.misfit,
         "gap_after": found.gaps.before.misfit if found.outside_library else found.gaps.after.misfit,
         "gap_flexible": found.gaps.flexible.misfit,
@@ -71,7 +73,7 @@ def summary(found: Discovery) -> dict:
             "after": found.gaps.after.summary(),
             "flexible": found.gaps.flexible.summary(),
             "both": found.gaps.both.summary(),
-            "p_held_out": found.verdict.predictive_p,
+            "p_held_out": found.held_out_p,
         },
         "remaining": {"p": found.remaining.p, **found.remaining.tests},
         "candidates_tested": found.candidates_tested,
@@ -99,9 +101,9 @@ def named(found: Discovery) -> list[dict]:
             {
                 "effect": effect.name,
                 "place": place,
-                "probability": entry.named.probability,
-                "class": [_member(c) for c in entry.members],
-                "class_probability": float(sum(c.probability for c in entry.members)),
+                "probability": found.probability(entry, entry.named),
+                "class": [_member(found, entry, c) for c in entry.members],
+                "class_probability": found.class_probability(entry),
                 "log_evidence": _adds(entry),
                 "sizes": sizes,
                 "by_condition": _by_condition(found, placed),
@@ -131,7 +133,7 @@ def _adds(entry: Round) -> dict | None:
 
 def _by_condition(found: Discovery, placed: PlacedEffect) -> dict:
     """Return the log odds that the first size differs between conditions, and its 90 % interval under each."""
-    one = next(c for c in found.verdict.constancies if c.placed == placed)
+    one = next(c for c in found.answer.constancies if c.placed == placed)
     parameter = placed.effect.parameters[0]
     sizes = {
         name: [float(parameter.from_standard(mean + k * sd)) for k in (-Z_90, 0.0, Z_90)]
@@ -140,11 +142,11 @@ def _by_condition(found: Discovery, placed: PlacedEffect) -> dict:
     return {"log_odds_that_it_differs": one.log_odds, parameter.name: sizes}
 
 
-def _member(candidate: Candidate) -> dict:
+def _member(found: Discovery, entry: Round, candidate: Candidate) -> dict:
     return {
         "effect": candidate.effect.name,
         "place": candidate.place,
-        "probability": candidate.probability,
+        "probability": found.probability(entry, candidate),
     }
 
 

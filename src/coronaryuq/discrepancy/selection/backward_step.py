@@ -53,7 +53,7 @@ def backward_step(problem: Problem, hypothesis: Hypothesis, fit: Fit, rounds: Ro
         )
         if class_log_weight(best, tried) - without.evidence < problem.settings.min_log_odds:
             return others, without, replaced(rounds, current, replace(current, accepted=None))
-        rounds = replaced(rounds, current, _decided(current, best, tried, without.evidence, others))
+        rounds = replaced(rounds, current, _decided(current, best, tried, without, others))
         if best.placed != placed:
             return others.with_(best.placed), best.fitted, rounds
     return hypothesis, fit, rounds
@@ -95,7 +95,7 @@ def compare_again(
     if without is not None:
         plain, without = before.corrected(others, without)
     evidence = -np.inf if without is None else without.evidence
-    decided = _decided(current, best, tried, evidence, others)
+    decided = _decided(current, best, tried, without, others)
     if without is not None and class_log_weight(best, tried) - evidence < problem.settings.min_log_odds:
         return plain, others, without, replace(decided, accepted=None)
     return problems.get(best.placed, problem), others.with_(best.placed), best.fitted, decided
@@ -145,9 +145,9 @@ def _weigh_again(
     return best, tried, problems
 
 
-def _decided(current: Round, best: Candidate, tried: list[Candidate], without: float, others: Hypothesis) -> Round:
-    """Return the round with its outcome given other effects; without: log evidence of those alone."""
-    tried, probabilities = with_probabilities(without, tried, current.outside_evidence)
+def _decided(current: Round, best: Candidate, tried: list[Candidate], without: Fit | None, others: Hypothesis) -> Round:
+    """Return the round with its outcome given other effects; without: fit of those alone."""
+    tried, probabilities = with_probabilities(without, tried)
     (accepted,) = updated([best], tried)
     return replace(
         current,
@@ -162,4 +162,4 @@ def _decided(current: Round, best: Candidate, tried: list[Candidate], without: f
 def _moved_last(fit: Fit, columns: slice) -> Fit:
     """Return the fit with some of its parameters moved to the end."""
     order = np.r_[0 : columns.start, columns.stop : len(fit.z), columns]
-    return Fit(fit.z[order], fit.residual, fit.jacobian[:, order])
+    return Fit(fit.z[order], fit.residual, fit.jacobian[:, order], flexible=fit.flexible)

@@ -93,7 +93,7 @@ class Round:
     members: the accepted one and those that data cannot distinguish from it; scored: all candidates; others: other
     effects in the shortlist's fits. evidence_gain, held_out_gain: increase of the log evidence, and of the held-out log
     predictive density, by the accepted effect given all the others (None: it is the only one). refuted: the candidate
-    accepted until the held-out check. outside_evidence: log evidence of a flexible discrepancy in place of any of them.
+    accepted until the held-out check.
     """
 
     shortlist: list[Candidate]
@@ -105,7 +105,6 @@ class Round:
     evidence_gain: float = np.inf
     held_out_gain: float | None = None
     refuted: Candidate | None = None
-    outside_evidence: float = -np.inf
 
     @property
     def named(self) -> Candidate:
@@ -195,36 +194,37 @@ def best_of_effects(ranked: Iterable[Candidate], count: int) -> list[Candidate]:
 
 
 def least_weight(best: Candidate, without: Fit) -> float:
-    """Return the log weight above which others compete with the best; without: fit of the model with neither."""
-    return best.log_weight - RULE.contender_gap - RULE.contender_share * max(0.0, best.log_weight - without.evidence)
+    """Return the log weight above which others compete with the best; without: fit of the model with neither.
+
+    Estimates err by the misfit that they leave, not by what a flexible error leaves of it.
+    """
+    gain = best.fitted.evidence_without_error - without.evidence_without_error
+    return best.log_weight - RULE.contender_gap - RULE.contender_share * max(0.0, gain)
 
 
-def with_probabilities(
-    without: float, candidates: list[Candidate], outside: float
-) -> tuple[list[Candidate], dict[str, float]]:
+OUTSIDE = np.log(RULE.prior_outside / RULE.prior_named)
+"""Log prior odds that something else resembles a model's effects rather than that the effects are right."""
+
+
+def with_probabilities(without: Fit | None, candidates: list[Candidate]) -> tuple[list[Candidate], dict[str, float]]:
     """Return the candidates with posterior probabilities, and the probabilities of "none" and "outside" the library.
 
-    Candidates and "none" add up to 1, given that the truth is in the library. "outside" is the probability that it is
-    not, by evidence alone, which prefers "outside" for any small misfit to many data; `abstention.judge` decides by
-    held-out data. without, outside: log evidence of the model without any of them, and of that with a flexible
-    discrepancy.
+    All add up to 1. Outside: something else, alone or resembling one of the candidates. without: fit of the model
+    without any of them, None if it does not run.
     """
+    other = [c.fit.posterior.unknown + c.log_prior + OUTSIDE for c in candidates if c.fit is not None]
+    if without is not None:
+        other.append(without.posterior.unknown + float(np.log(RULE.prior_outside)))
     weights = np.array(
         [
-            without + np.log(RULE.prior_none),
-            outside + np.log(RULE.prior_outside),
+            -np.inf if without is None else without.evidence + np.log(RULE.prior_none),
+            logsumexp(other),
             *(candidate.log_weight for candidate in candidates),
         ]
     )
-    share = np.exp(weights - weights.max())
-    share /= share.sum()
-    inside = np.exp(np.delete(weights, 1) - np.delete(weights, 1).max())
-    inside /= inside.sum()
-    weighed = [
-        replace(candidate, probability=float(probability))
-        for candidate, probability in zip(candidates, inside[1:], strict=True)
-    ]
-    return weighed, {"none": float(inside[0]), "outside": float(share[1])}
+    none, outside, *inside = np.exp(weights - logsumexp(weights)).tolist()
+    weighed = [replace(c, probability=probability) for c, probability in zip(candidates, inside, strict=True)]
+    return weighed, {"none": none, "outside": outside}
 
 
 def indistinguishable(best: Candidate, candidates: Iterable[Candidate]) -> list[Candidate]:

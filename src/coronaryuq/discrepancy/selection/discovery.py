@@ -4,18 +4,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from coronaryuq.discrepancy.data.conditions import held_out_names
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
-from coronaryuq.discrepancy.inference.cross_validation import Folds
+from coronaryuq.discrepancy.inference.cross_validation import Folds, Gaps
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.locate import Located
 from coronaryuq.discrepancy.inference.noise import Noise
 from coronaryuq.discrepancy.inference.outliers import Outlier
 from coronaryuq.discrepancy.inference.problem import Problem
-from coronaryuq.discrepancy.selection.abstention import Gaps, Verdict, beyond
-from coronaryuq.discrepancy.selection.candidates import Round, Rounds
+from coronaryuq.discrepancy.selection.answer import NAMES, NOTHING, OTHER, Answer
+from coronaryuq.discrepancy.selection.candidates import Candidate, Round, Rounds
 from coronaryuq.zerod.effects.base import Parameter
 
 
@@ -35,18 +34,18 @@ class Discovery:
         Where the best hypothesis disagrees.
     rounds
         Forward steps, with what backward steps and the held-out check made of them.
-    gaps, verdict, folds
-        Held-out misfits, what speaks against the hypothesis, (train, test) rows of each fold.
+    gaps, held_out_p, folds
+        Held-out misfits, p-value of the held-out data under the best hypothesis, (train, test) rows of each fold.
+    answer
+        Probabilities of the answers.
     measured
         The measurements as stated, before their noise was estimated.
-    scatter
-        Noise of the waveforms about the best hypothesis, by quantity, where it differs from the stated one.
     noise
         The estimated noise that this answer used, by quantity; empty: the stated one.
     candidates_tested
         Candidates scored beside effects, over all rounds.
     outliers
-        Samples that stand out from their neighbours.
+        Samples that stand out from their neighbours, and were left out.
     """
 
     base_problem: Problem
@@ -59,39 +58,43 @@ class Discovery:
     remaining: Located
     rounds: Rounds
     gaps: Gaps
-    verdict: Verdict
+    answer: Answer
+    held_out_p: float
     folds: Folds
     measured: list[Measured]
-    scatter: dict[str, Noise]
     candidates_tested: int = 0
     noise: dict[str, Noise] = field(default_factory=dict)
     outliers: list[Outlier] = field(default_factory=list)
 
     @property
     def outside_library(self) -> bool:
-        """Whether something outside the library is missing: then no effect is named."""
-        return self.alarm and self.verdict.abstains
+        """Whether something else is missing: then no effect is named."""
+        return self.alarm and self.answer.given == OTHER
+
+    @property
+    def consistent(self) -> bool:
+        """Whether the answer is that nothing is missing."""
+        return not self.alarm or self.answer.given == NOTHING
 
     @property
     def named(self) -> list[Round]:
-        """Rounds that named an effect, the one that adds most first; empty if the answer is "outside the library"."""
-        kept = [] if self.outside_library else [entry for entry in self.rounds if entry.accepted is not None]
+        """Rounds that named an effect, the one that adds most first; empty for another answer."""
+        kept = [] if self.answer.given != NAMES else [entry for entry in self.rounds if entry.accepted is not None]
         return sorted(kept, key=lambda entry: -entry.evidence_gain)
 
     @property
     def log_weight(self) -> float:
-        """Log evidence of the best hypothesis, including its prior and the held-out log predictive density.
+        """Log evidence of the best hypothesis from all data, including its prior."""
+        return self.answer.log_evidence
 
-        Without held-out conditions, that density would count the fitted data twice.
-        """
-        priors = {entry.named.placed: entry.class_log_prior for entry in self.rounds if entry.accepted is not None}
-        held_out = self.gaps.after.total_lpd if held_out_names(self.problem.forward.conditions) else 0.0
-        return self.fit.evidence + sum(priors[placed] for placed in self.hypothesis) + held_out
+    def probability(self, entry: Round, candidate: Candidate) -> float:
+        """Return the probability that the effects found are what is missing, with a candidate as that of its round."""
+        inside = sum(c.probability for c in entry.shortlist)
+        return self.answer.probabilities[NAMES] * candidate.probability / inside if inside else 0.0
 
-    @property
-    def implausible(self) -> list[PlacedEffect]:
-        """Effects of the best hypothesis with an implausible size."""
-        return beyond(self.fit, self.hypothesis, RULE.implausible)
+    def class_probability(self, entry: Round) -> float:
+        """Return the probability that the effects found are what is missing, with any member of a round's class."""
+        return float(sum(self.probability(entry, member) for member in entry.members))
 
     def beyond_prior(self, placed: PlacedEffect) -> list[Parameter]:
         """Return the sizes of an effect outside the central 99 % of their prior: another effect may be the true one."""
@@ -100,5 +103,6 @@ class Discovery:
     def sizes(self, placed: PlacedEffect) -> list[tuple[Parameter, float, float]]:
         """Return each size of an effect as parameter, z and posterior standard deviation of z."""
         columns = self.hypothesis.columns(self.fit.z, placed)
-        spread = np.sqrt(np.diag(self.fit.covariance))
-        return list(zip(placed.effect.parameters, self.fit.z[columns], spread[columns], strict=True))
+        mean, covariance = self.fit.posterior.moments()
+        spread = np.sqrt(np.diag(covariance))
+        return list(zip(placed.effect.parameters, mean[columns], spread[columns], strict=True))

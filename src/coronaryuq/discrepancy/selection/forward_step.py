@@ -3,11 +3,8 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
-from coronaryuq.discrepancy.inference import gp_discrepancy
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.candidates import (
@@ -68,13 +65,12 @@ def forward_step(
     problem: Problem,
     fit: Fit,
     hypothesis: Hypothesis,
-    features: np.ndarray,
     candidates: list[Candidate],
     point: Fit,
 ) -> Round:
     """Fit the shortlist of scored candidates, weigh it, and accept the best if the odds of its class suffice.
 
-    fit: of the present hypothesis; point: where the candidates were scored; features (N, k): of a flexible discrepancy.
+    fit: of the present hypothesis; point: where the candidates were scored.
     """
     chosen = shortlist(candidates, problem.settings.shortlist)
     pool = Pool({c.placed: c for c in candidates}).choosing(fit_shortlist(problem, fit, hypothesis, chosen, point))
@@ -93,10 +89,9 @@ def forward_step(
         corrected = with_own_time_steps(problem, hypothesis, best_of_effects(tried, RULE.likeliest_effects))
         tried = sorted(updated(tried, corrected), key=lambda c: -c.log_weight)
         worth = _worth_naming(problem, fit, tried)
-    outside_evidence = fit.evidence + gp_discrepancy.gain(fit, features[problem.train])[0]
-    tried, probabilities = with_probabilities(fit.evidence, tried, outside_evidence)
+    tried, probabilities = with_probabilities(fit, tried)
     if not worth:
-        return Round(tried, probabilities, None, others=hypothesis, outside_evidence=outside_evidence)
+        return Round(tried, probabilities, None, others=hypothesis)
     (accepted,) = updated([preferred(worth)], tried)
     return Round(
         tried,
@@ -105,7 +100,6 @@ def forward_step(
         members=indistinguishable(accepted, tried),
         scored=list(pool.candidates.values()),
         others=hypothesis,
-        outside_evidence=outside_evidence,
     )
 
 

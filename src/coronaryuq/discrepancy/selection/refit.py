@@ -105,7 +105,8 @@ def point_without(candidate: Candidate) -> Fit:
 
 def drop(fit: Fit, columns: slice) -> Fit:
     """Return the point of a fit without some of its parameters."""
-    return Fit(np.delete(fit.z, columns), fit.residual, np.delete(fit.jacobian, columns, axis=1))
+    z, jacobian = np.delete(fit.z, columns), np.delete(fit.jacobian, columns, axis=1)
+    return Fit(z, fit.residual, jacobian, flexible=fit.flexible)
 
 
 def _in_full(problem: Problem, hypothesis: Hypothesis, candidates: list[Candidate]) -> list[Fit | None]:

@@ -5,9 +5,11 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import logsumexp
 
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
+from coronaryuq.discrepancy.inference.flexible import RIGHT, Flexible, Projection
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.residual_tests import chi2_tail
@@ -40,7 +42,7 @@ def screen(problem: Problem, point: Fit, hypothesis: Hypothesis, candidates: lis
     runnable = _nearest_runnable(problem, point, hypothesis)
     if runnable is None:
         return [_unscored(c) for c in candidates]
-    linear = _LinearModel(runnable, problem.condition[problem.train])
+    linear = _LinearModel(runnable, problem.condition[problem.train], problem.flexible)
     scored = {c.placed: linear.test(c) for c in candidates if c.response is not None and np.isfinite(c.response).all()}
     run = [c for c in candidates if c.placed not in scored] + _worth_rerunning(scored.values())
     responses = _responses(problem, runnable, hypothesis, [(c, _sizes(c)[0]) for c in run])
@@ -91,7 +93,7 @@ def _nearest_runnable(problem: Problem, point: Fit, hypothesis: Hypothesis) -> F
         z = np.concatenate([share * hypothesis.nuisances(point.z), hypothesis.all_sizes(point.z)])
         residual = problem.fitted([(z, hypothesis)])[0]
         if np.isfinite(residual).all():
-            return Fit(z, residual, point.jacobian)
+            return Fit(z, residual, point.jacobian, flexible=point.flexible)
     return None
 
 
@@ -124,12 +126,12 @@ def _responses(
 class _LinearModel:
     """The present model, linearised about one point, for the weights of candidates."""
 
-    def __init__(self, point: Fit, conditions: np.ndarray):
-        linear = point.residual + point.jacobian @ point.z
-        self.project = point.projection
-        self.score = self.project(linear)
+    def __init__(self, point: Fit, conditions: np.ndarray, flexible: Flexible):
+        self.project, self.score = point.projection, point.score
         self.by_condition = conditions[:, None] == np.unique(conditions)
-        self.evidence = -0.5 * float(linear @ self.score) - 0.5 * float(np.linalg.slogdet(point.precision)[1])
+        self.model = Projection(flexible, point.jacobian)
+        self.data = self.model.weighted(point.at_zero)
+        self.log_evidence = self.model.condition(self.data)[0] + RIGHT
 
     def test(self, candidate: Candidate) -> Candidate:
         """Return the candidate with its score tests, and a first estimate, by its response to a small size."""
@@ -161,10 +163,11 @@ class _LinearModel:
         """Return the candidate with the largest log evidence that multiples of a response reach, if it is larger."""
         if not np.isfinite(response).all():
             return candidate
-        along, square = float(response @ self.score), float(response @ self.project(response))
-        gain, best = _best_size(candidate, size, along, max(square, 0.0))
-        if self.evidence + gain > candidate.estimate:
-            return replace(candidate, estimate=self.evidence + gain, guess=float(np.clip(best, -2.5, 2.5)))
+        weighted = self.model.weighted(response)
+        along, square = self.model.inner(weighted, self.data), self.model.inner(weighted, weighted)
+        estimate, best = _best_size(candidate, size, self.log_evidence, along, np.maximum(square, 0.0))
+        if estimate > candidate.estimate:
+            return replace(candidate, estimate=estimate, guess=float(np.clip(best, -2.5, 2.5)))
         return candidate
 
 
@@ -176,17 +179,22 @@ def _best_of(z_scores: list[float]) -> float:
     return float(np.sqrt(max(max(z_scores) ** 2 - 2.0 * np.log(len(z_scores)), 0.0)))
 
 
-def _best_size(candidate: Candidate, size: float, along: float, square: float) -> tuple[float, float]:
-    """Return the largest gain of log evidence, and its size z, among multiples of the response to one size.
+def _best_size(
+    candidate: Candidate, size: float, log_evidence: np.ndarray, along: np.ndarray, square: np.ndarray
+) -> tuple[float, float]:
+    """Return the largest log evidence, and its size z, among multiples of the response to one size.
 
-    In 2 log Z the response a d changes the misfit by a^2 d'Pd - 2 a d'u, the prior by -z^2 (two sizes of one effect
-    move together, with the prior of one), and the determinant by 1 + g'Pg with g the slope of a d in z.
+    log_evidence: without the candidate, by amplitude of the model's own error (T,); along, square: d'Pu and d'Pd of the
+    response d. In 2 log Z the response a d changes the misfit by a^2 d'Pd - 2 a d'Pu, the prior by -z^2 (two sizes of
+    one effect move together, with the prior of one), and the determinant by 1 + g'Pg with g the slope of a d in z.
     """
     if candidate.one_sided:
         spread = candidate.effect.parameters[0].spread
         sizes, slope = size + np.log(MULTIPLES) / spread, spread * MULTIPLES
     else:
         sizes, slope = size * MULTIPLES, np.full(len(MULTIPLES), 1.0 / size)
+    along, square = along[:, None], square[:, None]
     gains = MULTIPLES * along - 0.5 * MULTIPLES**2 * square - 0.5 * sizes**2 - 0.5 * np.log1p(slope**2 * square)
-    best = int(np.argmax(gains))
-    return float(gains[best]), float(sizes[best])
+    estimates = logsumexp(log_evidence[:, None] + gains, axis=0)
+    best = int(np.argmax(estimates))
+    return float(estimates[best]), float(sizes[best])

@@ -1,8 +1,8 @@
-"""The search for a missing effect: locate, forward and backward steps, held-out check, verdict.
+"""The search for a missing effect: locate, forward and backward steps, held-out check, answer.
 
-`discover` calls `_search_with_noise`, which calls `search_without_confounder`, which calls `_search`: assess the
-candidates, add effects by forward steps (each with backward steps and the time-step correction), check them on held-out
-data, judge.
+`discover` estimates the noise and calls `search_without_confounder`, which calls `_search`: assess the candidates, add
+effects by forward steps (each with backward steps and the time-step correction), check them on held-out data, weigh
+the answers.
 """
 
 from collections.abc import Callable, Iterable
@@ -14,14 +14,14 @@ from coronaryuq.discrepancy.data.conditions import held_out_names
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.inference import gp_discrepancy
-from coronaryuq.discrepancy.inference.cross_validation import Folds, folds_of, gap, linearise, predictive_p
+from coronaryuq.discrepancy.inference.cross_validation import Folds, Gaps, folds_of, gap, linearise, predictive_p
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.locate import Located, locate
-from coronaryuq.discrepancy.inference.noise import estimated_noise, noise_text, with_correlated
-from coronaryuq.discrepancy.inference.outliers import find_outliers
+from coronaryuq.discrepancy.inference.noise import Noise, estimated_noise, noise_text
+from coronaryuq.discrepancy.inference.outliers import Outlier, find_outliers
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.read_problem import with_noise
-from coronaryuq.discrepancy.selection.abstention import Gaps, beyond, judge
+from coronaryuq.discrepancy.selection.answer import answer, beyond
 from coronaryuq.discrepancy.selection.backward_step import backward_step, correct_time_steps
 from coronaryuq.discrepancy.selection.candidates import Candidate, Rounds, all_candidates, best_of_effects
 from coronaryuq.discrepancy.selection.discovery import Discovery
@@ -45,9 +45,7 @@ LARGEST_LOG = 500.0
 def discover(problem: Problem, seed: int, library: Library = SEARCHED, report: Report = lambda line: None) -> Discovery:
     """Search for the effects that a model is missing.
 
-    If waveforms scatter more than stated while an effect is missing, or less while a misfit remains unexplained (as
-    with correlated noise), the search is repeated with the estimated noise, and the new answer is kept if it predicts
-    the held-out data better.
+    The noise of the waveforms is estimated before the search, from what no effect of the cycle's length can explain.
 
     Parameters
     ----------
@@ -70,27 +68,29 @@ def discover(problem: Problem, seed: int, library: Library = SEARCHED, report: R
     FloatingPointError
         If the model without any effect does not run under every condition.
     """
-    discovery = _search_with_noise(problem, seed, library, report)
-    (residual,) = discovery.problem.whitened([(discovery.fit.z, discovery.hypothesis)])
-    # In units of the stated sd: relative to correlated noise, sharp corners of the model would stand out as well.
-    in_stated_sd = residual * discovery.problem.sd / with_correlated(discovery.problem)
-    return replace(discovery, outliers=find_outliers(discovery.problem, in_stated_sd))
+    measured = problem.forward.measured
+    if problem.settings.noise == "stated":
+        return search_without_confounder(_search, problem, seed, library, report)
+    report("recalibrating, to see the noise")
+    fit = problem.calibrate(PLAIN)
+    noise = estimated_noise(problem, fit.residual)
+    known, outliers = with_observed_noise(problem, fit, noise, report)
+    discovery = search_without_confounder(_search, known, seed, library, report)
+    return replace(discovery, measured=measured, noise=noise, outliers=outliers)
 
 
-def _search_with_noise(problem: Problem, seed: int, library: Library, report: Report) -> Discovery:
-    """Search, and repeat with estimated noise if waveforms scatter differently than stated."""
-    first = search_without_confounder(_search, problem, seed, library, report)
-    noise = first.scatter if first.alarm and problem.settings.noise == "estimated" else {}
-    if not first.outside_library and not first.remaining.alarm(problem.settings.alarm_level):
-        noise = {quantity: entry for quantity, entry in noise.items() if entry.correlation_time == 0.0}
-    if not noise:
-        return first
-    report(f"waveform noise differs from the stated standard deviations ({noise_text(noise)}): repeating the search")
-    second = search_without_confounder(_search, with_noise(problem, noise), seed, library, report)
-    if second.gaps.after.total_lpd > first.gaps.after.total_lpd:
-        return replace(second, noise=noise, measured=first.measured)
-    report("the held-out data are not predicted better with the estimated noise: keeping the stated noise")
-    return first
+def with_observed_noise(
+    problem: Problem, fit: Fit, noise: dict[str, Noise], report: Report
+) -> tuple[Problem, list[Outlier]]:
+    """Return the problem with a noise of its waveforms, and without the outliers about a fit."""
+    if noise:
+        report(f"waveform noise differs from the stated standard deviations ({noise_text(noise)})")
+    (residual,) = problem.whitened([(fit.z, PLAIN)])
+    scale = np.array([noise[s.quantity].scale if s.quantity in noise else 1.0 for s in problem.forward.measured])
+    outliers = find_outliers(problem, np.nan_to_num(residual) / scale[problem.owner])
+    if outliers:
+        report(f"{len(outliers)} samples are outliers, and are left out")
+    return (with_noise(problem, noise, outliers) if noise or outliers else problem), outliers
 
 
 def search_without_confounder(
@@ -101,8 +101,8 @@ def search_without_confounder(
     Such effects are a named `CONFOUNDER` and an implausibly large measurement error.
     """
     first = search(problem, seed, library, report)
-    named = [entry.named.effect for entry in first.named if entry.named.effect.name == CONFOUNDER]
-    implausible = [placed.effect for placed in first.implausible if placed.effect.is_measurement_error]
+    named = [placed.effect for placed in first.hypothesis if placed.effect.name == CONFOUNDER]
+    implausible = [placed.effect for placed in first.answer.implausible if placed.effect.is_measurement_error]
     if not (named or implausible):
         return first
     doubtful = (named + implausible)[0].name
@@ -113,38 +113,32 @@ def search_without_confounder(
 
 def _search(problem: Problem, seed: int, library: Library, report: Report) -> Discovery:
     """Search once, with the stated noise and all effects of a library."""
-    measured = problem.forward.measured
     report(f"{np.count_nonzero(problem.train)} fitted measurements, {problem.count} nuisance parameters: recalibrating")
     base_problem, base = recalibrate(problem)
     folds = folds_of(base_problem, held_out_names(base_problem.forward.conditions))
     state = start = _State.assessed(base_problem, PLAIN, base, library)
     report(_progress(start))
-    features = gp_discrepancy.features(base_problem)
-    state = _select(start, features, library, report)
-    scatter = estimated_noise(state.problem, state.fit)
+    state = _select(state, library, report)
     for _ in range(RULE.further_searches):
-        state, confirmed = _check(state, folds, library, seed, report)
+        state, confirmed = _check(state, library, report)
         if confirmed:
             break
-        before, state = state, _select(state, features, library, report)
+        before, state = state, _select(state, library, report)
         if state.implausible and not before.implausible:
             report("rejected: implausibly large")
             state = before
             break
     else:
-        state, _ = _check(state, folds, library, seed, report)
-    gaps, p = _held_out(base_problem, base, state, features, folds, seed)
+        state, _ = _check(state, library, report)
+    gaps, p = _held_out(base_problem, base, state, folds, seed)
     priors = {entry.named.placed: entry.class_log_prior for entry in state.rounds if entry.accepted is not None}
-    verdict = judge(
+    weighed = answer(
         state.problem,
-        base,
+        (base_problem, base),
         state.fit,
         state.hypothesis,
-        log_priors=[priors[placed] for placed in state.hypothesis],
-        effects=len({candidate.effect.name for candidate in state.candidates}),
-        unexplained=state.alarm,
-        gaps=gaps,
-        predictive_p=p,
+        [priors[placed] for placed in state.hypothesis],
+        len({candidate.effect.name for candidate in state.candidates}),
     )
     return Discovery(
         base_problem=base_problem,
@@ -157,10 +151,10 @@ def _search(problem: Problem, seed: int, library: Library, report: Report) -> Di
         remaining=state.remaining,
         rounds=state.rounds,
         gaps=gaps,
-        verdict=verdict,
+        answer=weighed,
+        held_out_p=p,
         folds=folds,
-        measured=measured,
-        scatter=scatter,
+        measured=problem.forward.measured,
         candidates_tested=state.tested,
     )
 
@@ -213,14 +207,14 @@ class _State:
         return replace(self, refused=refused, rounds=rounds)
 
 
-def _select(state: _State, features: np.ndarray, library: Library, report: Report) -> _State:
+def _select(state: _State, library: Library, report: Report) -> _State:
     """Add one effect after the other until no misfit remains or no effect helps."""
     settings = state.problem.settings
     # Twice as many rounds as effects, in case backward steps repeatedly undo what was named.
     most = len(state.rounds) + 2 * settings.max_effects
     while state.alarm and len(state.hypothesis) < settings.max_effects and len(state.rounds) < most:
         candidates = [c for c in state.candidates if c.placed not in state.refused]
-        step = forward_step(state.problem, state.fit, state.hypothesis, features, candidates, state.point)
+        step = forward_step(state.problem, state.fit, state.hypothesis, candidates, state.point)
         state = replace(state, rounds=(*state.rounds, step))
         if step.accepted is None:
             report("no candidate is worth naming")
@@ -247,15 +241,13 @@ def _select(state: _State, features: np.ndarray, library: Library, report: Repor
     return state
 
 
-def _check(state: _State, folds: Folds, library: Library, seed: int, report: Report) -> tuple[_State, bool]:
-    """Remove effects that held-out data do not confirm; return whether they confirm all.
+def _check(state: _State, library: Library, report: Report) -> tuple[_State, bool]:
+    """Remove effects that the data, held-out ones included, do not confirm; return whether they confirm all.
 
-    A refuted effect, with its class, is not considered again: it may have hidden one that held-out data confirm.
+    A refuted effect, with its class, is not considered again: it may have hidden one that the data confirm.
     """
     report("checking on the held-out data")
-    hypothesis, fit, rounds = held_out_check(
-        state.problem, state.hypothesis, state.fit, state.rounds, state.alarm, folds, seed
-    )
+    hypothesis, fit, rounds = held_out_check(state.problem, state.hypothesis, state.fit, state.rounds)
     count = len(state.hypothesis)
     state = replace(state, hypothesis=hypothesis, fit=fit, rounds=rounds)
     if len(hypothesis) == count:
@@ -266,18 +258,13 @@ def _check(state: _State, folds: Folds, library: Library, seed: int, report: Rep
     return state.without_refuted(), False
 
 
-def _held_out(
-    base_problem: Problem, base: Fit, state: _State, features: np.ndarray, folds: Folds, seed: int
-) -> tuple[Gaps, float]:
+def _held_out(base_problem: Problem, base: Fit, state: _State, folds: Folds, seed: int) -> tuple[Gaps, float]:
     """Return the held-out misfits and the p-value of the held-out data under the best hypothesis."""
-    train = state.problem.train
+    features = gp_discrepancy.features(base_problem)
     recalibrated = linearise(base_problem, base.z, PLAIN)
     repaired = linearise(state.problem, state.fit.z, state.hypothesis) if state.hypothesis else recalibrated
-    flexible = recalibrated.extended(gp_discrepancy.gain(base, features[train])[1] * features)
-    both = flexible
-    _, amplitude = gp_discrepancy.gain(state.fit, features[train])
-    if state.hypothesis:
-        both = repaired.extended(amplitude * features)
+    flexible = recalibrated.extended(base.posterior.amplitude * features)
+    both = repaired.extended(state.fit.posterior.amplitude * features) if state.hypothesis else flexible
     models = (recalibrated, repaired, flexible, both)
     gaps = Gaps(*(gap(state.problem, model, folds, seed) for model in models))
     return gaps, predictive_p(state.problem, repaired, folds)

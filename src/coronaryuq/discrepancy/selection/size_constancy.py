@@ -53,14 +53,14 @@ def constancy(problem: Problem, fit: Fit, hypothesis: Hypothesis) -> list[Consta
     whole = [name for name in names if problem.train[problem.condition == name].all()]
     contrasts = null_space(np.ones((1, len(names))))
     constancies, free = [], _free(fit, hypothesis)
+    common = problem.flexible.posterior(free.at_zero, free.jacobian).right
     for placed in hypothesis:
         columns, count = hypothesis.columns(fit.z, placed), len(placed.effect.parameters)
         own = fit.jacobian[:, columns]
         by_condition = np.hstack([own * (conditions == name)[:, None] for name in names])
         differing = by_condition @ np.kron(contrasts, np.eye(count))
-        precision = np.eye(differing.shape[1]) + differing.T @ free.project(differing)
-        along = differing.T @ free.score
-        log_odds = 0.5 * along @ np.linalg.solve(precision, along) - 0.5 * np.linalg.slogdet(precision)[1]
+        separate = problem.flexible.posterior(free.at_zero, np.hstack([free.jacobian, differing])).right
+        log_odds = separate - common
         sizes = _sizes(fit, by_condition, columns.start, count, names)
         shown = whole if len(whole) > 1 else names
         constancies.append(Constancy(placed, float(log_odds), {name: sizes[name] for name in shown}))

@@ -1,0 +1,142 @@
+"""Answer of a search: names, something else, or nothing, each with its probability, from one posterior.
+
+Hypotheses, with their prior probabilities, and the evidence of all data (`flexible`):
+
+- nothing is missing: the recalibrated model is right, within its own error;
+- the effects found are what is missing: the model with them is right, within its own error;
+- something else is missing: the recalibrated model and an unknown error of any size; or, because something else may
+  resemble effects of the library, the model with these and such an error, or with a size that differs between
+  conditions, or with flow on another path in place of errors of flow probes.
+
+A name costs four times as much if it is wrong as an answer without a name does if the name was right; so effects are
+named from a probability of 0.8 on.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import logsumexp
+
+from coronaryuq.discrepancy.decision_rule import RULE
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
+from coronaryuq.discrepancy.inference.cross_validation import posterior_of_all
+from coronaryuq.discrepancy.inference.gauss_newton import Fit
+from coronaryuq.discrepancy.inference.problem import Problem
+from coronaryuq.discrepancy.selection.candidates import OUTSIDE
+from coronaryuq.discrepancy.selection.flow_conservation import redistribution
+from coronaryuq.discrepancy.selection.size_constancy import Constancy, constancy
+
+NOTHING, NAMES, OTHER = "nothing", "names", "something else"
+ALONE, REMAINDER, VARYING, REROUTED = "alone", "remainder", "varying size", "flow on another path"
+"""Forms of something else."""
+VARIES = np.log(0.25)
+"""Log of the share of that prior that belongs to sizes that vary between conditions."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Posterior over the answers.
+
+    Attributes
+    ----------
+    probabilities
+        Of `NOTHING`, `NAMES` and `OTHER`; they add up to 1.
+    forms
+        Probabilities of the forms of something else, which add up to that of `OTHER`.
+    log_evidence
+        Log evidence of all data for the effects found, prior included; of the model alone if there are none.
+    support
+        Log evidence of all data that the effects found add to something else of any size; 0 without effects.
+    wiring_errors
+        Effects found that are wiring errors of the model, which are not named.
+    implausible
+        Effects found with a size beyond `DecisionRule.implausible`, where the prior ends.
+    constancies
+        Sizes by condition, of each effect.
+    """
+
+    probabilities: dict[str, float]
+    forms: dict[str, float]
+    log_evidence: float
+    support: float
+    wiring_errors: list[PlacedEffect]
+    implausible: list[PlacedEffect]
+    constancies: list[Constancy]
+
+    @property
+    def given(self) -> str:
+        """The answer of the smallest expected loss."""
+        if self.probabilities[NAMES] >= RULE.named_from:
+            return NAMES
+        return NOTHING if self.probabilities[NOTHING] > self.probabilities[OTHER] else OTHER
+
+    @property
+    def leading_form(self) -> str:
+        """The most probable form of something else."""
+        return max(self.forms, key=lambda form: self.forms[form])
+
+    @property
+    def varying(self) -> list[Constancy]:
+        """Sizes that differ between conditions at odds above those required of a name."""
+        return [entry for entry in self.constancies if entry.log_odds > RULE.class_odds]
+
+
+def answer(
+    problem: Problem,
+    base: tuple[Problem, Fit],
+    fit: Fit,
+    hypothesis: Hypothesis,
+    log_priors: Sequence[float],
+    effects: int,
+) -> Answer:
+    """Weigh the answers by all data.
+
+    Parameters
+    ----------
+    problem, fit, hypothesis
+        The model with the effects found, and its fit.
+    base
+        The problem and the fit without any effect.
+    log_priors
+        Log prior of the class of each effect.
+    effects
+        Number of effects of the library that are possible here.
+
+    Returns
+    -------
+    Answer
+        Probabilities of all answers.
+
+    Raises
+    ------
+    FloatingPointError
+        If the model without any effect does not run under every condition.
+    """
+    wiring = [placed for placed in hypothesis if not placed.effect.nameable]
+    implausible = beyond(fit, hypothesis, RULE.implausible)
+    constancies = constancy(problem, fit, hypothesis)
+    plain = posterior_of_all(*base, Hypothesis())
+    nothing, named = np.log(RULE.prior_none) + plain.right, -np.inf
+    other = {ALONE: np.log(RULE.prior_outside) + plain.unknown}
+    if hypothesis:
+        found, prior = posterior_of_all(problem, fit, hypothesis), sum(log_priors)
+        right = prior + found.right
+        other[REMAINDER] = prior + OUTSIDE + found.unknown
+        other[VARYING] = right + OUTSIDE + VARIES + float(logsumexp([entry.log_odds for entry in constancies]))
+        other[REROUTED] = right + redistribution(problem, fit, hypothesis, log_priors, effects)
+        if not (wiring or implausible):
+            named = right
+        else:
+            other[ALONE] = float(np.logaddexp(other[ALONE], right))
+    total = logsumexp([nothing, named, *other.values()])
+    forms = {form: float(np.exp(weight - total)) for form, weight in other.items()}
+    probabilities = {NOTHING: float(np.exp(nothing - total)), NAMES: float(np.exp(named - total))}
+    probabilities[OTHER] = sum(forms.values())
+    best, support = (right, found.unknown - plain.unknown) if hypothesis else (nothing, 0.0)
+    return Answer(probabilities, forms, float(best), support, wiring, implausible, constancies)
+
+
+def beyond(fit: Fit, hypothesis: Hypothesis, bound: float) -> list[PlacedEffect]:
+    """Return the effects with a size more than `bound` standard deviations of its prior from its mean."""
+    return [placed for placed in hypothesis if np.any(np.abs(hypothesis.sizes(fit.z, placed)) > bound)]
