@@ -29,12 +29,10 @@ from coronaryuq.report.discrepancy_benchmark import target
 FOLDER = Path(__file__).parent
 DOCS = FOLDER.parent / "docs"
 CASES = FOLDER / "discrepancy-cases.jsonl"
-GUIDE, METHOD = DOCS / "how-to" / "discrepancy.md", DOCS / "explanation" / "discrepancy-method.md"
+GUIDE = DOCS / "how-to" / "discrepancy.md"
 PAGE = DOCS / "evidence" / "discrepancy-benchmark.md"
 PICTURE = DOCS / "pictures" / "discrepancy-benchmark.png"
-NETWORKS = ("open loop", "bundled patient", "another patient", "svZeroDSolver test", "22 outlets")
-GRID = [(strength, "nominal") for strength in ("weak", "medium", "strong")]
-GRID += [("medium", noise) for noise in ("half", "double")]
+NETWORKS = ("open loop", "bundled patient")
 KEPT = "network effect strength noise seed places visible first classes named placed alarmed abstained covered before "
 KEPT += "after oracle gap_closed_over_oracle worse foretold helped probability made_by cpu_s cpu_s_made skipped redrawn"
 KEPT = KEPT.split()
@@ -107,9 +105,8 @@ def costs(cases: list[dict]) -> list[str]:
 
 
 def summary(cases: list[dict]) -> list[str]:
-    """Medium strength, nominal noise: the open loop, the bundled patient, all other closed loops together."""
-    parts = {name: chosen(cases, name) for name in NETWORKS[:2]}
-    parts["other loops"] = [c for name in NETWORKS[2:] for c in chosen(cases, name)]
+    """Medium strength, nominal noise."""
+    parts = {name: chosen(cases, name) for name in NETWORKS}
     lines = ["| tested | " + " | ".join(parts) + " | target |", "|---|" + "---|" * (len(parts) + 1)]
     for name, sought in TARGETS.items():
         row = []
@@ -129,39 +126,6 @@ def cells(cases: list[dict]) -> list[str]:
             mine = [c for c in chosen(cases, network) if c["effect"] == effect]
             row.append(f"{sum(map(right, mine))} of {len(mine)}" if mine else "")
         lines.append(f"| {cell_label(effect)} | " + " | ".join(row) + " |")
-    return lines
-
-
-def grid(cases: list[dict]) -> list[str]:
-    """Tabulate the open loop at every strength and noise searched, without seeds of undetectable effects."""
-    kinds = {"correct effect": 0, "correct location": 1, "interval covers": 2, "false alarm": 3, "gap closed": 6}
-    lines = [
-        "| strength, noise | without a detectable signal | " + " | ".join(kinds) + " |",
-        "|---|" + "---|" * (len(kinds) + 1),
-    ]
-    for strength, noise in GRID:
-        mine = chosen(cases, NETWORKS[0], strength, noise)
-        if not mine:
-            continue
-        single = [c for c in mine if not (is_pair(c) or c["effect"].startswith("outside"))]
-        of = {"network": NETWORKS[0], "strength": strength, "noise": noise, "skipped": True}
-        without = [c for c in cases if all(c.get(name) == value for name, value in of.items())]
-        row = []
-        for held, trials in (list(measures(single).values())[number] for number in kinds.values()):
-            share = wilson(held, trials)
-            row.append(f"{held} of {trials} ({share['low']:.2f} to {share['high']:.2f})" if trials else "")
-        lines.append(f"| {strength}, {noise} | {len(without)} | " + " | ".join(row) + " |")
-    return lines
-
-
-def noises(cases: list[dict]) -> list[str]:
-    """Tabulate the open loop at medium strength with noise that differs from the table's."""
-    kinds = {"underestimated": "stated sd is 2/3 of the true sd", "correlated": "AR(1), lag-1 correlation 0.7"}
-    parts = {told: chosen(cases, NETWORKS[0], noise=name) for name, told in kinds.items()}
-    lines = ["| tested | " + " | ".join(parts) + " | target |", "|---|" + "---|" * (len(parts) + 1)]
-    for name, sought in TARGETS.items():
-        row = [f"{held} of {trials}" for held, trials in (measures(mine)[name] for mine in parts.values())]
-        lines.append(f"| {name} | " + " | ".join(row) + f" | {target(*sought)} |")
     return lines
 
 
@@ -211,7 +175,7 @@ def put(page: str, name: str, lines: list[str]) -> str:
 def tables(cases: list[dict]) -> list[tuple[Path, str, list[str]]]:
     """Page, name and lines of every table."""
     found = [(GUIDE, "summary", summary(cases)), (PAGE, "totals", totals(cases)), (PAGE, "cells", cells(cases))]
-    found += [(METHOD, "noise", noises(cases)), (PAGE, "grid", grid(cases))]
+    found.append((PAGE, "scores", markdown(cases).splitlines()))
     return [*found, (PAGE, "misses", misses(cases)), (PAGE, "costs", costs(cases))]
 
 
