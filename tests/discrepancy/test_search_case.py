@@ -83,6 +83,23 @@ def test_names_without_a_held_out_condition_are_called_untested(stenosis_case, t
 
 
 @pytest.mark.slow
+def test_one_condition_is_searched_without_a_claim_of_held_out_success(stenosis_case, tmp_path, capsys):
+    """Losses that differ in their dependence on flow alone are one class."""
+    for name in ("model.json", "conditions.yaml"):
+        (tmp_path / name).write_text((stenosis_case[0] / name).read_text())
+    table = pd.read_csv(stenosis_case[0] / "measurements.csv")
+    table[table.condition == "hyperaemia"].to_csv(tmp_path / "measurements.csv", index=False)
+    command.main(case_arguments(tmp_path, tmp_path / "out"))
+    message = capsys.readouterr().out
+    assert "each series, held out in turn," in message and "measure another condition and hold it out" in message
+    answer = json.loads((tmp_path / "out" / "discrepancy.json").read_text())
+    members = {(member["effect"], member["place"]) for member in answer["named"][0]["class"]}
+    (true,) = stenosis_case[1].hypothesis
+    assert true.key in members and len(members) > 1
+    assert answer["held_out"]["scheme"] == "each series in turn"
+
+
+@pytest.mark.slow
 def test_a_size_outside_its_prior_is_named_with_a_doubt(stenosis_case, tmp_path, capsys):
     """A sensor error of four prior standard deviations is named with a doubt, one within its prior without."""
     acting = assume(("pressure_offset", "lad:BC_lad"))

@@ -203,7 +203,7 @@ def _gaps(answer: dict, true_gap: dict | None) -> dict:
         rows.append({"name": name, "values": [*values, f"{gap['log_predictive_density_per_row']:.2f}"]})
     conditions = ", ".join(held["conditions"])
     return {
-        "gap_heading": f"Held out: {conditions}" + (", each in turn" if held["scheme"] == "each in turn" else ""),
+        "gap_heading": f"Held out: {conditions}" + (f", {held['scheme']}" if held["scheme"] != "held out" else ""),
         "gap_columns": ["Misfit (1 is expected from noise)", "RMSE", "Log predictive density per row"],
         "gaps": rows,
     }

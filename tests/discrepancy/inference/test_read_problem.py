@@ -14,11 +14,6 @@ from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.network.read import read_network
 
 
-def test_a_single_condition_is_rejected(error_of):
-    message = error_of(lambda t: t[t.condition == "rest"])
-    assert "the only measured condition; at least two are needed" in message
-
-
 def test_an_absurd_value_is_rejected(error_of):
     def change(table):
         table.loc[7, "value"] = 1e30

@@ -212,7 +212,7 @@ def _interval(problem: Problem, residual: np.ndarray, rows: np.ndarray, seed: in
 
 
 def folds_of(problem: Problem, held_out: list[str]) -> Folds:
-    """Return the declared held-out conditions as one fold; without any, each condition in turn.
+    """Return the declared held-out conditions as one fold; without any, each condition in turn; of one, each series.
 
     Means of a held-out condition that lists a free parameter set that parameter, and are not tested.
 
@@ -230,7 +230,10 @@ def folds_of(problem: Problem, held_out: list[str]) -> Folds:
     """
     conditions = problem.forward.conditions
     means = np.array([s.statistic == "mean" for s in problem.forward.measured])[problem.owner]
-    groups = [held_out] if held_out else [[name] for name in dict.fromkeys(problem.condition)]
+    names = list(dict.fromkeys(problem.condition))
+    if len(names) == 1 and not held_out:
+        return [(problem.owner != number, problem.owner == number) for number in np.unique(problem.owner)]
+    groups = [held_out] if held_out else [[name] for name in names]
     folds = []
     for group in groups:
         outside = np.isin(problem.condition, group)

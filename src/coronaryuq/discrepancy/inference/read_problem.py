@@ -88,15 +88,12 @@ def read_problem(
 ) -> Problem:
     """Check measurements and conditions against the network and join them. `file`: the conditions file, for messages.
 
-    Raises `InputError`: see `read_measurements`; also when fewer than two conditions were measured.
+    Raises `InputError`: see `read_measurements`; also when every measured condition is held out.
     """
     networks = {name: apply_condition(network, condition, file) for name, condition in conditions.items()}
     periods = {name: period_of(changed) for name, changed in networks.items()}
     measured = read_measurements(measurements, conditions, locations(network), periods)
     used = measured_conditions(measured)
-    if len(used) < 2:
-        remedy = "the only measured condition; at least two are needed, one of them to be held out"
-        raise InputError(measurements, "condition", used[0], remedy)
     held = [name for name in used if conditions[name].held_out]
     if len(held) == len(used):
         raise InputError(file, "held_out", held, "every measured condition is held out; fit at least one")

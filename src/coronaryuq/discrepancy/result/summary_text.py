@@ -25,6 +25,7 @@ UNPREDICTED = 0.001
 MOST_LISTED = 4
 """Maximum number of nuisance parameters or samples listed in one sentence."""
 STAND_IN = "it may be a surrogate for a mechanism outside the library. "
+EACH = "each condition, held out in turn,"
 DENSITY = "log_predictive_density_per_row"
 
 
@@ -51,7 +52,7 @@ def paragraph(answer: Mapping) -> str:
             f"After recalibration within its priors, the model agrees with the {count} fitted measurements "
             f"(global test {p_text(p)}): there is nothing to explain. "
             + (f"{_own_error(facts)} " if answer["alarm"] else "")
-            + f"On {_held_out_text(held_out)} its misfit is {gaps['before']['misfit']:.2f} ({EXPECTED_MISFIT})."
+            + f"On {_held_out_text(answer)} its misfit is {gaps['before']['misfit']:.2f} ({EXPECTED_MISFIT})."
         )
         return text + _overstated_sd(facts["objective"], count) + prediction_warning(gaps["p_held_out"], held_out)
     worst = facts["worst"]
@@ -95,7 +96,7 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
     labels = listed([_label(effect) for effect in best])
     candidate = "the best candidate" if one else "the best candidates"
     change = (
-        f"With {'it' if one else 'them'}, the misfit on {_held_out_text(held_out)} "
+        f"With {'it' if one else 'them'}, the misfit on {_held_out_text(answer)} "
         f"{misfit_change(gaps['before']['misfit'], gaps['after']['misfit'])}."
     )
     if answer["wiring_errors"]:
@@ -175,11 +176,11 @@ def _remaining(answer: Mapping, held_out: list[str]) -> str:
     """State the change of the held-out misfit and what remains unexplained."""
     gaps, p, named = answer["held_out"], answer["remaining"]["p"], bool(answer["named"])
     before, after = gaps["before"], gaps["after"]
-    text = f"On {_held_out_text(held_out)} the misfit {misfit_change(before['misfit'], after['misfit'])}. "
+    text = f"On {_held_out_text(answer)} the misfit {misfit_change(before['misfit'], after['misfit'])}. "
     if named and not held_out:
-        text += (
-            "This does not test the names, which were chosen using all conditions: hold a condition out to test them. "
-        )
+        one = len(answer["held_out"]["conditions"]) == 1
+        remedy = "measure another condition and hold it out" if one else "hold a condition out"
+        text += f"This does not test the names, which were chosen using all conditions: {remedy} to test them. "
     if named and after[DENSITY] < before[DENSITY]:
         text += (
             "The held-out data are predicted worse with the named effects than with recalibration alone (log "
@@ -388,7 +389,8 @@ def _held_out(answer: Mapping) -> list[str]:
     return held_out["conditions"] if held_out["scheme"] == "held out" else []
 
 
-def _held_out_text(held_out: list[str]) -> str:
-    if held_out:
-        return f"the held-out conditions ({', '.join(held_out)})"
-    return "each condition, held out in turn,"
+def _held_out_text(answer: Mapping) -> str:
+    held_out = answer["held_out"]
+    if held_out["scheme"] == "held out":
+        return f"the held-out conditions ({', '.join(held_out['conditions'])})"
+    return "each series, held out in turn," if held_out["scheme"] == "each series in turn" else EACH

@@ -28,6 +28,8 @@ def summary(found: Discovery) -> dict:
     """Return the content of `discrepancy.json`, from which the summary in words is made."""
     held_out = held_out_names(found.problem.forward.conditions)
     level, told = found.problem.settings.false_discovery_rate, named(found)
+    measured = measured_conditions(found.measured)
+    scheme = "held out" if held_out else "each in turn" if len(measured) > 1 else "each series in turn"
     conflicts = [
         [vars(strain) | {"factor": factor} for strain, factor in prior_conflicts(located, nuisances, alarm_level)]
         for nuisances, alarm_level in [(found.problem.forward.nuisances, found.problem.settings.alarm_level)]
@@ -67,8 +69,8 @@ def summary(found: Discovery) -> dict:
         "gap_flexible": found.gaps.flexible.misfit,
         "expected_misfit": 1.0,
         "held_out": {
-            "scheme": "held out" if held_out else "each in turn",
-            "conditions": held_out or measured_conditions(found.measured),
+            "scheme": scheme,
+            "conditions": held_out or measured,
             "before": found.gaps.before.summary(),
             "after": found.gaps.after.summary(),
             "flexible": found.gaps.flexible.summary(),
@@ -139,7 +141,8 @@ def _by_condition(found: Discovery, placed: PlacedEffect) -> dict:
         name: [float(parameter.from_standard(mean + k * sd)) for k in (-Z_90, 0.0, Z_90)]
         for name, (mean, sd) in one.known.items()
     }
-    return {"log_odds_that_it_differs": one.log_odds, parameter.name: sizes}
+    odds = one.log_odds if np.isfinite(one.log_odds) else None
+    return {"log_odds_that_it_differs": odds, parameter.name: sizes}
 
 
 def _member(found: Discovery, entry: Round, candidate: Candidate) -> dict:

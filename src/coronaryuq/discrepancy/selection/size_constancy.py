@@ -60,7 +60,7 @@ def constancy(problem: Problem, fit: Fit, hypothesis: Hypothesis) -> list[Consta
         by_condition = np.hstack([own * (conditions == name)[:, None] for name in names])
         differing = by_condition @ np.kron(contrasts, np.eye(count))
         separate = problem.flexible.posterior(free.at_zero, np.hstack([free.jacobian, differing])).right
-        log_odds = separate - common
+        log_odds = separate - common if len(names) > 1 else -np.inf
         sizes = _sizes(fit, by_condition, columns.start, count, names)
         shown = whole if len(whole) > 1 else names
         constancies.append(Constancy(placed, float(log_odds), {name: sizes[name] for name in shown}))
