@@ -84,7 +84,7 @@ def test_names_without_a_held_out_condition_are_called_untested(stenosis_case, t
 
 @pytest.mark.slow
 def test_one_condition_is_searched_without_a_claim_of_held_out_success(stenosis_case, tmp_path, capsys):
-    """Losses that differ in their dependence on flow alone are one class."""
+    """A pulse has many flows: even the law of a loss is seen under one condition."""
     for name in ("model.json", "conditions.yaml"):
         (tmp_path / name).write_text((stenosis_case[0] / name).read_text())
     table = pd.read_csv(stenosis_case[0] / "measurements.csv")
@@ -95,7 +95,7 @@ def test_one_condition_is_searched_without_a_claim_of_held_out_success(stenosis_
     answer = json.loads((tmp_path / "out" / "discrepancy.json").read_text())
     members = {(member["effect"], member["place"]) for member in answer["named"][0]["class"]}
     (true,) = stenosis_case[1].hypothesis
-    assert true.key in members and len(members) > 1
+    assert true.key in members
     assert answer["held_out"]["scheme"] == "each series in turn"
 
 
