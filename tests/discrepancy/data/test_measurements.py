@@ -140,6 +140,13 @@ def test_the_spelling_of_a_table_does_not_matter(stenosis_case, tmp_path, change
     assert np.concatenate([s.sd for s in same]) == pytest.approx(np.concatenate([s.sd for s in plain.forward.measured]))
 
 
+def test_series_are_in_the_order_of_the_conditions_file(stenosis_case, tmp_path):
+    """That is the order in which a sensor drifts, whatever the order of rows."""
+    shuffled = read_changed(stenosis_case[0], tmp_path, lambda t: t.sample(frac=1.0, random_state=2))
+    order = list(dict.fromkeys(one.condition for one in shuffled.forward.measured))
+    assert order == list(shuffled.forward.conditions) and len(order) > 2
+
+
 def test_a_condition_name_may_consist_of_digits(tmp_path):
     rows = ["condition,quantity,location,statistic,time,value,sd,unit", "01,flow,A:B,mean,,1.0,0.1,mL/s"]
     (tmp_path / "measurements.csv").write_text("\n".join(rows) + "\n")

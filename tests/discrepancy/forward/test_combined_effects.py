@@ -132,6 +132,86 @@ def test_a_delay_in_seconds_does_not_depend_on_the_heart_rate():
     assert delayed == pytest.approx(predicted(replace(both, measured=late)), rel=1e-9)
 
 
+def test_a_low_pass_does_not_depend_on_how_the_beat_is_sampled():
+    """Every second point, points in another order of the beat, and the extremes see the same filtered waveform."""
+    many = waveform(REST, "pressure", "lad:BC_lad", 40)
+    few = replace(many, time=many.time[::2], value=np.ones(20), sd=np.ones(20))
+    most = [Measured("rest", "pressure", "lad:BC_lad", s, None, PERIOD, np.ones(1), np.ones(1)) for s in ("max", "min")]
+    low_pass, size = [(effect("pressure_low_pass"), "lad:BC_lad")], 1.0
+    filtered = predicted(model(measured=[many, *most]), low_pass, size)
+    assert predicted(model(measured=[few]), low_pass, size) == pytest.approx(filtered[:40:2], rel=1e-12)
+    plain = predicted(model(measured=[many, *most]))
+    assert filtered[:40].max() <= filtered[40] < plain[40] and filtered[:40].min() >= filtered[41] > plain[41]
+
+
+def test_the_order_of_two_instruments_in_a_hypothesis_does_not_matter():
+    forward = model(measured=[waveform(REST, "flow", place) for place in ("lad:BC_lad", "lcx:BC_lcx")])
+    low_pass = (effect("flow_low_pass"), "every flow")
+    exchange = (effect("exchanged_flows"), "lad:BC_lad and lcx:BC_lcx")
+    both = predicted(forward, [low_pass, exchange], 0.5, -0.5)
+    assert np.array_equal(predicted(forward, [exchange, low_pass], -0.5, 0.5), both)
+    assert np.abs(both - predicted(forward, [exchange], -0.5)).max() > 0.02
+
+
+@pytest.mark.parametrize(("name", "quantity"), [("exchanged_flows", "flow"), ("exchanged_pressures", "pressure")])
+def test_exchanged_channels_read_each_other_although_sampled_at_other_times(name, quantity):
+    places = "J1:diagonal", "lcx:BC_lcx"
+    one, other = (waveform(REST, quantity, place, points) for place, points in zip(places, (40, 30), strict=True))
+    crossed = [replace(one, location=places[1]), replace(other, location=places[0])]
+    whole = effect(name).parameters[0].to_standard(1.0)
+    read = predicted(model(measured=[one, other]), [(effect(name), " and ".join(places))], whole)
+    assert read == pytest.approx(predicted(model(measured=crossed)), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity", "place", "vessel", "far"),
+    [
+        ("misplaced_flow", "flow", "lcx:BC_lcx", "left_main", "left_main:J0"),
+        ("misplaced_flow", "flow", "lcx:BC_lcx", "lad_proximal", "J0:lad_proximal"),
+        ("misplaced_pressure", "pressure", "lad:BC_lad", "lad", "J1:lad"),
+        ("misplaced_pressure", "pressure", "J0:lad_proximal", "left_main", "AORTA:left_main"),
+    ],
+)
+def test_a_misplaced_probe_reads_between_its_place_and_that_of_the_neighbour(name, quantity, place, vessel, far):
+    forward = model(measured=[waveform(REST, quantity, place)])
+    own, there = predicted(forward), predicted(model(measured=[waveform(REST, quantity, far)]))
+    misplaced = [(effect(name), f"{place} towards {vessel}")]
+    share = effect(name).parameters[0]
+    for fraction, expected in ((0.3, 0.3), (1.0, 1.0), (1.7, 1.0)):
+        read = predicted(forward, misplaced, float(share.to_standard(fraction)))
+        assert read == pytest.approx((1.0 - expected) * own + expected * there, rel=1e-9)
+    assert np.abs(own - there).max() > 1e-3 * np.abs(own).max()
+
+
+def test_a_leak_beyond_a_flow_probe_is_in_its_reading_and_not_in_the_perfusion():
+    """The sum of what a probe ahead of the leak and one behind it read differs by the leak."""
+    flow, perfused = mean(REST, "flow", "lcx:BC_lcx"), mean(REST, "perfusion", "BC_lcx", 1.0 / 60.0)
+    forward = model(measured=[flow, perfused])
+    plain = predicted(forward)
+    ahead = predicted(forward, [(effect("side_branch_leak"), "lcx")], 0.0)
+    beyond = predicted(forward, [(effect("distal_leak"), "lcx")], 0.0)
+    assert ahead[0] == pytest.approx(plain[0], rel=0.01) and beyond[0] == pytest.approx(1.2 * plain[0], rel=0.03)
+    assert beyond[1] == pytest.approx(ahead[1], rel=1e-6)
+
+
+def test_leaks_and_collaterals_on_both_sides_of_the_probes_do_not_share_a_network():
+    """Predictions with many effects grafted into few networks are those with each alone."""
+    forward = model(measured=[mean(REST, "flow", place) for place in ("lad:BC_lad", "lcx:BC_lcx")])
+    pairs = [
+        ("side_branch_leak", "lcx"),
+        ("distal_leak", "lcx"),
+        ("collateral", "lad~lcx"),
+        ("distal_collateral", "lad~lcx"),
+    ]
+    hypotheses = [assume(pair) for pair in pairs]
+    z = np.array([0.0] * len(forward.nuisances) + [1.0])
+    grafts = [placed for hypothesis in hypotheses for placed in hypothesis]
+    together = forward.predict_rows([(z, hypothesis) for hypothesis in hypotheses], grafts=grafts)
+    alone = np.array([forward.predict(z, hypothesis)[0] for hypothesis in hypotheses])
+    assert together == pytest.approx(alone, rel=1e-6)
+    assert abs(alone[0, 1] / alone[1, 1] - 1.0) > 0.1
+
+
 def test_a_ratio_uses_the_root_pressure_after_the_root_was_renamed():
     """A loss at the root, which stores blood, is put ahead of it: FFR is over the pressure before that loss."""
     forward = model(measured=[mean(REST, "ratio", "lad:BC_lad")])

@@ -66,6 +66,7 @@ def test_measurements_have_the_locations_of_the_repaired_network(tmp_path):
     measured += [
         Measured(name, "perfusion", bed, "mean", None, t, np.ones(1), np.full(1, 0.1)) for name, t in periods.items()
     ]
+    measured.sort(key=lambda one: list(periods).index(one.condition))
     forward = make_problem(network, conditions, measured, Settings()).forward
     acting = assume(("quadratic_stenosis", vessel), ("side_branch_leak", vessel))
     z = np.append(np.zeros(len(forward.nuisances)), [0.5, 0.5])

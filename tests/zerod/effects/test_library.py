@@ -4,6 +4,7 @@ import copy
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from coronaryuq.bench.discrepancy.open_loop_tree import left_coronary
 from coronaryuq.case.network.network import Network
@@ -11,10 +12,13 @@ from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState, Series
 from coronaryuq.zerod.effects.library import SEARCHED, effect
 from coronaryuq.zerod.solver.engine import Engine
+from support.zerod_networks import closed_loop
 
 pytestmark = pytest.mark.slow
 
-NETWORK_SIDE = [one for one in SEARCHED if one.side == "network" and not one.name.startswith("aortic")]
+HEART = ("aortic_stenosis", "aortic_regurgitation", "mitral_stenosis", "pulmonary_stenosis", "right_heart_weakness")
+NETWORK_SIDE = [one for one in SEARCHED if one.side == "network" and one.name not in HEART]
+PROBES = [Series("rest", "flow", f"{vessel}:BC_{vessel}", "mean", None, 1.0) for vessel in ("lad", "lcx")]
 
 
 def anatomy_of(network):
@@ -63,7 +67,7 @@ def test_a_vanishing_effect_leaves_all_flows_unchanged(one, tree):
     network, anatomy = tree
     sizes = {p.name: np.array([1e-7]) for p in one.parameters}
     plain = flows(network, anatomy)
-    for place in one.places(anatomy)[:3]:
+    for place in one.places(anatomy, PROBES)[:3]:
         assert flows(network, anatomy, one, place, sizes) == pytest.approx(plain, rel=2e-4)
 
 
@@ -71,7 +75,7 @@ def test_a_vanishing_effect_leaves_all_flows_unchanged(one, tree):
 def test_insertion_does_not_change_the_given_network(one, tree):
     network, anatomy = tree
     before = copy.deepcopy(network)
-    one.insert(network, one.places(anatomy)[0], anatomy)
+    one.insert(network, one.places(anatomy, PROBES)[0], anatomy)
     assert network == before
 
 
@@ -196,35 +200,6 @@ def test_rotation_by_a_whole_territory_is_a_permutation():
     assert np.ravel(seen) == pytest.approx([2.0, 3.0, 1.0, 5.0, 6.0, 4.0])
 
 
-def test_a_sensor_delay_shifts_only_its_own_waveform():
-    time = np.linspace(0.0, 1.0, 8, endpoint=False)
-    sizes = {"delay": np.array([0.1])}
-    series = [Series("rest", q, p, "waveform", time, 1.0) for q in ("pressure", "flow") for p in ("a:b", "b:c")]
-    series.append(Series("rest", "flow", "a:b", "mean", None, 1.0))
-    late = [float(effect("pressure_delay").delay("a:b", sizes, one)[0]) for one in series]
-    assert late == [0.1, 0.0, 0.0, 0.0, 0.0]
-    late = [float(effect("flow_delay").delay("a:b", sizes, one)[0]) for one in series]
-    assert late == [0.0, 0.0, 0.1, 0.0, 0.0]
-    assert effect("flow_delay").places(None, series) == ["a:b", "b:c"]
-
-
-def test_a_trigger_delay_shifts_all_waveforms_of_its_place():
-    time, trigger = np.linspace(0.0, 1.0, 8, endpoint=False), effect("trigger_delay")
-    flows = [Series("rest", "flow", place, "waveform", time, 1.0) for place in ("a:b", "b:c")]
-    pressure = Series("rest", "pressure", "a:b", "waveform", time, 1.0)
-    mean = Series("rest", "pressure", "b:c", "mean", None, 1.0)
-    series = [*flows, pressure, mean]
-    sizes = {"delay": np.array([0.1])}
-    assert trigger.places(None, series) == ["every waveform", "every flow"]
-    late = {
-        place: [float(trigger.delay(place, sizes, one)[0]) for one in series] for place in trigger.places(None, series)
-    }
-    assert late == {"every waveform": [0.1, 0.1, 0.1, 0.0], "every flow": [0.1, 0.1, 0.0, 0.0]}
-    # Neither the delay of a single sensor nor a second name for the same sensors is a place.
-    assert trigger.places(None, [flows[0], mean]) == []
-    assert trigger.places(None, flows) == ["every flow"]
-
-
 def test_a_shared_offset_acts_on_all_pressures_of_its_place(tree):
     """It adds the same pressure everywhere; the root pressure stays if only the wire has the error."""
     network, anatomy = tree
@@ -247,6 +222,73 @@ def test_a_shared_offset_acts_on_all_pressures_of_its_place(tree):
     assert one.places(anatomy, [far, farther, ratio]) == ["every pressure", but_root]
     both = [np.ravel(one.observe(p, size, [far, ratio], [np.array([[80.0]]), np.array([[0.8]])])) for p in read]
     assert both[0] == pytest.approx([88.0, 88.0 / 108.0], abs=0.01) and both[1] == pytest.approx([88.0, 0.88])
+
+
+@pytest.mark.parametrize("name", HEART)
+def test_a_vanishing_effect_of_the_heart_leaves_its_parameters_unchanged(name):
+    network = closed_loop()
+    anatomy, one = Anatomy(network, 1.2e5, {"aorta": 90.0}, 1.0169), effect(name)
+    (place,) = one.places(anatomy)
+    found = one.changes(network, place, {one.parameters[0].name: np.array([1e-9])}, anatomy, situation(anatomy))
+    own = network["closed_loop_blocks"][0]["parameters"]
+    assert found == {key: pytest.approx(own.get(key.removeprefix("CLH."), 0.0), rel=1e-6, abs=1e-9) for key in found}
+    assert one.places(Anatomy(left_coronary())) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "upstream", "downstream", "valve"),
+    [("mitral_stenosis", "P_LA", "P_LV", "Q_LA"), ("pulmonary_stenosis", "P_RV", "P_pul", "Q_RV")],
+)
+def test_a_stenosed_valve_loses_the_stated_pressure_at_the_cardiac_output(name, upstream, downstream, valve):
+    """At the peak of the flow through the valve, inertia takes no pressure, and the drop is that of the resistance."""
+    network, size = closed_loop(), 0.1
+    anatomy, one = Anatomy(network, 1.2e5, {"aorta": 90.0}, 1.0169), effect(name)
+    changes = one.changes(network, one.places(anatomy)[0], {"loss": np.array([size])}, anatomy, situation(anatomy))
+    added = size * anatomy.pressure / anatomy.flow["aorta"]
+    assert one.physical("", {"loss": size}, anatomy) == {f"{one.element} added": pytest.approx(added)}
+    names = [f"{unknown}:CLH" for unknown in (upstream, downstream, valve)]
+    found = Engine(network).run_to_periodic(changes, waveforms=names, steps_per_cycle=800)
+    above, below, flow = (found.waveforms[key][0] for key in names)
+    peak = int(np.argmax(flow))
+    resistance = network["closed_loop_blocks"][0]["parameters"][one.element] + added
+    assert found.ok.all() and above[peak] - below[peak] == pytest.approx(resistance * flow[peak], rel=0.01)
+
+
+def test_a_weak_right_ventricle_is_larger_and_pumps_less():
+    network = closed_loop()
+    anatomy, one = Anatomy(network, 1.2e5, {"aorta": 90.0}, 1.0169), effect("right_heart_weakness")
+    weakness = np.array([0.0, 5.0])
+    changes = one.changes(network, "right ventricle", {"weakness": weakness}, anatomy, situation(anatomy))
+    own = network["closed_loop_blocks"][0]["parameters"]["Erv_s"]
+    assert changes["CLH.Erv_s"] == pytest.approx([own, own / 6.0])
+    names = ["flow:CLH:J_heart_outlet", "V_RV:CLH", "P_RV:CLH", "V_RA:CLH"]
+    output, ventricle, pressure, atrium = Engine(network).run_to_periodic(changes, waveforms=names).waveforms.values()
+    assert output[1].mean() < 0.9 * output[0].mean() and ventricle[1].max() > 1.5 * ventricle[0].max()
+    assert pressure[1].max() < 0.9 * pressure[0].max() and atrium[1].mean() < 0.9 * atrium[0].mean()
+
+
+@pytest.mark.parametrize("exponent", [1.25, 1.5, 1.75])
+def test_viscous_and_expansion_loss_approximate_any_exponent_between_them(exponent):
+    """No effect has a free exponent; minimax by a linear programme over flows from a quarter to four times the mean."""
+    flow = np.linspace(0.25, 4.0, 200)
+    loss = flow**exponent / 4.0**exponent
+    both = np.column_stack([flow, flow**2, np.zeros(200)])
+    margin = np.array([0.0, 0.0, 1.0])
+    bounds = np.vstack([both - margin, -both - margin]), np.concatenate([loss, -loss])
+    assert linprog(margin, *bounds, bounds=[(0.0, None)] * 3).fun < 0.0125
+
+
+def test_autoregulation_raises_resistance_with_pressure_only(tree):
+    """Its gain is positive whatever the size, so that it cannot be named with the wrong sign."""
+    network, anatomy = tree
+    one = effect("autoregulation")
+    (gain,) = one.parameters
+    sizes = gain.from_standard(np.linspace(-4.0, 4.0, 9))
+    assert (sizes > 0.0).all()
+    # The bed has 9/11 of the reference pressure.
+    found = one.changes(network, "BC_lad", {"gain": sizes}, anatomy, situation(anatomy))
+    own = anatomy.blocks["BC_lad"]["bc_values"]["Ra1"]
+    assert found["BC_lad.Ra1"] == pytest.approx(own * (9.0 / 11.0) ** sizes)
 
 
 def test_a_complete_exchange_swaps_the_values_of_two_beds(tree):

@@ -37,3 +37,14 @@ def test_a_loop_keeps_its_blood_volume():
     assert np.allclose(stored(later, engine), volume, rtol=1e-4)
     assert np.allclose(stored(accelerated, engine), volume, rtol=1e-4)
     assert neighbour.ok[0] and np.allclose(stored(neighbour, engine), volume, rtol=3e-4)
+
+
+def test_a_viscous_wall_stores_what_it_takes_up():
+    """The pressure that stretches the wall is that in the vessel less that lost in the wall."""
+    network = closed_loop(stenosis=0.0)
+    network["vessels"][0]["zero_d_element_values"]["R_wall"] = 200.0
+    engine = Engine(network)
+    start = engine.run_cycles(cycles=1)
+    later = engine.run_cycles(cycles=20, start=start.state)
+    volume = BloodVolume(engine.model)
+    assert np.allclose(volume.evaluate(later.state), volume.evaluate(start.state), rtol=1e-4)

@@ -3,6 +3,8 @@
 Neither the assembly nor the elimination nor the time scheme of the engine takes part in the ODEs.
 """
 
+import copy
+
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -55,6 +57,30 @@ def test_a_stenosed_vessel_with_a_windkessel_agrees_with_an_ode_solver(r, l, s, 
     for name, expected in zip(("flow:IN:tube", "pressure_c:OUT"), exact.y, strict=True):
         actual = result.waveforms[name][0]
         assert np.abs(actual - expected).max() < 2e-4 * np.abs(expected).max(), name
+
+
+def test_a_viscous_wall_has_the_impedance_of_kelvin_and_voigt():
+    """A sinusoidal inflow meets R_wall + 1 / (i w C) beside the resistance behind the vessel; 0 is an elastic wall."""
+    c, wall, distal, omega = 2e-4, 400.0, 2000.0, 2.0 * np.pi
+    times = np.linspace(0.0, 1.0, 401)
+    tube = network(
+        [vessel(0, "tube", inlet="IN", outlet="OUT", R_poiseuille=0.0, C=c)],
+        [
+            boundary("IN", "FLOW", t=times.tolist(), Q=(5.0 + 2.0 * np.cos(omega * times)).tolist()),
+            boundary("OUT", "RESISTANCE", R=distal, Pd=0.0),
+        ],
+        steps=400,
+    )
+    resistances = np.array([0.0, wall])
+    found = Engine(tube).run_to_periodic({"tube.R_wall": resistances}, waveforms=["pressure:IN:tube"])
+    for resistance, pressure in zip(resistances, found.waveforms["pressure:IN:tube"], strict=True):
+        impedance = 1.0 / (1.0 / distal + 1.0 / (resistance + 1.0 / (1j * omega * c)))
+        expected = 5.0 * distal + np.real(2.0 * impedance * np.exp(1j * omega * times))
+        assert np.abs(pressure - expected).max() < 1e-3 * np.ptp(expected)
+    written = copy.deepcopy(tube)
+    written["vessels"][0]["zero_d_element_values"]["R_wall"] = wall
+    alone = Engine(written).run_to_periodic(waveforms=["pressure:IN:tube"]).waveforms["pressure:IN:tube"][0]
+    assert alone == pytest.approx(found.waveforms["pressure:IN:tube"][1], rel=1e-6)
 
 
 def _elastance(phase):

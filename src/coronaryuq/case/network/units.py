@@ -10,7 +10,7 @@ _VESSEL = ("R_poiseuille", "L", "stenosis_coefficient")
 _OPEN_CORONARY = ("Ra1", "Rv1", "P_v", "Pim")
 
 PRESSURE_PER = {
-    "BloodVessel": _VESSEL,
+    "BloodVessel": (*_VESSEL, "R_wall"),
     "BloodVesselCRL": _VESSEL,
     "BloodVesselRC": ("Rpd",),
     "NORMAL_JUNCTION": (),

@@ -54,7 +54,7 @@ def read_measurements(
     path
         CSV file with `COLUMNS`.
     conditions
-        Known condition names.
+        Known condition names, in the order of the conditions file.
     locations
         Quantity → locations of the model.
     periods
@@ -63,7 +63,7 @@ def read_measurements(
     Returns
     -------
     list of Measured
-        Series in the order of their first rows, in CGS units.
+        Series in the order of the conditions, then of their first rows, in CGS units.
 
     Raises
     ------
@@ -87,7 +87,8 @@ def read_measurements(
         elif len(rows) > 1:
             raise InputError(path, "/".join(key), len(rows), "duplicate measurement; keep one row")
         measured.append(Measured(condition, quantity, location, statistic, time, periods[condition], value, sd))
-    return measured
+    order_of = {name: number for number, name in enumerate(conditions)}
+    return sorted(measured, key=lambda one: order_of[one.condition])
 
 
 def read_table(path: str | Path) -> pd.DataFrame:

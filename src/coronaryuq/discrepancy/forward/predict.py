@@ -1,8 +1,8 @@
 """Predictions of all measured series by a network with effects, under all conditions."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.forward.feedback import Feedback
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect
+from coronaryuq.discrepancy.forward.instruments import Instruments, as_read, delays, instruments, places_read
 from coronaryuq.discrepancy.forward.jobs import Job, Prepared, Scaled
 from coronaryuq.discrepancy.forward.lockstep import Computation, run_in_lockstep
 from coronaryuq.discrepancy.forward.network_values import inner_unknowns, with_values
@@ -20,12 +21,14 @@ from coronaryuq.discrepancy.forward.simulation import Simulation, elements
 from coronaryuq.discrepancy.forward.warm_starts import Point
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState
+from coronaryuq.zerod.effects.grafting import into_bed
 from coronaryuq.zerod.solver.engine import Engine
 
 Row = tuple[np.ndarray, Hypothesis]
 """A point z (p,) with its hypothesis."""
 Waveforms = dict[str, dict[str, np.ndarray]]
 """Condition → solver name → (n, steps + 1) over a cycle, both ends included."""
+COLLATERALS = ("collateral", "distal_collateral")
 MANY = 20
 """Number of collaterals in one network; all pairs of outlets together would couple all vessels."""
 
@@ -140,12 +143,12 @@ class Forward:
         return [column for column, nuisance in enumerate(self.nuisances) if nuisance.shape is not None]
 
     def _run_key(self, z: np.ndarray, hypothesis: Hypothesis) -> tuple:
-        """Identity of the readings before effects on the measurements, except delays, act on them."""
-        sizes = hypothesis.physical_sizes(z)
-        network = [
-            (e.name, place, *v.values()) for (e, place), v in zip(hypothesis, sizes, strict=True) if e.side == "network"
+        """Identity of the readings before effects on the measurements that do not act on waveforms."""
+        sizes = zip(hypothesis, hypothesis.physical_sizes(z), strict=True)
+        simulated = [
+            (e.name, place, *v.values()) for (e, place), v in sizes if e.side == "network" or e.reads_waveforms
         ]
-        return hypothesis.nuisances(z).tobytes(), *self._delays(hypothesis, sizes), *network
+        return hypothesis.nuisances(z).tobytes(), *simulated
 
     def _predict_group(
         self, rows: list[Row], names: list[str], inserted: list[PlacedEffect]
@@ -153,34 +156,32 @@ class Forward:
         sizes = [hypothesis.physical_sizes(z) for z, hypothesis in rows]
         z = np.array([hypothesis.nuisances(row) for row, hypothesis in rows])
         waveforms, renamed = yield from self._simulate(rows, sizes, names, inserted)
-        delays = np.array([self._delays(hypothesis, s) for (_, hypothesis), s in zip(rows, sizes, strict=True)])
-        return np.concatenate(self.readings(waveforms, z, renamed, delays), axis=1)
-
-    def _delays(self, hypothesis: Hypothesis, sizes: list[dict[str, float]]) -> list[float]:
-        """Delay of each series, s."""
-        delays = np.zeros(len(self.measured))
-        for (effect, place), values in zip(hypothesis, sizes, strict=True):
-            if effect.side == "measurement":
-                arrays = {name: np.array([value]) for name, value in values.items()}
-                delays += [effect.delay(place, arrays, series)[0] for series in self.measured]
-        return delays.tolist()
+        chains = [instruments(hypothesis, s) for (_, hypothesis), s in zip(rows, sizes, strict=True)]
+        return np.concatenate(self.readings(waveforms, z, renamed, chains), axis=1)
 
     def readings(
-        self, waveforms: Waveforms, z: np.ndarray, renamed: dict[str, str], delays: np.ndarray | None = None
+        self, waveforms: Waveforms, z: np.ndarray, renamed: dict[str, str], chains: Sequence[Instruments] = ()
     ) -> list[np.ndarray]:
         """Return the values (n, values) of each series from simulated waveforms; NaN under conditions not given.
 
-        z: (n, p), for the tissue masses. renamed: old → new names of locations. delays: (n, series), s.
+        z: (n, p), for the tissue masses. renamed: old → new names of locations. chains: instruments of each of n rows.
         """
-        delays = np.zeros((len(z), len(self.measured))) if delays is None else delays
         blocks = [np.full((len(z), series.value.size), np.nan) for series in self.measured]
         for i, series in enumerate(self.measured):
             if series.condition in waveforms:
-                used = [waveforms[series.condition][name] for name in self.variables(series, renamed)]
+                waves = waveforms[series.condition]
+                used = [waves[name] for name in self.variables(series, renamed)]
+                elsewhere = partial(self._waveform, waves, series, renamed)
+                used[0] = as_read(series, used[0], elsewhere, chains, self.anatomy)
                 period = self.periods.get(series.condition, series.period)
-                blocks[i] = self._series(series, used, np.linspace(0.0, period, used[0].shape[1]), z, delays[:, i])
+                late, grid = delays(series, chains, len(z)), np.linspace(0.0, period, used[0].shape[1])
+                blocks[i] = self._series(series, used, grid, z, late)
                 blocks[i][~np.isfinite(used[0]).all(axis=1)] = np.nan
         return blocks
+
+    def _waveform(self, waves: dict, series: Measured, renamed: dict[str, str], location: str) -> np.ndarray:
+        """Return the waveforms of the quantity of a series at another location."""
+        return waves[self.variables(replace(series, location=location), renamed)[0]]
 
     def _observe(self, row: np.ndarray, z: np.ndarray, hypothesis: Hypothesis) -> np.ndarray:
         blocks = self.split(row[None, :])
@@ -200,8 +201,13 @@ class Forward:
         """Waveforms of all rows, and renamed locations."""
         prepared = self.simulation.prepared(inserted)
         renamed = prepared.renamed
+        chains = [instruments(hypothesis, values) for (_, hypothesis), values in zip(rows, sizes, strict=True)]
         names = [
-            n for series in self.measured if series.condition in conditions for n in self.variables(series, renamed)
+            name
+            for series in self.measured
+            if series.condition in conditions
+            for location in (series.location, *sorted(places_read(series, chains, self.anatomy)))
+            for name in self.variables(replace(series, location=location), renamed)
         ]
         beds = {bed: f"pressure:{renamed.get(f'{v}:{bed}', f'{v}:{bed}')}" for bed, v in self.anatomy.beds.items()}
         responds = [any(effect.feedback for effect, _ in hypothesis) for _, hypothesis in rows]
@@ -320,7 +326,7 @@ class Forward:
         if series.quantity == "perfusion":
             vessel = self.anatomy.beds[series.location]
             end = f"{vessel}:{series.location}"
-            return (f"flow:{renamed.get(end, end)}",)
+            return (f"flow:{into_bed(renamed.get(end, end), series.location)}",)
         if series.quantity == "ratio":
             return f"pressure:{location}", f"pressure:{renamed.get(self.root, self.root)}"
         if location in self._inner:
@@ -337,7 +343,7 @@ class Forward:
         return self.anatomy.inlet(self.anatomy.roots[0])
 
     def _series(
-        self, series: Measured, waveforms: list[np.ndarray], time: np.ndarray, z: np.ndarray, delay: np.ndarray
+        self, series: Measured, waveforms: list[np.ndarray], time: np.ndarray, z: np.ndarray, late: np.ndarray
     ) -> np.ndarray:
         if series.quantity == "ratio":
             means = [values[:, :-1].mean(axis=1) for values in waveforms]
@@ -345,8 +351,8 @@ class Forward:
         values = waveforms[0] * (self.pressure_factor if series.quantity == "pressure" else 1.0)
         if series.quantity == "perfusion":
             values = values / self._mass(series.location, z)[:, None]
-        if series.statistic == "waveform":
-            read_at = (series.time - delay[:, None]) % series.period
+        if series.time is not None:
+            read_at = (series.time - late[:, None]) % series.period
             return np.array([np.interp(own, time, row) for own, row in zip(read_at, values, strict=True)])
         reduce = {
             "mean": lambda v: v[:, :-1].mean(axis=1),
@@ -361,12 +367,12 @@ class Forward:
 
 
 def shared_grafts(grafts: list[PlacedEffect]) -> dict[PlacedEffect, list[PlacedEffect]]:
-    """Map each graft to all grafts in the same network."""
-    collaterals = [placed for placed in grafts if placed.effect.name == "collateral"]
-    turn = {one: number // MANY for number, one in enumerate(collaterals)}
-    shares: dict[int, list[PlacedEffect]] = {}
-    for one in grafts:
-        shares.setdefault(turn.get(one, 0), []).append(one)
+    """Map each graft to all grafts in the same network: those on one side of the probes, and some collaterals."""
+    kinds = [(one.effect.beyond_probes, one.effect.name in COLLATERALS) for one in grafts]
+    shares: dict[tuple[bool, int], list[PlacedEffect]] = {}
+    for number, (one, (beyond, collateral)) in enumerate(zip(grafts, kinds, strict=True)):
+        turn = kinds[:number].count((beyond, True)) // MANY if collateral else 0
+        shares.setdefault((beyond, turn), []).append(one)
     return {one: share for share in shares.values() for one in share}
 
 

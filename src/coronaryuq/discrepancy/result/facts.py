@@ -78,7 +78,8 @@ def described_sizes(placed: PlacedEffect, sizes: list[tuple[Parameter, float, fl
     for parameter, z, sd in sizes:
         values = _with_interval(parameter, z, sd)
         meaning, _ = effect.describe(parameter, values[0], anatomy)
-        value, low, high = (float(effect.describe(parameter, size, anatomy)[1]) for size in values)
+        value, *ends = (float(effect.describe(parameter, size, anatomy)[1]) for size in values)
+        low, high = sorted(ends)
         early = effect.side == "measurement" and parameter.name == "delay" and value < 0.0
         if early:
             value, low, high = -value, -high, -low
@@ -94,6 +95,7 @@ def by_condition(varying: Constancy, anatomy: Anatomy) -> dict:
         condition: [float(effect.describe(parameter, size, anatomy)[1]) for size in _with_interval(parameter, mean, sd)]
         for condition, (mean, sd) in varying.known.items()
     }
+    sizes = {condition: [value, *sorted(ends)] for condition, (value, *ends) in sizes.items()}
     unit = "" if parameter.unit == "1" else parameter.unit
     return {"label": _size_label(varying.placed, parameter, anatomy), "unit": unit, "conditions": sizes}
 

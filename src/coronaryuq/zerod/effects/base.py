@@ -90,8 +90,9 @@ class Effect(ABC):
     """One physical effect that a model may be missing.
 
     Effects on the network override `changes` (and `insert`, `aliases` if they add elements). Effects on the
-    measurements override `observe`, or `delay` if they shift a waveform in time. A subclass with a `formula` gets
-    sections on its formula, parameters and source in its docstring.
+    measurements override `observe`, which acts on predicted values, or one that acts on the simulated waveform: `read`
+    (and `elsewhere`), or `delay`. A subclass with a `formula` gets sections on its formula, parameters and source in
+    its docstring.
 
     Attributes
     ----------
@@ -108,6 +109,9 @@ class Effect(ABC):
     grafted
         True if `insert` adds vessels that carry almost no flow until `changes` opens them, so that one network can
         hold the vessels of many effects.
+    beyond_probes
+        True if the added vessels are distal to the probes at the ends of vessels; one network cannot hold them
+        together with added vessels proximal to the same probes.
     feedback
         True if `changes` needs the mean pressures at the beds, which takes repeated runs.
     changes_shape
@@ -125,6 +129,7 @@ class Effect(ABC):
     parameters: ClassVar[tuple[Parameter, ...]]
     side: ClassVar[Literal["network", "measurement"]] = "network"
     grafted: ClassVar[bool] = False
+    beyond_probes: ClassVar[bool] = False
     feedback: ClassVar[bool] = False
     changes_shape: ClassVar[bool] = False
     nameable: ClassVar[bool] = True
@@ -196,9 +201,49 @@ class Effect(ABC):
         """
         return {}
 
+    @property
+    def reads_waveforms(self) -> bool:
+        """Whether it acts on simulated waveforms, before they are sampled or averaged."""
+        return type(self).read is not Effect.read or type(self).delay is not Effect.delay
+
     def delay(self, place: str, sizes: Values, series: Series) -> np.ndarray:
-        """Return the delay of a series, (n,), s."""
+        """Return by how much later a waveform is read than stated, (n,), s."""
         return np.zeros(1)
+
+    def elsewhere(self, place: str, series: Series, anatomy: Anatomy) -> str | None:
+        """Return the other location whose waveform the reading of a series contains, None if there is none."""
+        return None
+
+    def read(
+        self,
+        place: str,
+        sizes: Values,
+        series: Series,
+        wave: np.ndarray,
+        other: np.ndarray | None,
+        anatomy: Anatomy,
+    ) -> np.ndarray:
+        """Return a simulated waveform as the affected instrument would read it.
+
+        Parameters
+        ----------
+        place, sizes
+            One of `places`, and sizes (n,).
+        series
+            The series that the instrument reads.
+        wave
+            (n, k) on an even grid over the cycle without its end, in the network's units.
+        other
+            The waveform `elsewhere`, as simulated, in the same form.
+        anatomy
+            Anatomy of the network without effects.
+
+        Returns
+        -------
+        np.ndarray
+            (n, k); `wave` itself if the series is not affected.
+        """
+        return wave
 
     def observe(
         self, place: str, sizes: Values, series: Sequence[Series], predicted: list[np.ndarray]

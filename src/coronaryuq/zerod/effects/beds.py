@@ -57,15 +57,18 @@ class BackPressure(Effect):
 
 
 class Autoregulation(Effect):
-    """Arteriolar resistance that rises with pressure, so that flow depends less on pressure."""
+    """Arteriolar resistance that rises with pressure, so that flow depends less on pressure.
+
+    The gain is positive: a resistance that falls with pressure is not autoregulation.
+    """
 
     name = "autoregulation"
-    formula = "R = R_0 (P / P_0)^g, P the mean pressure at the bed, P_0 that of the reference run"
+    formula = "R = R_0 (P / P_0)^g, g > 0, P the mean pressure at the bed, P_0 that of the reference run"
     source = "Mosher et al., Circ. Res. 14 (1964) 250; Johnson, Circ. Res. 59 (1986) 483"
     signature = "flow falls less than pressure between conditions; waveforms within one condition keep their shape"
     native = "Ra, Ram (Ra1, Ra2; Rp, Rd) of the beds, one value per condition, written into the conditions file"
     parameters = (
-        Parameter("gain", "1", "normal", 0.0, 0.5, "exponent of pressure in the resistance; 1 keeps flow constant"),
+        Parameter("gain", "1", "lognormal", 0.6, 0.5, "exponent of pressure in the resistance; 1 keeps flow constant"),
     )
     feedback = True
 

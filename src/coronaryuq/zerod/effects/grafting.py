@@ -3,6 +3,9 @@
 from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.effects.anatomy import Anatomy
 
+DISTAL = "distal"
+"""Suffix of stubs beyond the probes."""
+
 
 def open_end(network: Network, vessel: str, tag: str) -> tuple[Network, str, dict[str, str]]:
     """Give the end of a vessel a junction to which vessels can be attached.
@@ -44,6 +47,18 @@ def locations_renamed(anatomy: Anatomy, vessel: str, tag: str) -> dict[str, str]
     if "junction_values" in anatomy.network.junction(end):
         return {f"{vessel}:{end}": f"{vessel}:J_{vessel}_{tag}"}
     return {}
+
+
+def probes_kept(anatomy: Anatomy, vessel: str) -> dict[str, str]:
+    """Return old → new name of the end of an outlet vessel with a `DISTAL` stub, where its probes stay ahead of it."""
+    end = anatomy.downstream[vessel]
+    return {f"{vessel}:{end}": f"{vessel}:J_{vessel}_{DISTAL}"} if vessel in anatomy.outlet_bc else {}
+
+
+def into_bed(location: str, bed: str) -> str:
+    """Return where blood enters a bed, given the location of the probes at the end of its vessel after `open_end`."""
+    _, end = location.split(":")
+    return location if end == bed else f"{end.removeprefix('J_')}:{bed}"
 
 
 def put_ahead(network: Network, vessel: str, tag: str) -> Network:

@@ -2,25 +2,41 @@
 
 from coronaryuq.zerod.effects.base import Effect
 from coronaryuq.zerod.effects.beds import Autoregulation, BackPressure, CompressedResistance, IncompleteHyperaemia
-from coronaryuq.zerod.effects.collateral import Collateral
+from coronaryuq.zerod.effects.collateral import Collateral, DistalCollateral
 from coronaryuq.zerod.effects.drive import DriveGain
 from coronaryuq.zerod.effects.intramyocardial import IntramyocardialDelay, IntramyocardialPressure
 from coronaryuq.zerod.effects.kinetic import BifurcationLoss, OstialLoss
-from coronaryuq.zerod.effects.leak import SideBranchLeak
+from coronaryuq.zerod.effects.leak import DistalLeak, SideBranchLeak
+from coronaryuq.zerod.effects.measuring_chain import (
+    CatheterResonance,
+    FlowDelay,
+    FlowLowPass,
+    PressureDelay,
+    PressureLowPass,
+    TriggerDelay,
+)
 from coronaryuq.zerod.effects.narrowing import DiffuseNarrowing
 from coronaryuq.zerod.effects.perfusion import MBFUnderestimation, RotatedTerritories, ShiftedTerritory
+from coronaryuq.zerod.effects.probe_places import (
+    ExchangedFlows,
+    ExchangedPressures,
+    MisplacedFlow,
+    MisplacedPressure,
+)
+from coronaryuq.zerod.effects.right_heart import RightHeartWeakness
 from coronaryuq.zerod.effects.sensors import (
-    FlowDelay,
+    FlowDrift,
     FlowGain,
-    PressureDelay,
+    FlowOffset,
+    FlowSaturation,
+    PressureDrift,
     PressureGain,
     PressureOffset,
     SharedOffset,
-    TriggerDelay,
 )
 from coronaryuq.zerod.effects.stenosis import QuadraticStenosis, StenosisWithViscousLoss
-from coronaryuq.zerod.effects.storage import EpicardialCompliance, Inertance
-from coronaryuq.zerod.effects.valve import AorticRegurgitation, AorticStenosis
+from coronaryuq.zerod.effects.storage import EpicardialCompliance, Inertance, ViscoelasticWall
+from coronaryuq.zerod.effects.valve import AorticRegurgitation, AorticStenosis, MitralStenosis, PulmonaryStenosis
 from coronaryuq.zerod.effects.viscosity import Haematocrit
 from coronaryuq.zerod.effects.wiring import ExchangedOutlets
 
@@ -29,8 +45,11 @@ LIBRARY: tuple[Effect, ...] = (
     StenosisWithViscousLoss(),
     DiffuseNarrowing(),
     Collateral(),
+    DistalCollateral(),
     SideBranchLeak(),
+    DistalLeak(),
     EpicardialCompliance(),
+    ViscoelasticWall(),
     Inertance(),
     IntramyocardialPressure(),
     IntramyocardialDelay(),
@@ -43,15 +62,29 @@ LIBRARY: tuple[Effect, ...] = (
     Haematocrit(),
     AorticStenosis(),
     AorticRegurgitation(),
+    MitralStenosis(),
+    PulmonaryStenosis(),
+    RightHeartWeakness(),
     MBFUnderestimation(),
     ShiftedTerritory(),
     RotatedTerritories(),
     PressureOffset(),
     SharedOffset(),
+    PressureDrift(),
     PressureGain(),
     PressureDelay(),
+    PressureLowPass(),
+    CatheterResonance(),
+    MisplacedPressure(),
+    ExchangedPressures(),
+    FlowOffset(),
+    FlowDrift(),
     FlowGain(),
+    FlowSaturation(),
     FlowDelay(),
+    FlowLowPass(),
+    MisplacedFlow(),
+    ExchangedFlows(),
     TriggerDelay(),
     DriveGain(),
 )

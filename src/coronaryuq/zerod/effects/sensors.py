@@ -1,4 +1,4 @@
-"""Errors of pressure and flow sensors: offset, gain, delay, and offsets and delays common to several sensors."""
+"""Errors of the readings of pressure and flow sensors: offset, drift, gain, saturation."""
 
 from collections.abc import Sequence
 from typing import ClassVar
@@ -12,7 +12,9 @@ NATIVE = "acts on predictions; the network stays the same"
 EVERY_PRESSURE = "every pressure"
 
 
-class _Sensor(Effect):
+class Sensor(Effect):
+    """Base class of the errors of one sensor."""
+
     side = "measurement"
     native = NATIVE
     quantities: ClassVar[tuple[str, ...]] = ("pressure", "ratio")
@@ -21,40 +23,62 @@ class _Sensor(Effect):
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return list(dict.fromkeys(s.location for s in observed if self._reads(s)))
 
-    def observe(
-        self, place: str, sizes: Values, series: Sequence[Series], predicted: list[np.ndarray]
-    ) -> list[np.ndarray]:
-        return [
-            self._read(sizes, values) if self._reads(s) and s.location == place else values
-            for s, values in zip(series, predicted, strict=True)
-        ]
-
     def _reads(self, series: Series) -> bool:
         return series.quantity in self.quantities
 
-    def _read(self, sizes: Values, values: np.ndarray) -> np.ndarray:
-        return values
+
+class _Gain(Sensor):
+    def observe(
+        self, place: str, sizes: Values, series: Sequence[Series], predicted: list[np.ndarray]
+    ) -> list[np.ndarray]:
+        factor = (1.0 + np.asarray(sizes["gain"]))[:, None]
+        return [
+            values * factor if self._reads(s) and s.location == place else values
+            for s, values in zip(series, predicted, strict=True)
+        ]
 
 
-class _Gain(_Sensor):
-    def _read(self, sizes: Values, values: np.ndarray) -> np.ndarray:
-        return values * (1.0 + np.asarray(sizes["gain"]))[:, None]
+class _Offset(Sensor):
+    """Error that does not depend on the reading: a size times the mean of all readings of the sensor."""
+
+    def observe(
+        self, place: str, sizes: Values, series: Sequence[Series], predicted: list[np.ndarray]
+    ) -> list[np.ndarray]:
+        (size,) = sizes.values()
+        observed, weights = list(predicted), self._weights(series)
+        for quantity in self.quantities:
+            affected = [i for i, s in enumerate(series) if s.quantity == quantity and self._covers(place, s.location)]
+            if affected:
+                scale = np.mean([predicted[i].mean(axis=1) for i in affected], axis=0)
+                for i in affected:
+                    added = weights[series[i].condition] * np.asarray(size) * scale
+                    observed[i] = predicted[i] + added[:, None]
+        return observed
+
+    def _covers(self, place: str, location: str) -> bool:
+        return location == place
+
+    def _weights(self, series: Sequence[Series]) -> dict[str, float]:
+        """Return condition → fraction of the error that is present."""
+        return {s.condition: 1.0 for s in series}
 
 
-class _Delay(_Sensor):
-    """Delay in seconds: that of a line, a filter or a trigger does not depend on the heart rate."""
+class _Drift(_Offset):
+    """Offset that grows from zero in the first condition by the same amount from each condition to the next.
 
-    changes_shape = True
+    The conditions are taken to have been recorded in the order of the conditions file, at even intervals, the sensor
+    zeroed before the first.
+    """
 
-    def _reads(self, series: Series) -> bool:
-        return series.statistic == "waveform" and super()._reads(series)
+    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
+        return super().places(anatomy, observed) if len({s.condition for s in observed}) > 1 else []
 
-    def delay(self, place: str, sizes: Values, series: Series) -> np.ndarray:
-        affected = self._reads(series) and series.location == place
-        return np.asarray(sizes["delay"]) if affected else np.zeros(1)
+    def _weights(self, series: Sequence[Series]) -> dict[str, float]:
+        order = list(dict.fromkeys(s.condition for s in series))
+        return {condition: number / max(len(order) - 1, 1) for number, condition in enumerate(order)}
 
 
-class PressureOffset(_Sensor):
+class PressureOffset(_Offset):
     """Zero error of a pressure transducer (drift, height)."""
 
     name = "pressure_offset"
@@ -63,23 +87,8 @@ class PressureOffset(_Sensor):
     signature = "one pressure wrong by a constant in every phase and condition"
     parameters = (Parameter("offset", "1", "normal", 0.0, 0.08, "offset over the mean pressure of the series"),)
 
-    def observe(
-        self, place: str, sizes: Values, series: Sequence[Series], predicted: list[np.ndarray]
-    ) -> list[np.ndarray]:
-        observed = list(predicted)
-        for quantity in self.quantities:
-            affected = [i for i, s in enumerate(series) if s.quantity == quantity and self._covers(place, s.location)]
-            if affected:
-                scale = np.mean([predicted[i].mean(axis=1) for i in affected], axis=0)
-                for i in affected:
-                    observed[i] = predicted[i] + (np.asarray(sizes["offset"]) * scale)[:, None]
-        return observed
 
-    def _covers(self, place: str, location: str) -> bool:
-        return location == place
-
-
-class SharedOffset(PressureOffset):
+class SharedOffset(_Offset):
     """Zero error common to several pressures, as of a drifting wire moved from place to place.
 
     Places: every pressure except the root's, and every pressure. In the second case an FFR, the ratio of two pressures
@@ -128,16 +137,6 @@ class PressureGain(_Gain):
     parameters = (Parameter("gain", "1", "normal", 0.0, 0.08, "gain minus 1"),)
 
 
-class PressureDelay(_Delay):
-    """Pressure read late, as through a fluid-filled line."""
-
-    name = "pressure_delay"
-    formula = "P_read(t) = P(t - d)"
-    source = "Gardner, Anesthesiology 54 (1981) 227"
-    signature = "one pressure waveform shifted in time in every condition"
-    parameters = (Parameter("delay", "s", "normal", 0.0, 0.03, "delay in seconds"),)
-
-
 class FlowGain(_Gain):
     """Gain error of a flow probe."""
 
@@ -149,45 +148,60 @@ class FlowGain(_Gain):
     parameters = (Parameter("gain", "1", "normal", 0.0, 0.15, "gain minus 1"),)
 
 
-class FlowDelay(_Delay):
-    """Flow read late, as through the filter of a probe or in images triggered on another signal."""
+class PressureDrift(_Drift):
+    """Zero of a pressure transducer that drifts from one condition to the next."""
 
-    name = "flow_delay"
-    formula = "Q_read(t) = Q(t - d)"
-    source = "Nichols et al., McDonald's Blood Flow in Arteries, 6th ed. (2011), measurement of flow"
-    signature = "one flow waveform shifted in time in every condition"
+    name = "pressure_drift"
+    formula = "P_read = P + b k / (n - 1) in the k-th of n conditions, k from 0"
+    source = "Cook et al., Circ. Cardiovasc. Interv. 9 (2016) e002988 (drift of pressure wires)"
+    signature = "one pressure wrong by a constant in every phase, more from one recorded condition to the next"
+    parameters = (Parameter("drift", "1", "normal", 0.0, 0.08, "offset in the last condition over the mean pressure"),)
+
+
+class FlowOffset(_Offset):
+    """Zero error of a flow probe."""
+
+    name = "flow_offset"
+    formula = "Q_read = Q + b"
+    source = "Wyatt, Med. Biol. Eng. 4 (1966) 17 (baseline of electromagnetic flowmeters)"
+    signature = "one flow wrong by the same amount in every phase and condition, so mostly where it is low"
     quantities: ClassVar[tuple[str, ...]] = ("flow",)
-    parameters = (Parameter("delay", "s", "normal", 0.0, 0.03, "delay in seconds"),)
+    parameters = (Parameter("offset", "1", "normal", 0.0, 0.1, "offset over the mean flow of the series"),)
 
 
-class TriggerDelay(_Delay):
-    """Delay common to the waveforms of several places: another trigger, or another start of the beat than modelled.
+class FlowDrift(_Drift):
+    """Zero of a flow probe that drifts from one condition to the next."""
 
-    Places: all waveforms, or all of one quantity, as from an imaging device when a pressure drives the model.
-    """
+    name = "flow_drift"
+    formula = "Q_read = Q + b k / (n - 1) in the k-th of n conditions, k from 0"
+    source = FlowOffset.source
+    signature = "one flow wrong by the same amount in every phase, more from one recorded condition to the next"
+    quantities: ClassVar[tuple[str, ...]] = ("flow",)
+    parameters = (Parameter("drift", "1", "normal", 0.0, 0.1, "offset in the last condition over the mean flow"),)
 
-    name = "trigger_delay"
-    formula = "X_read(t) = X(t - d) for every waveform X of one device"
-    source = "Nichols et al., McDonald's Blood Flow in Arteries, 6th ed. (2011), measurement of flow"
-    signature = "several waveforms shifted by the same time in every condition"
-    parameters = (Parameter("delay", "s", "normal", 0.0, 0.1, "delay in seconds"),)
-    quantities_of: ClassVar[dict[str, tuple[str, ...]]] = {
-        "every waveform": ("pressure", "flow", "volume"),
-        EVERY_PRESSURE: ("pressure",),
-        "every flow": ("flow",),
-    }
 
-    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
-        triggered: dict[tuple, str] = {}
-        for place in self.quantities_of:
-            shifted = {(s.quantity, s.location) for s in observed if self._triggers(place, s)}
-            # A delay of a single waveform is left to its own sensor. Two names for the same waveforms are one place.
-            if len(shifted) > 1:
-                triggered[tuple(sorted(shifted))] = place
-        return list(triggered.values())
+class FlowSaturation(Sensor):
+    """Flow meter that reads too little at high flow, forward and backward."""
 
-    def delay(self, place: str, sizes: Values, series: Series) -> np.ndarray:
-        return np.asarray(sizes["delay"]) if self._triggers(place, series) else np.zeros(1)
+    name = "flow_saturation"
+    formula = "Q_read = Q / (1 + a |Q| / Q_0), Q_0 the mean flow of the vessel in the model"
+    source = "own derivation: first-order compression of an amplifier, Q (1 - a |Q| / Q_0) for small a"
+    signature = "peaks of one flow flattened; its mean too low, increasingly so in hyperaemia"
+    quantities: ClassVar[tuple[str, ...]] = ("flow",)
+    parameters = (
+        Parameter("saturation", "1", "lognormal", 0.05, 0.8, "fraction of the reading lost at the model's mean flow"),
+    )
 
-    def _triggers(self, place: str, series: Series) -> bool:
-        return series.statistic == "waveform" and series.quantity in self.quantities_of[place]
+    def read(
+        self,
+        place: str,
+        sizes: Values,
+        series: Series,
+        wave: np.ndarray,
+        other: np.ndarray | None,
+        anatomy: Anatomy,
+    ) -> np.ndarray:
+        if not self._reads(series) or series.location != place:
+            return wave
+        scale = anatomy.flow_scale(anatomy.vessel_at(place) or "")
+        return wave / (1.0 + np.asarray(sizes["saturation"])[:, None] * np.abs(wave) / scale)

@@ -43,6 +43,40 @@ class EpicardialCompliance(Effect):
         return sizes["storage"] * anatomy.flow_scale(place) * anatomy.period / anatomy.pressure
 
 
+class ViscoelasticWall(Effect):
+    """Viscous wall of a vessel that stores blood (Kelvin-Voigt): a resistance in series with its compliance."""
+
+    name = "viscoelastic_wall"
+    formula = "P = V / C + R_w dV/dt, R_w = tau / C, with dV/dt = Q_in - Q_out"
+    source = "Armentano et al., Circ. Res. 76 (1995) 468; Alastruey et al., J. Biomech. 44 (2011) 2250"
+    signature = (
+        "a vessel that stores blood stiffens towards high frequencies: less damping of steep changes, same means"
+    )
+    native = "R_wall of BloodVessel, our extension of the format that svZeroDSolver does not support"
+    parameters = (Parameter("time_constant", "s", "lognormal", 0.015, 0.5, "time constant R_w C in seconds"),)
+
+    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
+        vessels = {name: anatomy.vessels[name] for name in anatomy.coronary_vessels}
+        return [
+            name
+            for name, vessel in vessels.items()
+            if vessel["zero_d_element_type"] == "BloodVessel" and vessel["zero_d_element_values"].get("C", 0.0) > 0.0
+        ]
+
+    def changes(
+        self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
+    ) -> Values:
+        present = network.vessel_values(place).get("R_wall", 0.0)
+        return {f"{place}.R_wall": present + self._resistance(place, sizes["time_constant"], anatomy)}
+
+    def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:
+        return {"R_wall added": self._resistance(place, sizes["time_constant"], anatomy)}
+
+    @staticmethod
+    def _resistance(place: str, time_constant: Number, anatomy: Anatomy) -> Number:
+        return time_constant / anatomy.vessels[place]["zero_d_element_values"]["C"]
+
+
 class Inertance(EpicardialCompliance):
     """Inertia of the blood column in an epicardial vessel."""
 

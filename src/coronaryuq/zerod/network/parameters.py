@@ -33,7 +33,7 @@ _RLC = {"R_poiseuille": _SCALAR, "C": _OPTIONAL, "L": _OPTIONAL, "stenosis_coeff
 _OPEN_CORONARY = {**_scalars("Ra1 Rv1 Ca Cc"), "t": _SERIES, "Pim": _SERIES, "P_v": _SCALAR}
 
 VESSELS: dict[str, Parameters] = {
-    "BloodVessel": _RLC,
+    "BloodVessel": {**_RLC, "R_wall": Parameter(required=False, ours=True)},
     "BloodVesselCRL": _RLC,
     "BloodVesselRC": {"Rpd": _POSITIVE, "Cp": _SCALAR},
 }

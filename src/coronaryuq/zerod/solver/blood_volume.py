@@ -57,10 +57,9 @@ def _behind(block: Block, state: np.ndarray, resistance) -> np.ndarray:
 
 
 def _vessel(block, state, parameter):
-    flow = state[:, block.inlets[0]]
-    return parameter["C"] * _behind(
-        block, state, parameter["R_poiseuille"] + parameter["stenosis_coefficient"] * np.abs(flow)
-    )
+    flow, out = state[:, block.inlets[0]], state[:, block.outlets[0]]
+    resistance = parameter["R_poiseuille"] + parameter["stenosis_coefficient"] * np.abs(flow)
+    return parameter["C"] * (_behind(block, state, resistance) - parameter["R_wall"] * (flow - out))
 
 
 def _vessel_crl(block, state, parameter):

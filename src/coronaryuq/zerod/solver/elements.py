@@ -21,9 +21,11 @@ def blood_vessel(block: Block, at: Context, system: Assembly) -> None:
     """Write a vessel: resistance, stenosis and inertance in series, compliance behind the resistance.
 
     P_in − P_out − (R + S|Q_in|) Q_in − L dQ_out/dt = 0,  Q_in − Q_out − C dP_in/dt + C (R + 2S|Q_in|) dQ_in/dt = 0.
+    Our extension: a resistance R_wall in series with the compliance, which adds C R_wall d(Q_in − Q_out)/dt to the
+    second equation (Kelvin-Voigt); it is zero unless given in the network.
     """
     (momentum, mass), (p_in, q_in, p_out, q_out) = block.equations, block.variables
-    r, c, l, s = at.values(block, "R_poiseuille", "C", "L", "stenosis_coefficient")
+    r, c, l, s, wall = at.values(block, "R_poiseuille", "C", "L", "stenosis_coefficient", "R_wall")
     system.F(momentum, p_in, 1.0)
     system.F(momentum, q_in, -r)
     system.F(momentum, p_out, -1.0)
@@ -31,7 +33,8 @@ def blood_vessel(block: Block, at: Context, system: Assembly) -> None:
     system.F(mass, q_in, 1.0)
     system.F(mass, q_out, -1.0)
     system.E(mass, p_in, -c)
-    system.E(mass, q_in, c * r)
+    system.E(mass, q_in, c * (r + wall))
+    system.E(mass, q_out, -c * wall)
     system.quadratic(momentum, q_in, -s)
     system.quadratic_rate(mass, q_in, 2.0 * c * s)
 

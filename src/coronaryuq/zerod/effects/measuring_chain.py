@@ -1,0 +1,188 @@
+"""Between a blood vessel and the recording: delay, low-pass, resonance of a fluid-filled line."""
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.base import Effect, Parameter, Series, Values
+from coronaryuq.zerod.effects.sensors import EVERY_PRESSURE, NATIVE
+
+EVERY_FLOW = "every flow"
+MEASUREMENT_OF_FLOW = "Nichols et al., McDonald's Blood Flow in Arteries, 6th ed. (2011), measurement of flow"
+
+
+class _Chain(Effect):
+    """Base class of what acts on the waveforms of one instrument.
+
+    Sizes are in seconds, as those of a line, a filter or a trigger do not depend on the heart rate.
+    """
+
+    side = "measurement"
+    native = NATIVE
+    changes_shape = True
+    quantities: ClassVar[tuple[str, ...]] = ("pressure",)
+
+    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
+        waveforms = (s for s in observed if s.statistic == "waveform" and s.quantity in self.quantities)
+        return list(dict.fromkeys(s.location for s in waveforms))
+
+    def _covers(self, place: str, series: Series) -> bool:
+        return series.quantity in self.quantities and series.location == place
+
+
+class _Delay(_Chain):
+    """Pure delay: the waveform is read at an earlier time, which also keeps a jump between two time steps."""
+
+    def delay(self, place: str, sizes: Values, series: Series) -> np.ndarray:
+        affected = series.statistic == "waveform" and self._covers(place, series)
+        return np.asarray(sizes["delay"]) if affected else np.zeros(1)
+
+
+class LinearFilter(_Chain):
+    """Filter with a transfer function. Places: each waveform or, if one device reads several, all of its quantity.
+
+    Each harmonic of the simulated waveform is multiplied by the transfer function, which is the steady response to a
+    periodic beat: no transient, whatever the sampling of the measured waveform. The mean is unchanged.
+    """
+
+    @abstractmethod
+    def transfer(self, sizes: Values, frequency: np.ndarray) -> np.ndarray:
+        """Return the transfer function (n, k) at frequencies (k,), Hz, for sizes (n,); 1 at zero frequency."""
+
+    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
+        alone = super().places(anatomy, observed)
+        return [*alone, f"every {self.quantities[0]}"] if len(alone) > 1 else alone
+
+    def read(
+        self,
+        place: str,
+        sizes: Values,
+        series: Series,
+        wave: np.ndarray,
+        other: np.ndarray | None,
+        anatomy: Anatomy,
+    ) -> np.ndarray:
+        if series.statistic == "mean" or not self._covers(place, series):
+            return wave
+        points = wave.shape[1]
+        transfer = self.transfer(sizes, np.fft.rfftfreq(points, series.period / points))
+        return np.fft.irfft(np.fft.rfft(wave) * transfer, points)
+
+    def _covers(self, place: str, series: Series) -> bool:
+        return series.quantity in self.quantities and place in (series.location, f"every {series.quantity}")
+
+
+class _LowPass(LinearFilter):
+    def transfer(self, sizes: Values, frequency: np.ndarray) -> np.ndarray:
+        return 1.0 / (1.0 + 2j * np.pi * np.asarray(sizes["time_constant"])[:, None] * frequency)
+
+
+class PressureDelay(_Delay):
+    """Pressure read late, as through a fluid-filled line."""
+
+    name = "pressure_delay"
+    formula = "P_read(t) = P(t - d)"
+    source = "Gardner, Anesthesiology 54 (1981) 227"
+    signature = "one pressure waveform shifted in time in every condition"
+    parameters = (Parameter("delay", "s", "normal", 0.0, 0.03, "delay in seconds"),)
+
+
+class FlowDelay(_Delay):
+    """Flow read late, as through the filter of a probe or in images triggered on another signal."""
+
+    name = "flow_delay"
+    formula = "Q_read(t) = Q(t - d)"
+    source = MEASUREMENT_OF_FLOW
+    signature = "one flow waveform shifted in time in every condition"
+    quantities: ClassVar[tuple[str, ...]] = ("flow",)
+    parameters = (Parameter("delay", "s", "normal", 0.0, 0.03, "delay in seconds"),)
+
+
+class TriggerDelay(_Delay):
+    """Delay common to the waveforms of several places: another trigger, or another start of the beat than modelled.
+
+    Places: all waveforms, or all of one quantity, as from an imaging device when a pressure drives the model.
+    """
+
+    name = "trigger_delay"
+    formula = "X_read(t) = X(t - d) for every waveform X of one device"
+    source = MEASUREMENT_OF_FLOW
+    signature = "several waveforms shifted by the same time in every condition"
+    parameters = (Parameter("delay", "s", "normal", 0.0, 0.1, "delay in seconds"),)
+    quantities_of: ClassVar[dict[str, tuple[str, ...]]] = {
+        "every waveform": ("pressure", "flow", "volume"),
+        EVERY_PRESSURE: ("pressure",),
+        EVERY_FLOW: ("flow",),
+    }
+
+    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
+        triggered: dict[tuple, str] = {}
+        for place in self.quantities_of:
+            shifted = {
+                (s.quantity, s.location) for s in observed if s.statistic == "waveform" and self._covers(place, s)
+            }
+            # A delay of a single waveform is left to its own sensor. Two names for the same waveforms are one place.
+            if len(shifted) > 1:
+                triggered[tuple(sorted(shifted))] = place
+        return list(triggered.values())
+
+    def _covers(self, place: str, series: Series) -> bool:
+        return series.quantity in self.quantities_of[place]
+
+
+class PressureLowPass(_LowPass):
+    """Pressure smoothed by an overdamped line or an amplifier's filter."""
+
+    name = "pressure_low_pass"
+    formula = "tau dP_read/dt + P_read = P: H(f) = 1 / (1 + 2 pi i f tau)"
+    source = "Gardner, Anesthesiology 54 (1981) 227 (overdamped lines)"
+    signature = (
+        "one pressure, or every pressure, smoothed and late in every condition: its pulse smaller, its mean right"
+    )
+    parameters = (Parameter("time_constant", "s", "lognormal", 0.015, 0.7, "time constant in seconds"),)
+
+
+class FlowLowPass(_LowPass):
+    """Flow smoothed by the filter of a probe.
+
+    Gessner & Bergel measured phase lags of 3.6 to 4.9 degrees per Hz, as of time constants of 10 to 14 ms.
+    """
+
+    name = "flow_low_pass"
+    formula = "tau dQ_read/dt + Q_read = Q: H(f) = 1 / (1 + 2 pi i f tau)"
+    source = "Gessner & Bergel, J. Appl. Physiol. 19 (1964) 1209 (frequency response of flowmeters)"
+    signature = "one flow, or every flow, smoothed and late in every condition: its pulse smaller, its mean right"
+    quantities: ClassVar[tuple[str, ...]] = ("flow",)
+    parameters = (Parameter("time_constant", "s", "lognormal", 0.015, 0.7, "time constant in seconds"),)
+
+
+class CatheterResonance(LinearFilter):
+    """Resonance of a fluid-filled catheter and its transducer, a damped oscillator.
+
+    Gardner's catheters have 10 to 20 Hz and damping ratios of 0.15 to 0.4. The first size is the period, which
+    vanishes with the effect; it is reported as a frequency.
+    """
+
+    name = "catheter_resonance"
+    formula = "H(f) = 1 / (1 - (f T)^2 + 2 i zeta f T), T = 1 / f_n the natural period"
+    source = "Gardner, Anesthesiology 54 (1981) 227"
+    signature = "one pressure, or every pressure, overshoots after each steep change and rings; its mean is right"
+    parameters = (
+        Parameter("natural_period", "s", "lognormal", 0.07, 0.35, "natural period in seconds"),
+        Parameter("damping", "1", "lognormal", 0.25, 0.4, "damping ratio"),
+    )
+
+    def transfer(self, sizes: Values, frequency: np.ndarray) -> np.ndarray:
+        ratio = np.asarray(sizes["natural_period"])[:, None] * frequency
+        return 1.0 / (1.0 - ratio**2 + 2j * np.asarray(sizes["damping"])[:, None] * ratio)
+
+    def describe(self, parameter: Parameter, size: float, anatomy: Anatomy) -> tuple[str, float]:
+        if parameter.name == "natural_period":
+            return "natural frequency in Hz", 1.0 / size
+        return super().describe(parameter, size, anatomy)
+
+    def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:
+        return {"natural frequency, Hz": 1.0 / sizes["natural_period"], "damping ratio": sizes["damping"]}
