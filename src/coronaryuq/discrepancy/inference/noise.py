@@ -26,7 +26,7 @@ CORRELATIONS = (0.2, 0.35, 0.5, 0.6, 0.7, 0.8)
 """Correlations of successive samples that are compared with none; noise that lasts longer is an offset or a drift."""
 AS_STATED, OTHER, CORRELATED = 0.6, 0.2, 0.2
 """Prior probabilities of noise as stated, of another scale, and correlated."""
-LARGER_BY, SMALLER_BY = 0.3, 0.1
+LARGER_BY, SMALLER_BY = 1.0, 0.1
 """Prior means of the size of the log of a scale above and below 1 (Laplace): noise is understated rather than
 overstated, and beyond the first harmonics a smaller scale looks like a longer correlation."""
 SMOOTH = 2.0
