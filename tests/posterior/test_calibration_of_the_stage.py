@@ -57,14 +57,14 @@ SHORT = Settings(
 )  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_simulation_based_calibration(tmp_path, capsys):
     """Truth from the prior, data from the model and its noise: ranks are uniform (Talts et al. 2018; Modrak 2023)."""
     p = uniformity(ranks_of_truth(80, SHORT, tmp_path), 12)
     assert np.all(p > 1e-3 / len(p)), p
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_calibration_notices_a_wrong_covariance(tmp_path, capsys):
     """The same ranks are far from uniform when the stage believes the noise to be twice as large."""
     ranks = []

@@ -138,7 +138,9 @@ def test_samples_extend_without_changing(campaign, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "before", "after"), [(DELAYED, None, None), (SMALL, 3, 2)])
+@pytest.mark.parametrize(
+    ("kind", "before", "after"), [(DELAYED, None, None), pytest.param(SMALL, 3, 2, marks=pytest.mark.long)]
+)
 def test_killed_run_continues_to_the_same_bits(campaign, tmp_path, kind, before, after):
     """SIGKILL to every process of the job soon after its first checkpoint; more ranks or fewer carry on."""
     settings = kind.model_copy(deep=True)

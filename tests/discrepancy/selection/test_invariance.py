@@ -106,20 +106,16 @@ def same(folder: Path, case: Case) -> None:
         (folder / "conditions.yaml").write_text(conditions)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("case", CASES[:2], ids=lambda case: case.label)
+@pytest.mark.long
+@pytest.mark.parametrize("case", [*CASES, *MORE], ids=lambda case: case.label)
 def test_the_answer_is_the_same(case, tmp_path):
     same(tmp_path, case)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("case", [*CASES[2:], *MORE], ids=lambda case: case.label)
-def test_the_answer_is_the_same_in_more_cases(case, tmp_path):
-    same(tmp_path, case)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("effects", [(), ("quadratic_stenosis",)], ids=["nothing", "stenosis"])
+@pytest.mark.parametrize(
+    "effects", [(), pytest.param(("quadratic_stenosis",), marks=pytest.mark.long)], ids=["nothing", "stenosis"]
+)
 def test_understated_and_lasting_noise_together_are_seen(effects, tmp_path):
     """Standard deviations of two thirds of the true ones, and a correlation of 0.7 of successive samples."""
     truth, _ = hide(Case(effects, "medium", "correlated", 100), open_loop(), tmp_path)

@@ -16,7 +16,7 @@ from coronaryuq.zerod.network.read import read_network
 
 RECORDINGS = Path(__file__).parents[4] / "shared" / "data" / "perfused-heart"
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.long,
     pytest.mark.skipif(not RECORDINGS.is_dir(), reason=f"{RECORDINGS} is not there"),
 ]
 
