@@ -30,5 +30,5 @@ def test_a_case_that_ran_again_is_counted_once(script):
     assert one["cpu_s"] == 3.14 and "covered" not in one and "found" not in one
     again = script.kept(LEAK | {"placed": True}, "open loop")
     assert script.merged([one], [again]) == [again]
-    others = [script.kept(LEAK, "22 outlets"), script.kept(LEAK | {"seed": 2}, "open loop")]
+    others = [script.kept(LEAK, "bundled patient"), script.kept(LEAK | {"seed": 2}, "open loop")]
     assert len(script.merged([one], others)) == 3
