@@ -34,7 +34,7 @@ PAGE = DOCS / "evidence" / "discrepancy-benchmark.md"
 PICTURE = DOCS / "pictures" / "discrepancy-benchmark.png"
 NETWORKS = ("open loop", "bundled patient")
 KEPT = "network effect strength noise seed places visible first classes named placed alarmed abstained covered before "
-KEPT += "after oracle gap_closed_over_oracle worse foretold helped probability made_by cpu_s cpu_s_made skipped redrawn"
+KEPT += "after oracle gap_closed_over_oracle worse held_out_p probability made_by cpu_s cpu_s_made skipped redrawn"
 KEPT = KEPT.split()
 DIGITS = {
     "visible": 3,

@@ -1,8 +1,8 @@
-"""The decision rule: every threshold by which the search for a missing effect tests, compares, accepts and abstains.
+"""The decision rule: thresholds and prior probabilities by which the search for a missing effect tests and names.
 
-Values were set by looking at the benchmark's cases and at two animals' recordings. Their table, and the answers with
-other values, are in docs/explanation/discrepancy-method.md. Numerical constants such as finite-difference steps are
-defined where they are used.
+Values were set by looking at the benchmark's cases and at two animals' recordings; their table is in
+docs/explanation/discrepancy-method.md. Priors of the errors of model, vessels and noise are defined in
+`inference.flexible`, `inference.vessel_errors` and `inference.noise`, numerical constants where they are used.
 """
 
 from dataclasses import dataclass, field, fields

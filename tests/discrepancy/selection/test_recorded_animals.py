@@ -52,7 +52,7 @@ def test_the_order_of_conditions_decides_nothing(tmp_path):
 
 @pytest.mark.parametrize("animal", ["DSEA08", "DSEA10"])
 def test_a_vessel_and_a_bed_lack_more_than_the_library_has(animal, tmp_path):
-    """Compression of the bed explains much, beside any error; but what remains is no error of a right model."""
+    """Compression of the bed explains much of the misfit; the rest is larger than the error of a correct model."""
     prepare_case(RECORDINGS, animal, tmp_path, None, False)
     found = searched(tmp_path)
     assert found.answer.given == OTHER and found.answer.support > 20.0

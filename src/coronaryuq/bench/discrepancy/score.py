@@ -50,7 +50,7 @@ def scored(truth: make_case.Truth, answer: Discovery) -> dict:
         "remaining": answer.remaining.p,
         "noise_taken": {quantity: vars(noise) for quantity, noise in answer.noise.items()},
         "varying": max((one.log_odds for one in answer.answer.constancies), default=None),
-        "foretold": answer.held_out_p,
+        "held_out_p": answer.held_out_p,
         "probabilities": answer.answer.probabilities,
         "forms": answer.answer.forms,
         "tested": answer.alarm,

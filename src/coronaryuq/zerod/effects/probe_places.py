@@ -1,5 +1,6 @@
 """Probes that read at other places than stated: misplaced, or with their channels exchanged."""
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from itertools import combinations
 from typing import ClassVar
@@ -52,9 +53,9 @@ class _Misplaced(_ReadsElsewhere):
             return None
         return self._neighbours(location, anatomy)[vessel]
 
+    @abstractmethod
     def _neighbours(self, location: str, anatomy: Anatomy) -> dict[str, str]:
         """Return neighbouring vessel → the location there that the probe would read."""
-        raise NotImplementedError
 
 
 class MisplacedPressure(_Misplaced):
