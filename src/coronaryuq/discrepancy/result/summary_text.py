@@ -90,7 +90,7 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
     gaps, best, forms = answer["held_out"], answer["facts"]["best"], answer["facts"]["answer"]
     one = len(best) == 1
     probability = f"probability {forms['probabilities'][OTHER]:.2f}"
-    start = f"Something else than an effect of the library is missing ({probability})"
+    start = f"Something other than an effect of the library is missing ({probability})"
     if not best:
         return f"{start}: {_shape_text(gaps)}"
     labels = listed([_label(effect) for effect in best])
@@ -129,7 +129,7 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
             f"{candidate}, {labels}, {'leaves' if one else 'leave'} a misfit that {'its' if one else 'their'} law does "
             f"not have (probability of the name{'' if one else 's'} {forms['probabilities'][NAMES]:.2f}); "
             f"to a flexible error {'it adds' if one else 'they add'} {forms['support_nats']:.0f} nats of evidence. "
-            f"{_shape_text(gaps)} {change}"
+            f"{_capitalised(_shape_text(gaps))} {change}"
         )
     return f"{start}: {reason}"
 
