@@ -8,11 +8,17 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.discrepancy.settings import Settings
 
 
-def searches(**settings):
-    return Searches(Settings(**settings), Paths("x"), tuned="results/x/calibration/rest.json")
+def searches(bundled=True, **settings):
+    return Searches(Settings(**settings), Paths("x"), "results/x/calibration/rest.json", bundled)
 
 
-def test_without_inputs_an_effect_is_hidden():
+def test_nothing_is_hidden_in_the_loop_of_a_patient():
+    assert searches(bundled=False).names == [] and searches(bundled=False, in_report=True).answers == []
+    with pytest.raises(InputError, match="nothing to search: name measurements"):
+        searches(bundled=False).required()
+
+
+def test_without_inputs_an_effect_is_hidden_in_the_bundled_loop():
     hidden = searches()
     assert hidden.names == ["hidden"] and hidden.answers == ["results/x/discrepancy/hidden/found/discrepancy.json"]
     assert hidden.tables["hidden", "gap"] == "results/x/discrepancy/hidden/known/gap.csv"

@@ -8,7 +8,7 @@ import pytest
 
 from coronaryuq.cli.main import main
 from coronaryuq.core.errors import InputError
-from support.case_files import small_tree, write_case
+from support.case_files import add_measurements, small_tree, write_case
 
 CONFIG = Path(__file__).parents[2] / "config"
 
@@ -77,3 +77,16 @@ def test_the_json_holds_the_case_and_the_first_fault(configuration, capsys):
     found = json.loads(capsys.readouterr().out)
     assert not found["sound"] and found["error"]["field"] == "seed" and found["error"]["value"] == "-1"
     assert found["configuration"] is None and found["case"] is None
+
+
+def test_measurements_of_a_case_are_read_with_its_network(configuration, capsys):
+    add_measurements(Path("given/case.yaml"))
+    assert main(["check", "given/case.yaml"]) == 0
+    assert "measurements: 2 series under rest, stress (held out)" in capsys.readouterr().out
+    table = Path("given/measured.csv")
+    table.write_text(table.read_text().replace("lca1:BC_lca1", "lca1:BC_lca9"))
+    assert main(["check", configuration("name: mine\ncase: given/case.yaml\n")]) == InputError.EXIT_CODE
+    assert "the model has no such pressure location; similar: lca1:BC_lca1" in capsys.readouterr().err
+    table.unlink()
+    assert main(["check", "given/case.yaml"]) == InputError.EXIT_CODE
+    assert "measurements.file = 'measured.csv': no such file" in capsys.readouterr().err

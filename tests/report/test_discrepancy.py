@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from coronaryuq.report.discrepancy import write_page
+from coronaryuq.report.discrepancy import title, write_page
 
 LOSS = {"effect": "loss", "place": "lad", "probability": 0.4}
 FRICTION = {"effect": "friction", "place": "lad", "probability": 0.59}
@@ -46,3 +46,11 @@ def test_the_probability_of_a_class_and_of_its_member_are_shown(cells, answer, t
 def test_sizes_of_a_table_model_have_their_intervals(cells):
     text = "0.27 (0.24 to 0.29) of the root pressure, quadratic 4.01 (3.5 to 4.5) mmHg s2/mL2"
     assert cells(PAIRS | LOSS | {"class": [LOSS]})[3] == text
+
+
+@pytest.mark.parametrize(
+    ("invented", "heading"),
+    [([True], "Self-test of the search"), ([False], "Missing effects"), ([True, False], "Missing effects")],
+)
+def test_invented_effects_are_not_headed_as_missing_ones(invented, heading):
+    assert title([{"invented": one} for one in invented]) == heading

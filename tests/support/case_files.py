@@ -70,6 +70,20 @@ def write_case(folder: Path, tree: Tree, **changes: str) -> Path:
     return path
 
 
+def add_measurements(case_yaml: Path) -> None:
+    """Add a pressure at rest and under hyperaemia to a case of `small_tree`."""
+    (case_yaml.parent / "measured.csv").write_text(
+        "condition,quantity,location,statistic,time,value,sd,unit\n"
+        "rest,pressure,lca1:BC_lca1,mean,,88,1.5,mmHg\n"
+        "stress,pressure,lca1:BC_lca1,mean,,80,1.5,mmHg\n"
+    )
+    (case_yaml.parent / "conditions.yaml").write_text(
+        "rest:\nstress: {coronary_resistance_scale: 0.24, held_out: true}\n"
+    )
+    with case_yaml.open("a") as file:
+        file.write("measurements: {file: measured.csv, conditions: conditions.yaml}\n")
+
+
 def outlet(name: str = "lca1", **values) -> dict:
     """An outlet of `case.json`; `values` replace its defaults."""
     return {

@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+from support.case_files import add_measurements
 from support.checkout import Checkout
 
 pytestmark = pytest.mark.workflow
@@ -192,6 +193,30 @@ def test_a_search_in_the_report_is_part_of_the_campaign(checkout):
     settings = changed(checkout, discrepancy={"in_report": True})
     assert {"discrepancy_hidden", "discrepancy_search", "report"} <= set(checkout.dry_run(settings=settings))
     assert "discrepancy_search" not in checkout.dry_run()
+
+
+def test_a_patient_without_measurements_gets_no_invented_effect(checkout):
+    case = checkout.small_case()
+    settings = changed(checkout, case=case, discrepancy={"in_report": True})
+    jobs = checkout.dry_run(settings=settings)
+    assert "report" in jobs and not [job for job in jobs if job.startswith("discrepancy")]
+    done = checkout.run("discrepancy", settings=settings)
+    assert done.returncode == 2 and "discrepancy.measurements: nothing to search" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_the_measurements_of_a_case_are_searched_by_its_campaign(checkout):
+    settings = changed(checkout, case=checkout.small_case())
+    add_measurements(checkout.folder / "given" / "case.yaml")
+    jobs = checkout.dry_run(settings=settings)
+    assert jobs["discrepancy_search"] == 1 and "discrepancy_hidden" not in jobs
+    assert "discrepancy_search" not in checkout.dry_run(settings=settings | {"discrepancy": {"in_report": False}})
+    checkout.settings = settings
+    checkout.pretend_done()
+    with (checkout.folder / "given" / "measured.csv").open("a") as table:
+        table.write("rest,pressure,lca2:BC_lca2,mean,,87,1.5,mmHg\n")
+    again = set(checkout.dry_run())
+    assert again == {"discrepancy_search", "discrepancy_figure", "report", "all"}, "nothing else depends on them"
 
 
 def test_a_benchmark_has_a_job_per_network_and_seed_and_more_seeds_are_only_more(checkout):

@@ -30,7 +30,8 @@ try:
     campaign, paths = given.campaign, Paths(given.campaign.name)
     results, log_of, cost_of = paths.results, paths.log, paths.cost
     targets = Targets(campaign)
-    searches = Searches(campaign.discrepancy, paths, tuned=results("calibration", "rest.json"))
+    tuned = results("calibration", "rest.json")
+    searches = Searches(campaign.discrepancy, paths, tuned, campaign.case == "bundled", given.measurements)
     searches.check()
     start.announce(campaign, workflow.main_snakefile)
 except InputError as error:
@@ -169,6 +170,6 @@ def costs_of_campaign(wildcards):
         *expand(cost_of("zerod/propagation_{k}.json"), k=ks["zerod_propagation"]),
         *expand(cost_of("zerod/resampled_{k}.json"), k=targets.shares),
         *expand(
-            cost_of("discrepancy_search_{case}.json"), case=searches.cases if campaign.discrepancy.in_report else []
+            cost_of("discrepancy_search_{case}.json"), case=searches.cases if searches.in_report else []
         ),
     ]

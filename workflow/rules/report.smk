@@ -23,7 +23,7 @@ rule figures:
     """All figures of the campaign."""
     input:
         expand(rules.figure.output.figure, figure=figures),
-        searches.figures if campaign.discrepancy.in_report else [],
+        searches.figures if searches.in_report else [],
 
 
 rule report:
@@ -41,9 +41,9 @@ rule report:
         budget=rules.budget.output.out_json,
         figures=expand(rules.figure.output.figure, figure=figures),
         costs=costs_of_campaign,
-        answers=searches.answers if campaign.discrepancy.in_report else [],
-        drawn=searches.figures if campaign.discrepancy.in_report else [],
-        truths=TRUTHS if campaign.discrepancy.in_report else [],
+        answers=searches.answers if searches.in_report else [],
+        drawn=searches.figures if searches.in_report else [],
+        truths=TRUTHS if searches.in_report else [],
     output:
         report=results("report.html"),
     log:

@@ -26,15 +26,20 @@ PAIRS_TABLES = {"pairs": "pairs", "pairs_gap": "pairs", "pairs_effects": "effect
 class Searches:
     """Searches of one campaign.
 
-    The cases are the files in the settings, recorded animals and pairs of simulated and measured outputs; if there are
-    none, an effect is hidden in the campaign's tuned loop.
+    The cases are the measurements in the settings or else those of the patient's case, recorded animals, and pairs of
+    simulated and measured outputs. If there are none, the bundled patient's campaign tests the search itself: an effect
+    is hidden in its tuned loop. In a loop of anyone else nothing is hidden, because an invented effect must not be read
+    as one of that patient.
 
-    settings: block `discrepancy`; paths: of the campaign; tuned: the campaign's tuned loop at rest.
+    settings: block `discrepancy`; paths: of the campaign; tuned: the campaign's tuned loop at rest; bundled: whether
+    its case is the bundled patient; measured: table of measurements and conditions of the case.
     """
 
     settings: Settings
     paths: Paths
     tuned: str
+    bundled: bool
+    measured: tuple[str, str] | None = None
 
     def made(self, case: str) -> dict[str, str]:
         """Return the files of a case that a rule writes."""
@@ -49,18 +54,45 @@ class Searches:
             for animal in settings.animals
         }
         if settings.measurements and settings.conditions:
+            measured: tuple[str, str] | None = (settings.measurements, settings.conditions)
+        else:
+            measured = None if settings.pairs or settings.animals else self.measured
+        if measured:
+            table, conditions = measured
             cases["case"] = {
                 "model": settings.model or self.tuned,
-                "measurements": settings.measurements,
-                "conditions": settings.conditions,
-                "drives": drive_paths(settings.conditions),
+                "measurements": table,
+                "conditions": conditions,
+                "drives": drive_paths(conditions),
             }
-        return cases or ({} if settings.pairs else {"hidden": self.made("hidden")})
+        return cases or ({"hidden": self.made("hidden")} if self.bundled and not settings.pairs else {})
+
+    @property
+    def in_report(self) -> bool:
+        """Whether the searches are part of the campaign and its report: by default if the case has measurements."""
+        wanted = self.settings.in_report
+        return bool(self.names) and ("case" in self.cases if wanted is None else wanted)
 
     @cached_property
     def names(self) -> list[str]:
         """Names of all cases, a table model among them."""
         return [*self.cases, *(["pairs"] if self.settings.pairs else [])]
+
+    def required(self) -> list[str]:
+        """Return the answers for a page of searches.
+
+        Raises
+        ------
+        InputError
+            If there is nothing to search.
+        """
+        if not self.names:
+            remedy = (
+                "nothing to search: name measurements and conditions here or in the case, recordings or pairs "
+                "(an effect is hidden in the bundled patient's loop only)"
+            )
+            raise InputError("configuration", "discrepancy.measurements", None, remedy)
+        return self.answers
 
     @cached_property
     def answers(self) -> list[str]:

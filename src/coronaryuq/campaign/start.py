@@ -13,7 +13,7 @@ import yaml
 
 from coronaryuq import config
 from coronaryuq.campaign import explain
-from coronaryuq.case.description.dependencies import files_named, lumen
+from coronaryuq.case.description.dependencies import files_named, lumen, measurements
 from coronaryuq.case.description.fields import read_description
 from coronaryuq.config import Campaign
 from coronaryuq.core import shipped
@@ -27,11 +27,15 @@ _taken: list[AbstractContextManager] = []
 
 @dataclass(frozen=True)
 class Given:
-    """A campaign's configuration, the files of its case, and its lumen if that is meshed directly."""
+    """A campaign's configuration, the files of its case, its lumen if that is meshed directly, and its measurements.
+
+    measurements: the table and the file of conditions.
+    """
 
     campaign: Campaign
     named: list[Path]
     lumen: str | None
+    measurements: tuple[str, str] | None
 
 
 def read_campaign(settings: dict[str, Any], configfiles: Sequence[str], default: Path) -> Given:
@@ -58,10 +62,11 @@ def read_campaign(settings: dict[str, Any], configfiles: Sequence[str], default:
         if meshed_as_it_is:
             remedy = "the bundled patient has centrelines only; choose another domain"
             raise InputError("configuration", "mesh.domain", "lumen", remedy)
-        return Given(campaign, [], None)
+        return Given(campaign, [], None, None)
     description = read_description(Path(campaign.case))
     surface = lumen(campaign.case, description).as_posix() if meshed_as_it_is else None
-    return Given(campaign, files_named(campaign.case, description), surface)
+    measured = measurements(campaign.case, description)
+    return Given(campaign, files_named(campaign.case, description), surface, measured)
 
 
 def announce(campaign: Campaign, snakefile: str) -> None:

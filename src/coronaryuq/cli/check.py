@@ -14,11 +14,15 @@ from coronaryuq.campaign.searches import Searches
 from coronaryuq.campaign.targets import Targets
 from coronaryuq.case.assembly import AssembledCase, assemble
 from coronaryuq.case.check import describe
+from coronaryuq.case.description.dependencies import measurements
 from coronaryuq.case.description.fields import Description
 from coronaryuq.case.description.yaml_file import read_yaml
 from coronaryuq.case.settings import Settings
 from coronaryuq.config import EXPECTED, Campaign
 from coronaryuq.core.errors import InputError
+from coronaryuq.discrepancy.data.conditions import read_conditions
+from coronaryuq.discrepancy.data.measurements import measured_conditions
+from coronaryuq.discrepancy.inference.read_problem import read_series
 from coronaryuq.posterior.settings import Settings as PosteriorSettings
 
 NEITHER = (
@@ -101,6 +105,12 @@ def kind_of(values: dict[str, Any]) -> Literal["case", "configuration"]:
 def _check_case(found: Checked, path: str | Path, settings: Settings) -> None:
     found.case = assemble(path, settings)
     found.lines += describe(found.case)
+    if named := measurements(path, found.case.description):
+        table, file = named
+        conditions = read_conditions(file)
+        series = read_series(found.case.network, table, conditions, file)
+        states = [f"{name} (held out)" if conditions[name].held_out else name for name in measured_conditions(series)]
+        found.lines.append(f"measurements: {len(series)} series under {', '.join(states)}")
 
 
 def _length(posterior: PosteriorSettings) -> str:
@@ -112,7 +122,8 @@ def _length(posterior: PosteriorSettings) -> str:
 def _check_configuration(found: Checked, values: dict[str, Any]) -> None:
     if not values:
         raise InputError(found.file, None, None, EXPECTED)
-    found.campaign = campaign = start.read_campaign(values, [str(found.file)], found.file).campaign
+    given = start.read_campaign(values, [str(found.file)], found.file)
+    found.campaign = campaign = given.campaign
     targets, paths = Targets(campaign), Paths(campaign.name)
     found.lines += [
         f"{found.file}: the configuration of a campaign, whose results are in {paths.results()}",
@@ -124,10 +135,14 @@ def _check_configuration(found: Checked, values: dict[str, Any]) -> None:
     ]
     changed = [f"{name}: {value}" for name, value in _changed(campaign) if name != "name"]
     found.lines.append(f"settings other than the defaults: {', '.join(changed) or 'none'}")
-    Searches(campaign.discrepancy, paths, tuned=paths.results("calibration", "rest.json")).check()
+    tuned, bundled = paths.results("calibration", "rest.json"), campaign.case == "bundled"
+    searches = Searches(campaign.discrepancy, paths, tuned, bundled, given.measurements)
+    searches.check()
+    if campaign.discrepancy.in_report and not searches.names:
+        found.lines.append("note: discrepancy.in_report has no effect without measurements of this patient")
     if campaign.paper_data and not Path(campaign.paper_data).is_dir():
         found.lines.append(f"note: paper_data = {campaign.paper_data} is not there; only the targets paper_* need it")
-    if campaign.case == "bundled":
+    if bundled:
         found.lines.append("case: the bundled patient")
     else:
         found.lines.append(f"case: {campaign.case}")

@@ -63,8 +63,8 @@ class Settings(BaseModel):
     )
     measurements: str | None = Field(
         None,
-        description="Measurement table; if omitted, synthetic data are generated from the tuned loop with "
-        "`hidden_effect` in it.",
+        description="Measurement table; if omitted, that of the case. Without one, an effect is hidden in the bundled "
+        "patient's loop to test the search; nothing is hidden for any other patient.",
     )
     conditions: str | None = Field(None, description="Conditions file for `measurements`.")
     pairs: tuple[str, str] | None = Field(
@@ -88,10 +88,14 @@ class Settings(BaseModel):
         description="Calibrate the shape of the bed of `recordings`, and a stenosis of unknown severity in each "
         "condition named `...sten...`.",
     )
-    in_report: bool = Field(False, description="Include the search in the campaign and its report.")
+    in_report: bool | None = Field(
+        None,
+        description="Include the search in the campaign and its report; default: if there are measurements of the "
+        "patient.",
+    )
     benchmark: Benchmark = Field(default_factory=Benchmark, description="Benchmark on hidden effects.")
     hidden_effect: EffectName = Field(
-        "quadratic_stenosis", description="Effect to hide in the synthetic data if no measurements are given."
+        "quadratic_stenosis", description="Effect to hide in the bundled patient's loop if no measurements are given."
     )
     hidden_size: float = Field(1.0, description="Size of the hidden effect, in prior standard deviations.")
     pressure_unit: Literal["auto", "dyn/cm2", "mmHg", "Pa", "kPa"] = Field(

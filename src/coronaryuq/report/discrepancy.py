@@ -25,9 +25,11 @@ CAPTIONS = {
     "pairs_gap": "Error of FFR on held-out samples, with 90 % intervals over samples.",
     "pairs_effects": "Probability that each effect is part of the pressure-loss law of a branch.",
 }
+INVENTED = "hidden"
+"""The case whose measurements are invented, to test the search."""
 TITLES = {
     "pairs": "Pairs of simulated and measured outputs",
-    "hidden": "An effect hidden in the tuned loop",
+    INVENTED: "Self-test: an invented effect, hidden in the bundled patient's loop",
 }
 SHOWN = 6
 """Maximum number of misfits listed."""
@@ -92,12 +94,18 @@ def searches(answers: Sequence[str], figures: Sequence[str], truths: Sequence[st
     return [_search(path, of_case(figures, path), of_case(truths, path)) for path in answers]
 
 
+def title(found: Sequence[dict]) -> str:
+    """Return the heading of some searches, which must not present an invented effect as one of the patient."""
+    return "Self-test of the search" if found and all(search["invented"] for search in found) else "Missing effects"
+
+
 def _search(path: str, figures: list[str], truths: list[str]) -> dict:
     answer = read_json(path)
     pairs, truth_files = "gap_unit" in answer, {Path(file).stem: file for file in truths}
     order = {name: number for number, name in enumerate(CAPTIONS)}
     return {
         "title": TITLES.get("pairs" if pairs else case_of(path), case_of(path)),
+        "invented": case_of(path) == INVENTED,
         "paragraph": answer["paragraph"] if pairs else paragraph(answer),
         "truth": _verdict(read_json(truth_files["truth"]), answer["named"]) if "truth" in truth_files else "",
         "named": [_named(effect) for effect in answer["named"]],
@@ -119,9 +127,9 @@ def _verdict(truth: dict, named: list[dict]) -> str:
     effect, place = truth["effect"], truth["place"]
     sizes = ", ".join(f"{name} {value:.3g}" for name, value in truth["sizes"].items())
     hidden = (
-        f"This case is synthetic: {effect.replace('_', ' ')} at {place} ({sizes}) was hidden in the data. Its signal "
-        f"after recalibration is {truth['visible_sd']:.0f} standard deviations of the noise. The search used only the "
-        "model without the effect, the measurements and their conditions."
+        f"These measurements are invented: {effect.replace('_', ' ')} at {place} ({sizes}) was hidden in them. Its "
+        f"signal after recalibration is {truth['visible_sd']:.0f} standard deviations of the noise. The search used "
+        "only the model without the effect, the measurements and their conditions."
     )
     classes = [[(member["effect"], member["place"]) for member in answer["class"]] for answer in named]
     found = True

@@ -9,6 +9,7 @@ from coronaryuq.core.errors import InputError
 def files_named(path: str | Path, description: Description) -> list[Path]:
     """Return every file and folder that the case at `path` refers to."""
     named: list[str | None] = [description.network, description.outlets, description.targets]
+    # Measurements are missing here: the case does not depend on them, only the search does.
     if description.anatomy is not None:
         named.append(description.anatomy.path)
     if description.territory_flows is not None:
@@ -19,6 +20,24 @@ def files_named(path: str | Path, description: Description) -> list[Path]:
         if perfusion.registration is not None:
             named += [perfusion.registration.fixed, perfusion.registration.moving]
     return [Path(path).parent / name for name in named if name]
+
+
+def measurements(path: str | Path, description: Description) -> tuple[str, str] | None:
+    """Return the measurement table and the conditions file of the case at `path`, None if it has none.
+
+    Raises
+    ------
+    InputError
+        If a file does not exist.
+    """
+    given = description.measurements
+    if given is None:
+        return None
+    for field in ("file", "conditions"):
+        if not (Path(path).parent / getattr(given, field)).is_file():
+            raise InputError(path, f"measurements.{field}", getattr(given, field), "no such file")
+    folder = Path(path).parent
+    return (folder / given.file).as_posix(), (folder / given.conditions).as_posix()
 
 
 def lumen(path: str | Path, description: Description) -> Path:

@@ -162,6 +162,18 @@ class StenosisPlace(_Model):
         return self
 
 
+class Measurements(_Model):
+    """Measurements of the patient's circulation, in which the campaign searches for effects that the model misses."""
+
+    file: str = Field(
+        description="CSV of condition, quantity, location, statistic, time, value, sd, unit; see the guide on missing "
+        "effects."
+    )
+    conditions: str = Field(
+        description="YAML of the conditions under which they were taken, and what each changes in the network."
+    )
+
+
 class SystemicOutlet(_Model):
     """An outlet of the aorta, which ends in a Windkessel."""
 
@@ -198,6 +210,9 @@ class Description(_Model):
     )
     targets: str | None = Field(
         None, description="Clinical targets: CSV of name, description and value (or none), or the same in YAML."
+    )
+    measurements: Measurements | None = Field(
+        None, description="Measurements in which to search for effects that the model misses."
     )
     period: float | None = Field(
         None, gt=0.2, lt=3, description="Cardiac period, s; default: that of the network, or 1.0."
@@ -290,6 +305,7 @@ def _model_at(where: list[str]) -> type[BaseModel]:
     model: Any = Description
     inside = {"anatomy": Anatomy, "perfusion": Perfusion, "label": Label, "registration": Registration}
     inside |= {"territory_flows": TerritoryFlows, "stenoses": StenosisPlace, "systemic_outlets": SystemicOutlet}
+    inside |= {"measurements": Measurements}
     for part in where:
         model = inside.get(part, model)
     return model

@@ -8,6 +8,7 @@ from coronaryuq.case.description.fields import (
     Anatomy,
     Description,
     Label,
+    Measurements,
     Perfusion,
     Registration,
     StenosisPlace,
@@ -24,6 +25,7 @@ BLOCKS: dict[str, type[BaseModel]] = {
     "territory_flows": TerritoryFlows,
     "stenoses": StenosisPlace,
     "systemic_outlets": SystemicOutlet,
+    "measurements": Measurements,
 }
 
 

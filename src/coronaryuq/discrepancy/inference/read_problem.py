@@ -83,6 +83,15 @@ def check_searchable(network: Network, file: str | Path) -> None:
                 raise InputError(file, f"{part}.{key}", block[key], f"expected a name without {' '.join(MARKS)}")
 
 
+def read_series(
+    network: Network, measurements: str | Path, conditions: dict[str, Condition], file: str | Path
+) -> list[Measured]:
+    """Check measurements and conditions against the network, without running it. `file`: the conditions file."""
+    networks = {name: apply_condition(network, condition, file) for name, condition in conditions.items()}
+    periods = {name: period_of(changed) for name, changed in networks.items()}
+    return read_measurements(measurements, conditions, locations(network), periods)
+
+
 def read_problem(
     network: Network, measurements: str | Path, conditions: dict[str, Condition], file: str | Path, settings: Settings
 ) -> Problem:
@@ -90,9 +99,7 @@ def read_problem(
 
     Raises `InputError`: see `read_measurements`; also when every measured condition is held out.
     """
-    networks = {name: apply_condition(network, condition, file) for name, condition in conditions.items()}
-    periods = {name: period_of(changed) for name, changed in networks.items()}
-    measured = read_measurements(measurements, conditions, locations(network), periods)
+    measured = read_series(network, measurements, conditions, file)
     used = measured_conditions(measured)
     held = [name for name in used if conditions[name].held_out]
     if len(held) == len(used):
