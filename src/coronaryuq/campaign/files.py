@@ -36,8 +36,9 @@ KINDS = (
     Kind(r"calibration/(?:rest|hyperaemia)\.json", "the tuned loop, svZeroDSolver JSON, CGS"),
     Kind(r"calibration/parameters\.csv", "the tuned parameters", columns.PARAMETERS),
     Kind(r"calibration/fit\.csv", "clinical targets, measured against simulated", columns.FIT),
-    Kind(r"posterior/chains\.npz", "every recorded state of every chain (docs/reference/formats.md)"),
-    Kind(r"posterior/chains/.+", "state of the sampler, to resume from"),
+    Kind(r"posterior/length_\d+/chains\.npz", "every recorded state of every chain (docs/reference/formats.md)"),
+    Kind(r"posterior/length_\d+/chains/.+", "state of the sampler, to resume from"),
+    Kind(r"posterior/length_\d+/draws\.csv", "thinned draws from which samples are drawn", columns.DRAWS),
     Kind(
         r"posterior/posterior\.nc",
         "a DataTree for ArviZ: r (dimensionless), flows (mL/s) and log density of the kept states",
