@@ -17,6 +17,7 @@ from coronaryuq.discrepancy.settings import Settings as DiscrepancySettings
 from coronaryuq.estimation.settings import Settings as EstimationSettings
 from coronaryuq.flow3d.mesh.settings import Settings as MeshSettings
 from coronaryuq.flow3d.settings import Settings as Flow3DSettings
+from coronaryuq.losses.settings import Settings as LossesSettings
 from coronaryuq.perfusion.settings import Settings as PerfusionSettings
 from coronaryuq.posterior.settings import Settings as PosteriorSettings
 from coronaryuq.synthetic.settings import Settings as SyntheticSettings
@@ -71,6 +72,9 @@ class Campaign(BaseModel):
     )
     mesh: MeshSettings = Field(default_factory=MeshSettings, description="3D domain and mesh.")
     flow3d: Flow3DSettings = Field(default_factory=Flow3DSettings, description="3D runs.")
+    losses: LossesSettings = Field(
+        default_factory=LossesSettings, description="Pressure losses of the 0D vessels, learnt from 3D runs."
+    )
     zerod: ZeroDSettings = Field(default_factory=ZeroDSettings, description="0D runs.")
     estimation: EstimationSettings = Field(default_factory=EstimationSettings, description="Estimators and intervals.")
     discrepancy: DiscrepancySettings = Field(

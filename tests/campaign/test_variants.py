@@ -85,3 +85,18 @@ def test_coarse_runs_keep_whole_frames_and_no_fields():
     settings = variants.coarse_settings(campaign(flow3d={"fields": 2}))
     assert settings["fields"] == 0
     assert settings["simvascular"]["steps_per_cycle"] % settings["simvascular"]["frames_per_cycle"] == 0
+
+
+@pytest.mark.parametrize(
+    ("settings", "in_3d", "expected"),
+    [
+        ({}, True, True),
+        ({}, False, False),
+        ({"losses": {"runs_3d": 0}}, True, False),
+        ({"backend": "umbridge"}, True, False),
+        ({"zerod": {"backend": "umbridge"}}, True, False),
+        ({"backend": "svsolver"}, True, True),
+    ],
+)
+def test_3d_teaches_0d_where_both_models_are_here(settings, in_3d, expected):
+    assert variants.teaches(Campaign(name="x", **settings), in_3d) is expected

@@ -60,7 +60,7 @@ def jobs_at_work(folder: Path, rule: str) -> list[int]:
 
 
 class Checkout:
-    """Copy of the project's workflow and sources, with a small campaign named `tiny` that has no mesh study."""
+    """Copy of the project's workflow and sources, with a small campaign named `tiny`, without mesh study and losses."""
 
     def __init__(self, folder: Path, cache: Path | None = None):
         self.folder, self.cache = folder, cache
@@ -70,7 +70,7 @@ class Checkout:
         for name in ("LICENSE", "CITATION.cff"):
             shutil.copy(ROOT / name, folder)
         samples = {"n_3d": 16, "n_0d": 64, "batch_3d": 8, "chunk_0d": 32}
-        self.settings = {"name": "tiny", "samples": samples, "flow3d": {"mesh_study": 0}}
+        self.settings = {"name": "tiny", "samples": samples, "flow3d": {"mesh_study": 0}, "losses": {"runs_3d": 0}}
 
     def command(self, *arguments: str, settings: dict | None = None) -> dict:
         """Arguments of `subprocess.Popen` for Snakemake in this folder."""

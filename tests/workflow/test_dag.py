@@ -195,6 +195,26 @@ def test_a_search_in_the_report_is_part_of_the_campaign(checkout):
     assert "discrepancy_search" not in checkout.dry_run()
 
 
+def test_losses_are_learnt_before_the_posterior_of_all_others(checkout):
+    settings = changed(checkout, losses={"runs_3d": 8})
+    jobs = checkout.dry_run(settings=settings)
+    assert {"losses_calibration", "losses_inputs", "losses_runs", "losses", "losses_in_3d"} <= set(jobs)
+    assert jobs["calibration"] == 1 and not [job for job in checkout.dry_run() if job.startswith("losses")]
+    checkout.settings = settings
+    checkout.pretend_done()
+    checkout.edit("losses/fit.py")
+    again = set(checkout.dry_run())
+    assert {"losses", "calibration", "posterior_chains", "flow3d_batch", "zerod_chunk"} <= again
+    assert not {"losses_calibration", "losses_inputs", "losses_runs", "mesh", "perfusion"} & again
+
+
+def test_a_case_without_3d_learns_no_losses(checkout):
+    path = checkout.folder / checkout.small_case()
+    path.write_text(path.read_text().replace("[{name: LAD, vessel: lca1, start: 1.0, end: 2.0}]", "[]"))
+    settings = changed(checkout, case="given/case.yaml", losses={"runs_3d": 8})
+    assert not [job for job in checkout.dry_run("posterior", settings=settings) if job.startswith("losses")]
+
+
 def test_a_patient_without_measurements_gets_no_invented_effect(checkout):
     case = checkout.small_case()
     settings = changed(checkout, case=case, discrepancy={"in_report": True})

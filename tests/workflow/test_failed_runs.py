@@ -20,6 +20,7 @@ SETTINGS = {
     "samples": {"n_3d": 60, "n_0d": 200, "batch_3d": 20, "chunk_0d": 100, "chunk_realisations": 40},
     "synthetic": {"cells": 3000},
     "perfusion": {"realisations": 40},
+    "losses": {"runs_3d": 0},
     "calibration": {"candidates": 4, "starts": 1, "rounds": 1, "evaluations_per_parameter": 2, "final_nelder_mead": 0},
     "posterior": {
         "dream": {"chains": 12, "generations": 400},

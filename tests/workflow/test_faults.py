@@ -32,6 +32,7 @@ SMALL = {
 PATIENT = SMALL | {
     "case": "bundled",
     "synthetic": {"cells": 3000},
+    "losses": {"runs_3d": 0},
     "calibration": {"candidates": 4, "starts": 1, "rounds": 1, "evaluations_per_parameter": 2, "final_nelder_mead": 0},
     "posterior": {"dream": {"chains": 12, "generations": 400}, "independence": {"draws": 30}, "checkpoint": 20},
 }

@@ -43,8 +43,8 @@ rule flow3d_batch:
     input:
         unpack(mesh_of),
         case_json=rules.case.output.case_json,
-        network_json=rules.calibration.output.hyperaemia_json,
-        draws_csv=draws(FIRST_CHAINS),
+        network_json=results("losses", "hyperaemia_3d.json") if teaches else rules.calibration.output.hyperaemia_json,
+        draws_csv=rules.posterior.output.draws,
     output:
         records_jsonl=results("{run}", "batch_{k}.jsonl"),
         fields_zip=results("{run}", "fields_{k}.zip"),

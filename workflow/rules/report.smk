@@ -31,6 +31,7 @@ rule report:
     input:
         unpack(end_of_growth),
         **({"mesh_study": rules.mesh_study.output.out_json} if campaign.flow3d.mesh_study else {}),
+        **({"losses_fit": rules.losses.output.fit_json, "losses": rules.losses.output.losses_csv} if teaches else {}),
         case=rules.case.output.case_json,
         fit=rules.calibration.output.fit_csv,
         targets=rules.perfusion.output.out_json,

@@ -117,6 +117,14 @@ FIT: Columns = (
     ("relative", "difference over the measured value", "1"),
     ("(tuned|clinical)", "whether it was used in tuning; whether it was measured in this patient", "yes/no"),
 )
+LOSSES: Columns = (
+    ("vessels", "0D vessels of the piece, from the first to the last", "text"),
+    ("loss", "linear or quadratic in flow", "text"),
+    ("unit", "unit of the next three columns", "text"),
+    ("(own|added|added_sd)", "own loss; what is added to it, and its standard deviation", "see column unit"),
+    ("(own|added|added_sd)_mmhg", "the same as a pressure at the mean flow", "mmHg"),
+    ("meaning", "what a loss that differs from zero stands for; empty: not certain", "text"),
+)
 DRAWS: Columns = (
     ("(chain|generation)", "number of the chain, number of its generation", "1"),
     ("log_density", "log density of the posterior up to a constant", "1"),

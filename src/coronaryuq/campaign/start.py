@@ -29,13 +29,14 @@ _taken: list[AbstractContextManager] = []
 class Given:
     """A campaign's configuration, the files of its case, its lumen if that is meshed directly, and its measurements.
 
-    measurements: the table and the file of conditions.
+    measurements: the table and the file of conditions. in_3d: whether the case has a 3D model.
     """
 
     campaign: Campaign
     named: list[Path]
     lumen: str | None
     measurements: tuple[str, str] | None
+    in_3d: bool
 
 
 def read_campaign(settings: dict[str, Any], configfiles: Sequence[str], default: Path) -> Given:
@@ -62,11 +63,12 @@ def read_campaign(settings: dict[str, Any], configfiles: Sequence[str], default:
         if meshed_as_it_is:
             remedy = "the bundled patient has centrelines only; choose another domain"
             raise InputError("configuration", "mesh.domain", "lumen", remedy)
-        return Given(campaign, [], None, None)
+        return Given(campaign, [], None, None, True)
     description = read_description(Path(campaign.case))
     surface = lumen(campaign.case, description).as_posix() if meshed_as_it_is else None
     measured = measurements(campaign.case, description)
-    return Given(campaign, files_named(campaign.case, description), surface, measured)
+    in_3d = description.anatomy is not None and description.stenoses != []
+    return Given(campaign, files_named(campaign.case, description), surface, measured, in_3d)
 
 
 def announce(campaign: Campaign, snakefile: str) -> None:

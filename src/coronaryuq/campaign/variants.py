@@ -10,6 +10,8 @@ from coronaryuq.config import Campaign
 STUDY = {"mesh_study/coarse": 3 / 4, "mesh_study/fine": 4 / 3}
 """Resolution of the mesh study's other meshes divided by the campaign's."""
 LONG_STEP = "mesh_study/long_step"
+TEACHING = "losses"
+"""Folder of the 3D runs that teach the 0D model its losses."""
 STUDY_RUNS = 8
 """Samples at most that the mesh study runs on every level: as many as the ensemble solver advances together, which
 costs as much as one."""
@@ -59,6 +61,20 @@ def runs_3d(targets: Targets) -> dict[str, Run3d]:
         **{folder: Run3d(folder, study, studied) for folder in STUDY},
         LONG_STEP: Run3d("mesh", longer_steps(study) | {"refinements": 0}, studied),
     }
+
+
+def teaches(campaign: Campaign, in_3d: bool) -> bool:
+    """Return whether 3D runs teach the 0D model its losses; in_3d: whether the case has a 3D model.
+
+    A model on an UM-Bridge server has no vessels that could be changed, and reports no pressures at caps.
+    """
+    remote = "umbridge" in (campaign.backend, campaign.zerod.backend)
+    return bool(campaign.losses.runs_3d) and in_3d and not remote
+
+
+def teaching_settings(campaign: Campaign) -> dict[str, Any]:
+    """Return the settings of the 3D runs that teach."""
+    return own_settings(campaign) | {"fields": 0}
 
 
 def study_levels(targets: Targets, lumen: str | None) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from coronaryuq.core.provenance import stamp
 from coronaryuq.estimation.analysis import estimate_rows, tables
 from coronaryuq.estimation.analysis.convergence import subsamples
 from coronaryuq.estimation.analysis.numerical_budget import corrected, with_numerical_error
+from coronaryuq.estimation.analysis.physical_range import within_range
 from coronaryuq.estimation.estimators.level_allocation import Costs, worth
 from coronaryuq.estimation.results import CoarseLevel, Estimates, RowReport
 from coronaryuq.estimation.runs.gather import coarse_cost, measured_cost_ratio
@@ -49,7 +50,7 @@ def estimate(
     outputs = read_resampled(zerod_tables) if networks else None
     errors = read_discretization(mesh_study) if mesh_study else {}
     results = estimate_rows.analyse(corrected(runs, errors), rows, settings, seed, networks, outputs)
-    results = [with_numerical_error(row, errors) for row in results]
+    results = [within_range(with_numerical_error(row, errors)) for row in results]
     coarse = _coarse_level(Path(runs_folder) / "failures.json", results, settings)
     estimates = Estimates(results, coarse, settings.model_dump(mode="json"), stamp(seed=seed))
     write_json(estimates_json, plain(estimates))

@@ -14,7 +14,7 @@ from coronaryuq.core.io.tables import read_csv
 from coronaryuq.estimation.results import RowReport, read_estimates
 from coronaryuq.perfusion.targets import PerfusionTargets, read_perfusion_targets
 from coronaryuq.posterior.results import Summary, read_summary
-from coronaryuq.report import coarse_level, discrepancy, interval_targets
+from coronaryuq.report import coarse_level, discrepancy, interval_targets, losses
 from coronaryuq.report.costs import costs
 from coronaryuq.report.discrepancy import embedded
 from coronaryuq.report.error_budget import includes
@@ -64,7 +64,8 @@ def write_report(
     ----------
     files
         Paths of `case`, `fit`, `summary`, `targets`, `failures`, `estimates`, `budget` and `mesh`; also `mesh_study` if
-        it was run, and `allocation` (of the last round) if the campaign grew.
+        it was run, `losses_fit` and `losses` if 3D runs taught the 0D model, and `allocation` (of the last round) if
+        the campaign grew.
     figures
         PNG files, named as in `CAPTIONS`.
     costs_of_jobs
@@ -96,6 +97,7 @@ def write_report(
         "interval_targets": interval_targets.sentences(rows, files["budget"], files.get("allocation")),
         "mesh": mesh.sentence,
         "matched": _matched(read_csv(files["fit"]), summary),
+        "losses": losses.learnt(files, [stenosis.name for stenosis in case.stenoses]),
         "noise": _noise(targets),
         "figures": _figures(figures),
         "searches": (found := discrepancy.searches(*searches)),

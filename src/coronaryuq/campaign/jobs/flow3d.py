@@ -31,6 +31,17 @@ def batch(
         pack(fields, fields_zip)
 
 
+def teaching_batch(
+    case_json: str, network_json: str, mesh_dir: str, mesh_json: str, samples_csv: str, settings: Settings,
+    backend: str, number: int, records_jsonl: str, mpi: str, tasks: int,
+) -> None:  # fmt: skip
+    """Run the samples that teach the 0D model its losses in 3D."""
+    records = Path(records_jsonl)
+    part = Batch(case_json, network_json, mesh_dir, mesh_json, samples_csv, 0, number)
+    outputs = Outputs(records, records.parent / "checkpoints")
+    run_batch(part, backend, settings, outputs, Processes(mpi=mpi, tasks=tasks))
+
+
 def pack(folder: Path, archive: str | Path) -> None:
     """Pack all files of a folder without modification times, so that equal fields give equal bytes."""
     with replacing(archive) as beside, zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as packed:

@@ -53,8 +53,6 @@ def as_read(
     """
     read = wave
     for number, row in enumerate(rows):
-        if not row:
-            continue
         own = start = wave[number : number + 1, :-1]
         for (effect, place), sizes in row:
             location = effect.elsewhere(place, series, anatomy)

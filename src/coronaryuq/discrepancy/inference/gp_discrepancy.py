@@ -67,5 +67,4 @@ def flexible(problem: "Problem", rows: np.ndarray) -> Flexible:
     each = [(s.quantity, s.location, s.statistic) for s in problem.forward.measured]
     keys = list(dict.fromkeys(each))
     block = np.array([keys.index(key) for key in each])[problem.owner]
-    columns, shapes = problem.shape_weights()
-    return Flexible(features(problem)[rows], block[rows], columns, shapes[rows])
+    return Flexible(features(problem)[rows], block[rows])

@@ -138,7 +138,7 @@ def _search(problem: Problem, seed: int, library: Library, report: Report) -> Di
         state.fit,
         state.hypothesis,
         [priors[placed] for placed in state.hypothesis],
-        list({candidate.effect.name: candidate.effect for candidate in start.candidates}.values()),
+        len({candidate.effect.name for candidate in state.candidates}),
     )
     return Discovery(
         base_problem=base_problem,
