@@ -3,6 +3,7 @@
 Arguments: NETWORK=FILE for further cases, one JSON object per line as the benchmark writes them to standard error. An
 existing case of the same network, effect, strength, noise and seed is replaced. `scores FILE...` prints the scores of
 files of cases instead: right answers and cost by kind, reliability, Brier score, coverage by cell, detection curve.
+`rivals` lets other methods answer the cases of the open loop, into discrepancy-rivals.jsonl; it resumes where it ended.
 """
 
 import json
@@ -10,7 +11,18 @@ import sys
 import tempfile
 from pathlib import Path
 
+from coronaryuq.bench.discrepancy.benchmark import NATURE
+from coronaryuq.bench.discrepancy.cases import Case
+from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.bench.discrepancy.reliability import markdown
+from coronaryuq.bench.discrepancy.rivals.compare import (
+    OURS,
+    ahead,
+    compared,
+    every_rival,
+    rival_trial,
+    side_by_side,
+)
 from coronaryuq.bench.discrepancy.tables import (
     TARGETS,
     answers,
@@ -24,6 +36,7 @@ from coronaryuq.bench.discrepancy.tables import (
 )
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.figures.discrepancy_benchmark import cell_label, hidden_effects
+from coronaryuq.figures.discrepancy_rivals import rivals as draw_rivals
 from coronaryuq.report.discrepancy_benchmark import target
 
 FOLDER = Path(__file__).parent
@@ -32,6 +45,9 @@ CASES = FOLDER / "discrepancy-cases.jsonl"
 GUIDE = DOCS / "how-to" / "discrepancy.md"
 PAGE = DOCS / "evidence" / "discrepancy-benchmark.md"
 PICTURE = DOCS / "pictures" / "discrepancy-benchmark.png"
+RIVALS, RIVALS_PICTURE = FOLDER / "discrepancy-rivals.jsonl", DOCS / "pictures" / "discrepancy-rivals.png"
+NOTHING_PER_THOUSAND = 10
+"""Seeds, of each thousand, of the cases with nothing hidden that the rivals answer."""
 NETWORKS = ("open loop", "bundled patient")
 KEPT = "network effect strength noise seed places visible first classes named placed alarmed abstained covered before "
 KEPT += "after oracle gap_closed_over_oracle worse held_out_p probability made_by cpu_s cpu_s_made skipped redrawn"
@@ -164,6 +180,75 @@ def picture(cases: list[dict]) -> None:
         hidden_effects(*map(str, tables), output=str(PICTURE))
 
 
+def to_answer(cases: list[dict]) -> list[dict]:
+    """Return the searched cases of the open loop that the rivals answer: all, of those with nothing hidden a part.
+
+    Those outside the library take longest, and are last.
+    """
+    mine = [case for case in cases if case["network"] == NETWORKS[0] and not case.get("skipped")]
+    mine = [case for case in mine if case["effect"] != "none" or case["seed"] % 1000 < NOTHING_PER_THOUSAND]
+    return sorted(mine, key=lambda case: case["effect"].startswith("outside"))
+
+
+def made_again(case: dict) -> Case:
+    """Return the case of an entry."""
+    outside = case["effect"].removeprefix("outside:") if case["effect"].startswith("outside:") else ""
+    effects = () if outside or case["effect"] == "none" else tuple(case["effect"].split("+"))
+    return Case(effects, case["strength"], case["noise"], case["seed"], outside)
+
+
+def answer_rivals(cases: list[dict]) -> None:
+    """Let the rivals answer the cases that they have not answered yet."""
+    answered = {key(case) for case in (read(RIVALS) if RIVALS.exists() else [])}
+    waiting = [case for case in to_answer(cases) if key(case) not in answered]
+    experiment = open_loop()
+    rivals = every_rival(experiment, NATURE) if waiting else []
+    for case in waiting:
+        entry = rival_trial(made_again(case), experiment, NATURE, rivals)
+        assert entry is not None, case
+        for answer in entry.get("answers", {}).values():
+            answer["cpu_s"] = float(f"{answer['cpu_s']:.3g}")
+        with RIVALS.open("a", encoding="utf-8") as file:
+            file.write(json.dumps({"network": case["network"]} | entry, default=float) + "\n")
+
+
+def against_rivals(cases: list[dict]) -> list[str]:
+    """Return the outcomes of every method by group, and by how much ours is ahead over all cases."""
+    rows = side_by_side(read(RIVALS), cases)
+    columns = [
+        "hidden",
+        "method",
+        "right",
+        "95 % interval",
+        "nothing else named",
+        "wrong name",
+        "missed",
+        "false alarm",
+    ]
+    lines = ["| " + " | ".join([*columns, "CPU s"]) + " |", "|" + "---|" * (len(columns) + 1)]
+    before = None
+    for row in compared(rows).to_dict("records"):
+        first, before = row["group"] != before, row["group"]
+        shown = (f"{row['right']} of {row['cases']}", f"{row['low']:.3f} to {row['high']:.3f}", row["alone"])
+        counts = (row["wrong name"], row["missed"], row["false alarm"], f"{row['cpu_s']:.1f}")
+        lines.append("| " + " | ".join(map(str, (before if first else "", row["method"], *shown, *counts))) + " |")
+    lines += ["", f"| right answers of {OURS} minus | points | 95 % interval | right alone: ours, theirs |"]
+    lines.append("|---|---|---|---|")
+    for row in ahead(rows):
+        points = [f"{100.0 * row[name]:.0f}" for name in ("difference", "low", "high")]
+        alone = f"{row['only_ours']}, {row['only_theirs']}"
+        lines.append(f"| {row['method']} | {points[0]} | {points[1]} to {points[2]} | {alone} |")
+    return lines
+
+
+def picture_of_rivals(cases: list[dict]) -> None:
+    """Draw the right answers of every method by group."""
+    with tempfile.TemporaryDirectory() as name:
+        table = Path(name) / "outcomes.csv"
+        write_csv(table, compared(side_by_side(read(RIVALS), cases)))
+        draw_rivals(str(table), str(RIVALS_PICTURE))
+
+
 def put(page: str, name: str, lines: list[str]) -> str:
     """Replace the lines between the marks of the page."""
     before, _, rest = page.partition(f"<!-- {name} -->\n")
@@ -178,6 +263,7 @@ def tables(cases: list[dict]) -> list[tuple[Path, str, list[str]]]:
     # Without the coverage of each cell, which says little for a few cases.
     scores, _, _ = markdown(cases).partition("| network | hidden | strength")
     found.append((PAGE, "scores", scores.rstrip().splitlines()))
+    found.append((PAGE, "rivals", against_rivals(cases)))
     return [*found, (PAGE, "misses", misses(cases)), (PAGE, "costs", costs(cases))]
 
 
@@ -185,12 +271,16 @@ def main(more: list[str]) -> None:
     if more[:1] == ["scores"]:
         print(markdown([case for path in more[1:] for case in read(path)]), end="")
         return
+    if more[:1] == ["rivals"]:
+        more = []
+        answer_rivals(read(CASES))
     given = [argument.partition("=") for argument in more]
     cases = merged(read(CASES), [kept(case, network) for network, _, path in given for case in read(path)])
     CASES.write_text("".join(json.dumps(case) + "\n" for case in cases), encoding="utf-8")
     for path, name, lines in tables(cases):
         path.write_text(put(path.read_text(encoding="utf-8"), name, lines), encoding="utf-8")
     picture(cases)
+    picture_of_rivals(cases)
 
 
 if __name__ == "__main__":

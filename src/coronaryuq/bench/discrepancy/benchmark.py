@@ -4,7 +4,7 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -25,6 +25,7 @@ from coronaryuq.bench.discrepancy.cases import (
     set_aside_cases,
 )
 from coronaryuq.bench.discrepancy.hidden_cases import BenchmarkExperiment, closed_loop, open_loop
+from coronaryuq.bench.discrepancy.rivals.compare import SUBJECTS, every_rival, outcomes, rival_trial
 from coronaryuq.bench.discrepancy.score import score
 from coronaryuq.bench.discrepancy.tables import OPEN_LOOP
 from coronaryuq.bench.discrepancy.trial import trial, trials_3d
@@ -37,6 +38,8 @@ from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.svzerodsolver.program import installed
 
+QUICK_SUBJECTS = 2
+"""Subjects from which the classifier among the rivals learns with --quick."""
 NATURE = Nature("svzerod", vessels=0.08, beds=0.15, states=0.05)
 """Usual nature of the truth: the search's priors of the beds, half of its prior of the conditions' states."""
 SPREADS = {
@@ -44,7 +47,7 @@ SPREADS = {
     "beds": "resistance and compliance of each bed, other nuisance parameters in proportion to their priors",
     "states": "coronary resistance of each condition",
 }
-NOT_IN_3D = ("network", "strengths", "noises", "resume", "trace", "nature", *SPREADS, "set_aside")
+NOT_IN_3D = ("network", "strengths", "noises", "resume", "trace", "nature", *SPREADS, "set_aside", "rivals")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -81,6 +84,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(f"--{name}", metavar="SD", type=_share, help=help)
     parser.add_argument("--set-aside", metavar="FILE", help="run only the effects and seeds of this file")
     parser.add_argument("--effects", nargs="+", metavar="CELL", help="labels of the cells to run (default: all)")
+    parser.add_argument(
+        "--rivals", action="store_const", const=True, help="let other methods answer in place of the search"
+    )
     parser.add_argument("--threads", metavar="N", type=positive_int, help="threads of each search (default: 1)")
     parser.add_argument("--resume", metavar="FILE", help="file of finished cases, to resume a run that was killed")
 
@@ -138,6 +144,8 @@ class Options:
         Relative standard deviations of the truth; by default those of `NATURE`.
     set_aside
         File of the effects and seeds to run only, see `set_aside_cases`.
+    rivals
+        Other methods answer, see `rivals.compare`.
     """
 
     quick: bool
@@ -158,6 +166,7 @@ class Options:
     beds: float | None = None
     states: float | None = None
     set_aside: str | None = None
+    rivals: bool = False
 
     def drawn(self) -> Nature:
         """Return the nature of the truth; says on standard error where svZeroDSolver is missing."""
@@ -193,7 +202,8 @@ def run(**options: Any) -> dict:
     Returns
     -------
     dict
-        Cells, totals and confusion matrix of `score`, and the scored `cases`.
+        Cells, totals and confusion matrix of `score`, and the scored `cases`; with `rivals` their outcomes by group in
+        place of these.
 
     Raises
     ------
@@ -218,8 +228,15 @@ def run(**options: Any) -> dict:
         experiment = _loop(chosen.network) if chosen.network else open_loop()
         nature, selected = chosen.drawn(), chosen.cases()
         stated = nature.stated() | {"violated": {"vessels": VIOLATED_VESSELS, "each bed": VIOLATED_BEDS}}
+        answering = partial(trial, experiment=experiment, nature=nature, threads=chosen.threads)
+        if chosen.rivals:
+            rivals = every_rival(experiment, nature, QUICK_SUBJECTS if chosen.quick else SUBJECTS)
+            stated |= {"rivals": [rival.name for rival in rivals]}
+            answering = partial(
+                rival_trial, experiment=experiment, nature=nature, rivals=rivals, threads=chosen.threads
+            )
         finished = FinishedCases(chosen.resume, experiment, name, stated) if chosen.resume else None
-        entries = _trials(selected, experiment, nature, chosen.threads, finished)
+        entries = _trials(selected, answering, finished)
     start, scored_cases = time.process_time(), []
     for entry in entries:
         if entry is not None:
@@ -227,21 +244,18 @@ def run(**options: Any) -> dict:
             print(json.dumps(scored_cases[-1], default=float), file=sys.stderr, flush=True)
         if time.process_time() - start > limit:
             break
-    return {"quick": chosen.quick, "nature": stated, **score(scored_cases), "cases": scored_cases}
+    summary = {"outcomes": outcomes(scored_cases)} if chosen.rivals else score(scored_cases)
+    return {"quick": chosen.quick, "nature": stated, **summary, "cases": scored_cases}
 
 
 def _trials(
-    selected: list[Case],
-    experiment: BenchmarkExperiment,
-    nature: Nature,
-    threads: int,
-    finished: "FinishedCases | None",
+    selected: list[Case], answering: Callable[[Case], dict | None], finished: "FinishedCases | None"
 ) -> Iterator[dict | None]:
     """Search and score every case, or take it from an earlier run."""
     for case in selected:
         entry = finished.entries.get(case.key) if finished else None
         if entry is None:
-            entry = trial(case, experiment, nature, threads)
+            entry = answering(case)
             if finished and entry is not None:
                 finished.add(case, entry)
         yield entry

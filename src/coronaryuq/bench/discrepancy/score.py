@@ -7,6 +7,7 @@ import numpy as np
 
 from coronaryuq.bench.discrepancy import reliability
 from coronaryuq.bench.discrepancy.tables import names_something, wilson
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.hidden import make_case
 from coronaryuq.discrepancy.hidden.reference_gap import fit_known
 from coronaryuq.discrepancy.inference.cross_validation import gap, linearise
@@ -24,22 +25,12 @@ def scored(truth: make_case.Truth, answer: Discovery) -> dict:
     """
     problem = answer.base_problem
     classes = [[(c.effect.name, c.place) for c in entry.members] for entry in answer.named]
-    wanted = [placed.key for placed in truth.hypothesis]
-    got = [any(name == e for members in classes for e, _ in members) for name, _ in wanted]
-    placed = [any(pair in members for members in classes) for pair in wanted]
-    first = classes[0] if classes else []
-    abstained = answer.outside_library
     entry: dict[str, Any] = {
-        "places": [place for _, place in wanted],
+        "places": [place for _, place in truth.hypothesis],
         "visible": truth.visible,
         "made_by": truth.made_by,
         "probability": stated_probability(answer),
-        "named": any(name == wanted[0][0] for name, _ in first) if len(wanted) == 1 else bool(wanted) and all(got),
-        "placed": bool(wanted) and all(placed),
-        "alarmed": not answer.consistent,
-        "abstained": abstained,
-        "first": first[0][0] if first else ("outside" if abstained else "none"),
-        "classes": [["@".join(member) for member in members] for members in classes],
+        **matches(truth.hypothesis, classes, not answer.consistent),
         "sizes": [
             one.parameters[0].from_standard(z) for (one, _), z in zip(truth.hypothesis, truth.firsts, strict=True)
         ],
@@ -61,7 +52,7 @@ def scored(truth: make_case.Truth, answer: Discovery) -> dict:
     )
     # The mean square of m whitened residuals has a standard deviation of sqrt(2 / m).
     entry["worse"] = bool(entry["after"] ** 2 > answer.gaps.before.misfit**2 + 2.0 * np.sqrt(2.0 / rows))
-    if wanted:
+    if truth.hypothesis.effects:
         problem, oracle = fit_known(problem, truth.hypothesis, truth.sizes, answer.base)
         best = gap(problem, linearise(problem, oracle.z, truth.hypothesis), answer.folds, 1).misfit
         room = answer.gaps.before.misfit**2 - best**2
@@ -73,6 +64,37 @@ def scored(truth: make_case.Truth, answer: Discovery) -> dict:
         spread = np.sqrt(np.diag(oracle.covariance))[problem.count :]
         entry["oracle_z"] = float((oracle.z[problem.count] - truth.sizes[0]) / spread[0])
     return entry
+
+
+def matches(hidden: Hypothesis, classes: list[list[tuple[str, str]]], alarmed: bool) -> dict:
+    """Compare an answer with the hidden effects.
+
+    Parameters
+    ----------
+    hidden
+        The hidden effects; none also if the truth is outside the library.
+    classes
+        Effect and place of the members of each class named.
+    alarmed
+        Whether the answer is that something is missing; without a name, something else.
+
+    Returns
+    -------
+    dict
+        named, placed, alarmed, abstained, first, classes.
+    """
+    wanted = [placed.key for placed in hidden]
+    got = [any(name == e for members in classes for e, _ in members) for name, _ in wanted]
+    placed = [any(pair in members for members in classes) for pair in wanted]
+    first, abstained = classes[0] if classes else [], alarmed and not classes
+    return {
+        "named": any(name == wanted[0][0] for name, _ in first) if len(wanted) == 1 else bool(wanted) and all(got),
+        "placed": bool(wanted) and all(placed),
+        "alarmed": alarmed,
+        "abstained": abstained,
+        "first": first[0][0] if first else ("outside" if abstained else "none"),
+        "classes": [["@".join(member) for member in members] for members in classes],
+    }
 
 
 def stated_probability(answer: Discovery) -> float:

@@ -17,6 +17,7 @@ from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.hidden.make_case import Noise, Signal, Subject, Truth
 from coronaryuq.discrepancy.hidden.nature import OUR_ENGINE, Nature
+from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.read_problem import read_problem
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.search import discover
@@ -92,10 +93,14 @@ def _search(truth: Truth, folder: Path, threads: int) -> dict:
 
 def analyse(folder: Path, threads: int = 1) -> Discovery:
     """Search a case from its three files and nothing else."""
+    return discover(read_case(folder, threads), seed=1)
+
+
+def read_case(folder: Path, threads: int = 1) -> Problem:
+    """Read the problem of a case from its three files and nothing else."""
     conditions = read_conditions(folder / "conditions.yaml")
     model, settings = read_network(folder / "model.json"), Settings(threads=threads)
-    problem = read_problem(model, folder / "measurements.csv", conditions, folder / "conditions.yaml", settings)
-    return discover(problem, seed=1)
+    return read_problem(model, folder / "measurements.csv", conditions, folder / "conditions.yaml", settings)
 
 
 def hide(

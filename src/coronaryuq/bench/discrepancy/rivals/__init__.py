@@ -1,0 +1,1 @@
+"""Other methods on the cases of the benchmark `discrepancy`, through one adapter."""
