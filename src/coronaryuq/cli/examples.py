@@ -55,7 +55,10 @@ EXAMPLES: dict[str, list[tuple[str, str]]] = {
     "bench scale": [(f"coronaryuq bench scale --quick --data {PUBLISHED}", "needs the published runs")],
     "bench coverage": [("coronaryuq bench coverage --quick", "analytic pairs only")],
     "bench models": [("coronaryuq bench models --quick", "analytic pairs only; with PyApprox if it is installed")],
-    "bench discrepancy": [("coronaryuq bench discrepancy --quick --seeds 1", "one hidden case per cell")],
+    "bench discrepancy": [
+        ("coronaryuq bench discrepancy --quick --seeds 1", "one hidden case per cell"),
+        ("coronaryuq bench discrepancy --quick --rivals", "the same cases, answered by other methods"),
+    ],
     "bench campaign": [("coronaryuq bench campaign --quick", "up to the perfusion targets")],
     "solve": [(f"coronaryuq solve {LOOP} flows.csv", "the tuned loop of a campaign, as svZeroDSolver's table")],
     "tune": [

@@ -38,7 +38,7 @@ from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.svzerodsolver.program import installed
 
-QUICK_SUBJECTS = 2
+QUICK_SUBJECTS = 4
 """Subjects from which the classifier among the rivals learns with --quick."""
 NATURE = Nature("svzerod", vessels=0.08, beds=0.15, states=0.05)
 """Usual nature of the truth: the search's priors of the beds, half of its prior of the conditions' states."""
@@ -84,9 +84,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(f"--{name}", metavar="SD", type=_share, help=help)
     parser.add_argument("--set-aside", metavar="FILE", help="run only the effects and seeds of this file")
     parser.add_argument("--effects", nargs="+", metavar="CELL", help="labels of the cells to run (default: all)")
-    parser.add_argument(
-        "--rivals", action="store_const", const=True, help="let other methods answer in place of the search"
-    )
+    parser.add_argument("--rivals", action="store_true", help="let other methods answer in place of the search")
     parser.add_argument("--threads", metavar="N", type=positive_int, help="threads of each search (default: 1)")
     parser.add_argument("--resume", metavar="FILE", help="file of finished cases, to resume a run that was killed")
 

@@ -7,7 +7,7 @@ from coronaryuq.bench.discrepancy.benchmark import NATURE, run
 from coronaryuq.bench.discrepancy.cases import Case
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.bench.discrepancy.rivals.adapter import look
-from coronaryuq.bench.discrepancy.rivals.classifier import Classifier
+from coronaryuq.bench.discrepancy.rivals.classifier import Classifier, Features, decided
 from coronaryuq.bench.discrepancy.rivals.compare import LEVEL
 from coronaryuq.bench.discrepancy.rivals.forward_selection import ForwardSelection
 from coronaryuq.bench.discrepancy.rivals.gaussian_process import GaussianProcess, discrepancy
@@ -52,15 +52,18 @@ def test_an_easy_effect_is_named_and_nothing_where_nothing_is_hidden(rival, easy
 
 
 @pytest.mark.slow
-def test_the_classifier_learns_from_other_seeds(experiment, easy, nothing):
-    batches = list(training_cases(experiment, NATURE, 3))
+def test_the_classifier_learns_from_other_seeds(experiment, easy):
+    """With 16 subjects 0.97 of cases with nothing hidden are answered "nothing", with four 0.86: 17 of 20, sd 1.6."""
+    *batches, held_back = training_cases(experiment, NATURE, 5)
     labels = [case.label for batch in batches for case in batch]
-    assert labels.count(NONE) == 60 and OTHER in labels and len(set(labels)) > 80
-    rival = Classifier.trained(batches)
+    assert labels.count(NONE) == 80 and OTHER in labels and len(set(labels)) > 80
+    rival, extract = Classifier.trained(batches), Features(held_back[0].problem)
+    answers = [(case.label, decided(rival.votes(extract(case.fit)))) for case in held_back]
+    assert sum(answer == NONE for hidden, answer in answers if hidden == NONE) >= 12
+    assert sum(answer == NONE for hidden, answer in answers if hidden != NONE) <= 6, "0.01 of ninety"
     seen, hidden = easy
     found = rival.answer(seen)
     assert hidden in [placed.key for placed in found.classes[0]] and 0.0 < found.probability < 1.0
-    assert not rival.answer(nothing).alarmed
 
 
 def test_sparse_regression_selects_the_columns_of_which_the_data_are_made():

@@ -26,6 +26,7 @@ MOST_NAMES = 3
 LOOKALIKES, LEAST_ALIKE = 8, 0.8
 """Candidates that are fitted where a linear method chose one, and the least cos^2 of the angle of their responses."""
 Class = tuple[PlacedEffect, ...]
+Trail = tuple[tuple[tuple[Class, ...], float], ...]
 
 
 @dataclass(frozen=True)
@@ -33,15 +34,30 @@ class RivalAnswer:
     """Names, something else (an alarm without a name) or nothing.
 
     classes: the effects named, each first in its class of indistinguishable ones; probability: of the answer, None if
-    the method states none.
+    the method states none. trail: see `first_sufficient`.
     """
 
     classes: tuple[Class, ...] = ()
     alarmed: bool = False
     probability: float | None = None
+    trail: Trail = ()
 
 
-NOTHING, SOMETHING_ELSE = RivalAnswer(), RivalAnswer(alarmed=True)
+def first_sufficient(trail: Trail, level: float) -> RivalAnswer:
+    """Return the first names that leave nothing significant, or something else.
+
+    Parameters
+    ----------
+    trail
+        Classes of effects that a method tries in turn, none for the plain model, each with the p-value of what the
+        model with them leaves of the data.
+    level
+        Below this, the p-value is significant.
+    """
+    for classes, p in trail:
+        if p >= level:
+            return RivalAnswer(classes, bool(classes), trail=trail)
+    return RivalAnswer((), alarmed=True, trail=trail)
 
 
 class Rival(Protocol):

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 from sklearn.ensemble import ExtraTreesClassifier
 
-from coronaryuq.bench.discrepancy.rivals.adapter import NOTHING, SOMETHING_ELSE, RivalAnswer, Seen
+from coronaryuq.bench.discrepancy.rivals.adapter import RivalAnswer, Seen
 from coronaryuq.bench.discrepancy.rivals.training_cases import NONE, OTHER, Training, label
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN
@@ -45,20 +45,29 @@ class Classifier:
                 labels += [case.label for case in batch]
         return cls(np.array(rows), labels)
 
+    def votes(self, features: np.ndarray) -> dict[str, float]:
+        """Return the share of the votes of every label for the features (f,) of a case."""
+        shares = self.trees.predict_proba(features[None, :])[0]
+        return dict(zip(map(str, self.trees.classes_), shares.tolist(), strict=True))
+
     def answer(self, seen: Seen) -> RivalAnswer:
         """Return the answer with the most votes."""
-        votes = self.trees.predict_proba([Features(seen.problem)(seen.fit)])[0]
-        shares = dict(zip(map(str, self.trees.classes_), votes.tolist(), strict=True))
-        nothing, other = shares.pop(NONE), shares.pop(OTHER)
-        if max(nothing, other) >= sum(shares.values()):
-            best = NOTHING if nothing >= other else SOMETHING_ELSE
-            return RivalAnswer(alarmed=best.alarmed, probability=max(nothing, other))
-        every = {label(candidate.placed): candidate.placed for candidate in seen.candidates}
-        first = max((name for name in shares if name in every), key=lambda name: shares[name])
-        numbers = [i for i, candidate in enumerate(seen.linear.candidates) if candidate.placed == every[first]]
+        votes = self.votes(Features(seen.problem)(seen.fit))
+        first = decided(votes)
+        if first in PRIOR:
+            return RivalAnswer(alarmed=first == OTHER, probability=votes[first])
+        (placed,) = (candidate.placed for candidate in seen.candidates if label(candidate.placed) == first)
+        numbers = [i for i, candidate in enumerate(seen.linear.candidates) if candidate.placed == placed]
         found = seen.with_best(seen.linear.lookalikes(numbers[0])) if numbers else None
-        members = (every[first],) if found is None else found[1]
-        return RivalAnswer((members,), True, sum(shares.get(label(placed), 0.0) for placed in members))
+        members = (placed,) if found is None else found[1]
+        return RivalAnswer((members,), True, sum(votes.get(label(one), 0.0) for one in members))
+
+
+def decided(votes: dict[str, float]) -> str:
+    """Return the label of the answer; that of an effect if all effects together have most votes."""
+    named = {name: share for name, share in votes.items() if name not in PRIOR}
+    first = max(PRIOR, key=lambda name: votes[name])
+    return first if votes[first] >= sum(named.values()) else max(named, key=lambda name: named[name])
 
 
 def _weights(labels: list[str]) -> np.ndarray:

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 from coronaryuq.bench.discrepancy.cases import Case
 from coronaryuq.bench.discrepancy.hidden_cases import BenchmarkExperiment
 from coronaryuq.bench.discrepancy.reliability import kind
-from coronaryuq.bench.discrepancy.rivals.adapter import Rival, look
+from coronaryuq.bench.discrepancy.rivals.adapter import Class, Rival, look
 from coronaryuq.bench.discrepancy.rivals.classifier import Classifier
 from coronaryuq.bench.discrepancy.rivals.forward_selection import ForwardSelection
 from coronaryuq.bench.discrepancy.rivals.gaussian_process import GaussianProcess
@@ -72,10 +72,14 @@ def rival_trial(
             begin = time.process_time()
             answer = rival.answer(seen)
             spent = shared + time.process_time() - begin
-            classes = [[placed.key for placed in members] for members in answer.classes]
-            scored = matches(truth.hypothesis, classes, answer.alarmed)
-            answers[rival.name] = scored | {"probability": answer.probability, "cpu_s": spent}
+            scored = matches(truth.hypothesis, _keys(answer.classes), answer.alarmed)
+            trail = [[[["@".join(key) for key in members] for members in _keys(c)], p] for c, p in answer.trail]
+            answers[rival.name] = scored | {"probability": answer.probability, "cpu_s": spent, "trail": trail}
         return {**entry, "places": [p for _, p in truth.hypothesis], "visible": truth.visible, "answers": answers}
+
+
+def _keys(classes: tuple[Class, ...]) -> list[list[tuple[str, str]]]:
+    return [[placed.key for placed in members] for members in classes]
 
 
 def side_by_side(cases: Sequence[dict], ours: Sequence[dict] = ()) -> list[dict]:

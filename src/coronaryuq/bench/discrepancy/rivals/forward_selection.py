@@ -2,7 +2,7 @@
 
 from math import comb, log
 
-from coronaryuq.bench.discrepancy.rivals.adapter import MOST_NAMES, NOTHING, SOMETHING_ELSE, RivalAnswer, Seen
+from coronaryuq.bench.discrepancy.rivals.adapter import MOST_NAMES, RivalAnswer, Seen, first_sufficient
 from coronaryuq.discrepancy.selection.candidates import shortlist
 
 
@@ -28,9 +28,7 @@ class ForwardSelection:
                 break
             present, members = found
             classes.append(members)
-        if present.misfit < self.left_over:
-            return SOMETHING_ELSE
-        return RivalAnswer(tuple(classes), alarmed=True) if classes else NOTHING
+        return first_sufficient(((tuple(classes), present.misfit),), self.left_over)
 
 
 def _extended(present: Seen, first: Seen) -> float:

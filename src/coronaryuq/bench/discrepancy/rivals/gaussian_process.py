@@ -3,7 +3,7 @@
 import numpy as np
 from scipy import stats
 
-from coronaryuq.bench.discrepancy.rivals.adapter import NOTHING, SOMETHING_ELSE, RivalAnswer, Seen
+from coronaryuq.bench.discrepancy.rivals.adapter import Class, RivalAnswer, Seen, first_sufficient
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 
 RANKED = 5
@@ -26,15 +26,16 @@ class GaussianProcess:
 
     def answer(self, seen: Seen) -> RivalAnswer:
         """Return the effect that explains the process."""
-        if significance(seen.fit) > self.level:
-            return NOTHING
+        trail: list[tuple[tuple[Class, ...], float]] = [((), significance(seen.fit))]
         amplitude = int(np.argmax(seen.fit.posterior.log_evidence))
         shares = explained(seen, discrepancy(seen.fit, amplitude))
         for number in np.argsort(-shares, kind="stable")[:RANKED]:
+            if trail[-1][1] >= self.level:
+                break
             found = seen.with_best(seen.linear.lookalikes(int(number)))
-            if found is not None and significance(found[0].fit) > self.level:
-                return RivalAnswer((found[1],), alarmed=True)
-        return SOMETHING_ELSE
+            if found is not None:
+                trail.append(((found[1],), significance(found[0].fit)))
+        return first_sufficient(tuple(trail), self.level)
 
 
 def significance(fit: Fit) -> float:

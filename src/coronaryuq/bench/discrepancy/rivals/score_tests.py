@@ -3,7 +3,7 @@
 import numpy as np
 from scipy import stats
 
-from coronaryuq.bench.discrepancy.rivals.adapter import MOST_NAMES, NOTHING, SOMETHING_ELSE, RivalAnswer, Seen
+from coronaryuq.bench.discrepancy.rivals.adapter import MOST_NAMES, RivalAnswer, Seen, first_sufficient
 
 LEVEL = 0.05
 """False discovery rate."""
@@ -33,9 +33,7 @@ class ScoreTests:
             best = int(np.argmax([candidate.z_score for candidate in present.linear.candidates]))
             found = present.with_best(present.linear.lookalikes(best))
             if found is None:
-                return SOMETHING_ELSE
+                break
             present, members = found
             classes.append(members)
-        if present.misfit < self.left_over:
-            return SOMETHING_ELSE
-        return RivalAnswer(tuple(classes), alarmed=True) if classes else NOTHING
+        return first_sufficient(((tuple(classes), present.misfit),), self.left_over)

@@ -5,7 +5,7 @@ from math import comb, log
 
 import numpy as np
 
-from coronaryuq.bench.discrepancy.rivals.adapter import MOST_NAMES, NOTHING, SOMETHING_ELSE, Class, RivalAnswer, Seen
+from coronaryuq.bench.discrepancy.rivals.adapter import MOST_NAMES, Class, RivalAnswer, Seen, first_sufficient
 from coronaryuq.core.errors import InputError
 
 THRESHOLDS = np.geomspace(3.0, 200.0, 25)
@@ -39,9 +39,7 @@ class SparseRegression:
             if found is not None:
                 present, members = found
                 classes.append(members)
-        if present.misfit < self.left_over:
-            return SOMETHING_ELSE
-        return RivalAnswer(tuple(classes), alarmed=True) if classes else NOTHING
+        return first_sufficient(((tuple(classes), present.misfit),), self.left_over)
 
 
 def select(columns: np.ndarray, data: np.ndarray) -> list[int]:
