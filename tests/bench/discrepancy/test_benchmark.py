@@ -21,9 +21,9 @@ def tried(monkeypatch):
     """Labels of the cases that are searched."""
     labels, trial = [], benchmark.trial
 
-    def noted(case, *rest):
+    def noted(case, **rest):
         labels.append(case.label)
-        return trial(case, *rest)
+        return trial(case, **rest)
 
     monkeypatch.setattr(benchmark, "trial", noted)
     return labels
