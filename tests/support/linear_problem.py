@@ -79,8 +79,8 @@ class LinearProblem(Problem):
     def missed(self, change):
         return float(np.linalg.norm(change - self.change))
 
-    def multistart(self, hypothesis):
-        return None
+    def multistart_each(self, hypotheses):
+        return [None] * len(hypotheses)
 
 
 def fit_of(g: np.ndarray, y: np.ndarray, flexible: Flexible | None = None) -> Fit:

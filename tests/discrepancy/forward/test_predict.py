@@ -4,13 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from coronaryuq.bench.discrepancy.cases import Case
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.bench.discrepancy.trial import hide
 from coronaryuq.core.provenance import closure
+from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.forward import predict
+from coronaryuq.discrepancy.forward.interpolation import interpolated
 from coronaryuq.discrepancy.inference.read_problem import read_problem
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.library import effect
@@ -129,3 +133,30 @@ def test_the_search_does_not_import_the_generator():
     behind = closure("coronaryuq.discrepancy.search_case")
     assert "coronaryuq.discrepancy.selection.search" in behind
     assert not [name for name in behind if name.startswith(("coronaryuq.discrepancy.hidden", "coronaryuq.bench"))]
+
+
+def test_values_set_by_an_effect_are_computed_once_for_all_nuisance_parameters(problem, monkeypatch):
+    """Per condition and size; the predictions are those of each row alone."""
+    one, computed = LOSSES[0], []
+
+    def counted(self, prepared, name, hypothesis, sizes, pressures):
+        computed.append((name, *sizes[0].values()))
+        return own(self, prepared, name, hypothesis, sizes, pressures)
+
+    own = predict.Forward.effect_values
+    monkeypatch.setattr(predict.Forward, "effect_values", counted)
+    steps = 0.1 * np.eye(problem.count + 1)
+    rows = [(row, assume(one)) for row in np.vstack([np.zeros(problem.count + 1), steps])]
+    together = problem.forward.predict_rows(rows)
+    assert len(computed) == len(set(computed)) == 2 * len(problem.forward.conditions), "two sizes"
+    alone = np.array([problem.forward.predict_rows([row])[0] for row in rows])
+    assert np.abs((together - alone) / problem.sd).max() < 1e-6
+
+
+@given(st.integers(0, 10**6), st.lists(st.floats(-2.0, 2.0), min_size=4, max_size=4))
+def test_waves_are_interpolated_to_the_bits_of_numpy(seed, late):
+    random = generator(seed, "test", "interpolation")
+    waves, grid, time = random.standard_normal((4, 31)), np.linspace(0.0, 0.8, 31), random.uniform(0.0, 0.8, 17)
+    found = interpolated(waves, grid, time, np.array([late[0], late[0], *late[2:]]), 0.8)
+    for own, wave, shift in zip(found, waves, [late[0], late[0], *late[2:]], strict=True):
+        assert own.tolist() == np.interp((time - shift) % 0.8, grid, wave).tolist()

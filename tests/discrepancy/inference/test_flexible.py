@@ -33,16 +33,24 @@ def dense(jacobian, features, y, amplitude):
     return density, covariance @ jacobian.T @ np.linalg.solve(noise, y), covariance
 
 
-@given(st.integers(0, 50), st.floats(0.0, 1.0))
-def test_it_is_the_exact_gaussian_posterior(seed, signal):
+@given(st.integers(0, 50), st.floats(0.0, 1.0), st.sets(st.integers(0, PARAMETERS - 1)))
+def test_it_is_the_exact_gaussian_posterior(seed, signal, shared):
+    """Whichever columns of the sensitivities are shapes that all models share."""
     jacobian, features, blocks, y = case(seed, signal)
-    posterior = Flexible(features, blocks).posterior(y, jacobian)
+    columns = sorted(shared)
+    posterior = Flexible(features, blocks, columns, jacobian[:, columns]).posterior(y, jacobian)
     constant = 0.5 * ROWS * np.log(2.0 * np.pi)
     for number, amplitude in enumerate(AMPLITUDES):
         evidence, mean, covariance = dense(jacobian, features, y, amplitude)
         assert posterior.log_evidence[number] == pytest.approx(evidence + constant, rel=1e-8, abs=1e-6)
         np.testing.assert_allclose(posterior.mean[number], mean, rtol=1e-6, atol=1e-7)
         np.testing.assert_allclose(posterior.covariance[number], covariance, rtol=1e-6, atol=1e-8)
+
+
+def test_a_model_without_the_shapes_is_refused():
+    jacobian, features, blocks, y = case(1)
+    with pytest.raises(ValueError, match="shapes"):
+        Flexible(features, blocks, [0], jacobian[:, 1:2]).posterior(y, jacobian)
 
 
 def test_evidence_averages_the_amplitudes_with_their_prior():

@@ -8,6 +8,7 @@ from coronaryuq.discrepancy.inference.locate import Located, PriorConflict
 from coronaryuq.discrepancy.inference.outliers import Outlier
 from coronaryuq.discrepancy.result import summary_text
 from coronaryuq.discrepancy.result.facts import by_condition, described_sizes, noise_excess, prior_conflicts
+from coronaryuq.discrepancy.selection.answer import NAMES, OTHER, UNLISTED
 from coronaryuq.discrepancy.selection.size_constancy import Constancy
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.library import effect
@@ -159,3 +160,21 @@ def test_outliers_are_listed_with_a_remedy():
         "One sample is an outlier and was left out: the flow at AORTA:lad under rest at 0.3125 s (-10 "
     )
     assert "and 3 more. Check whether they are artefacts" in summary_text.outlier_notes([outlier] * 7)
+
+
+def test_the_device_of_an_unlisted_response_is_told():
+    best = [{"effect": name, "place": "a:b", "implausible": False} for name in ("pressure_low_pass", "pressure_delay")]
+    form = {"probabilities": {NAMES: 0.02, OTHER: 0.98}, "leading_form": UNLISTED, "device": "pressure at a:b"}
+    gaps = {"before": {"misfit": 1.9}, "after": {"misfit": 1.1}, "scheme": "declared", "conditions": ["x"]}
+    answer = {
+        "held_out": gaps,
+        "wiring_errors": [],
+        "facts": {"best": best, "answer": form},
+        "held_out_conditions": ["x"],
+    }
+    text = summary_text._outside_library(answer, ["x"])
+    assert text.startswith(
+        "Something other than an effect of the library is missing (probability 0.98): the best candidates are pressure "
+        "low pass at a:b and pressure delay at a:b, but one linear response of the device that reads pressure at a:b, "
+        "of a shape that the library does not list, is likelier. No effect is named. "
+    )

@@ -13,6 +13,7 @@ from support.hypotheses import assume
 from support.linear_problem import here, linear_problem
 
 ROWS, NUISANCES, EFFECTS = 90, 2, 4
+POSSIBLE = [here(f"possible {number}").effect for number in range(EFFECTS)]
 CONDITIONS = np.repeat(["rest", "hyperaemia", "pacing"], ROWS // 3)
 PRIOR = float(np.log(RULE.prior_named / EFFECTS))
 PHASE = np.tile(np.arange(ROWS // 3) / (ROWS // 3), 3)
@@ -41,7 +42,7 @@ def weighed(problem, effect=FOUND):
     problem.__dict__["flexible_of_all"] = gp_discrepancy.Flexible(features, np.zeros(ROWS, dtype=int))
     hypothesis = assume(effect)
     base, fit = problem.calibrate(PLAIN), problem.calibrate(hypothesis)
-    return answer(problem, (problem, base), fit, hypothesis, [PRIOR], EFFECTS)
+    return answer(problem, (problem, base), fit, hypothesis, [PRIOR], POSSIBLE)
 
 
 def test_probabilities_add_up():

@@ -7,7 +7,7 @@ from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, PlacedEffect
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
-from coronaryuq.discrepancy.inference.problem import RESTARTS, Problem
+from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.candidates import Candidate
 from coronaryuq.discrepancy.selection.refit import diverged, fit_shortlist, from_other_starts
 from support.hypotheses import assume
@@ -34,8 +34,8 @@ class Diverging(LinearProblem):
     def calibrate_each(self, wanted):
         return [self.far(hypothesis) for hypothesis, _ in wanted]
 
-    def multistart(self, hypothesis):
-        return self._exact(hypothesis)
+    def multistart_each(self, hypotheses):
+        return [self._exact(hypothesis) for hypothesis in hypotheses]
 
 
 @pytest.fixture
@@ -73,7 +73,7 @@ def test_the_right_effect_leads_although_its_first_fit_diverged(problem):
     base = problem.calibrate(PLAIN)
     candidates = [Candidate(placed, PRIOR, estimate=base.evidence + 100.0, guess=1.0) for placed in (RIGHT, WRONG)]
     right, wrong = fit_shortlist(problem, base, PLAIN, candidates, base)
-    assert right.fit.evidence == pytest.approx(problem.multistart(assume(RIGHT)).evidence)
+    assert right.fit.evidence == pytest.approx(problem.multistart_each([assume(RIGHT)])[0].evidence)
     assert right.log_weight > wrong.log_weight
 
 
@@ -81,9 +81,9 @@ def test_the_better_of_two_fits_is_kept_and_other_starts_are_tried_once():
     runs = []
 
     class Counting(Problem):
-        def calibrate_each(self, wanted):
-            runs.extend(wanted)
-            return super().calibrate_each(wanted)
+        def multistart_each(self, hypotheses):
+            runs.extend(hypotheses)
+            return super().multistart_each(hypotheses)
 
     problem, placed = two_valleys(Counting)
     better = problem.calibrate(assume(placed), np.array([1.0, 2.0]))
@@ -92,4 +92,50 @@ def test_the_better_of_two_fits_is_kept_and_other_starts_are_tried_once():
         (candidate,) = from_other_starts(problem, PLAIN, [candidate])
         assert candidate.fit.evidence >= better.evidence
         assert candidate.fit.z == pytest.approx(better.z, abs=0.05)
-        assert len(runs) == 1 + len(RESTARTS)
+        assert runs == [assume(placed)]
+
+
+def test_candidates_for_a_further_effect_start_near_the_effects_found():
+    """Other starting points would put the sizes of the effects found at one of three values."""
+    asked = []
+
+    class Distorted(Diverging):
+        def distorted(self, fit):
+            return True
+
+        def far(self, hypothesis):
+            return self._exact(hypothesis)
+
+        def multistart_each(self, hypotheses):
+            asked.extend(hypotheses)
+            return [None] * len(hypotheses)
+
+    random = generator(9, "test", "further")
+    right, own = random.standard_normal((2, ROWS))
+    y = 2.0 * right + own + random.standard_normal(ROWS)
+    responses = {RIGHT: right, WRONG: own}
+    problem = linear_problem(random.standard_normal((ROWS, 2)), responses, y, kind=Distorted)
+    for found, asked_for in ((PLAIN, [assume(WRONG)]), (assume(RIGHT), [])):
+        asked.clear()
+        base = problem.calibrate(found)
+        fit_shortlist(problem, base, found, [Candidate(WRONG, PRIOR, estimate=1e3)], base)
+        assert asked == asked_for
+
+
+def test_a_candidate_is_fitted_from_the_point_where_it_looks_better():
+    starts = {}
+
+    class Recording(LinearProblem):
+        def fit_candidates(self, base, hypothesis, candidates, guesses):
+            starts.update(dict.fromkeys(candidates, base))
+            return [self._exact(hypothesis.with_(placed)) for placed in candidates]
+
+    random = generator(9, "test", "points")
+    right, own = random.standard_normal((2, ROWS))
+    problem = linear_problem(random.standard_normal((ROWS, 2)), {RIGHT: right, WRONG: own}, right, kind=Recording)
+    base = problem.calibrate(PLAIN)
+    point = Fit(np.zeros(2), base.residual, base.jacobian, flexible=base.flexible)
+    candidates = [Candidate(placed, PRIOR) for placed in (RIGHT, WRONG)]
+    found = fit_shortlist(problem, base, PLAIN, candidates, point, {WRONG})
+    assert starts == {RIGHT: point, WRONG: base}
+    assert [c.placed for c in found] == [RIGHT, WRONG] and all(c.fit is not None for c in found)

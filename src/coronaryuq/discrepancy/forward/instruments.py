@@ -53,6 +53,8 @@ def as_read(
     """
     read = wave
     for number, row in enumerate(rows):
+        if not row:
+            continue
         own = start = wave[number : number + 1, :-1]
         for (effect, place), sizes in row:
             location = effect.elsewhere(place, series, anatomy)

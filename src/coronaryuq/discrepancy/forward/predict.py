@@ -13,6 +13,7 @@ from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.forward.feedback import Feedback
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.forward.instruments import Instruments, as_read, delays, instruments, places_read
+from coronaryuq.discrepancy.forward.interpolation import interpolated
 from coronaryuq.discrepancy.forward.jobs import Job, Prepared, Scaled
 from coronaryuq.discrepancy.forward.lockstep import Computation, run_in_lockstep
 from coronaryuq.discrepancy.forward.network_values import inner_unknowns, with_values
@@ -218,11 +219,17 @@ class Forward:
         runs = [(name, i) for name in conditions for i in range(len(rows))]
         feedback = Feedback(self.reference_pressure, [responds[i] for _, i in runs])
 
+        known: dict[tuple, dict[str, np.ndarray | float]] = {}
+
         def job(number: int) -> Job:
             name, i = runs[number]
             each, scaled = factors[name]
-            effects = self.effect_values(prepared, name, rows[i][1], sizes[i], feedback.assumed(number))
-            return Job(points[i], name, effects, each[i], scaled)
+            assumed = feedback.assumed(number)
+            # Most rows of a batch differ in nuisance parameters alone, on which these values do not depend.
+            key = (name, tuple(assumed.values()) if responds[i] else (), *network_sizes(rows[i][1], sizes[i]))
+            if key not in known:
+                known[key] = self.effect_values(prepared, name, rows[i][1], sizes[i], assumed)
+            return Job(points[i], name, known[key], each[i], scaled)
 
         left = np.arange(len(runs))
         waves: dict[str, np.ndarray] = {}
@@ -352,8 +359,7 @@ class Forward:
         if series.quantity == "perfusion":
             values = values / self._mass(series.location, z)[:, None]
         if series.time is not None:
-            read_at = (series.time - late[:, None]) % series.period
-            return np.array([np.interp(own, time, row) for own, row in zip(read_at, values, strict=True)])
+            return interpolated(values, time, series.time, late, series.period)
         reduce = {
             "mean": lambda v: v[:, :-1].mean(axis=1),
             "min": lambda v: v.min(axis=1),
@@ -364,6 +370,12 @@ class Forward:
     def _mass(self, territory: str, z: np.ndarray) -> np.ndarray:
         column = next(i for i, nuisance in enumerate(self.nuisances) if nuisance.mass == territory)
         return self.masses[territory] * self.nuisances[column].factor(z[:, column])
+
+
+def network_sizes(hypothesis: Hypothesis, sizes: list[dict[str, float]]) -> list[tuple]:
+    """Return names, places and sizes of the effects on the network."""
+    pairs = zip(hypothesis, sizes, strict=True)
+    return [(*placed.key, *own.values()) for placed, own in pairs if placed.effect.side == "network"]
 
 
 def shared_grafts(grafts: list[PlacedEffect]) -> dict[PlacedEffect, list[PlacedEffect]]:

@@ -28,6 +28,11 @@ class Linear:
     residual: np.ndarray
     jacobian: np.ndarray
 
+    @property
+    def at_zero(self) -> np.ndarray:
+        """Residual (N,) at z = 0."""
+        return self.residual + self.jacobian @ self.z
+
     def extended(self, features: np.ndarray) -> "Linear":
         """Add linear terms, whose weights are standard normal a priori."""
         return Linear(
@@ -85,17 +90,23 @@ def posterior_of_all(problem: Problem, fit: Fit, hypothesis: Hypothesis) -> Post
     FloatingPointError
         See `linearise`.
     """
-    model = linearise(problem, fit.z, hypothesis)
-    fitted = problem.flexible.posterior(fit.at_zero, fit.jacobian)
-    unreached = fitted.log_evidence[0] - fit.posterior.log_evidence[0]
-    at_zero = model.residual + model.jacobian @ model.z
-    return problem.flexible_of_all.posterior(at_zero, model.jacobian).lowered(unreached)
+    return of_all(problem, linearise(problem, fit.z, hypothesis)).lowered(unreached(problem, fit))
+
+
+def of_all(problem: Problem, model: Linear) -> Posterior:
+    """Return the posterior given all data of a linear model."""
+    return problem.flexible_of_all.posterior(model.at_zero, model.jacobian)
+
+
+def unreached(problem: Problem, fit: Fit) -> float:
+    """Return the log evidence that the model linearised at a fit promises, and the fit did not reach."""
+    promised = problem.flexible.posterior(fit.at_zero, fit.jacobian)
+    return float(promised.log_evidence[0] - fit.evidence_without_error)
 
 
 def predict(model: Linear, train: np.ndarray, test: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the whitened residual (m,) of the test rows after a fit to the train rows, and its covariance (m, m)."""
-    at_zero = model.residual + model.jacobian @ model.z
-    fitted = model.jacobian[train]
+    at_zero, fitted = model.at_zero, model.jacobian[train]
     factor = cho_factor(np.eye(len(model.z)) + fitted.T @ fitted)
     mean = cho_solve(factor, fitted.T @ at_zero[train])
     ahead = model.jacobian[test]

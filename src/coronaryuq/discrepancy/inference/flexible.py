@@ -8,9 +8,15 @@ The amplitude tau distinguishes two hypotheses about the same model:
 
 F has independent blocks of rows, one per measured place and quantity, F = U S V', so that the covariance of the data
 given z is I + tau^2 U S^2 U' and all amplitudes share one decomposition.
+
+Some columns L of G are the same in every model of the data: shapes of errors of the vessels, the time steps and
+correlated noise, of which there may be hundreds. Their part of the precision is inverted once, and each model needs
+the Schur complement of its other columns alone.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.special import logsumexp
@@ -42,13 +48,20 @@ class Posterior:
     ----------
     log_evidence
         Log marginal likelihood of each amplitude (T,), up to the constant of `gauss_newton`.
-    mean, covariance
-        Of the parameters z: (T, p), (T, p, p).
+    mean
+        Of the parameters z: (T, p).
+    model
+        The sensitivities.
     """
 
     log_evidence: np.ndarray
     mean: np.ndarray
-    covariance: np.ndarray
+    model: "Projection" = field(repr=False)
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance of z by amplitude: (T, p, p)."""
+        return self.model.covariance
 
     def lowered(self, nats: float) -> "Posterior":
         """Return the posterior with all evidence lower by some nats."""
@@ -74,7 +87,8 @@ class Posterior:
         weights = np.exp(self.log_evidence + RIGHT - self.right)
         mean = weights @ self.mean
         moved = self.mean - mean
-        return mean, np.einsum("t,tij->ij", weights, self.covariance) + np.einsum("t,ti,tj->ij", weights, moved, moved)
+        within = np.einsum("t,tij->ij", weights, self.covariance)
+        return mean, within + np.einsum("t,ti,tj->ij", weights, moved, moved)
 
 
 class Flexible:
@@ -86,9 +100,19 @@ class Flexible:
         Whitened features of unit amplitude: (N, k).
     blocks
         Number of the independent block of each row: (N,). Features of different blocks have no common column.
+    columns, shapes
+        Columns of all models' sensitivities that are the same in all, and these (N, q).
     """
 
-    def __init__(self, features: np.ndarray, blocks: np.ndarray):
+    def __init__(
+        self,
+        features: np.ndarray,
+        blocks: np.ndarray,
+        columns: Sequence[int] = (),
+        shapes: np.ndarray | None = None,
+    ):
+        self.columns = np.array(columns, dtype=int)
+        self.shapes = np.zeros((len(features), 0)) if shapes is None else shapes
         self.blocks: list[tuple[np.ndarray, np.ndarray]] = []
         squares = []
         for number in np.unique(blocks):
@@ -123,45 +147,102 @@ class Flexible:
             Evidence and moments by amplitude.
         """
         model = Projection(self, jacobian)
-        return Posterior(*model.condition(model.weighted(at_zero)), model.covariance)
+        return Posterior(*model.condition(model.weighted(at_zero)), model)
+
+    @cached_property
+    def shape_parts(self) -> np.ndarray:
+        """Components of the shapes along all directions: (k, q)."""
+        return self.along(self.shapes)
+
+    @cached_property
+    def shape_covariance(self) -> np.ndarray:
+        """Covariance of the weights of the shapes, given data and nothing else unknown, by amplitude: (T, q, q)."""
+        return np.linalg.inv(self._shape_precision)
+
+    @cached_property
+    def shape_determinant(self) -> np.ndarray:
+        """Log determinant of their precision: (T,)."""
+        return np.linalg.slogdet(self._shape_precision)[1]
+
+    @cached_property
+    def _shape_precision(self) -> np.ndarray:
+        plain = np.eye(self.shapes.shape[1]) + self.shapes.T @ self.shapes
+        return np.array([plain - (self.shape_parts.T * share) @ self.shape_parts for share in self.explained])
 
 
 @dataclass(frozen=True)
 class Weighted:
     """A vector v (N,) weighted by the covariance C of each amplitude.
 
-    vector: v; parts: its components (k,); cross: G'C^-1 v (T, p).
+    vector: v; parts: its components (k,); shapes: L'C^-1 v (T, q); others: of the other columns H, what the shapes do
+    not explain, H'C^-1 v - K'L'C^-1 v (T, m).
     """
 
     vector: np.ndarray
     parts: np.ndarray
-    cross: np.ndarray
+    shapes: np.ndarray
+    others: np.ndarray
 
 
 class Projection:
-    """Sensitivities G (N, p) of a model under every amplitude, for inner products v'(C + GG')^-1 w."""
+    """Sensitivities G (N, p) of a model under every amplitude, for inner products v'(C + GG')^-1 w.
+
+    G has the shapes L of the discrepancy's rows as some of its columns, or none of them. Of the others, H (N, m), and
+    with A = I + L'C^-1 L and B = L'C^-1 H: K = A^-1 B, and the Schur complement S = I + H'C^-1 H - B'K.
+    """
 
     def __init__(self, flexible: Flexible, jacobian: np.ndarray):
-        self.flexible, self.jacobian = flexible, jacobian
-        self.parts = flexible.along(jacobian)
-        inner = np.eye(jacobian.shape[1]) + jacobian.T @ jacobian
-        precision = np.array([inner - (self.parts.T * share) @ self.parts for share in flexible.explained])
-        self.covariance = np.linalg.inv(precision)
-        """Posterior covariances of z by amplitude: (T, p, p)."""
-        self.constants = -0.5 * (np.linalg.slogdet(precision)[1] + flexible.log_determinant)
+        known = flexible.columns
+        if known.size and not np.array_equal(jacobian[:, known], flexible.shapes):
+            raise ValueError("the columns of the shapes are not those of the shapes")
+        self.flexible, self.count = flexible, jacobian.shape[1]
+        self.columns = np.setdiff1d(np.arange(self.count), known)
+        self.others = jacobian[:, self.columns]
+        self.parts = flexible.along(self.others)
+        inner = np.eye(len(self.columns)) + self.others.T @ self.others
+        cross = flexible.shapes.T @ self.others
+        shared = [(flexible.shape_parts.T * share) @ self.parts for share in flexible.explained]
+        own = np.array([inner - (self.parts.T * share) @ self.parts for share in flexible.explained])
+        coupling = cross - np.array(shared)
+        self.gains = flexible.shape_covariance @ coupling
+        """K by amplitude: (T, q, m)."""
+        schur = own - coupling.transpose(0, 2, 1) @ self.gains
+        self.spread = np.linalg.inv(schur)
+        """S^-1 by amplitude: (T, m, m)."""
+        determinant = np.linalg.slogdet(schur)[1] + flexible.shape_determinant
+        self.constants = -0.5 * (determinant + flexible.log_determinant)
         """Terms of the log evidence that do not depend on the data: (T,)."""
+
+    @cached_property
+    def covariance(self) -> np.ndarray:
+        """Posterior covariances of z by amplitude: (T, p, p)."""
+        found = np.empty((len(self.spread), self.count, self.count))
+        known, own = self.flexible.columns, self.columns
+        both = -self.gains @ self.spread
+        found[:, own[:, None], own] = self.spread
+        found[:, known[:, None], own], found[:, own[:, None], known] = both, both.transpose(0, 2, 1)
+        found[:, known[:, None], known] = self.flexible.shape_covariance - both @ self.gains.transpose(0, 2, 1)
+        return found
 
     def weighted(self, vector: np.ndarray) -> Weighted:
         """Return the products of a vector (N,) with the sensitivities."""
         parts = self.flexible.along(vector[:, None])[:, 0]
-        return Weighted(vector, parts, self.jacobian.T @ vector - (self.flexible.explained * parts) @ self.parts)
+        shared = self.flexible.explained * parts
+        shapes = self.flexible.shapes.T @ vector - shared @ self.flexible.shape_parts
+        others = self.others.T @ vector - shared @ self.parts
+        return Weighted(vector, parts, shapes, others - np.einsum("tqm,tq->tm", self.gains, shapes))
 
     def inner(self, first: Weighted, second: Weighted) -> np.ndarray:
         """Return v'(C + GG')^-1 w by amplitude: (T,)."""
         plain = first.vector @ second.vector - self.flexible.explained @ (first.parts * second.parts)
-        return plain - np.einsum("ti,tij,tj->t", first.cross, self.covariance, second.cross, optimize=True)
+        by_shapes = np.matmul(self.flexible.shape_covariance, second.shapes[:, :, None])[:, :, 0]
+        by_others = np.matmul(self.spread, second.others[:, :, None])[:, :, 0]
+        return plain - (first.shapes * by_shapes).sum(axis=1) - (first.others * by_others).sum(axis=1)
 
     def condition(self, data: Weighted) -> tuple[np.ndarray, np.ndarray]:
         """Return the log evidence (T,) of data, and the means (T, p) of z given them."""
-        mean = np.einsum("tij,tj->ti", self.covariance, data.cross)
+        mean = np.empty((len(self.spread), self.count))
+        own = np.matmul(self.spread, data.others[:, :, None])
+        shapes = np.matmul(self.flexible.shape_covariance, data.shapes[:, :, None]) - np.matmul(self.gains, own)
+        mean[:, self.columns], mean[:, self.flexible.columns] = own[:, :, 0], shapes[:, :, 0]
         return self.constants - 0.5 * self.inner(data, data), mean

@@ -68,10 +68,14 @@ class Fit:
 
         What the linear model still promises where the fit ended is not part of the evidence.
         """
+        return self.promised.lowered(self.promised.log_evidence[0] - self.evidence_without_error)
+
+    @cached_property
+    def promised(self) -> Posterior:
+        """Posterior if the model were linear: that of its optimum, which the fit may not have reached."""
         if self.flexible is None:
             raise ValueError("the fit has no flexible discrepancy")
-        linear = self.flexible.posterior(self.at_zero, self.jacobian)
-        return linear.lowered(linear.log_evidence[0] - self.evidence_without_error)
+        return self.flexible.posterior(self.at_zero, self.jacobian)
 
     @cached_property
     def evidence(self) -> float:
@@ -210,7 +214,7 @@ def maximise(
     evaluate
         Rows (z, label) → whitened residuals (n, N), NaN where a run failed.
     searches
-        Starting points; changed in place.
+        Starting points, or searches that ended after too few iterations and go on; changed in place.
     iterations
         Maximum number of steps.
     tolerance, share
@@ -225,8 +229,10 @@ def maximise(
     if not searches:
         return []
     for search, residual in zip(searches, evaluate([(s.z, s.label) for s in searches]), strict=True):
+        if not search.residual.size:  # not a search that goes on
+            search.stale = search.renewed is None
         search.z, search.residual = search.settled(search.z, residual)
-        search.stale, search.failed = search.renewed is None, not np.isfinite(residual).all()
+        search.failed = not np.isfinite(residual).all()
         search.done = search.failed
     for _ in range(iterations):
         active = [search for search in searches if not search.done]

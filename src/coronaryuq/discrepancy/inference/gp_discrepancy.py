@@ -67,4 +67,5 @@ def flexible(problem: "Problem", rows: np.ndarray) -> Flexible:
     each = [(s.quantity, s.location, s.statistic) for s in problem.forward.measured]
     keys = list(dict.fromkeys(each))
     block = np.array([keys.index(key) for key in each])[problem.owner]
-    return Flexible(features(problem)[rows], block[rows])
+    columns, shapes = problem.shape_weights()
+    return Flexible(features(problem)[rows], block[rows], columns, shapes[rows])

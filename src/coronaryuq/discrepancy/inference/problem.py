@@ -19,7 +19,7 @@ from coronaryuq.discrepancy.settings import Settings
 OTHER_STARTS = (-1.0, 1.0, -2.0, 2.0, 0.0)
 """Further starting points of an effect's sizes, in prior standard deviations."""
 RESTARTS = (0.0, 2.0, -1.0)
-"""Sizes of all effects, in prior standard deviations, from which `multistart` starts."""
+"""Sizes of all effects, in prior standard deviations, from which `multistart_each` starts."""
 SMALLER = -2.0
 """Starting point if the model does not run at a candidate's own, in prior standard deviations."""
 CORRECTIONS = 6
@@ -199,15 +199,29 @@ class Problem:
         weights = np.linalg.solve(np.eye(len(shapes)) + shapes @ shapes.T, shapes @ missed)
         return float(np.sqrt(max(missed @ (missed - shapes.T @ weights), 0.0)))
 
-    def multistart(self, hypothesis: Hypothesis) -> Fit | None:
-        """Return the best of several fits from the prior mean, with different sizes of all effects.
+    def multistart_each(self, hypotheses: Sequence[Hypothesis]) -> list[Fit | None]:
+        """Return for each hypothesis the best of several fits from the prior mean, with different sizes of all effects.
 
-        Each is fitted to convergence, because their order may change on the way. None if the model runs at no start.
+        All are fitted together. After two iterations those end that even by their linear models stay far behind the
+        best of all; the others are fitted to convergence. None if the model runs at no start.
         """
-        sizes = len(hypothesis.parameters)
-        starts = [np.concatenate([np.zeros(self.count), np.full(sizes, size)]) for size in RESTARTS]
-        fits = [fit for fit in self.calibrate_each([(hypothesis, start) for start in starts]) if fit is not None]
-        return max(fits, key=lambda fit: fit.evidence, default=None)
+        numbers, searches = [], []
+        for number, hypothesis in enumerate(hypotheses):
+            sizes = len(hypothesis.parameters)
+            for size in RESTARTS:
+                numbers.append(number)
+                searches.append(self._in_full(hypothesis, np.concatenate([np.zeros(self.count), np.full(sizes, size)])))
+        maximise(self.fitted, searches, 2)
+        leading = max((search.fit.evidence for search in searches if not search.failed), default=0.0)
+        going = [search for search in searches if not (search.failed or search.done)]
+        left = [search for search in going if search.fit.promised.right > leading - RULE.far_behind]
+        maximise(self.fitted, left, self.settings.iterations)
+        best: list[Fit | None] = [None] * len(hypotheses)
+        for number, search in zip(numbers, searches, strict=True):
+            known = best[number]
+            if not search.failed and (known is None or search.fit.evidence > known.evidence):
+                best[number] = search.fit
+        return best
 
     def distorted(self, fit: Fit) -> bool:
         """Return whether recalibration has left the prior, so that candidates are better scored at another point."""

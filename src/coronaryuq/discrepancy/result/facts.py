@@ -43,6 +43,7 @@ def facts(discovery: Discovery) -> dict:
             "probabilities": answer.probabilities,
             "forms_of_something_else": answer.forms,
             "leading_form": answer.leading_form,
+            "device": answer.device,
             "support_nats": answer.support,
         },
         "likeliest": likeliest(discovery.rounds),

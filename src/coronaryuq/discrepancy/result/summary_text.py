@@ -11,12 +11,11 @@ from scipy import stats
 
 from coronaryuq.core.io.atomic import read_json, write_text
 from coronaryuq.discrepancy.decision_rule import RULE
-from coronaryuq.discrepancy.selection.answer import NAMES, NOTHING, OTHER, REROUTED, VARYING
+from coronaryuq.discrepancy.selection.answer import NAMES, NOTHING, OTHER, REROUTED, UNLISTED, VARYING
 from coronaryuq.discrepancy.selection.flow_conservation import PROBE
 
 LEAST_INFORMATION = 0.1
-"""Expected information (nats) below which a measurement does not distinguish a class; for two equally likely members
-0.69 is the maximum."""
+"""Expected information (nats) below which a measurement does not distinguish a class; of two members at most 0.69."""
 EXPECTED_MISFIT = "1 is expected from noise and fit uncertainty"
 QUIET, UNLIKELY = 0.5, 1e-4
 """Scatter over the stated standard deviation, and its probability, below which the latter is reported as too large."""
@@ -88,9 +87,8 @@ def _own_error(facts: Mapping) -> str:
 def _outside_library(answer: Mapping, held_out: list[str]) -> str:
     """State what speaks against the best candidates."""
     gaps, best, forms = answer["held_out"], answer["facts"]["best"], answer["facts"]["answer"]
-    one = len(best) == 1
-    probability = f"probability {forms['probabilities'][OTHER]:.2f}"
-    start = f"Something other than an effect of the library is missing ({probability})"
+    one, certainty = len(best) == 1, forms["probabilities"][OTHER]
+    start = f"Something other than an effect of the library is missing (probability {certainty:.2f})"
     if not best:
         return f"{start}: {_shape_text(gaps)}"
     labels = listed([_label(effect) for effect in best])
@@ -124,6 +122,11 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
         )
     elif forms["leading_form"] == VARYING and any(effect["varying"] for effect in best):
         reason = f"{varying_text(best)}. No effect is named. {change}"
+    elif forms["leading_form"] == UNLISTED:
+        reason = (
+            f"{candidate} {'is' if one else 'are'} {labels}, but one linear response of the device that reads "
+            f"{forms['device']}, of a shape that the library does not list, is likelier. No effect is named. {change}"
+        )
     else:
         reason = (
             f"{candidate}, {labels}, {'leaves' if one else 'leave'} a misfit that {'its' if one else 'their'} law does "

@@ -6,7 +6,8 @@ Hypotheses, with their prior probabilities, and the evidence of all data (`flexi
 - the effects found are what is missing: the model with them is right, within its own error;
 - something else is missing: the recalibrated model and an unknown error of any size; or, because something else may
   resemble effects of the library, the model with these and such an error, or with a size that differs between
-  conditions, or with flow on another path in place of errors of flow probes.
+  conditions, or with flow on another path in place of errors of flow probes, or with a response of a device that is not
+  listed in place of the errors found on that device.
 
 A name costs four times as much if it is wrong as an answer without a name does if the name was right; so effects are
 named from a probability of 0.8 on.
@@ -20,15 +21,22 @@ from scipy.special import logsumexp
 
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
-from coronaryuq.discrepancy.inference.cross_validation import posterior_of_all
+from coronaryuq.discrepancy.inference.cross_validation import linearise, of_all, posterior_of_all, unreached
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.candidates import OUTSIDE
 from coronaryuq.discrepancy.selection.flow_conservation import redistribution
 from coronaryuq.discrepancy.selection.size_constancy import Constancy, constancy
+from coronaryuq.discrepancy.selection.unlisted_response import (
+    log_prior_of_errors,
+    share_of_responses,
+    unlisted_responses,
+)
+from coronaryuq.zerod.effects.base import Effect
 
 NOTHING, NAMES, OTHER = "nothing", "names", "something else"
-ALONE, REMAINDER, VARYING, REROUTED = "alone", "remainder", "varying size", "flow on another path"
+ALONE, REMAINDER, VARYING = "alone", "remainder", "varying size"
+REROUTED, UNLISTED = "flow on another path", "unlisted response of a device"
 """Forms of something else."""
 VARIES = np.log(0.25)
 """Log of the share of that prior that belongs to sizes that vary between conditions."""
@@ -44,6 +52,8 @@ class Answer:
         Of `NOTHING`, `NAMES` and `OTHER`; they add up to 1.
     forms
         Probabilities of the forms of something else, which add up to that of `OTHER`.
+    device
+        What the device reads whose unlisted response is likeliest; empty where no error of a device was found.
     log_evidence
         Log evidence of all data for the effects found, prior included; of the model alone if there are none.
     support
@@ -58,6 +68,7 @@ class Answer:
 
     probabilities: dict[str, float]
     forms: dict[str, float]
+    device: str
     log_evidence: float
     support: float
     wiring_errors: list[PlacedEffect]
@@ -88,7 +99,7 @@ def answer(
     fit: Fit,
     hypothesis: Hypothesis,
     log_priors: Sequence[float],
-    effects: int,
+    possible: Sequence[Effect],
 ) -> Answer:
     """Weigh the answers by all data.
 
@@ -100,8 +111,8 @@ def answer(
         The problem and the fit without any effect.
     log_priors
         Log prior of the class of each effect.
-    effects
-        Number of effects of the library that are possible here.
+    possible
+        Effects of the library that are possible here.
 
     Returns
     -------
@@ -117,14 +128,19 @@ def answer(
     implausible = beyond(fit, hypothesis, RULE.implausible)
     constancies = constancy(problem, fit, hypothesis)
     plain = posterior_of_all(*base, Hypothesis())
-    nothing, named = np.log(RULE.prior_none) + plain.right, -np.inf
-    other = {ALONE: np.log(RULE.prior_outside) + plain.unknown}
+    nothing, named, device = np.log(RULE.prior_none) + plain.right, -np.inf, ""
+    other = {ALONE: np.log(RULE.prior_outside * (1.0 - share_of_responses(possible))) + plain.unknown}
     if hypothesis:
-        found, prior = posterior_of_all(problem, fit, hypothesis), sum(log_priors)
+        model, lacking = linearise(problem, fit.z, hypothesis), unreached(problem, fit)
+        prior = log_prior_of_errors(problem, hypothesis, log_priors, possible)
+        found = of_all(problem, model).lowered(lacking)
         right = prior + found.right
         other[REMAINDER] = prior + OUTSIDE + found.unknown
         other[VARYING] = right + OUTSIDE + VARIES + float(logsumexp([entry.log_odds for entry in constancies]))
-        other[REROUTED] = right + redistribution(problem, fit, hypothesis, log_priors, effects)
+        other[REROUTED] = right + redistribution(problem, fit, hypothesis, log_priors, len(possible))
+        responses = unlisted_responses(problem, model, hypothesis, log_priors, possible)
+        other[UNLISTED] = float(logsumexp([-np.inf, *responses.values()])) - lacking
+        device = max(responses, key=lambda reads: responses[reads], default="")
         if not (wiring or implausible):
             named = right
         else:
@@ -134,7 +150,7 @@ def answer(
     probabilities = {NOTHING: float(np.exp(nothing - total)), NAMES: float(np.exp(named - total))}
     probabilities[OTHER] = sum(forms.values())
     best, support = (right, found.unknown - plain.unknown) if hypothesis else (nothing, 0.0)
-    return Answer(probabilities, forms, float(best), support, wiring, implausible, constancies)
+    return Answer(probabilities, forms, device, float(best), support, wiring, implausible, constancies)
 
 
 def beyond(fit: Fit, hypothesis: Hypothesis, bound: float) -> list[PlacedEffect]:

@@ -72,11 +72,12 @@ def forward_step(
 
     fit: of the present hypothesis; point: where the candidates were scored.
     """
-    chosen = shortlist(candidates, problem.settings.shortlist)
-    pool = Pool({c.placed: c for c in candidates}).choosing(fit_shortlist(problem, fit, hypothesis, chosen, point))
+    from_fit: set[PlacedEffect] = set()
     if hypothesis and point is not fit:
-        pool = _seen_from_fit(problem, fit, hypothesis, pool)
-    pool = pool.without_unfitted()
+        candidates, from_fit = _seen_from_fit(problem, fit, hypothesis, candidates)
+    chosen = shortlist(candidates, problem.settings.shortlist)
+    fitted = fit_shortlist(problem, fit, hypothesis, chosen, point, from_fit)
+    pool = Pool({c.placed: c for c in candidates}).choosing(fitted).without_unfitted()
     for _ in range(RULE.second_looks if pool.chosen else 0):
         before = pool.best
         pool, near = look_again(problem, fit, before, hypothesis, pool)
@@ -109,27 +110,21 @@ def _worth_naming(problem: Problem, fit: Fit, candidates: list[Candidate]) -> li
     return [c for c in candidates if class_log_weight(c, candidates) - fit.evidence >= least]
 
 
-def _seen_from_fit(problem: Problem, fit: Fit, hypothesis: Hypothesis, pool: Pool) -> Pool:
-    """Also score and shortlist all candidates from a distorted fit, and keep those that look better from there.
+def _seen_from_fit(
+    problem: Problem, fit: Fit, hypothesis: Hypothesis, candidates: list[Candidate]
+) -> tuple[list[Candidate], set[PlacedEffect]]:
+    """Score all candidates from a distorted fit, too; return them as they look better, and those that do from the fit.
 
     About the prior mean, where they were scored, the effects named already hide candidates that explain less than
     recalibration does together with these effects.
     """
-    here = screen(problem, fit, hypothesis, [replace(c, fit=None) for c in pool.candidates.values()])
-    chosen = fit_shortlist(problem, fit, hypothesis, shortlist(here, problem.settings.shortlist), fit)
-    return pool.choosing(_better_of(pool.candidates[c.placed], c) for c in chosen)
-
-
-def _better_of(candidate: Candidate, here: Candidate) -> Candidate:
-    estimated = here if here.estimate > candidate.estimate else candidate
-    return replace(
-        candidate,
-        z_score=max(candidate.z_score, here.z_score),
-        estimate=estimated.estimate,
-        guess=estimated.guess,
-        fit=here.fit if here.log_weight > candidate.log_weight else candidate.fit,
-        multistart=here.multistart,
-    )
+    here = screen(problem, fit, hypothesis, candidates)
+    better = {c.placed for c, own in zip(candidates, here, strict=True) if own.estimate > c.estimate}
+    seen = [
+        replace(own if own.placed in better else c, z_score=max(c.z_score, own.z_score))
+        for c, own in zip(candidates, here, strict=True)
+    ]
+    return seen, better
 
 
 def look_again(

@@ -1,31 +1,43 @@
 """Fits of candidates together with other effects: approximate, in full if they compete, repeated if they diverged."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 
 import numpy as np
 
 from coronaryuq.discrepancy.decision_rule import RULE
-from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.candidates import Candidate, best_of_effects, least_weight, updated
 
 
 def fit_shortlist(
-    problem: Problem, base: Fit, hypothesis: Hypothesis, candidates: list[Candidate], point: Fit
+    problem: Problem,
+    base: Fit,
+    hypothesis: Hypothesis,
+    candidates: list[Candidate],
+    point: Fit,
+    from_base: Collection[PlacedEffect] = (),
 ) -> list[Candidate]:
     """Fit candidates from a point with its sensitivities frozen, then the best of them in full.
 
-    If even the best leaves the prior, so large a misfit remains that a fit may have ended anywhere: contenders are then
-    also fitted from other starting points, as are promising candidates whose fit diverged.
+    If even the best leaves the prior, so large a misfit remains that a fit may have ended anywhere: contenders for the
+    first effect are then also fitted from other starting points, as are promising candidates whose fit diverged.
+    from_base: those fitted from the fit of the present hypothesis, `base`, instead.
     """
-    fits = problem.fit_candidates(point, hypothesis, [c.placed for c in candidates], [c.start for c in candidates])
-    candidates = _with_fits(candidates, fits)
+    fits: dict[PlacedEffect, Fit | None] = {}
+    for start, own in (
+        (point, [c for c in candidates if c.placed not in from_base]),
+        (base, [c for c in candidates if c.placed in from_base]),
+    ):
+        placed = [c.placed for c in own]
+        fits |= zip(placed, problem.fit_candidates(start, hypothesis, placed, [c.start for c in own]), strict=True)
+    candidates = _with_fits(candidates, [fits[c.placed] for c in candidates])
     contenders = _contenders(candidates, base)
     candidates = updated(candidates, _with_fits(contenders, _in_full(problem, hypothesis, contenders)))
     contenders = _contenders(candidates, base)
-    again = contenders if contenders and problem.distorted(contenders[0].fitted) else []
+    again = contenders if contenders and not hypothesis and problem.distorted(contenders[0].fitted) else []
     least = contenders[0].log_weight - RULE.contender_gap if contenders else -np.inf
     again = list({c.placed: c for c in (*again, *diverged(candidates, least, base.evidence))}.values())
     return updated(candidates, from_other_starts(problem, hypothesis, again))
@@ -67,9 +79,11 @@ def diverged(candidates: Iterable[Candidate], least: float, without: float) -> l
 
 def from_other_starts(problem: Problem, hypothesis: Hypothesis, candidates: list[Candidate]) -> list[Candidate]:
     """Replace the fits of candidates by better ones that start from the prior mean."""
+    new = [c for c in candidates if c.multistart is None]
+    fits = dict(zip(new, problem.multistart_each([hypothesis.with_(c.placed) for c in new]), strict=True))
     refitted = []
     for candidate in candidates:
-        other = candidate.multistart or problem.multistart(hypothesis.with_(candidate.placed))
+        other = candidate.multistart or fits[candidate]
         better = other is not None and other.evidence > candidate.fitted.evidence
         refitted.append(replace(candidate, multistart=other, fit=other if better else candidate.fit))
     return refitted

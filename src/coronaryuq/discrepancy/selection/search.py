@@ -138,7 +138,7 @@ def _search(problem: Problem, seed: int, library: Library, report: Report) -> Di
         state.fit,
         state.hypothesis,
         [priors[placed] for placed in state.hypothesis],
-        len({candidate.effect.name for candidate in state.candidates}),
+        list({candidate.effect.name: candidate.effect for candidate in start.candidates}.values()),
     )
     return Discovery(
         base_problem=base_problem,

@@ -14,8 +14,8 @@ EVERY_FLOW = "every flow"
 MEASUREMENT_OF_FLOW = "Nichols et al., McDonald's Blood Flow in Arteries, 6th ed. (2011), measurement of flow"
 
 
-class _Chain(Effect):
-    """Base class of what acts on the waveforms of one instrument.
+class Chain(Effect):
+    """Base class of what acts on the waveforms of one instrument, linearly.
 
     Sizes are in seconds, as those of a line, a filter or a trigger do not depend on the heart rate.
     """
@@ -29,19 +29,19 @@ class _Chain(Effect):
         waveforms = (s for s in observed if s.statistic == "waveform" and s.quantity in self.quantities)
         return list(dict.fromkeys(s.location for s in waveforms))
 
-    def _covers(self, place: str, series: Series) -> bool:
+    def covers(self, place: str, series: Series) -> bool:
         return series.quantity in self.quantities and series.location == place
 
 
-class _Delay(_Chain):
+class _Delay(Chain):
     """Pure delay: the waveform is read at an earlier time, which also keeps a jump between two time steps."""
 
     def delay(self, place: str, sizes: Values, series: Series) -> np.ndarray:
-        affected = series.statistic == "waveform" and self._covers(place, series)
+        affected = series.statistic == "waveform" and self.covers(place, series)
         return np.asarray(sizes["delay"]) if affected else np.zeros(1)
 
 
-class LinearFilter(_Chain):
+class LinearFilter(Chain):
     """Filter with a transfer function. Places: each waveform or, if one device reads several, all of its quantity.
 
     Each harmonic of the simulated waveform is multiplied by the transfer function, which is the steady response to a
@@ -65,13 +65,13 @@ class LinearFilter(_Chain):
         other: np.ndarray | None,
         anatomy: Anatomy,
     ) -> np.ndarray:
-        if series.statistic == "mean" or not self._covers(place, series):
+        if series.statistic == "mean" or not self.covers(place, series):
             return wave
         points = wave.shape[1]
         transfer = self.transfer(sizes, np.fft.rfftfreq(points, series.period / points))
         return np.fft.irfft(np.fft.rfft(wave) * transfer, points)
 
-    def _covers(self, place: str, series: Series) -> bool:
+    def covers(self, place: str, series: Series) -> bool:
         return series.quantity in self.quantities and place in (series.location, f"every {series.quantity}")
 
 
@@ -122,14 +122,14 @@ class TriggerDelay(_Delay):
         triggered: dict[tuple, str] = {}
         for place in self.quantities_of:
             shifted = {
-                (s.quantity, s.location) for s in observed if s.statistic == "waveform" and self._covers(place, s)
+                (s.quantity, s.location) for s in observed if s.statistic == "waveform" and self.covers(place, s)
             }
             # A delay of a single waveform is left to its own sensor. Two names for the same waveforms are one place.
             if len(shifted) > 1:
                 triggered[tuple(sorted(shifted))] = place
         return list(triggered.values())
 
-    def _covers(self, place: str, series: Series) -> bool:
+    def covers(self, place: str, series: Series) -> bool:
         return series.quantity in self.quantities_of[place]
 
 
