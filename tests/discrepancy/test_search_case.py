@@ -25,7 +25,9 @@ def test_a_stenosis_case_is_named_located_and_repaired(stenosis_case, tmp_path, 
     folder, truth = stenosis_case
     assert command.main(case_arguments(folder, tmp_path)) == 0
     text = capsys.readouterr()
-    assert "\nbest: quadratic_stenosis at " in text.err and "checking on the held-out data" in text.err.splitlines()[-1]
+    assert (
+        "\nbest: quadratic_stenosis at " in text.err and "checking each effect by all data" in text.err.splitlines()[-1]
+    )
     answer = json.loads(text.out)
     one, place = truth.hypothesis.effects[0]
     assert answer["alarm"] and not answer["outside_library"]

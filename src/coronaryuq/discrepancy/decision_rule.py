@@ -95,7 +95,7 @@ class DecisionRule:
         40.0, "nats", "A candidate is dropped if, after two iterations, its log evidence is this far below the best."
     )
     further_searches: int = _threshold(
-        2, "times", "Maximum number of continuations of a search after the held-out check."
+        2, "times", "Maximum number of continuations of a search after effects were not confirmed."
     )
     implausible: float = _threshold(
         4.0,

@@ -87,13 +87,13 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """One forward step, updated by backward steps and the held-out check.
+    """One forward step, updated by backward steps and the confirmation.
 
     shortlist: fitted candidates, best first; accepted: the one named, None if none was good enough or it was undone;
     members: the accepted one and those that data cannot distinguish from it; scored: all candidates; others: other
     effects in the shortlist's fits. evidence_gain, held_out_gain: increase of the log evidence, and of the held-out log
     predictive density, by the accepted effect given all the others (None: it is the only one). refuted: the candidate
-    accepted until the held-out check.
+    accepted until the confirmation.
     """
 
     shortlist: list[Candidate]

@@ -33,7 +33,7 @@ class Discovery:
     remaining
         Where the best hypothesis disagrees.
     rounds
-        Forward steps, with what backward steps and the held-out check made of them.
+        Forward steps, as backward steps and the confirmation left them.
     gaps, held_out_p, folds
         Held-out misfits, p-value of the held-out data under the best hypothesis, (train, test) rows of each fold.
     answer

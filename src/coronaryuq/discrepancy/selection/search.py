@@ -1,7 +1,7 @@
-"""The search for a missing effect: locate, forward and backward steps, held-out check, answer.
+"""The search for a missing effect: locate, forward and backward steps, confirmation, answer.
 
 `discover` estimates the noise and calls `search_without_confounder`, which calls `_search`: assess the candidates, add
-effects by forward steps (each with backward steps and the time-step correction), check them on held-out data, weigh
+effects by forward steps (each with backward steps and the time-step correction), confirm them by all data, weigh
 the answers.
 """
 
@@ -24,9 +24,9 @@ from coronaryuq.discrepancy.inference.read_problem import with_noise
 from coronaryuq.discrepancy.selection.answer import answer, beyond
 from coronaryuq.discrepancy.selection.backward_step import backward_step, correct_time_steps
 from coronaryuq.discrepancy.selection.candidates import Candidate, Rounds, all_candidates, best_of_effects
+from coronaryuq.discrepancy.selection.confirmation import confirm
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.forward_step import forward_step
-from coronaryuq.discrepancy.selection.held_out_check import held_out_check
 from coronaryuq.discrepancy.selection.refit import fit_each, with_own_time_steps
 from coronaryuq.discrepancy.selection.score_test import screen
 from coronaryuq.zerod.effects.base import Effect
@@ -246,13 +246,13 @@ def _check(state: _State, library: Library, report: Report) -> tuple[_State, boo
 
     A refuted effect, with its class, is not considered again: it may have hidden one that the data confirm.
     """
-    report("checking on the held-out data")
-    hypothesis, fit, rounds = held_out_check(state.problem, state.hypothesis, state.fit, state.rounds)
+    report("checking each effect by all data")
+    hypothesis, fit, rounds = confirm(state.problem, state.hypothesis, state.fit, state.rounds)
     count = len(state.hypothesis)
     state = replace(state, hypothesis=hypothesis, fit=fit, rounds=rounds)
     if len(hypothesis) == count:
         return state, True
-    report(f"the held-out data confirm only {_listed(hypothesis)}")
+    report(f"all data confirm only {_listed(hypothesis)}")
     problem, fit = state.problem.corrected(hypothesis, fit)
     state = replace(state, problem=problem, fit=fit).converged().reassessed(library)
     return state.without_refuted(), False

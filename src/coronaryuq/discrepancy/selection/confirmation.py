@@ -1,4 +1,4 @@
-"""Check of several effects by all data: remove those without which the model is as probable."""
+"""Confirmation of several effects by all data: those without which the model is as probable are removed."""
 
 from dataclasses import replace
 
@@ -12,9 +12,7 @@ from coronaryuq.discrepancy.selection.candidates import Rounds, replaced, round_
 from coronaryuq.discrepancy.selection.refit import exact
 
 
-def held_out_check(
-    problem: Problem, hypothesis: Hypothesis, fit: Fit, rounds: Rounds
-) -> tuple[Hypothesis, Fit, Rounds]:
+def confirm(problem: Problem, hypothesis: Hypothesis, fit: Fit, rounds: Rounds) -> tuple[Hypothesis, Fit, Rounds]:
     """Remove those of several effects that all data together do not confirm, the one that adds least first.
 
     The increase of the log evidence of all data, held-out ones included, by an effect has to suffice, as in a forward

@@ -1,11 +1,11 @@
-"""Held-out check: each of several effects must be confirmed by data that no fit has seen."""
+"""Confirmation: each of several effects must add evidence, by all data, given the others."""
 
 import numpy as np
 import pytest
 
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.selection.candidates import Candidate, Round, round_of
-from coronaryuq.discrepancy.selection.held_out_check import held_out_check
+from coronaryuq.discrepancy.selection.confirmation import confirm
 from support.hypotheses import assume
 from support.linear_problem import here, linear_problem
 
@@ -35,7 +35,7 @@ def checked(problem):
     fit = problem.calibrate(hypothesis)
     candidates = [Candidate(placed, PRIOR, fit=fit) for placed in hypothesis]
     rounds = tuple(Round([], {}, candidate, [candidate]) for candidate in candidates)
-    kept, refit, rounds = held_out_check(problem, hypothesis, fit, rounds)
+    kept, refit, rounds = confirm(problem, hypothesis, fit, rounds)
     assert len(refit.z) == NUISANCES + len(kept)
     return list(kept), rounds
 
