@@ -1,5 +1,7 @@
 """What the data cannot distinguish, and which of it is preferred."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from coronaryuq.discrepancy.selection.candidates import (
     class_log_weight,
     indistinguishable,
     preferred,
+    shortlist,
 )
 from support.linear_problem import here
 
@@ -53,3 +56,16 @@ def test_a_candidate_without_a_fit_has_no_weight():
     assert unfitted.log_weight == -np.inf
     with pytest.raises(ValueError, match="made up at here was not fitted"):
         _ = unfitted.fitted
+
+
+def test_beside_effects_found_a_clear_score_alone_shortlists_no_candidate():
+    """Where the truth is none of the library, every effect has one; only those that may still win stay."""
+    present = Fit(np.zeros(1), np.array([np.sqrt(2.0 * 650.0)]), np.zeros((1, 1)))
+    estimates = [-620.0, -630.0, -640.0, -900.0]
+    candidates = [
+        Candidate(here(str(number)), -5.0, z_score=9.0, estimate=estimate) for number, estimate in enumerate(estimates)
+    ]
+    assert shortlist(candidates, 1) == candidates, "of a first effect, estimates err too much"
+    assert shortlist(candidates, 1, present) == candidates[:3]
+    assert shortlist([replace(c, z_score=1.0) for c in candidates], 4, present) == []
+    assert shortlist([], 4, present) == []

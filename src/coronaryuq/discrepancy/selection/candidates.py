@@ -168,13 +168,22 @@ def all_candidates(problem: Problem, hypothesis: Hypothesis, library: tuple[Effe
     return candidates
 
 
-def shortlist(candidates: Iterable[Candidate], count: int) -> list[Candidate]:
-    """Return the most promising `count`, and the best place of every effect with a clear score test."""
+def shortlist(candidates: Iterable[Candidate], count: int, present: Fit | None = None) -> list[Candidate]:
+    """Return the most promising `count`, and the best place of every effect with a clear score test.
+
+    present: the fit with the effects found so far, if there are any. About it estimates are good enough to leave out
+    those of the second kind that promise much less than the best: where the truth is none of the library, every effect
+    has a clear score test.
+    """
     ranked = sorted(candidates, key=lambda c: -c.promise)
+    least = -np.inf
+    if present is not None and ranked:
+        gain = max(0.0, ranked[0].estimate - present.evidence)
+        least = ranked[0].promise - RULE.contender_gap - RULE.contender_share * gain
     chosen = [c for c in ranked[:count] if c.z_score > RULE.shortlist_score]
     for name in dict.fromkeys(c.effect.name for c in ranked):
         best = next(c for c in ranked if c.effect.name == name)
-        if best not in chosen and best.z_score > RULE.shortlist_effect_score:
+        if best not in chosen and best.z_score > RULE.shortlist_effect_score and best.promise > least:
             chosen.append(best)
     return chosen
 

@@ -75,7 +75,7 @@ def forward_step(
     from_fit: set[PlacedEffect] = set()
     if hypothesis and point is not fit:
         candidates, from_fit = _seen_from_fit(problem, fit, hypothesis, candidates)
-    chosen = shortlist(candidates, problem.settings.shortlist)
+    chosen = shortlist(candidates, problem.settings.shortlist, fit if hypothesis else None)
     fitted = fit_shortlist(problem, fit, hypothesis, chosen, point, from_fit)
     pool = Pool({c.placed: c for c in candidates}).choosing(fitted).without_unfitted()
     for _ in range(RULE.second_looks if pool.chosen else 0):
