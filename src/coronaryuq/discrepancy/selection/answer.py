@@ -129,7 +129,7 @@ def answer(
     constancies = constancy(problem, fit, hypothesis)
     plain = posterior_of_all(*base, Hypothesis())
     nothing, named, device = np.log(RULE.prior_none) + plain.right, -np.inf, ""
-    other = {ALONE: np.log(RULE.prior_outside * (1.0 - share_of_responses(possible))) + plain.unknown}
+    other = {ALONE: np.log(RULE.prior_outside) + plain.unknown}
     if hypothesis:
         model, lacking = linearise(problem, fit.z, hypothesis), unreached(problem, fit)
         prior = log_prior_of_errors(problem, hypothesis, log_priors, possible)
@@ -140,6 +140,9 @@ def answer(
         other[REROUTED] = right + redistribution(problem, fit, hypothesis, log_priors, len(possible))
         responses = unlisted_responses(problem, model, hypothesis, log_priors, possible)
         other[UNLISTED] = float(logsumexp([-np.inf, *responses.values()])) - lacking
+        if responses:
+            # Elsewhere the flexible error stands for these, too.
+            other[ALONE] += np.log1p(-share_of_responses(possible))
         device = max(responses, key=lambda reads: responses[reads], default="")
         if not (wiring or implausible):
             named = right
