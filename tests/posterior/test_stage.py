@@ -19,8 +19,9 @@ from coronaryuq.core.io.tables import read_csv
 from coronaryuq.posterior import stage
 from coronaryuq.posterior.model.bed_flows import BedFlows
 from coronaryuq.posterior.results import Chains, ReferenceShares, read_summary
+from coronaryuq.posterior.sampler.checkpoint import RECORDED, Recorder
 from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, IndependenceSettings, Settings
-from coronaryuq.posterior.summary import summarise
+from coronaryuq.posterior.summary import summarise, table_of_draws
 from support.resistor_tree import ResistorTree, network_of, targets_of
 
 FILES = ("posterior.nc", "draws.csv", "summary.json", "fractions.csv", "fitted.json")
@@ -35,8 +36,8 @@ def outputs(folder):
     return stage.GatheredFiles(*(folder / name for name in FILES))
 
 
-def sampled(campaign, folder, settings=SMALL, seed=3):
-    stage.sample(*campaign, settings, seed, folder / "chains.npz")
+def sampled(campaign, folder, settings=SMALL, seed=3, length=1, before=None):
+    stage.sample(*campaign, settings, seed, folder / "chains.npz", extent=stage.Extent(length, before))
     return folder / "chains.npz"
 
 
@@ -52,10 +53,10 @@ def same(a, b, without=()):
         assert np.array_equal(a[name], b[name], equal_nan=a[name].dtype.kind == "f"), name
 
 
-def command(campaign, out, ranks=None, settings=SMALL):
+def command(campaign, out, ranks=None, settings=SMALL, more=()):
     launcher = [] if ranks is None else [str(Path(sys.executable).with_name("mpiexec")), "-n", str(ranks)]
     run = [sys.executable, "-m", "coronaryuq.posterior", *map(str, campaign), str(out)]
-    return [*launcher, *run, "--seed", "3", "--settings", settings.model_dump_json()]
+    return [*launcher, *run, "--seed", "3", "--settings", settings.model_dump_json(), *more]
 
 
 def test_engine_flows_are_those_of_the_resistors(campaign, tree):
@@ -122,6 +123,37 @@ def test_fitted_network_meets_the_target_fractions(campaign, tmp_path, tree):
     assert np.allclose(draws[list(table["bc"])].mean(), table["posterior_multiplier"])
 
 
+PLAIN = SMALL.model_copy(update={"emulator": EmulatorSettings(use=False), "dream": DreamSettings(generations=40)})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("settings", [SMALL, DELAYED, PLAIN], ids=["independence", "delayed", "plain"])
+def test_chains_made_longer_are_those_made_so_at_once(campaign, tmp_path, monkeypatch, settings):
+    """Of three lengths, each continued from the file of the one before, and no run of the model is made twice."""
+    counted, flows = [], BedFlows.flows
+    monkeypatch.setattr(BedFlows, "flows", lambda self, m: counted.append(len(m)) or flows(self, m))
+    at_once = sampled(campaign, tmp_path / "at once", settings, length=4)
+    runs_at_once, before, files = sum(counted), None, []
+    counted.clear()
+    for length in (1, 2, 4):
+        before = sampled(campaign, tmp_path / str(length), settings, length=length, before=before)
+        files.append(Chains.read(before))
+    same(at_once, before)
+    assert sum(counted) == runs_at_once
+    kept = [chains.kept_multipliers for chains in files]
+    assert [k.shape[1] for k in kept] == [length * kept[0].shape[1] for length in (1, 2, 4)]
+    for shorter, longer in zip(files, files[1:], strict=False):
+        tables = [table_of_draws(chains, 100) for chains in (shorter, longer)]
+        assert tables[0].equals(tables[1].iloc[: len(tables[0])]) and len(tables[1]) == 2 * len(tables[0])
+        assert tables[1]["generation"].is_monotonic_increasing
+
+
+@pytest.mark.slow
+def test_chains_of_other_inputs_are_not_made_longer(campaign, tmp_path):
+    other = sampled(campaign, tmp_path / "other", seed=4)
+    same(sampled(campaign, tmp_path / "long", length=2, before=other), sampled(campaign, tmp_path / "new", length=2))
+
+
 @pytest.mark.slow
 def test_samples_extend_without_changing(campaign, tmp_path):
     chains = sampled(campaign, tmp_path)
@@ -139,16 +171,27 @@ def test_samples_extend_without_changing(campaign, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("kind", "before", "after"), [(DELAYED, None, None), pytest.param(SMALL, 3, 2, marks=pytest.mark.long)]
+    ("kind", "before", "after", "length"),
+    [
+        (DELAYED, None, None, 1),
+        (SMALL, None, 2, 2),
+        pytest.param(SMALL, 3, 2, 1, marks=pytest.mark.long),
+        pytest.param(DELAYED, 3, 1, 2, marks=pytest.mark.long),
+    ],
 )
-def test_killed_run_continues_to_the_same_bits(campaign, tmp_path, kind, before, after):
-    """SIGKILL to every process of the job soon after its first checkpoint; more ranks or fewer carry on."""
+def test_killed_run_continues_to_the_same_bits(campaign, tmp_path, kind, before, after, length):
+    """SIGKILL to every process of the job soon after its first checkpoint; more ranks or fewer carry on.
+
+    Chains of twice the length continue those of one.
+    """
     settings = kind.model_copy(deep=True)
     settings.dream.generations, settings.independence.draws = 480, 120
-    whole = sampled(campaign, tmp_path, settings)
+    whole, more = sampled(campaign, tmp_path, settings, length=length), ()
+    if length > 1:
+        more = ("--length", str(length), "--before", str(sampled(campaign, tmp_path / "short", settings)))
     out = tmp_path / "killed" / "chains.npz"
     process = subprocess.Popen(
-        command(campaign, out, before, settings), stderr=subprocess.DEVNULL, start_new_session=True
+        command(campaign, out, before, settings, more), stderr=subprocess.DEVNULL, start_new_session=True
     )
     checkpoint = out.with_suffix("") / "checkpoint.npz"
     deadline = time.monotonic() + 240
@@ -159,7 +202,7 @@ def test_killed_run_continues_to_the_same_bits(campaign, tmp_path, kind, before,
             os.kill(number, signal.SIGKILL)
     process.wait()
     assert checkpoint.exists() and not out.exists()
-    subprocess.run(command(campaign, out, after, settings), check=True, stderr=subprocess.DEVNULL, timeout=500)
+    subprocess.run(command(campaign, out, after, settings, more), check=True, stderr=subprocess.DEVNULL, timeout=500)
     same(whole, out)
 
 
@@ -176,8 +219,6 @@ def test_resume_from_every_checkpoint_and_with_torn_chain_files(campaign, tmp_pa
     class Killed(Exception):
         pass
 
-    from coronaryuq.posterior.sampler.chains import Recorder
-
     save = Recorder.save
     for stop in (1, 2, 3):
         calls = []
@@ -186,7 +227,7 @@ def test_resume_from_every_checkpoint_and_with_torn_chain_files(campaign, tmp_pa
             calls.append(1)
             if len(calls) > stop:
                 for chain in range(5):
-                    values = {name: self.values[name][: self.done, chain] for name in self.NAMES}
+                    values = {name: self.values[name][: self.done, chain] for name in RECORDED}
                     np.savez(self.folder / f"chain_{chain:03d}.npz", **values)
                 raise Killed
             save(self, state)
@@ -257,7 +298,10 @@ def test_a_poor_emulator_leaves_the_chains_to_dream(tree, tmp_path, capsys):
     found = f"240 runs at draws of the emulator have Pareto k {tried.pilot_k_hat:.2f}, should be below 0.7"
     assert warning.startswith(found)
     assert f"warning: DREAM without independence steps: {warning}" in capsys.readouterr().err
-    same(tmp_path / "tried.npz", tmp_path / "never.npz", without=("runs", "failures", "pilot_k_hat", "refused"))
+    told = ("runs", "failures", "pilot_k_hat", "refused")
+    told += ("checkpoint.key", "checkpoint.failures")
+    told += tuple(f"checkpoint.prepared.{name}" for name in ("runs", "failures", "k_hat", "refused"))
+    same(tmp_path / "tried.npz", tmp_path / "never.npz", without=told)
     summary = summarise(
         tried, SMALL, 3, 10, ReferenceShares({}, {}, 0.0), provenance={}
     )  # fmt: skip

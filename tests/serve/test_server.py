@@ -83,7 +83,7 @@ def test_the_served_model_is_a_backend_with_the_same_bits(server, home, tmp_path
 
 def test_the_log_likelihood_is_the_chains_up_to_the_prior(server, home):
     url, _ = server
-    chains = Chains.read(home / "posterior" / "chains.npz")
+    chains = Chains.read(home / "posterior" / "length_1" / "chains.npz")
     states = chains.kept_multipliers.reshape(-1, 3)[::7]
     density = chains.kept_log_density.reshape(-1)[::7]
     model = umbridge.HTTPModel(url, "loglikelihood")

@@ -41,9 +41,10 @@ def small_campaign(folder: Path) -> Path:
     names = [outlet["bc"] for outlet in outlets]
     targets = write_perfusion_targets(home / "perfusion" / "targets.json", names, *targets_of(tree))
     out = home / "posterior"
-    stage.sample(case, loop, targets, POSTERIOR, 3, out / "chains.npz")
+    chains = out / "length_1" / "chains.npz"
+    stage.sample(case, loop, targets, POSTERIOR, 3, chains)
     files = ("posterior.nc", "draws.csv", "summary.json", "fractions.csv", "fitted.json")
-    stage.gather(case, loop, targets, out / "chains.npz", POSTERIOR, 3, stage.GatheredFiles(*(out / n for n in files)))
+    stage.gather(case, loop, targets, chains, POSTERIOR, 3, stage.GatheredFiles(*(out / n for n in files)))
     return home
 
 

@@ -1,19 +1,32 @@
 """A campaign that grows: the checkpoint decides, and only what it asks for is run."""
 
+import json
+
 import pytest
 
 from support.checkout import Checkout
 
 pytestmark = pytest.mark.workflow
 
-# Round 0 asks for one batch and one chunk more, round 1 stops.
+# Round 0 asks for one batch and one chunk more, round 1 for longer chains and two chunks of them, round 2 stops.
 DECIDES = """
 import json, pathlib
 number = snakemake.params["number"]
-counts = [{"n_3d": 16, "n_0d": 64}, {"n_3d": 24, "n_0d": 96}][number]
-held = {"counts": counts, "next": {"n_3d": 24, "n_0d": 96}, "done": number == 1}
+first, twice = [[0, 1]], [[0, 1], [96, 2]]
+counts = [(16, 64, first), (24, 96, first), (24, 160, twice), (24, 160, twice)][number:]
+ran, following = (dict(zip(("n_3d", "n_0d", "lengths"), one)) for one in counts[:2])
+held = {"counts": ran, "next": following, "done": number == 2}
 pathlib.Path(snakemake.output[0]).write_text(json.dumps(held))
 """
+
+NAMES_CHAINS = """
+import json, pathlib
+given = getattr(snakemake.input, "draws_csv", None) or snakemake.input.chains_npz
+written = [given, snakemake.params.get("lengths")]
+for output in snakemake.output:
+    pathlib.Path(output).write_text(json.dumps(written))
+"""
+"""In place of a job: writes the chains that it was given, and their lengths."""
 
 
 @pytest.fixture
@@ -31,4 +44,26 @@ def test_the_checkpoint_runs_rounds_until_it_is_done(growing):
     batches = {path.name for path in (growing.folder / "results" / "tiny" / "flow3d").glob("batch_*")}
     assert batches == {"batch_0.jsonl", "batch_1.jsonl", "batch_2.jsonl"}
     rounds = {path.name for path in (growing.folder / "results" / "tiny" / "allocation").glob("*.json")}
-    assert rounds == {"round_0.json", "round_1.json"}
+    assert rounds == {"round_0.json", "round_1.json", "round_2.json"}
+
+
+def test_longer_chains_serve_new_propagation_samples_and_change_no_others(growing):
+    home = growing.folder / "results" / "tiny"
+    own = dict.fromkeys(("zerod_chunk", "flow3d_batch", "samples", "posterior"), NAMES_CHAINS)
+    jobs = growing.pretend_done(own=own | {"allocation": DECIDES})
+    assert jobs["posterior_chains"] == 2 * 2, "two lengths, two ranks each"
+    assert jobs["posterior_draws"] == 2 and jobs["posterior"] == 1
+    assert jobs["zerod_chunk"] == 1 + 5 and jobs["flow3d_batch"] == 3, "no run is made again"
+    of_length = "results/tiny/posterior/length_{}/draws.csv"
+
+    def written(path):
+        return json.loads((home / path).read_text())
+
+    for k in range(5):
+        length, lengths = (1, [[0, 1]]) if k < 3 else (2, [[0, 1], [96, 2]])
+        assert written(f"zerod/propagation_{k}.parquet") == [of_length.format(length), lengths]
+    assert written("zerod/pilot_0.parquet")[0] == written("flow3d/batch_2.jsonl")[0] == of_length.format(1)
+    assert written("samples/pilot.csv")[0] == of_length.format(1)
+    assert written("samples/propagation.csv")[0] == of_length.format(2)
+    assert written("posterior/summary.json")[0] == "results/tiny/posterior/length_2/chains.npz"
+    assert growing.dry_run() == {}

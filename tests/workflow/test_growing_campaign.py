@@ -3,12 +3,14 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.core.records import read as read_records
+from coronaryuq.posterior.results import Chains
 from support import smoke
 from support.checkout import ROOT, Checkout
 
@@ -19,12 +21,14 @@ ROW, TARGET = "ffr_flow_lad", 0.013
 MOST = {"max_3d": 48, "max_0d": 300}
 
 
-def grow(checkout: Checkout, half_width: float, cores: int) -> Path:
+def grow(checkout: Checkout, half_width: float, cores: int, **changed: dict) -> Path:
     settings = yaml.safe_load((ROOT / "config" / "smoke.yaml").read_text())
     for block, changes in yaml.safe_load(smoke.SMALLER).items():
         settings[block] = settings.get(block, {}) | changes
     settings["samples"] |= {"n_3d": 24, "n_0d": 200}
     settings["estimation"] |= MOST | {"target_half_width": {ROW: half_width}}
+    for block, changes in changed.items():
+        settings[block] |= changes
     done = checkout.run("--nolock", "--cores", str(cores), settings=settings)
     assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]
     return checkout.folder / "results" / "smoke"
@@ -90,3 +94,27 @@ def test_at_the_bounds_it_stops_and_reports_the_missing_runs(first):
     assert half_width(results) > TARGET / 10
     row, end = target_lines(results)
     assert re.search(r"this needs about [\d,]+ 3D runs", row) and "the maximum number of runs" in end
+
+
+CHAIN_TARGET = 0.004
+"""From chains of 15 draws after burn-in this takes longer ones, and no more 3D runs."""
+
+
+def test_chains_that_limit_the_error_are_made_longer_until_the_target_width_is_met(tmp_path):
+    short_chains = {"posterior": {"independence": {"draws": 20}}, "estimation": {"max_0d": 3200}}
+    results = grow(Checkout(tmp_path / "chains"), CHAIN_TARGET, 2, **short_chains)
+    decided = rounds(results)
+    (plan,) = decided[0]["plan"]
+    assert plan["longer_chain"] > 1 and plan["more_3d"] == plan["more_0d"] == 0 and plan["half_width"] > CHAIN_TARGET
+    assert decided[0]["next"] == {"n_3d": 24, "n_0d": 400, "lengths": [[0, 1], [200, 2]]}
+    assert decided[-1]["why"] == "met" and half_width(results) <= CHAIN_TARGET
+    assert len(read_csv(results / "runs" / "params.csv")) == decided[-1]["counts"]["n_3d"] == 24
+    short, long = (Chains.read(results / "posterior" / f"length_{length}" / "chains.npz") for length in (1, 2))
+    assert (
+        np.array_equal(short.kept_multipliers, long.kept_multipliers[:, :15]) and long.kept_multipliers.shape[1] == 30
+    )
+    assert long.runs - short.runs == 12 * 15
+    drawn = read_csv(results / "samples" / "propagation.csv")["draw"]
+    assert drawn[:200].max() <= short.generations < drawn[200:400].min()
+    _, end = target_lines(results)
+    assert "24 3D and 400 propagation runs, chains 2 times as long as the first ones: all target widths" in end

@@ -20,7 +20,7 @@ def test_no_name_reaches_a_shell(tmp_path):
     write_case(checkout.folder / NAME, tree)
     checkout.settings["case"] = f"{NAME}/case.yaml"
     checkout.replace_jobs()
-    done = checkout.run("results/tiny/posterior/chains.npz")
+    done = checkout.run("results/tiny/posterior/length_1/chains.npz")
     assert done.returncode == 0, done.stdout + done.stderr
     assert "posterior_chains" in (checkout.folder / "jobs_that_ran").read_text()
     assert not list(tmp_path.rglob("hacked")) and not Path("hacked").exists()

@@ -75,7 +75,7 @@ def test_the_whole_campaign_by_the_profile_gives_the_same_table(slurm, tmp_path)
     alone = smoke.campaign(here, *table, more=(smoke.SMALLER,))
     spread = smoke.campaign(there, *table, profile=site, more=(smoke.SMALLER, smoke.OTHER_PORTIONS))
     assert not smoke.differences(alone, spread)
-    assert read_json(spread / "provenance" / "posterior_chains.json")["resources"]["mpi_ranks"] == 3
+    assert read_json(spread / "provenance" / "posterior_chains-1.json")["resources"]["mpi_ranks"] == 3
     assert len(list(spread.glob("flow3d/batch_*.jsonl"))) == 4 and len(list(alone.glob("flow3d/batch_*.jsonl"))) == 3
 
 

@@ -64,6 +64,7 @@ wildcard_constraints:
     set="pilot|propagation",
     mesh="|".join(meshes),
     run="|".join(runs_3d),
+    length=r"[1-9]\d*",
 
 
 def stage(function, *modules):
@@ -113,6 +114,50 @@ def last_round():
     return next(number for number in range(campaign.estimation.rounds) if decision(number)["done"])
 
 
+FIRST_CHAINS = [[0, 1]]
+"""Lengths of the chains behind all samples of the first round: from the first sample on, 1."""
+
+
+def lengths_of_campaign():
+    """Return the lengths of the chains behind the propagation samples: each with the first sample drawn from it."""
+    return decision(last_round())["counts"]["lengths"] if targets.grows else FIRST_CHAINS
+
+
+def lengths_of_chunk(wildcards):
+    """Return the lengths of the chains when the round came that needs a chunk first; the pilot is of the first ones."""
+    if not targets.grows or wildcards.set == "pilot":
+        return FIRST_CHAINS
+    if int(wildcards.k) in targets.needed(targets.first_counts)["zerod_propagation"]:
+        return FIRST_CHAINS
+    for number in range(campaign.estimation.rounds):
+        held = decision(number)
+        if held["done"] or int(wildcards.k) in targets.needed(held["next"])["zerod_propagation"]:
+            return held["next"]["lengths"]
+
+
+def draws(lengths):
+    """Return the table of draws of the chains of the last of some lengths."""
+    return results("posterior", f"length_{lengths[-1][1]}", "draws.csv")
+
+
+def shorter_chains(wildcards):
+    """Return the chains, half as long, from which chains continue; none for the first ones."""
+    length = int(wildcards.length)
+    return [results("posterior", f"length_{length // 2}", "chains.npz")] if length > 1 else []
+
+
+def longest_chains(wildcards):
+    """Return the chains of the campaign's last round, by name."""
+    return {"chains_npz": results("posterior", f"length_{lengths_of_campaign()[-1][1]}", "chains.npz")}
+
+
+def draws_of_set(wildcards):
+    """Return the table of draws of an input set, and the last decision of a campaign whose propagation samples grow."""
+    if wildcards.set == "pilot":
+        return {"draws_csv": draws(FIRST_CHAINS)}
+    return {"draws_csv": draws(lengths_of_campaign())} | end_of_growth(wildcards)
+
+
 def counts_of_campaign():
     """Return the numbers of 3D and 0D runs of the campaign."""
     return decision(last_round())["counts"] if targets.grows else targets.first_counts
@@ -130,11 +175,12 @@ def runs_of(counts):
 
 
 def runs_of_round(wildcards):
-    """Return the files of the runs in a round of a growing campaign, and the decision that requested them."""
+    """Return the runs and the draws of a round of a growing campaign, and the decision that requested them."""
     number = int(wildcards.r)
     if number == 0:
-        return runs_of(targets.first_counts)
-    return runs_of(decision(number - 1)["next"]) | {"before": results("allocation", f"round_{number - 1}.json")}
+        return runs_of(targets.first_counts) | {"draws_csv": draws(FIRST_CHAINS)}
+    counts, before = decision(number - 1)["next"], results("allocation", f"round_{number - 1}.json")
+    return runs_of(counts) | {"draws_csv": draws(counts["lengths"]), "before": before}
 
 
 def end_of_growth(wildcards):
@@ -158,10 +204,11 @@ def costs_of_study():
 def costs_of_campaign(wildcards):
     """Return the costs of the jobs that computed the contents of the report."""
     ks = targets.needed(counts_of_campaign())
-    stages = ("case", "perfusion", "calibration", "posterior_chains", "posterior", "mesh/mesh", "runs")
+    stages = ("case", "perfusion", "calibration", "posterior", "mesh/mesh", "runs")
     return [
         *(cost_of(f"{name}.json") for name in (*stages, "estimation_train", "estimation")),
         *expand(cost_of("perfusion_chunk_{k}.json"), k=targets.realisations),
+        *expand(cost_of("posterior_chains_{length}.json"), length=[length for _, length in lengths_of_campaign()]),
         *expand(cost_of("flow3d/batch_{k}.json"), k=ks["flow3d"]),
         *expand(
             cost_of("coarse/{job}.json"), job=[*["mesh"] * bool(ks["coarse"]), *(f"batch_{k}" for k in ks["coarse"])]

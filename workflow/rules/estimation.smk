@@ -2,12 +2,11 @@
 
 
 checkpoint allocation:
-    """Decide after one round of a growing campaign whether to stop, and how many runs the next round has."""
+    """Decide after one round of a growing campaign whether to stop, and which runs and chains the next round has."""
     input:
         unpack(runs_of_round),
         case=rules.case.output.case_json,
         pilot=results("samples", "pilot.csv"),
-        propagation=results("samples", "propagation.csv"),
     output:
         round_json=results("allocation", "round_{r}.json"),
     log:

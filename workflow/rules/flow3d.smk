@@ -44,7 +44,7 @@ rule flow3d_batch:
         unpack(mesh_of),
         case_json=rules.case.output.case_json,
         network_json=results("losses", "hyperaemia_3d.json") if teaches else rules.calibration.output.hyperaemia_json,
-        draws_csv=rules.posterior.output.draws,
+        draws_csv=draws(FIRST_CHAINS),
     output:
         records_jsonl=results("{run}", "batch_{k}.jsonl"),
         fields_zip=results("{run}", "fields_{k}.zip"),

@@ -6,7 +6,7 @@ rule zerod_chunk:
     input:
         case_json=rules.case.output.case_json,
         network_json=rules.calibration.output.hyperaemia_json,
-        draws_csv=rules.posterior.output.draws,
+        draws_csv=lambda wildcards: draws(lengths_of_chunk(wildcards)),
     output:
         runs_parquet=results("zerod", "{set}_{k}.parquet"),
         cost=cost_of("zerod", "{set}_{k}.json"),
@@ -20,6 +20,7 @@ rule zerod_chunk:
         seed=campaign.seed,
         name=lambda wildcards: wildcards.set,
         portion=lambda wildcards: targets.chunks[wildcards.set][int(wildcards.k)],
+        lengths=lambda wildcards: lengths_of_chunk(wildcards),
     script:
         "../scripts/stage.py"
 

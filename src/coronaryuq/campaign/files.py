@@ -43,8 +43,9 @@ KINDS = (
     Kind(r"losses/fit\.json", "errors before and after, and the elements changed (docs/reference/formats.md)"),
     Kind(r"losses/network\.json", "0D network at rest with these losses, before tuning, svZeroDSolver JSON, CGS"),
     Kind(r"losses/hyperaemia_3d\.json", "the tuned loop for 3D runs, with the vessels' own losses, CGS"),
-    Kind(r"posterior/chains\.npz", "every recorded state of every chain (docs/reference/formats.md)"),
-    Kind(r"posterior/chains/.+", "state of the sampler, to resume from"),
+    Kind(r"posterior/length_\d+/chains\.npz", "every recorded state of every chain (docs/reference/formats.md)"),
+    Kind(r"posterior/length_\d+/chains/.+", "state of the sampler, to resume from"),
+    Kind(r"posterior/length_\d+/draws\.csv", "thinned draws from which samples are drawn", columns.DRAWS),
     Kind(
         r"posterior/posterior\.nc",
         "a DataTree for ArviZ: r (dimensionless), flows (mL/s) and log density of the kept states",

@@ -8,7 +8,8 @@ Under Snakemake the rule provides them. By hand:
     python workflow/scripts/stage.py --input case_json=PATH --output targets_json=PATH \
         --params '{"function": "MODULE:FUNCTION", "seed": 1}' [--threads N] [--log PATH]
 
-A name that is given more than once is a list. Progress goes to the terminal and to the log alike.
+A name that is given more than once is a list, one with an empty path is left out. Progress goes to the terminal and to
+the log alike.
 
 Keywords of the function are the names of the rule's inputs, outputs and parameters. Inputs and outputs that it does not
 take are dependencies. It also receives, if it takes them and the rule does not name them: `threads`, `mpi` and `tasks`;
@@ -225,6 +226,8 @@ def _pairs(items: list[str]) -> dict[str, Any]:
     pairs: dict[str, Any] = {}
     for item in items:
         name, _, path = item.partition("=")
+        if not path:
+            continue
         if name in pairs:
             pairs[name] = [*(pairs[name] if isinstance(pairs[name], list) else [pairs[name]]), path]
         else:

@@ -4,6 +4,7 @@ Writers and readers share them. A field with a default is left out of the file w
 docs/reference/formats.md describes the files.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -226,7 +227,7 @@ class RowBudget:
 class TargetPlan:
     """Target and present half-width of a row's calibrated interval, and what is still needed (costs in 3D runs).
 
-    longer_chain: factor on the generations of the posterior's chains, 1 if these are long enough.
+    longer_chain: factor on the length of the posterior's chains, 1 if these are long enough.
     """
 
     row: str
@@ -249,10 +250,34 @@ class Budget:
 
 @dataclass(frozen=True)
 class Counts:
-    """Numbers of 3D runs and of 0D runs of the propagation sample."""
+    """Numbers of 3D runs and of 0D runs of the propagation sample, and how long the posterior's chains are for them.
+
+    lengths: first propagation sample and length of the chains that it and later ones are drawn from, by sample; a
+    length is that of what follows burn-in over that of the first chains.
+    """
 
     n_3d: int
     n_0d: int
+    lengths: tuple[tuple[int, int], ...] = ((0, 1),)
+
+    @classmethod
+    def first(cls, counts: Mapping[str, int]) -> "Counts":
+        """Return the counts of a first round, `n_3d` and `n_0d`."""
+        return cls(counts["n_3d"], counts["n_0d"])
+
+    @property
+    def length(self) -> int:
+        """Of the chains, over that of the first ones."""
+        return self.lengths[-1][1]
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Most 3D runs, 0D runs of the propagation sample, and length of the chains over that of the first ones."""
+
+    n_3d: int
+    n_0d: int
+    length: int
 
 
 @dataclass(frozen=True)

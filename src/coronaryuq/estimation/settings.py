@@ -74,8 +74,18 @@ class Settings(BaseModel):
         description="Maximum number of 3D runs of a campaign that grows to reach `target_half_width`; null: no growth.",
     )
     max_0d: int | None = Field(None, ge=16, description="Maximum number of propagation runs; null: no growth.")
+    max_chain: int = Field(
+        16,
+        ge=1,
+        description="Maximum length of the posterior's chains of a campaign that grows, over that of the first round, "
+        "burn-in apart. Where the chains limit the error they are doubled, with the propagation runs, as far as "
+        "`max_0d` allows.",
+    )
     rounds: int = Field(
-        5, ge=1, le=20, description="Maximum number of rounds of growth, each of which at most doubles the runs."
+        5,
+        ge=1,
+        le=20,
+        description="Maximum number of rounds of growth, each of which at most doubles the runs and the chains.",
     )
     convergence_rows: list[str] = Field(
         [], description="Rows of the convergence study; empty: those with networks whose 3D column is an OSI."

@@ -5,7 +5,7 @@ import sys
 
 from coronaryuq.core.command_line import run_with_settings
 from coronaryuq.posterior.settings import Settings
-from coronaryuq.posterior.stage import sample
+from coronaryuq.posterior.stage import Extent, sample
 
 
 def main() -> int:
@@ -16,12 +16,21 @@ def main() -> int:
     parser.add_argument("chains", metavar="CHAINS", help="output file, .npz; checkpoints are written to its folder")
     parser.add_argument("--settings", default="{}", metavar="JSON", help="block `posterior` of a configuration")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--length", type=int, default=1, help="of the chains, over that which the settings give")
+    parser.add_argument("--before", metavar="CHAINS", help="shorter chains of the same inputs, to continue")
     parser.add_argument("--threads", type=int, default=1, help="threads of each rank")
     arguments = parser.parse_args()
 
     def work(settings: Settings) -> None:
         files = arguments.case, arguments.network, arguments.targets
-        sample(*files, settings, arguments.seed, arguments.chains, arguments.threads)
+        sample(
+            *files,
+            settings,
+            arguments.seed,
+            arguments.chains,
+            arguments.threads,
+            Extent(arguments.length, arguments.before),
+        )
 
     return run_with_settings(work, Settings, arguments.settings)
 

@@ -1,5 +1,6 @@
 """What the posterior stage writes, as types: `chains.npz` and `summary.json` (docs/reference/formats.md)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -18,13 +19,13 @@ class Chains:
     names (N,): of the beds. multipliers, flows (chains, n, N): of r-hat, and mL/s. log_density (chains, n). log_weight
     (chains, n): log of the model's over the emulator's density at each proposal, up to a constant; nan without an
     emulator. burn_in: recorded states to discard. every: generations per recorded state. generations: per chain,
-    burn-in included. accepted, screen_accepted (chains,), proposed, screen_proposed: moves after burn-in on the model
-    and on the emulator. emulator_error (N,): of log flow; empty without an emulator. independent: chains of
-    independence steps. pilot_k_hat: Pareto k of the pilot runs, nan without them. refused: why no independence steps
-    were taken, empty if they were or were not asked for. runs, failures: of the model. outliers: chains restarted.
-    crossover: probability of each crossover value. weights (N,): shares of conductance at r-hat. target_scale: factor
-    on the targets; target_mean (N,), target_covariance (N, N): scaled. fit_*: the resistances at which the model's
-    flows are shared as the targets are.
+    burn-in included. length: of what follows burn-in, over that of the first chains. accepted, screen_accepted
+    (chains,), proposed, screen_proposed: moves after burn-in on the model and on the emulator. emulator_error (N,): of
+    log flow; empty without an emulator. independent: chains of independence steps. pilot_k_hat: Pareto k of the pilot
+    runs, nan without them. refused: why no independence steps were taken, empty if they were or were not asked for.
+    runs, failures: of the model. outliers: chains restarted. crossover: probability of each crossover value. weights
+    (N,): shares of conductance at r-hat. target_scale: factor on the targets; target_mean (N,), target_covariance
+    (N, N): scaled. fit_*: the resistances at which the model's flows are shared as the targets are.
     """
 
     names: list[str]
@@ -35,6 +36,7 @@ class Chains:
     burn_in: int
     every: int
     generations: int
+    length: int
     accepted: np.ndarray
     proposed: int
     screen_accepted: np.ndarray
@@ -71,13 +73,16 @@ class Chains:
         """Log densities (chains, kept) after burn-in."""
         return self.log_density[:, self.burn_in :]
 
-    def write(self, path: str | Path) -> None:
-        write_npz(path, {field.name: np.array(getattr(self, field.name)) for field in fields(self)})
+    def write(self, path: str | Path, also: Mapping[str, Any] | None = None) -> None:
+        """Write them; also: other arrays for the same file, which `read` leaves out."""
+        write_npz(path, {field.name: np.array(getattr(self, field.name)) for field in fields(self)} | dict(also or {}))
 
     @classmethod
     def read(cls, path: str | Path) -> "Chains":
         """Read chains; `InputError` for a broken file or a missing array."""
-        arrays = read_npz(path, tuple(field.name for field in fields(cls)))
+        names = tuple(field.name for field in fields(cls))
+        held = read_npz(path, names)
+        arrays = {name: held[name] for name in names}
         scalars = {name: array.item() for name, array in arrays.items() if array.ndim == 0}
         return cls(**arrays | scalars | {"names": [str(name) for name in arrays["names"]]})
 

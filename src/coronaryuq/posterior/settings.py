@@ -122,7 +122,11 @@ class Settings(BaseModel):
     ess_limit: float = Field(
         400.0, gt=0, description="Smallest bulk and tail effective sample size of converged chains."
     )
-    draws: int = Field(10_000, ge=10, description="Maximum number of thinned draws in the table of draws.")
+    draws: int = Field(
+        10_000,
+        ge=10,
+        description="Maximum number of thinned draws in the table of draws, of each part as long as the first chains.",
+    )
     scaling: tuple[float, float] = Field(
         (0.7, 1.25),
         description="Bounds of s, the uniformly distributed scaling of total coronary resistance (paper, 2.3).",

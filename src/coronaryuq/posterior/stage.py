@@ -24,7 +24,8 @@ from coronaryuq.posterior.model.likelihood import Likelihood
 from coronaryuq.posterior.model.total_resistance import Conditioned, Rescaled
 from coronaryuq.posterior.results import Chains, ReferenceShares
 from coronaryuq.posterior.sampler import chains as sampling
-from coronaryuq.posterior.samples import theta
+from coronaryuq.posterior.sampler import checkpoint
+from coronaryuq.posterior.samples import FIRST, Lengths, theta
 from coronaryuq.posterior.settings import Settings
 from coronaryuq.posterior.summary import by_name, summarise, table_of_draws, write_inference_data
 from coronaryuq.zerod.network.beds import SCALING, distal_resistances
@@ -57,15 +58,23 @@ class GatheredFiles:
     fitted: str | Path
 
 
+@dataclass(frozen=True)
+class Extent:
+    """Length of chains, over that which the settings give, burn-in apart; before: file of shorter ones to continue."""
+
+    length: int = 1
+    before: str | Path | None = None
+
+
 def sample(
     case_json: str | Path, hyperaemia_json: str | Path, targets_json: str | Path, settings: Settings, seed: int,
-    out_npz: str | Path, threads: int = 1,
+    out_npz: str | Path, threads: int = 1, extent: Extent = Extent(),
 ) -> None:  # fmt: skip
     """Run all chains and write them to one file; under `mpiexec` or `srun` the ranks share the 0D runs.
 
     Beside `out_npz`, in a folder of its name, are one file per chain and a checkpoint. Started again with the same
     inputs, settings and seed after an interruption, it continues and ends with the same bits; the number of ranks and
-    threads does not matter either.
+    threads does not matter either, nor whether chains were made in one go or from shorter ones.
 
     Parameters
     ----------
@@ -77,6 +86,8 @@ def sample(
         Chains to write (`results.Chains`).
     threads
         Of each rank.
+    extent
+        Length of the chains, and shorter ones to begin with.
 
     Raises
     ------
@@ -91,22 +102,24 @@ def sample(
         threads=threads,
     )  # fmt: skip
     key = digest([checksum(hyperaemia_json), checksum(targets_json), _deciding(settings), seed, _code()])
-    run_chains(model, model.weights, targets, settings, seed, out_npz, key=key, ranks=ranks)
+    run_chains(model, model.weights, targets, settings, seed, out_npz, key=key, ranks=ranks, extent=extent)
 
 
 def run_chains(
     model: FlowModel, weights: np.ndarray, targets: TargetFlows, settings: Settings, seed: int, out_npz: str | Path,
-    *, key: str, ranks: Ranks | None = None,
+    *, key: str, ranks: Ranks | None = None, extent: Extent = Extent(),
 ) -> None:  # fmt: skip
     """`sample` for any model of flows.
 
-    weights (N,): fractions of conductance at r-hat. key: identifies all inputs; a checkpoint of another key is not
-    continued.
+    weights (N,): fractions of conductance at r-hat. key: identifies all inputs, but not the length; a checkpoint of
+    another key is not continued.
     """
     ranks = Ranks() if ranks is None else ranks
     names, folder = targets.names, Path(out_npz).with_suffix("")
     folder.mkdir(parents=True, exist_ok=True)
-    fit = ranks.run_on_first(lambda: fit_fractions(model.flows, weights, targets.mean))
+    found = checkpoint.find(folder, extent.before, key)
+    ranks.barrier()  # every rank has looked before any of them writes
+    fit = found.prepared.fit if found else ranks.run_on_first(lambda: fit_fractions(model.flows, weights, targets.mean))
     factor = float(fit.flows_at_r_hat.sum() / targets.mean.sum()) if settings.scale_targets else 1.0
     likelihood = Likelihood(targets.mean * factor, targets.covariance * factor**2, targets.source)
     conditioned = settings.constraint == "conditioned"
@@ -114,20 +127,27 @@ def run_chains(
     posterior = Posterior(model, space, likelihood, ranks)
     if ranks.rank == 0:
         _warn_outside(fit.multipliers, settings.prior, names)
-    prepared = sampling.prepare(posterior, fit, settings, seed)
-    dream = sampling.sampler(posterior, prepared, settings, seed)
+    prepared = found.prepared if found else sampling.prepare(posterior, fit, settings, seed)
+    posterior.failures = prepared.failures
+    if ranks.rank == 0:
+        checkpoint.write_prepared(folder, prepared, key)
+    dream = sampling.sampler(posterior, prepared, settings, seed, extent.length)
     state = dream.start(prepared.start, (prepared.log_density, prepared.flows))
-    recorder = sampling.Recorder(folder, dream.decisions, state, ranks, key)
+    recorder = checkpoint.Recorder(folder, dream.decisions, state, posterior, key)
+    if found and found.done <= dream.decisions:
+        state = recorder.resume(found) or state
     between = max(1, settings.checkpoint // (settings.emulator.generations if prepared.emulator else 1))
     state = sampling.run(dream, state, recorder, between, names, space.multipliers)
     if ranks.rank == 0:
-        position, log_density, flows, log_weight = (recorder.values[name].swapaxes(0, 1) for name in recorder.NAMES)
+        position, log_density, flows, log_weight = (
+            recorder.values[name].swapaxes(0, 1) for name in checkpoint.RECORDED
+        )
         count, decisions, dimension = position.shape
         multipliers = space.multipliers(position.reshape(-1, dimension)).reshape(count, decisions, -1)
         emulator = prepared.emulator
         Chains(
             names=names, multipliers=multipliers, flows=flows, log_density=log_density, log_weight=log_weight,
-            burn_in=dream.burn_in, every=dream.every, generations=int(state.generation),
+            burn_in=dream.burn_in, every=dream.every, generations=int(state.generation), length=extent.length,
             accepted=state.accepted, proposed=int(state.proposed),
             screen_accepted=state.screen_accepted, screen_proposed=int(state.screen_proposed),
             emulated=emulator is not None, emulator_error=np.zeros(0) if emulator is None else emulator.error,
@@ -136,7 +156,7 @@ def run_chains(
             crossover=state.crossover, weights=weights, target_scale=factor,
             target_mean=likelihood.mean, target_covariance=likelihood.covariance,
             fit_multipliers=fit.multipliers, fit_flows=fit.flows, fit_error=fit.error,
-        ).write(out_npz)  # fmt: skip
+        ).write(out_npz, also=recorder.arrays(prepared, state))  # fmt: skip
     ranks.barrier()
 
 
@@ -185,15 +205,21 @@ def gather(
     write_json(out.summary, plain(summarise(chains, settings, seed, len(draws), r_hat, provenance)))
 
 
+def thin(chains_npz: str | Path, settings: Settings, out_csv: str | Path) -> None:
+    """Write the table of draws of some chains, from which samples are drawn."""
+    write_csv(out_csv, table_of_draws(Chains.read(chains_npz), settings.draws))
+
+
 def draw_samples(
-    draws_csv: str | Path, settings: Settings, seed: int, name: str, number: int, out_csv: str | Path
-) -> None:
+    draws_csv: str | Path, settings: Settings, seed: int, name: str, number: int, out_csv: str | Path,
+    lengths: Lengths = FIRST,
+) -> None:  # fmt: skip
     """Write `number` samples θ = (r, s) of one set; a longer table begins with the shorter one.
 
     Parameters
     ----------
     draws_csv
-        Draws of `gather`.
+        Draws of `thin`.
     settings, seed
         Settings of the stage and the campaign's seed.
     name
@@ -202,6 +228,8 @@ def draw_samples(
         Rows of the table.
     out_csv
         Table to write: `sample`, the state's `chain` and `draw`, one multiplier per bed, `R_cor_scaling`.
+    lengths
+        From which sample on the chains had which length; the last one is that of the draws.
 
     Raises
     ------
@@ -216,7 +244,7 @@ def draw_samples(
         wrong = [value for value in draws[bed].tolist() if not (isinstance(value, int | float) and 0 < value < np.inf)]
         if wrong:
             raise InputError(draws_csv, bed, wrong[0], "expected positive multipliers; gather the posterior again")
-    write_csv(out_csv, theta(draws, beds, name, number, settings.scaling, seed))
+    write_csv(out_csv, theta(draws, beds, name, number, settings.scaling, seed, lengths))
 
 
 def _warn_outside(multipliers: np.ndarray, prior: tuple[float, float], names: list[str]) -> None:

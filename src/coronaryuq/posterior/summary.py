@@ -49,13 +49,18 @@ def write_inference_data(chains: Chains, posterior_nc: str | Path) -> None:
 
 
 def table_of_draws(chains: Chains, most: int) -> "pd.DataFrame":
-    """Return at most `most` thinned draws: chain, generation, one multiplier per bed, log_density."""
+    """Return thinned draws: chain, generation, one multiplier per bed, log_density.
+
+    At most `most` of each part as long as the first chains: the table of longer chains begins with that of shorter
+    ones, and every part has as many rows.
+    """
     import pandas as pd
 
     multipliers = chains.kept_multipliers
-    n, length, beds = multipliers.shape
-    stride = max(1, -(-n * length // most))
-    chosen = np.arange(0, n * length, stride)
+    n, kept, beds = multipliers.shape
+    part = n * kept // chains.length
+    stride = max(1, -(-part // most))
+    chosen = (part * np.arange(chains.length)[:, None] + np.arange(0, part, stride)).reshape(-1)
     table = pd.DataFrame(multipliers.transpose(1, 0, 2).reshape(-1, beds)[chosen], columns=chains.names)
     table.insert(0, "chain", chosen % n)
     table.insert(1, "generation", (chosen // n + chains.burn_in + 1) * chains.every)

@@ -6,7 +6,7 @@ from coronaryuq.report.numbers import number
 ENDED = {
     "met": "all target widths were reached",
     "bounds reached": "the maximum number of runs was reached (max_3d, max_0d)",
-    "chain too short": "more runs would not help: the chains (posterior.dream.generations) are too short",
+    "chain too short": "more runs would not help: the chains are too short at their maximum length (max_chain)",
     "rounds exhausted": "the maximum number of rounds was reached (rounds)",
 }
 
@@ -33,7 +33,9 @@ def sentences(rows: list[RowReport], budget: str, last_round: str | None) -> lis
     if not last_round:
         return lines
     ended = read_round(last_round)
-    runs = f"{ended.counts.n_3d} 3D and {ended.counts.n_0d} propagation runs"
+    counts = ended.counts
+    runs = f"{counts.n_3d} 3D and {counts.n_0d} propagation runs"
+    runs += f", chains {counts.length} times as long as the first ones" if counts.length > 1 else ""
     text = f"The campaign ended in round {ended.round + 1} with {runs}: {ENDED[ended.why or '']}."
     return [*lines, {"text": text, "met": ended.why == "met"}]
 

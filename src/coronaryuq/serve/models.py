@@ -92,7 +92,7 @@ class LogLikelihood:
 
     def __init__(self, files: ResultsFolder):
         settings = files.configuration.posterior
-        chains = Chains.read(files.path("posterior", "chains.npz"))
+        chains = Chains.read(files.path("posterior", "length_1", "chains.npz"))
         vessels = {outlet.bc: outlet.vessel for outlet in read_case(files.path("case", "case.json")).outlets}
         self._flows = BedFlows(
             files.path("calibration", "hyperaemia.json"),

@@ -5,11 +5,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.stats import binom
 
 from coronaryuq.estimation.estimators import dependence, per_row
 from coronaryuq.estimation.estimators.design import make_design
 from coronaryuq.estimation.runs.table import Row, Runs, States
+from coronaryuq.posterior.samples import GOLDEN
 
 ROW = Row("row", "y", "q", "")
 DIMENSIONS, N, M = 3, 100, 2000
@@ -26,13 +29,16 @@ def autoregressive(rng, count, time, dimensions=DIMENSIONS):
     return states
 
 
-def runs_at(pilot, more, rng, states=None):
-    """Return runs of y = 1 + 0.1 (x1 + x2 + 0.3 e) and its 0D output, whose means are 1 and 0 (x: log θ)."""
+def runs_at(pilot, more, rng, states=None, unseen=0.0):
+    """Return runs of y = 1 + 0.1 (x1 + x2 + 0.3 e) and its 0D output, whose means are 1 and 0 (x: log θ).
+
+    unseen: coefficient of x3, which the 0D output lacks.
+    """
 
     def low(x):
         return pd.DataFrame({"q": 0.1 * (x[:, 0] + x[:, 1])})
 
-    y = 1 + low(pilot)["q"] + 0.03 * rng.standard_normal(len(pilot))
+    y = 1 + low(pilot)["q"] + unseen * pilot[:, 2] + 0.03 * rng.standard_normal(len(pilot))
     names = tuple(f"theta_{j}" for j in range(pilot.shape[1]))
     samples = tuple(map(str, range(len(pilot))))
     nothing = np.empty((0, pilot.shape[1]))
@@ -68,12 +74,23 @@ def drawn_from_a_short_chain(rng):
     return runs_at(drawn[:N], drawn[N:], rng, States(*map(np.asarray, at)))
 
 
+def drawn_from_chains_made_longer(rng):
+    """The pilot is of the first eighth, whose effective size is below that of the pilot, propagation samples of all."""
+    chains, length, times = 8, 75, 8
+    states = np.stack([autoregressive(rng, times * length, 5) for _ in range(chains)])
+    draw = np.concatenate([rng.integers(length, size=N), rng.integers(times * length, size=M)])
+    chain = rng.integers(chains, size=N + M)
+    drawn = states[chain, draw]
+    return runs_at(drawn[:N], drawn[N:], rng, States(chain, draw), unseen=0.1)
+
+
 CASES = (
     independent,
     autocorrelated_propagation,
     autocorrelated_pilot_and_propagation,
     near_duplicates_in_the_pilot,
     drawn_from_a_short_chain,
+    drawn_from_chains_made_longer,
 )
 
 
@@ -102,6 +119,30 @@ def test_independent_samples_have_no_dependence():
     for trial in range(20):
         found = dependence.find(independent(np.random.default_rng([8, trial])))
         assert found is dependence.INDEPENDENT or (found.pilot is None and found.more is None and not found.reason)
+
+
+def test_the_part_of_the_chain_that_the_pilot_is_of_is_found():
+    """All of it, exactly, for a pilot in steps of the golden ratio, whatever its size."""
+    more = np.arange(4000) // 4
+    for n in (8, 16, 24, 104, 500):
+        at = (0.3 + GOLDEN * np.arange(n)) % 1.0
+        for part in (1.0, 0.5, 0.125):
+            found = dependence._part(np.concatenate([np.floor(part * 1000 * at), more]), n)
+            assert found == pytest.approx(part, rel=2 / (n - 2) + 0.01 if part < 1 else 0.005)
+
+
+@given(st.floats(0.02, 1), st.floats(0, 1))
+def test_what_pilot_and_propagation_have_in_common_is_the_error_of_the_chain_without_a_longer_one(part, beta):
+    found = dependence.Dependence(part=part, shared=True).in_common(beta)
+    assert dependence.Dependence(shared=True).in_common(beta) == 1
+    # As one sum over independent stretches: the residuals' 1 − beta over the part, beta over the whole.
+    stretches = 1000
+    first = max(1, round(part * stretches))
+    weights = np.full(stretches, beta / stretches)
+    weights[:first] += (1 - beta) / first
+    expected = np.sum(weights**2) * stretches
+    assert dependence.Dependence(part=first / stretches, shared=True).in_common(beta) == pytest.approx(expected)
+    assert found >= 1 - 1e-12
 
 
 def test_near_duplicates_are_in_one_fold():

@@ -1,6 +1,8 @@
-"""Decide after a round of a growing campaign whether to stop, and how many runs the next round has."""
+"""Decide after a round of a growing campaign whether to stop, and which runs and chains the next round has."""
 
+import tempfile
 from collections.abc import Sequence
+from pathlib import Path
 
 from coronaryuq.campaign.jobs.runs import limits_of
 from coronaryuq.estimation.analysis.allocation import allocate
@@ -8,17 +10,21 @@ from coronaryuq.estimation.results import Counts, read_round
 from coronaryuq.estimation.runs.gather import RunFiles
 from coronaryuq.estimation.settings import Settings
 from coronaryuq.posterior.settings import Settings as PosteriorSettings
+from coronaryuq.posterior.stage import draw_samples
 
 
 def allocate_round(
     settings: Settings, posterior: PosteriorSettings, seed: int, number: int, counts: dict[str, int],
-    runs_per_fine: int, portion: dict[str, int], round_json: str, before: str | None = None,
+    runs_per_fine: int, portion: dict[str, int], draws_csv: str, round_json: str, before: str | None = None,
     **files: str | Sequence[str],
 ) -> None:  # fmt: skip
     """Decide after round `number`, which ran `counts` or the numbers requested by the decision `before` it.
 
-    files: named as in `RunFiles`.
+    draws_csv: of the chains of this round. files: named as in `RunFiles`, without the propagation samples.
     """
-    ran = read_round(before).next if before else Counts(**counts)
-    inputs = RunFiles.of(files, runs_per_fine)
-    allocate(inputs, limits_of(posterior), settings, seed, number, ran, Counts(**portion), round_json)
+    ran = read_round(before).next if before else Counts.first(counts)
+    with tempfile.TemporaryDirectory() as folder:
+        propagation = Path(folder, "propagation.csv")
+        draw_samples(draws_csv, posterior, seed, "propagation", ran.n_0d, propagation, ran.lengths)
+        inputs = RunFiles.of(files | {"propagation": propagation}, runs_per_fine)
+        allocate(inputs, limits_of(posterior), settings, seed, number, ran, Counts.first(portion), round_json)

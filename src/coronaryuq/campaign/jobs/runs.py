@@ -22,5 +22,5 @@ def gather_runs(
 
     files: named as in `RunFiles`.
     """
-    chosen = read_round(allocation).counts if allocation else Counts(**counts)
+    chosen = read_round(allocation).counts if allocation else Counts.first(counts)
     gather(RunFiles.of(files, runs_per_fine), limits_of(posterior), settings.min_3d, out_dir, chosen)

@@ -4,6 +4,7 @@ import tempfile
 from pathlib import Path
 
 from coronaryuq.core.io.tables import read_csv
+from coronaryuq.posterior.samples import Lengths
 from coronaryuq.posterior.settings import Settings as PosteriorSettings
 from coronaryuq.posterior.stage import draw_samples
 from coronaryuq.zerod.settings import Settings
@@ -12,13 +13,13 @@ from coronaryuq.zerod.stage import run_chunk
 
 def chunk(
     network_json: str, case_json: str, draws_csv: str, settings: Settings, posterior: PosteriorSettings, seed: int,
-    name: str, portion: tuple[int, int], runs_parquet: str,
+    name: str, portion: tuple[int, int], lengths: Lengths, runs_parquet: str,
 ) -> None:  # fmt: skip
     """Draw the samples of one portion (first, count) of an input set and run them."""
     first, count = portion
     with tempfile.TemporaryDirectory() as folder:
         samples = Path(folder, "samples.csv")
-        draw_samples(draws_csv, posterior, seed, name, first + count, samples)
+        draw_samples(draws_csv, posterior, seed, name, first + count, samples, lengths)
         run_chunk(network_json, case_json, samples, first, count, settings, runs_parquet)
 
 

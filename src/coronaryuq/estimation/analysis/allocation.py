@@ -1,5 +1,6 @@
-"""Allocation of runs to target half-widths: after each round, the counts of the next one."""
+"""Allocation of runs to target half-widths: after each round, the counts and the chains of the next one."""
 
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -8,7 +9,7 @@ import numpy as np
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.io.typed import plain
 from coronaryuq.estimation.analysis import budget, estimate_rows
-from coronaryuq.estimation.results import Counts, Round, TargetPlan
+from coronaryuq.estimation.results import Bounds, Counts, Round, TargetPlan
 from coronaryuq.estimation.runs.gather import RunFiles, gather, measured_cost_ratio
 from coronaryuq.estimation.runs.table import read_rows, read_runs
 from coronaryuq.estimation.settings import Settings
@@ -20,22 +21,29 @@ FAR = 4
 
 
 def decide(
-    plan: list[TargetPlan], counts: Counts, most: Counts, portion: Counts, last: bool
+    plan: list[TargetPlan], counts: Counts, most: Bounds, portion: Counts, last: bool
 ) -> tuple[Counts, bool, str | None]:
     """Return the next counts, whether to stop, and why.
 
     Counts come in whole portions, at most GROWTH times today's and never above `most`; last: no further round is
-    allowed.
+    allowed. Where the chains limit the error, they become GROWTH times as long, and so does the number of propagation
+    samples, which makes the new states count as much as the old ones.
     """
     if all(one.half_width <= one.target for one in plan):
         return counts, True, "met"
+    too_short = any(one.longer_chain > 1 and one.half_width > one.target for one in plan)
+    longer = too_short and GROWTH * counts.length <= most.length
+    more_0d = max(max(one.more_0d for one in plan), (GROWTH - 1) * counts.n_0d if longer else 0)
     target = Counts(
         _grown(counts.n_3d, max(one.more_3d for one in plan), most.n_3d, portion.n_3d),
-        _grown(counts.n_0d, max(one.more_0d for one in plan), most.n_0d, portion.n_0d),
+        _grown(counts.n_0d, more_0d, most.n_0d, portion.n_0d),
+        counts.lengths,
     )
+    drawn = int(np.ceil(counts.n_0d / portion.n_0d)) * portion.n_0d  # by jobs that have run, some beyond the counts
+    if longer and target.n_0d > drawn:
+        target = replace(target, lengths=(*counts.lengths, (drawn, GROWTH * counts.length)))
     if target == counts:
-        too_short = any(one.longer_chain > 1 and one.half_width > one.target for one in plan)
-        return counts, True, "chain too short" if too_short else "bounds reached"
+        return counts, True, "chain too short" if too_short and not longer else "bounds reached"
     if last:
         return counts, True, "rounds exhausted"
     return target, False, None
@@ -88,7 +96,7 @@ def allocate(
     results = estimate_rows.analyse(runs, rows, settings, seed, beyond_mean=False)
     print(_costs(settings.cost_ratio, measured))
     plan = budget.plan(results, settings.target_half_width, settings.cost_ratio)
-    most = Counts(settings.max_3d or counts.n_3d, settings.max_0d or counts.n_0d)
+    most = Bounds(settings.max_3d or counts.n_3d, settings.max_0d or counts.n_0d, settings.max_chain)
     following, done, why = decide(plan, counts, most, portion, number + 1 >= settings.rounds)
     write_json(out_json, plain(Round(number, counts, plan, following, done, why)))
 

@@ -279,6 +279,7 @@ def _chain_variance(
     if fit.dependence.shared:
         seen = beta > 0 and any(block.segments is not None for block in fit.blocks)
         unexplained = float(np.var(fit.y - seen * fit.held_out, ddof=1))
-        return [Part(added, freedom), Part(unexplained * fit.dependence.ratio, np.inf)]
+        common = fit.dependence.in_common(beta) if seen else 1.0
+        return [Part(common * added, freedom), Part(unexplained * fit.dependence.ratio, np.inf)]
     of_pilot, freedom_of_pilot = dependence.variance([(contributions, fit.dependence.pilot)])
     return [Part(beta**2 * added, freedom), Part(max(0.0, of_pilot - estimated), freedom_of_pilot)]

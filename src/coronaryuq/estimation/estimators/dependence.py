@@ -56,10 +56,13 @@ class Dependence:
     groups
         Pilot runs (n,) that must be held out together, by number; None if each stands for itself.
     ratio
-        Variance of the propagation samples' mean less that of independent ones, over the variance of one sample.
+        Variance of the propagation samples' mean less that of independent ones, over the variance of one sample; where
+        the pilot is of a part of the chain only, of those from that part.
     shared
         Pilot and propagation have the error of one chain in common: one chain made both, or the pilot is weighted to
         the propagation samples. No coefficient reduces that error, and it cancels in the difference of two estimates.
+    part
+        Length of the part of a shared chain that the pilot is of, over that of the chain.
     reason
         How the dependence was found; empty without any.
     """
@@ -69,7 +72,18 @@ class Dependence:
     groups: np.ndarray | None = None
     ratio: float = 0.0
     shared: bool = False
+    part: float = 1.0
     reason: str = ""
+
+    def in_common(self, beta: float) -> float:
+        """Return the variance of a coefficient times the control variate over that of its mean over a shared chain.
+
+        The chain's error of the control variate enters with `beta` through the propagation samples and, because the
+        pilot is of the same chain, with 1 − beta through the residuals. From a part p of the chain these errors add
+        up to 1 − beta (1 − p) times that of the part, which has variance 1 / p; from the rest comes beta (1 − p).
+        """
+        rest = 1 - self.part
+        return ((1 - beta * rest) ** 2 + beta**2 * rest * self.part) / self.part
 
 
 INDEPENDENT = Dependence()
@@ -137,14 +151,27 @@ def _states(runs: Runs, states: States) -> Dependence:
     """Return the dependence of samples that are states of one chain.
 
     The pilot is too small for segments of its own: its residuals get the chain's error in proportion, as large as the
-    inputs show it on average.
+    inputs show it on average, over the part of the chain that the pilot is of.
     """
     n, theta = len(runs), runs.coordinates(np.vstack([runs.theta, runs.theta_more]))
     segments = _along_chains(states)
     same = np.unique(np.column_stack([states.chain, states.draw])[:n], axis=0, return_inverse=True)[1].ravel()
     groups = same if same.max() + 1 < n else None
     more = segments[np.arange(n, len(theta))] if len(runs.theta_more) else None
-    return Dependence(None, more, groups, _ratio(theta, segments), True, "states of a chain")
+    part = _part(states.draw, n)
+    inside = states.draw - states.draw.min() <= part * np.ptp(states.draw)
+    if not inside.all():
+        segments = _along_chains(States(states.chain[inside], states.draw[inside]))
+    return Dependence(None, more, groups, _ratio(theta[inside], segments), True, part, "states of a chain")
+
+
+def _part(draw: np.ndarray, n: int) -> float:
+    """Return the part of the chain that the first `n` draws are of: the pilot of chains that were made longer later.
+
+    Draws in steps of the golden ratio leave gaps of less than two mean ones.
+    """
+    stretch, whole = draw[:n].max() - draw.min(), np.ptp(draw)
+    return float(min(1.0, stretch / (1 - 2 / n) / whole)) if n > 2 and stretch > 0 else 1.0
 
 
 def _ratio(theta: np.ndarray, segments: Segments) -> float:

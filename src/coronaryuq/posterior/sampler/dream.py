@@ -97,6 +97,10 @@ class Dream:
         Maps accepted states to others, whose density is then evaluated again: it reproduces the paper's rescaling and
         makes the chain inexact.
 
+    length
+        What follows burn-in, over what follows it in chains of `settings.generations`. Burn-in does not depend on it,
+        so chains that are made longer later are, to the bit, those made so at once.
+
     References
     ----------
     Vrugt et al., Int. J. Nonlinear Sci. Numer. Simul. 10, 2009; ter Braak and Vrugt, Stat. Comput. 18, 2008;
@@ -106,14 +110,15 @@ class Dream:
 
     def __init__(
         self, target: Target, settings: DreamSettings, seed: int, *, screen: Map | None = None, every: int = 1,
-        box: np.ndarray | None = None, adjust: Map | None = None,
+        box: np.ndarray | None = None, adjust: Map | None = None, length: int = 1,
     ):  # fmt: skip
         self.target, self.settings, self.seed, self.screen, self.box, self.adjust = (
             target, settings, seed, screen, box, adjust,
         )  # fmt: skip
         self.every = every if screen is not None else 1
-        self.decisions = -(-settings.generations // self.every)
-        self.burn_in = int(round(settings.burn_in * self.decisions))
+        first = -(-settings.generations // self.every)
+        self.burn_in = int(round(settings.burn_in * first))
+        self.decisions = self.burn_in + length * (first - self.burn_in)
 
     def start(self, position: np.ndarray, evaluated: tuple[np.ndarray, np.ndarray] | None = None) -> State:
         """Return the state before the first generation; `position` (chains, d) must lie in the support."""

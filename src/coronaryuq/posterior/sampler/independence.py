@@ -70,10 +70,11 @@ class Independence(Dream):
     size is near the number of draws.
     """
 
-    def __init__(self, target: Target, screen: Map, walk: Walk, settings: Settings, seed: int):
+    def __init__(self, target: Target, screen: Map, walk: Walk, settings: Settings, seed: int, length: int = 1):
         fixed = settings.dream.model_copy(update={"adapt_crossovers": False})
         super().__init__(target, fixed, seed, screen=screen, every=walk.generations)
-        self.walk, self.decisions, self.burn_in = walk, settings.independence.draws, BURN_IN
+        self.walk, self.burn_in = walk, BURN_IN
+        self.decisions = BURN_IN + length * (settings.independence.draws - BURN_IN)
 
     def start(self, position: np.ndarray, evaluated: tuple[np.ndarray, np.ndarray] | None = None) -> State:
         state = super().start(position, evaluated)
