@@ -113,7 +113,7 @@ def test_chains_that_limit_the_error_are_made_longer_until_the_target_width_is_m
     assert (
         np.array_equal(short.kept_multipliers, long.kept_multipliers[:, :15]) and long.kept_multipliers.shape[1] == 30
     )
-    assert long.runs - short.runs == 12 * 15
+    assert long.runs - short.runs == 15 * len(short.multipliers)
     drawn = read_csv(results / "samples" / "propagation.csv")["draw"]
     assert drawn[:200].max() <= short.generations < drawn[200:400].min()
     _, end = target_lines(results)
