@@ -63,6 +63,12 @@ def files(tmp_path):
     write_csv(tmp_path / "shares.csv", pd.DataFrame(shares))
     answers = [{"network": "open loop", "hidden": "none", "named": named, "cases": 3} for named in ("none", "outside")]
     write_csv(tmp_path / "answers.csv", pd.DataFrame(answers))
+    outcomes = [
+        {"group": group, "method": method, "cases": 9, "share": 1.0, "low": 0.7, "high": 1.0}
+        for group in ("nothing", "nothing, priors violated")
+        for method in ("this search", "another")
+    ]
+    write_csv(tmp_path / "outcomes.csv", pd.DataFrame(outcomes))
     return tmp_path
 
 
@@ -78,6 +84,7 @@ def files(tmp_path):
         ("budget", {"budget": "budget.json"}),
         ("coverage", {"table": "cells.csv"}),
         ("hidden_effects", {"shares": "shares.csv", "answers": "answers.csv"}),
+        ("rivals", {"outcomes": "outcomes.csv"}),
     ],
 )
 @pytest.mark.parametrize("suffix", ["png", "svg"])

@@ -29,6 +29,7 @@ FIGURES: dict[str, str] = {
     "discrepancy_pairs_gap": "coronaryuq.figures.discrepancy:pairs_gap",
     "discrepancy_pairs_effects": "coronaryuq.figures.discrepancy:pairs_effects",
     "hidden_effects": "coronaryuq.figures.discrepancy_benchmark:hidden_effects",
+    "rivals": "coronaryuq.figures.discrepancy_rivals:rivals",
 }
 
 
