@@ -193,6 +193,14 @@ def runs_of_campaign(wildcards):
     return runs_of(counts_of_campaign()) | end_of_growth(wildcards)
 
 
+def answers_required(wildcards):
+    """Return the answers of all searches, or refuse a campaign that has nothing to search."""
+    try:
+        return searches.required()
+    except InputError as error:
+        start.refuse(error)
+
+
 def costs_of_study():
     """Costs of the jobs of the mesh study."""
     return [

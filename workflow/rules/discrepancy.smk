@@ -144,14 +144,6 @@ if "hidden" in searches.cases:
     TRUTHS = [rules.discrepancy_hidden.output.truth, rules.discrepancy_known.output.reference]
 
 
-def answers_required(wildcards):
-    """Return the answers of all searches, or refuse a campaign that has nothing to search."""
-    try:
-        return searches.required()
-    except InputError as error:
-        start.refuse(error)
-
-
 rule discrepancy_report:
     """Write the page of the searches."""
     input:
