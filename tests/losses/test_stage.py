@@ -140,3 +140,10 @@ def test_pieces_end_at_places_and_branchings():
         (("lca2",), (0.0,), "lca2"),
     ]
     assert [round(place.resistance) for place in compared] == [0, 150, 0, 0]
+
+
+def test_pressures_have_the_names_that_3d_records_give_them():
+    """A record names a cap by the 0D connection that it cuts, or by itself where it cuts a vessel."""
+    named = [place.output for place in places(loop(), MESH, [])]
+    connections = ["J0:lca1", "outlet_lca1:lca1", "J0:lca2", "lca2:BC_lca2"]
+    assert named == [f"mean_pressure:{connection}" for connection in connections]

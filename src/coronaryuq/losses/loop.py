@@ -140,5 +140,8 @@ class LossLoop:
         own = {name: np.repeat(value, self.count) for name, value in changes.items()}
         result = self.engine.run_to_periodic(theta | own, self.quantities, start=self.start)
         if not result.ok.all():
-            raise RuntimeError(f"the loop does not run with the losses of the 3D runs: {result.status[~result.ok][0]}")
+            reason = result.status[~result.ok][0]
+            raise RuntimeError(
+                f"the loop does not run with the losses of the 3D runs ({reason}); set losses.runs_3d: 0"
+            )
         return result

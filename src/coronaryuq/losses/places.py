@@ -42,7 +42,7 @@ class Edge:
 
 def places(network: Network, mesh: MeshDescription, stenoses: Iterable[CaseStenosis]) -> list[Place]:
     """Return the places where the mean pressures of both models are compared, caps first."""
-    topology, names = Topology(network), cut_network(network, mesh).place
+    topology, names = Topology(network), cut_network(network, mesh).connection
     found = []
     for cap, couples in mesh.caps.items():
         output = f"mean_pressure:{names[cap]}"
