@@ -48,6 +48,7 @@ EXAMPLES: dict[str, list[tuple[str, str]]] = {
     "bench": [("coronaryuq bench zerod --quick", "speed of the 0D solver, in less than a minute")],
     "bench zerod": [("coronaryuq bench zerod --quick", "less than a minute")],
     "bench conformance": [("coronaryuq bench conformance --cases tests/cases", "cases of svZeroDSolver's repository")],
+    "bench trees": [("coronaryuq bench trees --quick", "less than a minute")],
     "bench perfusion": [("coronaryuq bench perfusion --quick", "less than a minute")],
     "bench dream": [("coronaryuq bench dream --quick", "less than a minute")],
     "bench flow3d": [("coronaryuq bench flow3d --quick", "less than a minute")],

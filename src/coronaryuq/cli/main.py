@@ -18,6 +18,7 @@ from coronaryuq.core.errors import InputError, os_error_line
 BENCHMARKS = {
     "zerod": ("zerod", "speed of the 0D solver, compared with svZeroDSolver if it is installed"),
     "conformance": ("conformance", "agreement of the 0D solver with svZeroDSolver, case by case"),
+    "trees": ("large_trees", "speed, set-up and memory of the 0D solver on trees with many outlets"),
     "perfusion": ("perfusion", "cost of noisy perfusion realisations on a large left ventricle"),
     "dream": ("dream", "posterior sampling of the bundled patient, compared with emcee"),
     "flow3d": ("flow3d.benchmark", "cost, verification and mesh convergence of the 3D solver"),

@@ -1,6 +1,6 @@
 """Structure of the kernels' tables, made from the elements' terms once per network."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +9,7 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.zerod.network.numbering import Model
 from coronaryuq.zerod.solver.assembly import Assembly, Context, Terms
 from coronaryuq.zerod.solver.elements import ELEMENTS, Write
-from coronaryuq.zerod.solver.elimination import Singular, Tape, eliminate
+from coronaryuq.zerod.solver.elimination import Entries, Singular, Tape, eliminate
 from coronaryuq.zerod.solver.kernel_tables import Scheme, Structure
 from coronaryuq.zerod.solver.nonlinear_block import SLOPED, Border, flatten
 
@@ -86,22 +86,16 @@ def make_program(
 
     e, f, f_lagged = rows("e", 2), rows("f", 2), rows("f_lagged", 2)
     lagged = np.unique(f_lagged[:, 1])
-    e_time, f_time = rows("e_time", 3), rows("f_time", 3)
-    changing = np.zeros((n, n), bool)
-    for part in (e_time, f_time, *(rows(kind, width) for kind, width in SLOPED)):
-        changing[part[:, 0], part[:, 1]] = True
-    pattern = np.concatenate([changing, np.zeros((n, len(lagged)), bool)], axis=1)
-    for part in (e, f, np.stack([f_lagged[:, 0], n + np.searchsorted(lagged, f_lagged[:, 1])], axis=1)):
-        pattern[part[:, 0], part[:, 1]] = True
-    inner_columns = np.logical_not(changing.any(axis=0))
-    inner_columns[lagged] = False
+    late = np.stack([f_lagged[:, 0], n + np.searchsorted(lagged, f_lagged[:, 1])], axis=1)
+    changing = np.concatenate([rows(kind, width)[:, :2] for kind, width in (("e_time", 3), ("f_time", 3), *SLOPED)])
+    entries = Entries.at(np.concatenate([changing, e, f, late]), n, n + len(lagged))
+    inner_rows, inner_columns = np.ones(n, bool), np.ones(n, bool)
+    inner_rows[changing[:, 0]] = inner_columns[changing[:, 1]] = inner_columns[lagged] = False
     # The unknowns that determine a valve's state must be known inside Newton's loop.
     inner_columns[[column for valve in [*system.valves, *system.gates] for column in valve]] = False
 
     def tape_of(judged: Assembly) -> Tape:
-        scenarios = _scenarios(n, lagged, judged, kept, scheme, step)
-        inner_rows = np.logical_not(changing.any(axis=1))
-        return eliminate(scenarios, pattern, inner_rows, inner_columns)
+        return eliminate(entries, _scenarios(entries, lagged, judged, kept, scheme, step), inner_rows, inner_columns)
 
     try:
         try:
@@ -113,51 +107,44 @@ def make_program(
         raise InputError(model.file, block, None, "system is singular; check its connections and parameters") from None
     structure, order = _structure(n, tape, lagged, system, kept, rows)
     place = {(int(r), int(c)): k for k, (r, c) in enumerate(zip(tape.slot_row, tape.slot_column, strict=True))}
-    late = np.stack([f_lagged[:, 0], n + np.searchsorted(lagged, f_lagged[:, 1])], axis=1)
     slots = np.array([place[int(r), int(c)] for r, c in np.concatenate([f, e, late])], dtype=np.int64)
     return Program(n, structure, kept, order, slots, tape, Border(tape, rows).size)
 
 
-def _scenarios(n: int, lagged: np.ndarray, system: Assembly, kept, scheme: Scheme, step: float) -> np.ndarray:
+def _scenarios(entries: Entries, lagged: np.ndarray, system: Assembly, kept, scheme: Scheme, step: float) -> np.ndarray:
     """Return Jacobians at possible states: valves open and shut, activation high and low, flows small and large."""
     to_y = scheme.alpha_f * scheme.gamma * step
-    matrices = np.zeros((_SCENARIOS, n, n + len(lagged)))
+    values = np.zeros((_SCENARIOS, len(entries.keys)))
     random = np.random.Generator(np.random.Philox(key=22))
-    for kind, weight in (("e", scheme.alpha_m), ("f", to_y)):
-        terms = getattr(system, kind)
-        for k in kept[kind]:
-            row, column = terms.where[k]
-            matrices[:, row, column] += weight * _first(terms.coefficients[k][0])
-    for k in kept["f_lagged"]:
-        row, column = system.f_lagged.where[k]
-        matrices[:, row, n + np.searchsorted(lagged, column)] += to_y * _first(system.f_lagged.coefficients[k][0])
-    for number, matrix in enumerate(matrices):
+
+    def terms(kind: str) -> Iterator[tuple[int, float, tuple]]:
+        """Yield the entry, the coefficient and the other numbers of each term that is kept."""
+        own = getattr(system, kind)
+        where = [own.where[k] for k in kept[kind]]
+        places = np.array([w[:2] for w in where], dtype=np.int64).reshape(-1, 2)
+        if kind == "f_lagged":
+            places[:, 1] = entries.size + np.searchsorted(lagged, places[:, 1])
+        for k, entry, (_, _, *rest) in zip(kept[kind], entries.find(places), where, strict=True):
+            yield entry, float(np.ravel(own.coefficients[k][0])[0]), tuple(rest)
+
+    for kind, weight in (("e", scheme.alpha_m), ("f", to_y), ("f_lagged", to_y)):
+        for entry, coefficient, _ in terms(kind):
+            values[:, entry] += weight * coefficient
+    for number, matrix in enumerate(values):
         for kind, weight in (("e_time", scheme.alpha_m), ("f_time", to_y)):
-            terms = getattr(system, kind)
-            for k in kept[kind]:
-                row, column, shape = terms.where[k]
-                values = system.shapes[shape][0]
-                time = number * (values.size - 1) // max(_SCENARIOS - 1, 1)
-                matrix[row, column] += weight * _first(terms.coefficients[k][0]) * values[time]
+            for entry, coefficient, (shape,) in terms(kind):
+                waveform = system.shapes[shape][0]
+                time = number * (waveform.size - 1) // max(_SCENARIOS - 1, 1)
+                matrix[entry] += weight * coefficient * waveform[time]
         for kind, scale in (("square", to_y), ("square_rate", scheme.alpha_m)):
-            terms = getattr(system, kind)
-            for k in kept[kind]:
-                row, column = terms.where[k]
+            for entry, coefficient, _ in terms(kind):
                 flow = 0.0 if number == 0 else 10.0 ** random.uniform(-2, 2)
-                matrix[row, column] += scale * _first(terms.coefficients[k][0]) * flow
-        for k in kept["f_valve"]:
-            row, column, valve = system.f_valve.where[k]
-            if (number >> (valve % 3)) & 1 == 0:
-                matrix[row, column] += to_y * _first(system.f_valve.coefficients[k][0])
-        for k in kept["f_gate"]:
-            row, column, gate = system.f_gate.where[k]
-            if (number >> (gate % 3)) & 1 == 0:
-                matrix[row, column] += to_y * _first(system.f_gate.coefficients[k][0])
-    return matrices
-
-
-def _first(value) -> float:
-    return float(np.ravel(value)[0])
+                matrix[entry] += scale * coefficient * flow
+        for kind in ("f_valve", "f_gate"):
+            for entry, coefficient, (part,) in terms(kind):
+                if (number >> (part % 3)) & 1 == 0:
+                    matrix[entry] += to_y * coefficient
+    return values
 
 
 def _structure(n: int, tape: Tape, lagged: np.ndarray, system: Assembly, kept, rows) -> tuple[Structure, np.ndarray]:
