@@ -93,6 +93,10 @@ def test_inconsistent_recordings_are_rejected(tmp_path, old, new, message):
     assert message in str(caught.value)
 
 
+def exchanged(frame, one, other):
+    return frame.assign(**{one: frame[other], other: frame[one]})
+
+
 def beats(frame, count, share=1.0):
     """A recording of several beats, truncated to a fraction `share` of its length."""
     one = frame.iloc[:-1]
@@ -108,7 +112,7 @@ def beats(frame, count, share=1.0):
         (lambda f: beats(f, 3), "LVP [mmHg]: number of systoles = 3: expected one; cut out one beat"),
         (lambda f: f.iloc[:65], "of its range between start and end; expected one whole beat"),
         (
-            lambda f: f.assign(**{"AoP [mmHg]": f["LVP [mmHg]"], "LVP [mmHg]": f["AoP [mmHg]"]}),
+            lambda f: exchanged(f, "AoP [mmHg]", "LVP [mmHg]"),
             "check whether the two are exchanged",
         ),
         (lambda f: f.assign(**{"LAD Flow [ml/s]": -f["LAD Flow [ml/s]"]}), "change the sign if the probe was reversed"),
@@ -124,6 +128,20 @@ def beats(frame, count, share=1.0):
             "LAD Flow [ml/s] = 'inf': line 6: expected a number",
         ),
         (lambda f: f.rename(columns={c: c.split(" [")[0] for c in f}), "no unit in the heading"),
+        (lambda f: exchanged(f, "AoP [mmHg]", "LAD Flow [ml/s]"), "check whether"),
+        (lambda f: exchanged(f, "LVP [mmHg]", "LAD Flow [ml/s]"), "check whether columns are exchanged"),
+        (
+            lambda f: f.assign(**{"AoP [mmHg]": f["AoP [mmHg]"] + 60.0 * (f.index == 30)}),
+            "AoP [mmHg] = 153.714: line 32: a spike, 94.8 around it",
+        ),
+        (
+            lambda f: f.assign(**{"LAD Flow [ml/s]": f["LAD Flow [ml/s]"].where(~f.index.isin(range(20, 45)), 0.0)}),
+            "LAD Flow [ml/s] = 0.0: from line 22 on for 25 readings: lost or clipped",
+        ),
+        (
+            lambda f: f.assign(**{"AoP [mmHg]": f["AoP [mmHg]"].clip(upper=88.0)}),
+            "readings: lost or clipped",
+        ),
     ],
 )
 def test_implausible_recordings_are_rejected(tmp_path, change, message):
@@ -240,3 +258,8 @@ def test_a_missing_folder_is_rejected(tmp_path):
     with pytest.raises(InputError, match="nowhere: no such folder"):
         prepare_case(tmp_path / "nowhere", "X1", tmp_path / "case")
     assert not (tmp_path / "case").exists()
+
+
+def test_the_recorded_animals_pass(shared, tmp_path):
+    for animal in ("DSEA08", "DSEA10"):
+        prepare_case(shared / "data" / "perfused-heart", animal, tmp_path / animal)

@@ -17,8 +17,8 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_json, write_text
 from coronaryuq.core.io.tables import line_number, read_csv, write_csv
 from coronaryuq.discrepancy.data.apply_condition import LOSS
+from coronaryuq.discrepancy.data.beat import AORTA, FLOW, TIME, VENTRICLE, check_beat
 from coronaryuq.discrepancy.data.conditions import BED_SHAPE, RESISTANCE, check_name, write_drive
-from coronaryuq.discrepancy.data.measurements import AORTIC, LEAST_POINTS, WIDEST_GAP
 from coronaryuq.zerod.effects.grafting import put_ahead
 from coronaryuq.zerod.effects.quadratic import TAG
 
@@ -32,18 +32,12 @@ HELD_OUT = re.compile(r"(^|.*[_ -])dob[a-z]*[_ -]?\d*", re.IGNORECASE)
 """Conditions held out by default: those under dobutamine."""
 LARGEST_FLOW = 5.0
 """Mean flow of one coronary artery, mL/s, above which a column headed mL/s must contain mL/min."""
-TIME, AORTA, VENTRICLE, FLOW = "t abs [s]", "AoP [mmHg]", "LVP [mmHg]", "LAD Flow [ml/s]"
-"""Headings of the recorder. The artery may differ, case is ignored, and units may be any of `_UNITS`."""
 SD_FLOW, SD_SHARE = 1.0, 0.05
 """Standard deviation of flow: two steps of the recorder (mL/min), and a fraction of the mean."""
 SD_MEAN = 0.03
 USED_PER_SECOND = 150.0
 """Approximate number of flow readings used per second: the noise of more frequent readings is not independent, as is
 assumed here, and interpolated readings add no information."""
-SHORTEST, LONGEST = 0.1, 3.0
-"""Plausible length of a beat, s."""
-LARGEST_JUMP = 0.25
-"""Difference between the ends of a pressure, over its range, above which a recording is not a whole beat."""
 VENOUS = 5.0 * units.MMHG
 _NAMES = {TIME: ("t abs", "time", "t"), AORTA: ("aop",), VENTRICLE: ("lvp",)}
 _TIMES = {"s": 1.0, "ms": 1e-3}
@@ -174,7 +168,7 @@ def _beats(folder: Path, animal: str) -> tuple[dict[str, pd.DataFrame], str, str
         if recording is None:
             continue
         frame, artery, unit = recording
-        _check_beat(path, frame)
+        check_beat(path, frame)
         condition = path.stem.removeprefix(f"{animal}_")
         check_name(path, condition)
         beats[condition] = frame
@@ -208,58 +202,6 @@ def _check_names(folder: Path, animal: str, conditions: list[str]) -> None:
             )
             remedy += "or rename one"
             raise InputError(folder, animal, len(conditions), remedy)
-
-
-def _check_beat(path: Path, frame: pd.DataFrame) -> None:
-    """Raise `InputError` unless this is a plausible whole beat of a coronary artery."""
-    time, aorta, ventricle = (frame[column].to_numpy(float) for column in (TIME, AORTA, VENTRICLE))
-    # The last time is the first of the next beat.
-    if len(frame) <= LEAST_POINTS:
-        raise InputError(path, TIME, len(frame), f"times; expected at least {LEAST_POINTS + 1} over one beat")
-    if (np.diff(time) <= 0).any():
-        row = int(np.argmax(np.diff(time) <= 0)) + 1
-        raise InputError(
-            path,
-            TIME,
-            float(time[row]),
-            f"line {line_number(path, row)}: times must increase; sort the table",
-        )
-    if not SHORTEST <= time[-1] - time[0] <= LONGEST:
-        remedy = f"outside {SHORTEST} to {LONGEST} s; give one beat and check the unit of time"
-        raise InputError(path, f"{TIME}: duration", float(time[-1] - time[0]), remedy)
-    gap = float(np.diff(time).max() / (time[-1] - time[0]))
-    if gap > WIDEST_GAP:
-        raise InputError(
-            path,
-            f"{TIME}: largest gap over the beat",
-            float(f"{gap:.2g}"),
-            f"expected at most {WIDEST_GAP:g}; remove the recording, or cut out another beat",
-        )
-    if not AORTIC[0] <= aorta.mean() <= AORTIC[1]:
-        remedy = f"outside {AORTIC[0]:g} to {AORTIC[1]:g}; check the unit"
-        raise InputError(path, f"mean {AORTA}", round(float(aorta.mean()), 3), remedy)
-    if ventricle.mean() > aorta.mean():
-        remedy = f"above the mean aortic pressure, {aorta.mean():.3g}; check whether the two are exchanged"
-        raise InputError(path, f"mean {VENTRICLE}", round(float(ventricle.mean()), 3), remedy)
-    if frame[FLOW].mean() <= 0.0:
-        remedy = "not positive; change the sign if the probe was reversed"
-        raise InputError(path, f"mean {FLOW}", round(float(frame[FLOW].mean()), 3), remedy)
-    systoles = _systoles(ventricle)
-    if systoles != 1:
-        remedy = "expected one; cut out one beat, or average the beats"
-        raise InputError(path, f"{VENTRICLE}: number of systoles", systoles, remedy)
-    for name, values in ((AORTA, aorta), (VENTRICLE, ventricle)):
-        jump = abs(values[-1] - values[0]) / np.ptp(values)
-        if jump > LARGEST_JUMP:
-            raise InputError(path, name, f"{jump:.0%}", "of its range between start and end; expected one whole beat")
-
-
-def _systoles(pressure: np.ndarray) -> int:
-    """Count how often the pressure rises from below 30 to above 70 % of its range in the periodic beat."""
-    share = (pressure - pressure.min()) / max(np.ptp(pressure), 1e-12)
-    high = np.where(share > 0.7, 1, np.where(share < 0.3, 0, -1))
-    states = high[high >= 0]
-    return int(np.sum(np.diff(states, append=states[0]) == 1)) if len(states) else 0
 
 
 def _recording(path: Path) -> tuple[pd.DataFrame, str, str] | None:

@@ -1,0 +1,113 @@
+"""Checks of one recorded beat: a whole beat, columns in their places, no artefact."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.tables import line_number
+from coronaryuq.discrepancy.data.measurements import AORTIC, LEAST_POINTS, WIDEST_GAP
+
+TIME, AORTA, VENTRICLE, FLOW = "t abs [s]", "AoP [mmHg]", "LVP [mmHg]", "LAD Flow [ml/s]"
+"""Headings of the recorder. The artery may differ, case is ignored, and other units are converted to these."""
+SHORTEST, LONGEST = 0.1, 3.0
+"""Plausible length of a beat, s."""
+LARGEST_JUMP = 0.25
+"""Difference between the ends of a pressure, over its range, above which a recording is not a whole beat."""
+LEAST_PEAK = 0.85
+"""Least peak of the ventricle's pressure over the aortic one: it ejects above it only, and two catheters may differ."""
+LONGEST_REST = 0.2
+"""Part of a beat during which a reading may stay at one value; beyond this the signal was lost or clipped."""
+LARGEST_SPIKE = 0.3
+"""Largest deviation of a reading from the median of five, over the range of the beat; no pressure or flow moves so far
+and back within two readings."""
+ENOUGH_FOR_SPIKES = 50
+"""Readings of a beat from which on the upstroke of a pressure takes more than two of them."""
+
+
+def check_beat(path: Path, frame: pd.DataFrame) -> None:
+    """Raise `InputError` unless this is a plausible whole beat of a coronary artery.
+
+    frame: columns `TIME` (s), `AORTA` and `VENTRICLE` (mmHg), `FLOW`; its last row is the first one of the next beat.
+    """
+    _check_times(path, frame[TIME].to_numpy(float))
+    for name in (AORTA, VENTRICLE, FLOW):
+        _check_readings(path, name, frame[name].to_numpy(float))
+    _check_columns(path, frame)
+    for name in (AORTA, VENTRICLE):
+        values = frame[name].to_numpy(float)
+        jump = abs(values[-1] - values[0]) / np.ptp(values)
+        if jump > LARGEST_JUMP:
+            raise InputError(path, name, f"{jump:.0%}", "of its range between start and end; expected one whole beat")
+
+
+def _check_times(path: Path, time: np.ndarray) -> None:
+    if len(time) <= LEAST_POINTS:
+        raise InputError(path, TIME, len(time), f"times; expected at least {LEAST_POINTS + 1} over one beat")
+    if (np.diff(time) <= 0).any():
+        row = int(np.argmax(np.diff(time) <= 0)) + 1
+        remedy = f"line {line_number(path, row)}: times must increase; sort the table"
+        raise InputError(path, TIME, float(time[row]), remedy)
+    if not SHORTEST <= time[-1] - time[0] <= LONGEST:
+        remedy = f"outside {SHORTEST} to {LONGEST} s; give one beat and check the unit of time"
+        raise InputError(path, f"{TIME}: duration", float(time[-1] - time[0]), remedy)
+    gap = float(np.diff(time).max() / (time[-1] - time[0]))
+    if gap > WIDEST_GAP:
+        remedy = f"expected at most {WIDEST_GAP:g}; remove the recording, or cut out another beat"
+        raise InputError(path, f"{TIME}: largest gap over the beat", float(f"{gap:.2g}"), remedy)
+
+
+def _check_columns(path: Path, frame: pd.DataFrame) -> None:
+    """Raise `InputError` if a column cannot be what its heading says."""
+    aorta, ventricle, flow = (frame[name].to_numpy(float) for name in (AORTA, VENTRICLE, FLOW))
+    if not AORTIC[0] <= aorta.mean() <= AORTIC[1]:
+        remedy = f"outside {AORTIC[0]:g} to {AORTIC[1]:g}; check the unit"
+        raise InputError(path, f"mean {AORTA}", round(float(aorta.mean()), 3), remedy)
+    if ventricle.mean() > aorta.mean():
+        remedy = f"above the mean aortic pressure, {aorta.mean():.3g}; check whether the two are exchanged"
+        raise InputError(path, f"mean {VENTRICLE}", round(float(ventricle.mean()), 3), remedy)
+    if np.ptp(aorta) > aorta.mean():
+        remedy = (
+            f"range above the mean, {aorta.mean():.3g}, unlike an aortic pressure; check whether columns are exchanged"
+        )
+        raise InputError(path, f"range of {AORTA}", round(float(np.ptp(aorta)), 3), remedy)
+    if ventricle.max() < LEAST_PEAK * aorta.max():
+        remedy = f"far below that of the aorta, {aorta.max():.3g}; check whether columns are exchanged, and the units"
+        raise InputError(path, f"peak of {VENTRICLE}", round(float(ventricle.max()), 3), remedy)
+    if ventricle.min() > aorta.min():
+        remedy = f"above that of the aorta, {aorta.min():.3g}; check whether columns are exchanged"
+        raise InputError(path, f"minimum of {VENTRICLE}", round(float(ventricle.min()), 3), remedy)
+    if flow.mean() <= 0.0:
+        remedy = "not positive; change the sign if the probe was reversed"
+        raise InputError(path, f"mean {FLOW}", round(float(flow.mean()), 3), remedy)
+    systoles = _systoles(ventricle)
+    if systoles != 1:
+        remedy = "expected one; cut out one beat, or average the beats"
+        raise InputError(path, f"{VENTRICLE}: number of systoles", systoles, remedy)
+
+
+def _check_readings(path: Path, name: str, values: np.ndarray) -> None:
+    """Raise `InputError` for a signal that was lost or clipped, and for a spike."""
+    spread = float(np.ptp(values))
+    ends = np.flatnonzero(np.diff(values, prepend=np.nan, append=np.nan) != 0.0)
+    longest = int(np.argmax(np.diff(ends)))
+    if ends[longest + 1] - ends[longest] > LONGEST_REST * len(values):
+        remedy = f"from line {line_number(path, int(ends[longest]))} on for {np.diff(ends)[longest]} readings: "
+        remedy += "lost or clipped; cut out another beat"
+        raise InputError(path, name, round(float(values[ends[longest]]), 3), remedy)
+    periodic = np.concatenate([values[-3:-1], values, values[1:3]])
+    median = np.median(np.lib.stride_tricks.sliding_window_view(periodic, 5), axis=1)
+    spike = int(np.argmax(np.abs(values - median)))
+    if len(values) >= ENOUGH_FOR_SPIKES and abs(values[spike] - median[spike]) > LARGEST_SPIKE * spread:
+        remedy = f"line {line_number(path, spike)}: a spike, {median[spike]:.3g} around it; "
+        remedy += "remove the line, or cut out another beat"
+        raise InputError(path, name, round(float(values[spike]), 3), remedy)
+
+
+def _systoles(pressure: np.ndarray) -> int:
+    """Count how often the pressure rises from below 30 to above 70 % of its range in the periodic beat."""
+    share = (pressure - pressure.min()) / max(np.ptp(pressure), 1e-12)
+    high = np.where(share > 0.7, 1, np.where(share < 0.3, 0, -1))
+    states = high[high >= 0]
+    return int(np.sum(np.diff(states, append=states[0]) == 1)) if len(states) else 0
