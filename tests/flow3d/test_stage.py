@@ -11,6 +11,7 @@ import pyvista as pv
 
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel
 from coronaryuq.case.network.build import Bed, network_from_tree, segments
+from coronaryuq.case.network.network import UNCERTAIN
 from coronaryuq.core import records
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_json
@@ -22,6 +23,7 @@ from coronaryuq.flow3d.mesh.generation.quality import boundary
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.flow3d.stage import run_batch
 from coronaryuq.flow3d.verification.tube import tube
+from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.solver.engine import Engine
 from support.case_files import write_case_json
 
@@ -182,3 +184,24 @@ def test_blocks_over_mpi_ranks_give_the_same_numbers(campaign, tmp_path):
     assert [row.sample for row in shared] == [f"s{k}" for k in range(9)]
     assert [row.outputs for row in shared] == [row.outputs for row in alone]
     assert len(list((tmp_path / "fields").iterdir())) == 2
+
+
+@pytest.mark.slow
+def test_an_uncertain_parameter_of_the_loop_reaches_both_sides(campaign, tmp_path):
+    """A factor on the bed's resistance by a parameter of the network is one by its multiplier, to the bit."""
+    network = read_network(campaign / "network.json")
+    targets = {f"BC_lca1.{name}": 1.0 for name in ("Ra", "Ram", "Rv")}
+    entry = {"name": "bed", "distribution": "lognormal", "centre": 2.0, "spread": 0.1, "kind": "factor"}
+    network[UNCERTAIN] = [entry | {"targets": targets}, entry | {"name": "idle", "targets": {}}]
+    write_json(tmp_path / "network.json", network)
+    records_of = []
+    for theta in ({"BC_lca1": [1.25, 0.5]}, {"bed": [2.5, 1.0], "idle": [2.0, 3.0]}):
+        write_csv(tmp_path / "samples.csv", pd.DataFrame({"sample": ["a", "b"], "R_cor_scaling": [1.0, 1.0], **theta}))
+        batch = Batch(
+            campaign / "case.json", tmp_path / "network.json", campaign / "mesh-complete", campaign / "mesh.json",
+            tmp_path / "samples.csv", 0, 2,
+        )  # fmt: skip
+        run_batch(batch, "ensemble", SETTINGS, Outputs(tmp_path / "out.jsonl", tmp_path / "checkpoints"))
+        records_of.append(records.read(tmp_path / "out.jsonl"))
+    for one, other in zip(*records_of, strict=True):
+        assert one.ok and one.outputs == other.outputs and one.inputs != other.inputs

@@ -14,10 +14,10 @@ from coronaryuq.flow3d.mesh.description import Couples, Face, MeshDescription, R
 from coronaryuq.losses.own_losses import for_3d
 from coronaryuq.losses.places import edges, places
 from coronaryuq.losses.stage import learn_losses
-from coronaryuq.zerod.network.beds import theta_changes
 from coronaryuq.zerod.network.changes import with_changes
 from coronaryuq.zerod.network.read import read_network, write_network
 from coronaryuq.zerod.solver.engine import Engine
+from coronaryuq.zerod.theta import theta_changes
 from support.case_files import case_summary, write_case_json
 from support.small_loop import loop
 

@@ -28,7 +28,7 @@ def ranks_of_truth(replications, settings, folder, relative_sd=0.2, beds=4):
         truth = space.multipliers(space.draw(random, 1))
         data = np.abs(tree.flows(truth)[0] + noise @ random.standard_normal(beds))
         stage.run_chains(
-            tree, tree.weights, stage.TargetFlows(names, data, covariance), settings, replication,
+            tree, stage.Unknowns(tree.weights), stage.TargetFlows(names, data, covariance), settings, replication,
             folder / "chains.npz", key=str(replication),
         )  # fmt: skip
         with np.load(folder / "chains.npz") as chains:

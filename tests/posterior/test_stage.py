@@ -291,7 +291,7 @@ def test_a_poor_emulator_leaves_the_chains_to_dream(tree, tmp_path, capsys):
     targets = stage.TargetFlows([f"BC_{i}" for i in range(6)], *targets_of(tree, 0.05))
     for kind, name in ((SMALL, "tried"), (DELAYED, "never")):
         kind = kind.model_copy(update={"dream": DreamSettings(generations=400)})
-        stage.run_chains(stepped, tree.weights, targets, kind, 3, tmp_path / f"{name}.npz", key=name)
+        stage.run_chains(stepped, stage.Unknowns(tree.weights), targets, kind, 3, tmp_path / f"{name}.npz", key=name)
     tried = Chains.read(tmp_path / "tried.npz")
     assert not tried.independent and tried.pilot_k_hat > 0.7
     warning = tried.refused

@@ -13,7 +13,7 @@ pytest.importorskip("aiohttp", reason="needs aiohttp, which is not installed")
 class Doubling:
     """Doubles its input; an input of 13 breaks the whole batch."""
 
-    name, inputs, outputs, lanes = "doubling", ["x"], ["y"], 4
+    name, inputs, outputs, lanes, signed = "doubling", ["x"], ["y"], 4, []
 
     def run(self, theta: np.ndarray) -> list[list[float] | str]:
         if (theta == 13).any():

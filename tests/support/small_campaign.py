@@ -47,7 +47,8 @@ def write_campaign(
 ) -> RunFiles:
     """Write the files, with the named samples failed, and those in `lost` without a 3D run."""
     table, propagation = theta("pilot", PILOT * max(1, runs_per_fine)), theta("propagation", PROPAGATION)
-    write_case_json(folder / "case.json", stenoses=STENOSES)
+    outlets = [{"name": name, "bc": f"BC_{name}", "vessel": name} for name in ("lca1", "rca1")]
+    write_case_json(folder / "case.json", stenoses=STENOSES, outlets=outlets)
     write_csv(folder / "pilot.csv", table)
     write_csv(folder / "propagation.csv", propagation)
     batches = []

@@ -9,7 +9,8 @@ THETA: Columns = (
     ("chain", "chain of the posterior that the sample is a state of", "1"),
     ("draw", "generation of that chain", "1"),
     ("R_cor_scaling", "s: factor on the resistances of all coronary beds", "1"),
-    (".+", "factor on the resistances r-hat of the bed", "1"),
+    ("BC_.+", "factor on the resistances r-hat of the bed", "1"),
+    (".+", "uncertain parameter of the network, or factor on the resistances r-hat of the bed", "see network.json"),
 )
 OUTPUTS: Columns = (
     *SAMPLE,

@@ -14,9 +14,9 @@ from coronaryuq.case.network.network import Network
 from coronaryuq.core.ranks import Ranks
 from coronaryuq.flow3d.mesh.coupling.cut_network import CutNetwork, cut_network
 from coronaryuq.flow3d.mesh.read_mesh import Domain, read_domain
-from coronaryuq.zerod.network.beds import read_theta
 from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.solver.engine import Engine
+from coronaryuq.zerod.theta import read_theta
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,8 @@ class Batch:
     mesh_folder, mesh
         `mesh-complete/` and `mesh.json`.
     samples
-        CSV with `sample`, one column per coronary bed (multiplier of r-hat) and `R_cor_scaling`.
+        CSV with `sample`, one column per coronary bed (multiplier of r-hat), `R_cor_scaling`, and one per uncertain
+        parameter of the network.
     first, count
         Rows to run, from 0.
     """

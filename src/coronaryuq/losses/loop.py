@@ -11,9 +11,9 @@ from coronaryuq.core.records import Record
 from coronaryuq.core.units import MMHG
 from coronaryuq.losses.fit import LossFit
 from coronaryuq.losses.places import QUADRATIC, RESISTANCE, Edge, Place
-from coronaryuq.zerod.network.beds import theta_changes
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.solver.result import Result
+from coronaryuq.zerod.theta import theta_changes
 
 LARGEST = 0.05
 """Prior standard deviation of the pressure that a quadratic loss takes at the mean flow, over the aortic pressure."""

@@ -14,12 +14,13 @@ from coronaryuq.core.io.typed import checked
 
 @dataclass(frozen=True)
 class Chains:
-    """All chains of one posterior, n recorded states each, N beds.
+    """All chains of one posterior, n recorded states each, N beds, k uncertain parameters of the network.
 
-    names (N,): of the beds. multipliers, flows (chains, n, N): of r-hat, and mL/s. log_density (chains, n). log_weight
-    (chains, n): log of the model's over the emulator's density at each proposal, up to a constant; nan without an
-    emulator. burn_in: recorded states to discard. every: generations per recorded state. generations: per chain,
-    burn-in included. length: of what follows burn-in, over that of the first chains. accepted, screen_accepted
+    names (N,): of the beds. multipliers, flows (chains, n, N): of r-hat, and mL/s in the unit of the targets.
+    parameter_names (k,), parameters (chains, n, k): values of the uncertain parameters. log_density (chains, n).
+    log_weight (chains, n): log of the model's over the emulator's density at each proposal, up to a constant; nan
+    without an emulator. burn_in: recorded states to discard. every: generations per recorded state. generations: per
+    chain, burn-in included. length: of what follows burn-in, over that of the first chains. accepted, screen_accepted
     (chains,), proposed, screen_proposed: moves after burn-in on the model and on the emulator. emulator_error (N,): of
     log flow; empty without an emulator. independent: chains of independence steps. pilot_k_hat: Pareto k of the pilot
     runs, nan without them. refused: why no independence steps were taken, empty if they were or were not asked for.
@@ -30,6 +31,8 @@ class Chains:
 
     names: list[str]
     multipliers: np.ndarray
+    parameter_names: list[str]
+    parameters: np.ndarray
     flows: np.ndarray
     log_density: np.ndarray
     log_weight: np.ndarray
@@ -64,6 +67,11 @@ class Chains:
         return self.multipliers[:, self.burn_in :]
 
     @property
+    def kept_parameters(self) -> np.ndarray:
+        """Values of uncertain parameters (chains, kept, k) after burn-in."""
+        return self.parameters[:, self.burn_in :]
+
+    @property
     def kept_flows(self) -> np.ndarray:
         """Flows (chains, kept, N) after burn-in."""
         return self.flows[:, self.burn_in :]
@@ -84,7 +92,8 @@ class Chains:
         held = read_npz(path, names)
         arrays = {name: held[name] for name in names}
         scalars = {name: array.item() for name, array in arrays.items() if array.ndim == 0}
-        return cls(**arrays | scalars | {"names": [str(name) for name in arrays["names"]]})
+        texts = {name: [str(one) for one in arrays[name]] for name in ("names", "parameter_names")}
+        return cls(**arrays | scalars | texts)
 
 
 @dataclass(frozen=True)
@@ -138,7 +147,7 @@ class FitToFractions:
 
 @dataclass(frozen=True)
 class Marginal:
-    """One multiplier over the draws."""
+    """One multiplier or uncertain parameter over the draws."""
 
     mean: float
     sd: float
@@ -212,6 +221,7 @@ class Summary(Diagnosis):
     target_scale: float
     fit: FitToFractions
     multipliers: dict[str, Marginal]
+    parameters: dict[str, Marginal]
     most_probable_draw: dict[str, float]
     predictive: Predictive
     r_hat: ReferenceShares

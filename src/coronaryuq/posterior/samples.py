@@ -1,4 +1,4 @@
-"""Samples θ = (r, s): states of the posterior's chains with a scaling of total coronary resistance (paper, 2.3)."""
+"""Samples θ: states of the posterior's chains with a scaling of total coronary resistance (paper, 2.3)."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -20,10 +20,10 @@ FIRST: Lengths = ((0, 1),)
 
 
 def theta(
-    draws: "pd.DataFrame", beds: list[str], name: str, count: int, scaling: tuple[float, float], seed: int,
+    draws: "pd.DataFrame", columns: list[str], name: str, count: int, scaling: tuple[float, float], seed: int,
     lengths: Lengths = FIRST,
 ) -> "pd.DataFrame":  # fmt: skip
-    """Return a table of θ with `count` rows: `sample`, `chain`, `draw`, one column per bed, `R_cor_scaling`.
+    """Return a table of θ with `count` rows: `sample`, `chain`, `draw`, `columns`, `R_cor_scaling`.
 
     Rows visit the table of draws, which is in the chains' order, in steps of the golden ratio: every stretch of the
     chains is visited equally often, however many rows there are, and no state twice before most have been visited
@@ -37,8 +37,8 @@ def theta(
     ----------
     draws
         Of chains of the last of `lengths`.
-    beds
-        Columns of multipliers.
+    columns
+        Those of multipliers and of uncertain parameters.
     name, count
         Of the set, and its number of samples.
     scaling, seed
@@ -51,7 +51,7 @@ def theta(
     start = np.array([_start(seed, name, k) for k in range(lengths[-1][1])])
     rows = part * size + np.floor(size * ((start[part] + GOLDEN * visit) % 1.0)).astype(int)
     visited = draws.iloc[rows].reset_index(drop=True)
-    table = visited[beds].copy()
+    table = visited[columns].copy()
     table.insert(0, "sample", [f"{name}_{k:05d}" for k in range(count)])
     table.insert(1, "chain", visited["chain"])
     table.insert(2, "draw", visited["generation"])

@@ -2,7 +2,8 @@
 
 import json
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from coronaryuq.core.ranks import Ranks
 from coronaryuq.perfusion.targets import read_perfusion_targets
 from coronaryuq.posterior.model.bed_flows import BedFlows, with_resistances
 from coronaryuq.posterior.model.fit_to_fractions import fit_fractions
-from coronaryuq.posterior.model.flow_model import FlowModel, Posterior
+from coronaryuq.posterior.model.flow_model import FlowModel, Posterior, respond
 from coronaryuq.posterior.model.fractions import fractions
 from coronaryuq.posterior.model.likelihood import Likelihood
 from coronaryuq.posterior.model.total_resistance import Conditioned, Rescaled
@@ -30,6 +31,7 @@ from coronaryuq.posterior.settings import Settings
 from coronaryuq.posterior.summary import by_name, summarise, table_of_draws, write_inference_data
 from coronaryuq.zerod.network.beds import SCALING, distal_resistances
 from coronaryuq.zerod.network.read import read_network, write_network
+from coronaryuq.zerod.theta import Laws
 
 
 @dataclass(frozen=True)
@@ -102,19 +104,28 @@ def sample(
         threads=threads,
     )  # fmt: skip
     key = digest([checksum(hyperaemia_json), checksum(targets_json), _deciding(settings), seed, _code()])
-    run_chains(model, model.weights, targets, settings, seed, out_npz, key=key, ranks=ranks, extent=extent)
+    unknowns = Unknowns(model.weights, model.theta.laws)
+    run_chains(model, unknowns, targets, settings, seed, out_npz, key=key, ranks=ranks, extent=extent)
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """What is inferred: shares of conductance, from those at r-hat (N,), and the network's uncertain parameters."""
+
+    weights: np.ndarray
+    laws: Laws = Laws()
 
 
 def run_chains(
-    model: FlowModel, weights: np.ndarray, targets: TargetFlows, settings: Settings, seed: int, out_npz: str | Path,
+    model: FlowModel, unknowns: Unknowns, targets: TargetFlows, settings: Settings, seed: int, out_npz: str | Path,
     *, key: str, ranks: Ranks | None = None, extent: Extent = Extent(),
 ) -> None:  # fmt: skip
     """`sample` for any model of flows.
 
-    weights (N,): fractions of conductance at r-hat. key: identifies all inputs, but not the length; a checkpoint of
-    another key is not continued.
+    key: identifies all inputs, but not the length; a checkpoint of another key is not continued.
     """
     ranks = Ranks() if ranks is None else ranks
+    weights, laws = unknowns.weights, unknowns.laws
     names, folder = targets.names, Path(out_npz).with_suffix("")
     folder.mkdir(parents=True, exist_ok=True)
     found = checkpoint.find(folder, extent.before, key)
@@ -123,8 +134,12 @@ def run_chains(
     factor = float(fit.flows_at_r_hat.sum() / targets.mean.sum()) if settings.scale_targets else 1.0
     likelihood = Likelihood(targets.mean * factor, targets.covariance * factor**2, targets.source)
     conditioned = settings.constraint == "conditioned"
-    space = Conditioned(weights, settings.prior) if conditioned else Rescaled(weights, settings.prior)
-    posterior = Posterior(model, space, likelihood, ranks)
+    space = (Conditioned if conditioned else Rescaled)(weights, settings.prior, laws)
+    response = found.prepared.response if found else None
+    if response is None and len(laws):
+        response = ranks.run_on_first(lambda: respond(model, laws, fit.flows_at_r_hat))
+        fit = replace(fit, runs=fit.runs + 2 * len(laws))
+    posterior = Posterior(model, space, likelihood, ranks, response, total_known=not settings.scale_targets)
     if ranks.rank == 0:
         _warn_outside(fit.multipliers, settings.prior, names)
     prepared = found.prepared if found else sampling.prepare(posterior, fit, settings, seed)
@@ -137,16 +152,18 @@ def run_chains(
     if found and found.done <= dream.decisions:
         state = recorder.resume(found) or state
     between = max(1, settings.checkpoint // (settings.emulator.generations if prepared.emulator else 1))
-    state = sampling.run(dream, state, recorder, between, names, space.multipliers)
+    state = sampling.run(dream, state, recorder, between, [*names, *laws.names], space.inputs)
     if ranks.rank == 0:
         position, log_density, flows, log_weight = (
             recorder.values[name].swapaxes(0, 1) for name in checkpoint.RECORDED
         )
         count, decisions, dimension = position.shape
-        multipliers = space.multipliers(position.reshape(-1, dimension)).reshape(count, decisions, -1)
+        inputs = space.inputs(position.reshape(-1, dimension)).reshape(count, decisions, -1)
         emulator = prepared.emulator
         Chains(
-            names=names, multipliers=multipliers, flows=flows, log_density=log_density, log_weight=log_weight,
+            names=names, multipliers=np.ascontiguousarray(inputs[:, :, : len(names)]), parameter_names=laws.names,
+            parameters=np.ascontiguousarray(inputs[:, :, len(names) :]), flows=flows, log_density=log_density,
+            log_weight=log_weight,
             burn_in=dream.burn_in, every=dream.every, generations=int(state.generation), length=extent.length,
             accepted=state.accepted, proposed=int(state.proposed),
             screen_accepted=state.screen_accepted, screen_proposed=int(state.screen_proposed),
@@ -227,24 +244,25 @@ def draw_samples(
     number
         Rows of the table.
     out_csv
-        Table to write: `sample`, the state's `chain` and `draw`, one multiplier per bed, `R_cor_scaling`.
+        Table to write: `sample`, the state's `chain` and `draw`, one multiplier per bed and one value per uncertain
+        parameter, `R_cor_scaling`.
     lengths
         From which sample on the chains had which length; the last one is that of the draws.
 
     Raises
     ------
     InputError
-        If the table of draws is empty or holds a multiplier that is not positive.
+        If the table of draws is empty or holds a value that is not a finite number.
     """
     draws = read_csv(draws_csv, columns=("chain", "generation", "log_density"))
-    beds = [column for column in draws.columns if column not in ("chain", "generation", "log_density", SCALING)]
-    if draws.empty or not beds:
+    columns = [column for column in draws.columns if column not in ("chain", "generation", "log_density", SCALING)]
+    if draws.empty or not columns:
         raise InputError(draws_csv, None, None, "contains no draws; gather the posterior again")
-    for bed in beds:
-        wrong = [value for value in draws[bed].tolist() if not (isinstance(value, int | float) and 0 < value < np.inf)]
+    for column in columns:
+        wrong = [value for value in draws[column].tolist() if not (isinstance(value, int | float) and isfinite(value))]
         if wrong:
-            raise InputError(draws_csv, bed, wrong[0], "expected positive multipliers; gather the posterior again")
-    write_csv(out_csv, theta(draws, beds, name, number, settings.scaling, seed, lengths))
+            raise InputError(draws_csv, column, wrong[0], "expected numbers; gather the posterior again")
+    write_csv(out_csv, theta(draws, columns, name, number, settings.scaling, seed, lengths))
 
 
 def _warn_outside(multipliers: np.ndarray, prior: tuple[float, float], names: list[str]) -> None:

@@ -30,16 +30,21 @@ def write_inference_data(chains: Chains, posterior_nc: str | Path) -> None:
     """Write the states after burn-in as the DataTree that ArviZ reads (netCDF)."""
     import arviz_base
 
+    posterior = {"r": chains.kept_multipliers, "flow": chains.kept_flows}
+    coords, dims = {"bed": chains.names}, {"r": ["bed"], "flow": ["bed"], "target_flow": ["bed"]}
+    if chains.parameter_names:
+        posterior["parameter_value"] = chains.kept_parameters
+        coords["parameter"], dims["parameter_value"] = chains.parameter_names, ["parameter"]
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="More chains")
         data = arviz_base.from_dict(
             {
-                "posterior": {"r": chains.kept_multipliers, "flow": chains.kept_flows},
+                "posterior": posterior,
                 "sample_stats": {"lp": chains.kept_log_density},
                 "observed_data": {"target_flow": chains.target_mean},
             },
-            coords={"bed": chains.names},
-            dims={"r": ["bed"], "flow": ["bed"], "target_flow": ["bed"]},
+            coords=coords,
+            dims=dims,
         )
     for group in data.subtree:
         group.attrs.pop("created_at", None)  # equal posteriors are equal files
@@ -49,19 +54,20 @@ def write_inference_data(chains: Chains, posterior_nc: str | Path) -> None:
 
 
 def table_of_draws(chains: Chains, most: int) -> "pd.DataFrame":
-    """Return thinned draws: chain, generation, one multiplier per bed, log_density.
+    """Return thinned draws: chain, generation, one multiplier per bed, uncertain parameters, log_density.
 
     At most `most` of each part as long as the first chains: the table of longer chains begins with that of shorter
     ones, and every part has as many rows.
     """
     import pandas as pd
 
-    multipliers = chains.kept_multipliers
-    n, kept, beds = multipliers.shape
+    values = np.concatenate([chains.kept_multipliers, chains.kept_parameters], axis=2)
+    n, kept, columns = values.shape
     part = n * kept // chains.length
     stride = max(1, -(-part // most))
     chosen = (part * np.arange(chains.length)[:, None] + np.arange(0, part, stride)).reshape(-1)
-    table = pd.DataFrame(multipliers.transpose(1, 0, 2).reshape(-1, beds)[chosen], columns=chains.names)
+    names = [*chains.names, *chains.parameter_names]
+    table = pd.DataFrame(values.transpose(1, 0, 2).reshape(-1, columns)[chosen], columns=names)
     table.insert(0, "chain", chosen % n)
     table.insert(1, "generation", (chosen // n + chains.burn_in + 1) * chains.every)
     table["log_density"] = chains.kept_log_density.T.reshape(-1)[chosen]
@@ -72,12 +78,20 @@ def summarise(
     chains: Chains, settings: Settings, seed: int, draws: int, r_hat: ReferenceShares, provenance: dict[str, Any]
 ) -> Summary:
     """Return verdict, marginals, fit and predictive checks; draws: rows of the table of draws."""
-    names, multipliers = chains.names, chains.kept_multipliers
+    names, multipliers, extra = chains.names, chains.kept_multipliers, chains.parameter_names
+    drawn = np.concatenate([multipliers, chains.kept_parameters], axis=2)
     likelihood = Likelihood(chains.target_mean, chains.target_covariance)
-    flat, quantiles = multipliers.reshape(-1, len(names)), (0.025, 0.5, 0.975)
+    flat, quantiles = drawn.reshape(-1, len(names) + len(extra)), (0.025, 0.5, 0.975)
     fitted = by_name(names, chains.fit_multipliers)
     low, high = settings.prior
-    diagnosis = diagnose(multipliers, names, settings.rhat_limit, settings.ess_limit)
+    # A parameter without spread is no unknown.
+    moving = np.concatenate([np.ones(len(names), dtype=bool), np.ptp(chains.kept_parameters, axis=(0, 1)) > 0])
+    unknown = [name for name, moves in zip([*names, *extra], moving, strict=True) if moves]
+    diagnosis = diagnose(drawn[:, :, moving], unknown, settings.rhat_limit, settings.ess_limit)
+    marginals = {
+        name: Marginal(m.mean(), m.std(ddof=1), *q)
+        for name, m, q in zip([*names, *extra], flat.T, np.quantile(flat, quantiles, axis=0).T, strict=True)
+    }
     return Summary(
         **vars(diagnosis),
         chains=len(multipliers),
@@ -105,11 +119,9 @@ def summarise(
             largest_fraction_error=chains.fit_error,
             outside_prior=[name for name, multiplier in fitted.items() if not low <= multiplier <= high],
         ),
-        multipliers={
-            name: Marginal(m.mean(), m.std(ddof=1), *q)
-            for name, m, q in zip(names, flat.T, np.quantile(flat, quantiles, axis=0).T, strict=True)
-        },
-        most_probable_draw=by_name(names, flat[np.argmax(chains.kept_log_density)]),
+        multipliers={name: marginals[name] for name in names},
+        parameters={name: marginals[name] for name in extra},
+        most_probable_draw=by_name([*names, *extra], flat[np.argmax(chains.kept_log_density)]),
         predictive=check(
             chains.kept_flows.reshape(-1, len(names)), likelihood, names, generator(seed, "posterior", "predictive")
         ),

@@ -23,10 +23,13 @@ from coronaryuq.flow3d.quantities import WallRegion, stenosis_quantities
 from coronaryuq.flow3d.settings import Settings as Flow3DSettings
 from coronaryuq.flow3d.stage import make_adapter
 from coronaryuq.posterior.model.bed_flows import BedFlows
+from coronaryuq.posterior.model.flow_model import Response, respond
 from coronaryuq.posterior.model.likelihood import Likelihood
 from coronaryuq.posterior.results import Chains
 from coronaryuq.zerod.network.beds import SCALING
+from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.stage import LoopModel
+from coronaryuq.zerod.theta import Theta
 
 NOT_INPUTS = ("chain", "generation", "log_density", SCALING)
 
@@ -40,12 +43,15 @@ class ServedModel(Protocol):
         Name by which clients request it.
     inputs, outputs
         Names of the components.
+    signed
+        Inputs that may have any sign: uncertain parameters of the network. All others are positive factors.
     lanes
         Number of samples that it runs together.
     """
 
     name: str
     lanes: int
+    signed: list[str]
 
     @property
     def inputs(self) -> list[str]: ...
@@ -54,12 +60,12 @@ class ServedModel(Protocol):
     def outputs(self) -> list[str]: ...
 
     def run(self, theta: np.ndarray) -> list[list[float] | str]:
-        """Run positive inputs (n, inputs), n ≤ lanes; return per row the outputs, or the reason for their absence."""
+        """Run inputs (n, inputs), n ≤ lanes; return per row the outputs, or the reason for their absence."""
         ...
 
 
-def beds_of(files: ResultsFolder) -> list[str]:
-    """Return the beds whose resistances θ multiplies, in the order of the tables of θ."""
+def inputs_of(files: ResultsFolder) -> list[str]:
+    """Return the multipliers and uncertain parameters of θ, in the order of the tables of θ."""
     draws = read_csv(files.path("posterior", "draws.csv"), ("chain",))
     return [str(name) for name in draws.columns if name not in NOT_INPUTS]
 
@@ -72,7 +78,8 @@ class ZeroD:
     def __init__(self, files: ResultsFolder):
         settings = files.configuration.zerod
         self._model = LoopModel(files.path("calibration", "hyperaemia.json"), files.path("case", "case.json"), settings)
-        self.inputs, self.outputs, self.lanes = [*beds_of(files), SCALING], self._model.outputs, settings.batch
+        self.inputs, self.outputs, self.lanes = [*inputs_of(files), SCALING], self._model.outputs, settings.batch
+        self.signed = self._model.theta.laws.names
 
     def run(self, theta: np.ndarray) -> list[list[float] | str]:
         table = pd.DataFrame(theta, columns=self.inputs)
@@ -86,7 +93,7 @@ class ZeroD:
 
 
 class LogLikelihood:
-    """Multipliers of r-hat → log likelihood of the target flows, as the campaign's sampler computes it."""
+    """Multipliers of r-hat and uncertain parameters → log likelihood of the target flows as the sampler has it."""
 
     name, outputs = "loglikelihood", ["log_likelihood"]
 
@@ -101,10 +108,19 @@ class LogLikelihood:
             steps_per_cycle=settings.steps_per_cycle,
         )
         self._likelihood = Likelihood(chains.target_mean, chains.target_covariance)
-        self.inputs, self.lanes = chains.names, files.configuration.zerod.batch
+        self._laws = self._flows.theta.laws
+        self._response: Response | None = None
+        self.signed, self.inputs = self._laws.names, [*chains.names, *self._laws.names]
+        self.lanes = files.configuration.zerod.batch
+        if self.signed and settings.scale_targets:
+            at_r_hat = self._flows.flows(np.ones((1, len(chains.names))))[0]
+            self._response = respond(self._flows, self._laws, at_r_hat)
 
     def run(self, theta: np.ndarray) -> list[list[float] | str]:
         flows = self._flows.flows(theta)
+        if self._response is not None:
+            z = self._laws.coordinates(theta[:, -len(self._laws) :])
+            flows = flows / np.exp(self._response.log_total(z))[:, None]
         failed = ~np.isfinite(flows).all(axis=1)
         values = self._likelihood.log_density(np.where(failed[:, None], 0.0, flows))
         return ["the 0D run failed" if bad else [float(v)] for bad, v in zip(failed, values, strict=True)]
@@ -125,12 +141,14 @@ class Flow3D:
 
     def __init__(self, files: ResultsFolder, name: str, run: str):
         kind = runs_3d(Targets(files.configuration))[run]
-        self.name, self.inputs = name, [*beds_of(files), SCALING]
+        self.name, self.inputs = name, [*inputs_of(files), SCALING]
         self._settings = Flow3DSettings(**kind.settings | {"checkpoints": False, "fields": 0})
         self._backend = files.configuration.backend
         mesh_json = files.path(kind.mesh, "mesh.json")
+        loop = files.path("calibration", "hyperaemia.json")
+        self.signed = Theta(read_network(loop), loop).laws.names
         self._batch = Batch(
-            files.path("case", "case.json"), files.path("calibration", "hyperaemia.json"),
+            files.path("case", "case.json"), loop,
             files.path(kind.mesh, "mesh-complete"), mesh_json, "", 0, 0,
         )  # fmt: skip
         one, triangle = np.ones(1), WallRegion.of(np.eye(3), np.array([[0, 1, 2]]), np.arange(3))

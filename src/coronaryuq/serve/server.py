@@ -137,6 +137,7 @@ def _theta(model: ServedModel, given: Any) -> list[float]:
         raise Refused("InvalidInput", f"input: {len(theta)} numbers in place of {len(names)}: {', '.join(names)}")
     for name, value in zip(names, theta, strict=True):
         number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not number or not math.isfinite(value) or not value > 0:
-            raise Refused("InvalidInput", f"{name} = {value!r}: expected a positive number")
+        signed = name in model.signed
+        if not number or not math.isfinite(value) or not (signed or value > 0):
+            raise Refused("InvalidInput", f"{name} = {value!r}: expected a {'' if signed else 'positive '}number")
     return [float(value) for value in theta]

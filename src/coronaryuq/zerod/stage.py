@@ -14,12 +14,12 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import replacing
 from coronaryuq.core.records import FAILED, OK
 from coronaryuq.core.remote_model import RemoteModel
-from coronaryuq.zerod.network.beds import read_theta, theta_changes
 from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.settings import Settings
 from coronaryuq.zerod.solver.periodic import Periodicity
 from coronaryuq.zerod.solver.result import Result
 from coronaryuq.zerod.svzerodsolver import choose
+from coronaryuq.zerod.theta import Theta, read_theta
 
 KINDS = ("flow", "pressure")
 STATISTICS = ("mean", "min", "max")
@@ -36,8 +36,9 @@ def run_chunk(
 ) -> None:
     """Run samples `first` to `first + count` of a table of θ and write one row each.
 
-    network_path: tuned loop at hyperaemia. samples_csv: `sample`, one column per bed (multiplier of r-hat), and
-    `R_cor_scaling`. Columns out: sample, status (ok or failed), reason, cpu_s, cycles, cycle_error, refinement, then
+    network_path: tuned loop at hyperaemia. samples_csv: `sample`, one column per bed (multiplier of r-hat),
+    `R_cor_scaling`, and one per uncertain parameter. Columns out: sample, status (ok or failed), reason, cpu_s, cycles,
+    cycle_error, refinement, then
     mean, min and max of flow (mL/s) and pressure (dyn/cm2) at the aorta and at each stenosis' root, inlet and outlet
     and at the outlets that perfuse the LV, then ffr_X. Values do not depend on how samples are cut into chunks, because
     every sample starts from the network's own periodic state. A failed sample is a row without values.
@@ -63,8 +64,8 @@ class LoopModel:
 
     Attributes
     ----------
-    network
-        The loop.
+    network, theta
+        The loop, and what θ changes in it.
     outputs
         Names of the quantities: flows in mL/s, pressures in dyn/cm2, FFR.
 
@@ -76,6 +77,7 @@ class LoopModel:
 
     def __init__(self, network_path: str | Path, case_path: str | Path, settings: Settings):
         self.network, self.settings = read_network(network_path), settings
+        self.theta = Theta(self.network, network_path)
         case = read_case(case_path)
         solver = choose.make(settings.backend, self.network, network_path)
         places, self._ratios = locations(case, solver.unknowns, case_path), ffr_locations(case)
@@ -97,7 +99,7 @@ class LoopModel:
         """Run a batch: a table of θ with `sample` in, one row of `run_chunk`'s columns per sample out."""
         inputs = {name: theta[name].to_numpy() for name in theta.columns if name != "sample"}
         spent = time.process_time()
-        result = self._march(theta_changes(self.network, inputs), self._quantities, start=self._start)
+        result = self._march(self.theta.changes(inputs), self._quantities, start=self._start)
         spent = (time.process_time() - spent) / len(theta)
         ok = result.status == OK
         frame = {

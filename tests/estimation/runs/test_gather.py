@@ -5,6 +5,7 @@ import pytest
 
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
+from coronaryuq.core.io.tables import read_csv, write_csv
 from coronaryuq.estimation.runs.gather import CoarseCost, coarse_cost, gather
 from coronaryuq.estimation.runs.table import read_rows, read_runs
 from support.small_campaign import AVERAGES, LIMITS, PAPERS, write_campaign
@@ -92,3 +93,18 @@ def test_tables_of_a_former_coarse_level_are_removed(campaign):
     campaign(runs_per_fine=3)
     folder = campaign()
     assert read_runs(folder).coarse is None and coarse_cost(folder / "failures.json") is None
+
+
+def test_an_uncertain_parameter_of_any_sign_is_an_input_like_others(tmp_path):
+    """Its bounds hold all samples; estimators see it as given, and multipliers by their logarithm."""
+    files = write_campaign(tmp_path)
+    values = np.linspace(-1.0, 2.0, 20)
+    for path in (files.pilot, files.propagation):
+        table = read_csv(path)
+        write_csv(path, table.assign(shift=values[: len(table)]))
+    gather(files, LIMITS, 4, tmp_path / "runs")
+    runs = read_runs(tmp_path / "runs")
+    assert runs.inputs == ("BC_lca1", "BC_rca1", "R_cor_scaling", "shift")
+    assert runs.bounds("BC_lca1") == (0.5, 2.0) and runs.bounds("shift") == pytest.approx((-1.3, 2.3))
+    assert runs.logged.tolist() == [True, True, True, False]
+    assert np.array_equal(runs.coordinates(runs.theta_more)[:, 3], values)

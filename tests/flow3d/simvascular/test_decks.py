@@ -166,3 +166,19 @@ def test_a_path_too_long_for_fortran_is_rejected(case, tmp_path):
     far = replace(case, settings=case.settings.model_copy(update={"zerod_library": "/" + "x" * 200}))
     with pytest.raises(InputError, match="160 characters"):
         SvSolver(far).prepare(SAMPLE, tmp_path / "run")
+
+
+def test_what_an_uncertain_parameter_changes_beside_the_mesh_reaches_the_0d_side(case):
+    """Of a vessel that the mesh cuts, the part that stays changes in proportion; the part inside changes nothing."""
+    own = Model(case.network).parameters
+    changes = {name: np.array([own[name] * 1.7]) for name in ("LAD.R_poiseuille", "CLH.Rrv_a", "BC_RCR.Rp")}
+    full = dict.fromkeys(case.engine.state_names, 0.0)
+    before, after = (coupled_case.coupled_json(case, given, full) for given in ({}, changes))
+    for network, factor in ((before, 1.0), (after, 1.7)):
+        here = Model(network).parameters
+        for name in ("CLH.Rrv_a", "BC_RCR.Rp"):
+            assert here[name] == pytest.approx(factor * own[name])
+        part = Model(before).parameters["LAD.R_poiseuille"]
+        assert 0 < part < own["LAD.R_poiseuille"] and here["LAD.R_poiseuille"] == pytest.approx(factor * part)
+    inside = {"LAD_seg1.R_poiseuille": np.ones(1)} if "LAD_seg1" in case.domain.description.replaces else {}
+    assert inside and coupled_case.coupled_json(case, inside, full) == before

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from coronaryuq.core.errors import InputError
-from coronaryuq.zerod.network.beds import beds, distal_resistances, resistance_changes, theta_changes
+from coronaryuq.zerod.network.beds import beds, distal_resistances, resistance_changes
+from coronaryuq.zerod.theta import theta_changes
 from support.zerod_networks import MMHG, bifurcation, closed_loop
 
 

@@ -27,7 +27,8 @@ from coronaryuq.flow3d.settings import Settings
 from coronaryuq.flow3d.simvascular.coupled_case import CoupledCase
 from coronaryuq.flow3d.simvascular.program import RunFailed, execute
 from coronaryuq.flow3d.stage import SIMVASCULAR
-from coronaryuq.zerod.network.beds import SCALING, theta_changes
+from coronaryuq.zerod.network.beds import SCALING
+from coronaryuq.zerod.theta import theta_changes
 
 SAMPLES = 16
 UNTIMED = 3

@@ -8,6 +8,8 @@ HEART = "CLH"
 HEART_TYPE = "ClosedLoopHeartAndPulmonary"
 BEFORE_HEART, AFTER_HEART = "J_heart_inlet", "J_heart_outlet"
 """Junctions that svZeroDSolver puts between the heart and the blocks that return to it or that it feeds."""
+UNCERTAIN = "uncertain_parameters"
+"""Part of a network that svZeroDSolver does not know: see `zerod.theta`."""
 
 Entry = dict[str, Any]
 
@@ -113,6 +115,10 @@ class Network(dict[str, Any]):
             yield Element("chambers", block["name"], block["type"], block["values"])
             activation = block["activation_function"]
             yield Element("chambers", block["name"], activation["type"], activation)
+
+    def for_svzerodsolver(self) -> "Network":
+        """Return the network without the parts that svZeroDSolver does not know; blocks are not copied."""
+        return Network({key: value for key, value in self.items() if key != UNCERTAIN})
 
     def deep_copy(self) -> "Network":
         """Copy the network and all its blocks, much faster than the general `copy.deepcopy`."""

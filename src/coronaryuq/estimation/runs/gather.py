@@ -143,7 +143,8 @@ def gather(
     inputs
         Files of the campaign.
     limits
-        Bounds of θ by column; "r" stands for every bed.
+        Bounds of θ by column; "r" stands for every bed. Uncertain parameters have none: what is written are bounds that
+        hold all samples.
     min_3d
         Fewest 3D runs that have to have succeeded.
     out
@@ -181,11 +182,21 @@ def gather(
         for name in COARSE_FILES:  # of an earlier campaign that had a coarse level
             (out / name).unlink(missing_ok=True)
     columns = [name for name in pilot.columns if name not in ("sample", *records.STATE)]
-    bounds = {name: limits.get(name, limits["r"]) for name in columns}
+    beds = {outlet.bc for outlet in read_case(inputs.case).outlets}
+    bounds = {name: limits["r"] for name in columns if name in beds} | limits
+    bounds |= {name: _range(pilot[name], propagation[name]) for name in columns if name not in bounds}
     ends = (("min", 0), ("max", 1))
     write_json(out / "param_limits.json", {end: {name: bounds[name][k] for name in columns} for end, k in ends})
     write_csv(out / "rows.csv", rows(read_case(inputs.case), list(outputs_3d), list(zerod.outputs)))
     write_json(out / "failures.json", _failures(fine, (zerod, zerod_beyond, zerod_more), coarse))
+
+
+def _range(*samples: pd.Series) -> tuple[float, float]:
+    """Return bounds that hold all samples of an unbounded input, with a tenth of their range on each side."""
+    values = np.concatenate([part.to_numpy(dtype=float) for part in samples])
+    low, high = float(values.min()), float(values.max())
+    margin = 0.1 * (high - low) or 0.1 * max(abs(low), 1.0)
+    return low - margin, high + margin
 
 
 @dataclass(frozen=True)

@@ -118,8 +118,9 @@ class Block:
         self.reasons = ["" if lane == "ok" else f"0D start: {lane}" for lane in status]
         coupled = self.model.coupled
         self.zerod = CoupledNetwork(
-            coupled.network, coupled.caps, self.space.admittance / self.model.density, self.changes, LANES, self.steps
-        )
+            coupled.network, coupled.caps, self.space.admittance / self.model.density, coupled.changes(self.changes),
+            LANES, self.steps,
+        )  # fmt: skip
         self._aortic_row = self.zerod.rows([self.model.aortic_pressure])[0]
         self._recorded = self.zerod.rows([coupled.in_cut_network(name) for name in self.waveforms])
         self.waves = np.empty((len(self._recorded), self.steps, LANES))

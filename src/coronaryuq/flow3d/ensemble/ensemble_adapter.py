@@ -15,7 +15,7 @@ from coronaryuq.flow3d.ensemble.ensemble import Ensemble
 from coronaryuq.flow3d.ensemble.fields import write_fields
 from coronaryuq.flow3d.fem.lanes import LANES
 from coronaryuq.flow3d.settings import Settings
-from coronaryuq.zerod.network.beds import theta_changes
+from coronaryuq.zerod.theta import theta_changes
 
 COUPLING = "closed loop, monolithic at every step"
 

@@ -15,9 +15,10 @@ from coronaryuq.flow3d.adapter import FlowModel, Sample
 from coronaryuq.flow3d.mesh.generation import folder
 from coronaryuq.flow3d.simvascular.program import RunFailed
 from coronaryuq.flow3d.simvascular_settings import SimVascularSettings
-from coronaryuq.zerod.network.beds import theta_changes
+from coronaryuq.zerod.network.changes import with_changes
 from coronaryuq.zerod.network.numbering import Model
 from coronaryuq.zerod.solver.periodic import Periodicity
+from coronaryuq.zerod.theta import theta_changes
 
 NETWORK = "svzerod_3d_coupling.json"
 MESH = "mesh-complete"
@@ -93,13 +94,9 @@ def begin(case: CoupledCase, sample: Sample, run: Path) -> None:
 
 
 def coupled_json(case: CoupledCase, changes: Mapping[str, np.ndarray], full: Mapping[str, float]) -> Network:
-    """Return the 0D side for svZeroDSolver's library: this sample's resistances, starting from its periodic state."""
-    network = case.coupled.network.deep_copy()
-    blocks = {block["bc_name"]: block["bc_values"] for block in network.boundary_conditions}
-    for name, value in changes.items():
-        block, parameter = name.rsplit(".", 1)
-        if block in blocks:
-            blocks[block][parameter] = float(np.ravel(value)[0])
+    """Return the 0D side for svZeroDSolver's library: this sample's values, starting from its periodic state."""
+    own = {name: float(np.ravel(value)[0]) for name, value in case.coupled.changes(changes).items()}
+    network = with_changes(case.coupled.network, own).for_svzerodsolver()
     network["simulation_parameters"] = {
         "coupled_simulation": True,
         "number_of_time_pts": case.settings.zerod_points,

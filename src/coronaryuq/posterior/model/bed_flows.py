@@ -13,6 +13,7 @@ from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.solver.periodic import Periodicity
 from coronaryuq.zerod.solver.result import Result
+from coronaryuq.zerod.theta import Theta
 
 
 def with_resistances(
@@ -24,7 +25,7 @@ def with_resistances(
 
 
 class BedFlows:
-    """Flows of the tuned hyperaemic loop at multipliers of its bed resistances.
+    """Flows of the tuned hyperaemic loop at multipliers of its bed resistances and values of its uncertain parameters.
 
     Every run starts from the periodic state at r-hat, so its numbers depend on its own multipliers only.
 
@@ -54,7 +55,7 @@ class BedFlows:
         threads: int = 1, network: Network | None = None,
     ):  # fmt: skip
         self.network = read_network(network_json) if network is None else network
-        self.engine = Engine(self.network, network_json)
+        self.engine, self.theta = Engine(self.network, network_json), Theta(self.network, network_json)
         self.beds = list(vessels)
         self.quantities = [f"mean_flow:{vessel}:{bed}" for bed, vessel in vessels.items()]
         self.tolerance, self.steps_per_cycle, self.threads = tolerance, steps_per_cycle, threads
@@ -73,9 +74,14 @@ class BedFlows:
             )
         self.start = at_r_hat.state[0]
 
-    def flows(self, multipliers: np.ndarray) -> np.ndarray:
-        """Return mean flows (n, N) in mL/s at multipliers (n, N); nan where a run failed."""
-        changes = resistance_changes(self.network, dict(zip(self.beds, multipliers.T, strict=True)))
+    def flows(self, inputs: np.ndarray) -> np.ndarray:
+        """Return mean flows (n, N) in mL/s, nan where a run failed.
+
+        inputs (n, N) or (n, N + k): multipliers, and values of the network's uncertain parameters, else at their
+        centres.
+        """
+        columns = [*self.beds, *self.theta.laws.names][: inputs.shape[1]]
+        changes = self.theta.changes(dict(zip(columns, inputs.T, strict=True)))
         result = self._run(changes, self.start)
         flows = np.stack([result.values[name] for name in self.quantities], axis=1)
         return np.where(result.ok[:, None], flows, np.nan)

@@ -16,7 +16,7 @@ WIDTH = 1.5
 
 @dataclass(frozen=True)
 class Emulator:
-    """log(f_i m_i), the logarithm of bed i's driving pressure up to a constant, as a quadratic in y.
+    """log(f_i m_i), the logarithm of bed i's driving pressure up to a constant, as a quadratic in the coordinates y.
 
     coefficients (features, N): of 1, z_a and z_a z_b (a <= b), z = (y - centre) / scale. `error`: root mean square
     error of log f held out, per outlet, by ten-fold cross-validation.
@@ -48,7 +48,7 @@ class Emulator:
         return np.exp(_features((y - self.centre) / self.scale) @ self.coefficients) / multipliers
 
     def screen(self, space: Conditioned, likelihood: Likelihood) -> Callable[[np.ndarray], np.ndarray]:
-        """Return the emulated log posterior (n,) as a function of y (n, d), up to the constant of `Posterior`."""
+        """Return the emulated log posterior (n,) as a function of x (n, d), up to the constant of `Posterior`."""
         low, high = space.prior
         fixed = (space.basis, self.centre, self.scale, np.ascontiguousarray(self.coefficients.T),
                  likelihood.mean, likelihood.whitening, likelihood.log_constant, low, high)  # fmt: skip
@@ -62,16 +62,21 @@ def design_size(dimension: int) -> int:
 
 def design(
     space: Conditioned, likelihood: Likelihood, multipliers: np.ndarray, flows: np.ndarray, count: int,
-    random: np.random.Generator, width: float = WIDTH,
+    random: np.random.Generator, width: float = WIDTH, slope: np.ndarray | None = None,
 ) -> np.ndarray:  # fmt: skip
-    """Return design points y (count, d) in the box: Gaussian, `width` times as wide as the linearised posterior.
+    """Return design points (count, d) in the box: Gaussian, `width` times as wide as the linearised posterior.
 
-    Linearised: f_i proportional to g_i, its fraction of conductance, about the fit's `multipliers` and `flows` (N,).
+    Linearised: f_i proportional to g_i, its fraction of conductance, about the fit's `multipliers` and `flows` (N,),
+    and to exp(slope_i . z), slope (N, k), in the coordinates of uncertain parameters.
     """
-    centre = space.coordinates(multipliers[None])[0]
+    centre, beds = space.coordinates(multipliers[None])[0], space.basis.shape[1]
     with threadpool_limits(1):
-        slope = likelihood.whitening @ ((flows * multipliers)[:, None] * space.basis)
-        root = np.linalg.inv(np.linalg.cholesky(slope.T @ slope)).T
+        by = likelihood.whitening @ ((flows * multipliers)[:, None] * space.basis)
+        if slope is not None:
+            by = np.hstack([by, likelihood.whitening @ (flows[:, None] * slope)])
+        precision = by.T @ by
+        precision[range(beds, space.dimension), range(beds, space.dimension)] += 1.0
+        root = np.linalg.inv(np.linalg.cholesky(precision)).T
     points: list[np.ndarray] = []
     while len(points) < count:
         y = centre + width * np.sum(root * random.standard_normal(space.dimension), axis=1)
@@ -92,7 +97,7 @@ def _features(z: np.ndarray) -> np.ndarray:
 @njit(cache=True)
 def _log_posterior(y, basis, centre, scale, coefficients, mean, whitening, constant, low, high):
     n, d = y.shape
-    outlets = mean.size
+    outlets, beds = basis.shape
     result = np.empty(n)
     z = np.empty(d)
     residual = np.empty(outlets)
@@ -102,7 +107,7 @@ def _log_posterior(y, basis, centre, scale, coefficients, mean, whitening, const
             z[a] = (y[row, a] - centre[a]) / scale[a]
         for i in range(outlets):
             relative = 1.0
-            for a in range(d):
+            for a in range(beds):
                 relative += basis[i, a] * y[row, a]
             if not (relative * high >= 1.0 and relative * low <= 1.0):
                 prior = -np.inf
@@ -120,6 +125,8 @@ def _log_posterior(y, basis, centre, scale, coefficients, mean, whitening, const
         if prior == -np.inf:
             result[row] = -np.inf
             continue
+        for a in range(beds, d):
+            prior -= 0.5 * y[row, a] ** 2
         total = 0.0
         for i in range(outlets):
             inner = 0.0

@@ -1,5 +1,6 @@
-"""From multipliers of r-hat to mean outlet flows, and the posterior's density on top of that."""
+"""From multipliers of r-hat and uncertain parameters to mean outlet flows, and the posterior's density on that."""
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -7,29 +8,95 @@ import numpy as np
 from coronaryuq.core.ranks import Ranks
 from coronaryuq.posterior.model.likelihood import Likelihood
 from coronaryuq.posterior.model.total_resistance import Conditioned, Rescaled
+from coronaryuq.zerod.theta import Laws
 
 
 class FlowModel(Protocol):
     """Any model of outlet flows: the 0D engine in campaigns."""
 
-    def flows(self, multipliers: np.ndarray) -> np.ndarray:
-        """Mean flows (n, N), mL/s, at multipliers (n, N); nan where the model failed. Rows are independent."""
+    def flows(self, inputs: np.ndarray) -> np.ndarray:
+        """Mean flows (n, N), mL/s, nan where the model failed. Rows are independent.
+
+        inputs (n, N + k): multipliers of the beds, then values of the network's uncertain parameters; without these,
+        they are at their centres.
+        """
         ...
 
 
+@dataclass(frozen=True)
+class Response:
+    """What each uncertain parameter alone does to the flows at r-hat.
+
+    above, below (k, N): flows with its coordinate at 1 and at -1. centre (N,): with all at 0.
+    """
+
+    above: np.ndarray
+    below: np.ndarray
+    centre: np.ndarray
+
+    def log_total(self, z: np.ndarray) -> np.ndarray:
+        """Return log total flow over that at z = 0, (n,), at coordinates z (n, k): the sum of a quadratic in each."""
+        centre, above, below = (np.log(flows.sum(axis=-1)) for flows in (self.centre, self.above, self.below))
+        linear, square = 0.5 * (above - below), 0.5 * (above + below) - centre
+        return np.sum(linear * z + square * z**2, axis=1)
+
+    @property
+    def slope(self) -> np.ndarray:
+        """Derivative of each logarithmic flow by each coordinate, (N, k)."""
+        return 0.5 * np.log(self.above / self.below).T
+
+    @property
+    def slope_of_total(self) -> np.ndarray:
+        """Derivative of the logarithm of the total by each coordinate, (k,)."""
+        return 0.5 * np.log(self.above.sum(axis=1) / self.below.sum(axis=1))
+
+
+def respond(model: FlowModel, laws: Laws, centre: np.ndarray) -> Response:
+    """Run the model at r-hat with each uncertain parameter alone above and below its centre; centre: flows (N,) there.
+
+    Raises `RuntimeError` if the model fails there.
+    """
+    k, beds = len(laws), len(centre)
+    z = np.vstack([np.eye(k), -np.eye(k)])
+    flows = model.flows(np.hstack([np.ones((2 * k, beds)), laws.values(z)]))
+    failed = ~np.all(flows > 0, axis=1)
+    if np.any(failed):
+        name = laws.names[int(np.argmax(failed)) % k]
+        raise RuntimeError(f"the model fails one standard deviation from the centre of {name}; give it less spread")
+    return Response(flows[:k], flows[k:], centre)
+
+
 class Posterior:
-    """Log density of the posterior in the coordinates of the constraint; rows are shared out among ranks."""
+    """Log density of the posterior in the coordinates of the constraint; rows are shared out among ranks.
+
+    response: of the model to its uncertain parameters, None without any. total_known: whether the total of the targets
+    is a measurement. If not, they are scaled to the model's total at r-hat, which depends on the parameters: flows are
+    then given in the unit of the targets, divided by that total over the one at z = 0, so that shares of flow inform
+    the parameters, and its total does not.
+    """
 
     def __init__(
-        self, model: FlowModel, space: Conditioned | Rescaled, likelihood: Likelihood, ranks: Ranks | None = None
-    ):
-        self.model, self.space, self.likelihood = model, space, likelihood
+        self, model: FlowModel, space: Conditioned | Rescaled, likelihood: Likelihood, ranks: Ranks | None = None,
+        response: Response | None = None, total_known: bool = False,
+    ):  # fmt: skip
+        self.model, self.space, self.likelihood, self.response = model, space, likelihood, response
+        self.total_known = total_known
         self.ranks = ranks if ranks is not None else Ranks()
         self.failures = 0
 
-    def flows(self, multipliers: np.ndarray) -> np.ndarray:
-        """Flows (n, N) of the model, computed by all ranks together."""
-        return self.ranks.map_rows(self.model.flows, multipliers)
+    def flows(self, x: np.ndarray) -> np.ndarray:
+        """Flows (n, N) in the unit of the targets at coordinates x (n, d), computed by all ranks together."""
+        flows = self.ranks.map_rows(self.model.flows, self.space.inputs(x))
+        if self.response is None or self.total_known:
+            return flows
+        return flows / np.exp(self.response.log_total(self.space.standard(x)))[:, None]
+
+    @property
+    def slope(self) -> np.ndarray | None:
+        """Derivative of each logarithmic flow by the coordinate of each uncertain parameter, (N, k), or None."""
+        if self.response is None or self.total_known:
+            return None if self.response is None else self.response.slope
+        return self.response.slope - self.response.slope_of_total
 
     def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Log density (n,) and flows (n, N); -inf and nan outside the prior and where the model failed."""
@@ -37,7 +104,7 @@ class Posterior:
         flows = np.full((len(x), len(self.likelihood.mean)), np.nan)
         inside = np.isfinite(log_density)
         if np.any(inside):
-            flows[inside] = self.flows(self.space.multipliers(x[inside]))
+            flows[inside] = self.flows(x[inside])
         failed = inside & ~np.all(np.isfinite(flows), axis=1)
         self.failures += int(failed.sum())
         good = inside & ~failed

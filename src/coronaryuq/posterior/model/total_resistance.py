@@ -14,15 +14,23 @@ works in N - 1 coordinates y of the plane, h = g / w - 1 = U y, with U an orthon
 
 Rescaling states after they are accepted, as the paper does, is another chain: its proposals leave the plane and are
 projected back, forward and backward moves no longer have equal densities, and the acceptance ratio ignores that.
+
+Uncertain parameters of the network (`zerod.theta`) add k coordinates z, independent of the others and standard normal
+in the prior.
 """
 
 from collections.abc import Callable
 
 import numpy as np
 
+from coronaryuq.zerod.theta import Laws
+
+FARTHEST = 12.0
+"""Bound of the standard normal coordinates where the sampler needs a box."""
+
 
 class Conditioned:
-    """Coordinates y (n, N - 1) on the constraint, with the prior conditioned on it.
+    """Coordinates (n, N - 1 + k): y on the constraint, with the prior conditioned on it, then z.
 
     Parameters
     ----------
@@ -30,36 +38,48 @@ class Conditioned:
         Shares of conductance w (N,).
     prior
         Bounds of every multiplier.
+    laws
+        Of the k uncertain parameters of the network.
     """
 
     box = None
     adjust: Callable | None = None
 
-    def __init__(self, weights: np.ndarray, prior: tuple[float, float]):
+    def __init__(self, weights: np.ndarray, prior: tuple[float, float], laws: Laws | None = None):
         self.weights = np.asarray(weights, dtype=float) / np.sum(weights)
         self.prior = prior
-        self.dimension = len(self.weights) - 1
+        self.laws = Laws() if laws is None else laws
+        self.dimension = len(self.weights) - 1 + len(self.laws)
         self.basis = _complement(self.weights)
 
-    def multipliers(self, y: np.ndarray) -> np.ndarray:
+    def multipliers(self, x: np.ndarray) -> np.ndarray:
         """Return multipliers (n, N) of r-hat; nan where a fraction of conductance would not be positive."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            relative = 1.0 + _rows_times(y, self.basis.T)
+            relative = 1.0 + _rows_times(x[:, : self.basis.shape[1]], self.basis.T)
             return np.where(relative > 0, 1.0 / relative, np.nan)
 
-    def coordinates(self, multipliers: np.ndarray) -> np.ndarray:
-        """Return the coordinates (n, N - 1) of multipliers that satisfy the constraint."""
-        return _rows_times(1.0 / multipliers - 1.0, self.basis)
+    def standard(self, x: np.ndarray) -> np.ndarray:
+        """Return the standard normal coordinates z (n, k)."""
+        return x[:, self.basis.shape[1] :]
 
-    def log_prior(self, y: np.ndarray) -> np.ndarray:
+    def inputs(self, x: np.ndarray) -> np.ndarray:
+        """Return multipliers and values of the uncertain parameters (n, N + k)."""
+        return _joined(self.multipliers(x), self.standard(x), self.laws)
+
+    def coordinates(self, multipliers: np.ndarray) -> np.ndarray:
+        """Return the coordinates (n, N - 1 + k) of multipliers that satisfy the constraint, with z = 0."""
+        return _with_zeros(_rows_times(1.0 / multipliers - 1.0, self.basis), len(self.laws))
+
+    def log_prior(self, x: np.ndarray) -> np.ndarray:
         """Return the log density (n,) up to a constant; -inf outside the box."""
-        m = self.multipliers(y)
+        m = self.multipliers(x)
         with np.errstate(invalid="ignore"):
             inside = np.all((m >= self.prior[0]) & (m <= self.prior[1]), axis=1)
-        return np.where(inside, 2.0 * np.sum(np.log(np.where(inside[:, None], m, 1.0)), axis=1), -np.inf)
+        density = 2.0 * np.sum(np.log(np.where(inside[:, None], m, 1.0)), axis=1)
+        return np.where(inside, density - 0.5 * np.sum(self.standard(x) ** 2, axis=1), -np.inf)
 
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
-        """Return exact independent draws (count, N - 1) of the conditioned prior.
+        """Return exact independent draws (count, N - 1 + k) of the conditioned prior.
 
         All multipliers but the one with the largest share are uniform, that one follows from the constraint, and the
         draw is kept with probability proportional to its square: the density of the others under the constraint.
@@ -76,34 +96,61 @@ class Conditioned:
             m[last] = self.weights[last] / (1.0 - others)
             if low <= m[last] <= high and accept < (m[last] / high) ** 2:
                 kept.append(m)
-        return self.coordinates(np.array(kept))
+        x = self.coordinates(np.array(kept))
+        if len(self.laws):
+            self.standard(x)[:] = random.standard_normal((count, len(self.laws)))
+        return x
 
 
 class Rescaled:
-    """The paper's treatment: multipliers (n, N), rescaled after acceptance. Inexact; kept for comparison."""
+    """The paper's treatment: multipliers (n, N), rescaled after acceptance, then z. Inexact; kept for comparison."""
 
-    def __init__(self, weights: np.ndarray, prior: tuple[float, float]):
+    def __init__(self, weights: np.ndarray, prior: tuple[float, float], laws: Laws | None = None):
         self.weights = np.asarray(weights, dtype=float) / np.sum(weights)
         self.prior = prior
-        self.dimension = len(self.weights)
-        self.box = np.repeat([[prior[0]], [prior[1]]], self.dimension, axis=1)
+        self.laws = Laws() if laws is None else laws
+        beds, parameters = len(self.weights), len(self.laws)
+        self.dimension = beds + parameters
+        ends = np.array([[prior[0]] * beds, [prior[1]] * beds])
+        far = np.array([[-FARTHEST] * parameters, [FARTHEST] * parameters])
+        self.box = np.hstack([ends, far])
 
-    def multipliers(self, m: np.ndarray) -> np.ndarray:
-        return m
+    def multipliers(self, x: np.ndarray) -> np.ndarray:
+        return x[:, : len(self.weights)]
+
+    def standard(self, x: np.ndarray) -> np.ndarray:
+        """Return the standard normal coordinates z (n, k)."""
+        return x[:, len(self.weights) :]
+
+    def inputs(self, x: np.ndarray) -> np.ndarray:
+        """Return multipliers and values of the uncertain parameters (n, N + k)."""
+        return _joined(self.multipliers(x), self.standard(x), self.laws)
 
     def coordinates(self, multipliers: np.ndarray) -> np.ndarray:
-        return multipliers
+        return _with_zeros(multipliers, len(self.laws))
 
-    def log_prior(self, m: np.ndarray) -> np.ndarray:
-        """Return zero everywhere: the sampler handles the box, and rescaling may lead slightly out of it."""
-        return np.zeros(len(m))
+    def log_prior(self, x: np.ndarray) -> np.ndarray:
+        """Return that of z alone: the sampler handles the box, and rescaling may lead slightly out of it."""
+        return -0.5 * np.sum(self.standard(x) ** 2, axis=1)
 
-    def adjust(self, m: np.ndarray) -> np.ndarray:
-        """Return the multipliers scaled by one factor that restores the total resistance."""
-        return m * np.sum(self.weights / m, axis=1, keepdims=True)
+    def adjust(self, x: np.ndarray) -> np.ndarray:
+        """Return the coordinates with multipliers scaled by one factor that restores the total resistance."""
+        m = self.multipliers(x)
+        return np.hstack([m * np.sum(self.weights / m, axis=1, keepdims=True), self.standard(x)])
 
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
-        return self.adjust(random.uniform(*self.prior, size=(count, self.dimension)))
+        x = _with_zeros(random.uniform(*self.prior, size=(count, len(self.weights))), len(self.laws))
+        if len(self.laws):
+            self.standard(x)[:] = random.standard_normal((count, len(self.laws)))
+        return self.adjust(x)
+
+
+def _joined(multipliers: np.ndarray, z: np.ndarray, laws: Laws) -> np.ndarray:
+    return np.hstack([multipliers, laws.values(z)]) if len(laws) else multipliers
+
+
+def _with_zeros(x: np.ndarray, count: int) -> np.ndarray:
+    return np.hstack([x, np.zeros((len(x), count))])
 
 
 def _complement(weights: np.ndarray) -> np.ndarray:

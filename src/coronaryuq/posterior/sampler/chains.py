@@ -21,7 +21,8 @@ from coronaryuq.posterior.settings import Settings
 
 def prepare(posterior: Posterior, fit: Fit, settings: Settings, seed: int) -> Prepared:
     """Run the model for the emulator and for the chains' first states; see `_prepare`."""
-    return replace(_prepare(posterior, fit, settings, seed), failures=posterior.failures)
+    prepared = _prepare(posterior, fit, settings, seed)
+    return replace(prepared, response=posterior.response, failures=posterior.failures)
 
 
 def _prepare(posterior: Posterior, fit: Fit, settings: Settings, seed: int) -> Prepared:
@@ -38,7 +39,9 @@ def _prepare(posterior: Posterior, fit: Fit, settings: Settings, seed: int) -> P
         return Prepared(fit, None, start, log_density, flows, fit.runs + chains)
     count = max(settings.emulator.design or design_size(space.dimension), chains)
     y, log_density, flows = _alive(
-        posterior, lambda n: design(space, likelihood, fit.multipliers, fit.flows, n, random), count
+        posterior,
+        lambda n: design(space, likelihood, fit.multipliers, fit.flows, n, random, slope=posterior.slope),
+        count,
     )
     emulator = posterior.ranks.run_on_first(lambda: Emulator.fit(y, space.multipliers(y), flows))
     prepared = Prepared(fit, emulator, y[:chains], log_density[:chains], flows[:chains], fit.runs + count)
@@ -85,13 +88,11 @@ def sampler(posterior: Posterior, prepared: Prepared, settings: Settings, seed: 
     )  # fmt: skip
 
 
-Multipliers = Callable[[np.ndarray], np.ndarray]
-"""Of r-hat (n, N), at coordinates (n, d)."""
+Inputs = Callable[[np.ndarray], np.ndarray]
+"""Multipliers of r-hat and values of uncertain parameters (n, N + k), at coordinates (n, d)."""
 
 
-def run(
-    dream: Dream, state: State, recorder: Recorder, checkpoint: int, names: list[str], multipliers: Multipliers
-) -> State:
+def run(dream: Dream, state: State, recorder: Recorder, checkpoint: int, names: list[str], inputs: Inputs) -> State:
     """Run the generations that the recorder lacks, from `state`; return the last state.
 
     checkpoint: decisions between two of them.
@@ -104,17 +105,15 @@ def run(
             recorder.save(state)
             if recorder.ranks.rank == 0:
                 left = (time.monotonic() - started) / (recorder.done - first) * (dream.decisions - recorder.done)
-                _progress(dream, state, recorder, names, multipliers, left)
+                _progress(dream, state, recorder, names, inputs, left)
     return state
 
 
-def _progress(
-    dream: Dream, state: State, recorder: Recorder, names: list[str], multipliers: Multipliers, left: float
-) -> None:
+def _progress(dream: Dream, state: State, recorder: Recorder, names: list[str], inputs: Inputs, left: float) -> None:
     half = recorder.values["position"][recorder.done // 2 : recorder.done]
     worst = ""
     if len(half) >= 4:
-        draws = multipliers(half.reshape(-1, half.shape[2])).reshape(*half.shape[:2], -1)
+        draws = inputs(half.reshape(-1, half.shape[2])).reshape(*half.shape[:2], -1)
         rhat = split_rhat(draws.transpose(1, 0, 2))
         place = int(np.argmax(np.nan_to_num(rhat)))
         worst = f"  R-hat {rhat[place]:.3f} ({names[place]})"

@@ -12,7 +12,7 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import read_npz, write_npz
 from coronaryuq.posterior.model.emulator import Emulator
 from coronaryuq.posterior.model.fit_to_fractions import Fit
-from coronaryuq.posterior.model.flow_model import Posterior
+from coronaryuq.posterior.model.flow_model import Posterior, Response
 from coronaryuq.posterior.sampler.dream import State
 from coronaryuq.posterior.sampler.independence import Walk
 
@@ -28,7 +28,8 @@ class Prepared:
     """What precedes the first generation: the fit, the emulator and the chains' first states.
 
     start (chains, d), log_density (chains,), flows (chains, N). emulator: None when not used. runs, failures: of the
-    model, those of the fit included. walk: of independence steps; None without them. k_hat: Pareto k of the pilot, nan
+    model, those of the fit included. walk: of independence steps; None without them. response: of the flows to
+    uncertain parameters; None without any. k_hat: Pareto k of the pilot, nan
     without one. refused: why no independence steps are taken, if they were asked for.
     """
 
@@ -39,6 +40,7 @@ class Prepared:
     flows: np.ndarray
     runs: int
     walk: Walk | None = None
+    response: Response | None = None
     k_hat: float = np.nan
     refused: str = ""
     failures: int = 0
@@ -48,7 +50,7 @@ class Prepared:
 
     @classmethod
     def of(cls, arrays: dict[str, np.ndarray]) -> "Prepared":
-        parts = {"fit": Fit, "emulator": Emulator, "walk": Walk}
+        parts = {"fit": Fit, "emulator": Emulator, "walk": Walk, "response": Response}
         nested = {name: _nested(kind, f"prepared.{name}", arrays) for name, kind in parts.items()}
         prepared = _nested(cls, "prepared", arrays, nested)
         if prepared is None or prepared.fit is None:

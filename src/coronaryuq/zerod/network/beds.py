@@ -1,16 +1,12 @@
-"""Coronary beds of a network, and how θ = (r, s) and hyperaemia change their resistances."""
+"""Coronary beds of a network, and how r, s and hyperaemia change their resistances."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from coronaryuq.case.network.network import Network
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.tables import read_csv
-from coronaryuq.core.records import STATE
 
 SCALING = "R_cor_scaling"
 """Name of s in tables of θ."""
@@ -103,44 +99,3 @@ def resistance_changes(
             factor = total if key == bed.venous else total * np.asarray(hyperaemia, float)
             changes[f"{name}.{key}"] = network.bed_values(name)[key] * factor
     return changes
-
-
-def theta_changes(network: Network, theta: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Call `resistance_changes` for columns of a table of θ: one per bed, and `R_cor_scaling` (1 if absent)."""
-    multipliers = {name: value for name, value in theta.items() if name != SCALING}
-    return resistance_changes(network, multipliers, theta.get(SCALING, 1.0))
-
-
-def read_theta(
-    samples_csv: str | Path, first: int, count: int, network: Network, file: str | Path = "network"
-) -> pd.DataFrame:
-    """Read rows `first` to `first + count` of a table of θ.
-
-    Parameters
-    ----------
-    samples_csv
-        CSV with `sample`, one column per coronary bed, and `R_cor_scaling`; columns `chain` and `draw` are dropped.
-    first, count
-        Rows to read, from 0.
-    network, file
-        The network whose beds the columns name, and its file.
-
-    Returns
-    -------
-    pandas.DataFrame
-        The `count` rows.
-
-    Raises
-    ------
-    InputError
-        The table is too short, or a column is not a coronary bed of the network.
-    """
-    table = read_csv(samples_csv, ("sample",)).drop(columns=list(STATE), errors="ignore")
-    theta = table.iloc[first : first + count]
-    if len(theta) < count:
-        raise InputError(samples_csv, "sample", len(table), f"expected at least {first + count} rows")
-    known = {*beds(network), SCALING, "sample"}
-    for column in theta.columns:
-        if column not in known:
-            raise InputError(samples_csv, column, None, f"not a coronary bed of {file}")
-    return theta

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable
 from numbers import Real
 from typing import Any
 
+from coronaryuq.case.network.network import UNCERTAIN
 from coronaryuq.core.errors import InputError
 from coronaryuq.zerod.network.parameters import Parameters
 
@@ -34,6 +35,7 @@ _SHAPES: dict[str, dict[str, tuple[Callable[[Any], bool], str]]] = {
     },
     "valves": {"type": (_is_text, "text")},
     "chambers": {"type": (_is_text, "text"), "activation_function": (_is_object, "an object")},
+    UNCERTAIN: {},
     "junctions": {
         "junction_type": (_is_text, "text"),
         "junction_values": (_is_object, "an object"),

@@ -45,6 +45,7 @@ def simulate(network: Network) -> pd.DataFrame:
 
     Its standard output is sent to standard error, so that it does not mix with results.
     """
+    network = network.for_svzerodsolver()
     name = installed()
     if name in MODULES:
         with _output_as_errors():
@@ -66,6 +67,7 @@ def last_cycle(network: Network, names: Sequence[str]) -> dict[str, np.ndarray]:
     written = {"output_variable_based": True, "output_all_cycles": False, "output_mean_only": False}
     written |= {"output_derivative": False, "use_cycle_to_cycle_error": False}
     network = Network({**network, "simulation_parameters": network["simulation_parameters"] | written})
+    network = network.for_svzerodsolver()
     name = installed()
     if name in MODULES:
         with _output_as_errors():

@@ -3,7 +3,11 @@
 The full network's periodic state is where a coupled run starts from, and its names are those of the results.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
 
 from coronaryuq.case.network.network import AFTER_HEART, HEART_TYPE, Network
 from coronaryuq.case.network.topology import Topology
@@ -31,6 +35,9 @@ class CutNetwork:
         Cap → its connection in the remaining network.
     pressures, flows
         Cap → pressure (weighted) and flow of the full network at the cap, by connection.
+    parts
+        Vessel of the full network that the domain replaces or cuts → its parts that stay, each a vessel's name and the
+        fraction of each element's value that lies in it.
     """
 
     network: Network
@@ -39,6 +46,21 @@ class CutNetwork:
     place: dict[str, str]
     pressures: dict[str, WeightedSum]
     flows: dict[str, str]
+    parts: dict[str, list[tuple[str, Mapping[str, float]]]]
+
+    @cached_property
+    def _blocks(self) -> set[str]:
+        return {element.name for element in self.network.elements()}
+
+    def changes(self, changes: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return changes of the full network for the remaining one; what lies in the 3D domain is left out."""
+        found = {}
+        for name, value in changes.items():
+            block, _, parameter = name.rpartition(".")
+            for part, shares in self.parts.get(block, [(block, {})]):
+                if part in self._blocks:
+                    found[f"{part}.{parameter}"] = value * shares[parameter] if parameter in shares else value
+        return found
 
     def in_full_network(self, unknown: str) -> WeightedSum:
         """Return the full network's unknowns that give one of the remaining network, such as `pressure:A:B`.
@@ -88,4 +110,9 @@ def cut_network(network: Network, mesh: MeshDescription, file: str = "mesh.json"
         else:
             connection[cap] = flows[cap] = f"{couples.upstream}:{couples.downstream}"
             pressures[cap] = [(1.0, connection[cap])]
-    return CutNetwork(left, list(place), connection, place, pressures, flows)
+    parts: dict[str, list[tuple[str, Mapping[str, float]]]] = {name: [] for name in mesh.replaces}
+    for name, cut in mesh.cut.items():
+        both = cut.upstream is not None and cut.downstream is not None
+        sides = ((name, cut.upstream), (f"{name}_downstream" if both else name, cut.downstream))
+        parts[name] = [(part, shares) for part, shares in sides if shares is not None]
+    return CutNetwork(left, list(place), connection, place, pressures, flows, parts)
