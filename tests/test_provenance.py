@@ -1,10 +1,15 @@
 """The digest of the code behind a result covers all that computes, and nothing else."""
 
 import ast
+import os
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+import coronaryuq
 from coronaryuq.core import provenance
 
 ROOT = Path(provenance.__file__).parents[1]
@@ -58,3 +63,47 @@ def test_every_module_can_be_digested():
 def test_digest_does_not_depend_on_key_order():
     assert provenance.digest({"a": 1, "b": [1, 2]}) == provenance.digest({"b": [1, 2], "a": 1})
     assert provenance.digest({"a": 1}) != provenance.digest({"a": 2})
+
+
+def git(folder, *words):
+    own = {name: value for name, value in os.environ.items() if not name.startswith("GIT_")}
+    command = ["git", "-C", str(folder), "-c", "user.name=a", "-c", "user.email=a@b", *words]
+    return subprocess.run(command, check=True, capture_output=True, text=True, env=own).stdout.strip()
+
+
+@pytest.fixture
+def copy(tmp_path):
+    """Return a function that says the code version of a copy of the package in a repository somewhere."""
+    if shutil.which("git") is None:
+        pytest.skip("needs git")
+
+    def version(where, **environment):
+        package = tmp_path / where / "src" / "coronaryuq"
+        if not package.exists():
+            (package / "core").mkdir(parents=True)
+            for name in ("__init__.py", "core/__init__.py", "core/provenance.py"):
+                shutil.copy(ROOT / name, package / name)
+        code = "from coronaryuq.core.provenance import code_version; print(code_version())"
+        own = os.environ | {"PYTHONPATH": str(package.parent)} | environment
+        return subprocess.run([sys.executable, "-c", code], env=own, check=True, capture_output=True, text=True).stdout
+
+    return version
+
+
+@pytest.mark.parametrize("place", ["inside", "."], ids=["in a folder of it", "at its top"])
+def test_another_repository_around_a_copy_is_not_the_projects(copy, tmp_path, place):
+    git(tmp_path, "init", "-q")
+    git(tmp_path, "commit", "-q", "--allow-empty", "-m", "x")
+    assert copy(place).strip() == coronaryuq.__version__
+
+
+def test_a_repository_that_the_environment_names_is_not_the_projects(copy, tmp_path):
+    own, other = tmp_path / "own", tmp_path / "other"
+    copy("own")
+    for folder in (own, other):
+        folder.mkdir(exist_ok=True)
+        git(folder, "init", "-q")
+        git(folder, "add", "--all")
+        git(folder, "commit", "-q", "--allow-empty", "-m", folder.name)
+    told = copy("own", GIT_DIR=str(other / ".git"), GIT_WORK_TREE=str(other), GIT_INDEX_FILE=str(other / ".git/index"))
+    assert git(own, "rev-parse", "--short=12", "HEAD") in told

@@ -17,7 +17,7 @@ CHECKS = {"SNAKEMAKE_OUTPUT_CACHE": "cache", numba_cache.VARIABLE: "kernels", "T
 def no_other_checks(monkeypatch):
     """Leave out the checks that start processes."""
     monkeypatch.setattr("coronaryuq.cli.doctor.check_libraries", lambda: ())
-    for name in ("check_rendering", "check_mpi"):
+    for name in ("check_rendering", "check_mpi", "check_job"):
         monkeypatch.setattr(f"coronaryuq.cli.doctor.{name}", lambda: None)
     monkeypatch.setattr("coronaryuq.cli.doctor.check_scheduler", lambda: ())
 

@@ -178,7 +178,7 @@ def test_blocks_over_mpi_ranks_give_the_same_numbers(campaign, tmp_path):
     for name in ("mesh-complete", "mesh.json"):
         (mesh / name).symlink_to(campaign / name)
     given = (campaign / "case.json", campaign / "network.json", mesh, campaign / "nine.csv", tmp_path / "records.jsonl")
-    command = [mpiexec, "-n", "2", sys.executable, "-m", "coronaryuq.flow3d", *given]
+    command = [mpiexec, "-n", "2", sys.executable, "-m", "coronaryuq.flow3d", *given, "--mpi"]
     subprocess.run([*map(str, command), "--settings", settings.model_dump_json()], check=True, timeout=300)
     shared = records.read(tmp_path / "records.jsonl")
     assert [row.sample for row in shared] == [f"s{k}" for k in range(9)]

@@ -56,6 +56,7 @@ def same(a, b, without=()):
 def command(campaign, out, ranks=None, settings=SMALL, more=()):
     launcher = [] if ranks is None else [str(Path(sys.executable).with_name("mpiexec")), "-n", str(ranks)]
     run = [sys.executable, "-m", "coronaryuq.posterior", *map(str, campaign), str(out)]
+    more = (*more, *["--mpi"] * (ranks is not None))
     return [*launcher, *run, "--seed", "3", "--settings", settings.model_dump_json(), *more]
 
 

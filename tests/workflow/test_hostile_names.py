@@ -1,5 +1,8 @@
 """Folders and files named to trick a shell: every command takes them as names."""
 
+import subprocess
+import sys
+import sysconfig
 from pathlib import Path
 
 import pytest
@@ -24,3 +27,24 @@ def test_no_name_reaches_a_shell(tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
     assert "posterior_chains" in (checkout.folder / "jobs_that_ran").read_text()
     assert not list(tmp_path.rglob("hacked")) and not Path("hacked").exists()
+
+
+def test_braces_are_refused_in_one_line(tmp_path):
+    checkout = Checkout(tmp_path / "my {x}")
+    done = checkout.run("--dry-run")
+    assert done.returncode == 2
+    (line,) = (line for line in done.stderr.splitlines() if line.startswith("error:"))
+    assert "my {x}/workflow: Snakemake takes braces for wildcards; rename the folder" in line
+
+
+def test_a_python_in_a_folder_with_a_space_runs_jobs(tmp_path):
+    """Snakemake starts scripts by the path of its own Python, unquoted."""
+    checkout = Checkout(tmp_path / "my dir")
+    python = checkout.folder / ".venv" / "bin" / "python"
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(python.parents[1])], check=True)
+    (own,) = (python.parents[1] / "lib").glob("python3*/site-packages")
+    (own / "others.pth").write_text(sysconfig.get_paths()["purelib"])
+    started = checkout.command("results/tiny/patient/case.yaml")
+    done = subprocess.run(**started | {"args": [str(python), *started["args"][1:]]}, capture_output=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert (checkout.folder / "results/tiny/patient/case.yaml").is_file()

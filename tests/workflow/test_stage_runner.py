@@ -40,13 +40,13 @@ def run(tmp_path):
         "    Path(out_dir, 'out.txt').write_text(text_txt)\n"
     )
 
-    def call(**params):
-        files = ["--input", "text_txt=a.txt", "parts=b/1.txt", "parts=b/2.txt", "--output", "whole=made/out.txt"]
-        (tmp_path / "made").mkdir(exist_ok=True)
+    def call(made="made", environment=(), **params):
+        files = ["--input", "text_txt=a.txt", "parts=b/1.txt", "parts=b/2.txt", "--output", f"whole={made}/out.txt"]
+        (tmp_path / made).mkdir(exist_ok=True, parents=True)
         command = [sys.executable, str(ROOT / "workflow" / "scripts" / "stage.py"), *files, "--threads", "2"]
         command += ["--params", json.dumps({"function": "some_stage:act", **params})]
-        environment = {"PYTHONPATH": f"{tmp_path}:{ROOT / 'src'}", "PATH": ""}
-        return subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+        own = {"PYTHONPATH": f"{tmp_path}:{ROOT / 'src'}", "PATH": "", **dict(environment)}
+        return subprocess.run(command, cwd=tmp_path, env=own, capture_output=True, text=True)
 
     return call
 
@@ -69,3 +69,15 @@ def test_a_function_gets_settings_paths_and_threads(run, tmp_path):
 def test_a_rule_that_does_not_fit_its_function_is_refused(run, params, error):
     done = run(**params)
     assert done.returncode == 1 and error in done.stderr
+
+
+def test_a_job_within_a_step_of_srun_leaves_its_note(run, tmp_path):
+    """Two patients in one srun: the second's jobs are no second ranks."""
+    for name in ("a.txt", "b/1.txt", "b/2.txt"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("")
+    outer = {"SLURM_PROCID": "1", "PMI_RANK": "1", "PMI_SIZE": "2", "PMIX_RANK": "1", "SLURM_STEP_NUM_TASKS": "2"}
+    done = run("results/x/made", outer, settings={}, seed=1)
+    assert done.returncode == 0, done.stderr
+    (note,) = (tmp_path / "results/x/provenance").glob("*.json")
+    assert json.loads(note.read_text())["resources"]["mpi_ranks"] == 1

@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import shlex
 import sys
 from pathlib import Path
 
@@ -14,6 +13,8 @@ from coronaryuq.campaign.targets import Targets, within
 from coronaryuq.core import provenance, shipped
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
+from coronaryuq.core.launcher import FORGET_OUTER_RANKS, LOCAL_MPIEXEC
+from coronaryuq.core.private_folders import complete_environment
 from coronaryuq.figures.draw import module_of
 
 
@@ -21,11 +22,16 @@ from coronaryuq.figures.draw import module_of
 container: "envs/coronaryuq.sif"
 
 
-# Jobs find this environment's python and mpiexec whether or not it is activated.
-shell.prefix(f'set -euo pipefail; export PATH={shlex.quote(Path(sys.executable).parent.as_posix())}:"$PATH"; ')
+# Jobs find this environment's python and mpiexec whether or not it is activated, and are no ranks of an outer launcher.
+bin = Path(sys.executable).parent.as_posix()
+shell.prefix('set -euo pipefail; export PATH={bin:q}:"$PATH"; {FORGET_OUTER_RANKS}; ')
+if re.search(r"\s", sys.executable):  # Snakemake starts scripts by this path, unquoted; on the PATH it is `python`
+    sys.executable = "python"
 
 
+complete_environment()
 try:
+    start.check_place(workflow.main_snakefile)
     given = start.read_campaign(config, workflow.configfiles, shipped.configuration("laptop"))
     campaign, paths = given.campaign, Paths(given.campaign.name)
     results, log_of, cost_of = paths.results, paths.log, paths.cost

@@ -53,7 +53,7 @@ rule flow3d_batch:
         log_of("{run}", "batch_{k}.log"),
     cache: cached
     resources:
-        **({"mpi": "mpiexec", "tasks": 2} if campaign.backend in ("svsolver", "svmultiphysics") else {}),
+        **({"mpi": LOCAL_MPIEXEC, "tasks": 2} if campaign.backend in ("svsolver", "svmultiphysics") else {}),
     params:
         **stage("coronaryuq.campaign.jobs.flow3d:batch"),
         settings=lambda wildcards: runs_3d[wildcards.run].settings,

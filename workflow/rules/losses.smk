@@ -51,7 +51,7 @@ rule losses_runs:
         log_of("losses", "runs.log"),
     cache: cached
     resources:
-        **({"mpi": "mpiexec", "tasks": 2} if campaign.backend in ("svsolver", "svmultiphysics") else {}),
+        **({"mpi": LOCAL_MPIEXEC, "tasks": 2} if campaign.backend in ("svsolver", "svmultiphysics") else {}),
     params:
         **stage("coronaryuq.campaign.jobs.flow3d:teaching_batch"),
         settings=variants.teaching_settings(campaign),

@@ -17,7 +17,7 @@ rule posterior_chains:
         log_of("posterior", "chains_{length}.log"),
     cache: cached
     resources:
-        mpi="mpiexec",
+        mpi=LOCAL_MPIEXEC,
         tasks=2,
     params:
         given=lambda wildcards: as_json(
@@ -30,7 +30,7 @@ rule posterior_chains:
         "{resources.mpi} -n {resources.tasks} python {input.script:q} --name 'posterior_chains {wildcards.length}'"
         " --input case_json={input.case_json:q} hyperaemia_json={input.hyperaemia_json:q}"
         " targets_json={input.targets_json:q} before={input.before:q} --output out_npz={output.out_npz:q}"
-        " cost={output.cost:q} --params {params.given:q} --threads {threads} --log {log:q}"
+        " cost={output.cost:q} --params {params.given:q} --threads {threads} --ranks {resources.tasks} --log {log:q}"
 
 
 rule posterior_draws:

@@ -69,7 +69,7 @@ def _snakemake(configuration: Path, folder: str, *arguments: str) -> _Run:
     ]  # fmt: skip
     before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     lines = []
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8") as process:
         for line in process.stdout or ():
             lines.append(line)
             if "--dry-run" not in arguments:
@@ -94,7 +94,7 @@ def _intervals(folder: Path) -> list[tuple[float, float]]:
     intervals = set()
     for path in (folder / ".snakemake" / "metadata").rglob("*"):
         if path.is_file():
-            record = json.loads(unquote(path.read_text()))
+            record = json.loads(unquote(path.read_text(encoding="utf-8")))
             if record.get("starttime") and record.get("endtime"):
                 intervals.add((record["starttime"], record["endtime"]))
     return sorted(intervals)

@@ -164,6 +164,6 @@ def _compile_time(network: Network) -> float:
         write_network(path, network)
         environment = {**os.environ, "NUMBA_CACHE_DIR": folder}
         done = subprocess.run(
-            [sys.executable, "-c", _COMPILE, str(path)], env=environment, capture_output=True, text=True, check=True
+            [sys.executable, "-c", _COMPILE, str(path)], env=environment, stdout=subprocess.PIPE, check=True
         )
     return float(done.stdout)

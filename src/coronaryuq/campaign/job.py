@@ -6,15 +6,15 @@
 Under Snakemake the rule provides them. By hand:
 
     python workflow/scripts/stage.py --input case_json=PATH --output targets_json=PATH \
-        --params '{"function": "MODULE:FUNCTION", "seed": 1}' [--threads N] [--log PATH]
+        --params '{"function": "MODULE:FUNCTION", "seed": 1}' [--threads N] [--ranks N] [--log PATH]
 
 A name that is given more than once is a list, one with an empty path is left out. Progress goes to the terminal and to
 the log alike.
 
 Keywords of the function are the names of the rule's inputs, outputs and parameters. Inputs and outputs that it does not
-take are dependencies. It also receives, if it takes them and the rule does not name them: `threads`, `mpi` and `tasks`;
-`out_dir`, the folder of the outputs; `NAME_folder`, the folder of the files that are the input NAME. Settings are
-converted to the model of their annotation. An output `cost`, the cost of the job, is written here.
+take are dependencies. It also receives, if it takes them and the rule does not name them: `threads`, `ranks`, `mpi` and
+`tasks`; `out_dir`, the folder of the outputs; `NAME_folder`, the folder of the files that are the input NAME. Settings
+are converted to the model of their annotation. An output `cost`, the cost of the job, is written here.
 """
 
 import argparse
@@ -30,6 +30,7 @@ import typing
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,8 @@ from coronaryuq.campaign.explain import write_note
 from coronaryuq.core import shipped
 from coronaryuq.core.errors import InputError, os_error_line
 from coronaryuq.core.io.atomic import write_json
+from coronaryuq.core.launcher import LOCAL_MPIEXEC
+from coronaryuq.core.ranks import Ranks
 
 RUNNER = ("function", "code")
 """Parameters of a rule that are not passed to the function."""
@@ -47,7 +50,10 @@ RUNNER = ("function", "code")
 
 @dataclass
 class Job:
-    """Inputs and outputs (name → path, or list of paths), parameters, threads, log; MPI launcher and tasks."""
+    """Inputs and outputs (name → path, or list of paths), parameters, threads, log.
+
+    mpi, tasks: launcher and number of ranks of a program that the job starts. size: ranks of the job itself.
+    """
 
     input: dict[str, Any]
     output: dict[str, Any]
@@ -55,8 +61,14 @@ class Job:
     threads: int
     log: str | None
     name: str = ""
-    mpi: str = "mpiexec"
+    mpi: str = LOCAL_MPIEXEC
     tasks: int = 1
+    size: int = 1
+
+    @cached_property
+    def ranks(self) -> Ranks:
+        """Ranks of the job, this process among them."""
+        return Ranks.started(self.size, self.threads)
 
     def function(self) -> Callable:
         """Return the function named in the parameters."""
@@ -95,7 +107,8 @@ class Job:
 
     def _of_the_job(self, takes: typing.Container[str]) -> dict[str, Any]:
         outputs = [path for name, path in self.output.items() if name != "cost" and isinstance(path, str)]
-        values = {"threads": self.threads, "mpi": self.mpi, "tasks": self.tasks}
+        values: dict[str, Any] = {"threads": self.threads, "mpi": self.mpi, "tasks": self.tasks}
+        values |= {"ranks": self.ranks} if "ranks" in takes else {}
         values |= {"out_dir": Path(outputs[0]).parent} if outputs else {}
         values |= {f"{name}_folder": Path(files[0]).parent for name, files in self.input.items() if _several(files)}
         return {name: value for name, value in values.items() if name in takes}
@@ -155,7 +168,7 @@ def job(script_globals: dict[str, Any]) -> Iterator[Job]:
         cpu = sum(usage.ru_utime + usage.ru_stime for usage in used)
         peak = max(usage.ru_maxrss for usage in used) / 1024
         cost = {"wall_s": round(time.perf_counter() - started, 2), "cpu_s": round(cpu, 2), "memory_mb": round(peak)}
-        if _rank() == 0:
+        if this.ranks.rank == 0:
             if "cost" in this.output:
                 write_json(this.output["cost"], {"job": this.name, **cost})
             leave_note(this, cost)
@@ -180,15 +193,9 @@ def job(script_globals: dict[str, Any]) -> Iterator[Job]:
 
 def leave_note(this: Job, cost: dict[str, float]) -> None:
     """Write the note of this job, for `coronaryuq explain`."""
-    ranks = int(next((os.environ[name] for name in ("PMI_SIZE", "SLURM_STEP_NUM_TASKS") if name in os.environ), 1))
-    resources = {"threads": this.threads, "mpi_ranks": ranks, **cost}
+    resources = {"threads": this.threads, "mpi_ranks": this.size, **cost}
     snakefile = os.environ.get(shipped.VARIABLE) or shipped.snakefile()
     write_note(this.name, this.input, this.output, this.params, resources, snakefile)
-
-
-def _rank() -> int:
-    """Return this process's MPI rank, which mpiexec and srun set in the environment."""
-    return int(next((os.environ[name] for name in ("PMI_RANK", "PMIX_RANK", "SLURM_PROCID") if name in os.environ), 0))
 
 
 def _from_snakemake(snakemake) -> Job:
@@ -199,7 +206,7 @@ def _from_snakemake(snakemake) -> Job:
         threads=snakemake.threads,
         log=snakemake.log[0] if len(snakemake.log) else None,
         name=" ".join([snakemake.rule, *map(str, snakemake.wildcards)]),
-        mpi=snakemake.resources.get("mpi", "mpiexec"),
+        mpi=snakemake.resources.get("mpi", LOCAL_MPIEXEC),
         tasks=snakemake.resources.get("tasks", 1),
     )
 
@@ -214,12 +221,13 @@ def _from_command_line() -> Job:
     parser.add_argument("--output", nargs="*", default=[], metavar="NAME=PATH")
     parser.add_argument("--params", default="{}", help="JSON object")
     parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--ranks", type=int, default=1, help="MPI ranks of this job, if mpiexec or srun started it")
     parser.add_argument("--log")
     parser.add_argument("--name", help="name of the job in its note; default: the function's")
     args = parser.parse_args()
     params = json.loads(args.params)
     name = args.name or params.get("function", "stage").rpartition(":")[2]
-    return Job(_pairs(args.input), _pairs(args.output), params, args.threads, args.log, name)
+    return Job(_pairs(args.input), _pairs(args.output), params, args.threads, args.log, name, size=args.ranks)
 
 
 def _pairs(items: list[str]) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from coronaryuq.core import shipped
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.lock import lock_results
 from coronaryuq.core.io.mtime import reset_future_times
+from coronaryuq.core.private_folders import takes_files
 
 _taken: list[AbstractContextManager] = []
 """Lock of the results folder, kept until this process ends."""
@@ -71,6 +72,13 @@ def read_campaign(settings: dict[str, Any], configfiles: Sequence[str], default:
     return Given(campaign, files_named(campaign.case, description), surface, measured, in_3d)
 
 
+def check_place(snakefile: str) -> None:
+    """Raise `InputError` if the workflow lies in a folder whose name Snakemake takes for a pattern."""
+    folder = Path(snakefile).absolute().parent
+    if {"{", "}"} & set(folder.as_posix()):
+        raise InputError(folder, None, None, "Snakemake takes braces for wildcards; rename the folder")
+
+
 def announce(campaign: Campaign, snakefile: str) -> None:
     """Pass the path of the Snakefile and the whole configuration, which the first job writes to a file, to all jobs.
 
@@ -101,7 +109,7 @@ def take_folder(folder: str) -> None:
 def cache_is_writable() -> bool:
     """Return whether the cache between campaigns can be written; one that cannot is not used."""
     cache = os.environ.get(explain.CACHE)
-    return not cache or os.access(cache, os.W_OK)
+    return not cache or takes_files(cache)
 
 
 def refuse(error: InputError) -> NoReturn:

@@ -1,7 +1,7 @@
 """Checks of a machine before a campaign: libraries, MPI, 3D rendering, disk, solvers, scheduler."""
 
-import fcntl
 import importlib.metadata
+import io
 import os
 import shlex
 import shutil
@@ -9,10 +9,14 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from contextlib import redirect_stderr
 from dataclasses import dataclass
 from pathlib import Path
 
+import coronaryuq
 from coronaryuq.core import numba_cache, provenance
+from coronaryuq.core.io.lock import lock_results
+from coronaryuq.core.launcher import LOCAL_MPIEXEC, environment
 
 EXTERNAL = {
     "svsolver": "3D backend `svsolver`",
@@ -58,12 +62,12 @@ def examine(environment_only: bool = False) -> Iterator[Finding]:
     yield check_locks()
     yield check_cache()
     yield check_kernels()
+    yield check_job()
     yield from check_scheduler()
     yield check_umbridge()
     yield check_svzerodsolver()
     for program, purpose in EXTERNAL.items():
-        path = shutil.which(program)
-        yield Finding(program, True, path or f"not installed; needed only by the {purpose}")
+        yield check_program(program, purpose)
 
 
 def check_python() -> Finding:
@@ -124,13 +128,39 @@ def check_svzerodsolver() -> Finding:
     return Finding("svZeroDSolver", True, detail)
 
 
+def check_program(program: str, purpose: str) -> Finding:
+    """Start an external program, if it is installed; without input it ends at once, but not for want of a library."""
+    path = shutil.which(program)
+    if path is None:
+        return Finding(program, True, f"not installed; needed only by the {purpose}")
+    with tempfile.TemporaryDirectory() as folder:
+        failure = _run([path], timeout=60, folder=folder)
+    absent = failure is not None and any(word in failure for word in ("shared librar", "Exec format", "cannot execute"))
+    return Finding(program, not absent, f"{path}: {failure}" if absent else path)
+
+
+def check_job() -> Finding:
+    """Run the first job of a campaign in a new folder here, by Snakemake, as a campaign does."""
+    with tempfile.TemporaryDirectory(dir=".", prefix=".doctor-") as folder:
+        target = "results/smoke/patient/case.yaml"
+        command = [sys.executable, "-m", "coronaryuq.cli.main", "run", "smoke", target, "--cores", "1"]
+        own = os.environ | {"PYTHONPATH": str(Path(coronaryuq.__file__).parents[1])}
+        failure = _run(command, timeout=300, folder=folder, environment=own)
+        made = Path(folder, target).is_file()
+    remedy = "the first job of a campaign fails here; see `coronaryuq run smoke`"
+    detail = "the first job of a campaign ran" if made else f"{remedy} [{failure}]"
+    return Finding("Snakemake", made, detail)
+
+
 def check_mpi(ranks: int = 2) -> Finding:
-    """Run a tiny MPI job."""
-    launcher = shutil.which("mpiexec", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}")
+    """Run a tiny MPI job as a campaign starts its ranks."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}"
+    launcher = shutil.which("mpiexec", path=path)
     if launcher is None:
         return Finding("MPI", False, "mpiexec not found; run `make env`")
-    code = f"from mpi4py import MPI; raise SystemExit(MPI.COMM_WORLD.allreduce(1) != {ranks})"
-    failure = _run([launcher, "-n", str(ranks), sys.executable, "-c", code], timeout=120)
+    code = f"from coronaryuq.core.ranks import Ranks; raise SystemExit(Ranks.started({ranks}).size != {ranks})"
+    start = [*shlex.split(LOCAL_MPIEXEC), "-n", str(ranks), sys.executable, "-c", code]
+    failure = _run(start, timeout=120, environment=environment() | {"PATH": path})
     detail = "started" if failure is None else "could not start"
     return Finding("MPI", failure is None, f"{launcher} {detail} {ranks} ranks{f': {failure}' if failure else ''}")
 
@@ -152,18 +182,17 @@ def check_scratch(required: float = 2e9) -> Finding:
         return Finding("scratch", False, f"{folder} is not writable ({error.strerror}); set TMPDIR")
     free = shutil.disk_usage(folder).free
     shortage = "" if free >= required else "; jobs need 2 GB, set TMPDIR"
+    if (named := os.environ.get("TMPDIR")) and os.path.realpath(named) != os.path.realpath(folder):
+        shortage += f" (TMPDIR={named} cannot be used)"
     return Finding("scratch", free >= required, f"{free / 1e9:.0f} GB free in {folder}{shortage}")
 
 
 def check_locks() -> Finding:
     """Check whether the file system here supports the lock that keeps two campaigns apart."""
-    with tempfile.NamedTemporaryFile(dir=".") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            return Finding(
-                "locks", True, f"none on this file system ({error.strerror}); run only one campaign at a time"
-            )
+    with tempfile.TemporaryDirectory(dir=".", prefix=".doctor-") as folder, redirect_stderr(io.StringIO()) as told:
+        lock_results(folder).__exit__(None, None, None)
+    if told.getvalue():
+        return Finding("locks", True, "none on this file system; run only one campaign at a time")
     return Finding("locks", True, "two campaigns cannot run in the same results folder")
 
 
@@ -175,17 +204,18 @@ def check_scheduler(ranks: int = 2, patience: float = 120.0) -> Iterator[Finding
     if version is None:
         yield Finding("SLURM", False, "sbatch is installed, but sinfo does not answer; is the controller running?")
         return
-    code = f"from mpi4py import MPI; raise SystemExit(MPI.COMM_WORLD.allreduce(1) != {ranks})"
+    code = f"from coronaryuq.core.ranks import Ranks; raise SystemExit(Ranks.started({ranks}).size != {ranks})"
     # In this folder, which a campaign's jobs need on every node.
     with tempfile.TemporaryDirectory(dir=".", prefix=".doctor-") as folder:
         script = Path(folder, "job.sh")
-        script.write_text(f"#!/bin/bash\nsrun -n {ranks} {shlex.quote(sys.executable)} -c {shlex.quote(code)}\n")
+        line = f"srun -n {ranks} {shlex.quote(sys.executable)} -c {shlex.quote(code)}"
+        script.write_text(f"#!/bin/bash\n{line}\n", encoding="utf-8")
         limits = [f"--ntasks={ranks}", "--time=2", "--mem-per-cpu=500", f"--output={folder}/out", "--wait"]
         failure = _run(["sbatch", f"--job-name={Path(folder).name}", *limits, str(script)], patience)
         if failure is not None:  # it may still be in the queue
             _output(["scancel", f"--name={Path(folder).name}"], 30)
         log = Path(folder, "out")
-        text = log.read_text(errors="replace") if log.is_file() else ""
+        text = log.read_text(encoding="utf-8", errors="replace") if log.is_file() else ""
         lines = [line for line in text.splitlines() if line.strip()]
     if failure is None:
         yield Finding("SLURM", True, f"{version}: srun ran a job of {ranks} MPI ranks")
@@ -197,7 +227,7 @@ def check_scheduler(ranks: int = 2, patience: float = 120.0) -> Iterator[Finding
 def _output(command: list[str], timeout: float) -> str | None:
     """Return the output of a command, or None if it fails."""
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=timeout)
+        done = subprocess.run(command, capture_output=True, encoding="utf-8", errors="replace", timeout=timeout)
     except (OSError, subprocess.TimeoutExpired):
         return None
     return done.stdout.strip() if done.returncode == 0 else None
@@ -209,8 +239,8 @@ def check_cache() -> Finding:
     if not folder:
         return Finding("cache", True, "SNAKEMAKE_OUTPUT_CACHE is not set; campaigns do not share results")
     try:
-        with tempfile.NamedTemporaryFile(dir=folder):
-            return Finding("cache", True, f"{folder} is writable")
+        tempfile.TemporaryFile(dir=folder).close()
+        return Finding("cache", True, f"{folder} is writable")
     except OSError as error:
         return Finding("cache", False, f"SNAKEMAKE_OUTPUT_CACHE={folder} is not writable: {error.strerror}")
 
@@ -229,10 +259,15 @@ def check_kernels() -> Finding:
         return Finding("kernels", False, f"{numba_cache.VARIABLE}={folder} is not writable: {error.strerror}")
 
 
-def _run(command: list[str], timeout: float) -> str | None:
+def _run(
+    command: list[str], timeout: float, folder: str | None = None, environment: dict[str, str] | None = None
+) -> str | None:
     """Run a command; return None if it succeeds, else the last line of its output or its exit status."""
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=timeout)
+        done = subprocess.run(
+            command, capture_output=True, encoding="utf-8", errors="replace", timeout=timeout,
+            cwd=folder, env=environment, stdin=subprocess.DEVNULL,
+        )  # fmt: skip
     except subprocess.TimeoutExpired:
         return f"timed out after {timeout:.0f} s"
     except OSError as error:

@@ -12,6 +12,7 @@ from coronaryuq import config
 from coronaryuq.campaign.explain import FOLDER, remove_changed
 from coronaryuq.core import shipped
 from coronaryuq.core.errors import InputError, nearest
+from coronaryuq.core.private_folders import complete_environment
 
 DEMO = "smoke"
 """Configuration of the demonstration: every stage once, on the bundled patient."""
@@ -70,6 +71,7 @@ def run(
     Results that have changed since their jobs wrote them are deleted first, so that they are regenerated.
     """
     _check_targets(targets)
+    complete_environment()
     results = Path("results", config.load(configuration).name)
     if not dry_run and (results / FOLDER).is_dir():
         for path in remove_changed(results).changed:

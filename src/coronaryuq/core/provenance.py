@@ -5,6 +5,7 @@ import gc
 import hashlib
 import importlib.metadata
 import json
+import os
 import platform
 import subprocess
 from collections.abc import Iterable
@@ -40,16 +41,27 @@ def checksum(path: str | Path) -> str:
 
 @cache
 def code_version() -> str:
-    """Package version and, in a git checkout, the commit with `+` when the tree has uncommitted changes."""
-    here = Path(coronaryuq.__file__).parent
+    """Package version and, in a git checkout of the project, the commit with `+` for uncommitted changes.
+
+    The repository must be the project's own: one around a copy, or one that the environment names, says nothing of it.
+    """
+    package = Path(coronaryuq.__file__).resolve().parent
     try:
-        commit = subprocess.run(
-            ["git", "describe", "--always", "--dirty=+", "--abbrev=12"],
-            cwd=here, capture_output=True, text=True, check=True, timeout=10,
-        ).stdout.strip()  # fmt: skip
-    except (OSError, subprocess.SubprocessError):
+        _git(package, "ls-files", "--error-unmatch", "__init__.py")
+        if Path(_git(package, "rev-parse", "--show-toplevel")).resolve() != package.parents[1]:
+            return coronaryuq.__version__
+        commit = _git(package, "describe", "--always", "--dirty=+", "--abbrev=12")
+    except (OSError, ValueError, subprocess.SubprocessError):
         return coronaryuq.__version__
     return f"{coronaryuq.__version__} ({commit})"
+
+
+def _git(folder: Path, *words: str) -> str:
+    """Return the output of git in a folder, whatever repository the environment names."""
+    own = {name: value for name, value in os.environ.items() if not name.startswith("GIT_")}
+    command = ["git", *words]
+    done = subprocess.run(command, cwd=folder, env=own, capture_output=True, encoding="utf-8", check=True, timeout=10)
+    return done.stdout.strip()
 
 
 def versions(libraries: Iterable[str] = tuple(LIBRARIES)) -> dict[str, str]:

@@ -1,14 +1,17 @@
 """Model runs over MPI ranks: every rank computes a part, and all ranks receive all results."""
 
 import os
+import sys
 from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numpy as np
 
+from coronaryuq.core.errors import InputError
+
 Result = TypeVar("Result")
 
-_LAUNCHERS = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK", "MPI_LOCALRANKID")
+_LAUNCHED = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK", "MPI_LOCALRANKID")
 
 
 class Ranks:
@@ -21,21 +24,46 @@ class Ranks:
     ----------
     communicator
         `mpi4py.MPI.Comm`, or None for a single process.
+    threads
+        Threads that each rank may use.
     """
 
-    def __init__(self, communicator: Any = None):
-        self.communicator = communicator
+    def __init__(self, communicator: Any = None, threads: int = 1):
+        self.communicator, self.threads = communicator, threads
         self.rank: int = 0 if communicator is None else communicator.Get_rank()
         self.size: int = 1 if communicator is None else communicator.Get_size()
 
     @classmethod
-    def from_launcher(cls) -> "Ranks":
-        """Return the ranks of the `mpiexec` or `srun` that started this process; without one, MPI is not loaded."""
-        if not any(name in os.environ for name in _LAUNCHERS):
-            return cls()
+    def started(cls, number: int, threads: int = 1) -> "Ranks":
+        """Return the ranks that `mpiexec` or `srun` was told to start; MPI is not loaded for a single one.
+
+        Variables of the environment are no evidence: a process without MPI has those of the `srun` around it.
+
+        Raises
+        ------
+        InputError
+            If MPI counts another number of ranks.
+        """
+        if number == 1:
+            return cls(threads=threads)
         from mpi4py import MPI
 
-        return cls(MPI.COMM_WORLD if MPI.COMM_WORLD.Get_size() > 1 else None)
+        size = MPI.COMM_WORLD.Get_size()
+        if size != number:
+            remedy = f"the launcher was told to start {number}; use this environment's mpiexec, or one of the same MPI"
+            raise InputError("MPI", "ranks", size, remedy)
+        return cls(MPI.COMM_WORLD, threads)
+
+    @classmethod
+    def by_hand(cls, divide: bool, threads: int = 1) -> "Ranks":
+        """Return the ranks of the command line `mpiexec -n N PROGRAM --mpi`; `divide`: whether it has `--mpi`."""
+        if not divide:
+            if any(name in os.environ for name in _LAUNCHED):
+                print("note: under mpiexec or srun, `--mpi` divides the runs among the ranks", file=sys.stderr)
+            return cls(threads=threads)
+        from mpi4py import MPI
+
+        return cls(MPI.COMM_WORLD if MPI.COMM_WORLD.Get_size() > 1 else None, threads)
 
     def map_rows(self, function: Callable[[np.ndarray], np.ndarray], rows: np.ndarray) -> np.ndarray:
         """Return `function(rows)`, computed in contiguous blocks of rows, one per rank.

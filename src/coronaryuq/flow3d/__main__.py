@@ -1,4 +1,4 @@
-"""Run 3D samples manually: `mpiexec -n 4 python -m coronaryuq.flow3d CASE NETWORK MESH SAMPLES RECORDS --count 500`."""
+"""Run 3D samples manually: `mpiexec -n 4 python -m coronaryuq.flow3d CASE NETWORK MESH SAMPLES RECORDS --mpi`."""
 
 import argparse
 import sys
@@ -24,6 +24,7 @@ def main() -> int:
     parser.add_argument("--settings", default="{}", metavar="JSON", help="block `flow3d` of a configuration")
     parser.add_argument("--first", type=int, default=0, help="first row of the table to run, from 0")
     parser.add_argument("--count", type=int, help="number of rows (default: all that follow)")
+    parser.add_argument("--mpi", action="store_true", help="under mpiexec or srun: divide the samples among its ranks")
     arguments = parser.parse_args()
     mesh, records = Path(arguments.mesh), Path(arguments.records)
 
@@ -34,7 +35,7 @@ def main() -> int:
             arguments.samples, arguments.first, count,
         )  # fmt: skip
         outputs = Outputs(records, records.parent / "checkpoints", records.parent / "fields")
-        run_batch(batch, "ensemble", settings, outputs, Processes(Ranks.from_launcher()))
+        run_batch(batch, "ensemble", settings, outputs, Processes(Ranks.by_hand(arguments.mpi)))
 
     return run_with_settings(work, Settings, arguments.settings)
 

@@ -1,9 +1,10 @@
-"""Run the chains manually: `mpiexec -n 4 python -m coronaryuq.posterior CASE NETWORK TARGETS CHAINS --seed 1`."""
+"""Run the chains manually: `mpiexec -n 4 python -m coronaryuq.posterior CASE NETWORK TARGETS CHAINS --mpi`."""
 
 import argparse
 import sys
 
 from coronaryuq.core.command_line import run_with_settings
+from coronaryuq.core.ranks import Ranks
 from coronaryuq.posterior.settings import Settings
 from coronaryuq.posterior.stage import Extent, sample
 
@@ -19,6 +20,7 @@ def main() -> int:
     parser.add_argument("--length", type=int, default=1, help="of the chains, over that which the settings give")
     parser.add_argument("--before", metavar="CHAINS", help="shorter chains of the same inputs, to continue")
     parser.add_argument("--threads", type=int, default=1, help="threads of each rank")
+    parser.add_argument("--mpi", action="store_true", help="under mpiexec or srun: divide the 0D runs among its ranks")
     arguments = parser.parse_args()
 
     def work(settings: Settings) -> None:
@@ -28,7 +30,7 @@ def main() -> int:
             settings,
             arguments.seed,
             arguments.chains,
-            arguments.threads,
+            Ranks.by_hand(arguments.mpi, arguments.threads),
             Extent(arguments.length, arguments.before),
         )
 

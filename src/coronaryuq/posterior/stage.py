@@ -70,9 +70,9 @@ class Extent:
 
 def sample(
     case_json: str | Path, hyperaemia_json: str | Path, targets_json: str | Path, settings: Settings, seed: int,
-    out_npz: str | Path, threads: int = 1, extent: Extent = Extent(),
+    out_npz: str | Path, ranks: Ranks | None = None, extent: Extent = Extent(),
 ) -> None:  # fmt: skip
-    """Run all chains and write them to one file; under `mpiexec` or `srun` the ranks share the 0D runs.
+    """Run all chains and write them to one file; MPI ranks share the 0D runs.
 
     Beside `out_npz`, in a folder of its name, are one file per chain and a checkpoint. Started again with the same
     inputs, settings and seed after an interruption, it continues and ends with the same bits; the number of ranks and
@@ -86,8 +86,8 @@ def sample(
         Settings of the stage and the campaign's seed.
     out_npz
         Chains to write (`results.Chains`).
-    threads
-        Of each rank.
+    ranks
+        MPI ranks and the threads of each; by default this process alone, with one thread.
     extent
         Length of the chains, and shorter ones to begin with.
 
@@ -96,12 +96,12 @@ def sample(
     InputError
         If the files do not agree, or if the covariance is not positive definite.
     """
-    ranks = Ranks.from_launcher()
+    ranks = ranks or Ranks()
     targets, outlets, _ = _read_targets(targets_json, case_json)
     vessels = {outlet.bc: outlet.vessel for outlet in outlets}
     model = BedFlows(
         hyperaemia_json, vessels, tolerance=settings.cycle_tolerance, steps_per_cycle=settings.steps_per_cycle,
-        threads=threads,
+        threads=ranks.threads,
     )  # fmt: skip
     key = digest([checksum(hyperaemia_json), checksum(targets_json), _deciding(settings), seed, _code()])
     unknowns = Unknowns(model.weights, model.theta.laws)

@@ -58,7 +58,7 @@ def run(quick: bool = False, data: str | None = None, rows: str | None = None, s
 
 
 def _measured(command: list[str]) -> dict:
-    done = subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True)
+    done = subprocess.run(command, stdout=subprocess.PIPE, check=True, encoding="utf-8")
     return json.loads(done.stdout.splitlines()[-1])
 
 
@@ -105,7 +105,7 @@ def measure(folder: str, rows_csv: str, first: str, beyond_mean: str) -> None:
 
 def _peak_mb() -> float:
     """Return the peak memory of this process; that of `getrusage` would begin with its parent's."""
-    for line in Path("/proc/self/status").read_text().splitlines():
+    for line in Path("/proc/self/status").read_text(encoding="utf-8").splitlines():
         if line.startswith("VmHWM"):
             return round(int(line.split()[1]) / 1024, 1)
     return float("nan")

@@ -165,7 +165,7 @@ def measured(folder: str | Path) -> dict[str, dict[str, np.ndarray]]:
     }
     found = {}
     for path in sorted(Path(folder).glob("*_500_*.txt")):
-        lines = path.read_text().splitlines()
+        lines = path.read_text(encoding="utf-8").splitlines()
         curves = {}
         for name, (heading, factor) in wanted.items():
             at = lines.index(heading)

@@ -13,7 +13,7 @@ def table(data: str | None, settings: Settings, seed: int, table_csv: str, out_d
     folder, rows = published(data)
     markdown = Path(table_csv).with_suffix(".md")
     paper_table(folder, rows, settings, seed, table_csv, markdown, out_dir)
-    print(markdown.read_text(), file=sys.stderr)
+    print(markdown.read_text(encoding="utf-8"), file=sys.stderr)
 
 
 def convergence(data: str | None, settings: Settings, seed: int, out_json: str) -> None:

@@ -1,5 +1,6 @@
 """Make chains, gather them (posterior, convergence, predictive checks), and draw samples of them."""
 
+from coronaryuq.core.ranks import Ranks
 from coronaryuq.estimation.results import read_round
 from coronaryuq.posterior.samples import FIRST
 from coronaryuq.posterior.settings import Settings
@@ -8,11 +9,11 @@ from coronaryuq.posterior.stage import Extent, GatheredFiles, draw_samples, gath
 
 def make_chains(
     case_json: str, hyperaemia_json: str, targets_json: str, settings: Settings, seed: int, length: int, out_npz: str,
-    threads: int, before: str | None = None,
+    ranks: Ranks, before: str | None = None,
 ) -> None:  # fmt: skip
     """Make chains of some length, over that which the settings give, from shorter ones if these are given."""
     extent = Extent(length, before)
-    sample(case_json, hyperaemia_json, targets_json, settings, seed, out_npz, threads, extent)
+    sample(case_json, hyperaemia_json, targets_json, settings, seed, out_npz, ranks, extent)
 
 
 def gather_chains(

@@ -51,7 +51,7 @@ def launch(mpi: str, tasks: int, *program: str) -> list[str]:
 
 def last_line(log: Path, limit: int = 200) -> str:
     """Return the last line of a log that mentions an error, else its last line."""
-    lines = [line.strip() for line in log.read_text(errors="replace").splitlines()]
+    lines = [line.strip() for line in log.read_text(encoding="utf-8", errors="replace").splitlines()]
     lines = [line for line in lines if any(c.isalpha() for c in line)]
     telling = [line for line in lines if any(word in line.lower() for word in ("error", "not found", "cannot", "nan"))]
     return (telling or lines or ["(no output in its log)"])[-1][:limit]

@@ -54,7 +54,7 @@ class Fields:
 def histories(case: CoupledCase, path: Path) -> dict[str, np.ndarray]:
     """Read the 0D histories that a 3D code wrote: unknown → values at the steps of the last cycle."""
     try:
-        lines = path.read_text().splitlines()
+        lines = path.read_text(encoding="utf-8").splitlines()
     except OSError:
         raise RunFailed(f"{path.name} is missing: the 0D side never ran") from None
     names = lines[0].split()[1:] if lines else []

@@ -52,11 +52,13 @@ def simulate(network: Network) -> pd.DataFrame:
             return importlib.import_module(name).simulate(network)
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder) / "in.json", Path(folder) / "out.csv"
-        source.write_text(json.dumps(network))
-        run = subprocess.run([COMMAND, source, target], capture_output=True, text=True, check=False)
+        source.write_text(json.dumps(network), encoding="utf-8")
+        run = subprocess.run(
+            [COMMAND, source, target], capture_output=True, check=False, encoding="utf-8", errors="replace"
+        )
         if run.returncode or not target.exists():
             raise RuntimeError(" ".join((run.stderr or run.stdout).split()) or f"{COMMAND} ended with {run.returncode}")
-        return pd.read_csv(io.StringIO(target.read_text()))
+        return pd.read_csv(io.StringIO(target.read_text(encoding="utf-8")))
 
 
 def last_cycle(network: Network, names: Sequence[str]) -> dict[str, np.ndarray]:
