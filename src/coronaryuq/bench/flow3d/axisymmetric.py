@@ -11,9 +11,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-# Dunavant's rule of degree 6 with 12 points: barycentric coordinates and weights.
 _A, _B, _C, _D = 0.249286745170910, 0.063089014491502, 0.310352451033785, 0.053145049844816
-_POINTS = np.array(
+POINTS = np.array(
     [
         *[(1 - 2 * _A, _A, _A), (_A, 1 - 2 * _A, _A), (_A, _A, 1 - 2 * _A)],
         *[(1 - 2 * _B, _B, _B), (_B, 1 - 2 * _B, _B), (_B, _B, 1 - 2 * _B)],
@@ -22,6 +21,7 @@ _POINTS = np.array(
     ]
 )
 _WEIGHTS = np.repeat([0.116786275726379, 0.050844906370207, 0.082851075618374], [3, 3, 6])
+"""Dunavant's rule of degree 6 with 12 points: barycentric coordinates and weights."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def solve(
 
 
 @dataclass(frozen=True)
-class _Elements:
+class Elements:
     """Triangles of the fluid. z, r: of the m velocity nodes, cm, the n corners first, then a middle of every edge.
 
     corners (e, 3) and nodes (e, 6) of the elements. edges (k, 2): their corners. number (levels, rings + 1): the
@@ -94,7 +94,7 @@ class _Elements:
 
 
 @dataclass(frozen=True)
-class _Rule:
+class Rule:
     """Quadrature rule on every element.
 
     shape: (q, 6) quadratic shape functions. grad: (e, q, 6, 2) their gradients, 1/cm. r: (e, q) radius of the points,
@@ -116,7 +116,7 @@ def solve_on(
 ) -> AxisymmetricFlow:
     """Compute the flow (mL/s) from the first level, where it is developed, to the last, where it leaves freely."""
     elements = _triangulated(grid)
-    rule = _rule(elements)
+    rule = rule_on(elements)
     solution, free = _start(grid, elements, flow)
     for share in continuation:
         for _ in range(25):
@@ -131,7 +131,7 @@ def solve_on(
     return _measure(grid, elements, solution, force)
 
 
-def _triangulated(grid: Grid) -> _Elements:
+def _triangulated(grid: Grid) -> Elements:
     nodes_z, nodes_r = np.repeat(grid.z, grid.r.shape[1]), grid.r.ravel()
     number = np.arange(len(nodes_z)).reshape(grid.r.shape)
     wet = (np.arange(grid.r.shape[1] - 1) < grid.wet[:, None]).ravel()
@@ -142,29 +142,40 @@ def _triangulated(grid: Grid) -> _Elements:
     nodes_z, nodes_r = nodes_z[used], nodes_r[used]
     place = np.full(number.size, -1)
     place[used] = np.arange(len(used))
+    return quadratic(nodes_z, nodes_r, corners, place[number], (grid.z[0], grid.z[-1]))
+
+
+def quadratic(
+    z: np.ndarray, r: np.ndarray, corners: np.ndarray, number: np.ndarray, ends: tuple[float, ...] = ()
+) -> Elements:
+    """Give triangles with corners (e, 3) at z, r (n,) a node in the middle of every edge.
+
+    number: see `Elements`. ends: z of borders that, like the axis, are no walls.
+    """
     pairs = np.sort(np.concatenate([corners[:, [1, 2]], corners[:, [2, 0]], corners[:, [0, 1]]]), axis=1)
     edges, edge = np.unique(pairs, axis=0, return_inverse=True)
-    n = len(nodes_z)
+    n = len(z)
     rim = np.bincount(edge.ravel(), minlength=len(edges)) == 1
-    end_z, end_r = nodes_z[edges], nodes_r[edges]
-    for border in (end_r == 0, end_z == grid.z[0], end_z == grid.z[-1]):
+    end_z, end_r = z[edges], r[edges]
+    for border in (end_r == 0, *(end_z == end for end in ends)):
         rim &= ~border.all(axis=1)
     wall = np.zeros(n + len(edges), bool)
     wall[edges[rim]] = wall[n + np.flatnonzero(rim)] = True
-    return _Elements(
-        z=np.concatenate([nodes_z, end_z.mean(axis=1)]),
-        r=np.concatenate([nodes_r, end_r.mean(axis=1)]),
+    return Elements(
+        z=np.concatenate([z, end_z.mean(axis=1)]),
+        r=np.concatenate([r, end_r.mean(axis=1)]),
         n=n,
         corners=corners,
         nodes=np.concatenate([corners, n + edge.reshape(3, len(corners)).T], axis=1),
         edges=edges,
-        number=place[number],
+        number=number,
         wall=wall,
     )
 
 
-def _rule(elements: _Elements) -> _Rule:
-    l1, l2, l3 = _POINTS.T
+def rule_on(elements: Elements) -> Rule:
+    """Return the rule on triangles whose corners run the same way round."""
+    l1, l2, l3 = POINTS.T
     shape = np.stack(
         [l1 * (2 * l1 - 1), l2 * (2 * l2 - 1), l3 * (2 * l3 - 1), 4 * l2 * l3, 4 * l3 * l1, 4 * l1 * l2], axis=1
     )
@@ -187,11 +198,11 @@ def _rule(elements: _Elements) -> _Rule:
         axis=2,
     ) / twice[:, None, None]  # fmt: skip
     grad = np.einsum("qil,elk->eqik", by_l, grad_l)
-    r = np.einsum("ql,el->eq", _POINTS, cr)
-    return _Rule(shape, grad, r, 0.5 * np.abs(twice)[:, None] * _WEIGHTS[None] * r)
+    r = np.einsum("ql,el->eq", POINTS, cr)
+    return Rule(shape, grad, r, 0.5 * np.abs(twice)[:, None] * _WEIGHTS[None] * r)
 
 
-def _start(grid: Grid, elements: _Elements, flow: float) -> tuple[np.ndarray, np.ndarray]:
+def _start(grid: Grid, elements: Elements, flow: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the unknowns (2 m + n,) at rest except for the inlet's parabola, and which of them are free.
 
     Unknowns are axial and radial velocity and pressure; fixed are velocities on the wall and at the inlet, and radial
@@ -207,7 +218,7 @@ def _start(grid: Grid, elements: _Elements, flow: float) -> tuple[np.ndarray, np
 
 
 def _assemble(
-    elements: _Elements, rule: _Rule, solution: np.ndarray, rho: float, viscosity: float
+    elements: Elements, rule: Rule, solution: np.ndarray, rho: float, viscosity: float
 ) -> tuple[sp.csc_matrix, np.ndarray]:
     """Return Jacobian and residual of the weak form in all unknowns, boundary values included."""
     m, n, corners, every = elements.m, elements.n, elements.corners, elements.nodes
@@ -216,7 +227,7 @@ def _assemble(
     p = solution[2 * m :][corners]
     at = np.einsum("qi,eic->eqc", shape, u)
     slope = np.einsum("eqik,eic->eqck", grad, u)
-    pressure = np.einsum("ql,el->eq", _POINTS, p)
+    pressure = np.einsum("ql,el->eq", POINTS, p)
     hoop = at[:, :, 1] / r
     through = slope[:, :, 0, 0] + slope[:, :, 1, 1] + hoop
     carried = np.einsum("eqk,eqck->eqc", at, slope)
@@ -227,12 +238,12 @@ def _assemble(
     total = np.zeros(2 * m + n)
     np.add.at(total, every, residual[:, :, 0])
     np.add.at(total, every + m, residual[:, :, 1])
-    np.add.at(total, corners + 2 * m, -np.einsum("eq,ql->el", weight * through, _POINTS))
+    np.add.at(total, corners + 2 * m, -np.einsum("eq,ql->el", weight * through, POINTS))
     return _jacobian(elements, rule, at, slope, rho, viscosity), total
 
 
 def _jacobian(
-    elements: _Elements, rule: _Rule, at: np.ndarray, slope: np.ndarray, rho: float, viscosity: float
+    elements: Elements, rule: Rule, at: np.ndarray, slope: np.ndarray, rho: float, viscosity: float
 ) -> sp.csc_matrix:
     """Return the Jacobian; at (e, q, 2): velocity at the quadrature points, slope (e, q, 2, 2): its gradient."""
     m, corners, every = elements.m, elements.corners, elements.nodes
@@ -250,7 +261,7 @@ def _jacobian(
             parts.append((every + x * m, every + y * m, value))
     divergence = [grad[..., 0], grad[..., 1] + shape[None] / r[:, :, None]]
     for x in range(2):
-        value = -np.einsum("eq,eqi,ql->eil", weight, divergence[x], _POINTS)
+        value = -np.einsum("eq,eqi,ql->eil", weight, divergence[x], POINTS)
         parts.append((every + x * m, corners + 2 * m, value))
         parts.append((corners + 2 * m, every + x * m, value.transpose(0, 2, 1)))
     rows = np.concatenate([np.repeat(i, j.shape[1], axis=1).ravel() for i, j, _ in parts])
@@ -259,7 +270,7 @@ def _jacobian(
     return sp.csc_matrix((data, (rows, columns)), shape=(2 * m + elements.n,) * 2)
 
 
-def _measure(grid: Grid, elements: _Elements, solution: np.ndarray, force: np.ndarray) -> AxisymmetricFlow:
+def _measure(grid: Grid, elements: Elements, solution: np.ndarray, force: np.ndarray) -> AxisymmetricFlow:
     """Return wall shear from the consistent nodal forces on the wall, axial and radial, spread over the arc."""
     z, n, m, number = grid.z, elements.n, elements.m, elements.number
     top = np.minimum(np.r_[grid.wet, grid.wet[-1]], np.r_[grid.wet[0], grid.wet])

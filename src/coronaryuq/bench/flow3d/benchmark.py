@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from coronaryuq.bench.flow3d import axisymmetric, nozzle, tubes, unstructured
+from coronaryuq.bench.flow3d import axisymmetric, bend, nozzle, tubes, unstructured
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import BLOOD_DENSITY, BLOOD_VISCOSITY
 from coronaryuq.flow3d.fem.cross_section import section_weights
@@ -22,6 +22,8 @@ from coronaryuq.flow3d.numerical_error import numerical_error
 MESHES = ((5, 75), (8, 90), (13, 127))
 """Cells over the radius and along the axis: about 7, 20 and 70 thousand nodes."""
 NOZZLE_DATA = Path(__file__).parents[5] / "shared" / "data" / "fda-nozzle"
+BENT = np.array([10.0, 50.0, 100.0, 200.0])
+"""Reynolds numbers in a bend, see `bend.errors`."""
 PEAK, STEPS_PER_CYCLE, PERIOD = 100.0, 800, 0.9
 MEASURED_STEPS = 12
 
@@ -121,6 +123,7 @@ def verification(quick: bool) -> dict:
         found["nozzle_axial_velocity_error"] = found["nozzle"]["axial_velocity_error"]
     if not quick:
         found["stenosis"] = stenosis()
+        found["bend"] = {rings: {k: v.tolist() for k, v in bend.errors(rings, BENT).items()} for rings in (4, 6, 8)}
         found["wall_shear_unstructured"] = unstructured.wall_shear()
     return found
 
