@@ -10,7 +10,10 @@ class SimVascularSettings(BaseModel):
 
     mpi: str = Field("mpiexec", min_length=1, description="MPI launcher, called as `{mpi} -n {tasks} program`.")
     svpre: str = Field("svpre", description="svSolver's preprocessor.")
-    svsolver: str = Field("svsolver", description="svSolver with svZeroD coupling: branch interface_svzerod of menon-karthik/svSolver.")
+    svsolver: str = Field(
+        "svsolver",
+        description="svSolver with svZeroD coupling: branch interface_svzerod of menon-karthik/svSolver.",
+    )
     svpost: str = Field("svpost", description="svSolver's postprocessor.")
     svmultiphysics: str = Field("svmultiphysics", description="svMultiPhysics.")
     zerod_library: str = Field(
