@@ -65,8 +65,8 @@ MISTAKES = {
         "stenoses.LAD.vessel = 'lca2': belongs to the LCx, not the LAD",
     ),
     "stenosis name": (
-        {"stenoses": "[{name: LM, vessel: branch1, start: 1.5, end: 2}]"},
-        "stenoses.0.name = 'LM': input should be 'LAD', 'LCx' or 'RCA'",
+        {"stenoses": "[{name: 2nd, vessel: branch1, start: 1.5, end: 2}]"},
+        "stenoses.0.name = '2nd': string should match pattern",
     ),
     "stenosis half given": (
         {"stenoses": "[{name: LAD, vessel: lca1, start: 1}]"},

@@ -95,8 +95,9 @@ def outlet(name: str = "lca1", **values) -> dict:
 def stenosis(name: str = "LAD", **values) -> dict:
     """A stenosis of `case.json`; `values` replace its defaults."""
     return {
-        "name": name, "vessel": "lca1", "segment": "lca1", "proximal": None, "distal": None, "area_ratio": 0.4,
-        "start": 1.0, "end": 2.0, "ffr": "lca1:BC_lca1", "flow": "J0:lca1", "root": "J0:lca1", "outlet": "BC_lca1",
+        "name": name, "artery": name, "vessel": "lca1", "segment": "lca1", "proximal": None, "distal": None,
+        "area_ratio": 0.4, "start": 1.0, "end": 2.0, "ffr": "lca1:BC_lca1", "flow": "J0:lca1", "root": "J0:lca1",
+        "outlet": "BC_lca1",
     } | values  # fmt: skip
 
 

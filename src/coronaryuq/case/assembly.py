@@ -8,8 +8,17 @@ import numpy as np
 
 from coronaryuq.case.anatomy.read import PlacedOutlets, place_outlets, place_stenoses, read_anatomy
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, area_ratio
-from coronaryuq.case.case_json import AnatomySource, Aorta, CaseOutlet, CaseStenosis, CaseSummary, TargetValue
-from coronaryuq.case.description.fields import Description, read_description
+from coronaryuq.case.case_json import (
+    AnatomySource,
+    Aorta,
+    Artery,
+    Branch,
+    CaseOutlet,
+    CaseStenosis,
+    CaseSummary,
+    TargetValue,
+)
+from coronaryuq.case.description.fields import ARTERIES, Description, StenosisPlace, read_description
 from coronaryuq.case.network.build import Bed, Physics, network_from_tree, segments
 from coronaryuq.case.network.network import Network
 from coronaryuq.case.network.schematic import radius_from_inertance, schematic_tree
@@ -18,7 +27,7 @@ from coronaryuq.case.network.units import to_cgs
 from coronaryuq.case.perfusion.perfusion_map import Wall, check_place, read_wall
 from coronaryuq.case.perfusion.territories import wall_of_territories
 from coronaryuq.case.settings import Settings
-from coronaryuq.case.tables.read import BRANCHES, OutletRow, read_case_targets, read_outlets, read_territory_flows
+from coronaryuq.case.tables.read import OutletRow, read_case_targets, read_outlets, read_territory_flows
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.units import MMHG, PRESSURES
@@ -26,7 +35,9 @@ from coronaryuq.core.units import MMHG, PRESSURES
 AORTIC_PRESSURE_WITHOUT_TARGET = 93.0 * MMHG
 DEFAULT_PERIOD = 1.0
 """s."""
-MAIN_LABELS = {"LAD": ("LAD",), "LCx": ("LCx",), "RCA": ("RCA", "PDA")}
+FED: dict[Artery, tuple[Branch, ...]] = {"LM": ("LAD", "LCx"), "LAD": ("LAD",), "LCx": ("LCx",), "RCA": ("RCA",)}
+"""Branches of the outlets that each artery feeds."""
+MAIN_LABELS: dict[Artery, tuple[str, ...]] = {"LM": ("LAD",), "LAD": ("LAD",), "LCx": ("LCx",), "RCA": ("RCA", "PDA")}
 """Labels of the outlet at each artery's own end; a dominant right coronary artery ends as its PDA."""
 
 
@@ -229,24 +240,19 @@ def _stenoses(
     topology: Topology,
     outlets: list[CaseOutlet],
 ) -> list[CaseStenosis]:
-    built = {} if description.network is not None else {p.stenosis: p.name for p in segments(tree, stenoses)}
+    built = {p.stenosis: p.name for p in segments(tree, stenoses) if p.stenosis}
+    places = {} if description.stenoses == "auto" else {place.name: place for place in description.stenoses}
     by_name = {s.name: s for s in stenoses}
-    blocks = {s.name: s.block for s in description.stenoses if s.block} if description.stenoses != "auto" else {}
     result = []
-    for name in BRANCHES:
-        if name not in by_name and name not in blocks:
-            continue
-        block = built.get(name) or blocks.get(name)
+    for name in places or by_name:
+        stenosis, place = by_name.get(name), places.get(name)
+        block = place.block if place is not None and place.block else None
+        if block is None and description.network is None:
+            block = built[name]
         if block is None or block not in topology.vessels:
             raise InputError(path, f"stenoses.{name}.block", block, "not a vessel of the given network")
-        fed = {outlet.branch for outlet in outlets if outlet.bc in topology.outlets_below(block)}
-        if name not in fed:
-            remedy = (
-                f"feeds {', '.join(sorted(fed)) or 'no coronary outlet'}; choose a vessel upstream of an {name} outlet"
-            )
-            raise InputError(path, f"stenoses.{name}.block", block, remedy)
+        artery = _artery(path, name, place, stenosis, tree, block, topology, outlets)
         parents, children = topology.parents(block), topology.children(block)
-        stenosis = by_name.get(name)
         if stenosis is None:
             ratio = _area_ratio(topology, block, description.density)
         else:
@@ -254,6 +260,7 @@ def _stenoses(
         result.append(
             CaseStenosis(
                 name=name,
+                artery=artery,
                 vessel=stenosis.vessel if stenosis else block,
                 segment=block,
                 proximal=parents[0] if parents else None,
@@ -263,11 +270,29 @@ def _stenoses(
                 end=stenosis.end if stenosis else None,
                 ffr=topology.outlet(block),
                 flow=topology.inlet(block),
-                root=topology.inlet(_branch_root(topology, block, name, outlets)),
-                outlet=_main_outlet(topology, block, name, outlets),
+                root=topology.inlet(_branch_root(topology, block, artery, outlets)),
+                outlet=_main_outlet(topology, block, artery, outlets),
             )
         )
-    return result
+    return sorted(result, key=lambda s: (ARTERIES.index(s.artery), len(topology.path(s.segment)), s.start or 0.0))
+
+
+def _artery(
+    path: Path, name: str, place: StenosisPlace | None, stenosis: Stenosis | None, tree: Tree, block: str,
+    topology: Topology, outlets: list[CaseOutlet],
+) -> Artery:  # fmt: skip
+    """Return the artery of a stenosis: the stated one, its vessel's, or that of the outlets which it feeds."""
+    fed = {outlet.branch for outlet in outlets if outlet.bc in topology.outlets_below(block)}
+    artery = place.stated_artery if place is not None else None
+    if artery is None and stenosis is not None:
+        artery = next((known for known in ARTERIES if known == tree[stenosis.vessel].branch), None)
+    if artery is None:
+        artery = next(iter(fed)) if len(fed) == 1 else "LM" if fed == set(FED["LM"]) else None
+    if artery is None or not fed & set(FED[artery]):
+        remedy = f"feeds {', '.join(sorted(fed)) or 'no coronary outlet'}; "
+        remedy += f"choose a vessel upstream of an {artery} outlet" if artery else "state its artery"
+        raise InputError(path, f"stenoses.{name}.block", block, remedy)
+    return artery
 
 
 def _area_ratio(topology: Topology, block: str, density: float, loss: float = 1.52) -> float | None:
@@ -280,13 +305,13 @@ def _area_ratio(topology: Topology, block: str, density: float, loss: float = 1.
     return float(1 / (1 + np.sqrt(2 * coefficient * area**2 / (loss * density))))
 
 
-def _branch_root(topology: Topology, block: str, branch: str, outlets: list[CaseOutlet]) -> str:
+def _branch_root(topology: Topology, block: str, branch: Artery, outlets: list[CaseOutlet]) -> str:
     """Return the first vessel towards `block` that feeds only outlets of that branch."""
-    of_branch = {outlet.bc for outlet in outlets if outlet.branch == branch}
+    of_branch = {outlet.bc for outlet in outlets if outlet.branch in FED[branch]}
     return next((v for v in topology.path(block) if set(topology.outlets_below(v)) <= of_branch), block)
 
 
-def _main_outlet(topology: Topology, block: str, branch: str, outlets: list[CaseOutlet]) -> str:
+def _main_outlet(topology: Topology, block: str, branch: Artery, outlets: list[CaseOutlet]) -> str:
     """Return the artery's own end behind the stenosis: the one labelled as the artery, else the farthest."""
     fed = [outlet for outlet in outlets if outlet.bc in topology.outlets_below(block)]
     candidates = [outlet for outlet in fed if outlet.perfuses == "LV"] or fed

@@ -9,6 +9,7 @@ from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.typed import checked
 
 Branch = Literal["LAD", "LCx", "RCA"]
+Artery = Literal["LM", "LAD", "LCx", "RCA"]
 Tissue = Literal["LV", "RV", "septum"]
 AnatomyKind = Literal["centrelines", "surface", "simvascular", "mesh"]
 Positive = Annotated[float, Field(gt=0)]
@@ -47,14 +48,15 @@ class CaseOutlet(_Part):
 
 
 class CaseStenosis(_Part):
-    """A stenosis: its tree vessel and extent (cm along it), its 0D vessels, and the 0D locations around it.
+    """A stenosis: its artery, its tree vessel and extent (cm along it), its 0D vessels, and the 0D locations around it.
 
     `start` and `end` are None for a stenosis that is known only as a 0D block. `ffr` is the location distal to it,
     `flow` its inlet, `root` the inlet of the branch's first vessel, and `outlet` the boundary condition whose flow
     predicts its wall shear stress.
     """
 
-    name: Branch
+    name: str
+    artery: Artery
     vessel: str
     segment: str
     proximal: str | None

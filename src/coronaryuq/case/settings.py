@@ -50,3 +50,10 @@ class Settings(BaseModel):
     narrowing: float = Field(
         0.7, gt=0, lt=1, description="Area ratio below which `stenoses: auto` counts a narrowing as a stenosis."
     )
+    serial: float = Field(
+        0.5,
+        gt=0,
+        lt=1,
+        description="Area ratio below which it also counts those that are not the narrowest of their artery, and the "
+        "left main's: 0.5 is 30 % of the diameter.",
+    )

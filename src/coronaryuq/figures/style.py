@@ -41,8 +41,8 @@ RULES: Any = {
 
 
 def colour(branch: str) -> str:
-    """Return the colour of a coronary branch; grey if it is not one of the three main branches."""
-    return BRANCHES.get(branch, MUTED)
+    """Return the colour of a coronary branch, or of one of its stenoses (LAD2); grey for any other name."""
+    return BRANCHES.get(branch.rstrip("0123456789"), MUTED)
 
 
 @contextmanager

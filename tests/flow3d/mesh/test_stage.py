@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from coronaryuq.case.anatomy.tree import write_tree
+from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel, write_tree
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.flow3d.mesh.coupling.cap_connections import connect_caps, vessels_along
@@ -253,3 +253,22 @@ def test_mesh_json_holds_the_returned_description(stenosed):
     out, content, *_ = stenosed
     assert read_description(out / "mesh.json") == content
     assert read_json(out / "mesh.json") == content.content()
+
+
+@pytest.mark.slow
+def test_regions_of_serial_stenoses_do_not_overlap(tmp_path, coarse):
+    """The plane of the first one lies before the second one, however many diameters beyond are asked for."""
+    x = np.linspace(0.0, 3.4, 171)
+    first, second = Stenosis("LAD", "LAD", 0.8, 1.4), Stenosis("LAD2", "LAD", 1.8, 2.4)
+    radii = np.full(len(x), 0.15)
+    for one in (first, second):
+        inside = (x > one.start) & (x < one.end)
+        share = (x[inside] - one.start) / (one.end - one.start)
+        radii[inside] *= 1 - 0.2 * (1 - np.cos(2 * np.pi * share))
+    tree = Tree([Vessel("LAD", np.column_stack([x, 0 * x, 0 * x]), radii, None, "LAD")])
+    stenoses = [first, second]
+    content = mesh_tree(tree, stenoses, network_of(tree, stenoses), coarse, tmp_path)
+    ends = [(r.throat + r.start, r.throat + r.end) for r in (content.regions["LAD"], content.regions["LAD2"])]
+    assert ends[0][1] == pytest.approx(1.6) and ends[0][1] <= ends[1][0] < second.start
+    assert all(region.triangles > 100 for region in content.regions.values())
+    assert 1.4 <= content.planes["LAD"].point[0] <= 1.8 < 2.4 <= content.planes["LAD2"].point[0]

@@ -8,11 +8,11 @@ import numpy as np
 
 from coronaryuq.case.anatomy.centrelines import centreline_tree
 from coronaryuq.case.anatomy.simvascular import read_project
-from coronaryuq.case.anatomy.stenosis_detection import narrowest_stenoses, stenosis_at
+from coronaryuq.case.anatomy.stenosis_detection import detected_stenoses, stenosis_at
 from coronaryuq.case.anatomy.surface import Cap, Surface, read_surface
 from coronaryuq.case.anatomy.synthetic_aorta import NAMES, RADIUS, with_aorta
 from coronaryuq.case.anatomy.tree import AORTA, Stenosis, Tree, branch_of, read_tree
-from coronaryuq.case.description.fields import Anatomy, Description, StenosisPlace
+from coronaryuq.case.description.fields import ARTERIES, Anatomy, Description, StenosisPlace
 from coronaryuq.case.settings import Settings
 from coronaryuq.case.tables.read import OutletRow
 from coronaryuq.core.errors import InputError
@@ -251,7 +251,7 @@ def place_stenoses(
 ) -> tuple[list[Stenosis], tuple[str, ...]]:
     """Return the stenoses of the description, or those detected (`auto`), and notes on the detected ones."""
     if description.stenoses == "auto":
-        detected = narrowest_stenoses(tree, settings.narrowing)
+        detected = detected_stenoses(tree, settings.narrowing, settings.serial)
         if not detected:
             raise InputError(
                 file,
@@ -282,16 +282,21 @@ def _stenosis(file: Path, description: Description, tree: Tree, place: StenosisP
         stenosis = Stenosis(place.name, place.vessel, place.start, min(place.end, vessel.length))
     else:
         point = np.array(place.point) * LENGTHS[description.length_unit]
-        name, arc, distance = tree.nearest(point, [v.name for v in tree if v.branch == place.name])
+        arteries = (place.stated_artery,) if place.stated_artery else ARTERIES
+        name, arc, distance = tree.nearest(point, [v.name for v in tree if v.branch in arteries])
         if distance > max(FARTHEST, 2 * float(tree[name].radius_at(arc))):
             raise InputError(
                 file,
                 f"{field}.point",
                 place.point,
-                f"lies {distance:.2g} cm from the nearest vessel of the {place.name}",
+                f"lies {distance:.2g} cm from the nearest vessel of the {place.stated_artery or 'coronary tree'}",
             )
         stenosis = stenosis_at(tree, place.name, name, arc, place.length)
-    if tree[stenosis.vessel].branch != place.name:
-        belongs = tree[stenosis.vessel].branch
-        raise InputError(file, f"{field}.vessel", stenosis.vessel, f"belongs to the {belongs}, not the {place.name}")
+    belongs, stated = tree[stenosis.vessel].branch, place.stated_artery
+    if stated is not None and belongs != stated:
+        raise InputError(file, f"{field}.vessel", stenosis.vessel, f"belongs to the {belongs}, not the {stated}")
+    if belongs not in ARTERIES:
+        raise InputError(
+            file, f"{field}.vessel", stenosis.vessel, f"belongs to the {belongs}; choose a coronary artery"
+        )
     return stenosis

@@ -46,25 +46,48 @@ def stenosis_at(tree: Tree, name: str, vessel: str, arc: float, length: float | 
     return Stenosis(name, vessel, start, end)
 
 
-def narrowest_stenoses(tree: Tree, below: float) -> list[Stenosis]:
-    """Return the narrowest stenosis of each of LAD, LCx and RCA with an area ratio less than `below`."""
+def detected_stenoses(tree: Tree, below: float, serial: float) -> list[Stenosis]:
+    """Return the narrowest stenosis of each of LAD, LCx and RCA, and all others that are narrower still.
+
+    The narrowest has the artery's name, others have numbers from 2 on, in the order of their area ratios.
+
+    Parameters
+    ----------
+    tree
+        Vessels, cm.
+    below
+        Area ratio below which the narrowest counts.
+    serial
+        Area ratio below which others, and stenoses of the left main, count.
+    """
     stenoses = []
-    for branch in ("LAD", "LCx", "RCA"):
-        best: tuple[float, Stenosis] | None = None
-        for vessel in tree:
-            if vessel.branch != branch or vessel.length - tree.emergence(vessel.name) < 2 * SHORTEST:
-                continue
-            arc, ratio = relative_area(vessel, tree.emergence(vessel.name))
-            ratio = np.where(vessel.radius_at(arc) / np.sqrt(ratio) < SMALLEST, np.inf, ratio)
-            k = int(np.argmin(ratio))
-            if ratio[k] < below and (best is None or ratio[k] < best[0]):
-                start, end = _shoulders(arc, vessel.radius_at(arc), k)
-                stenosis = Stenosis(branch, vessel.name, start, end)
-                if area_ratio(tree, stenosis) < below:
-                    best = (float(ratio[k]), stenosis)
-        if best is not None:
-            stenoses.append(best[1])
+    for branch in ("LM", "LAD", "LCx", "RCA"):
+        found = [part for vessel in tree if vessel.branch == branch for part in _narrowings(tree, vessel, below)]
+        found.sort(key=lambda part: part[0])
+        for number, (ratio, vessel_name, start, end) in enumerate(found):
+            if ratio < serial or (number == 0 and branch != "LM"):
+                stenoses.append(Stenosis(branch + (str(number + 1) if number else ""), vessel_name, start, end))
     return stenoses
+
+
+def _narrowings(tree: Tree, vessel: Vessel, below: float) -> list[tuple[float, str, float, float]]:
+    """Return area ratio, vessel, start and end of the narrowings of a vessel, the narrowest first; none overlap."""
+    first = tree.emergence(vessel.name)
+    found: list[tuple[float, str, float, float]] = []
+    if vessel.length - first < 2 * SHORTEST:
+        return []
+    arc, ratio = relative_area(vessel, first)
+    ratio = np.where(vessel.radius_at(arc) / np.sqrt(ratio) < SMALLEST, np.inf, ratio)
+    while ratio.min() < below:
+        k = int(np.argmin(ratio))
+        start, end = _shoulders(arc, vessel.radius_at(arc), k)
+        apart = all(end <= other_start or start >= other_end for _, _, other_start, other_end in found)
+        exact = area_ratio(tree, Stenosis(vessel.branch, vessel.name, start, end))
+        if apart and exact < below:
+            found.append((float(ratio[k]), vessel.name, start, end))
+        ratio = np.where((arc >= start) & (arc <= end), np.inf, ratio)
+        ratio[k] = np.inf
+    return found
 
 
 def example_stenosis(tree: Tree) -> str:

@@ -75,7 +75,7 @@ class Vessel:
 
 @dataclass(frozen=True)
 class Stenosis:
-    """A stenosis of one vessel between two arc lengths (cm), named by the artery of its FFR: LAD, LCx or RCA."""
+    """A stenosis of one vessel between two arc lengths (cm); its name begins the names of its quantities."""
 
     name: str
     vessel: str

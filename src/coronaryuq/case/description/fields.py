@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from coronaryuq.case.case_json import AnatomyKind, Branch, Point
+from coronaryuq.case.case_json import AnatomyKind, Artery, Point
 from coronaryuq.case.description.yaml_file import read_yaml
 from coronaryuq.core.errors import InputError, nearest
 from coronaryuq.core.units import BLOOD_DENSITY, BLOOD_VISCOSITY, FLOWS, LENGTHS, TISSUE_DENSITY, perfusions
@@ -25,6 +25,7 @@ else:
 
 
 KINDS: tuple[AnatomyKind, ...] = get_args(AnatomyKind)
+ARTERIES: tuple[Artery, ...] = get_args(Artery)
 
 
 class _Model(BaseModel):
@@ -138,7 +139,12 @@ class TerritoryFlows(_Model):
 class StenosisPlace(_Model):
     """A stenosis, located by its extent along a vessel, by a nearby point, or by a block of the given network."""
 
-    name: Branch = Field(description="Artery whose FFR, TAWSS and OSI are predicted.")
+    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9]{0,15}$")] = Field(
+        description="Name in tables and on the page: the artery (LM, LAD, LCx, RCA), or any other, such as LAD2."
+    )
+    artery: Artery | None = Field(
+        None, description="Artery of the stenosis; default: its name, or else the artery that its vessel belongs to."
+    )
     vessel: str | None = Field(None, description="Vessel of the tree; needs `start` and `end`.")
     start: float | None = Field(None, ge=0, description="Start of the stenosis, cm along the vessel.")
     end: float | None = Field(None, gt=0, description="End of the stenosis, cm along the vessel.")
@@ -147,6 +153,16 @@ class StenosisPlace(_Model):
         None, gt=0, le=10, description="Length of the stenosis at `point`, cm; default: measured on the vessel."
     )
     block: str | None = Field(None, description="0D vessel of a given network that carries the stenosis coefficient.")
+
+    @field_validator("name")
+    @classmethod
+    def _spelt_as_usual(cls, name: str) -> str:
+        return next((artery for artery in ARTERIES if artery.lower() == name.lower()), name)
+
+    @property
+    def stated_artery(self) -> Artery | None:
+        """The artery that the description gives, by itself or as the name."""
+        return self.artery or next((artery for artery in ARTERIES if artery == self.name), None)
 
     @model_validator(mode="after")
     def _one_way(self):
@@ -206,7 +222,8 @@ class Description(_Model):
         default_factory=list, description="Outlets of the aorta; default: all aortic ends, named BC_RCR1, BC_RCR2, ..."
     )
     stenoses: Literal["auto"] | list[StenosisPlace] = Field(
-        description="At most one each for LAD, LCx and RCA; or `auto`: the narrowest of each artery."
+        description="Stenoses, any number in an artery; or `auto`: the narrowest of each artery, and others that are "
+        "as narrow as the setting `case.serial`."
     )
     targets: str | None = Field(
         None, description="Clinical targets: CSV of name, description and value (or none), or the same in YAML."
@@ -245,15 +262,15 @@ class Description(_Model):
         if (self.perfusion is None) == (self.territory_flows is None):
             raise ValueError("give perfusion (a map) or territory_flows (a table), exactly one")
         if isinstance(self.stenoses, list):
-            names = [s.name for s in self.stenoses]
-            for name in names:
-                if names.count(name) > 1:
-                    raise ValueError(f"stenoses has {name} twice; give one stenosis per artery")
+            names = [s.name.lower() for s in self.stenoses]
+            for s in self.stenoses:
+                if names.count(s.name.lower()) > 1:
+                    raise ValueError(f"stenoses has {s.name} twice; give each its own name, such as {s.name}2")
             blocks = [s.block for s in self.stenoses if s.block is not None]
             for block in blocks:
                 if blocks.count(block) > 1:
-                    arteries = " and ".join(s.name for s in self.stenoses if s.block == block)
-                    raise ValueError(f"stenoses of {arteries} share the 0D vessel {block}; give each its own block")
+                    shared = " and ".join(s.name for s in self.stenoses if s.block == block)
+                    raise ValueError(f"stenoses of {shared} share the 0D vessel {block}; give each its own block")
             if self.anatomy is None and any(s.block is None for s in self.stenoses):
                 raise ValueError("without an anatomy, give every stenosis by its block of the network")
             if self.network is None and any(s.block is not None for s in self.stenoses):

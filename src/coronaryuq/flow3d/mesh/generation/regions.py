@@ -58,6 +58,25 @@ def course(tree: Tree, stenosis: Stenosis, built: Built) -> Course:
     raise ValueError(f"stenosis {stenosis.name}: vessel {stenosis.vessel} is not in the mesh")
 
 
+def neighbours(tree: Tree, stenosis: Stenosis, stenoses: Sequence[Stenosis], built: Built) -> tuple[float, float]:
+    """Return where the stenosis before this one ends on its path, and where the next one starts, cm from its throat.
+
+    Infinite where there is none.
+    """
+    line, before, after = course(tree, stenosis, built), -np.inf, np.inf
+    for other in stenoses:
+        beside = course(tree, other, built)
+        if other is stenosis or (beside.piece, beside.path) != (line.piece, line.path):
+            continue
+        at = float(line.offset[0] - beside.offset[0])
+        place, _ = throat(tree, other)
+        if at < 0:
+            before = max(before, at + other.end - place)
+        else:
+            after = min(after, at + other.start - place)
+    return before, after
+
+
 def _between_caps(path: Path, built: Built) -> slice:
     """Return the points except the one beyond the outlet and, if the path starts at an inlet, the one before it."""
     head = str(path.vessel[0])
@@ -69,8 +88,8 @@ def mark(
 ) -> tuple[Mesh, dict[str, Region]]:
     """Return the mesh with `region` set, and the region of every stenosis.
 
-    upstream, downstream: extent beyond the stenosis in local diameters. A region stays half a diameter away from caps
-    and leaves out the walls of side branches.
+    upstream, downstream: extent beyond the stenosis in local diameters. A region stays half a diameter away from caps,
+    leaves out the walls of side branches, and ends half-way to another stenosis of the same artery.
     """
     mesh = built.mesh
     region = np.zeros(len(mesh.triangles), np.int64)
@@ -95,6 +114,9 @@ def mark(
         high = stenosis.end - place + 2.0 * downstream * float(vessel.radius_at(stenosis.end))
         low = max(low, float(line.offset[0] + line.along.radii[0]))
         high = min(high, float(line.offset[-1] - line.along.radii[-1]))
+        before, after = neighbours(tree, stenosis, stenoses, built)
+        low = max(low, (before + stenosis.start - place) / 2.0)
+        high = min(high, (after + stenosis.end - place) / 2.0)
         full = built.implicit[line.piece].paths[line.path]
         shift = len(full.points) - len(line.along.points) - 1
         path, segment, along = owners[line.piece]
@@ -116,16 +138,19 @@ def mark(
     return replace(mesh, region=region), marked
 
 
-def plane(tree: Tree, stenosis: Stenosis, built: Built, diameters: float) -> Plane:
+def plane(tree: Tree, stenosis: Stenosis, stenoses: Sequence[Stenosis], built: Built, diameters: float) -> Plane:
     """Return the plane of distal pressure, `diameters` local diameters beyond the stenosis.
 
-    At most one radius before the end of the mesh, and moved along the artery where it would cut a bifurcation.
+    At most one radius before the end of the mesh, before the next stenosis of the artery, and moved along the artery
+    where it would cut a bifurcation.
     """
     line = course(tree, stenosis, built)
     place, _ = throat(tree, stenosis)
     radius = float(tree[stenosis.vessel].radius_at(stenosis.end))
     end = stenosis.end - place
     last = float(line.offset[-1] - line.along.radii[-1])
+    _, after = neighbours(tree, stenosis, stenoses, built)
+    last = min(last, max(after, end))
     wanted = min(end + 2.0 * diameters * radius, last)
     places = np.linspace(min(end + radius, last), last, 200)
     clear = places[[not line.at_bifurcation(offset) for offset in places]]
