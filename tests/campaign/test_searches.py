@@ -60,3 +60,12 @@ def test_conditions_to_hold_out_must_be_recorded(tmp_path):
     (tmp_path / "X_baseline.csv").touch()
     with pytest.raises(InputError, match="not recorded; recorded are baseline"):
         searches(recordings=str(tmp_path), animals=["X"], held_out=["severe"]).check()
+
+
+@pytest.mark.parametrize("distance", ["12", ""])
+def test_a_pullback_is_drawn_where_the_table_has_one(tmp_path, distance):
+    (tmp_path / "m.csv").write_text(f"condition,quantity,location,value,distance\nrest,pressure,lad,90,{distance}\n")
+    found = searches(measurements=str(tmp_path / "m.csv"), conditions=str(tmp_path / "c.yaml"))
+    assert (("case", "pullback") in found.tables) == bool(distance)
+    assert any(path.endswith("case/figures/pullback.png") for path in found.figures) == bool(distance)
+    assert ("hidden", "pullback") not in searches().tables

@@ -8,7 +8,7 @@ import pytest
 
 from coronaryuq.cli.main import main
 from coronaryuq.core.errors import InputError
-from support.case_files import add_measurements, small_tree, write_case
+from support.case_files import add_measurements, clinical_table, small_tree, write_case
 
 CONFIG = Path(__file__).parents[2] / "config"
 
@@ -90,3 +90,30 @@ def test_measurements_of_a_case_are_read_with_its_network(configuration, capsys)
     table.unlink()
     assert main(["check", "given/case.yaml"]) == InputError.EXIT_CODE
     assert "measurements.file = 'measured.csv': no such file" in capsys.readouterr().err
+
+
+def test_all_that_a_clinic_measures_at_rest_and_stress_can_be_given_in_a_case(configuration, capsys):
+    """Cuff, phase-contrast and Doppler flows, perfusion, and a pullback under hyperaemia."""
+    add_measurements(Path("given/case.yaml"))
+    Path("given/measured.csv").write_text(clinical_table())
+    assert main(["check", "given/case.yaml"]) == 0
+    printed = capsys.readouterr().out
+    assert "measurements: 16 series under rest, stress (held out)" in printed
+    assert "pullback: 4 readings along branch1_seg0 > lca1_seg0 > lca1_seg1 > lca1 (6 cm) under stress" in printed
+
+
+@pytest.mark.parametrize(
+    ("spoil", "line"),
+    [
+        (("60,mm", "60,cm"), "distance (mm) = 600.0: expected 0 to 60 mm, the length of branch1_seg0>lca1_seg0>"),
+        (("60,mm", "60,"), "distance_unit: expected the unit of distance: mm or cm"),
+        (("branch1_seg0>lca1", "LAD"), "location = 'LAD': no such vessel in the network"),
+        (("mL/min/g", "mmHg"), "not a unit of perfusion"),
+    ],
+)
+def test_a_fault_in_a_pullback_of_a_case_is_one_line(configuration, capsys, spoil, line):
+    add_measurements(Path("given/case.yaml"))
+    Path("given/measured.csv").write_text(clinical_table().replace(*spoil))
+    assert main(["check", "given/case.yaml"]) == InputError.EXIT_CODE
+    printed = capsys.readouterr().err
+    assert line in printed and printed.count("\n") == 1

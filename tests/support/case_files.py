@@ -84,6 +84,29 @@ def add_measurements(case_yaml: Path) -> None:
         file.write("measurements: {file: measured.csv, conditions: conditions.yaml}\n")
 
 
+CLINICAL = {
+    "cuff": (
+        "pressure,J_heart_outlet:aorta,max,,{cuff_max},5,mmHg",
+        "pressure,J_heart_outlet:aorta,min,,{cuff_min},5,mmHg",
+    ),
+    "phase-contrast": ("flow,J_heart_outlet:aorta,mean,,{output},0.3,L/min", "flow,J0:rca1,mean,,{rca},4,mL/min"),
+    "Doppler": ("flow,lca1:BC_lca1,mean,,{lca},4,mL/min",),
+    "perfusion": ("perfusion,BC_lca1,mean,,{mbf},0.1,mL/min/g", "perfusion,BC_lca2,mean,,{mbf},0.1,mL/min/g"),
+}
+"""What a clinic measures at rest and under stress in a case of `small_tree`: rows of a table without the condition."""
+PULLED = "branch1_seg0>lca1"
+"""Path of a pullback in a case of `small_tree`, 6 cm long."""
+
+
+def clinical_table(conditions: Iterable[str] = ("rest", "stress"), **values: float) -> str:
+    """Return a table of all that `CLINICAL` lists in each condition, and of a pullback under stress."""
+    defaults = {"cuff_max": 120, "cuff_min": 75, "output": 4.7, "rca": 40, "lca": 60, "mbf": 0.9} | values
+    lines = ["condition,quantity,location,statistic,time,value,sd,unit,distance,distance_unit"]
+    lines += [f"{name},{row.format(**defaults)},," for name in conditions for rows in CLINICAL.values() for row in rows]
+    lines += [f"stress,ratio,{PULLED},mean,,{0.95 - x / 500},0.02,1,{x},mm" for x in (60, 40, 20, 0)]
+    return "\n".join([*lines, f"stress,drift,{PULLED},mean,,1.0,0.5,mmHg,,"]) + "\n"
+
+
 def outlet(name: str = "lca1", **values) -> dict:
     """An outlet of `case.json`; `values` replace its defaults."""
     return {

@@ -51,6 +51,7 @@ rule discrepancy_search:
         sizes=paths.discrepancy("{case}", "found", "sizes.csv"),
         tree=paths.discrepancy("{case}", "found", "tree.csv"),
         gap=paths.discrepancy("{case}", "found", "gap.csv"),
+        pullback=paths.discrepancy("{case}", "found", "pullback.csv"),
         cost=cost_of("discrepancy_search_{case}.json"),
     log:
         log_of("discrepancy_search", "{case}.log"),

@@ -9,6 +9,7 @@ from typing import Any
 from coronaryuq.campaign.paths import Paths
 from coronaryuq.core.errors import InputError
 from coronaryuq.discrepancy.data.conditions import drive_paths
+from coronaryuq.discrepancy.data.pullbacks import has_pullback
 from coronaryuq.discrepancy.settings import GIVEN, Settings
 
 CASE = {"model": "model.json", "measurements": "measurements.csv", "conditions": "conditions.yaml"}
@@ -103,7 +104,9 @@ class Searches:
     def tables(self) -> dict[tuple[str, str], str]:
         """Case and figure → the table from which the figure is drawn."""
         tables = {
-            (case, name): self.paths.discrepancy(case, "found", f"{name}.csv") for case in self.cases for name in TABLES
+            (case, name): self.paths.discrepancy(case, "found", f"{name}.csv")
+            for case, files in self.cases.items()
+            for name in (*TABLES, *(["pullback"] if has_pullback(files["measurements"]) else []))
         }
         if "hidden" in self.cases:
             tables["hidden", "gap"] = self.paths.discrepancy("hidden", "known", "gap.csv")

@@ -24,6 +24,7 @@ from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.data.measurements import measured_conditions
 from coronaryuq.discrepancy.inference.read_problem import read_series
 from coronaryuq.posterior.settings import Settings as PosteriorSettings
+from coronaryuq.zerod.effects.pullback import CHECK
 
 NEITHER = (
     "neither a case nor a configuration: expected a mapping of fields; see docs/reference/case.md and config/README.md"
@@ -111,6 +112,12 @@ def _check_case(found: Checked, path: str | Path, settings: Settings) -> None:
         series = read_series(found.case.network, table, conditions, file)
         states = [f"{name} (held out)" if conditions[name].held_out else name for name in measured_conditions(series)]
         found.lines.append(f"measurements: {len(series)} series under {', '.join(states)}")
+        found.lines += [
+            f"pullback: {one.value.size} readings along {' > '.join(one.pullback.path)} ({one.pullback.length:.3g} cm) "
+            f"under {one.condition}"
+            for one in series
+            if one.pullback is not None and one.quantity != CHECK
+        ]
 
 
 def _length(posterior: PosteriorSettings) -> str:

@@ -9,21 +9,15 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.patheffects import withStroke
 
-from coronaryuq.core import units
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.result.units_shown import shown_in
 from coronaryuq.discrepancy.table_model.tables import artery
 from coronaryuq.figures.style import MUTED, saved
 
 MEASURED, BEFORE, AFTER, FLEXIBLE = "#000000", "#0072B2", "#D55E00", "#009E73"
 TOGETHER = "#CC79A7"
 MOST_PANELS = 6
-SHOWN_IN = {
-    "pressure": (units.MMHG, "mmHg"),
-    "flow": (units.ML_PER_MIN, "mL/min"),
-    "perfusion": (units.MBF_PER_MIN_PER_G, "mL/min/g"),
-    "volume": (1.0, "mL"),
-}
 
 
 def tree(table: str | Path, output: str | Path) -> None:
@@ -110,11 +104,11 @@ def residuals(table: str | Path, output: str | Path) -> None:
         for axis, ((quantity, location, condition), part) in zip(axes.flat, groups, strict=False):
             part = part.assign(phase=part.phase % 1.0).sort_values("phase")
             phase = part.phase.to_numpy()
-            scale, unit = SHOWN_IN.get(quantity, (1.0, ""))
+            scale, unit = shown_in(quantity)
             measured, sd = part.measured / scale, part.sd / scale
             axis.errorbar(phase, measured, sd, fmt=".", ms=3, lw=0.6, color=MEASURED, label="measured ± sd")
             axis.plot(phase, part.recalibrated / scale, color=BEFORE, lw=1.2, label="recalibrated")
-            axis.plot(phase, part.repaired / scale, color=AFTER, lw=1.2, label=_after(frame))
+            axis.plot(phase, part.repaired / scale, color=AFTER, lw=1.2, label=after_label(frame))
             held = "" if bool(part.fitted.all()) else ", held out"
             axis.set_title(f"{quantity} at {location}\n{condition}{held}", fontsize=7)
             axis.set_xlabel("phase of the cycle")
@@ -124,7 +118,7 @@ def residuals(table: str | Path, output: str | Path) -> None:
         axes.flat[0].legend(fontsize=6)
 
 
-def _after(frame: pd.DataFrame) -> str:
+def after_label(frame: pd.DataFrame) -> str:
     """Return the label of the repaired model."""
     return "with the named effects" if bool(frame.named.all()) else "with the most probable effect"
 
@@ -135,13 +129,13 @@ def _against_measured(frame: pd.DataFrame, output: str | Path) -> None:
     drawn = {}
     with saved(output, ncols=len(names), figsize=(3.4 * len(names), 3.9), squeeze=False) as (canvas, axes):
         for axis, quantity in zip(axes.flat, names, strict=True):
-            part, (scale, unit) = frame[frame.quantity == quantity], SHOWN_IN.get(quantity, (1.0, ""))
+            part, (scale, unit) = frame[frame.quantity == quantity], shown_in(quantity)
             values = part[["measured", "recalibrated", "repaired"]].to_numpy() / scale
             ends = [values.min(), values.max()]
             axis.plot(ends, ends, color=MUTED, lw=1, zorder=1)
             for key, colour, size, label in (
                 ("recalibrated", BEFORE, 6, "recalibrated"),
-                ("repaired", AFTER, 4, _after(frame)),
+                ("repaired", AFTER, 4, after_label(frame)),
             ):
                 for fitted, marker, which in ((True, "o", "fitted"), (False, "s", "held out")):
                     points = part[part.fitted.astype(bool) == fitted]

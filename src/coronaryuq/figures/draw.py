@@ -25,6 +25,7 @@ FIGURES: dict[str, str] = {
     "discrepancy_ranking": "coronaryuq.figures.discrepancy:ranking",
     "discrepancy_sizes": "coronaryuq.figures.discrepancy:sizes",
     "discrepancy_gap": "coronaryuq.figures.discrepancy:gap",
+    "discrepancy_pullback": "coronaryuq.figures.pullback:pullback",
     "discrepancy_pairs": "coronaryuq.figures.discrepancy:pairs",
     "discrepancy_pairs_gap": "coronaryuq.figures.discrepancy:pairs_gap",
     "discrepancy_pairs_effects": "coronaryuq.figures.discrepancy:pairs_effects",

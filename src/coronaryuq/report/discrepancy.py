@@ -7,9 +7,10 @@ from pathlib import Path
 import yaml
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from coronaryuq.core import provenance, units
+from coronaryuq.core import provenance
 from coronaryuq.core.io.atomic import read_json, write_text
 from coronaryuq.discrepancy.result.summary_text import paragraph
+from coronaryuq.discrepancy.result.units_shown import shown_in
 from coronaryuq.discrepancy.table_model.tables import artery
 
 CAPTIONS = {
@@ -19,6 +20,8 @@ CAPTIONS = {
     "probable) effects: the waveforms with the largest misfit or, without waveforms, predicted against measured.",
     "ranking": "Candidates of each round of the search and their probabilities, given the library.",
     "sizes": "Posterior and prior of the sizes of the named (or most probable) effects.",
+    "pullback": "Pullback of a pressure wire: readings with noise and usual drift, the recalibrated model, and the "
+    "model with the named (or most probable) effects, as the wire would read it. Shaded: where these act.",
     "gap": "Misfit on held-out measurements, with 90 % intervals: residuals divided by the standard deviation expected "
     "from noise and from the uncertainty of the fit.",
     "pairs": "Pressure drop against flow, and FFR of held-out samples, by branch.",
@@ -218,13 +221,8 @@ def _gaps(answer: dict, true_gap: dict | None) -> dict:
 
 
 def _rmse(quantity: str, value: float) -> str:
-    scale, unit = {
-        "pressure": (1 / units.MMHG, "mmHg"),
-        "flow": (1 / units.ML_PER_MIN, "mL/min"),
-        "perfusion": (1 / units.MBF_PER_MIN_PER_G, "mL/min/g"),
-        "volume": (1.0, "mL"),
-    }.get(quantity, (1.0, ""))
-    return f"{quantity} {value * scale:.3g} {unit}".strip()
+    scale, unit = shown_in(quantity)
+    return f"{quantity} {value / scale:.3g} {unit}".strip()
 
 
 def _pair_gaps(answer: dict) -> dict:

@@ -14,6 +14,7 @@ from coronaryuq.core.provenance import closure
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.forward import predict
+from coronaryuq.discrepancy.forward.hypothesis import shared_grafts
 from coronaryuq.discrepancy.forward.interpolation import interpolated
 from coronaryuq.discrepancy.inference.read_problem import read_problem
 from coronaryuq.discrepancy.settings import Settings
@@ -51,7 +52,7 @@ def test_only_a_few_collaterals_share_a_network(problem, monkeypatch):
     monkeypatch.setattr(predict, "MANY", 2)
     collateral = effect("collateral")
     ends = [placed(collateral, place) for place in collateral.places(problem.forward.anatomy)]
-    shares = predict.shared_grafts([*LEAKS, *ends])
+    shares = shared_grafts([*LEAKS, *ends])
     assert set(shares) == {*LEAKS, *ends} and all(one in share for one, share in shares.items())
     assert all(set(LEAKS) <= set(shares[one]) for one in LEAKS)
     sizes = {len([one for one in share if one[0] is collateral]) for share in shares.values()}

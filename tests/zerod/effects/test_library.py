@@ -12,6 +12,7 @@ from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState, Series
 from coronaryuq.zerod.effects.library import SEARCHED, effect
 from coronaryuq.zerod.solver.engine import Engine
+from support.pullbacks import pulled_through
 from support.zerod_networks import closed_loop
 
 pytestmark = pytest.mark.slow
@@ -19,6 +20,7 @@ pytestmark = pytest.mark.slow
 HEART = ("aortic_stenosis", "aortic_regurgitation", "mitral_stenosis", "pulmonary_stenosis", "right_heart_weakness")
 NETWORK_SIDE = [one for one in SEARCHED if one.side == "network" and one.name not in HEART]
 PROBES = [Series("rest", "flow", f"{vessel}:BC_{vessel}", "mean", None, 1.0) for vessel in ("lad", "lcx")]
+PROBES += [pulled_through("lad")]
 
 
 def anatomy_of(network):

@@ -11,6 +11,8 @@ from coronaryuq.core.units import BLOOD_DENSITY, BLOOD_VISCOSITY, MMHG
 
 STENOSIS_LOSS = 1.52
 """K_t of Young and Tsai (1973), used by Pfaller et al. (2022), Eq. 7."""
+RADIUS_STEP = 0.1
+"""Largest distance (cm) of the radii of a 0D vessel that its entry in the network lists."""
 MURRAY_EXPONENT = 2.6
 """Exponent of outlet flow as a power of outlet radius (paper, section 2.3; Zhou et al. 1999)."""
 CORONARY_SHARES = {"Ra": 0.32, "Ram": 0.52, "Rv": 0.16}
@@ -227,6 +229,7 @@ def network_from_tree(
             "vessel_length": part.end - part.start,
             "zero_d_element_type": "BloodVessel",
             "zero_d_element_values": values,
+            "radii": _even_radii(tree[part.vessel].between(part.start, part.end)),
         }
         if part.vessel in at_end and _is_last(parts, part):
             block["boundary_conditions"] = {"outlet": at_end[part.vessel]}
@@ -261,6 +264,16 @@ def network_from_tree(
         },
     }
     return Network(network)
+
+
+def _even_radii(vessel: Vessel) -> list[float]:
+    """Return radii (cm) at even distances of at most `RADIUS_STEP`, for the course of the pressure within a 0D vessel.
+
+    svZeroDSolver ignores them.
+    """
+    count = max(2, int(np.ceil(vessel.length / RADIUS_STEP)) + 1)
+    radii = np.interp(np.linspace(0.0, vessel.length, count), vessel.arc - vessel.arc[0], vessel.radii)
+    return [float(f"{radius:.5g}") for radius in radii]
 
 
 def _is_last(parts: Sequence[Segment], part: Segment) -> bool:

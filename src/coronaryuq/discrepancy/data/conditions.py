@@ -27,6 +27,20 @@ LARGEST_SCALE = 20.0
 
 
 @dataclass(frozen=True)
+class PullbackErrors:
+    """Errors of the pullbacks of a condition.
+
+    drift_sd: standard deviation of the usual drift at the end, mmHg; 2 mmHg is a small drift (Cook et al. 2016), here
+    two standard deviations. noise_length: correlation length of the noise along the path, mm. begins: fraction of the
+    time from equalisation to the end that has passed when the pullback begins, for readings without a time.
+    """
+
+    drift_sd: float = 1.0
+    noise_length: float = 5.0
+    begins: float = 0.5
+
+
+@dataclass(frozen=True)
 class Condition:
     """One condition of the YAML file; see docs/how-to/discrepancy.md for the keys."""
 
@@ -39,6 +53,7 @@ class Condition:
     held_out: bool = False
     free: tuple[str, ...] = ()
     stenosis: dict[str, str] = field(default_factory=dict)
+    pullback: PullbackErrors = PullbackErrors()
 
     @property
     def anchored(self) -> bool:
@@ -93,7 +108,10 @@ def drive_paths(path: str | Path) -> list[Path]:
 def _condition(path: str | Path, name: str, keys: Any) -> Condition:
     if not isinstance(keys, dict):
         raise InputError(path, name, keys, "expected a mapping, or nothing for the unmodified network")
-    known = ("coronary_resistance_scale", "period_scale", "scale", "set", "drive", "held_out", "free", "stenosis")
+    known = (
+        *("coronary_resistance_scale", "period_scale", "scale", "set", "drive"),
+        *("held_out", "free", "stenosis", "pullback"),
+    )
     for key in keys:
         if key not in known:
             raise InputError(
@@ -119,7 +137,21 @@ def _condition(path: str | Path, name: str, keys: Any) -> Condition:
         held_out=held_out,
         free=_free(path, name, keys.get("free") or ()),
         stenosis=stenosis,
+        pullback=_pullback(path, name, keys.get("pullback") or {}),
     )
+
+
+def _pullback(path: str | Path, name: str, keys: Any) -> PullbackErrors:
+    defaults = vars(PullbackErrors())
+    for key in keys if isinstance(keys, dict) else ("",):
+        if key not in defaults:
+            raise InputError(path, f"{name}.pullback", keys, f"expected a mapping; known: {', '.join(defaults)}")
+    found = {key: _number(path, f"{name}.pullback.{key}", value) for key, value in keys.items()}
+    for key, value in found.items():
+        if not 0.0 < value <= (1.0 if key == "begins" else np.inf):
+            remedy = "expected a positive number" + (" up to 1" if key == "begins" else "")
+            raise InputError(path, f"{name}.pullback.{key}", value, remedy)
+    return PullbackErrors(**found)
 
 
 def _scale(path: str | Path, where: str, keys: dict) -> float:
@@ -191,6 +223,8 @@ def as_entry(condition: Condition) -> dict:
         entry["free"] = list(condition.free)
     if condition.stenosis:
         entry["stenosis"] = dict(condition.stenosis)
+    if condition.pullback != PullbackErrors():
+        entry["pullback"] = dict(vars(condition.pullback))
     return entry
 
 

@@ -1,21 +1,37 @@
 """The measurement table: read, checked against the model and converted to series in CGS units."""
 
 import difflib
-from collections.abc import Collection, Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
 import pandas as pd
 
+from coronaryuq.case.network.topology import Topology
 from coronaryuq.core import units
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import line_number, read_csv
+from coronaryuq.discrepancy.data.conditions import Condition
+from coronaryuq.discrepancy.data.pullbacks import (
+    ALONG,
+    DRIFT,
+    LENGTHS,
+    READ,
+    Fail,
+    as_check,
+    check_alone,
+    path_of,
+    read_pullback,
+)
 from coronaryuq.zerod.effects.base import Series
+from coronaryuq.zerod.effects.pullback import CHECK, OF_WIRE
 
 COLUMNS = ("condition", "quantity", "location", "statistic", "time", "value", "sd", "unit")
 WORDS = ("condition", "quantity", "location", "statistic", "unit")
+PULLBACK_COLUMNS = ("distance", "distance_unit")
+"""Further columns, of pullbacks."""
 STATISTICS = ("mean", "min", "max", "waveform")
 UNITS = {
     "flow": units.FLOWS,
@@ -23,6 +39,7 @@ UNITS = {
     "volume": units.VOLUMES,
     "perfusion": units.perfusions(),
     "ratio": units.RATIOS,
+    DRIFT: units.PRESSURES,
 }
 AORTIC = (20.0, 250.0)
 """Plausible mean aortic pressure, mmHg."""
@@ -43,22 +60,38 @@ class Measured(Series):
     value: np.ndarray
     sd: np.ndarray
 
+    @property
+    def anchors(self) -> bool:
+        """Whether it sets the coronary resistance of a condition in which that is free: a mean at one location."""
+        return self.statistic == "mean" and self.pullback is None
+
+    @property
+    def table_quantity(self) -> str:
+        """Quantity in the measurement table."""
+        return DRIFT if self.quantity == CHECK else self.quantity.removeprefix(OF_WIRE)
+
 
 def read_measurements(
-    path: str | Path, conditions: Collection[str], locations: dict[str, list[str]], periods: dict[str, float]
+    path: str | Path,
+    conditions: Mapping[str, Condition],
+    locations: dict[str, list[str]],
+    periods: dict[str, float],
+    topology: Topology,
 ) -> list[Measured]:
     """Read and check the measurement table.
 
     Parameters
     ----------
     path
-        CSV file with `COLUMNS`.
+        CSV file with `COLUMNS` and, for pullbacks, `PULLBACK_COLUMNS`.
     conditions
-        Known condition names, in the order of the conditions file.
+        Known conditions by name, in the order of the conditions file.
     locations
         Quantity → locations of the model.
     periods
         Condition → period, s.
+    topology
+        Vessels of the network, for pullbacks.
 
     Returns
     -------
@@ -69,49 +102,71 @@ def read_measurements(
     ------
     InputError
         For an unknown condition, quantity, location, statistic or unit, a missing or non-positive standard deviation,
-        and a waveform that does not cover a cycle.
+        a waveform that does not cover a cycle, and for pullbacks as `read_pullback` says.
     """
     frame = read_table(path)
     for number, row in zip(frame.index, frame.itertuples(index=False), strict=True):
-        _check_row(path, number, row, conditions, locations)
-    measured = []
+        _check_row(path, number, row, conditions, locations, topology)
+    measured: list[Measured] = []
+    pullbacks: list[tuple[str, tuple[str, ...], int]] = []
+    checks = frame[frame["quantity"] == DRIFT]
     for key, rows in frame.groupby(["condition", "quantity", "location", "statistic"], sort=False, dropna=False):
         condition, quantity, location, statistic = map(str, key)
         factor = rows["unit"].astype(str).map(UNITS[quantity]).to_numpy(float)
         value, sd = rows["value"].to_numpy(float) * factor, rows["sd"].to_numpy(float) * factor
-        time = None
-        if statistic == "waveform":
+        time, pullback = None, None
+        if quantity in READ and rows["distance"].notna().all():
+            own = checks[(checks["condition"] == condition) & (checks["location"] == location)]
+            checked_at = next(iter(own["time"].dropna()), None)
+            order, pullback = read_pullback(path, rows, topology, conditions[condition], checked_at)
+            value, sd, quantity = value[order], sd[order], OF_WIRE + quantity
+            pullbacks.append((condition, pullback.path, rows.index[0]))
+        elif statistic == "waveform":
             order = np.argsort(rows["time"].to_numpy(float), kind="stable")
             time, value, sd = rows["time"].to_numpy(float)[order], value[order], sd[order]
             _check_waveform(path, key, time, periods[condition])
         elif len(rows) > 1:
             raise InputError(path, "/".join(key), len(rows), "duplicate measurement; keep one row")
-        measured.append(Measured(condition, quantity, location, statistic, time, periods[condition], value, sd))
+        period = periods[condition]
+        series = Measured(condition, quantity, location, statistic, time, period, value, sd, pullback=pullback)
+        measured.append(series)
+    check_alone(path, pullbacks)
+    measured = [_with_pullback(path, series, measured) if series.quantity == DRIFT else series for series in measured]
     order_of = {name: number for number, name in enumerate(conditions)}
     return sorted(measured, key=lambda one: order_of[one.condition])
 
 
+def _with_pullback(path: str | Path, check: Measured, measured: list[Measured]) -> Measured:
+    """Return a drift check with the pullback that it belongs to."""
+    for series in measured:
+        if series.pullback is not None and (series.condition, series.location) == (check.condition, check.location):
+            return replace(check, quantity=CHECK, pullback=as_check(series.pullback))
+    remedy = "no pullback of this location in this condition to which the drift check could belong"
+    raise InputError(path, f"{check.condition}/{DRIFT}: location", check.location, remedy)
+
+
 def read_table(path: str | Path) -> pd.DataFrame:
     """Read the table with trimmed words, numeric columns where possible, and units in their standard spelling."""
-    frame = read_csv(path, words=WORDS)
+    frame = read_csv(path, words=(*WORDS, "distance_unit"))
     names = [str(name).strip() for name in frame.columns]
     frame.columns = [name if name.lower() in names else name.lower() for name in names]
-    duplicates = [name for name in COLUMNS if list(frame.columns).count(name) > 1]
+    duplicates = [name for name in (*COLUMNS, *PULLBACK_COLUMNS) if list(frame.columns).count(name) > 1]
     if duplicates:
         raise InputError(path, duplicates[0], None, "duplicate column; keep one")
-    if "time" not in frame.columns:
-        frame["time"] = np.nan
+    for column in ("time", *PULLBACK_COLUMNS):
+        if column not in frame.columns:
+            frame[column] = np.nan
     for column in COLUMNS:
         if column not in frame.columns:
             raise InputError(path, column, None, f"column missing; the file has {', '.join(frame.columns)}")
-    frame = frame[list(COLUMNS)].dropna(how="all")
+    frame = frame[[*COLUMNS, *PULLBACK_COLUMNS]].dropna(how="all")
     if frame.empty:
         raise InputError(path, None, None, "contains no measurements")
-    for column in WORDS:
+    for column in (*WORDS, "distance_unit"):
         frame[column] = ["" if pd.isna(cell) else str(cell).strip() for cell in frame[column]]
     for column in ("quantity", "statistic"):
         frame[column] = frame[column].str.lower()
-    for column in ("time", "value", "sd"):
+    for column in ("time", "value", "sd", "distance"):
         numbers = pd.to_numeric(frame[column], errors="coerce")
         complete = numbers.notna().equals(frame[column].notna())
         frame[column] = numbers if complete else numbers.combine_first(frame[column])
@@ -132,7 +187,12 @@ def _standard_unit(unit: str, known: dict[str, float]) -> str:
 
 
 def _check_row(
-    path: str | Path, number: int, row: Any, conditions: Collection[str], locations: dict[str, list[str]]
+    path: str | Path,
+    number: int,
+    row: Any,
+    conditions: Mapping[str, Condition],
+    locations: dict[str, list[str]],
+    topology: Topology,
 ) -> None:
     def fail(field: str, value: Any, remedy: str) -> NoReturn:
         raise InputError(path, f"line {line_number(path, number)}: {field}", value, remedy)
@@ -145,7 +205,15 @@ def _check_row(
         fail("statistic", row.statistic, f"known: {', '.join(STATISTICS)}")
     if row.quantity == "ratio" and row.statistic != "mean":
         fail("statistic", row.statistic, "a ratio is that of mean pressures; use mean")
-    if str(row.location) not in locations[row.quantity]:
+    if row.quantity == DRIFT and row.statistic != "mean":
+        fail("statistic", row.statistic, "a drift check is a difference of mean pressures; use mean")
+    if row.quantity == DRIFT or _of_pullback(row, topology):
+        path_of(topology, str(row.location), fail)
+        if row.quantity != DRIFT:
+            _check_distance(row, fail)
+    elif not pd.isna(row.distance):
+        fail("distance", row.distance, "only the pressure or ratio of a pullback has a distance; remove it")
+    elif str(row.location) not in locations[row.quantity]:
         near = difflib.get_close_matches(str(row.location), locations[row.quantity], n=3, cutoff=0.3)
         known = locations[row.quantity]
         hint = (
@@ -164,6 +232,21 @@ def _check_row(
         )
     if row.statistic == "waveform" and not _number(row.time):
         fail("time", row.time, "expected the time within the cycle, s")
+
+
+def _of_pullback(row: Any, topology: Topology) -> bool:
+    """Whether a row belongs to a pullback: its location is a vessel, or a path of vessels."""
+    named = ALONG in str(row.location) or str(row.location) in topology.vessels
+    return row.quantity in READ and (named or not pd.isna(row.distance))
+
+
+def _check_distance(row: Any, fail: Fail) -> None:
+    if row.statistic == "waveform":
+        fail("statistic", row.statistic, "a pullback has mean, min or max")
+    if not _number(row.distance):
+        fail("distance", row.distance, "expected the distance along the centreline from the start of the first vessel")
+    if row.distance_unit not in LENGTHS:
+        fail("distance_unit", row.distance_unit or None, f"expected the unit of distance: {' or '.join(LENGTHS)}")
 
 
 def _number(value: Any) -> bool:

@@ -8,6 +8,10 @@ import numpy as np
 
 from coronaryuq.zerod.effects.base import Effect, Parameter
 
+COLLATERALS = ("collateral", "distal_collateral")
+MANY = 20
+"""Number of collaterals in one network; all pairs of outlets together would couple all vessels."""
+
 
 class PlacedEffect(NamedTuple):
     """An effect at a place of the network."""
@@ -89,3 +93,19 @@ class Hypothesis:
 
 PLAIN = Hypothesis()
 """The unmodified model, without any effect."""
+
+
+def shared_grafts(grafts: list[PlacedEffect]) -> dict[PlacedEffect, list[PlacedEffect]]:
+    """Map each graft to all grafts in the same network: those on one side of the probes, and some collaterals."""
+    kinds = [(one.effect.beyond_probes, one.effect.name in COLLATERALS) for one in grafts]
+    shares: dict[tuple[bool, int], list[PlacedEffect]] = {}
+    for number, (one, (beyond, collateral)) in enumerate(zip(grafts, kinds, strict=True)):
+        turn = kinds[:number].count((beyond, True)) // MANY if collateral else 0
+        shares.setdefault((beyond, turn), []).append(one)
+    return {one: share for share in shares.values() for one in share}
+
+
+def network_sizes(hypothesis: Hypothesis, sizes: list[dict[str, float]]) -> list[tuple]:
+    """Return names, places and sizes of the effects on the network."""
+    pairs = zip(hypothesis, sizes, strict=True)
+    return [(*placed.key, *own.values()) for placed, own in pairs if placed.effect.side == "network"]

@@ -1,10 +1,12 @@
 """Single runs of a network, and the solver parameters of many runs stacked for one batch."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from coronaryuq.case.network.network import Network
+from coronaryuq.case.network.topology import Topology
 from coronaryuq.discrepancy.data.apply_condition import LOSS
 from coronaryuq.discrepancy.forward.network_values import differences, scalars
 from coronaryuq.discrepancy.forward.warm_starts import Point, Structure
@@ -31,6 +33,11 @@ class Prepared:
         self.values = {name: scalars(network) for name, network in networks.items()}
         self.changes = {name: differences(own, network) for name, network in networks.items()}
         self.start: dict[str, np.ndarray | None] = {}
+
+    @cached_property
+    def topology(self) -> Topology:
+        """Vessels of the structure, which all conditions share."""
+        return Topology(next(iter(self.networks.values())))
 
     @property
     def structure(self) -> Structure:

@@ -11,13 +11,14 @@ from coronaryuq.core import units
 from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.forward.feedback import Feedback
-from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect
+from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect, network_sizes, shared_grafts
 from coronaryuq.discrepancy.forward.instruments import Instruments, as_read, delays, instruments, places_read
 from coronaryuq.discrepancy.forward.interpolation import interpolated
 from coronaryuq.discrepancy.forward.jobs import Job, Prepared, Scaled
 from coronaryuq.discrepancy.forward.lockstep import Computation, run_in_lockstep
 from coronaryuq.discrepancy.forward.network_values import inner_unknowns, with_values
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
+from coronaryuq.discrepancy.forward.pullbacks import Extents, Layout, extents, pressures, read
 from coronaryuq.discrepancy.forward.simulation import Simulation, elements
 from coronaryuq.discrepancy.forward.warm_starts import Point
 from coronaryuq.zerod.effects.anatomy import Anatomy
@@ -29,9 +30,6 @@ Row = tuple[np.ndarray, Hypothesis]
 """A point z (p,) with its hypothesis."""
 Waveforms = dict[str, dict[str, np.ndarray]]
 """Condition → solver name → (n, steps + 1) over a cycle, both ends included."""
-COLLATERALS = ("collateral", "distal_collateral")
-MANY = 20
-"""Number of collaterals in one network; all pairs of outlets together would couple all vessels."""
 
 
 @dataclass
@@ -156,20 +154,32 @@ class Forward:
     ) -> Computation[np.ndarray]:
         sizes = [hypothesis.physical_sizes(z) for z, hypothesis in rows]
         z = np.array([hypothesis.nuisances(row) for row, hypothesis in rows])
-        waveforms, renamed = yield from self._simulate(rows, sizes, names, inserted)
+        waveforms, layout = yield from self._simulate(rows, sizes, names, inserted)
         chains = [instruments(hypothesis, s) for (_, hypothesis), s in zip(rows, sizes, strict=True)]
-        return np.concatenate(self.readings(waveforms, z, renamed, chains), axis=1)
+        placed = [extents(hypothesis, s, self.anatomy) for (_, hypothesis), s in zip(rows, sizes, strict=True)]
+        return np.concatenate(self.readings(waveforms, z, layout, chains, placed), axis=1)
 
     def readings(
-        self, waveforms: Waveforms, z: np.ndarray, renamed: dict[str, str], chains: Sequence[Instruments] = ()
+        self,
+        waveforms: Waveforms,
+        z: np.ndarray,
+        layout: Layout,
+        chains: Sequence[Instruments] = (),
+        placed: Sequence[Extents] = (),
     ) -> list[np.ndarray]:
         """Return the values (n, values) of each series from simulated waveforms; NaN under conditions not given.
 
-        z: (n, p), for the tissue masses. renamed: old → new names of locations. chains: instruments of each of n rows.
+        z: (n, p), for the tissue masses. layout: of the simulated network. chains, placed: instruments, and places of
+        focal losses, of each of n rows.
         """
         blocks = [np.full((len(z), series.value.size), np.nan) for series in self.measured]
+        renamed = layout.renamed
         for i, series in enumerate(self.measured):
-            if series.condition in waveforms:
+            if series.condition in waveforms and series.pullback is not None:
+                waves, places = waveforms[series.condition], placed or [{}] * len(z)
+                root = self._root_pressure(renamed)
+                blocks[i] = read(series, waves, layout.topology, places, root, self.pressure_factor)
+            elif series.condition in waveforms:
                 waves = waveforms[series.condition]
                 used = [waves[name] for name in self.variables(series, renamed)]
                 elsewhere = partial(self._waveform, waves, series, renamed)
@@ -179,6 +189,9 @@ class Forward:
                 blocks[i] = self._series(series, used, grid, z, late)
                 blocks[i][~np.isfinite(used[0]).all(axis=1)] = np.nan
         return blocks
+
+    def _root_pressure(self, renamed: dict[str, str]) -> str:
+        return f"pressure:{renamed.get(self.root, self.root)}"
 
     def _waveform(self, waves: dict, series: Measured, renamed: dict[str, str], location: str) -> np.ndarray:
         """Return the waveforms of the quantity of a series at another location."""
@@ -198,18 +211,23 @@ class Forward:
 
     def _simulate(
         self, rows: list[Row], sizes: list[list[dict[str, float]]], conditions: list[str], inserted: list[PlacedEffect]
-    ) -> Computation[tuple[Waveforms, dict[str, str]]]:
-        """Waveforms of all rows, and renamed locations."""
+    ) -> Computation[tuple[Waveforms, Layout]]:
+        """Waveforms of all rows, and the layout of the network."""
         prepared = self.simulation.prepared(inserted)
         renamed = prepared.renamed
         chains = [instruments(hypothesis, values) for (_, hypothesis), values in zip(rows, sizes, strict=True)]
+        layout = Layout(prepared.topology, renamed)
+        measured = [series for series in self.measured if series.condition in conditions]
         names = [
             name
-            for series in self.measured
-            if series.condition in conditions
+            for series in measured
+            if series.pullback is None
             for location in (series.location, *sorted(places_read(series, chains, self.anatomy)))
             for name in self.variables(replace(series, location=location), renamed)
         ]
+        for series in measured:
+            if series.pullback is not None:
+                names += [*pressures(prepared.topology, series.pullback), self._root_pressure(renamed)]
         beds = {bed: f"pressure:{renamed.get(f'{v}:{bed}', f'{v}:{bed}')}" for bed, v in self.anatomy.beds.items()}
         responds = [any(effect.feedback for effect, _ in hypothesis) for _, hypothesis in rows]
         names = list(dict.fromkeys(names + (list(beds.values()) if any(responds) else [])))
@@ -248,7 +266,7 @@ class Forward:
             name: {key: wave[k * len(rows) : (k + 1) * len(rows)] for key, wave in waves.items()}
             for k, name in enumerate(conditions)
         }
-        return waveforms, renamed
+        return waveforms, layout
 
     def condition_changes(self, name: str, z: np.ndarray, hypothesis: Hypothesis) -> tuple[dict, Network]:
         """Return the changes "BLOCK.parameter" → value at a point z (p,) under one condition, and the changed network.
@@ -335,7 +353,7 @@ class Forward:
             end = f"{vessel}:{series.location}"
             return (f"flow:{into_bed(renamed.get(end, end), series.location)}",)
         if series.quantity == "ratio":
-            return f"pressure:{location}", f"pressure:{renamed.get(self.root, self.root)}"
+            return f"pressure:{location}", self._root_pressure(renamed)
         if location in self._inner:
             return (location,)
         return (f"{series.quantity}:{location}",)
@@ -370,22 +388,6 @@ class Forward:
     def _mass(self, territory: str, z: np.ndarray) -> np.ndarray:
         column = next(i for i, nuisance in enumerate(self.nuisances) if nuisance.mass == territory)
         return self.masses[territory] * self.nuisances[column].factor(z[:, column])
-
-
-def network_sizes(hypothesis: Hypothesis, sizes: list[dict[str, float]]) -> list[tuple]:
-    """Return names, places and sizes of the effects on the network."""
-    pairs = zip(hypothesis, sizes, strict=True)
-    return [(*placed.key, *own.values()) for placed, own in pairs if placed.effect.side == "network"]
-
-
-def shared_grafts(grafts: list[PlacedEffect]) -> dict[PlacedEffect, list[PlacedEffect]]:
-    """Map each graft to all grafts in the same network: those on one side of the probes, and some collaterals."""
-    kinds = [(one.effect.beyond_probes, one.effect.name in COLLATERALS) for one in grafts]
-    shares: dict[tuple[bool, int], list[PlacedEffect]] = {}
-    for number, (one, (beyond, collateral)) in enumerate(zip(grafts, kinds, strict=True)):
-        turn = kinds[:number].count((beyond, True)) // MANY if collateral else 0
-        shares.setdefault((beyond, turn), []).append(one)
-    return {one: share for share in shares.values() for one in share}
 
 
 def pressure_factor(unit: str, root_pressure: float) -> float:

@@ -240,7 +240,7 @@ def folds_of(problem: Problem, held_out: list[str]) -> Folds:
         Rows (N,) of each fold that tests anything.
     """
     conditions = problem.forward.conditions
-    means = np.array([s.statistic == "mean" for s in problem.forward.measured])[problem.owner]
+    means = np.array([s.anchors for s in problem.forward.measured])[problem.owner]
     names = list(dict.fromkeys(problem.condition))
     if len(names) == 1 and not held_out:
         return [(problem.owner != number, problem.owner == number) for number in np.unique(problem.owner)]

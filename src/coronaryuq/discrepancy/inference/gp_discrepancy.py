@@ -1,7 +1,8 @@
 """Flexible discrepancy: a Gaussian process that stands for any missing effect, the reference for named ones.
 
 A Gaussian process over place, phase and condition (Kennedy & O'Hagan 2001), written as a linear model in its features:
-for each measured place and quantity a constant and Fourier waves of the cycle with variance falling as (1 + h^2)^-2,
+for each measured place and quantity a constant and Fourier waves of the cycle (of a pullback: of twice its path, which
+need not be equal at both ends) with variance falling as (1 + h^2)^-2,
 half of the variance common to all conditions, half specific to each condition; its amplitude is a fraction of the
 series' size in the fitted conditions (`flexible`).
 """
@@ -10,12 +11,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.inference.flexible import Flexible
 
 if TYPE_CHECKING:
     from coronaryuq.discrepancy.inference.problem import Problem
 
 HARMONICS = 8
+
+
+def phase_of(series: Measured) -> np.ndarray | None:
+    """Return the phases (k,) of a waveform in the cycle, or of a pullback in twice its path; None for single values."""
+    if series.time is not None:
+        return (series.time / series.period) % 1.0
+    if series.pullback is not None and series.value.size > 1:
+        return 0.5 * series.pullback.distance / series.pullback.length
+    return None
 
 
 def features(problem: "Problem") -> np.ndarray:
@@ -50,9 +61,10 @@ def features(problem: "Problem") -> np.ndarray:
         first = rows.stop
         columns = np.zeros((series.value.size, waves))
         columns[:, 0] = 1.0
-        if series.time is not None:
+        phase = phase_of(series)
+        if phase is not None:
             for h in range(1, HARMONICS + 1):
-                angle = 2 * np.pi * h * series.time / series.period
+                angle = 2 * np.pi * h * phase
                 columns[:, 2 * h - 1] = np.cos(angle) / (1 + h**2)
                 columns[:, 2 * h] = np.sin(angle) / (1 + h**2)
         scaled = columns * size[key] / problem.sd[rows, None] * np.sqrt(0.5)

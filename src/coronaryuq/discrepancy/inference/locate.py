@@ -5,8 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
+from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.nuisance import without_noise
+from coronaryuq.discrepancy.forward.pullbacks import vessels_of_readings
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.residual_tests import phases, residual_tests
@@ -98,29 +100,22 @@ def _groups(problem: Problem, fit: Fit, score: np.ndarray) -> list[Disagreement]
     noise = fit.z - without_noise(problem.forward.nuisances, fit.z)
     residual = (fit.residual + fit.jacobian @ noise) * sd
     keys, columns = [], []
-    bins: list[tuple[tuple[float, float] | None, np.ndarray]]
+    series = problem.forward.measured
     for number, own, phase in phases(problem, problem.train):
-        if phase is None:
-            bins = [(None, own)]
-        else:
-            edges = np.arange(BINS + 1) / BINS
-            parts = [(float(a), float(b)) for a, b in zip(edges, edges[1:], strict=False)]
-            bins = [((a, b), own[(phase >= a) & (phase < b)]) for a, b in parts]
-        for part, rows in bins:
+        for location, part, rows in _parts(problem, series[number], own, phase):
             if rows.size:
                 column = np.zeros(len(sd))
                 column[rows] = 1.0 / sd[rows]
-                keys.append((number, part, float(residual[rows].mean())))
+                keys.append((number, location, part, float(residual[rows].mean())))
                 columns.append(column)
     matrix = np.array(columns).T
     variance = np.einsum("ij,ij->j", matrix, fit.project(matrix))
     z = (matrix.T @ score) / np.sqrt(np.maximum(variance, 1e-300))
     p = 2.0 * stats.norm.sf(np.abs(z))
     q = false_discovery(p)
-    series = problem.forward.measured
     groups = [
         Disagreement(
-            series[i].location,
+            location,
             series[i].quantity,
             series[i].statistic,
             series[i].condition,
@@ -130,9 +125,26 @@ def _groups(problem: Problem, fit: Fit, score: np.ndarray) -> list[Disagreement]
             float(p[k]),
             float(q[k]),
         )
-        for k, (i, part, mean) in enumerate(keys)
+        for k, (i, location, part, mean) in enumerate(keys)
     ]
     return sorted(groups, key=lambda group: -abs(group.score))
+
+
+Part = tuple[str, tuple[float, float] | None, np.ndarray]
+"""Location, phases of the cycle if it is a part of it, and positions among the fitted rows."""
+
+
+def _parts(problem: Problem, series: Measured, own: np.ndarray, phase: np.ndarray | None) -> list[Part]:
+    """Divide the fitted rows of a series: a waveform by quarters of the cycle, a pullback by vessels."""
+    if phase is None:
+        return [(series.location, None, own)]
+    if series.pullback is not None:
+        # All readings of a condition are fitted, or none.
+        vessels = np.array(vessels_of_readings(problem.forward.anatomy, series.pullback))
+        return [(vessel, None, own[vessels == vessel]) for vessel in dict.fromkeys(vessels.tolist())]
+    edges = np.arange(BINS + 1) / BINS
+    bounds = [(float(a), float(b)) for a, b in zip(edges, edges[1:], strict=False)]
+    return [(series.location, (a, b), own[(phase >= a) & (phase < b)]) for a, b in bounds]
 
 
 def false_discovery(p: np.ndarray) -> np.ndarray:

@@ -15,6 +15,7 @@ from scipy.linalg import solve_triangular
 from scipy.special import logsumexp
 
 from coronaryuq.discrepancy.data.measurements import Measured
+from coronaryuq.discrepancy.inference.correlated_noise import white_and_shapes
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.residual_tests import phases
 
@@ -29,8 +30,6 @@ AS_STATED, OTHER, CORRELATED = 0.6, 0.2, 0.2
 LARGER_BY, SMALLER_BY = 1.0, 0.1
 """Prior means of the size of the log of a scale above and below 1 (Laplace): noise is understated rather than
 overstated, and beyond the first harmonics a smaller scale looks like a longer correlation."""
-SMOOTH = 2.0
-"""Variance of a shape of correlated noise, over that of the white remainder, above which it gets a separate weight."""
 
 
 @dataclass(frozen=True)
@@ -129,8 +128,9 @@ def _likeliest(waveforms: list[_Waveform]) -> Noise | None:
 def _waveforms(problem: Problem) -> Iterator[tuple[Measured, np.ndarray, np.ndarray]]:
     """Yield each fitted waveform, positions of its samples among the fitted rows, and their phases."""
     for number, rows, phase in phases(problem, problem.train):
-        if phase is not None:
-            yield problem.forward.measured[number], rows, phase
+        series = problem.forward.measured[number]
+        if phase is not None and series.time is not None:
+            yield series, rows, phase
 
 
 def _share(squares: np.ndarray) -> float:
@@ -165,13 +165,8 @@ def white_and_correlated(series: Measured, noise: Noise) -> tuple[float, np.ndar
     """
     if noise.correlation_time == 0.0:
         return noise.scale, np.zeros((0, series.value.size))
-    variances, shapes = np.linalg.eigh(_correlation(series, noise.correlation_time))
-    variances, shapes = variances[::-1], shapes.T[::-1]
-    rest = np.cumsum(variances[::-1])[::-1] / np.arange(variances.size, 0, -1)
-    count = int(np.argmax(variances < SMOOTH * rest))
-    white = rest[count]
-    weights = noise.scale * np.sqrt(variances[:count] - white)
-    return noise.scale * float(np.sqrt(white)), shapes[:count] * weights[:, None]
+    white, shapes = white_and_shapes(_correlation(series, noise.correlation_time))
+    return noise.scale * white, noise.scale * shapes
 
 
 def with_correlated(problem: Problem) -> np.ndarray:

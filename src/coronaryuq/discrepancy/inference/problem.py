@@ -13,6 +13,7 @@ from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.discrepancy.inference import gp_discrepancy
 from coronaryuq.discrepancy.inference.flexible import Flexible
 from coronaryuq.discrepancy.inference.gauss_newton import STEP, Fit, Label, Search, maximise
+from coronaryuq.discrepancy.inference.pullback_errors import independent_sd
 from coronaryuq.discrepancy.inference.time_step_error import FINER, TimeSteps, finer
 from coronaryuq.discrepancy.settings import Settings
 
@@ -57,7 +58,7 @@ class Problem:
         series = self.forward.measured
         self.y = np.concatenate([s.value for s in series])
         floor = [np.full(s.value.size, self.settings.model_floor * np.abs(s.value).max()) for s in series]
-        self.sd = np.hypot(np.concatenate([s.sd for s in series]), np.concatenate(floor))
+        self.sd = np.hypot(np.concatenate([independent_sd(s) for s in series]), np.concatenate(floor))
         self.change = np.zeros(len(self.y))
         if self.time_steps is not None:
             self.sd, self.change = np.hypot(self.sd, self.time_steps.sd), self.time_steps.change

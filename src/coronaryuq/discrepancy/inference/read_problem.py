@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from coronaryuq.case.network.network import Network
+from coronaryuq.case.network.topology import Topology
 from coronaryuq.core import units
 from coronaryuq.core.errors import InputError
 from coronaryuq.discrepancy.data.apply_condition import apply_condition, period_of
@@ -20,10 +21,12 @@ from coronaryuq.discrepancy.inference.cross_validation import folds_of
 from coronaryuq.discrepancy.inference.noise import Noise, white_and_correlated
 from coronaryuq.discrepancy.inference.outliers import Outlier
 from coronaryuq.discrepancy.inference.problem import Problem
+from coronaryuq.discrepancy.inference.pullback_errors import pullback_errors
 from coronaryuq.discrepancy.inference.time_step_error import time_steps
 from coronaryuq.discrepancy.inference.vessel_errors import vessel_errors
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.pullback import OF_WIRE
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.solver.periodic import Periodicity
 
@@ -32,7 +35,7 @@ MISTYPED = {"perfusion": 1e4}
 UNITS_APART = {"pressure": 6.0, "ratio": 20.0, "flow": 20.0, "volume": 20.0}
 """Largest plausible ratio of the median measured/simulated value; kPa and mmHg differ by a factor of 7.5."""
 
-MARKS = (":", "~", "<")
+MARKS = (":", "~", "<", ">")
 """Separators of the blocks of a place."""
 KNOWN = 1.0
 """Ratio of a perfusion to its standard deviation above which it may determine a tissue mass."""
@@ -64,7 +67,7 @@ def locations(network: Network) -> dict[str, list[str]]:
 def check_searchable(network: Network, file: str | Path) -> None:
     """Raise `InputError` if the network contains elements the search does not support; `file` for messages.
 
-    Places are written BLOCK:BLOCK, BED~BED and BED<BED, so no name may contain these separators.
+    Places are written BLOCK:BLOCK, BED~BED, BED<BED and VESSEL>VESSEL, so no name may contain these separators.
     """
     if not network.vessels:
         raise InputError(file, "vessels", None, "missing; there is no vessel or bed that an effect could act on")
@@ -89,7 +92,7 @@ def read_series(
     """Check measurements and conditions against the network, without running it. `file`: the conditions file."""
     networks = {name: apply_condition(network, condition, file) for name, condition in conditions.items()}
     periods = {name: period_of(changed) for name, changed in networks.items()}
-    return read_measurements(measurements, conditions, locations(network), periods)
+    return read_measurements(measurements, conditions, locations(network), periods, Topology(network))
 
 
 def read_problem(
@@ -134,6 +137,7 @@ def _check_sizes(problem: Problem, file: str | Path) -> None:
     predicted = forward.split(forward.predict(np.zeros(problem.count)))
     for quantity in dict.fromkeys(series.quantity for series in forward.measured):
         mine = [(s, p[0]) for s, p in zip(forward.measured, predicted, strict=True) if s.quantity == quantity]
+        kind = quantity.removeprefix(OF_WIRE)
         largest = max(np.abs(p).max() for _, p in mine)
         if not np.isfinite(largest) or largest == 0.0:
             continue
@@ -144,14 +148,14 @@ def _check_sizes(problem: Problem, file: str | Path) -> None:
         for series, _ in mine:
             worst = int(np.argmax(np.abs(series.value)))
             times = abs(float(series.value[worst])) / largest
-            if times > MISTYPED.get(quantity, 50.0):
+            if times > MISTYPED.get(kind, 50.0):
                 where = "/".join((series.condition, quantity, series.location, series.statistic))
                 where += "" if series.time is None else f", t = {series.time[worst]:.4g} s"
                 where = f"{where}: ratio to the largest simulated value"
                 raise InputError(file, where, float(f"{times:.3g}"), "check the value and its unit")
         middle = float(np.median([np.abs(s.value).mean() / max(np.abs(p).mean(), 1e-9 * largest) for s, p in mine]))
         most = max(float(np.abs(s.value).max()) for s, _ in mine) / largest
-        limit = UNITS_APART.get(quantity, np.inf)
+        limit = UNITS_APART.get(kind, np.inf)
         times = middle if middle > limit else most
         several = quantity != "flow" or len(places) > 1
         if middle > limit or (several and most < 1.0 / limit):
@@ -168,15 +172,17 @@ def _opposite(series: Measured, predicted: np.ndarray) -> bool:
 def with_time_steps(problem: Problem) -> Problem:
     """Return the problem with the errors of time steps and vessels that the model is known to have.
 
-    The known part of the time-step error is corrected; what varies of it, and the errors of the vessels' resistance,
-    inertance and compliance, are shapes with weights to be fitted, and what the shapes leave is added to the standard
-    deviations.
+    The known part of the time-step error is corrected; what varies of it, the errors of the vessels' resistance,
+    inertance and compliance, and those that the readings of a pullback share, are shapes with weights to be fitted, and
+    what the shapes leave is added to the standard deviations.
     """
     steps, forward = time_steps(problem.forward, problem.sd), problem.forward
     own, vessels, rest = vessel_errors(forward, np.hypot(problem.sd, steps.sd))
+    of_wires, shared = pullback_errors(forward.measured)
     weights = [Nuisance(f"time steps, shape {k + 1}", 1.0, shape=k) for k in range(len(steps.shapes))]
-    weights += [replace(weight, shape=len(steps.shapes) + k) for k, weight in enumerate(own)]
-    shaped = replace(forward, nuisances=[*forward.nuisances, *weights], shapes=np.vstack([steps.shapes, vessels]))
+    weights += [replace(weight, shape=len(steps.shapes) + k) for k, weight in enumerate([*own, *of_wires])]
+    shapes = np.vstack([steps.shapes, vessels, shared])
+    shaped = replace(forward, nuisances=[*forward.nuisances, *weights], shapes=shapes)
     return replace(problem, forward=shaped, time_steps=replace(steps, sd=np.hypot(steps.sd, rest)))
 
 
@@ -287,14 +293,34 @@ def make_problem(
     forward.masses = {
         n.mass: tissue_mass(n.mass, conditions, measured, anatomy) for n in parameters if n.mass is not None
     }
+    forward = replace(forward, measured=_with_root_pressure(forward))
     held = held_out_names(conditions)
     problem = Problem(forward, settings, np.ones(forward.size, dtype=bool))
     problem.train = ~np.isin(problem.condition, held)
     for name in held:
         if conditions[name].anchored:
-            means = np.array([s.statistic == "mean" for s in measured])[problem.owner]
+            means = np.array([s.anchors for s in measured])[problem.owner]
             problem.train |= (problem.condition == name) & means
     return problem
+
+
+def _with_root_pressure(forward: Forward) -> list[Measured]:
+    """Return the series; the ratios of a wire, whose drift is one of pressure, with the pressure in the denominator."""
+    ratios = {s.condition: s for s in forward.measured if s.quantity == f"{OF_WIRE}ratio"}
+    if not ratios:
+        return forward.measured
+    asked = [
+        replace(s, quantity="pressure", location=forward.root, statistic="mean", value=s.value[:1], pullback=None)
+        for s in ratios.values()
+    ]
+    alone = replace(forward, measured=asked, shapes=None)
+    known = dict(zip(ratios, alone.predict(np.zeros(len(forward.nuisances)))[0].tolist(), strict=True))
+    return [
+        replace(s, pullback=replace(s.pullback, root_pressure=known[s.condition]))
+        if s.pullback is not None and s.quantity == f"{OF_WIRE}ratio"
+        else s
+        for s in forward.measured
+    ]
 
 
 def _as_it_is(engine: Engine, quantities: list[str], steps_per_cycle: int) -> dict[str, float]:

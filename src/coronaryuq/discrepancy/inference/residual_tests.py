@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from scipy import stats
 
+from coronaryuq.discrepancy.inference.gp_discrepancy import phase_of
 from coronaryuq.discrepancy.inference.problem import Problem
 
 HARMONICS = 3
@@ -37,14 +38,14 @@ def residual_tests(
 
 
 def phases(problem: Problem, which: np.ndarray) -> Iterator[tuple[int, np.ndarray, np.ndarray | None]]:
-    """Yield each series with rows among `which` (N,): number, positions among those rows, phases or None."""
+    """Yield each series with rows among `which` (N,): number, positions among those rows, `phase_of` these or None."""
     owner = problem.owner[which]
     offsets = np.concatenate([np.arange(s.value.size) for s in problem.forward.measured])[which]
     for number, series in enumerate(problem.forward.measured):
         own = np.flatnonzero(owner == number)
         if own.size:
-            phase = None if series.time is None else (series.time[offsets[own]] / series.period) % 1.0
-            yield number, own, phase
+            phase = phase_of(series)
+            yield number, own, None if phase is None else phase[offsets[own]]
 
 
 def smooth(problem: Problem, which: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

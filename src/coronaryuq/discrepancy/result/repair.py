@@ -13,18 +13,27 @@ from coronaryuq.core.io.atomic import write_json, write_text
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.discrepancy.data.apply_condition import apply_condition
 from coronaryuq.discrepancy.data.conditions import Condition, as_entry, write_conditions
-from coronaryuq.discrepancy.data.measurements import COLUMNS, UNITS
+from coronaryuq.discrepancy.data.measurements import COLUMNS, PULLBACK_COLUMNS, UNITS
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.forward.network_values import scalars, with_values
 from coronaryuq.discrepancy.forward.nuisance import element_factors
 from coronaryuq.discrepancy.forward.predict import Forward
+from coronaryuq.discrepancy.forward.pullbacks import extents
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
+from coronaryuq.zerod.effects.pullback import CHECK
 
 Drives = dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]
 """(condition, block) → times and values of a drive."""
 SAME = 1e-9
 """Relative tolerance below which a value is unchanged."""
-WRITTEN_IN = {"flow": "mL/s", "pressure": "mmHg", "volume": "mL", "perfusion": "mL/min/g", "ratio": "1"}
+WRITTEN_IN = {
+    "flow": "mL/s",
+    "pressure": "mmHg",
+    "volume": "mL",
+    "perfusion": "mL/min/g",
+    "ratio": "1",
+    "drift": "mmHg",
+}
 """Unit of each quantity in the measurement table of a repaired network."""
 PARTS = (
     ("vessels", "vessel_name", "zero_d_element_values", "zero_d_element_type"),
@@ -39,7 +48,11 @@ def repaired_network(forward: Forward, hypothesis: Hypothesis, z: np.ndarray) ->
     simulation = forward.simulation.changed(conditions={plain.name: plain})
     alone = replace(forward, simulation=simulation, measured=[], shapes=None)
     table, structure = alone.condition_changes(plain.name, z, hypothesis)
-    return with_values(structure, {**table, **_by_vessels(forward, z, scalars(structure) | table)})
+    network = with_values(structure, {**table, **_by_vessels(forward, z, scalars(structure) | table)})
+    network = network.deep_copy()
+    for name, (start, end) in extents(hypothesis, hypothesis.physical_sizes(z), forward.anatomy).items():
+        network.vessel(name)["placed_in"] = {"start": start, "end": end}
+    return network
 
 
 def _by_vessels(forward: Forward, z: np.ndarray, values: dict[str, Any]) -> dict[str, float]:
@@ -88,14 +101,20 @@ def repaired_measurements(forward: Forward, hypothesis: Hypothesis, fit: Fit) ->
     renamed, rows = renamed_locations(forward, hypothesis), []
     changes, spreads = _by_sensors(forward, hypothesis, fit)
     for series, change, spread in zip(forward.measured, changes, spreads, strict=True):
-        unit = WRITTEN_IN[series.quantity]
+        quantity = series.table_quantity
+        unit = WRITTEN_IN[quantity]
         location = renamed.get(series.location, series.location)
         times = [np.nan] * series.value.size if series.time is None else series.time
+        along = [np.nan] * series.value.size
+        if series.pullback is not None and series.quantity != CHECK:
+            along = (series.pullback.distance / units.MM).tolist()
         corrected, sd = series.value - change[0], np.hypot(series.sd, spread[0])
-        columns = (x / UNITS[series.quantity][unit] for x in (corrected, sd))
-        for time, value, own in zip(times, *columns, strict=True):
-            rows.append((series.condition, series.quantity, location, series.statistic, time, value, own, unit))
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+        columns = (x / UNITS[quantity][unit] for x in (corrected, sd))
+        for time, value, own, distance in zip(times, *columns, along, strict=True):
+            key = (series.condition, quantity, location, series.statistic)
+            rows.append((*key, time, value, own, unit, distance, "mm" if np.isfinite(distance) else ""))
+    table = pd.DataFrame(rows, columns=[*COLUMNS, *PULLBACK_COLUMNS])
+    return table if table["distance"].notna().any() else table[list(COLUMNS)]
 
 
 def _by_sensors(forward: Forward, hypothesis: Hypothesis, fit: Fit) -> tuple[list[np.ndarray], list[np.ndarray]]:

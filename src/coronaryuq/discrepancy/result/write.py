@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from coronaryuq.core import units
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.discrepancy.data.conditions import drive_paths, held_out_names
@@ -16,12 +17,12 @@ from coronaryuq.discrepancy.forward.nuisance import without_noise
 from coronaryuq.discrepancy.inference.cross_validation import Gap
 from coronaryuq.discrepancy.inference.noise import with_correlated
 from coronaryuq.discrepancy.result.facts import Z_90, facts, prior_conflicts
+from coronaryuq.discrepancy.result.pullback_table import pullback_table
 from coronaryuq.discrepancy.result.repair import repaired
+from coronaryuq.discrepancy.result.vessels_of import vessels_of
 from coronaryuq.discrepancy.selection.candidates import Candidate, Round
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.next_measurement import next_measurements
-from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.beds import ALL
 
 
 def summary(found: Discovery) -> dict:
@@ -155,7 +156,7 @@ def _member(found: Discovery, entry: Round, candidate: Candidate) -> dict:
 
 WRITTEN = (
     *("discrepancy.json", "paragraph.txt", "located.csv", "residuals.csv", "ranking.csv", "sizes.csv", "tree.csv"),
-    *("gap.csv", "repaired.json", "measurements.csv", "conditions.yaml", "difference.txt"),
+    *("gap.csv", "pullback.csv", "repaired.json", "measurements.csv", "conditions.yaml", "difference.txt"),
     *("pairs.csv", "laws.csv", "effects.csv"),
 )
 """All files that a search may write, apart from the folder `drives`."""
@@ -176,7 +177,7 @@ def clear(folder: Path) -> None:
 def write(found: Discovery, folder: Path) -> dict:
     """Write all files into `folder` and return the summary.
 
-    discrepancy.json; located.csv; residuals.csv; ranking.csv; sizes.csv; tree.csv; gap.csv; and,
+    discrepancy.json; located.csv; residuals.csv; ranking.csv; sizes.csv; tree.csv; gap.csv; pullback.csv; and,
     unless the effect is outside the library, repaired.json, measurements.csv, conditions.yaml, difference.txt.
     """
     answer = summary(found)
@@ -185,13 +186,15 @@ def write(found: Discovery, folder: Path) -> dict:
         if found.outside_library
         else repaired(replace(found.problem.forward, measured=found.measured), found.hypothesis, found.fit)
     )
+    residuals = _residuals(found)
     tables = {
         "located.csv": pd.DataFrame([vars(group) for group in found.located.groups]),
-        "residuals.csv": _residuals(found),
+        "residuals.csv": residuals,
         "ranking.csv": _ranking(found),
         "sizes.csv": _sizes(found),
         "tree.csv": _tree(found),
         "gap.csv": _gaps(found),
+        "pullback.csv": pullback_table(found, residuals),
     }
     clear(folder)
     for name, table in tables.items():
@@ -209,7 +212,14 @@ def _residuals(found: Discovery) -> pd.DataFrame:
     parameters = problem.forward.nuisances
     (plain,) = found.base_problem.whitened([(without_noise(parameters, found.base.z), PLAIN)])
     (repaired,) = problem.whitened([(without_noise(parameters, found.fit.z), found.hypothesis)])
-    times = np.concatenate([np.full(1, np.nan) if s.time is None else s.time for s in problem.forward.measured])
+    unknown = [np.full(s.value.size, np.nan) for s in problem.forward.measured]
+    times, distances = (
+        np.concatenate([blank if own is None else own for blank, own in zip(unknown, given, strict=True)])
+        for given in (
+            [s.time for s in problem.forward.measured],
+            [s.pullback.distance / units.MM if s.pullback else None for s in problem.forward.measured],
+        )
+    )
     return pd.DataFrame(
         {
             "condition": [s.condition for s in series],
@@ -218,6 +228,7 @@ def _residuals(found: Discovery) -> pd.DataFrame:
             "statistic": [s.statistic for s in series],
             "time": times,
             "phase": times / np.array([s.period for s in series]),
+            "distance_mm": distances,
             "measured": problem.y,
             "sd": with_correlated(problem),
             "recalibrated": problem.y - plain * problem.sd,
@@ -284,14 +295,6 @@ def _tree(found: Discovery) -> pd.DataFrame:
         for name in anatomy.vessels
     ]
     return pd.DataFrame(rows, columns=["vessel", "parent", "mean_flow", "disagreement", "named"])
-
-
-def vessels_of(place: str, anatomy: Anatomy) -> list[str]:
-    """Return the vessels of a place, or of its beds: two for a collateral, none for a sensor."""
-    if place == ALL:
-        return list(anatomy.beds.values())
-    parts = [part for end in place.split("~") for part in end.split("<")]
-    return [anatomy.beds.get(part, part) for part in parts if part in anatomy.beds or part in anatomy.vessels]
 
 
 def _gaps(found: Discovery) -> pd.DataFrame:

@@ -46,7 +46,7 @@ def constancy(problem: Problem, fit: Fit, hypothesis: Hypothesis) -> list[Consta
     Conditions are separate runs, so the rows of a condition depend on that condition's size alone: sensitivities to it
     are those to the common size, and zero in all other rows. The odds are a Bayes factor with equal priors of the
     contrasts between conditions; the common size is unrestricted, because a common size far out in its prior is not a
-    difference.
+    difference. The size of an effect that acts under one condition alone cannot differ.
     """
     conditions = problem.condition[problem.train]
     names = [str(name) for name in dict.fromkeys(conditions)]
@@ -60,7 +60,8 @@ def constancy(problem: Problem, fit: Fit, hypothesis: Hypothesis) -> list[Consta
         by_condition = np.hstack([own * (conditions == name)[:, None] for name in names])
         differing = by_condition @ np.kron(contrasts, np.eye(count))
         separate = problem.flexible.posterior(free.at_zero, np.hstack([free.jacobian, differing])).right
-        log_odds = separate - common if len(names) > 1 else -np.inf
+        acting = [name for name in names if own[conditions == name].any()]
+        log_odds = separate - common if len(acting) > 1 else -np.inf
         sizes = _sizes(fit, by_condition, columns.start, count, names)
         shown = whole if len(whole) > 1 else names
         constancies.append(Constancy(placed, float(log_odds), {name: sizes[name] for name in shown}))

@@ -3,13 +3,14 @@
 import inspect
 from abc import ABC
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar, Literal, TypeVar
 
 import numpy as np
 
 from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.pullback import Pullback
 
 Values = dict[str, np.ndarray]
 Number = TypeVar("Number", float, np.ndarray)
@@ -59,7 +60,8 @@ class Parameter:
 class Series:
     """One block of predictions: one quantity at one location under one condition.
 
-    time: (k,) s within the cycle for waveforms, None for mean, min and max. period: s.
+    time: (k,) s within the cycle for waveforms, None for mean, min and max. period: s. pullback: places of the readings
+    of a wire that was pulled through several vessels; `location` is then its path.
     """
 
     condition: str
@@ -68,6 +70,7 @@ class Series:
     statistic: str
     time: np.ndarray | None
     period: float
+    pullback: Pullback | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -200,6 +203,10 @@ class Effect(ABC):
             "BLOCK.parameter" → values (n,), or waveforms (n, WAVE_POINTS), in the network's units.
         """
         return {}
+
+    def extent(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> tuple[str, float, float] | None:
+        """Return the added vessel of a loss within a vessel, and its start and end in it, cm; None without one."""
+        return None
 
     @property
     def reads_waveforms(self) -> bool:

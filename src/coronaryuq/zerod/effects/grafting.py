@@ -104,7 +104,7 @@ def add_vessel(network: Network, name: str, values: dict[str, float], **ends: st
     vessel = {
         "vessel_id": number,
         "vessel_name": name,
-        "vessel_length": 1.0,
+        "vessel_length": 0.0,
         "zero_d_element_type": "BloodVessel",
         "zero_d_element_values": dict(values),
     }

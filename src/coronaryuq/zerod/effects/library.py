@@ -14,6 +14,7 @@ from coronaryuq.zerod.effects.measuring_chain import (
     PressureDelay,
     PressureLowPass,
     TriggerDelay,
+    WireDrift,
 )
 from coronaryuq.zerod.effects.narrowing import DiffuseNarrowing
 from coronaryuq.zerod.effects.perfusion import MBFUnderestimation, RotatedTerritories, ShiftedTerritory
@@ -34,7 +35,7 @@ from coronaryuq.zerod.effects.sensors import (
     PressureOffset,
     SharedOffset,
 )
-from coronaryuq.zerod.effects.stenosis import QuadraticStenosis, StenosisWithViscousLoss
+from coronaryuq.zerod.effects.stenosis import FocalStenosis, QuadraticStenosis, StenosisWithViscousLoss
 from coronaryuq.zerod.effects.storage import EpicardialCompliance, Inertance, ViscoelasticWall
 from coronaryuq.zerod.effects.valve import AorticRegurgitation, AorticStenosis, MitralStenosis, PulmonaryStenosis
 from coronaryuq.zerod.effects.viscosity import Haematocrit
@@ -43,6 +44,7 @@ from coronaryuq.zerod.effects.wiring import ExchangedOutlets
 LIBRARY: tuple[Effect, ...] = (
     QuadraticStenosis(),
     StenosisWithViscousLoss(),
+    FocalStenosis(),
     DiffuseNarrowing(),
     Collateral(),
     DistalCollateral(),
@@ -86,6 +88,7 @@ LIBRARY: tuple[Effect, ...] = (
     MisplacedFlow(),
     ExchangedFlows(),
     TriggerDelay(),
+    WireDrift(),
     DriveGain(),
 )
 

@@ -1,4 +1,4 @@
-"""Between a blood vessel and the recording: delay, low-pass, resonance of a fluid-filled line."""
+"""Between a blood vessel and the recording: delay, low-pass, resonance of a line, drift of a wire in a pullback."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -186,3 +186,36 @@ class CatheterResonance(LinearFilter):
 
     def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:
         return {"natural frequency, Hz": 1.0 / sizes["natural_period"], "damping ratio": sizes["damping"]}
+
+
+class WireDrift(Effect):
+    """Drift of a pressure wire during a pullback beyond the usual one, linear in time since its equalisation.
+
+    Places: each pullback. The usual drift is part of the pullback's noise.
+    """
+
+    name = "wire_drift"
+    formula = "P_read = P + d t / t_end, t the time since equalisation"
+    source = "Cook et al., Circ. Cardiovasc. Interv. 9 (2016) e002988 (drift of pressure wires; 2 mmHg is a small one)"
+    signature = "all pressures of a pullback off by nearly the same amount, also where the wire is back at the start"
+    native = NATIVE
+    side = "measurement"
+    parameters = (Parameter("drift", "mmHg", "normal", 0.0, 5.0, "drift in mmHg at the end of the pullback"),)
+
+    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
+        return list(dict.fromkeys(pullback_name(s) for s in observed if s.pullback is not None))
+
+    def observe(
+        self, place: str, sizes: Values, series: Sequence[Series], predicted: list[np.ndarray]
+    ) -> list[np.ndarray]:
+        return [
+            values + np.asarray(sizes["drift"])[:, None] * one.pullback.response
+            if one.pullback is not None and pullback_name(one) == place
+            else values
+            for one, values in zip(series, predicted, strict=True)
+        ]
+
+
+def pullback_name(series: Series) -> str:
+    """Return the name of a pullback: its path and condition."""
+    return f"{series.location} under {series.condition}"

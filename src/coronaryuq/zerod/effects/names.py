@@ -3,6 +3,7 @@
 EFFECTS = (
     "quadratic_stenosis",
     "stenosis_with_viscous_loss",
+    "focal_stenosis",
     "diffuse_narrowing",
     "collateral",
     "distal_collateral",
@@ -46,6 +47,7 @@ EFFECTS = (
     "misplaced_flow",
     "exchanged_flows",
     "trigger_delay",
+    "wire_drift",
     "drive_gain",
     "exchanged_outlets",
 )

@@ -20,6 +20,8 @@ class QuadraticLoss(Effect):
 
     native = "stenosis_coefficient of the vessel, or of a vessel added upstream if the vessel has a C"
     grafted = True
+    tag: ClassVar[str] = TAG
+    """Suffix of the added vessels."""
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("loss", "1", "lognormal", 0.1, 1.2, "fraction of the mean pressure lost at the model's mean flow"),
     )
@@ -29,24 +31,24 @@ class QuadraticLoss(Effect):
         return [place]
 
     def inserts(self, place: str, anatomy: Anatomy) -> bool:
-        return any(_stores(anatomy.network, vessel) for vessel in self.vessels(place, anatomy))
+        return any(self._added(anatomy.network, vessel) for vessel in self.vessels(place, anatomy))
 
     def insert(self, network: Network, place: str, anatomy: Anatomy) -> Network:
         network = super().insert(network, place, anatomy)
         for vessel in self._without_stub(network, place, anatomy):
-            network = put_ahead(network, vessel, TAG)
+            network = put_ahead(network, vessel, self.tag)
         return network
 
     def aliases(self, place: str, anatomy: Anatomy) -> dict[str, str]:
         vessels = self._without_stub(anatomy.network, place, anatomy)
-        return {anatomy.inlet(v): f"{anatomy.upstream[v]}:{v}_{TAG}" for v in vessels}
+        return {anatomy.inlet(v): f"{anatomy.upstream[v]}:{v}_{self.tag}" for v in vessels}
 
     def changes(
         self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
     ) -> Values:
         changes: Values = {}
         for vessel in self.vessels(place, anatomy):
-            ahead = f"{vessel}_{TAG}"
+            ahead = f"{vessel}_{self.tag}"
             name = ahead if _has(network, ahead) else vessel
             present = network.vessel_values(name).get("stenosis_coefficient", 0.0)
             changes[f"{name}.stenosis_coefficient"] = present + self._coefficient(vessel, sizes["loss"], anatomy)
@@ -65,8 +67,12 @@ class QuadraticLoss(Effect):
         return [
             vessel
             for vessel in self.vessels(place, anatomy)
-            if _stores(network, vessel) and not _has(network, f"{vessel}_{TAG}")
+            if self._added(network, vessel) and not _has(network, f"{vessel}_{self.tag}")
         ]
+
+    def _added(self, network: Network, vessel: str) -> bool:
+        """Whether the loss of a vessel is that of an added one."""
+        return network.vessel_values(vessel).get("C", 0.0) > 0.0
 
     @staticmethod
     def _coefficient(vessel: str, loss: Number, anatomy: Anatomy) -> Number:
@@ -75,7 +81,3 @@ class QuadraticLoss(Effect):
 
 def _has(network: Network, vessel: str) -> bool:
     return any(entry["vessel_name"] == vessel for entry in network.vessels)
-
-
-def _stores(network: Network, vessel: str) -> bool:
-    return network.vessel_values(vessel).get("C", 0.0) > 0.0

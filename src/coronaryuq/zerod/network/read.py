@@ -64,6 +64,9 @@ _SIMULATION = {
 }
 _VESSEL = {"vessel_name", "vessel_id", "vessel_length", "boundary_conditions", "zero_d_element_type"}
 _VESSEL |= {"zero_d_element_values"}
+# Ours, for pullbacks, ignored by svZeroDSolver: where in the vessel behind it the loss of this one lies (cm), and radii
+# (cm) at even distances.
+_VESSEL |= {"placed_in", "radii"}
 _BOUNDARY = {"bc_name", "bc_type", "bc_values"}
 _JUNCTION = {"junction_name", "junction_type", "junction_values", "areas"}
 _JUNCTION |= {"inlet_vessels", "outlet_vessels", "inlet_blocks", "outlet_blocks"}
@@ -196,9 +199,21 @@ def _check_vessel(vessel: dict, names: dict[str, str], file) -> None:
     if not isinstance(vessel.get("vessel_id"), int) or isinstance(vessel.get("vessel_id"), bool):
         raise InputError(file, f"{where}.vessel_id", vessel.get("vessel_id"), "expected an integer")
     check_values(vessel, "zero_d_element_values", VESSELS[vessel["zero_d_element_type"]], file, where)
+    _check_course(vessel, file, where)
     for side in vessel.get("boundary_conditions", {}):
         if side not in ("inlet", "outlet"):
             raise InputError(file, f"{where}.boundary_conditions", side, "expected inlet or outlet")
+
+
+def _check_course(vessel: dict, file, where: str) -> None:
+    """Check what a vessel's entry says of the course of the pressure along it."""
+    radii = vessel.get("radii", [1.0, 1.0])
+    if not isinstance(radii, list) or len(radii) < 2 or not all(finite(radius) and radius > 0.0 for radius in radii):
+        raise InputError(file, f"{where}.radii", None, "expected at least two positive radii (cm) at even distances")
+    extent = vessel.get("placed_in", {"start": 0.0, "end": 0.0})
+    ends: list = [extent.get("start"), extent.get("end")] if isinstance(extent, dict) else [None]
+    if not all(finite(end) for end in ends) or not 0.0 <= ends[0] <= ends[1]:
+        raise InputError(file, f"{where}.placed_in", None, "expected {start: , end: }, cm in the vessel behind it")
 
 
 def _check_boundary(block: dict, names: dict[str, str], file) -> None:

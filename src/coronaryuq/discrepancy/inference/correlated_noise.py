@@ -1,0 +1,29 @@
+"""Correlated noise as white noise and a few shapes with standard normal weights."""
+
+import numpy as np
+
+SMOOTH = 2.0
+"""Variance of a shape of correlated noise, over that of the white remainder, above which it gets a separate weight."""
+
+
+def white_and_shapes(correlation: np.ndarray, smooth: float = SMOOTH) -> tuple[float, np.ndarray]:
+    """Decompose noise of unit standard deviation with some correlations (k, k).
+
+    Parameters
+    ----------
+    correlation
+        Correlations.
+    smooth
+        As `SMOOTH`; the nearer to 1, the nearer are white part and shapes to the correlations.
+
+    Returns
+    -------
+    white, shapes
+        Standard deviation of the white part, and shapes (n, k), largest first.
+    """
+    variances, shapes = np.linalg.eigh(correlation)
+    variances, shapes = variances[::-1], shapes.T[::-1]
+    rest = np.cumsum(variances[::-1])[::-1] / np.arange(variances.size, 0, -1)
+    count = int(np.argmax(variances < smooth * rest))
+    white = rest[count]
+    return float(np.sqrt(white)), shapes[:count] * np.sqrt(variances[:count] - white)[:, None]
