@@ -13,7 +13,7 @@ from coronaryuq.bench.discrepancy.trial import hide
 from coronaryuq.core.provenance import closure
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.data.conditions import read_conditions
-from coronaryuq.discrepancy.forward import predict
+from coronaryuq.discrepancy.forward import hypothesis, predict
 from coronaryuq.discrepancy.forward.hypothesis import shared_grafts
 from coronaryuq.discrepancy.forward.interpolation import interpolated
 from coronaryuq.discrepancy.inference.read_problem import read_problem
@@ -49,7 +49,7 @@ def test_a_network_with_all_grafts_predicts_the_same_as_one_with_its_own(problem
 
 def test_only_a_few_collaterals_share_a_network(problem, monkeypatch):
     """Each is predicted as by itself, whichever network it is in; leaks stay together."""
-    monkeypatch.setattr(predict, "MANY", 2)
+    monkeypatch.setattr(hypothesis, "MANY", 2)
     collateral = effect("collateral")
     ends = [placed(collateral, place) for place in collateral.places(problem.forward.anatomy)]
     shares = shared_grafts([*LEAKS, *ends])
