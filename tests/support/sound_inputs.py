@@ -59,6 +59,10 @@ def write_open_loop(folder: Path) -> None:
         for c in ("rest", "stress")
     ]  # fmt: skip
     write_csv(folder / "measurements.csv", pd.DataFrame(rows))
+    pulled = pd.DataFrame({"condition": "stress", "quantity": "pressure", "location": "lad", "statistic": "mean",
+                           "value": [70.0, 80.0, 90.0], "sd": 1.5, "unit": "mmHg", "distance": [10.0, 5.0, 0.0],
+                           "distance_unit": "mm"})  # fmt: skip
+    write_csv(folder / "pullback.csv", pulled)
 
 
 def write_runs(folder: Path) -> None:

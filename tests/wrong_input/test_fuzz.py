@@ -19,8 +19,7 @@ from coronaryuq.case.tables.read import read_case_targets, read_outlets
 from coronaryuq.core import records
 from coronaryuq.core.errors import InputError
 from coronaryuq.discrepancy.data.conditions import read_conditions
-from coronaryuq.discrepancy.data.measurements import read_measurements
-from coronaryuq.discrepancy.inference.read_problem import locations
+from coronaryuq.discrepancy.inference.read_problem import read_series
 from coronaryuq.posterior.settings import Settings as PosteriorSettings
 from coronaryuq.posterior.stage import draw_samples
 from coronaryuq.zerod.network.read import read_network
@@ -31,8 +30,8 @@ FUZZ = settings(max_examples=60, deadline=None, suppress_health_check=[HealthChe
 
 def measurements(path):
     model = read_network(path.with_name("model.json"))
-    conditions = {"rest": None, "stress": None}
-    read_measurements(path, conditions, locations(model), dict.fromkeys(conditions, 1.0))
+    file = path.with_name("conditions.yaml")
+    read_series(model, path, read_conditions(file), file)
 
 
 def draws(path):
@@ -50,6 +49,7 @@ TEXTS = [
     ("targets.csv", read_case_targets),
     ("targets.csv", read_targets),
     ("measurements.csv", measurements),
+    ("pullback.csv", measurements),
     ("draws.csv", draws),
 ]
 

@@ -14,8 +14,7 @@ from coronaryuq.case.settings import Settings as CaseSettings
 from coronaryuq.case.stage import prepare_case
 from coronaryuq.core.errors import InputError
 from coronaryuq.discrepancy.data.conditions import read_conditions
-from coronaryuq.discrepancy.data.measurements import read_measurements
-from coronaryuq.discrepancy.inference.read_problem import locations
+from coronaryuq.discrepancy.inference.read_problem import read_series
 from coronaryuq.estimation.runs.gather import RunFiles
 from coronaryuq.estimation.runs.gather import gather as gather_runs
 from coronaryuq.flow3d.mesh.generation.folder import unpack
@@ -60,7 +59,8 @@ def clinical(given, out):
 def measured(given, out):
     model = read_network(given / "model.json")
     conditions = read_conditions(given / "conditions.yaml")
-    read_measurements(given / "measurements.csv", conditions, locations(model), dict.fromkeys(conditions, 1.0))
+    for table in ("measurements.csv", "pullback.csv"):
+        read_series(model, given / table, conditions, given / "conditions.yaml")
 
 
 def draws(given, out):
@@ -263,6 +263,9 @@ WRONG = [
     (measured, "measurements.csv", column("condition", "exercise"), "exercise"),
     (measured, "measurements.csv", column("location", "lda:OUT"), "lda:OUT"),
     (measured, "measurements.csv", text("condition,quantity\n"), "column missing"),
+    (measured, "pullback.csv", column("distance", 12.0), "expected 0 to 10 mm"),
+    (measured, "pullback.csv", column("distance_unit", "inch"), "mm or cm"),
+    (measured, "pullback.csv", column("location", "lda"), "no such vessel"),
     (measured, "conditions.yaml", text("rest: {resistance: 2}\n"), "rest.resistance: unknown key"),
     (measured, "conditions.yaml", text("rest: {period_scale: .nan}\n"), "period_scale"),
     (measured, "conditions.yaml", text("- rest\n"), "expected a mapping"),

@@ -56,7 +56,8 @@ def path_of(topology: Topology, location: str, fail: Fail) -> tuple[str, ...]:
             )
         path += nx.shortest_path(topology.graph, path[-1], vessel)[1:]
     for vessel in path:
-        if topology.vessels[vessel].get("vessel_length") is None:
+        length = topology.vessels[vessel].get("vessel_length")
+        if not isinstance(length, int | float) or isinstance(length, bool) or not 0.0 <= length < np.inf:
             fail("location", location, f"the network has no vessel_length (cm) of {vessel}; add it")
     return tuple(path)
 
