@@ -107,7 +107,8 @@ def variance(design: Design, y: np.ndarray, predictions: Predictions, level: flo
     fit = CrossFit((y - centre) ** 2, (predictions.held - centre) ** 2, blocks, design.fold, design.dependence)
     squares = combine("", fit, len(y), Options(level, between=between, target=design.target))
     value = max(squares.mean, 1e-3 * float(np.var(y)))
-    factor = float(np.exp(squares.interval.half_width / value))
+    # Beyond thirteen decades an interval says no more, and its ends would overflow.
+    factor = float(np.exp(min(squares.interval.half_width / value, 30.0)))
     return Value(value, squares.std, value / factor, value * factor, level)
 
 
