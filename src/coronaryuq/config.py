@@ -10,7 +10,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from coronaryuq.calibration.settings import Settings as CalibrationSettings
-from coronaryuq.case.description.yaml_file import read_yaml
+from coronaryuq.case.description.yaml_file import read_yaml, validated
 from coronaryuq.case.settings import Settings as CaseSettings
 from coronaryuq.core.errors import InputError, nearest
 from coronaryuq.discrepancy.settings import Settings as DiscrepancySettings
@@ -105,7 +105,7 @@ def validate(values: Any, path: str | Path) -> Campaign:
     if not isinstance(values, dict):
         raise InputError(path, None, None, EXPECTED)
     try:
-        return Campaign.model_validate(values)
+        return validated(Campaign, values)
     except ValidationError as errors:
         first = errors.errors(include_url=False)[0]
         field = ".".join(str(part) for part in first["loc"])

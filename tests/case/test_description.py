@@ -117,10 +117,10 @@ def test_a_mistake_is_one_line_with_file_field_value_and_remedy(small_tree, tmp_
     [
         ("name: [unclosed", "not valid YAML"),
         ("just text", "expected a mapping of fields"),
-        ("name: a\nname: b\n", "name is a duplicate"),
+        ("name: a\nname: b\n", "name: given twice, in lines 1 and 2"),
         ("a: &x [1]\nb: *x\n", "aliases (*name) are not supported"),
         ("name: !!python/object/apply:os.system ['true']\n", "not valid YAML"),
-        ("\x00", "not valid YAML"),
+        ("\x00", "not UTF-8 text"),
     ],
 )
 def test_yaml_that_is_no_description_is_refused(tmp_path, text, expected):
@@ -140,7 +140,7 @@ TABLES = {
     "twice": ("lca1,lca1,LV,LAD\nlca1,lca2,LV,LCx", "name = 'lca1': duplicate"),
     "same end": ("a,lca1,LV,LAD\nb,lca1,LV,LCx", "b = 'lca1': another outlet is already at this end"),
     "none for the LV": ("lca1,lca1,RV,LAD", "no outlet perfuses the LV"),
-    "name": ("1x,lca1,LV,LAD", "row 1, name = '1x': expected a letter"),
+    "name": ("-x,lca1,LV,LAD", "row 1, name = '-x': expected a letter"),
 }
 
 

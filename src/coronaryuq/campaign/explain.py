@@ -25,6 +25,7 @@ from coronaryuq.core import provenance, shipped
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json, write_json, write_text
 from coronaryuq.core.io.lock import lock_results
+from coronaryuq.core.io.text import visible
 
 FOLDER = "provenance"
 CAMPAIGN = "campaign.yaml"
@@ -315,7 +316,7 @@ def _same_place(one: str, other: str) -> bool:
 
 def notes(folder: Path) -> Iterator[dict]:
     """Yield the notes in a folder by file name; `InputError` if one is not a note."""
-    for path in sorted(folder.glob("*.json")):
+    for path in visible(folder, "*.json"):
         note = read_json(path)
         if not isinstance(note, dict) or not isinstance(note.get("results"), dict) or "made" not in note:
             raise InputError(path, None, None, "not a job's note; delete it and make its results again")

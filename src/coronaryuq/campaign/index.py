@@ -10,6 +10,7 @@ from coronaryuq.campaign import explain
 from coronaryuq.campaign.files import FOLDERS, described, kind_of
 from coronaryuq.core.io.atomic import read_json, write_json, write_text
 from coronaryuq.core.io.tables import read_table_text
+from coronaryuq.core.io.text import visible
 
 README, INDEX = "README.md", "index.json"
 APART = ("logs", explain.FOLDER, "costs")
@@ -56,7 +57,7 @@ def _files(home: Path) -> Iterator[Path]:
 def _jobs(home: Path) -> dict[str, str]:
     """Return the job that wrote each result last."""
     newest: dict[str, tuple[str, str]] = {}
-    for path in sorted((home / explain.FOLDER).glob("*.json")):
+    for path in visible(home / explain.FOLDER, "*.json"):
         note = read_json(path, ("results", "made", "job"))
         for result in note["results"]:
             name = Path(*Path(result).parts[2:]).as_posix()

@@ -32,5 +32,6 @@ def files_under(path: str | Path | None) -> list[str]:
     if path is None:
         return []
     path = Path(path)
-    files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path] * path.exists()
+    inside = sorted(p for p in path.rglob("*") if p.is_file() and not p.name.startswith("."))
+    files = inside if path.is_dir() else [path] * path.exists()
     return [file.as_posix() for file in files]

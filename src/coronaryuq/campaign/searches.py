@@ -8,6 +8,7 @@ from typing import Any
 
 from coronaryuq.campaign.paths import Paths
 from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.text import visible
 from coronaryuq.discrepancy.data.conditions import drive_paths
 from coronaryuq.discrepancy.data.pullbacks import has_pullback
 from coronaryuq.discrepancy.settings import GIVEN, Settings
@@ -122,7 +123,7 @@ class Searches:
 
     def recordings(self, animal: str) -> list[str]:
         """Return the recorded files of an animal."""
-        return [path.as_posix() for path in sorted(Path(self.settings.recordings or "").glob(f"{animal}_*.csv"))]
+        return [path.as_posix() for path in visible(self.settings.recordings or "", f"{animal}_*.csv")]
 
     def block(self, *, hiding: bool) -> dict[str, Any]:
         """Return the settings of the search, with or without those of the hidden effect."""

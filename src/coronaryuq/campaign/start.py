@@ -15,6 +15,7 @@ from coronaryuq import config
 from coronaryuq.campaign import explain
 from coronaryuq.case.description.dependencies import files_named, lumen, measurements
 from coronaryuq.case.description.fields import read_description
+from coronaryuq.case.description.yaml_file import as_written
 from coronaryuq.config import Campaign
 from coronaryuq.core import shipped
 from coronaryuq.core.errors import InputError
@@ -56,7 +57,11 @@ def read_campaign(settings: dict[str, Any], configfiles: Sequence[str], default:
         If anything is wrong with it.
     """
     if settings:
-        campaign = config.validate(dict(settings), ", ".join(map(str, configfiles)) or "--config")
+        values: dict[str, Any] = dict(settings)
+        # Snakemake takes the last of two keys, and guesses what is a number.
+        for path in filter(os.path.isfile, configfiles):
+            values = as_written(values, path, config.EXPECTED)
+        campaign = config.validate(values, ", ".join(map(str, configfiles)) or "--config")
     else:
         campaign = config.load(default)
     meshed_as_it_is = campaign.mesh.domain == "lumen"

@@ -1,15 +1,18 @@
 """Shared parts of the command lines: a parser, argument types, work that reads its settings as JSON."""
 
 import argparse
+import json
 import re
 import sys
 import textwrap
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import NoReturn, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from coronaryuq.core.errors import InputError, nearest, os_error_line
+from coronaryuq.core.io.text import TwiceError, parse_json
 
 Settings = TypeVar("Settings", bound=BaseModel)
 
@@ -92,7 +95,11 @@ def run_with_settings(work: Callable[[Settings], object], model: type[Settings],
 
 def _read(model: type[Settings], settings: str) -> Settings:
     try:
+        with suppress(RecursionError, json.JSONDecodeError):  # which pydantic explains
+            parse_json(settings)
         return model.model_validate_json(settings)
+    except TwiceError as error:
+        raise InputError("--settings", error.key, None, "given twice; keep one") from None
     except ValidationError as errors:
         first = errors.errors(include_url=False)[0]
         field = ".".join(map(str, first["loc"])) or None

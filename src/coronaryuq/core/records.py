@@ -7,6 +7,7 @@ from pathlib import Path
 
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import json_default, write_text
+from coronaryuq.core.io.text import parse_json
 
 OK, FAILED = "ok", "failed"
 
@@ -82,7 +83,7 @@ def read(path: str | Path) -> list[Record]:
     records = []
     for number, line in enumerate(text[:-1].split("\n"), start=1):
         try:
-            records.append(_checked(Record(**json.loads(line))))
+            records.append(_checked(Record(**parse_json(line))))
         except (ValueError, TypeError, RecursionError) as error:
             raise InputError(path, f"line {number}", None, f"not a record ({error}); delete it and run again") from None
     return records

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import coronaryuq
 from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.text import visible
 
 VARIABLE = "CORONARYUQ_SNAKEFILE"
 """Environment variable by which the workflow passes the path of its Snakefile to its jobs."""
@@ -34,7 +35,7 @@ def snakefile() -> Path:
 
 def configurations() -> dict[str, Path]:
     """Return the configurations by name, without `config.yaml`, which is for `snakedeploy`."""
-    return {path.stem: path for path in sorted((home() / "config").glob("*.yaml")) if path.stem != "config"}
+    return {path.stem: path for path in visible(home() / "config", "*.yaml") if path.stem != "config"}
 
 
 def configuration(name: str) -> Path:

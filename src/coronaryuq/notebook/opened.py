@@ -13,6 +13,7 @@ from coronaryuq.case.network.network import Network
 from coronaryuq.config import Campaign
 from coronaryuq.core.errors import InputError, nearest
 from coronaryuq.core.io.tables import read_csv
+from coronaryuq.core.io.text import visible
 from coronaryuq.estimation.results import RowReport, read_estimates
 from coronaryuq.zerod.network.read import read_network
 
@@ -135,7 +136,7 @@ class Opened:
         """
         self._folder.path("runs", "rows.csv")
         found = {}
-        for path in sorted((self.path / "runs").glob("*.csv")):
+        for path in visible(self.path / "runs", "*.csv"):
             if path.name != "rows.csv":
                 table = self._table("runs", path.name)
                 found[path.stem] = table.set_index("sample")
@@ -151,7 +152,7 @@ class Opened:
     def figures(self) -> dict[str, Figure]:
         """Figures by name; a notebook shows the last one in a cell."""
         folder = self._folder.path("figures")
-        return {path.stem: Figure(path) for path in sorted(folder.glob("*.png"))}
+        return {path.stem: Figure(path) for path in visible(folder, "*.png")}
 
     @property
     def report(self) -> Path:

@@ -5,13 +5,13 @@ given address. In addition to the protocol, `ModelInfo` names the components: `i
 """
 
 import asyncio
-import json
 import math
 from collections.abc import AsyncIterator, Callable, Sequence
 from typing import Any
 
 from aiohttp import web
 
+from coronaryuq.core.io.text import parse_json
 from coronaryuq.serve.batching import Batcher
 from coronaryuq.serve.models import ServedModel
 
@@ -90,7 +90,7 @@ def _workers(batchers: Sequence[Batcher]) -> Callable[[web.Application], AsyncIt
 
 def _asked(batchers: dict[str, Batcher], text: str) -> tuple[Batcher, dict[str, Any]]:
     try:
-        body = json.loads(text)
+        body = parse_json(text)
     except ValueError as error:
         raise Refused("InvalidInput", f"the request is not JSON ({error})") from None
     if not isinstance(body, dict):

@@ -73,3 +73,26 @@ def test_a_table_is_the_same_in_pieces_of_any_size(tmp_path_factory, lines, size
             assert len(part) <= sizes[len(parts) % len(sizes)]
             parts.append(part)
     assert "".join(parts) == whole
+
+
+@pytest.mark.parametrize("name", ["001", "1e3", "NA", "null", "yes", "2024-01-01", "nan", "None", "1"])
+def test_names_are_never_typed_by_guess(tmp_path, name):
+    """A blank in the column must not turn the others into 1.0 either."""
+    path = tmp_path / "a.csv"
+    path.write_text(f"name,vessel,value\na,{name},1\nb,,2\n")
+    frame = read_csv(path)
+    assert frame["vessel"][0] == name and frame["vessel"].isna().tolist() == [False, True]
+    assert frame["value"].dtype.kind == "i"
+
+
+@pytest.mark.parametrize("text", ["a,b,a\n1,2,3\n", "a;b; a\n1;2;3\n", '"a","b","a"\n1,2,3\n'])
+def test_a_column_twice_is_refused(tmp_path, text):
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(InputError, match=r"a\.csv: a: column given twice; keep one"):
+        read_csv(tmp_path / "a.csv")
+
+
+def test_utf_16_without_its_mark_is_told_in_one_line(tmp_path):
+    (tmp_path / "a.csv").write_bytes("a,b\n1,2\n".encode("utf-16-le"))
+    with pytest.raises(InputError, match="not a text file; if it is UTF-16"):
+        read_csv(tmp_path / "a.csv")

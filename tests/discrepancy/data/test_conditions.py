@@ -59,7 +59,7 @@ def test_a_condition_name_that_a_csv_cell_cannot_store_is_rejected(tmp_path, nam
 
 def test_a_duplicate_condition_is_rejected(tmp_path):
     (tmp_path / "c.yaml").write_text("rest:\nhyperaemia:\n  coronary_resistance_scale: 0.3\nrest:\n  held_out: true\n")
-    with pytest.raises(InputError, match="rest is a duplicate"):
+    with pytest.raises(InputError, match="rest: given twice, in lines 1 and 4"):
         read_conditions(tmp_path / "c.yaml")
 
 

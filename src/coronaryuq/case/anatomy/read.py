@@ -43,7 +43,7 @@ def read_anatomy(
     if anatomy.kind == "centrelines":
         return read_tree(path, scale), ()
     if anatomy.kind == "simvascular":
-        return read_project(path, scale)
+        return read_project(path, scale, anatomy.groups)
     if anatomy.kind == "mesh":
         path = path / "mesh-complete.exterior.vtp"
     surface = read_surface(path, scale)

@@ -1,6 +1,7 @@
 """SimVascular projects: paths (.pth) and contour groups (.ctgr) become a centreline tree."""
 
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from scipy.interpolate import Akima1DInterpolator, PchipInterpolator
 
 from coronaryuq.case.anatomy.tree import Tree, Vessel, project
 from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.text import read_text, visible
 
 LARGEST = 200_000_000
 """Maximum size of one file, bytes."""
@@ -27,26 +29,28 @@ class Contoured:
     radii: np.ndarray
 
 
-def read_project(folder: str | Path, scale: float) -> tuple[Tree, tuple[str, ...]]:
+def read_project(folder: str | Path, scale: float, chosen: Sequence[str] = ()) -> tuple[Tree, tuple[str, ...]]:
     """Read the tree of a project with Paths/*.pth and Segmentations/*.ctgr; `scale` is its length unit in cm.
 
-    Also returns notes. Every path that has contours becomes a vessel, from its first control point on; it starts on the
-    path nearest there. Raises InputError for a missing folder, a broken file and a path that touches no other.
+    chosen: the contour groups to use, where a path has several. Also returns notes. Every path that has contours
+    becomes a vessel, from its first control point on; it starts on the path nearest there. Raises InputError for a
+    missing folder, a broken file and a path that touches no other.
     """
     folder = Path(folder)
-    paths, groups = sorted((folder / "Paths").glob("*.pth")), sorted((folder / "Segmentations").glob("*.ctgr"))
+    paths, groups = list(visible(folder / "Paths", "*.pth")), list(visible(folder / "Segmentations", "*.ctgr"))
     if not paths or not groups:
         raise InputError(folder, None, None, "expected Paths/*.pth and Segmentations/*.ctgr")
-    of_path = {_path_name(group): group for group in groups} | {group.stem: group for group in groups}
-    contoured = {path.stem: _contoured(path, of_path) for path in paths}
+    of_path, notes = _groups_of_paths(folder, [path.stem for path in paths], groups, chosen)
+    contoured = {path.stem: _contoured(path, of_path.get(path.stem), notes) for path in paths}
     left_out = [name for name, contours in contoured.items() if contours is None]
     lines = [_line(c.name, c.points * scale, c.radii * scale) for c in contoured.values() if c is not None]
     if not lines:
         raise InputError(
             folder, "Segmentations", None, "no path has a contour group of the same name with two or more contours"
         )
-    notes = (f"left out paths with fewer than two contours: {', '.join(left_out)}",) if left_out else ()
-    return join_lines(folder, lines, notes), notes
+    if left_out:
+        notes.append(f"left out paths with fewer than two contours: {', '.join(left_out)}")
+    return join_lines(folder, lines, tuple(notes)), tuple(notes)
 
 
 def _line(name: str, points: np.ndarray, radii: np.ndarray) -> Vessel:
@@ -59,10 +63,52 @@ def _line(name: str, points: np.ndarray, radii: np.ndarray) -> Vessel:
     return Vessel(name, course, PchipInterpolator(arc, radii)(fine)).resampled(SPACING)
 
 
+def _groups_of_paths(
+    folder: Path, paths: Sequence[str], groups: Sequence[Path], chosen: Sequence[str]
+) -> tuple[dict[str, Path], list[str]]:
+    """Return the contour group of every path that has one, and notes.
+
+    A group names its path; one that names none, or none that there is, is of the path of its own name.
+    """
+    stems = [group.stem for group in groups]
+    for name in chosen:
+        if name not in stems:
+            raise InputError(folder, "anatomy.groups", name, f"no such contour group; there are {', '.join(stems)}")
+    candidates: dict[str, list[Path]] = {}
+    for group in groups:
+        path = _path_name(group)
+        candidates.setdefault(path if path in paths else group.stem, []).append(group)
+    found, notes = {}, []
+    for path, several in candidates.items():
+        wanted = [group for group in several if group.stem in chosen] or several
+        own = [group for group in wanted if group.stem == path]
+        if len(wanted) > 1 and not own:
+            names = ", ".join(group.stem for group in wanted)
+            remedy = f"several contour groups are of this path: {names}; name the one to use in anatomy.groups"
+            raise InputError(folder / "Segmentations", "path_name", path, remedy)
+        found[path] = (own or wanted)[0]
+        if len(wanted) > 1:
+            others = ", ".join(group.stem for group in wanted if group.stem != path)
+            notes.append(f"path {path}: took the contour group of its own name, not {others} (anatomy.groups)")
+    return found, notes
+
+
 def _path_name(group: Path) -> str:
     """Return the name of the path that a contour group belongs to, by default the file's own name."""
     root = _xml(group).find("contourgroup")
     return group.stem if root is None else root.get("path_name", group.stem)
+
+
+def _one_time(path: Path, notes: list[str]) -> ElementTree.Element:
+    """Return the content of a file, of several time steps the first."""
+    root = _xml(path)
+    of_kind = [element for name in ("path", "contourgroup") for element in root.iter(name)]
+    if len(of_kind) > 1:
+        raise InputError(path, of_kind[0].tag, len(of_kind), "several in one file; give each its own")
+    steps = list(root.iter("timestep"))
+    if len(steps) > 1:
+        notes.append(f"{path.name}: took the first of {len(steps)} time steps")
+    return steps[0] if steps else root
 
 
 def join_lines(folder: Path, lines: list[Vessel], notes: tuple[str, ...] = ()) -> Tree:
@@ -102,6 +148,7 @@ def _attached(first: Vessel, lines: list[Vessel]) -> tuple[list[Vessel], dict[st
 
 def _cut(lines: list[Vessel], origins: dict[str, tuple[str, float]]) -> Tree:
     """Cut lines at bifurcations; the last part of a line keeps its name, earlier parts add _1, _2, ..."""
+    taken = {line.name for line in lines}
     vessels: list[Vessel] = []
     piece_at: dict[str, list[tuple[float, str]]] = {}
     for line in lines:
@@ -113,7 +160,7 @@ def _cut(lines: list[Vessel], origins: dict[str, tuple[str, float]]) -> Tree:
             if not cuts or arc - cuts[-1] > least:
                 cuts.append(arc)
         ends = [*cuts, line.length]
-        names = [f"{line.name}_{k + 1}" for k in range(len(cuts))] + [line.name]
+        names = [_free(f"{line.name}_{k + 1}", taken) for k in range(len(cuts))] + [line.name]
         parent = None
         start_point = None
         if line.name in origins:
@@ -132,17 +179,29 @@ def _cut(lines: list[Vessel], origins: dict[str, tuple[str, float]]) -> Tree:
     return Tree(vessels)
 
 
-def _contoured(path: Path, groups: dict[str, Path]) -> Contoured | None:
+def _free(name: str, taken: set[str]) -> str:
+    """Return a name that nothing has yet, this one if possible, and take it."""
+    while name in taken:
+        name += "_"
+    taken.add(name)
+    return name
+
+
+def _contoured(path: Path, group: Path | None, notes: list[str]) -> Contoured | None:
     """Return the centres and radii of a path's contours in order along it; None with fewer than two contours."""
-    root = _xml(path)
+    root = _one_time(path, notes)
     control = _points(path, root, ".//control_points/point")
     if len(control) < 2:
         raise InputError(path, "control_points", len(control), "expected two or more points")
-    if path.stem not in groups:
+    if group is None:
         return None
     centres, radii = [], []
-    group = groups[path.stem]
-    for contour in sorted(_xml(group).iter("contour"), key=_path_point):
+    contours = sorted(_one_time(group, notes).iter("contour"), key=_path_point)
+    places = [point.get("id") for contour in contours for point in contour.findall("path_point")]
+    for place in places:
+        if places.count(place) > 1:
+            raise InputError(group, "path_point", place, "has several contours; delete all but one")
+    for contour in contours:
         rim = _points(group, contour, "contour_points/point")
         if len(rim) < 3:
             continue
@@ -165,13 +224,16 @@ def _path_point(contour: ElementTree.Element) -> int:
     """Return the path point of a contour; files need not contain contours in that order."""
     point = contour.find("path_point")
     number = "" if point is None else point.get("id", "")
-    return int(number) if number.isdigit() else 0
+    return int(number) if number.isascii() and number.isdigit() else 0
 
 
 def _xml(path: Path) -> ElementTree.Element:
     if path.stat().st_size > LARGEST:
         raise InputError(path, None, f"{path.stat().st_size} bytes", f"more than {LARGEST} bytes")
-    text = path.read_text(encoding="utf-8", errors="replace")
+    try:
+        text = read_text(path)
+    except InputError:  # names in an old code page; coordinates are ASCII
+        text = path.read_text(encoding="latin-1")
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise InputError(path, None, None, "contains a document type definition, which SimVascular never writes")
     # SimVascular writes a `format` element before the root: two roots, which XML does not allow.

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from coronaryuq.case.case_json import AnatomyKind, Artery, Point
-from coronaryuq.case.description.yaml_file import read_yaml
+from coronaryuq.case.description.yaml_file import read_yaml, validated
 from coronaryuq.core.errors import InputError, nearest
 from coronaryuq.core.units import BLOOD_DENSITY, BLOOD_VISCOSITY, FLOWS, LENGTHS, TISSUE_DENSITY, perfusions
 
-Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]{0,63}$")]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 if TYPE_CHECKING:
     # mypy knows no Literal whose values are computed.
     LengthUnit = str
@@ -42,6 +42,10 @@ class Anatomy(_Model):
     surface: str | None = Field(None, description="Closed surface of the lumen, including caps (STL, VTP, PLY).")
     simvascular: str | None = Field(
         None, description="SimVascular project folder with Paths/*.pth and Segmentations/*.ctgr."
+    )
+    groups: list[str] = Field(
+        default_factory=list,
+        description="Contour groups of the SimVascular project to use, for paths that have several.",
     )
     mesh: str | None = Field(None, description="SimVascular mesh-complete folder.")
     unit: LengthUnit = Field("cm", description="Length unit of these files, and of points in this description.")
@@ -290,7 +294,7 @@ def read_description(path: str | Path) -> Description:
     """
     content = read_yaml(path)
     try:
-        return Description.model_validate(content)
+        return validated(Description, content)
     except ValidationError as errors:
         raise _one_line(path, errors) from None
 

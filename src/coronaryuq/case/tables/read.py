@@ -43,7 +43,7 @@ class OutletRow:
 def read_outlets(path: Path) -> list[OutletRow]:
     """Read the outlets table; raise InputError, with row and column, for a wrong cell."""
     _check_size(path)
-    frame = read_csv(path, ("name", "perfuses", "branch"))
+    frame = read_csv(path, ("name", "perfuses", "branch"), words=("perfuses", "branch"))
     if not 1 <= len(frame) <= MOST_OUTLETS:
         raise InputError(path, "rows", len(frame), f"expected 1 to {MOST_OUTLETS} outlets")
     known = {"name", "bc", "vessel", "x", "y", "z", "perfuses", "branch", "label"}
@@ -67,7 +67,7 @@ def read_outlets(path: Path) -> list[OutletRow]:
 
 
 def _outlet(path: Path, number: int, record: dict[str, Any]) -> OutletRow:
-    cells = {column: str(value).strip() for column, value in record.items() if value is not None}
+    cells = {column: str(value).strip() for column, value in record.items() if value is not None and str(value).strip()}
 
     def choice(column: str, allowed: tuple[Choice, ...]) -> Choice:
         for value in allowed:
@@ -76,8 +76,9 @@ def _outlet(path: Path, number: int, record: dict[str, Any]) -> OutletRow:
         raise InputError(path, f"row {number}, {column}", cells.get(column), f"allowed: {', '.join(allowed)}")
 
     name = cells.get("name")
-    if name is None or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_.-]{0,63}", name):
-        raise InputError(path, f"row {number}, name", name, "expected a letter, then letters, digits, _ . or -")
+    if name is None or not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}", name):
+        remedy = "expected a letter or digit, then letters, digits, _ . or -"
+        raise InputError(path, f"row {number}, name", name, remedy)
     perfuses, branch = choice("perfuses", TISSUES), choice("branch", BRANCHES)
     return OutletRow(
         name,
@@ -226,6 +227,9 @@ def csv_targets(path: Path) -> dict[str, tuple[str | None, float | None, str | N
     rows = list(enumerate(csv.reader(text.splitlines(), delimiter=separator), start=1))
     rows = [(number, [cell.strip() for cell in row]) for number, row in rows if any(cell.strip() for cell in row)]
     header = [cell.lower() for cell in rows[0][1]] if rows else []
+    for column in header if "name" in header and "value" in header else ():
+        if column and header.count(column) > 1:
+            raise InputError(path, column, None, "column given twice; keep one")
     headed = "name" in header and "value" in header
     for number, row in rows[1:] if headed else rows:
         if headed and len(row) == len(header):

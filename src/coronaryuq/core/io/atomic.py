@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from coronaryuq.core.errors import REMEDIES, InputError
+from coronaryuq.core.io.text import TwiceError, parse_json, read_text
 
 
 @contextmanager
@@ -97,23 +98,21 @@ def read_json(path: str | Path, keys: tuple[str, ...] = ()) -> Any:
     Parameters
     ----------
     path
-        The file; UTF-8, with or without a byte-order mark.
+        The file, in an encoding that `read_text` knows.
     keys
         Required keys; if any are given, the file must contain a JSON object.
 
     Raises
     ------
     InputError
-        If the file is missing, unreadable or malformed, or a key is missing.
+        If the file is missing, unreadable or malformed, or a key is missing or given twice.
     """
     try:
-        value = json.loads(Path(path).read_text(encoding="utf-8-sig"))
-    except FileNotFoundError:
-        raise InputError(path, None, None, "no such file") from None
-    except IsADirectoryError:
-        raise InputError(path, None, None, "is a folder; expected a JSON file") from None
-    except OSError as error:
-        raise InputError(path, None, None, f"cannot be read ({error.strerror})") from None
+        value = parse_json(read_text(path))
+    except InputError:
+        raise
+    except TwiceError as error:
+        raise InputError(path, error.key, None, "given twice in one object; keep one") from None
     except (ValueError, RecursionError) as error:
         raise InputError(path, None, None, f"not valid JSON ({error}); recreate it") from None
     if keys and not isinstance(value, dict):

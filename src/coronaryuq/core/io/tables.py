@@ -19,6 +19,8 @@ if TYPE_CHECKING:  # pandas takes a third of a second to import, and the command
 
 GAPS = ("", "NA", "N/A", "n/a", "#N/A", "NaN", "nan", "-NaN", "-nan", "NULL", "null", "None", "<NA>", "1.#QNAN")
 """Contents of a cell that mean a missing number."""
+NAMES = ("name", "vessel", "parent", "bc", "outlet", "label", "location", "place", "branch", "artery", "row", "sample")
+"""Columns of names in every table, which may look like numbers or gaps: `001`, `1e3`, `NA`."""
 DECIMAL_COMMA = re.compile(r"(?:^|;)\s*[-+]?\d*,\d+\s*(?:;|$)", re.MULTILINE)
 BLOCK = 1 << 20
 """Bytes read at a time."""
@@ -40,12 +42,12 @@ def read_csv(path: str | Path, columns: tuple[str, ...] = (), words: tuple[str, 
     columns
         Required columns.
     words
-        Columns of text, in lower case: there `01` is not a number and `NA` not a gap.
+        Further columns of text than `NAMES`, in lower case: there `01` is not a number and `NA` not a gap.
 
     Raises
     ------
     InputError
-        If the file is missing or malformed, a column is missing, or rows are longer than the header.
+        If the file is missing or malformed, a column is missing or given twice, or rows are longer than the header.
     """
     import pandas as pd
 
@@ -57,10 +59,13 @@ def read_csv(path: str | Path, columns: tuple[str, ...] = (), words: tuple[str, 
             "decimal": "," if comma else ".",
             "skipinitialspace": separator != "\t",
         }
-        heading = pd.read_csv(TableText(path), nrows=0, **layout).columns
-        kept = {name: str for name in heading if str(name).strip().lower() in words}
-        if kept:
-            layout |= {"keep_default_na": False, "na_values": {name: GAPS for name in heading if name not in kept}}
+        heading = list(pd.read_csv(TableText(path), nrows=1, header=None, dtype=str, **layout).iloc[0].fillna(""))
+        _check_heading(path, heading)
+        heading = list(pd.read_csv(TableText(path), nrows=0, **layout).columns)
+        kept = {name: str for name in heading if str(name).strip().lower() in (*words, *NAMES)}
+        blank = {name: [""] for name in kept if str(name).strip().lower() not in words}
+        layout |= {"keep_default_na": False, "na_values": {name: list(GAPS) for name in heading if name not in kept}}
+        layout["na_values"] |= blank
         frame = pd.read_csv(TableText(path), dtype=kept, **layout)
     except ValueError as error:
         reason = " ".join(str(error).split())
@@ -143,7 +148,9 @@ def _encoding(path: str | Path) -> str:
     except OSError as error:
         raise InputError(path, None, None, f"cannot be read ({error.strerror})") from None
     except UnicodeDecodeError:
-        return "cp1252"
+        encoding = "cp1252"
+    if encoding != "utf-16" and b"\0" in start:
+        raise InputError(path, None, None, "not a text file; if it is UTF-16, save it in the encoding UTF-8")
     return encoding
 
 
@@ -183,6 +190,14 @@ def write_npz(path: str | Path, arrays: dict[str, Any]) -> None:
 
     with replacing(path) as beside, open(beside, "wb") as out:
         np.savez(out, **arrays)
+
+
+def _check_heading(path: str | Path, heading: list[str]) -> None:
+    """Raise `InputError` if two columns have the same name: which of them would be meant?"""
+    names = [str(name).strip() for name in heading]
+    for name in names:
+        if name and names.count(name) > 1:
+            raise InputError(path, name, None, "column given twice; keep one")
 
 
 def _with_columns(path: str | Path, frame: "pd.DataFrame", columns: tuple[str, ...]) -> "pd.DataFrame":

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from coronaryuq.case.description.yaml_file import read_yaml
+from coronaryuq.case.description.yaml_file import read_yaml, texts
 from coronaryuq.core.errors import InputError, nearest
 from coronaryuq.core.io.atomic import write_text
 from coronaryuq.core.io.tables import read_csv, write_csv
@@ -120,11 +120,11 @@ def _condition(path: str | Path, name: str, keys: Any) -> Condition:
     held_out = keys.get("held_out", False)
     if not isinstance(held_out, bool):
         raise InputError(path, f"{name}.held_out", held_out, "expected true or false")
-    stenosis = keys.get("stenosis") or {}
+    stenosis = _named(keys.get("stenosis") or {})
     if not isinstance(stenosis, dict) or not all(isinstance(label, str) for label in stenosis.values()):
         remedy = "expected {VESSEL: NAME}, with the same NAME wherever it is the same stenosis"
         raise InputError(path, f"{name}.stenosis", stenosis, remedy)
-    drive = keys.get("drive") or {}
+    drive = _named(keys.get("drive") or {})
     if not isinstance(drive, dict):
         raise InputError(path, f"{name}.drive", drive, "expected a mapping of boundary conditions to CSV files")
     return Condition(
@@ -152,6 +152,11 @@ def _pullback(path: str | Path, name: str, keys: Any) -> PullbackErrors:
             remedy = "expected a positive number" + (" up to 1" if key == "begins" else "")
             raise InputError(path, f"{name}.pullback.{key}", value, remedy)
     return PullbackErrors(**found)
+
+
+def _named(values: Any) -> Any:
+    """Return a mapping to names with names that look like numbers as they are written."""
+    return dict(zip(values, texts(values), strict=True)) if isinstance(values, dict) else values
 
 
 def _scale(path: str | Path, where: str, keys: dict) -> float:

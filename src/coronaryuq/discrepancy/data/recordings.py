@@ -16,6 +16,7 @@ from coronaryuq.core import units
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_json, write_text
 from coronaryuq.core.io.tables import line_number, read_csv, write_csv
+from coronaryuq.core.io.text import visible
 from coronaryuq.discrepancy.data.apply_condition import LOSS
 from coronaryuq.discrepancy.data.beat import AORTA, FLOW, TIME, VENTRICLE, check_beat
 from coronaryuq.discrepancy.data.conditions import BED_SHAPE, RESISTANCE, check_name, write_drive
@@ -163,7 +164,7 @@ def _beats(folder: Path, animal: str) -> tuple[dict[str, pd.DataFrame], str, str
     """Condition → recorded beat, the baseline first; the artery and the unit of flow in the headings."""
     beats: dict[str, pd.DataFrame] = {}
     headings: dict[tuple[str, str], Path] = {}
-    for path in sorted(folder.glob(f"{animal}_*.csv")):
+    for path in visible(folder, f"{animal}_*.csv"):
         recording = _recording(path)
         if recording is None:
             continue

@@ -10,6 +10,7 @@ import numpy as np
 
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import replacing
+from coronaryuq.core.io.text import visible
 from coronaryuq.core.io.vtk import read_vtk, write_vtk
 from coronaryuq.flow3d.mesh.generation.quality import areas, boundary, volumes
 from coronaryuq.flow3d.mesh.generation.volume import oriented
@@ -152,7 +153,7 @@ def read(folder: str | Path) -> Mesh:
     face = np.zeros(len(triangles), np.int64)
     region = np.zeros(len(triangles), np.int64)
     names: dict[int, str] = {}
-    surfaces = sorted((folder / SURFACES).glob("*.vtp"))
+    surfaces = list(visible(folder / SURFACES, "*.vtp"))
     if not surfaces:
         raise InputError(folder / SURFACES, None, None, "contains no .vtp; every face needs one")
     for path in surfaces:
