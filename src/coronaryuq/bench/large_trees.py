@@ -37,7 +37,7 @@ def run(quick: bool = False, outlets: list[int] | None = None) -> dict:
     compiled = [sys.executable, "-c", MEASURED]
     rows = []
     for number in outlets or (QUICK_OUTLETS if quick else OUTLETS):
-        done = subprocess.run([*compiled, str(number)], stdout=subprocess.PIPE, check=True, text=True)
+        done = subprocess.run([*compiled, str(number)], stdout=subprocess.PIPE, check=True, encoding="utf-8")
         rows.append(json.loads(done.stdout.splitlines()[-1]))
     return {"samples": SAMPLES, "steps_per_cycle": STEPS, "cycles": CYCLES, "trees": rows}
 
