@@ -23,6 +23,7 @@ from coronaryuq.bench.discrepancy.rivals.compare import (
     rival_trial,
     side_by_side,
 )
+from coronaryuq.bench.discrepancy.rivals.findings import findings
 from coronaryuq.bench.discrepancy.tables import (
     TARGETS,
     answers,
@@ -264,6 +265,8 @@ def tables(cases: list[dict]) -> list[tuple[Path, str, list[str]]]:
     scores, _, _ = markdown(cases).partition("| network | hidden | strength")
     found.append((PAGE, "scores", scores.rstrip().splitlines()))
     found.append((PAGE, "rivals", against_rivals(cases)))
+    others = read(RIVALS)
+    found.append((PAGE, "findings", findings(side_by_side(others, cases), others)))
     return [*found, (PAGE, "misses", misses(cases)), (PAGE, "costs", costs(cases))]
 
 

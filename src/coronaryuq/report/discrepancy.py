@@ -158,10 +158,12 @@ def _named(effect: dict) -> dict:
         *(_interval(term["unit"], term, term["term"]) for term in effect["terms"]),
     ]
     others = [f"{member['effect']} at {member['place']}" for member in effect["class"][1:]]
+    ends = [effect.get("physical", {}).get(f"{end} in the vessel, mm") for end in ("start", "end")]
+    within = "" if None in ends else f", {ends[0]:.0f} to {ends[1]:.0f} mm from its start"
     next_measurement = effect.get("next_measurements", [])[:1]
     return {
         "effect": effect["effect"].replace("_", " "),
-        "place": effect["place"],
+        "place": effect["place"] + within,
         "probability": _probability(effect),
         "sizes": ", ".join(sizes),
         "others": ", ".join(others).replace("_", " ") or "–",

@@ -270,13 +270,12 @@ def _readings(series: Measured, exact: np.ndarray, drift: float, random: np.rand
 
 
 def answers(hidden: Hidden, wire: Wire, seeds: range, program: str = "own") -> Counter[str]:
-    """Search a case per seed and count the answers: "effect at place" of all named, "nothing" or "outside"."""
+    """Search a case per seed and count the answers: effects at places, "nothing", or "outside" with the best effects."""
     found: Counter[str] = Counter()
     for seed in seeds:
         with TemporaryDirectory() as name, threadpool_limits(1):
             write_case(hidden, wire, seed, Path(name), program)
             discovery = analyse(Path(name))
-            named = [entry.named.placed for entry in discovery.named]
-            words = " and ".join(f"{effect.name} at {place}" for effect, place in named)
-            found[words or ("outside" if discovery.outside_library else "nothing")] += 1
+            words = " and ".join(f"{effect.name} at {place}" for effect, place in discovery.hypothesis)
+            found[f"outside; {words}" if discovery.outside_library else words if discovery.named else "nothing"] += 1
     return found
