@@ -270,7 +270,7 @@ def _readings(series: Measured, exact: np.ndarray, drift: float, random: np.rand
 
 
 def answers(hidden: Hidden, wire: Wire, seeds: range, program: str = "own") -> Counter[str]:
-    """Search a case per seed and count the answers: effects at places, "nothing", or "outside" with the best effects."""
+    """Search a case per seed and count answers: effects at places, "nothing", or "outside" with the best effects."""
     found: Counter[str] = Counter()
     for seed in seeds:
         with TemporaryDirectory() as name, threadpool_limits(1):
