@@ -238,12 +238,12 @@ def _tree(surface: Surface, axis: MedialAxis, pieces: list[_Piece], inlet: Cap, 
         radius[inner] = cut.area_radii(points, radius)[inner]
         parent = pieces[k].parent
         if parent is not None:
-            radius = _own_radius(points, radius, float(lines[parent][1][-1]))
+            radius = own_radius(points, radius, float(lines[parent][1][-1]))
         vessels.append(Vessel(names[k], points, radius, None if parent is None else names[parent], AORTA))
     return Tree(vessels)
 
 
-def _own_radius(points: np.ndarray, radius: np.ndarray, parent_radius: float) -> np.ndarray:
+def own_radius(points: np.ndarray, radius: np.ndarray, parent_radius: float) -> np.ndarray:
     """Replace radii inside the parent's lumen, where a vessel starts, by the radius with which it leaves.
 
     It leaves at one parent's radius from its start, or farther along where its radius stops falling.

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
+from coronaryuq.case.anatomy.centreline_files import read_centrelines
 from coronaryuq.case.anatomy.centrelines import centreline_tree
 from coronaryuq.case.anatomy.simvascular import read_project
 from coronaryuq.case.anatomy.stenosis_detection import detected_stenoses, stenosis_at
 from coronaryuq.case.anatomy.surface import Cap, Surface, read_surface
 from coronaryuq.case.anatomy.synthetic_aorta import NAMES, RADIUS, with_aorta
-from coronaryuq.case.anatomy.tree import AORTA, Stenosis, Tree, branch_of, read_tree
+from coronaryuq.case.anatomy.tree import AORTA, Stenosis, Tree, branch_of
 from coronaryuq.case.description.fields import ARTERIES, Anatomy, Description, StenosisPlace
 from coronaryuq.case.settings import Settings
 from coronaryuq.case.tables.read import OutletRow
@@ -41,7 +42,7 @@ def read_anatomy(
     scale = LENGTHS[anatomy.unit]
     path = file.parent / anatomy.path
     if anatomy.kind == "centrelines":
-        return read_tree(path, scale), ()
+        return read_centrelines(path, scale)
     if anatomy.kind == "simvascular":
         return read_project(path, scale, anatomy.groups)
     if anatomy.kind == "mesh":

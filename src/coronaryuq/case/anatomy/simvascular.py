@@ -16,6 +16,8 @@ LARGEST = 200_000_000
 """Maximum size of one file, bytes."""
 SPACING = 0.05
 """cm between centreline points."""
+AT_END = 0.1
+"""Radii from the end of a line, within which others that start there are its continuation."""
 ATTACH = 1.5
 """A path branches off another if it starts within this many radii of it."""
 
@@ -156,6 +158,8 @@ def _cut(lines: list[Vessel], origins: dict[str, tuple[str, float]]) -> Tree:
         arcs = sorted(arc for other, arc in origins.values() if other == line.name)
         cuts: list[float] = []
         for arc in arcs:
+            if _at_end(line, arc):
+                continue
             arc = min(max(arc, least), line.length - least)
             if not cuts or arc - cuts[-1] > least:
                 cuts.append(arc)
@@ -165,7 +169,8 @@ def _cut(lines: list[Vessel], origins: dict[str, tuple[str, float]]) -> Tree:
         start_point = None
         if line.name in origins:
             other, arc = origins[line.name]
-            parent = min(piece_at[other], key=lambda entry: abs(entry[0] - arc))[1]
+            whole = next(candidate for candidate in lines if candidate.name == other)
+            parent = other if _at_end(whole, arc) else min(piece_at[other], key=lambda entry: abs(entry[0] - arc))[1]
             start_point = next(v for v in vessels if v.name == parent).points[-1]
         begin = 0.0
         for name, end in zip(names, ends, strict=True):
@@ -185,6 +190,11 @@ def _free(name: str, taken: set[str]) -> str:
         name += "_"
     taken.add(name)
     return name
+
+
+def _at_end(line: Vessel, arc: float) -> bool:
+    """Whether a place is the end of a line, which then goes on as the lines that start there."""
+    return arc > line.length - AT_END * float(line.radii[-1])
 
 
 def _contoured(path: Path, group: Path | None, notes: list[str]) -> Contoured | None:

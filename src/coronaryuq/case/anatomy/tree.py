@@ -305,7 +305,7 @@ def read_tree(path: str | Path, scale: float = 1.0) -> Tree:
     if mesh.n_cells != mesh.n_lines:
         raise InputError(path, "cells", mesh.n_cells, f"{mesh.n_lines} of them are lines; keep the polylines only")
     points, radii = np.asarray(mesh.points, dtype=float) * scale, np.asarray(mesh["Radius"], dtype=float) * scale
-    cells = [np.asarray(cell) for cell in _polylines(mesh.lines)]
+    cells = [np.asarray(cell) for cell in polylines(mesh.lines)]
     names = [str(n) for n in _cell_data(mesh, "VesselName", [f"branch{i}" for i in range(len(cells))])]
     if len(set(names)) != len(names):
         twice = next(n for n in names if names.count(n) > 1)
@@ -315,7 +315,7 @@ def read_tree(path: str | Path, scale: float = 1.0) -> Tree:
     else:
         parents = _join_by_ends(path, [points[c] for c in cells], names)
     branches = [str(b) for b in _cell_data(mesh, "Branch", [AORTA] * len(cells))]
-    order = _parents_first(path, names, parents)
+    order = parents_first(path, names, parents)
     try:
         return Tree(
             Vessel(names[i], points[cells[i]], radii[cells[i]], parents[i], branches[i]) for i in order
@@ -329,7 +329,8 @@ def _cell_data(mesh: "pyvista.DataSet", name: str, default: list[str]) -> Iterab
     return default if values is None else values
 
 
-def _polylines(lines: np.ndarray) -> Iterator[np.ndarray]:
+def polylines(lines: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield the point numbers of each polyline of VTK's flat list."""
     start = 0
     while start < len(lines):
         n = int(lines[start])
@@ -352,7 +353,8 @@ def _join_by_ends(path, polylines: list[np.ndarray], names: list[str]) -> list[s
     return parents
 
 
-def _parents_first(path, names: list[str], parents: list[str | None]) -> list[int]:
+def parents_first(path, names: list[str], parents: list[str | None]) -> list[int]:
+    """Return the order in which every vessel comes after its parent."""
     placed: list[int] = []
     done: set[str | None] = {None}
     while len(placed) < len(names):

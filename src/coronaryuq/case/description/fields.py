@@ -37,7 +37,8 @@ class Anatomy(_Model):
 
     centrelines: str | None = Field(
         None,
-        description="VTP of centrelines: one polyline per vessel, point data Radius, cell data VesselName and Branch.",
+        description="Centrelines: VTP with point data Radius (or VMTK's MaximumInscribedSphereRadius) and, if there, "
+        "cell data VesselName and Branch; or a CSV of points: name, x, y, z, radius and, if there, parent and branch.",
     )
     surface: str | None = Field(None, description="Closed surface of the lumen, including caps (STL, VTP, PLY).")
     simvascular: str | None = Field(
