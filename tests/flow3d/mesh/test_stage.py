@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel, write_tree
+from coronaryuq.case.network.along_tree import vessels_along
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json, write_json
-from coronaryuq.flow3d.mesh.coupling.cap_connections import connect_caps, vessels_along
+from coronaryuq.flow3d.mesh.coupling.cap_connections import connect_caps
 from coronaryuq.flow3d.mesh.coupling.network_without_mesh import remaining_network
 from coronaryuq.flow3d.mesh.description import Face, MeshDescription, Remainder, read_description
 from coronaryuq.flow3d.mesh.generation import folder, quality

@@ -139,23 +139,32 @@ def segments(tree: Tree, stenoses: Sequence[Stenosis], shortest: float = 0.02) -
     return result
 
 
+def shape_integrals(radii: np.ndarray, arc: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return ∫ r⁻⁴ ds (cm⁻³), ∫ r⁻² ds (cm⁻¹) and the mean radius (cm), exact for radii linear between points.
+
+    radii: (..., n) cm; arc: (n,) cm; results: (...).
+    """
+    a, b, step = radii[..., :-1], radii[..., 1:], np.diff(arc)
+    fourth = step * (a**2 + a * b + b**2) / (3 * a**3 * b**3)
+    second = step / (a * b)
+    mean = np.sum(step * (a + b) / 2, axis=-1) / (arc[-1] - arc[0])
+    return fourth.sum(axis=-1), second.sum(axis=-1), mean
+
+
 def elements(vessel: Vessel, physics: Physics) -> dict[str, float]:
     """Compute R, L and C of a part of a vessel in laminar flow (Pfaller et al. 2022, Eqs. 4 to 6), CGS.
 
     R = 8 µ/π ∫ r⁻⁴ ds and L = ρ/π ∫ r⁻² ds, exact for radii that are linear between points; for a constant radius they
     are the published 8 µ l/(π r⁴) and ρ l/(π r²).
     """
-    a, b, step = vessel.radii[:-1], vessel.radii[1:], np.diff(vessel.arc)
-    fourth = step * (a**2 + a * b + b**2) / (3 * a**3 * b**3)
-    second = step / (a * b)
+    fourth, second, mean = shape_integrals(vessel.radii, vessel.arc)
     if physics.elastic:
-        mean = float(np.sum(step * (a + b) / 2) / vessel.length)
-        capacitance = 3 * np.pi * vessel.length * mean**2 / (2 * physics.young * physics.thickness_ratio)
+        capacitance = 3 * np.pi * vessel.length * float(mean) ** 2 / (2 * physics.young * physics.thickness_ratio)
     else:
         capacitance = 0.0
     return {
-        "R_poiseuille": float(8 * physics.viscosity / np.pi * fourth.sum()),
-        "L": float(physics.density / np.pi * second.sum()),
+        "R_poiseuille": float(8 * physics.viscosity / np.pi * fourth),
+        "L": float(physics.density / np.pi * second),
         "C": float(capacitance),
         "stenosis_coefficient": 0.0,
     }

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, throat
+from coronaryuq.case.network.along_tree import vessels_along
 from coronaryuq.case.network.network import Network
-from coronaryuq.flow3d.mesh.coupling.cap_connections import connect_caps, vessels_along
+from coronaryuq.flow3d.mesh.coupling.cap_connections import connect_caps
 from coronaryuq.flow3d.mesh.description import Couples, Face, MeshDescription
 from coronaryuq.flow3d.mesh.generation import quality, regions
 from coronaryuq.flow3d.mesh.generation.build import Built

@@ -6,9 +6,8 @@ Needs the centreline tree; runs when the mesh is made. `cut_network` applies the
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from coronaryuq.case.anatomy.tree import Stenosis, Tree
+from coronaryuq.case.anatomy.tree import Tree
 from coronaryuq.case.network.build import Physics, Segment, elements
-from coronaryuq.case.network.build import segments as network_segments
 from coronaryuq.case.network.network import Network
 from coronaryuq.case.network.topology import Topology
 from coronaryuq.core.errors import InputError
@@ -26,21 +25,6 @@ class Connections(NamedTuple):
     caps: dict[str, Couples]
     replaces: list[str]
     cut: dict[str, Remainder]
-
-
-def vessels_along(tree: Tree, stenoses: Sequence[Stenosis], network: Network, file: str = "network") -> list[Segment]:
-    """Return the 0D vessels along the tree: those that the case stage makes, or one per tree vessel of the same name.
-
-    Raises `InputError` if the network has neither.
-    """
-    known = set(network.vessel_names.values())
-    made = network_segments(tree, stenoses)
-    if {segment.name for segment in made} <= known:
-        return made
-    if {vessel.name for vessel in tree} <= known:
-        return [Segment(v.name, v.name, tree.emergence(v.name), v.length) for v in tree]
-    missing = sorted({segment.name for segment in made} - known)
-    raise InputError(file, "vessels", missing[0], "in the tree but not in the network; give both the same names")
 
 
 def upstream_block(network: Network, vessel: str) -> str:

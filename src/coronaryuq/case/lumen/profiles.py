@@ -1,0 +1,203 @@
+"""The uncertain radius of every 0D vessel, as it travels in a network file, and the element values that follow from it.
+
+The part `lumen` of a network, which svZeroDSolver does not know, has one profile per coronary 0D vessel. Element values
+change by the rules that built them (`case.network.build`), as factors on the values that the network has: a network
+whose losses were tuned or learnt keeps them at the segmented lumen.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from coronaryuq.case.anatomy.tree import Tree
+from coronaryuq.case.lumen.law import LumenLaw, VesselLaw
+from coronaryuq.case.network.build import Segment, shape_integrals
+from coronaryuq.case.network.network import Network
+from coronaryuq.core.io.typed import checked
+
+LUMEN = "lumen"
+"""Part of a network that holds the profiles."""
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Radius along one 0D vessel: tree vessel, segmented `radii` (n,) cm at the knots of its law, and what it is.
+
+    stenosis: whether the 0D vessel carries a stenosis coefficient.
+    """
+
+    vessel: str
+    radii: np.ndarray
+    law: VesselLaw
+    stenosis: bool = False
+
+    def between(self, start: float, end: float) -> "Profile":
+        """Return the part between two arc lengths (cm) of the tree vessel, without a stenosis."""
+        arc = self.law.arc
+        arc = np.concatenate([[start], arc[(arc > start + 1e-9) & (arc < end - 1e-9)], [end]])
+        columns = {name: np.interp(arc, self.law.arc, column) for name, column in self.law.columns.items()}
+        law = VesselLaw(arc, np.interp(arc, self.law.arc, self.law.mean), columns)
+        return Profile(self.vessel, np.interp(arc, self.law.arc, self.radii), law)
+
+    def factors(self, z: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return element parameter → its value over that of the segmented lumen, (samples,), for coordinates (samples,).
+
+        R and L by their integrals along the vessel, C by the squared mean radius, the stenosis coefficient by the areas
+        at the throat and without the stenosis; a stenosis that takes no area has no coefficient to change.
+        """
+        arc = self.law.arc
+        drawn = np.ascontiguousarray(self.radii * np.exp(self.law.log_ratio(arc, z)))
+        factors = {}
+        for name, new, old in zip(
+            ("R_poiseuille", "L", "C"), shape_integrals(drawn, arc), shape_integrals(self.radii, arc), strict=True
+        ):
+            factors[name] = (new / old) ** (2 if name == "C" else 1)
+        if self.stenosis:
+            old = float(_loss(self.radii[None], arc)[0])
+            factors["stenosis_coefficient"] = _loss(drawn, arc) / old if old > 0.0 else np.ones(len(drawn))
+        return factors
+
+
+def _loss(radii: np.ndarray, arc: np.ndarray) -> np.ndarray:
+    """Return what the stenosis coefficient is proportional to: A_0⁻² (A_0/A_s − 1)², (samples,) for radii (samples, n).
+
+    A_0 in the factor is the area where the stenosis begins, in the ratio that between its ends at the throat, as in
+    `case.network.build`.
+    """
+    throat = np.argmin(radii, axis=1)
+    rows = np.arange(len(radii))
+    along = (arc[throat] - arc[0]) / (arc[-1] - arc[0])
+    healthy = radii[:, 0] * (1.0 - along) + radii[:, -1] * along
+    return radii[:, 0] ** -4 * ((healthy / radii[rows, throat]) ** 2 - 1.0) ** 2
+
+
+@dataclass(frozen=True)
+class Lumen:
+    """The uncertain lumen of a network.
+
+    Parameters
+    ----------
+    names
+        Coordinates: independent, standard normal.
+    profiles
+        0D vessel → its radius and law; vessels that are not listed are known exactly.
+    captured
+        Artery → fraction of its correlated variance that its own coordinates carry; see `lumen_law`.
+    """
+
+    names: list[str]
+    profiles: Mapping[str, Profile]
+    captured: Mapping[str, float]
+
+    def factors(self, z: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return "BLOCK.parameter" → factor (samples,) on the network's value, for coordinates (samples,)."""
+        return {
+            f"{block}.{name}": factor
+            for block, profile in self.profiles.items()
+            for name, factor in profile.factors(z).items()
+        }
+
+    def ratio(self, vessel: str, arc, z: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return true over segmented radius (samples, n) at arc lengths (n,) cm of a tree vessel.
+
+        Constant beyond the ends of the 0D vessels: an artery begins in 0D where it leaves the aorta.
+        """
+        own = sorted((p for p in self.profiles.values() if p.vessel == vessel), key=lambda p: p.law.arc[0])
+        arc = np.atleast_1d(np.asarray(arc, float))
+        samples = max((np.size(z[name]) for name in self.names), default=1)
+        if not own:
+            return np.ones((samples, len(arc)))
+        parts = np.searchsorted([p.law.arc[0] for p in own[1:]], arc, side="right")
+        log_ratio = np.empty((samples, len(arc)))
+        for k, profile in enumerate(own):
+            log_ratio[:, parts == k] = profile.law.log_ratio(arc[parts == k], z)
+        return np.exp(log_ratio)
+
+
+class _Profile(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    vessel: str
+    stenosis: bool = False
+    arc: list[float]
+    radii: list[float]
+    mean: list[float]
+    columns: dict[str, list[float]]
+
+
+class _Lumen(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    names: list[str]
+    captured: dict[str, float]
+    profiles: dict[str, _Profile]
+
+
+def with_lumen(network: Network, tree: Tree, segments: Sequence[Segment], law: LumenLaw) -> Network:
+    """Return the network with the profiles of its 0D vessels along a tree; a law without coordinates leaves it as it is.
+
+    Parameters
+    ----------
+    network
+        The 0D network.
+    tree
+        The segmented lumen.
+    segments
+        Its 0D vessels, see `vessels_along`.
+    law
+        The law of its radii.
+
+    Returns
+    -------
+    Network
+        A network that shares its blocks with the given one.
+    """
+    if not law.vessels:
+        return network
+    profiles = {}
+    for segment in segments:
+        if segment.vessel not in law.vessels:
+            continue
+        fine = law.knots(tree[segment.vessel])
+        own = law.vessels[segment.vessel]
+        columns = {name: np.interp(fine.arc, own.arc, column) for name, column in own.columns.items()}
+        whole = Profile(
+            segment.vessel, fine.radii, VesselLaw(fine.arc, np.interp(fine.arc, own.arc, own.mean), columns)
+        )
+        part = whole.between(segment.start, segment.end)
+        profiles[segment.name] = Profile(part.vessel, part.radii, part.law, segment.stenosis is not None)
+    return Network(network | {LUMEN: content(Lumen(law.names, profiles, law.captured))})
+
+
+def content(lumen: Lumen) -> dict[str, Any]:
+    """Return the JSON object that a network file holds."""
+    profiles = {
+        block: _Profile(
+            vessel=p.vessel,
+            stenosis=p.stenosis,
+            arc=p.law.arc.tolist(),
+            radii=p.radii.tolist(),
+            mean=p.law.mean.tolist(),
+            columns={name: column.tolist() for name, column in p.law.columns.items()},
+        )
+        for block, p in lumen.profiles.items()
+    }
+    return _Lumen(names=lumen.names, captured=dict(lumen.captured), profiles=profiles).model_dump()
+
+
+def lumen_of(network: Network, file: str | Path = "network") -> Lumen | None:
+    """Return the uncertain lumen of a network, None if its lumen is known; raise `InputError` if it is malformed."""
+    if LUMEN not in network:
+        return None
+    stored = checked(_Lumen, network[LUMEN], file, "run the case stage again")
+    profiles = {}
+    for block, p in stored.profiles.items():
+        columns = {name: np.array(column) for name, column in p.columns.items()}
+        profiles[block] = Profile(
+            p.vessel, np.array(p.radii), VesselLaw(np.array(p.arc), np.array(p.mean), columns), p.stenosis
+        )
+    return Lumen(stored.names, profiles, stored.captured)

@@ -1,0 +1,93 @@
+"""What a draw of the lumen does to the 0D network: the same as building the network from the drawn tree."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from coronaryuq.case.anatomy.tree import Tree
+from coronaryuq.case.description.lumen import LumenError
+from coronaryuq.case.lumen.law import lumen_law
+from coronaryuq.case.lumen.profiles import LUMEN, lumen_of, with_lumen
+from coronaryuq.case.network.along_tree import vessels_along
+from coronaryuq.case.network.build import Bed, Physics, network_from_tree, segments
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.atomic import read_json, write_json
+from coronaryuq.core.seeds import generator
+from support.random_trees import network_of, random_tree, tube
+
+ELASTIC = Physics(elastic=True)
+
+
+def built(tree: Tree, stenoses):
+    return network_from_tree(tree, [Bed(f"BC_{v.name}", v.name, False) for v in tree.leaves()], {}, stenoses, ELASTIC)
+
+
+@given(seed=st.integers(0, 30), scale=st.floats(0.0, 2.0))
+@settings(max_examples=15)
+def test_factors_are_the_ratios_of_networks_built_from_the_drawn_and_the_segmented_tree(seed, scale):
+    tree, stenoses = random_tree(seed)
+    law = lumen_law(tree, stenoses, LumenError(bias=0.1))
+    network = built(tree, stenoses)
+    lumen = lumen_of(with_lumen(network, tree, vessels_along(tree, stenoses, network), law))
+    z = {name: scale * value for name, value in zip(law.names, generator(seed, "z").normal(size=40), strict=False)}
+    factors = lumen.factors({name: np.array([0.0, value]) for name, value in z.items()})
+    drawn = built(law.tree(tree, z), stenoses)
+    for block in {part.name for part in segments(tree, stenoses)}:
+        old, new = network.vessel_values(block), drawn.vessel_values(block)
+        for name in ("R_poiseuille", "L", "C"):
+            assert old[name] * factors[f"{block}.{name}"][1] == pytest.approx(new[name], rel=1e-9)
+        if old["stenosis_coefficient"] > 0:
+            changed = old["stenosis_coefficient"] * factors[f"{block}.stenosis_coefficient"][1]
+            assert changed == pytest.approx(new["stenosis_coefficient"], rel=1e-7)
+
+
+def test_without_noise_every_factor_is_one_to_the_bit():
+    tree, stenoses = tube(severity=0.5)
+    law = lumen_law(tree, stenoses, LumenError(common_sd=0.0, local_sd=0.0))
+    network = built(tree, stenoses)
+    lumen = lumen_of(with_lumen(network, tree, vessels_along(tree, stenoses, network), law))
+    assert lumen.names == []
+    assert all(np.array_equal(factor, [1.0]) for factor in lumen.factors({}).values())
+
+
+@given(first=st.floats(0.05, 0.4), second=st.floats(0.5, 0.95))
+@settings(max_examples=20)
+def test_the_parts_of_a_vessel_add_up_to_the_whole(first, second):
+    """What lies outside a 3D domain has the resistance of its own stretch, not a fixed fraction of the vessel's."""
+    tree, _ = tube()
+    law = lumen_law(tree, [], LumenError())
+    network = network_of(tree, [])
+    lumen = lumen_of(with_lumen(network, tree, vessels_along(tree, [], network), law))
+    (profile,) = lumen.profiles.values()
+    z = {name: np.array([1.3]) for name in lumen.names}
+    ends = [0.0, first * 3.0, second * 3.0, 3.0]
+    total = 0.0
+    for start, end in zip(ends, ends[1:], strict=False):
+        total += profile.between(start, end).factors(z)["R_poiseuille"][0] * (end - start) / 3.0
+    assert total == pytest.approx(profile.factors(z)["R_poiseuille"][0], rel=1e-9)  # the tube's radius is constant
+
+
+def test_the_ratio_along_a_vessel_is_that_of_the_law_across_its_0d_vessels():
+    tree, stenoses = tube(severity=0.5)
+    law = lumen_law(tree, stenoses, LumenError())
+    network = network_of(tree, stenoses)
+    lumen = lumen_of(with_lumen(network, tree, vessels_along(tree, stenoses, network), law))
+    z = {name: np.array([0.4, -1.1]) for name in lumen.names}
+    arc = np.linspace(0.0, 3.0, 57)
+    np.testing.assert_allclose(lumen.ratio("LAD", arc, z), law.ratio("LAD", arc, z), rtol=1e-12)
+    assert np.array_equal(lumen.ratio("elsewhere", arc, z), np.ones((2, 57)))
+
+
+def test_profiles_survive_a_network_file_to_the_bit_and_a_broken_one_is_refused(tmp_path):
+    tree, stenoses = tube(severity=0.5)
+    network = network_of(tree, stenoses)
+    assert lumen_of(network) is None
+    held = with_lumen(network, tree, vessels_along(tree, stenoses, network), lumen_law(tree, stenoses, LumenError()))
+    write_json(tmp_path / "network.json", held)
+    again, lumen = lumen_of(read_json(tmp_path / "network.json")), lumen_of(held)
+    z = {name: np.array([0.7]) for name in lumen.names}
+    assert again.factors(z) == lumen.factors(z)
+    held[LUMEN]["profiles"]["LAD"].pop("radii")
+    with pytest.raises(InputError, match="radii"):
+        lumen_of(held, "network.json")
