@@ -139,7 +139,9 @@ def test_coordinates_are_named_by_artery_and_an_artery_without_stenosis_has_one(
     tree, stenoses = forked()
     law = lumen_law(tree, stenoses, LumenError())
     assert law.names == [
-        "lumen_common", "lumen_LM_rest", "lumen_LAD_1", "lumen_LAD_2", "lumen_LAD_3", "lumen_LAD_rest", "lumen_LCx_rest",
-    ]  # fmt: skip
+        *("lumen_common", "lumen_LM_rest"),
+        *("lumen_LAD_1", "lumen_LAD_2", "lumen_LAD_3", "lumen_LAD_rest"),
+        "lumen_LCx_rest",
+    ]
     assert "aorta" not in law.vessels
     assert set(law.vessels["lcx"].columns) == {"lumen_common", "lumen_LCx_rest"}

@@ -1,7 +1,7 @@
 """The law of the true radius along every coronary centreline, as an affine function of a few normal coordinates.
 
-The logarithm of true over segmented radius is β(s) + Σ_k a_k(s) z_k with independent standard normal z, so that no radius
-is ever below zero. Everywhere the radius has the mean and standard deviation that `LumenError` states.
+The logarithm of true over segmented radius is β(s) + Σ_k a_k(s) z_k with independent standard normal z, so that no
+radius is ever below zero. Everywhere the radius has the mean and standard deviation that `LumenError` states.
 """
 
 from collections.abc import Mapping, Sequence
@@ -210,7 +210,7 @@ def _pressure_loss(tree: Tree, group: Sequence[Vessel], stenoses: Sequence[Steno
 def _distance(tree: Tree, group: Sequence[Vessel]) -> np.ndarray:
     """Return distances (n, n) cm along the vessels between all knots of a group."""
     paths = {v.name: [u.name for u in tree.path(v.name)] for v in group}
-    end = {}
+    end: dict[str, float] = {}
     for vessel in tree:
         end[vessel.name] = vessel.length + (end[vessel.parent] if vessel.parent else 0.0)
     depth = [end[v.name] - v.length + v.arc for v in group]

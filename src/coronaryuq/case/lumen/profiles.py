@@ -44,7 +44,7 @@ class Profile:
         return Profile(self.vessel, np.interp(arc, self.law.arc, self.radii), law)
 
     def factors(self, z: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return element parameter → its value over that of the segmented lumen, (samples,), for coordinates (samples,).
+        """Return element parameter → its value over that of the segmented lumen, for coordinates: both (samples,).
 
         R and L by their integrals along the vessel, C by the squared mean radius, the stenosis coefficient by the areas
         at the throat and without the stenosis; a stenosis that takes no area has no coefficient to change.
@@ -57,8 +57,8 @@ class Profile:
         ):
             factors[name] = (new / old) ** (2 if name == "C" else 1)
         if self.stenosis:
-            old = float(_loss(self.radii[None], arc)[0])
-            factors["stenosis_coefficient"] = _loss(drawn, arc) / old if old > 0.0 else np.ones(len(drawn))
+            loss = float(_loss(self.radii[None], arc)[0])
+            factors["stenosis_coefficient"] = _loss(drawn, arc) / loss if loss > 0.0 else np.ones(len(drawn))
         return factors
 
 
@@ -138,7 +138,7 @@ class _Lumen(BaseModel):
 
 
 def with_lumen(network: Network, tree: Tree, segments: Sequence[Segment], law: LumenLaw) -> Network:
-    """Return the network with the profiles of its 0D vessels along a tree; a law without coordinates leaves it as it is.
+    """Return the network with the profiles of its 0D vessels along a tree.
 
     Parameters
     ----------
