@@ -58,7 +58,7 @@ def poiseuille(rings: int, flow: np.ndarray, length: float = 0.9) -> dict[str, n
     middle = (height > length / 3) & (height < 2 * length / 3)
     exact = 4 * BLOOD_VISCOSITY * flow / (np.pi * RADIUS**3)
     stress = np.linalg.norm(wall.stress[middle], axis=1) / exact
-    area = wall.area[middle, None] / wall.area[middle].sum()
+    area = wall.area[middle] / wall.area[middle].sum()
     drop = 8 * BLOOD_VISCOSITY * length * flow / (np.pi * RADIUS**4)
     return {
         "drop": stepper.cap_pressure[0] / drop - 1.0,
@@ -83,7 +83,7 @@ def womersley(rings: int, steps: int, alpha: float, period: float = 0.4, cycles:
     sections = [section_weights(space.points, tets, np.array([0, 0, z]), normal)[:2] for z in (0.2, 0.4)]
     height = space.points[wall.nodes, 2]
     middle = (height > 0.2) & (height < 0.4)
-    area = wall.area[middle, None] / wall.area[middle].sum()
+    area = wall.area[middle] / wall.area[middle].sum()
     gradient, shear = np.zeros(LANES, complex), np.zeros(LANES, complex)
     for step in range(1, cycles * steps + 1):
         stepper.step(caps)
@@ -124,4 +124,4 @@ def manufactured(rings: int, length: float = 0.6) -> float:
     for _ in range(int(round(0.8 / space.dt))):
         stepper.step(caps)
     error = stepper.u[:, :, 0] - exact
-    return float(np.sqrt((space.mass[:, None] * error**2).sum() / (space.mass[:, None] * exact**2).sum()))
+    return float(np.sqrt((space.mass * error**2).sum() / (space.mass * exact**2).sum()))

@@ -109,7 +109,7 @@ def errors(space: Discretisation, stepper, exact, between: tuple[float, float]) 
     wall.sample(stepper, 1.0)
     x = space.points[wall.nodes, 0]
     chosen = (x > between[0]) & (x < between[1])
-    area, true = wall.area[chosen], exact(x[chosen])
+    area, true = wall.area[chosen, 0], exact(x[chosen])
     size = np.linalg.norm(wall.stress[chosen], axis=1)
     share = area[:, None] / area.sum()
     mean = (share * true).sum(axis=0)

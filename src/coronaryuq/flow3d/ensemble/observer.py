@@ -1,12 +1,14 @@
 """Averages over a cycle of a running block: wall shear, distal pressure, cap flows, fields, diagnostics."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from coronaryuq.core.jit import njit
 from coronaryuq.core.simd import absolute, fma, store
 from coronaryuq.flow3d.fem.cross_section import section_weights
 from coronaryuq.flow3d.fem.discretisation import Discretisation
-from coronaryuq.flow3d.fem.lanes import LANES, load, splat
+from coronaryuq.flow3d.fem.lanes import LANES, entry, load, splat
 from coronaryuq.flow3d.fem.time_step import Stepper
 from coronaryuq.flow3d.fem.wall_shear import WallShear
 from coronaryuq.flow3d.mesh.read_mesh import Domain
@@ -25,10 +27,25 @@ def _courant(elements, dt, u, highest):
             x, y, z = x + load(u, k), y + load(u, k + 1), z + load(u, k + 2)
         total = splat(0.0)
         for a in range(4):
-            total = total + absolute(fma(grad[e, a, 2], z, fma(grad[e, a, 1], y, grad[e, a, 0] * x)))
+            h = 12 * e + 3 * a
+            total = total + absolute(fma(entry(grad, h + 2), z, fma(entry(grad, h + 1), y, entry(grad, h) * x)))
         above = 0.5 * (total - top)
         top = top + (above + absolute(above))
     store(highest, 0, (0.125 * dt) * top)
+
+
+def _joined(sections: Sequence[tuple[np.ndarray, np.ndarray, float]]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the nodes (k,) of some sections, and each section's weights on them, (k, sections)."""
+    nodes = np.unique(np.concatenate([nodes for nodes, _, _ in sections]))
+    weights = np.zeros((len(nodes), len(sections)))
+    for column, (own, weight, _) in enumerate(sections):
+        weights[np.searchsorted(nodes, own), column] = weight
+    return nodes, weights
+
+
+def _samples(geometries: int) -> list[slice]:
+    """Return the samples of each geometry: all of the only one, or one each."""
+    return [slice(None)] if geometries == 1 else [slice(k, k + 1) for k in range(geometries)]
 
 
 class Observer:
@@ -41,12 +58,17 @@ class Observer:
         solver_node[space.node_of] = np.arange(space.nodes)
         wall_row = np.full(space.nodes, -1)
         wall_row[self.wall.nodes] = np.arange(len(self.wall.nodes))
+        geometries = range(space.places.shape[-1])
+        mesh_points = np.empty_like(space.places)
+        mesh_points[space.node_of] = space.places
         self.regions = {
-            name: WallRegion.of(domain.points, triangles, wall_row[solver_node])
+            name: [WallRegion.of(mesh_points[..., k], triangles, wall_row[solver_node]) for k in geometries]
             for name, triangles in domain.regions.items()
         }
         self.sections = {
-            name: section_weights(space.points, space.elements.tets, *plane, name)[:2]
+            name: _joined(
+                [section_weights(space.places[..., k], space.elements.tets, *plane, name) for k in geometries]
+            )
             for name, plane in domain.planes.items()
         }
         self.reset()
@@ -87,7 +109,7 @@ class Observer:
         self.wall.sample(stepper, weight)
         pressure = stepper.pressure
         for name, (nodes, share) in self.sections.items():
-            self.distal[name] += weight * (share[:, None] * pressure[nodes]).sum(axis=0)
+            self.distal[name] += weight * (share * pressure[nodes]).sum(axis=0)
         if self.fields:
             self.mean_velocity += weight * stepper.u
             self.mean_pressure += weight * pressure
@@ -100,7 +122,7 @@ class Observer:
         largest = np.abs(stepper.cap_flow).max(axis=0)
         for c, cap in enumerate(self.space.caps):
             normal = (cap.normal[None, :, None] * stepper.u[cap.nodes]).sum(axis=1)
-            flow = (cap.nodal_area[:, None] * normal).sum(axis=0)
+            flow = (cap.nodal_area * normal).sum(axis=0)
             self.surface_mismatch = np.maximum(self.surface_mismatch, np.abs(flow - stepper.cap_flow[c]) / largest)
 
     def quantities(self) -> dict[str, np.ndarray]:
@@ -108,9 +130,15 @@ class Observer:
         tawss, osi = self.wall.tawss(), self.wall.osi()
         aortic = self.aortic / self.steps
         quantities: dict[str, np.ndarray] = {}
-        for name, region in self.regions.items():
-            distal, rows = self.distal[name] / self.wall.time, region.rows
-            quantities |= stenosis_quantities(name, distal, aortic, tawss[rows], osi[rows], region, self.low_shear)
+        for name, regions in self.regions.items():
+            distal = self.distal[name] / self.wall.time
+            own = [
+                stenosis_quantities(
+                    name, distal[k], aortic[k], tawss[region.rows, k], osi[region.rows, k], region, self.low_shear
+                )
+                for region, k in zip(regions, _samples(len(regions)), strict=True)
+            ]
+            quantities |= {key: np.concatenate([one[key] for one in own]) for key in own[0]}
         return quantities | {"aortic_pressure": aortic}
 
     def diagnostics(self, k: int) -> dict[str, float]:

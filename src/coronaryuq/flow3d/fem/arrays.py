@@ -6,7 +6,7 @@ import numpy as np
 
 
 class Elements(NamedTuple):
-    """Tetrahedra: nodes (m, 4), hat gradients (m, 4, 3) in 1/cm, volumes (m,) in cm3."""
+    """Tetrahedra: nodes (m, 4); hat gradients (m, 4, 3) in 1/cm and volumes (m,) in cm3 as `rows`, see `fem.lanes`."""
 
     tets: np.ndarray
     grad: np.ndarray

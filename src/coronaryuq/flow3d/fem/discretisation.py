@@ -1,7 +1,13 @@
-"""What all samples share: mesh, operators, one pressure factor, and what each cap needs."""
+"""What a time step needs of the mesh: operators, the pressure factor, and what each cap needs.
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+All samples share one geometry, or each has its own nodes on one topology. Topology, node order, sparsity patterns and
+the elimination order are shared in both cases; the values of the operators and of the factor are each sample's own in
+the second, and computed once per sample.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -11,6 +17,7 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.flow3d.fem import elements
 from coronaryuq.flow3d.fem.arrays import Elements, Motion, Pattern
 from coronaryuq.flow3d.fem.cholesky import Cholesky
+from coronaryuq.flow3d.fem.lanes import rows
 
 BDF2 = (1.5, -2.0, 0.5)
 """Second-order backward difference: (1.5 u_new − 2 u + 0.5 u_old)/Δt."""
@@ -18,7 +25,7 @@ BDF2 = (1.5, -2.0, 0.5)
 
 @dataclass(frozen=True)
 class Cap:
-    """A flat end: `area` cm2, outward unit `normal`, `centre`, `nodes` off the wall with their lumped area."""
+    """A flat end: triangles, outward unit `normal`, `nodes` (k,) off the wall and their lumped area (k, 1 or LANES)."""
 
     name: str
     inlet: bool
@@ -26,14 +33,14 @@ class Cap:
     nodes: np.ndarray
     nodal_area: np.ndarray
     normal: np.ndarray
-    centre: np.ndarray
-    area: float
 
 
 class Discretisation:
     """Operators of one mesh for one time step, in the solver's own node order (reverse Cuthill-McKee).
 
-    `node_of[i]` is the mesh node of the solver's node i.
+    `node_of[i]` is the mesh node of the solver's node i. Arrays that follow from the nodes' places have a last axis of
+    1, or of LANES after `of_lanes`: places (n, 3, ·), mass (n, ·), tau (n, ·), lift (n, caps, ·), admittance
+    (caps, caps, ·).
 
     Parameters
     ----------
@@ -77,9 +84,10 @@ class Discretisation:
         tets = place[tets]
         sort = np.argsort(tets.min(axis=1), kind="stable")
         tets, volume, grad = tets[sort], volume[sort], grad[sort]
-        self.points, self.nodes = points, n
-        self.elements = Elements(tets.astype(np.int32), np.ascontiguousarray(grad), volume)
-        self.mass = elements.lumped_mass(tets, volume, n)
+        self.places, self.nodes = points[..., None], n
+        self.elements = Elements(tets.astype(np.int32), rows(grad[..., None]), rows(volume[..., None]))
+        mass = elements.lumped_mass(tets, volume, n)
+        self.mass = mass[:, None]
 
         faces = elements.boundary_faces(tets)
         self.caps, self.wall_faces = _caps(points, faces, {k: place[v] for k, v in caps.items()}, set(inlets))
@@ -100,22 +108,37 @@ class Discretisation:
         self.pattern = Pattern(start, column, diagonal)
         self.slot = _slots(start, column, tets)
         derivatives = elements.gradient_operators(tets, volume, grad, n)
-        self.gradient = tuple(g.data for g in derivatives)
+        self.gradient = tuple(rows(g.data[:, None]) for g in derivatives)
         # The pattern is symmetric, so the transposed operators have it too.
-        self.divergence = tuple(g.T.tocsr().data for g in derivatives)
+        self.divergence = tuple(rows(g.T.tocsr().data[:, None]) for g in derivatives)
 
         rate = BDF2[0] / dt
         self.mass_rate = rate
-        self.constant = self.nu * stiffness.data
-        self.constant[diagonal] += rate * self.mass
+        constant = self.nu * stiffness.data
+        constant[diagonal] += rate * mass
+        self.constant = rows(constant[:, None])
         metric = np.einsum("eak,eak->e", grad, grad)
-        self.tau_viscous = (3.0 * self.nu * metric) ** 2
-        tau_element = 1.0 / np.sqrt(reference_speed**2 * metric / 1.5 + self.tau_viscous)
-        self.tau = np.bincount(tets.ravel(), np.repeat(tau_element * volume / 4.0, 4), n) / self.mass
-        tau_element = self.tau[tets].mean(axis=1)
-        self.spread = elements.laplacian(tets, volume, grad, n, tau_element).data
-        pressure = sp.csr_matrix((stiffness.data / rate + self.spread, column, start), shape=(n, n))
+        viscous = (3.0 * self.nu * metric) ** 2
+        self.tau_viscous = rows(viscous[:, None])
+        tau_element = 1.0 / np.sqrt(reference_speed**2 * metric / 1.5 + viscous)
+        tau = np.bincount(tets.ravel(), np.repeat(tau_element * volume / 4.0, 4), n) / mass
+        self.tau = tau[:, None]
+        spread = elements.laplacian(tets, volume, grad, n, tau[tets].mean(axis=1)).data
+        self.spread = rows(spread[:, None])
+        pressure = sp.csr_matrix((stiffness.data / rate + spread, column, start), shape=(n, n))
         self._pressure(pressure)
+
+    def _inside_pattern(self) -> sp.csr_matrix:
+        n, (start, column, _) = self.nodes, self.pattern
+        whole = sp.csr_matrix((np.ones(len(column)), column, start), shape=(n, n))
+        return whole[self.inside][:, self.inside]
+
+    @property
+    def points(self) -> np.ndarray:
+        """Nodes of the one geometry that all samples share, (n, 3) cm, in the solver's order."""
+        if self.places.shape[-1] != 1:
+            raise ValueError("each sample has its own nodes: see `places`")
+        return self.places[..., 0]
 
     def _pressure(self, matrix: sp.csr_matrix) -> None:
         """Factor the pressure matrix inside the caps, lift each cap's pressure, and compute the caps' admittance."""
@@ -124,17 +147,70 @@ class Discretisation:
         for nodes in cap_nodes:
             inside[nodes] = False
         self.inside = np.flatnonzero(inside)
-        self.factor = Cholesky(matrix[self.inside][:, self.inside], rows=self.inside)
+        self.factor = Cholesky(matrix[self.inside][:, self.inside], places=self.inside)
         self.cap_nodes = cap_nodes
-        self.lift = np.zeros((self.nodes, len(self.caps)))
+        lift = np.zeros((self.nodes, len(self.caps)))
         edge = np.zeros((self.nodes, len(self.caps)))
         for c, nodes in enumerate(cap_nodes):
-            self.lift[nodes, c] = 1.0
+            lift[nodes, c] = 1.0
             edge[:, c] = np.asarray(matrix[:, nodes].sum(axis=1)).ravel()
-        self.lift[self.inside] = -self.factor.solve_columns(edge[self.inside])
-        self.admittance = self.lift.T @ (matrix @ self.lift)
-        near = np.flatnonzero(inside & (edge != 0).any(axis=1))
-        self.near_caps, self.near_weight = near, np.ascontiguousarray(edge[near])
+        lift[self.inside] = -self.factor.solve_columns(edge[self.inside])
+        self.lift, self.admittance = lift[..., None], (lift.T @ (matrix @ lift))[..., None]
+        beside = np.zeros(self.nodes, bool)
+        for nodes in cap_nodes:
+            beside[matrix[:, nodes].tocoo().row] = True
+        near = np.flatnonzero(inside & beside)
+        self.near_caps, self.near_weight = near, edge[near][..., None]
+
+    @classmethod
+    def of_lanes(cls, spaces: Sequence["Discretisation"]) -> "Discretisation":
+        """Return the operators of LANES meshes of one topology, each for its own sample.
+
+        Parameters
+        ----------
+        spaces
+            (LANES,) operators for the same time step, density and viscosity; the same object may stand for several.
+
+        Raises
+        ------
+        ValueError
+            If the meshes differ in more than the places of their nodes.
+        """
+        first = spaces[0]
+        distinct = list({id(space): space for space in spaces}.values())
+        for other in distinct[1:]:
+            if not all(
+                np.array_equal(one, two)
+                for one, two in ((first.elements.tets, other.elements.tets), (first.node_of, other.node_of))
+            ):
+                raise ValueError("meshes of different topology cannot share one block")
+            if not all(np.allclose(a.normal, b.normal, atol=1e-9) for a, b in zip(first.caps, other.caps, strict=True)):
+                raise ValueError("meshes whose caps point elsewhere cannot share one block")
+        joined = copy(first)
+
+        def stacked(get: Callable[["Discretisation"], np.ndarray]) -> np.ndarray:
+            return np.concatenate([get(space) for space in spaces], axis=-1)
+
+        def as_rows(get: Callable[["Discretisation"], np.ndarray]) -> np.ndarray:
+            return rows(np.stack([get(space) for space in spaces], axis=-1))
+
+        joined.places, joined.mass = stacked(lambda s: s.places), stacked(lambda s: s.mass)
+        joined.tau, joined.lift = stacked(lambda s: s.tau), stacked(lambda s: s.lift)
+        joined.admittance, joined.near_weight = stacked(lambda s: s.admittance), stacked(lambda s: s.near_weight)
+        grad, volume = as_rows(lambda s: s.elements.grad), as_rows(lambda s: s.elements.volume)
+        joined.elements = Elements(first.elements.tets, grad, volume)
+        joined.constant, joined.spread = as_rows(lambda s: s.constant), as_rows(lambda s: s.spread)
+        joined.tau_viscous = as_rows(lambda s: s.tau_viscous)
+        joined.gradient = tuple(rows(np.stack(own, axis=-1)) for own in zip(*(s.gradient for s in spaces), strict=True))
+        joined.divergence = tuple(
+            rows(np.stack(own, axis=-1)) for own in zip(*(s.divergence for s in spaces), strict=True)
+        )
+        joined.caps = [
+            replace(own[0], nodal_area=np.concatenate([cap.nodal_area for cap in own], axis=-1))
+            for own in zip(*(space.caps for space in spaces), strict=True)
+        ]
+        joined.factor = Cholesky.of_lanes([space.factor for space in spaces], first._inside_pattern())
+        return joined
 
 
 def _node_order(pattern: sp.csr_matrix) -> np.ndarray:
@@ -182,17 +258,6 @@ def _caps(
         if not len(nodes):
             raise InputError("mesh", f"cap {name}", None, "has no node off the wall; refine the mesh there")
         total = vector.sum(axis=0)
-        centre = (points[mine].mean(axis=1) * size[:, None]).sum(axis=0) / size.sum()
-        out.append(
-            Cap(
-                name,
-                name in inlets,
-                mine,
-                nodes,
-                nodal[nodes],
-                total / np.linalg.norm(total),
-                centre,
-                float(np.linalg.norm(total)),
-            )  # fmt: skip
-        )
+        normal = total / np.linalg.norm(total)
+        out.append(Cap(name, name in inlets, mine, nodes, nodal[nodes][:, None], normal))
     return out, wall_faces

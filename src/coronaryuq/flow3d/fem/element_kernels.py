@@ -8,16 +8,17 @@ import numpy as np
 
 from coronaryuq.core.jit import njit
 from coronaryuq.core.simd import fma
-from coronaryuq.flow3d.fem.lanes import load
+from coronaryuq.flow3d.fem.lanes import entry, load
 
 
 @njit(inline="always", error_model="numpy")
 def hats(grad, e):
     """Return the gradients of the four hat functions of element e."""
-    a = grad[e, 0, 0], grad[e, 0, 1], grad[e, 0, 2]
-    b = grad[e, 1, 0], grad[e, 1, 1], grad[e, 1, 2]
-    c = grad[e, 2, 0], grad[e, 2, 1], grad[e, 2, 2]
-    d = grad[e, 3, 0], grad[e, 3, 1], grad[e, 3, 2]
+    k = 12 * e
+    a = entry(grad, k), entry(grad, k + 1), entry(grad, k + 2)
+    b = entry(grad, k + 3), entry(grad, k + 4), entry(grad, k + 5)
+    c = entry(grad, k + 6), entry(grad, k + 7), entry(grad, k + 8)
+    d = entry(grad, k + 9), entry(grad, k + 10), entry(grad, k + 11)
     return a, b, c, d
 
 

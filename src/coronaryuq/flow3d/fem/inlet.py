@@ -8,24 +8,24 @@ import numpy as np
 
 from coronaryuq.core.jit import njit
 from coronaryuq.flow3d.fem.discretisation import BDF2, Cap, Discretisation
-from coronaryuq.flow3d.fem.lanes import LANES
+from coronaryuq.flow3d.fem.lanes import LANES, entry_of, rows
 
 
 @njit(cache=True, error_model="numpy")
 def _advance(relax, forced, area, now, old, c_now, c_old, flow, new):
     carried = np.zeros(LANES)
-    for i in range(relax.shape[0]):
+    size = now.shape[0]
+    for i in range(size):
         for s in range(LANES):
             new[i, s] = 0.0
-        for j in range(relax.shape[1]):
-            w = relax[i, j]
+        for j in range(size):
             for s in range(LANES):
-                new[i, s] += w * (c_now * now[j, s] + c_old * old[j, s])
+                new[i, s] += entry_of(relax, size * i + j, s) * (c_now * now[j, s] + c_old * old[j, s])
         for s in range(LANES):
-            carried[s] += area[i] * new[i, s]
-    for i in range(relax.shape[0]):
+            carried[s] += entry_of(area, i, s) * new[i, s]
+    for i in range(size):
         for s in range(LANES):
-            new[i, s] += forced[i] * (flow[s] - carried[s])
+            new[i, s] += entry_of(forced, i, s) * (flow[s] - carried[s])
 
 
 class InletProfile:
@@ -35,22 +35,22 @@ class InletProfile:
         self.cap = cap
         place = np.full(space.nodes, -1)
         place[cap.nodes] = np.arange(len(cap.nodes))
-        stiffness, mass = _cap_matrices(space.points, cap.faces, place, len(cap.nodes))
-        rate = BDF2[0] / space.dt
-        inverse = np.linalg.inv(rate * mass + space.nu * stiffness)
-        self._relax = np.ascontiguousarray(inverse @ mass) / space.dt
-        load = cap.nodal_area
-        self._area = load
-        forced = inverse @ load
-        self._forced = forced / (load @ forced)
-        steady = np.linalg.solve(stiffness, load)
-        self.steady = steady / (load @ steady)
+        self._area = rows(cap.nodal_area)
+        relax, forced, steady = zip(
+            *(
+                _responses(space, space.places[..., k], cap.faces, place, cap.nodal_area[:, k])
+                for k in range(space.places.shape[-1])
+            ),
+            strict=True,
+        )
+        self._relax, self._forced = rows(np.stack(relax, axis=-1)), rows(np.stack(forced, axis=-1))
+        self.steady = np.stack(steady, axis=-1)
         self.now = np.zeros((len(cap.nodes), LANES))
         self.old = np.zeros_like(self.now)
 
     def start(self, flow: np.ndarray) -> None:
         """Set the steady developed profile of `flow` (LANES,), mL/s into the domain."""
-        self.now[:] = self.steady[:, None] * flow
+        self.now[:] = self.steady * flow
         self.old[:] = self.now
 
     def advance(self, flow: np.ndarray) -> np.ndarray:
@@ -59,6 +59,15 @@ class InletProfile:
         _advance(self._relax, self._forced, self._area, self.now, self.old, -BDF2[1], -BDF2[2], flow, new)
         self.old, self.now = self.now, new
         return new
+
+
+def _responses(space: Discretisation, points, faces, place, area) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return how a profile (k,) relaxes over a step (k, k), and the profiles of unit flow: forced and steady (k,)."""
+    stiffness, mass = _cap_matrices(points, faces, place, len(area))
+    rate = BDF2[0] / space.dt
+    inverse = np.linalg.inv(rate * mass + space.nu * stiffness)
+    forced, steady = inverse @ area, np.linalg.solve(stiffness, area)
+    return np.ascontiguousarray(inverse @ mass) / space.dt, forced / (area @ forced), steady / (area @ steady)
 
 
 def _cap_matrices(points, faces, place, size):

@@ -9,7 +9,7 @@ import numpy as np
 from coronaryuq.core.jit import njit
 from coronaryuq.core.simd import absolute, fma, square_root, store
 from coronaryuq.flow3d.fem.element_kernels import average, centre, corners, dot, gradient, hats, part, vector
-from coronaryuq.flow3d.fem.lanes import LANES, load, splat
+from coronaryuq.flow3d.fem.lanes import LANES, entry, lanes, load, splat
 
 
 @njit(cache=True, error_model="numpy")
@@ -24,16 +24,16 @@ def system(elements, slot, tau_viscous, nu, mass_rate, u, rate, p, constant, r, 
     tets, grad, volume = elements
     r[:] = 0.0
     for k in range(matrix.shape[0]):
-        store(matrix, k, splat(constant[k]))
+        store(matrix, k, lanes(entry(constant, k)))
     for e in range(tets.shape[0]):
         i0, i1, i2, i3 = corners(tets, e)
         ga, gb, gc, gd = hats(grad, e)
         ua, ub, uc, ud = vector(u, i0), vector(u, i1), vector(u, i2), vector(u, i3)
-        v = volume[e]
+        v = entry(volume, e)
         um = centre(ua, ub, uc, ud)
         along_a, along_b, along_c, along_d = dot(ga, um), dot(gb, um), dot(gc, um), dot(gd, um)
         speed = (absolute(along_a) + absolute(along_b)) + (absolute(along_c) + absolute(along_d))
-        tau = v / square_root(fma(speed, speed, splat(tau_viscous[e])))
+        tau = v / square_root(fma(speed, speed, lanes(entry(tau_viscous, e))))
         half = 0.5 * (dot(ga, ua) + dot(gb, ub) + dot(gc, uc) + dot(gd, ud))
         push = gradient(ga, gb, gc, gd, load(p, i0), load(p, i1), load(p, i2), load(p, i3))
         w, quarter, nv = v / 20.0, 0.25 * v, nu * v

@@ -4,14 +4,14 @@ import numpy as np
 
 from coronaryuq.core.jit import njit
 from coronaryuq.core.simd import fma, store
-from coronaryuq.flow3d.fem.lanes import load, splat
+from coronaryuq.flow3d.fem.lanes import entry, load, splat
 
 
 @njit(cache=True, error_model="numpy")
 def divergence(pattern, derivatives, spread, u, scale, pi, p, b):
     """Compute b_i = Σ_j ∫∂N_i N_j · (u_j + scale_j π_j) − spread_ij p_j, for b (n, LANES).
 
-    derivatives: three arrays (nnz,) of ∫ ∂N_i/∂x_k N_j. The last two terms are the pressure stabilisation by
+    derivatives: three arrays (nnz,) as `rows`, of ∫ ∂N_i/∂x_k N_j. The last two terms are the pressure stabilisation by
     orthogonal subscales, τ ∫∇q·(∇p − π) with π the projected pressure gradient (Codina 2000).
     """
     start, column, (dx, dy, dz) = pattern.start, pattern.column, derivatives
@@ -19,11 +19,11 @@ def divergence(pattern, derivatives, spread, u, scale, pi, p, b):
         total = splat(0.0)
         for k in range(start[i], start[i + 1]):
             j = np.int64(column[k])
-            t = scale[j]
-            total = fma(dx[k], fma(t, load(pi, 3 * j), load(u, 3 * j)), total)
-            total = fma(dy[k], fma(t, load(pi, 3 * j + 1), load(u, 3 * j + 1)), total)
-            total = fma(dz[k], fma(t, load(pi, 3 * j + 2), load(u, 3 * j + 2)), total)
-            total = fma(-spread[k], load(p, j), total)
+            t = entry(scale, j)
+            total = fma(entry(dx, k), fma(t, load(pi, 3 * j), load(u, 3 * j)), total)
+            total = fma(entry(dy, k), fma(t, load(pi, 3 * j + 1), load(u, 3 * j + 1)), total)
+            total = fma(entry(dz, k), fma(t, load(pi, 3 * j + 2), load(u, 3 * j + 2)), total)
+            total = fma(-1.0 * entry(spread, k), load(p, j), total)
         store(b, i, total)
 
 
@@ -39,8 +39,8 @@ def correct(pattern, derivatives, phi, inverse_mass, motion, factor, u, pi):
         x, y, z = splat(0.0), splat(0.0), splat(0.0)
         for k in range(start[i], start[i + 1]):
             q = load(phi, np.int64(column[k]))
-            x, y, z = fma(gx[k], q, x), fma(gy[k], q, y), fma(gz[k], q, z)
-        m = inverse_mass[i]
+            x, y, z = fma(entry(gx, k), q, x), fma(entry(gy, k), q, y), fma(entry(gz, k), q, z)
+        m = entry(inverse_mass, i)
         x, y, z = m * x, m * y, m * z
         store(pi, 3 * i, load(pi, 3 * i) + x)
         store(pi, 3 * i + 1, load(pi, 3 * i + 1) + y)

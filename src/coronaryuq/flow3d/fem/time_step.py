@@ -17,7 +17,7 @@ from coronaryuq.core.simd import fma, store
 from coronaryuq.flow3d.fem import momentum, projection
 from coronaryuq.flow3d.fem.discretisation import Discretisation
 from coronaryuq.flow3d.fem.inlet import InletProfile
-from coronaryuq.flow3d.fem.lanes import LANES, load, splat
+from coronaryuq.flow3d.fem.lanes import LANES, entry, entry_of, load, rows, splat
 
 
 class Coupling(Protocol):
@@ -26,7 +26,8 @@ class Coupling(Protocol):
     def advance(self, flow: np.ndarray, admittance: np.ndarray, pressure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return cap flows Q (out of the domain, mL/s) and pressures P (dyn/cm2), (caps, LANES), at the step's end.
 
-        They satisfy the domain's Q = flow − admittance (P − pressure) together with the 0D side's own equations.
+        They satisfy the domain's Q = flow − admittance (P − pressure), admittance (caps, caps, 1 or LANES), together
+        with the 0D side's own equations.
         """
 
 
@@ -51,7 +52,7 @@ def _backflow(nodes, area, normal, strength, diagonal, u, r, matrix):
             inflow = u[i, 0, s] * normal[0] + u[i, 1, s] * normal[1] + u[i, 2, s] * normal[2]
             if inflow < 0.0:
                 lanes[s] = 1
-                weight = strength * area[k] * inflow
+                weight = strength * entry_of(area, k, s) * inflow
                 for c in range(3):
                     r[i, c, s] += weight * u[i, c, s]
                 matrix[diagonal[i], s] -= weight
@@ -60,23 +61,24 @@ def _backflow(nodes, area, normal, strength, diagonal, u, r, matrix):
 
 @njit(cache=True, error_model="numpy")
 def _cap_flux(lift, b, flux):
-    for c in range(lift.shape[1]):
+    caps = flux.shape[0]
+    for c in range(caps):
         total = splat(0.0)
-        for i in range(lift.shape[0]):
-            total = fma(lift[i, c], load(b, i), total)
+        for i in range(b.shape[0]):
+            total = fma(entry(lift, caps * i + c), load(b, i), total)
         store(flux, c, total)
 
 
 @njit(cache=True, error_model="numpy")
 def _impose(near, weight, cap_start, cap_node, change, b):
     """Move the caps' known pressure change from the right-hand side to the caps' nodes."""
+    caps = change.shape[0]
     for k in range(near.shape[0]):
         i = near[k]
-        for c in range(weight.shape[1]):
-            w = weight[k, c]
+        for c in range(caps):
             for s in range(LANES):
-                b[i, s] -= w * change[c, s]
-    for c in range(weight.shape[1]):
+                b[i, s] -= entry_of(weight, caps * k + c, s) * change[c, s]
+    for c in range(caps):
         for k in range(cap_start[c], cap_start[c + 1]):
             for s in range(LANES):
                 b[cap_node[k], s] = change[c, s]
@@ -114,7 +116,8 @@ class Stepper:
         self._flux = np.zeros_like(self.cap_pressure)
         self._cap_start = np.concatenate([[0], np.cumsum([len(k) for k in space.cap_nodes])]).astype(np.int64)
         self._cap_node = np.concatenate(space.cap_nodes).astype(np.int64)
-        self._inverse_mass = 1.0 / space.mass
+        self._inverse_mass = rows(1.0 / space.mass)
+        self._tau, self._lift, self._near_weight = rows(space.tau), rows(space.lift), rows(space.near_weight)
         self.force: np.ndarray | None = None
         self.sweeps = np.zeros(LANES, np.int64)
         self.backflow_lanes = np.zeros(LANES, np.int64)
@@ -141,7 +144,7 @@ class Stepper:
         self.projected_gradient[:] = 0.0
         self._b[:] = 0.0
         for i in range(len(space.caps)):  # summed in a fixed order for any number of samples
-            self._b += space.lift[:, i, None] * kinematic[i]
+            self._b += space.lift[:, i] * kinematic[i]
         self._add_potential()
 
     def step(self, coupling: Coupling) -> None:
@@ -158,8 +161,8 @@ class Stepper:
         for cap in space.caps:
             if not cap.inlet:
                 self.backflow_lanes |= _backflow(
-                    cap.nodes, cap.nodal_area, cap.normal, self.backflow, space.pattern.diagonal, self.u_older, self._r,
-                    self._matrix,
+                    cap.nodes, rows(cap.nodal_area), cap.normal, self.backflow, space.pattern.diagonal, self.u_older,
+                    self._r, self._matrix,
                 )  # fmt: skip
         self._delta[:] = 0.0
         for inlet in self.inlets:
@@ -175,14 +178,14 @@ class Stepper:
         star = self.u_older
         star += self._delta
         projection.divergence(
-            space.pattern, space.divergence, space.spread, star, space.tau, self.projected_gradient,
+            space.pattern, space.divergence, space.spread, star, self._tau, self.projected_gradient,
             self.kinematic_pressure, self._b,
         )  # fmt: skip
-        _cap_flux(space.lift, self._b, self._flux)
+        _cap_flux(self._lift, self._b, self._flux)
         admittance = space.admittance / space.density
         flow, pressure = coupling.advance(self._flux, admittance, self.cap_pressure)
         change = (pressure - self.cap_pressure) / space.density
-        _impose(space.near_caps, space.near_weight, self._cap_start, self._cap_node, change, self._b)
+        _impose(space.near_caps, self._near_weight, self._cap_start, self._cap_node, change, self._b)
         space.factor.solve(self._b)
         self.cap_pressure[:] = pressure
         self.cap_flow[:] = flow

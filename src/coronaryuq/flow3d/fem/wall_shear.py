@@ -10,6 +10,8 @@ is divided by the lumped area and averaged twice over neighbouring triangles.
 otherwise the pressure gradient across the first element counts as friction and wall shear comes out too high.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -19,7 +21,7 @@ from coronaryuq.flow3d.fem.arrays import Elements
 from coronaryuq.flow3d.fem.discretisation import Discretisation
 from coronaryuq.flow3d.fem.element_kernels import centre, corners, dot, gradient, hats, part, vector
 from coronaryuq.flow3d.fem.elements import face_vectors
-from coronaryuq.flow3d.fem.lanes import LANES, load, splat
+from coronaryuq.flow3d.fem.lanes import LANES, entry, load, rows, splat
 
 
 @njit(cache=True, error_model="numpy")
@@ -31,7 +33,7 @@ def _wall_force(elements, nu, u, p, at, force):
         i0, i1, i2, i3 = corners(tets, e)
         ga, gb, gc, gd = hats(grad, e)
         ua, ub, uc, ud = vector(u, i0), vector(u, i1), vector(u, i2), vector(u, i3)
-        v = volume[e]
+        v = entry(volume, e)
         um = centre(ua, ub, uc, ud)
         half = 0.5 * (dot(ga, ua) + dot(gb, ub) + dot(gc, uc) + dot(gd, ud))
         push = gradient(ga, gb, gc, gd, load(p, i0), load(p, i1), load(p, i2), load(p, i3))
@@ -44,7 +46,8 @@ def _wall_force(elements, nu, u, p, at, force):
                 if i < 0:
                     continue
                 # The velocity is zero on the wall, and so is its own part of the convection.
-                shear = nv * dot((grad[e, a, 0], grad[e, a, 1], grad[e, a, 2]), s)
+                h = 12 * e + 3 * a
+                shear = nv * dot((entry(grad, h), entry(grad, h + 1), entry(grad, h + 2)), s)
                 k = 3 * i + c
                 store(force, k, load(force, k) - (common + shear))
 
@@ -52,12 +55,12 @@ def _wall_force(elements, nu, u, p, at, force):
 @njit(cache=True, error_model="numpy")
 def _tangential(force, normal, density, stress):
     for i in range(force.shape[0]):
-        nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
+        nx, ny, nz = entry(normal, 3 * i), entry(normal, 3 * i + 1), entry(normal, 3 * i + 2)
         x, y, z = load(force, 3 * i), load(force, 3 * i + 1), load(force, 3 * i + 2)
         through = fma(nz, z, fma(ny, y, nx * x))
-        store(stress, 3 * i, density * fma(-nx, through, x))
-        store(stress, 3 * i + 1, density * fma(-ny, through, y))
-        store(stress, 3 * i + 2, density * fma(-nz, through, z))
+        store(stress, 3 * i, density * fma(-1.0 * nx, through, x))
+        store(stress, 3 * i + 1, density * fma(-1.0 * ny, through, y))
+        store(stress, 3 * i + 2, density * fma(-1.0 * nz, through, z))
 
 
 @njit(cache=True, error_model="numpy")
@@ -78,18 +81,35 @@ def _multiply(start, column, value, x, y):
         for c in range(3):
             total = splat(0.0)
             for k in range(start[i], start[i + 1]):
-                total = fma(value[k], load(x, 3 * np.int64(column[k]) + c), total)
+                total = fma(entry(value, k), load(x, 3 * np.int64(column[k]) + c), total)
             store(y, 3 * i + c, total)
 
 
-def _compressed(matrix: sp.csr_matrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return matrix.indptr.astype(np.int64), matrix.indices.astype(np.int32), matrix.data
+def _compressed(matrices: Sequence[sp.csr_matrix]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return row starts, columns and values, as `rows`, of matrices of one pattern."""
+    first = matrices[0]
+    values = np.stack([matrix.data for matrix in matrices], axis=-1)
+    return first.indptr.astype(np.int64), first.indices.astype(np.int32), rows(values)
+
+
+def _smoothing(
+    points: np.ndarray, mesh_faces: np.ndarray, faces: np.ndarray, w: int
+) -> tuple[np.ndarray, np.ndarray, sp.csr_matrix]:
+    """Return lumped area (w,), unit normal (w, 3) and averaging matrix (w, w) of a wall's nodes."""
+    vector = face_vectors(points, mesh_faces)
+    size = np.linalg.norm(vector, axis=1)
+    area = np.bincount(faces.ravel(), np.repeat(size / 3.0, 3), w)
+    normal = np.stack([np.bincount(faces.ravel(), np.repeat(vector[:, c], 3), w) for c in range(3)], axis=1)
+    first, second = np.repeat(faces, 3, axis=1).ravel(), np.tile(faces, (1, 3)).ravel()
+    local = size[:, None, None] * (np.ones((3, 3)) + np.eye(3)) / 12.0
+    mass = sp.csr_matrix((local.ravel(), (first, second)), shape=(w, w))
+    return area, normal / np.linalg.norm(normal, axis=1)[:, None], (sp.diags(1.0 / area) @ mass).tocsr()
 
 
 class WallShear:
     """Wall shear stress of LANES samples on the wall's nodes, and its integrals over time.
 
-    nodes: (w,) solver's node numbers; area: (w,) lumped, cm2; faces: (k, 3) into `nodes`.
+    nodes: (w,) solver's node numbers; area: (w, 1 or LANES) lumped, cm2; faces: (k, 3) into `nodes`.
     """
 
     def __init__(self, space: Discretisation):
@@ -100,20 +120,19 @@ class WallShear:
         self._place = place
         tets, grad, volume = space.elements
         touching = (place[tets] >= 0).any(axis=1)
-        self._elements = Elements(tets[touching], np.ascontiguousarray(grad[touching]), volume[touching])
+        inner = np.repeat(touching, 12)
+        self._elements = Elements(tets[touching], np.ascontiguousarray(grad[inner]), volume[touching])
         self.faces = place[space.wall_faces]
-        vector = face_vectors(space.points, space.wall_faces)
-        size = np.linalg.norm(vector, axis=1)
         w = len(self.nodes)
-        self.area = np.bincount(self.faces.ravel(), np.repeat(size / 3.0, 3), w)
-        normal = np.stack([np.bincount(self.faces.ravel(), np.repeat(vector[:, c], 3), w) for c in range(3)], axis=1)
-        self.normal = normal / np.linalg.norm(normal, axis=1)[:, None]
-        rows, columns = np.repeat(self.faces, 3, axis=1).ravel(), np.tile(self.faces, (1, 3)).ravel()
-        local = size[:, None, None] * (np.ones((3, 3)) + np.eye(3)) / 12.0
-        mass = sp.csr_matrix((local.ravel(), (rows, columns)), shape=(w, w))
-        smoothing = (sp.diags(1.0 / self.area) @ mass).tocsr()
-        self._smooth = _compressed(smoothing)
-        self._spread = _compressed(smoothing @ sp.diags(1.0 / self.area))
+        geometries = range(space.places.shape[-1])
+        areas, normals, smoothings = zip(
+            *(_smoothing(space.places[..., k], space.wall_faces, self.faces, w) for k in geometries), strict=True
+        )
+        self.area = np.stack(areas, axis=-1)
+        self._normal = rows(np.stack(normals, axis=-1))
+        self._smooth = _compressed(smoothings)
+        spread = [smoothing @ sp.diags(1.0 / area) for smoothing, area in zip(smoothings, areas, strict=True)]
+        self._spread = _compressed(spread)
         self._force, self._smoothed = np.zeros((w, 3, LANES)), np.zeros((w, 3, LANES))
         self.stress = np.zeros((w, 3, LANES))
         self.reset()
@@ -133,7 +152,7 @@ class WallShear:
         )  # fmt: skip
         _multiply(*self._spread, self._force, self._smoothed)
         _multiply(*self._smooth, self._smoothed, self._force)
-        _tangential(self._force, self.normal, space.density, self.stress)
+        _tangential(self._force, self._normal, space.density, self.stress)
         _accumulate(self.stress, weight, self.magnitude, self.vector)
         self.time += weight
 

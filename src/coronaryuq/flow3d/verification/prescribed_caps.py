@@ -29,7 +29,8 @@ class LinearCaps:
         alpha = np.broadcast_to(self.alpha.reshape(caps, -1), (caps, samples)).T
         beta = np.broadcast_to(self.beta.reshape(caps, -1), (caps, samples)).T
         known = np.broadcast_to(self.value(self.time), (caps, samples))
-        matrix = alpha[:, :, None] * np.eye(caps) - beta[:, :, None] * admittance
-        carried = flow + np.einsum("ij,js->is", admittance, pressure)
+        own = np.broadcast_to(admittance.reshape(caps, caps, -1), (caps, caps, samples))
+        matrix = alpha[:, :, None] * np.eye(caps) - beta[:, :, None] * own.transpose(2, 0, 1)
+        carried = flow + np.einsum("ijs,js->is", own, pressure)
         new = np.linalg.solve(matrix, (known - beta.T * carried).T[:, :, None])[:, :, 0].T
-        return carried - np.einsum("ij,js->is", admittance, new), new
+        return carried - np.einsum("ijs,js->is", own, new), new

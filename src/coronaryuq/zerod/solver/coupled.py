@@ -1,8 +1,9 @@
 """A network with a 3D domain in it, one step at a time: monolithic coupling through the domain's condensed step.
 
 Over one time step a 3D domain with caps is an affine multiport: flows out of it are Q = Q₀ − S (P − P_old), with S
-(caps, caps) the same at every step and for every sample. That relation takes the place of the equation of each FLOW
-block that stands for a cap, so Newton's loop of the 0D engine solves both sides together, with no sub-iteration.
+(caps, caps) the same at every step, for all samples or each sample's own. That relation takes the place of the equation
+of each FLOW block that stands for a cap, so Newton's loop of the 0D engine solves both sides together, with no
+sub-iteration.
 """
 
 from collections.abc import Mapping, Sequence
@@ -41,7 +42,7 @@ class CoupledNetwork:
 
     network: svZeroDSolver JSON in which every cap is a FLOW block of `external_solver_coupling_blocks`; location
     `inlet` is an outlet of the 3D domain. caps: names of those blocks in the order of the domain's caps.
-    admittance: S (caps, caps), mL/s per dyn/cm2, for the time step period / steps_per_cycle.
+    admittance: S (caps, caps, 1 or samples), mL/s per dyn/cm2, for the time step period / steps_per_cycle.
     changes: "BLOCK.parameter" → (samples,) or scalar. start: (samples, ·) states by name, see `state_from`.
     Generalised-α as in the engine; the domain's relation holds at the end of each step.
     """
@@ -77,9 +78,13 @@ class CoupledNetwork:
             block.kind = _CAP
             blocks.append(block)
         sign = np.array([1.0 if block.outlets else -1.0 for block in blocks])
+        own = {}
         for i, block in enumerate(blocks):
             for j, other in enumerate(blocks):
-                block.scalars[f"admittance:{other.name}"] = sign[i] * admittance[i, j]
+                values = sign[i] * admittance[i, j]
+                block.scalars[f"admittance:{other.name}"] = float(values[0])
+                if values.size > 1:
+                    own[f"{block.name}.admittance:{other.name}"] = values
         self._sign, self._admittance = sign[:, None], np.array(admittance)
         self._rows = np.array([block.equations[0] for block in blocks])
         self._pressure = np.array([block.variables[0] for block in blocks])
@@ -90,7 +95,7 @@ class CoupledNetwork:
         step = self.model.period / steps_per_cycle
         elements = {**ELEMENTS, _CAP: _cap}
         program = make_program(self.model, Context(self.model, zero, 1, phases), self.scheme, step, elements=elements)
-        arrays = {name: np.asarray(value, float) for name, value in changes.items()}
+        arrays = {name: np.asarray(value, float) for name, value in changes.items()} | own
         context = Context(self.model, arrays, samples, phases)
         if np.ptp(context.period) > 0:
             raise InputError(file, "cardiac_cycle_period", None, "coupled samples must share one period")
@@ -142,7 +147,7 @@ class CoupledNetwork:
         ----------
         flow : array (caps, samples)
             Q₀: flows out of the domain (mL/s) at the end of the step if the cap pressures stayed at `pressure`.
-        admittance : array (caps, caps)
+        admittance : array (caps, caps, 1 or samples)
             S, mL/s per dyn/cm2; must be the one that this network was prepared for.
         pressure : array (caps, samples)
             P_old, dyn/cm2.
@@ -172,8 +177,8 @@ class CoupledNetwork:
 
 
 def _apply(matrix: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Compute matrix @ columns with an order of summation that does not depend on the number of columns."""
+    """Compute matrix @ columns, one matrix (·, ·, 1) or each column's own, in one order of summation."""
     total = np.zeros_like(columns)
     for j in range(matrix.shape[1]):
-        total += matrix[:, j, None] * columns[j]
+        total += matrix[:, j] * columns[j]
     return total

@@ -146,12 +146,12 @@ def _complete_bifurcations(tree: Tree, kept: Kept, stub: float) -> None:
             near = start < first + 2.0 * float(parent.radius_at(first))
             _keep(kept, parent.name, min(first, parent.length) if near else start, parent.length)
             for daughter in below:
-                end = _clearance(parent, daughter, below) + 2.0 * stub * float(daughter.radii[0])
+                end = clearance(parent, daughter, below) + 2.0 * stub * float(daughter.radii[0])
                 near = end > daughter.length - 2.0 * float(daughter.radii[-1])
                 _keep(kept, daughter.name, 0.0, daughter.length if near else end)
 
 
-def _clearance(parent: Vessel, daughter: Vessel, siblings: Sequence[Vessel]) -> float:
+def clearance(parent: Vessel, daughter: Vessel, siblings: Sequence[Vessel]) -> float:
     """Return the arc length at which a daughter's lumen has left those of its parent and siblings."""
     reach = 8.0 * float(max(parent.radii[-1], *(v.radii[0] for v in siblings)))
     arc = np.linspace(0.0, min(reach, daughter.length), 60)

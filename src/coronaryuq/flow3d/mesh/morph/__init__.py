@@ -1,0 +1,1 @@
+"""One topology, many lumens: the nodes of a mesh moved to a drawn lumen."""
